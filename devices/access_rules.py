@@ -8,20 +8,20 @@ from visavis.devices.registry import driver_spec
 from visavis.lab.config import DeviceConfig
 
 RULES_PATH = "/etc/udev/rules.d/70-visavis.rules"
-"""Before 73-seat-late.rules, in which the tag `uaccess` is acted upon."""
+"""Sorts before 73-seat-late.rules, which acts on the tag `uaccess`."""
 
 SERIAL_GROUP = "dialout"
 """Who may use serial ports on Debian, Ubuntu and Fedora; `uucp` on Arch."""
 
 PARALLEL_PORT, PARALLEL_GROUP = "parallel port", "lp"
-"""No plug, so no numbers that a rule could match: Linux's ppdev is for the group."""
+"""A parallel port has no numbers for a rule; the group of Linux's ppdev gives access."""
 
 MATCHES = {
     "serial port": ('SUBSYSTEM=="tty"', "ATTRS"),
     "USB HID": ('KERNEL=="hidraw*"', "ATTRS"),
     "USB": ('SUBSYSTEM=="usb"', "ATTR"),
 }
-"""What a rule looks at, by the wire that a driver's description names."""
+"""The udev match of a rule, by the wire that a driver's description names."""
 
 
 @dataclass(frozen=True)
@@ -33,10 +33,10 @@ class AccessRules:
 
 
 def access_rules(devices: Mapping[str, DeviceConfig]) -> AccessRules:
-    """Return the rules for what is configured, whether it is simulated now or not.
+    """Return the rules for all configured devices, simulated ones included.
 
     A serial port, HID or USB device is matched by its vendor and product number; a parallel port
-    needs a group, which a note tells; other wires need neither.
+    needs a group, which a note names; other wires need neither.
     """
     lines = ["# Written by `visavis devices rules`: devices of the lab are for whoever sits here."]
     notes = []
@@ -61,9 +61,9 @@ def access_rules(devices: Mapping[str, DeviceConfig]) -> AccessRules:
 
 def _without_numbers(role: str, wire: str, port: object) -> str:
     if wire == "serial port":
-        named = f" ({port})" if port and re.match(r"[\w/.:-]+$", str(port)) else ""
+        hint = f" ({port})" if port and re.match(r"[\w/.:-]+$", str(port)) else ""
         return (
-            f"{role}: its port is not known by vid and pid{named}; give both, or join the group of "
+            f"{role}: its port is not known by vid and pid{hint}; give both, or join the group of "
             f"serial ports and log in again: sudo usermod -aG {SERIAL_GROUP} $USER"
         )
     return (

@@ -1,4 +1,4 @@
-"""What a thread of a library or a network takes in, for a driver that reads when it may."""
+"""Messages that a library's or network thread receives and a driver reads later."""
 
 import threading
 from collections import deque
@@ -9,9 +9,9 @@ from visavis.lab.errors import DeviceDisconnected
 
 
 class Arrivals:
-    """Messages in the order they came, and why no more come.
+    """Messages in order of arrival, and the reason why no more come.
 
-    Of more than `most` that nobody takes, the oldest are lost.
+    At most `most` messages wait; beyond that the oldest are lost.
     """
 
     def __init__(self, most: int | None = None) -> None:
@@ -20,25 +20,25 @@ class Arrivals:
         self._gone = ""
 
     def add(self, *messages: Message) -> None:
-        """Take in messages, and let who waits for them go on, be there none."""
+        """Add messages, if any, and wake whoever waits for them."""
         with self._something:
             self._messages.extend(messages)
             self._something.notify_all()
 
     def end(self, gone: str) -> None:
-        """Say why nothing more comes; "" when it comes again."""
+        """Set the reason why nothing more comes; "" when messages come again."""
         with self._something:
             self._gone = gone
             self._something.notify_all()
 
     def take(self, timeout_s: float, remedy: str) -> Sequence[Message]:
-        """Return what came, or comes in time; raises DeviceDisconnected when nothing more does."""
+        """Return all messages, waiting for a first one; raises DeviceDisconnected when ended."""
         with self._something:
             if not self._messages and not self._gone and timeout_s > 0:
                 self._something.wait(timeout_s)
             messages = list(self._messages)
             self._messages.clear()
-            gone = self._gone
-        if gone and not messages:
-            raise DeviceDisconnected(gone, remedy=remedy)
+            reason = self._gone
+        if reason and not messages:
+            raise DeviceDisconnected(reason, remedy=remedy)
         return messages

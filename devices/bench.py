@@ -25,12 +25,12 @@ from visavis.lab.schema import SampleBatch
 
 OPEN_DEADLINE_S = 5.0
 SIMULATED_OPEN_S = 20.0
-"""A simulator on real sockets compiles its kernels at first, on a busy computer for long."""
+"""A simulator on real sockets first compiles its kernels, slowly on a busy computer."""
 
 STEP_NS = NS_PER_S // 100
 SEED = 1
 SETTLE_S = 0.5
-"""Not measured at the beginning of a capture: connections and threads come up."""
+"""The beginning of a capture is not measured, because connections and threads are starting."""
 
 BUSY_REMEDY = "it is simulated here, so this computer is too busy: close other programs"
 
@@ -39,7 +39,7 @@ Tick = Callable[[float], None]
 
 @dataclass(frozen=True)
 class Trial:
-    """What became of one device in a capture; `error` says why it never streamed."""
+    """The result of one device in a capture; `error` says why it never streamed."""
 
     role: str
     driver: str
@@ -71,9 +71,9 @@ def capture(
     tick: Tick | None = None,
     is_over: Callable[[], bool] | None = None,
 ) -> tuple[Trial, ...]:
-    """Open every device, stream for a while, close; one that fails does not keep the others back.
+    """Open every device, stream for a while, close; one that fails does not stop the others.
 
-    A headset among them paces the loop. `tick` hears the seconds done, `is_over` ends early.
+    A headset among them paces the loop. `tick` gets the seconds done, `is_over` ends it early.
     """
     done: dict[str, Trial] = {d.role: Trial(d.role, d.driver, d.simulated) for d in devices}
     body: Any = IdleBody() if clock.is_virtual else SharedBody(IdleBody())
@@ -128,10 +128,10 @@ def _stream(
 ) -> None:
     if not running:
         return
-    paced = [r.device for r in running.values() if hasattr(r.device, "wait_frame")]
-    headset = cast(Headset, paced[0]) if paced else None
+    headsets = [r.device for r in running.values() if hasattr(r.device, "wait_frame")]
+    headset = cast(Headset, headsets[0]) if headsets else None
     start_ns = clock.now_ns()
-    settled = False
+    is_settled = False
     while (now_ns := clock.now_ns()) < start_ns + round((SETTLE_S + seconds) * NS_PER_S):
         if headset is not None:
             headset.submit(headset.wait_frame(), ())
@@ -141,12 +141,12 @@ def _stream(
             has_begun = bool(one.batches)
             one.pump.step()
             events = one.pump.take_events()
-            if has_begun or is_over is None:  # a recording has a beginning, not a silence
+            if has_begun or is_over is None:  # silence before the first batch is no event
                 one.events += [f"{e.kind}: {e.message}" for e in events]
         guard.tick()
         since_s = (clock.now_ns() - start_ns) / NS_PER_S
-        if not settled and since_s >= SETTLE_S and not clock.is_virtual:
-            settled = True
+        if not is_settled and since_s >= SETTLE_S and not clock.is_virtual:
+            is_settled = True
             for one in running.values():
                 one.batches.clear()
         if tick is not None:

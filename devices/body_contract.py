@@ -16,11 +16,11 @@ EYES_DTYPE = np.dtype(
         ("pupil_mm", "f8"),
     ]
 )
-"""What a simulated eye tracker's camera would see of two eyes at an instant."""
+"""The state of two eyes at an instant, as an eye tracker's camera would see it."""
 
 
 class Body(Protocol):
-    """What simulated sensors measure: one body, so that eyes, head and hands agree.
+    """The body that simulated sensors measure: one body, so that eyes, head and hands agree.
 
     Times are session nanoseconds; calls come with non-decreasing times.
     """
@@ -51,7 +51,7 @@ class Body(Protocol):
         ...
 
     def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
-        """Yield (t_ns, control, value) of response-device actions since the last call."""
+        """Yield (t_ns, control, value) of every press and release since the last call."""
         ...
 
 
@@ -61,7 +61,7 @@ class RecallingBody(Body, Protocol):
 
     @property
     def recalls_ns(self) -> int:
-        """How long after a time `eyes` returns the same for it, within one stretch."""
+        """How long after a time `eyes` still returns the same for it, within one stretch."""
         ...
 
 
@@ -70,7 +70,7 @@ class ForeseeableHand(Body, Protocol):
     """A body that can tell until when it presses nothing."""
 
     def next_press_ns(self) -> int | None:
-        """Return the session time of the coming press, None when none is decided upon.
+        """Return the session time of the next press, None when none is planned.
 
         It holds until the body is shown or asked something.
         """
@@ -88,12 +88,12 @@ class MovingBody(Body, Protocol):
         ...
 
     def feel(self, role: str, amplitudes_01: Sequence[float], t_ns: int) -> None:
-        """Take in what the motors of the band worn as `role` do from `t_ns` on."""
+        """Receive what the motors of the band worn as `role` do from `t_ns` on."""
         ...
 
 
 class PressesNothing:
-    """The hands of a body whose response devices stay as they are."""
+    """The hands of a body that never presses anything."""
 
     def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
         """Yield nothing."""
@@ -101,7 +101,7 @@ class PressesNothing:
 
 
 class OneStretch(PressesNothing):
-    """What a body that does one thing all the time answers; the headset stays on."""
+    """Stretch and fit of a body that does one thing all the time and keeps the headset on."""
 
     def stretch(self) -> int:
         """Return 0, the only stretch."""

@@ -57,10 +57,10 @@ def checked_device(device: DeviceConfig) -> tuple[Any, FaultSchedule]:
         ConfigError: an option or a fault is wrong.
     """
     role, spec = device.role, driver_spec(device.driver)
-    given = dict(device.options)
+    raw_options = dict(device.options)
     if device.simulated:
-        given |= spec.dialect.options
-    options = spec.checked_options(role, given)
+        raw_options |= spec.dialect.options
+    options = spec.checked_options(role, raw_options)
     return options, FaultSchedule.from_config(getattr(options, "faults", ()))
 
 

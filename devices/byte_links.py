@@ -71,7 +71,7 @@ class BytePeer(Protocol):
         ...
 
     def outgoing(self, until_ns: int) -> Sequence[Chunk]:
-        """Do everything due up to this time; give up what has arrived at the host by then.
+        """Perform everything due up to this time; return the chunks that have arrived at the host.
 
         Raises DeviceDisconnected while the device is away.
         """
@@ -111,7 +111,7 @@ class MemoryLink:
         return now_ns
 
     def read(self, timeout_s: float) -> Sequence[Chunk]:
-        """Return what has arrived by now, in arrival order."""
+        """Return the chunks that have arrived, in order of arrival."""
         chunks = self._peer.outgoing(self._clock.now_ns())
         if chunks or timeout_s <= 0:
             return chunks

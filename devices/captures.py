@@ -1,4 +1,4 @@
-"""What a `.wire` file says of itself, so that it can be played back without the lab it is from."""
+"""The note in a `.wire` file, which lets it be played back without the lab it is from."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,7 +13,7 @@ ROLE = "replayed"
 
 
 def note_of(device: DeviceConfig) -> Mapping[str, Any]:
-    """Return driver and options of the device a capture is from.
+    """Return driver and options of the device that was captured.
 
     A simulated band is noted as the driver of the real one, whose protocol it speaks.
     """
@@ -28,29 +28,29 @@ def note_of(device: DeviceConfig) -> Mapping[str, Any]:
 
 
 def device_of(path: Path, log: WireLog, driver: str | None = None) -> DeviceConfig:
-    """Return the device to build for a replay; `driver` counts where the file names none.
+    """Return the device to build for a replay; `driver` is used where the file names none.
 
     Raises:
         UsageError: the file names no driver and none was given.
-        DataError: it names one that is not known here.
+        DataError: the file names a driver that is not installed.
     """
-    named = driver or str(log.note.get("driver", ""))
-    if not named:
+    driver_name = driver or str(log.note.get("driver", ""))
+    if not driver_name:
         raise UsageError(
             f"{path} does not name its driver; add --driver NAME (see `visavis devices list`)"
         )
-    if named not in driver_names():
-        known = f"known here: {', '.join(driver_names())}"
+    if driver_name not in driver_names():
+        choices = f"known here: {', '.join(driver_names())}"
         if driver:
-            raise UsageError(f"unknown driver {named!r}; {known}")
-        raise DataError(f"{path} is from driver {named!r}, which is not installed; {known}")
-    options = log.note.get("options", {}) if named == log.note.get("driver") else {}
+            raise UsageError(f"unknown driver {driver_name!r}; {choices}")
+        raise DataError(f"{path} is from driver {driver_name!r}, which is not installed; {choices}")
+    options = log.note.get("options", {}) if driver_name == log.note.get("driver") else {}
     role = str(log.note.get("role", ROLE))
-    return DeviceConfig(role=role, driver=named, simulated=False, options=_lists(options))
+    return DeviceConfig(role=role, driver=driver_name, simulated=False, options=_lists(options))
 
 
 def _lists(value: Any) -> Any:
-    """Undo what msgpack did: sequences come back as tuples, which strict options refuse."""
+    """Turn tuples back into lists: msgpack returns tuples, which strict options refuse."""
     if isinstance(value, Mapping):
         return {key: _lists(inner) for key, inner in value.items()}
     if isinstance(value, tuple | list):

@@ -1,4 +1,4 @@
-"""Check that a device keeps its contract: plain functions for our drivers and anyone's.
+"""Check that a device keeps its contract: plain functions for any driver, ours or not.
 
 Each takes a factory that makes a fresh closed device and raises AssertionError naming the broken
 promise. `let_pass(seconds)` lets session time go by: it moves a virtual clock, or waits.
@@ -42,7 +42,7 @@ UNIT_LENGTH_TOLERANCE = 1e-4
 
 
 def check_lifecycle(make: Callable[[], Device], let_pass: LetPass) -> None:
-    """Check the states, that misuse is refused by name, and that close is idempotent."""
+    """Check the states, that errors name method and state, and that close is idempotent."""
     device = make()
     _promise(device.state is DeviceState.CLOSED, "a new device is closed")
     _refuses(device, "start", lambda: device.start(lambda batch: None))
@@ -100,8 +100,8 @@ def check_eye_tracker(make: Callable[[], EyeTracker], let_pass: LetPass) -> None
     values = np.concatenate([b.values for b in batches if b.schema == gaze])
     for name in ("direction_head", "left_direction_head", "right_direction_head"):
         lengths = np.linalg.norm(values[name].astype(np.float64), axis=1)
-        known = np.isfinite(lengths)
-        near_one = np.abs(lengths[known] - 1) < UNIT_LENGTH_TOLERANCE
+        is_known = np.isfinite(lengths)
+        near_one = np.abs(lengths[is_known] - 1) < UNIT_LENGTH_TOLERANCE
         _promise(bool(near_one.all()), f"{name} is a unit vector or NaN, never zero")
     _promise(
         bool(np.isfinite(values["direction_head"][values["valid"]]).all()),
@@ -161,8 +161,8 @@ def check_body_tracker(make: Callable[[], BodyTracker], let_pass: LetPass) -> No
     near_one = np.abs(lengths[valid] - 1) < UNIT_LENGTH_TOLERANCE
     _promise(bool(near_one.all()), "a valid segment has a unit quaternion")
     for name in ("position_m", "orientation_wxyz"):
-        known = np.isfinite(values[name]).all(axis=-1)
-        _promise(bool((known == valid).all()), f"{name} is NaN where, and only where, not valid")
+        finite = np.isfinite(values[name]).all(axis=-1)
+        _promise(bool((finite == valid).all()), f"{name} is NaN where, and only where, not valid")
     device.close()
 
 
@@ -173,8 +173,8 @@ def check_response_input(make: Callable[[], ResponseInput], let_pass: LetPass) -
     _promise(device.describe()[0].fields == RESPONSES.fields, "the first stream has its fields")
     _promise(len(device.controls) > 0, "there is a control")
     for batch in (b for b in batches if b.schema.fields == RESPONSES.fields):
-        known = batch.values["control"] < len(device.controls)
-        _promise(bool(known.all()), "every response names a known control")
+        is_in_range = batch.values["control"] < len(device.controls)
+        _promise(bool(is_in_range.all()), "every response names a known control")
     device.close()
 
 
@@ -285,14 +285,17 @@ def check_sound_output(make: Callable[[], SoundOutput], let_pass: LetPass) -> No
                 device.hush(numbers[-1])
     _promise(numbers == [0, 1, 2], "sounds are numbered from 0")
     rows = np.concatenate([batch.values for batch in batches])
-    began, ended, stopped = (
+    start_rows, end_rows, stop_rows = (
         rows[rows["event"] == SOUND_EVENTS.index(name)] for name in ("began", "ended", "stopped")
     )
-    _promise(began["sound"].tolist() == numbers, "every sound begins once, in order")
-    _promise(bool((began["t_sounding_ns"] > began["t_commanded_ns"]).all()), "begins when asked")
-    _promise(ended["sound"].tolist() == numbers[:1], "a sound ends by itself")
-    _promise(stopped["sound"].tolist() == numbers[1:], "a sound ends when it is told to")
-    lasted_ns = int(ended["t_sounding_ns"][0] - began["t_sounding_ns"][0])
+    _promise(start_rows["sound"].tolist() == numbers, "every sound begins once, in order")
+    _promise(
+        bool((start_rows["t_sounding_ns"] > start_rows["t_commanded_ns"]).all()),
+        "begins when asked",
+    )
+    _promise(end_rows["sound"].tolist() == numbers[:1], "a sound ends by itself")
+    _promise(stop_rows["sound"].tolist() == numbers[1:], "a sound ends when it is told to")
+    lasted_ns = int(end_rows["t_sounding_ns"][0] - start_rows["t_sounding_ns"][0])
     _promise(abs(lasted_ns - 100 * NS_PER_MS) < NS_PER_MS, "a sound lasts as long as it is")
     device.stop()
     device.close()
@@ -342,8 +345,8 @@ def _refuses(device: Device, method: str, call: Callable[[], object]) -> None:
         call()
     except DeviceError as refusal:
         text = str(refusal)
-        named = method in text and device.state.value in text
-        _promise(named, f"the refusal of {method}() names method and state")
+        names_both = method in text and device.state.value in text
+        _promise(names_both, f"the refusal of {method}() names method and state")
         return
     raise AssertionError(f"{method}() must be refused while {device.state.value}")
 

@@ -1,6 +1,6 @@
-"""What every device promises, whoever made it and whether its wire is real or simulated.
+"""The contracts of devices, from any maker, on a real or a simulated wire.
 
-A driver is codec (bytes to values, pure) + transport (the wire) + the class here described. A
+A driver is codec (bytes to values, pure) + transport (the wire) + a class as described here. A
 simulated device is the same driver on a simulated wire. Life of a device:
 closed -> open -> streaming -> open -> closed; a fault is reported, not only raised.
 """
@@ -71,7 +71,7 @@ class DeviceInfo:
 class Fault:
     """Something the operator must know; `remedy` is what to do next.
 
-    `is_uncalibrated` where it says nothing but that the device is not calibrated.
+    `is_uncalibrated` is True for the fault that the device is not calibrated.
     """
 
     role: str
@@ -119,7 +119,7 @@ class Device(Protocol):
 
     @property
     def info(self) -> DeviceInfo:
-        """Who this is; complete once open."""
+        """Maker, model and serial number; complete once open."""
         ...
 
     @property
@@ -166,7 +166,7 @@ class Device(Protocol):
     def clock_pairs(self) -> Sequence[ClockPair]:
         """Return the latest time exchanges since open, oldest first; empty when one-way.
 
-        At least a thousand are kept, so that whoever looks in now and then misses none.
+        At least a thousand are kept, so that a caller who asks now and then misses none.
         """
         ...
 
@@ -176,7 +176,7 @@ class Device(Protocol):
 
 @dataclass(frozen=True)
 class CalibrationOutcome:
-    """What the tracker itself says of a calibration; accuracy is measured by our validation."""
+    """The tracker's own verdict on a calibration; accuracy is measured by our validation."""
 
     succeeded: bool
     message: str
@@ -206,7 +206,7 @@ class EyeTracker(Device, Protocol):
 
 @runtime_checkable
 class PatientCalibration(Protocol):
-    """What an eye tracker offers whose verdict is awaited while frames go on.
+    """An eye tracker whose calibration verdict can be awaited while frames go on.
 
     Together the two do what `EyeTracker.end_calibration` does in one blocking call.
     """
@@ -222,7 +222,7 @@ class PatientCalibration(Protocol):
 
 @runtime_checkable
 class CameraOnHead(Protocol):
-    """What an eye tracker offers whose camera sits on the head at an angle that is not known.
+    """An eye tracker whose camera sits on the head at an unknown angle.
 
     The angle is fitted from targets once it is worn; it holds until the device is opened anew.
     """
@@ -234,7 +234,7 @@ class CameraOnHead(Protocol):
 
 @dataclass(frozen=True)
 class SessionName:
-    """Which part of which session is recorded: what a device's own recording is called by."""
+    """Names one part of one session, for a device's own recording."""
 
     study: str
     participant: str
@@ -244,7 +244,7 @@ class SessionName:
 
 @runtime_checkable
 class OwnRecording(Protocol):
-    """What a device offers that keeps a recording of its own beside ours; `close` ends it."""
+    """A device that keeps a recording of its own beside ours; `close` ends it."""
 
     def begin_recording(self, name: SessionName, folder: Path) -> None:
         """Begin it under the session's name; files that are fetched at the end go to `folder`.
@@ -276,28 +276,28 @@ class Headset(Device, Protocol):
 
 @runtime_checkable
 class PoseAtOnce(Protocol):
-    """A headset that tells the head's pose of a frame whose sample it delivers later."""
+    """A headset that gives the head's pose of a frame at once and delivers its sample later."""
 
     def head_now(self) -> Pose | None:
-        """Return the head at the last frame as its sample tells it; None where it is not seen."""
+        """Return the head's pose at the last frame, as in its sample; None while it is lost."""
         ...
 
 
 @runtime_checkable
 class LatePose(Protocol):
-    """A headset that is asked again, just before a frame is drawn, where its head will be."""
+    """A headset that can predict the head's pose again just before a frame is drawn."""
 
     def late_head(self) -> Pose | None:
-        """Return the head as now foreseen for the light of the last frame; None where not told.
+        """Return the head now predicted for the light of the last frame; None if there is none.
 
-        Images handed over for that frame are then said to be drawn from there.
+        Images submitted for that frame are then reported as drawn from this pose.
         """
         ...
 
 
 @runtime_checkable
 class OnScreen(Protocol):
-    """What a display offers through which the world is seen as through a window."""
+    """A display through which the world is seen as through a window."""
 
     @property
     def screen(self) -> FlatScreen:
@@ -329,7 +329,7 @@ class ResponseInput(Device, Protocol):
 
 @runtime_checkable
 class KeyListener(Protocol):
-    """What a response device offers whose keys the participant's window hears."""
+    """A response device whose keys are received by the participant's window."""
 
     def hear(self, key: str, is_down: bool) -> None:
         """Take a press or release of a key by its name, now."""
@@ -340,7 +340,7 @@ class KeyListener(Protocol):
 
 
 PATTERN_NAMES = ("steady", "sine", "square", "ramp")
-"""Courses a pattern's rate can take; the index is the code on the wire and in `HAPTICS`."""
+"""Shapes of a pattern's rate; the index is the code on the wire and in `HAPTICS`."""
 
 
 @dataclass(frozen=True)
@@ -366,7 +366,7 @@ CONTACT_PATTERN = VibrationPattern("sine", 2000)
 class Armband(Device, Protocol):
     """Vibration motors; commands are absolute and idempotent, every exit path is silent.
 
-    Commands return the number under which `HAPTICS` tells what became of them. They never raise
+    Commands return their number; the stream `HAPTICS` reports the result under it. They never raise
     because the band is away: such a command is recorded as not acknowledged.
     """
 
@@ -400,9 +400,9 @@ class Armband(Device, Protocol):
         ...
 
     def keep_alive(self) -> None:
-        """Say that the experiment loop still runs; every command says it, too.
+        """Tell the driver that the experiment loop still runs; every command does so, too.
 
-        Without it for 150 ms the driver silences the band and lets it stay so.
+        After 150 ms without it the driver silences the band and keeps it silent.
         """
         ...
 
@@ -423,19 +423,19 @@ class BodyTracker(Device, Protocol):
 
 @runtime_checkable
 class SoundOutput(Device, Protocol):
-    """What plays sounds to the participant; delivers one stream with the fields of `SOUND`."""
+    """Plays sounds to the participant; delivers one stream with the fields of `SOUND`."""
 
     def prepare(self, sound: Sound) -> None:
-        """Make ready what takes longer than a frame; once open."""
+        """Prepare a sound, which may take longer than a frame; call it once open."""
         ...
 
     def play(
         self, sound: Sound, *, at_m: Vector | None = None, gain_db: float = 0.0, loops: bool = False
     ) -> int:
-        """Play a sound as soon as may be; return the number under which `SOUND` tells of it.
+        """Play a sound as soon as possible; return its number in the stream `SOUND`.
 
-        `at_m` (3,) is its place in the world, heard from the head's: as recorded at 1 m. Never
-        raises because the output is away: such a sound is told by `check`.
+        `at_m` (3,) is its place in the world; its level is as recorded at 1 m from the head. Never
+        raises because the output is away: `check` reports such a sound.
         """
         ...
 
@@ -453,8 +453,8 @@ class TriggerOutput(Device, Protocol):
     """Lines to an amplifier; delivers a stream of pulses, a row for each when it ended."""
 
     def trigger(self, mark: str, t_ns: int) -> bool:
-        """Send the code of a mark of this session time, if it has one; say whether it has.
+        """Send the code of a mark at this session time, if it has one; return whether it has.
 
-        Never raises: what did not reach the lines is told in the stream and by `check`.
+        Never raises: the stream and `check` report a code that did not reach the lines.
         """
         ...

@@ -1,7 +1,7 @@
 """The OpenGL context that is current in this thread: whose it is, and copies of its textures.
 
-Headset runtimes are handed a context that something else made, and copy textures within it. Only
-what that takes is here; nothing draws. EGL and GLX on Linux, WGL on Windows.
+Headset runtimes get a context that another library made, and copy textures within it. This module
+holds only what that needs and draws nothing. EGL and GLX on Linux, WGL on Windows.
 """
 
 import ctypes
@@ -44,13 +44,13 @@ def current_context() -> GlContext:
     """Return the context that is current in this thread.
 
     Raises:
-        DeviceError: none is.
+        DeviceError: no context is current.
     """
     finders = (_wgl,) if sys.platform == "win32" else (_egl, _glx)
     for find in finders:
-        found = find()
-        if found is not None:
-            return found
+        context = find()
+        if context is not None:
+            return context
     raise DeviceError("no OpenGL context is current in this thread", remedy=_REMEDY)
 
 
@@ -69,9 +69,9 @@ class GlCopies:
             (gl.GL_DRAW_FRAMEBUFFER, gl.GL_DRAW_FRAMEBUFFER_BINDING, self._frames[1], target),
         )
         self._forget_errors()
-        bound = [(role, int(gl.glGetIntegerv(binding))) for role, binding, _, _ in roles]
-        enabled = [c for c in (gl.GL_FRAMEBUFFER_SRGB, gl.GL_SCISSOR_TEST) if gl.glIsEnabled(c)]
-        for capability in enabled:
+        previous = [(role, int(gl.glGetIntegerv(binding))) for role, binding, _, _ in roles]
+        features = [c for c in (gl.GL_FRAMEBUFFER_SRGB, gl.GL_SCISSOR_TEST) if gl.glIsEnabled(c)]
+        for capability in features:
             gl.glDisable(capability)
         problem = ""
         try:
@@ -87,9 +87,9 @@ class GlCopies:
         except gl.GLError as error:
             problem = problem or f"GL error 0x{error.err:04x}"
         self._forget_errors()
-        for role, frame in bound:
+        for role, frame in previous:
             gl.glBindFramebuffer(role, frame)
-        for capability in enabled:
+        for capability in features:
             gl.glEnable(capability)
         gl.glFlush()
         return problem
@@ -126,13 +126,13 @@ class GlCopies:
     def texture(self, size_px: tuple[int, int], internal_format: int) -> int:
         """Make an empty texture and return its name."""
         gl = self._gl
-        bound, made = int(gl.glGetIntegerv(gl.GL_TEXTURE_BINDING_2D)), int(gl.glGenTextures(1))
-        gl.glBindTexture(gl.GL_TEXTURE_2D, made)
+        previous, name = int(gl.glGetIntegerv(gl.GL_TEXTURE_BINDING_2D)), int(gl.glGenTextures(1))
+        gl.glBindTexture(gl.GL_TEXTURE_2D, name)
         form = (internal_format, *size_px, 0, gl.GL_RGBA, gl.GL_UNSIGNED_BYTE)
         gl.glTexImage2D(gl.GL_TEXTURE_2D, 0, *form, None)
         gl.glTexParameteri(gl.GL_TEXTURE_2D, gl.GL_TEXTURE_MIN_FILTER, gl.GL_NEAREST)
-        gl.glBindTexture(gl.GL_TEXTURE_2D, bound)
-        return made
+        gl.glBindTexture(gl.GL_TEXTURE_2D, previous)
+        return name
 
     def delete(self, textures: list[int]) -> None:
         """Free textures."""
@@ -186,8 +186,8 @@ def _egl() -> GlContext | None:
     display = _p(_call(egl, "eglGetCurrentDisplay", _p))
     number, config, count = _i(), _p(), _i()
     _call(egl, "eglQueryContext", _u, display, _p(context), _EGL_CONFIG_ID, ctypes.byref(number))
-    wanted = (_i * 3)(_EGL_CONFIG_ID, number.value, 0x3038)
-    _call(egl, "eglChooseConfig", _u, display, wanted, ctypes.byref(config), 1, ctypes.byref(count))
+    query = (_i * 3)(_EGL_CONFIG_ID, number.value, 0x3038)
+    _call(egl, "eglChooseConfig", _u, display, query, ctypes.byref(config), 1, ctypes.byref(count))
     return GlContext("egl", display.value or 0, int(context), config.value or 0, 0, 0)
 
 
@@ -202,11 +202,11 @@ def _glx() -> GlContext | None:
     handle = _p(context)
     _call(glx, "glXQueryContext", _i, display, handle, _GLX_FBCONFIG_ID, ctypes.byref(number))
     _call(glx, "glXQueryContext", _i, display, handle, 0x800C, ctypes.byref(screen))
-    wanted = (_i * 3)(_GLX_FBCONFIG_ID, number.value, 0)
-    found = _call(
-        glx, "glXChooseFBConfig", ctypes.POINTER(_p), display, screen, wanted, ctypes.byref(count)
+    query = (_i * 3)(_GLX_FBCONFIG_ID, number.value, 0)
+    configs = _call(
+        glx, "glXChooseFBConfig", ctypes.POINTER(_p), display, screen, query, ctypes.byref(count)
     )
-    config = int(found[0] or 0) if found and count.value else 0
+    config = int(configs[0] or 0) if configs and count.value else 0
     if config:
         where = ctypes.byref(visual)
         _call(glx, "glXGetFBConfigAttrib", _i, display, _p(config), _GLX_VISUAL_ID, where)

@@ -64,8 +64,8 @@ class UdpTransport:
                 member = self._bound(("", self._group[1]))
                 self._sockets.append(member)
                 ours = self._local[0] or "0.0.0.0"  # noqa: S104 - any interface may hear the group
-                joined = socket.inet_aton(self._group[0]) + socket.inet_aton(ours)
-                member.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, joined)
+                membership = socket.inet_aton(self._group[0]) + socket.inet_aton(ours)
+                member.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
         except OSError as cause:
             self.close()
             raise DeviceNotFound(
@@ -74,13 +74,13 @@ class UdpTransport:
             ) from cause
 
     def request(self, frames: Frames, timeout_s: float) -> Exchange:
-        """Refuse: a datagram's answer comes by `receive`."""
+        """Raise: the answer to a datagram comes by `receive`."""
         raise DeviceError("UDP has no requests", remedy="use post and receive")
 
     def post(self, frames: Frames) -> None:
         """Send one datagram; one that cannot leave counts as lost."""
         if self._peer is not None and self._sockets:
-            with contextlib.suppress(OSError):  # unreachable now; silence tells it in time
+            with contextlib.suppress(OSError):  # unreachable now; the pump reports the silence
                 self._sockets[0].sendto(frames[0], self._peer)
 
     def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
@@ -98,7 +98,7 @@ class UdpTransport:
                     data = source.recv(MAX_DATAGRAM)
                 except BlockingIOError:
                     break
-                except ConnectionError:  # Windows tells here that an earlier send was refused
+                except ConnectionError:  # Windows reports here that an earlier send was refused
                     continue
                 messages.append(Message(self._clock.now_ns(), (data,)))
         messages.sort(key=lambda message: message.t_host_ns)
@@ -115,13 +115,15 @@ class UdpTransport:
         self._sockets = []
 
     def _bound(self, address: tuple[str, int]) -> socket.socket:
-        made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        udp_socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
-            made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, int(self._group is not None))
-            made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
-            made.setblocking(False)
-            made.bind(address)
+            udp_socket.setsockopt(
+                socket.SOL_SOCKET, socket.SO_REUSEADDR, int(self._group is not None)
+            )
+            udp_socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
+            udp_socket.setblocking(False)
+            udp_socket.bind(address)
         except OSError:
-            made.close()
+            udp_socket.close()
             raise
-        return made
+        return udp_socket

@@ -1,4 +1,4 @@
-"""What can go wrong on a wire, scheduled in session time, from a list, a file or a seed."""
+"""Faults of a wire, scheduled in session time, from a list, a file or a seed."""
 
 import difflib
 import math
@@ -88,12 +88,12 @@ class FaultSchedule:
         """Build from dictionaries with the fields of `WireFault`; all errors at once."""
         faults: list[WireFault] = []
         problems: list[str] = []
-        known = tuple(WireFault.__dataclass_fields__)
+        names = tuple(WireFault.__dataclass_fields__)
         for number, row in enumerate(rows, start=1):
-            unknown = [key for key in row if key not in known]
+            unknown = [key for key in row if key not in names]
             if unknown:
-                near = difflib.get_close_matches(unknown[0], known, n=1, cutoff=0.4)
-                hint = f"; did you mean {near[0]!r}?" if near else f"; known: {', '.join(known)}"
+                near = difflib.get_close_matches(unknown[0], names, n=1, cutoff=0.4)
+                hint = f"; did you mean {near[0]!r}?" if near else f"; known: {', '.join(names)}"
                 problems.append(f"fault {number}: unknown key {unknown[0]!r}{hint}")
                 continue
             try:

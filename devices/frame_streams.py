@@ -1,4 +1,4 @@
-"""The two streams of what shows frames: where the head was, and what became of each frame."""
+"""The two streams of a display: the head's pose and the timing of each frame."""
 
 import math
 import struct
@@ -38,7 +38,7 @@ class FrameStreams:
         self._head_seq += 1
 
     def timing_of(self, frame: FrameInfo, submitted_ns: int) -> npt.NDArray[np.void]:
-        """Return the row (1,) of a frame, drawn for the head added last: what is known of any."""
+        """Return the timing row (1,) of a frame drawn for the head added last."""
         values = np.zeros(1, self.timing.dtype)
         row = values[0]
         row["frame"] = frame.index
@@ -55,8 +55,8 @@ class FrameStreams:
         self._timing_seq += 1
 
     def deliver(self, sink: Sink | None) -> int:
-        """Hand over what is held where somebody takes it; return the number of rows."""
-        delivered = 0
+        """Pass held rows to the sink, if there is one; return the number of rows."""
+        row_count = 0
         while self.held and sink is not None:
             batch = self.held.popleft()
             if batch.schema is self.head:
@@ -64,8 +64,8 @@ class FrameStreams:
             else:
                 self._timing_rows += 1
             sink(batch)
-            delivered += 1
-        return delivered
+            row_count += 1
+        return row_count
 
     def health(self, state: DeviceState, now_ns: int) -> Health:
         """Report the rows of both streams; rate and gaps are the head's (dropped frames: holes)."""

@@ -24,14 +24,14 @@ SIGNALS = tuple(
     for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK", "SIGQUIT")
     if hasattr(signal, name)
 )
-"""What may end a session from outside, as far as this system knows it."""
+"""Signals that may end a session from outside, as far as this system has them."""
 
 
 class Silenceable(Protocol):
     """What the guard needs of an armband."""
 
     def keep_alive(self) -> None:
-        """Hear that the experiment loop runs."""
+        """Receive the sign that the experiment loop runs."""
         ...
 
     def silence(self) -> int:
@@ -45,7 +45,7 @@ class HapticGuard:
     Call `tick` once per frame of the experiment loop. On a real clock a thread looks every 20 ms
     and silences all bands once `standstill_ms` went by without a tick; on a virtual clock, whose
     time stands still with the loop, call `look`. With `handle_signals` (main thread only) the
-    handlers of before run after silence, or the signal does what it would have done.
+    previous handlers run after silence, or the signal has its usual effect.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class HapticGuard:
         self.close()
 
     def tick(self) -> None:
-        """Say that the experiment loop has come round once more."""
+        """Report one more round of the experiment loop."""
         self._ticked_ns = self._clock.now_ns()
         self._is_silenced = False
         for band in self._bands.values():
@@ -133,7 +133,7 @@ class HapticGuard:
 
 
 def silence_all(bands: Iterable[Silenceable]) -> None:
-    """Silence one band after the other; a failing one does not keep the others running."""
+    """Silence one band after the other; the failure of one does not stop the rest."""
     for band in bands:
         try:
             band.silence()

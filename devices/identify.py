@@ -20,10 +20,10 @@ STEP_NS = 10 * NS_PER_MS
 
 
 def buzz(config: DeviceConfig, clock: Clock) -> str:
-    """Vibrate all motors of a band three times; return a sentence that says what was confirmed.
+    """Vibrate all motors of a band three times; return a sentence with the confirmed pulses.
 
     Raises:
-        DeviceError: the band is not there, or is none.
+        DeviceError: the band is missing, or the device is no band.
     """
     rows: list[bool] = []
     with ExitStack() as stack:
@@ -60,8 +60,12 @@ def buzz(config: DeviceConfig, clock: Clock) -> str:
         battery = device.health().battery_01
         who = f"{config.role}: {PULSES} pulses sent to {device.info.model}"
         serial = f" {device.info.serial}" if device.info.serial else ""
-        confirmed = sum(rows)
-        said = f"{confirmed} confirmed by the band" if confirmed else "this band confirms nothing"
+        confirmed_count = sum(rows)
+        confirmation = (
+            f"{confirmed_count} confirmed by the band"
+            if confirmed_count
+            else "this band confirms nothing"
+        )
         charge = f"; battery {battery:.0%}" if battery is not None else ""
         nobody = "; simulated: nothing vibrates" if device.info.is_simulated else ""
-        return f"{who}{serial}, {said}{charge}{nobody}"
+        return f"{who}{serial}, {confirmation}{charge}{nobody}"

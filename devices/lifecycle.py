@@ -16,22 +16,22 @@ class Lifecycle:
     def require(self, method: str, *allowed: DeviceState) -> None:
         """Raise DeviceError unless the state is one of those allowed."""
         if self.state not in allowed:
-            wanted = " or ".join(state.value for state in allowed)
+            states_text = " or ".join(state.value for state in allowed)
             raise DeviceError(
-                f"{method}() needs the device {wanted}, but it is {self.state.value}",
+                f"{method}() needs the device {states_text}, but it is {self.state.value}",
                 role=self._role,
                 remedy="call open() and start() in this order",
             )
 
 
 class HasLife:
-    """A device that tells where its `Lifecycle` has come to."""
+    """A device whose state is that of its `Lifecycle`."""
 
     _life: Lifecycle
 
     @property
     def state(self) -> DeviceState:
-        """Where it is in its life; FAULT while what it drives is gone."""
+        """The state of its life; FAULT while the driven device is away."""
         return self._life.state
 
 

@@ -51,7 +51,7 @@ class SimulatedOptions(Options):
     def _are_known(cls, faults: list[dict[str, Any]]) -> list[dict[str, Any]]:
         try:
             FaultSchedule.from_config(faults)
-        except ConfigError as error:  # so that it is told with the file and the line
+        except ConfigError as error:  # so that the error names the file and the line
             raise ValueError(str(error)) from error
         return faults
 

@@ -49,12 +49,12 @@ class PumpEvent:
 
 @runtime_checkable
 class Foreseeing(Protocol):
-    """A device that can tell until when polling it would do nothing."""
+    """A device that knows until when polling it would do nothing."""
 
     def due_ns(self) -> int:
         """Return a session time before which `poll` has nothing to do; 0 where unknown.
 
-        It holds until the device is told something: a command may make it earlier.
+        It is valid until the next command to the device, which may make it earlier.
         """
         ...
 
@@ -64,9 +64,9 @@ class Postponing(Protocol):
     """A device whose polling can be put off: it delivers the same later, with the same times."""
 
     def put_off(self) -> bool:
-        """Do what is due but delivering; False where `poll` must be called now.
+        """Do everything that is due except delivery; False if `poll` must be called now.
 
-        Until then nobody may ask the device for what follows from its samples.
+        Until delivery nobody may ask the device for anything computed from its samples.
         """
         ...
 
@@ -74,8 +74,8 @@ class Postponing(Protocol):
 class Pump:
     """Own the delivery of one open device from `start` to `stop`.
 
-    `step` must be called once per frame by whoever owns the sink. It never raises for what the
-    device does; look at `faults` and `take_events`.
+    The owner of the sink must call `step` once per frame. It never raises because of the device;
+    look at `faults` and `take_events`.
     """
 
     def __init__(self, device: Device, sink: Sink, clock: Clock) -> None:
@@ -83,7 +83,7 @@ class Pump:
         self._sink = sink
         self._clock = clock
         self.tap: Sink | None = None
-        """Called with every batch when it arrives, in whatever thread polls the device."""
+        """Called with every batch when it arrives, in the thread that polls the device."""
         self._queue: deque[SampleBatch] = deque()
         self._events: deque[PumpEvent] = deque()
         self._thread: threading.Thread | None = None
@@ -97,7 +97,7 @@ class Pump:
         if clock.is_virtual and isinstance(device, Postponing):
             self._put_off = device.put_off
         self.is_put_off = False
-        """Whether the last `step` left for later what the device would have delivered."""
+        """Whether the last `step` postponed the device's delivery."""
         self._silence_ns: int | None = None
         self._quiet: Literal["", "silent", "stalled"] = ""
         self._last_ns = 0
@@ -159,25 +159,26 @@ class Pump:
     def step(self, *, may_wait: bool = False) -> int:
         """Hand everything that arrived to the sink; return the number of samples.
 
-        With `may_wait` a device that can is left for a later step, and so `is_put_off`.
+        With `may_wait` a device that allows it is polled in a later step; then `is_put_off` is
+        True.
         """
         self.is_put_off = may_wait and self._running and not self._queue and self._put_off()
         if self.is_put_off:
             return 0
         if self._running and self._thread is None and self._due_ns() <= self._clock.now_ns():
             self._poll(0.0)
-        delivered = self._hand_over() if self._queue else 0
+        sample_count = self._hand_over() if self._queue else 0
         if self._running and self._silence_ns is not None:
             self._watch(self._clock.now_ns())
-        return delivered
+        return sample_count
 
     def faults(self) -> tuple[Fault, ...]:
         """Return what is wrong now: the pump's findings, then the device's own."""
-        found: list[Fault] = []
+        faults: list[Fault] = []
         if self._failure is not None:
-            found.append(self._failure)
+            faults.append(self._failure)
         elif self._lost_ns is not None:
-            found.append(
+            faults.append(
                 Fault(self._role, "blocking", "disconnected; reconnecting", _RECONNECT_REMEDY)
             )
         elif self._quiet:
@@ -185,11 +186,11 @@ class Pump:
             severity: Literal["warning", "blocking"] = (
                 "blocking" if self._quiet == "stalled" else "warning"
             )
-            found.append(
+            faults.append(
                 Fault(self._role, severity, f"no data for {quiet_ms:.0f} ms", _SILENCE_REMEDY)
             )
         if self._dropped:
-            found.append(
+            faults.append(
                 Fault(
                     self._role,
                     "warning",
@@ -197,7 +198,7 @@ class Pump:
                     "close other programs on this computer",
                 )
             )
-        return (*found, *self.device.check())
+        return (*faults, *self.device.check())
 
     def take_events(self) -> tuple[PumpEvent, ...]:
         """Return the events since the last call, oldest first."""
@@ -225,16 +226,16 @@ class Pump:
         self._queue.append(batch)
 
     def _hand_over(self) -> int:
-        delivered = 0
+        sample_count = 0
         queue, sink = self._queue, self._sink
         while queue:
             batch = queue.popleft()
             sink(batch)
-            delivered += batch.seq.shape[0]
+            sample_count += batch.seq.shape[0]
         if self._dropped > self._dropped_told:
-            lost, self._dropped_told = self._dropped - self._dropped_told, self._dropped
-            self._tell("dropped", "warning", f"{lost} samples dropped: the session was too slow")
-        return delivered
+            count, self._dropped_told = self._dropped - self._dropped_told, self._dropped
+            self._tell("dropped", "warning", f"{count} samples dropped: the session was too slow")
+        return sample_count
 
     def _run(self) -> None:
         while not self._stopping.is_set() and self._failure is None:
@@ -250,11 +251,11 @@ class Pump:
         if self._lost_ns is not None and self._clock.now_ns() < self._retry_ns:
             return
         try:
-            received = self.device.poll(timeout_s)
+            sample_count = self.device.poll(timeout_s)
         except DeviceDisconnected as gone:
             self._lose(gone)
             return
-        except Exception as failure:  # a thread top: whatever it is, the operator must see it
+        except Exception as failure:  # top of a thread: the operator must see any error
             self._failure = Fault(
                 self._role,
                 "blocking",
@@ -265,7 +266,7 @@ class Pump:
             return
         if self._lost_ns is not None and self.device.state is DeviceState.STREAMING:
             self._recover()
-        if received:
+        if sample_count:
             self._last_ns = self._clock.now_ns()
 
     def _lose(self, gone: DeviceDisconnected) -> None:

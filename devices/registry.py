@@ -38,7 +38,7 @@ def driver_names() -> tuple[str, ...]:
 
 
 def driver_spec(name: str) -> AnySpec:
-    """Return what is known of a driver.
+    """Return the description of a driver.
 
     Raises ConfigError for an unknown name, with the nearest one, and for an installed package
     whose entry point leads to no `DriverSpec`.
@@ -47,10 +47,10 @@ def driver_spec(name: str) -> AnySpec:
         return built_in()[name]
     others = _others()
     if name not in others:
-        known = driver_names()
-        near = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
+        names = driver_names()
+        near = difflib.get_close_matches(name, names, n=1, cutoff=0.4)
         hint = f"did you mean {near[0]!r}? " if near else ""
-        raise ConfigError(f"unknown driver {name!r}; {hint}Known: {', '.join(known)}")
+        raise ConfigError(f"unknown driver {name!r}; {hint}Known: {', '.join(names)}")
     return _loaded(others[name])
 
 
@@ -61,22 +61,22 @@ def driver_wiring(name: str) -> "AnyWiring":
     driver, ImportError where that module imports a library which is not installed.
     """
     spec = driver_spec(name)
-    described = _described()[name][1] if name in built_in() else _others()[name].module
-    module = f"{described.rpartition('.')[0]}.wiring".removeprefix(".")
+    spec_module = _described()[name][1] if name in built_in() else _others()[name].module
+    module = f"{spec_module.rpartition('.')[0]}.wiring".removeprefix(".")
     try:
         wirings: tuple[AnyWiring, ...] = importlib.import_module(module).WIRINGS
     except ModuleNotFoundError as cause:
         if cause.name != module:
             raise
         raise ConfigError(
-            f"driver {name!r} is described in {described}, but there is no module {module} that "
+            f"driver {name!r} is described in {spec_module}, but there is no module {module} that "
             "puts it together; docs/add-a-device.md shows one"
         ) from cause
     for wiring in wirings:
         if wiring.spec is spec:
             return wiring
     raise ConfigError(
-        f"driver {name!r} is described in {described}, but {module}.WIRINGS has no Wiring of it; "
+        f"driver {name!r} is described in {spec_module}, but {module}.WIRINGS has no Wiring of it; "
         "add one: docs/add-a-device.md shows how"
     )
 

@@ -1,7 +1,7 @@
 """Find tracked segments of a body that repeat their last pose while the others move on.
 
-A tracker that dies may go on saying where it was last. Its segment then stands in the room while
-the body walks away. A segment counts as frozen when its position or its orientation, which moved
+A tracker that dies may go on reporting its last pose. Its segment then stands in the room while the
+body walks away. A segment counts as frozen when its position or its orientation, which moved
 earlier sample by sample, repeats bit for bit for longer than a limit and in each of these samples
 the same of most other segments changed; until it changes again. Orientations, the trunk's above
 all, may rest in a calm body: they have to repeat for half a second, on no more segments than a limb
@@ -35,9 +35,9 @@ _UNKNOWN, _SAME, _CHANGED = 0, 1, 2
 class SegmentWatch:
     """Look at a body sample by sample.
 
-    `frozen` (s,) tells which segments are frozen in the sample looked at last, `frozen_ns` (s,)
-    for how long each was so far, without the time it took to find out, and `still_ns` (s,) how
-    long each has repeated itself now. `moved` is what was known to move before.
+    `frozen` (s,) tells which segments are frozen in the last sample, `frozen_ns` (s,) for how long
+    each was frozen so far, without the detection time, and `still_ns` (s,) for how long each
+    repeats its pose now. `moved` are the segments that have moved before.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class SegmentWatch:
 
     @property
     def moved(self) -> Moved:
-        """What has moved in its own right by now."""
+        """Which segments and channels have moved on their own so far."""
         return frozenset((self.segments[s], int(c)) for s, c in np.argwhere(self._moved).tolist())
 
     def look(self, position_m: Vector, orientation_wxyz: Vector, gap_ns: int) -> bool:
@@ -122,13 +122,13 @@ class SegmentWatch:
     def repeats(
         self, t_ns: npt.NDArray[np.int64], position_m: Vector, orientation_wxyz: Vector
     ) -> Flags:
-        """Tell (n, s) which of all samples, (n, s, 3) and (n, s, 4), are repeats of a frozen one.
+        """Tell (n, s) which of all samples, (n, s, 3) and (n, s, 4), repeat a frozen pose.
 
-        Those in which it could not be known yet are among them; the first, true one is not.
+        These include the repeats before the detection, but not the first, true sample.
         """
-        found = np.zeros(position_m.shape[:2], bool)
-        _look_at_all(t_ns, position_m, orientation_wxyz, found, *self._state)
-        return found
+        is_repeat = np.zeros(position_m.shape[:2], bool)
+        _look_at_all(t_ns, position_m, orientation_wxyz, is_repeat, *self._state)
+        return is_repeat
 
 
 @compiled
@@ -159,7 +159,9 @@ def _look(
     for c in range(2):
         first, width = 3 * c, 3 + c
         pose = position if c == 0 else turn
-        tracked = changed = 0
+        # Compare every segment with its last pose, and count how many moved: only a repeat beside
+        # moving segments is suspicious, since a calm body repeats as a whole.
+        tracked_count = changed_count = 0
         for s in range(n):
             how[s, c] = _SAME
             for k in range(width):
@@ -169,8 +171,9 @@ def _look(
                 elif new != old and how[s, c] == _SAME:
                     how[s, c] = _CHANGED
                 last[s, first + k] = new
-            tracked += how[s, c] != _UNKNOWN
-            changed += how[s, c] == _CHANGED
+            tracked_count += how[s, c] != _UNKNOWN
+            changed_count += how[s, c] == _CHANGED
+        # A change ends the freeze. A repeat adds time, while most other segments move.
         for s in range(n):
             if how[s, c] != _SAME:
                 still_ns[s, c] = 0
@@ -180,14 +183,18 @@ def _look(
                 if changed_ns[s, c] > limit_ns:
                     moved[s, c] = True
                 continue
-            if changed > 0:
+            if changed_count > 0:
                 changed_ns[s, c] = 0
-                most_rest = tracked if c == 0 else _LIMB
-                if 2 * changed > tracked - 1 and tracked - changed <= most_rest:
+                most_rest = tracked_count if c == 0 else _LIMB
+                if (
+                    2 * changed_count > tracked_count - 1
+                    and tracked_count - changed_count <= most_rest
+                ):
                     still_ns[s, c] += gap_ns
                 elif not frozen[s, c]:
                     still_ns[s, c] = 0
                     hips_m[s, c, 0], hips_m[s, c, 1] = hips_x, hips_z
+            # Feet may rest on the floor until the hips are farther away than a leg reaches.
             longest_ns = limit_ns if c == 0 else max(limit_ns, _CALM_NS)
             if moved[s, c] and still_ns[s, c] > longest_ns and not frozen[s, c]:
                 away = np.hypot(hips_x - hips_m[s, c, 0], hips_z - hips_m[s, c, 1])

@@ -8,8 +8,8 @@ class SharedBody:
     """Pass every call on to a body or simulated participant, one at a time.
 
     A simulator hosted on real sockets measures the body from its own thread while the session
-    moves it, shows it things and measures its head. Whatever the body offers is offered here;
-    calls are made under one lock.
+    moves it, shows it scenes and measures its head. All methods of the body exist here; calls are
+    made under one lock.
     """
 
     def __init__(self, body: Any) -> None:
@@ -17,14 +17,14 @@ class SharedBody:
         self._lock = threading.RLock()
 
     def __getattr__(self, name: str) -> Any:
-        found = getattr(self._body, name)
-        if not callable(found):
-            return found
+        attribute = getattr(self._body, name)
+        if not callable(attribute):
+            return attribute
         lock = self._lock
 
         def alone(*args: Any, **kwargs: Any) -> Any:
             with lock:
-                return found(*args, **kwargs)
+                return attribute(*args, **kwargs)
 
-        self.__dict__[name] = alone  # found at once from now on
+        self.__dict__[name] = alone  # no lookup from now on
         return alone

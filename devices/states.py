@@ -1,4 +1,4 @@
-"""What can be said of roles and drivers without opening anything."""
+"""The states of roles and drivers, without opening a device."""
 
 import importlib.util
 from dataclasses import dataclass
@@ -41,13 +41,13 @@ def is_installed(library: Library) -> bool:
     """Tell whether a library can be imported, without importing it."""
     try:
         return importlib.util.find_spec(library.module) is not None
-    except (ImportError, ValueError):  # its parent package is missing, or half installed
+    except (ImportError, ValueError):  # its parent package is missing or incomplete
         return False
 
 
 def role_states(lab: LabConfig) -> tuple[RoleState, ...]:
     """Return every configured role."""
-    found = []
+    states = []
     for role, device in lab.devices.items():
         facts = driver_spec(device.driver)
         missing = _missing(facts)
@@ -59,8 +59,8 @@ def role_states(lab: LabConfig) -> tuple[RoleState, ...]:
             runtime = facts.wire.runtime
             state = f"needs {RUNTIMES[runtime]}" if runtime else "ready to be tested"
             state = missing or state
-        found.append(RoleState(role, device.driver, device.simulated, not needs, state))
-    return tuple(found)
+        states.append(RoleState(role, device.driver, device.simulated, not needs, state))
+    return tuple(states)
 
 
 def driver_states() -> tuple[DriverState, ...]:

@@ -42,8 +42,8 @@ class StreamFigures:
 
 @dataclass(frozen=True)
 class ClockFigures:
-    """How a device's clock stands to ours; `bound_ms` is half the best round trip, the most by
-    which an unequal link can mislead the offset; None for a device that answers no requests.
+    """A device's clock compared with ours; `bound_ms` is half the best round trip, the largest
+    error of the offset by an asymmetric link; None for a device that answers no requests.
     `drift_ppm` is None for a capture too short to know it.
     """
 
@@ -65,8 +65,8 @@ def stream_figures(
         np.concatenate([getattr(b, name) for b in own]) if own else empty
         for name in ("seq", "t_device_ns", "t_host_ns")
     )
-    known = (device != NO_DEVICE_TIME).all() if count else False
-    stamps = device if known else host
+    has_device_time = (device != NO_DEVICE_TIME).all() if count else False
+    stamps = device if has_device_time else host
     steps = np.diff(stamps)
     rate_hz = None
     if count > 1 and stamps[-1] > stamps[0]:
@@ -77,7 +77,7 @@ def stream_figures(
         longest_ms = float(steps.max() / NS_PER_MS)
     jitter_ms = delay_ms = late_ms = None
     enough = count >= MIN_FOR_FIGURES and np.unique(device).size >= MIN_FOR_FIGURES
-    is_own = known and not np.array_equal(device, host)  # else it is stamped by our own clock
+    is_own = has_device_time and not np.array_equal(device, host)  # else stamped by our own clock
     if is_own and enough and schema.nominal_rate_hz > 0:
         fit = steady_fit(pairs) if pairs else fit_one_way(device, host)
         delays = (host - fit.to_host_ns(device)) / NS_PER_MS

@@ -53,8 +53,8 @@ FRAME_TIMING = StreamSchema(
         Field("render_gpu_ms", "f4", "ms", description="the runtime's own; NaN if unknown"),
     ),
 )
-"""What became of every frame, by the headset runtime's own account, one row per frame, delivered
-with the frame after it; a headset's second stream, of those that know."""
+"""The timing of every frame as reported by the headset's runtime, one row per frame, delivered with
+the next frame; the second stream of headsets that report it."""
 
 RESPONSES = StreamSchema(
     name="responses",
@@ -75,7 +75,7 @@ POINTER = StreamSchema(
         Field("valid", "?", "", description="the controller is tracked"),
     ),
 )
-"""Where a controller points; a response device's second stream, of those that know."""
+"""The pose of a controller; the second stream of response devices that know it."""
 
 HAPTICS = StreamSchema(
     name="haptics",
@@ -111,15 +111,15 @@ SOUND = StreamSchema(
         Field("stamped", "?", "", description="the card said when; else its usual latency"),
     ),
 )
-"""What became of every sound; `t_device_ns` is the card's own time of the event, `t_sounding_ns`
-the same on the session's clock. What comes behind the card is not in it."""
+"""The events of every sound; `t_device_ns` is the card's own time of the event, `t_sounding_ns` the
+same on the session's clock. Delays after the card are not included."""
 
 SOUND_EVENTS = ("began", "ended", "stopped", "underflow")
 """Events of the `SOUND` stream by code: first sample, last sample, ended on command, and a hole in
 everything that sounded."""
 
 NO_DEVICE_TIME = -(2**63)
-"""Stands in `t_device_ns` where the device told no time, in `t_sent_ns` of what was never sent."""
+"""Value of `t_device_ns` if the device gave no time, of `t_sent_ns` if nothing was sent."""
 
 BAND = StreamSchema(
     name="band",
@@ -141,7 +141,7 @@ BAND = StreamSchema(
         ),
     ),
 )
-"""What a band tells of itself: about once a second, and whenever something happens."""
+"""Reports of a band about itself: about once a second, and at every event."""
 
 BAND_EVENTS = (
     "report",
@@ -164,12 +164,12 @@ frames, silenced at the end of a time to live, and so on."""
 
 def body_schema(segments: Sequence[str], rate_hz: float) -> StreamSchema:
     """Return the stream of a body tracker: every segment, every sample, in a fixed order."""
-    n, listed = len(segments), " ".join(segments)
+    n, segment_list = len(segments), " ".join(segments)
     return StreamSchema(
         name="body",
         nominal_rate_hz=rate_hz,
         fields=(
-            Field("position_m", "f4", "m", "world", (n, 3), f"origins of: {listed}"),
+            Field("position_m", "f4", "m", "world", (n, 3), f"origins of: {segment_list}"),
             Field("orientation_wxyz", "f4", "1", "world", (n, 4), "identity in a T-pose to −z"),
             Field("valid", "?", "", shape=(n,), description="segment was tracked"),
         ),

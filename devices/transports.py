@@ -22,7 +22,7 @@ REAL_TIME_STEP_NS = NS_PER_MS
 
 
 class Message(NamedTuple):
-    """What arrived, and when by the session clock.
+    """A message and its arrival by the session clock.
 
     `t_sent_ns` is None for a subscribed message; for the reply to a `post` it is the time at
     which that request left.
@@ -113,9 +113,9 @@ class PatientPeer(Protocol):
     """A peer whose messages may be read later than they arrive, and then all at once."""
 
     def may_wait(self, t_ns: int) -> bool:
-        """Tell whether what it sends by now is the same, with the same times, when read later.
+        """Tell whether its messages so far are the same, with the same times, when read later.
 
-        It then does whatever cannot be done as well by a later `advance`.
+        If so, it first does everything that a later `advance` could not do as well.
         """
         ...
 
@@ -165,7 +165,7 @@ class MemoryTransport:
         self._peer.outgoing(now_ns)
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
-        """Return what has arrived by now, in arrival order."""
+        """Return the messages that have arrived, in order of arrival."""
         messages = self._arrived(self._clock.now_ns())
         if messages or timeout_s <= 0:
             return messages
@@ -176,9 +176,9 @@ class MemoryTransport:
         return messages
 
     def put_off(self) -> bool:
-        """Tell whether a later `receive` may bring what has come by now.
+        """Tell whether the messages so far may wait for a later `receive`.
 
-        Not while the answer to a `post` is under way: it is heard when it arrives.
+        They may not while the answer to a `post` is on its way, which is read when it arrives.
         """
         patient = self._patient
         if patient is None or self._replies:
@@ -190,7 +190,7 @@ class MemoryTransport:
         self._peer.accept(frames, self._clock.now_ns())
 
     def close(self) -> None:
-        """Forget what was under way."""
+        """Forget messages under way."""
         self._topics = ()
         self._replies.clear()
 
@@ -204,9 +204,9 @@ class MemoryTransport:
 
     def _arrived(self, now_ns: int) -> Sequence[Message]:
         self._peer.advance(now_ns)
-        published = self._peer.outgoing(now_ns)
+        all_messages = self._peer.outgoing(now_ns)
         topics = self._topics
-        messages = [m for m in published if m.frames[0].startswith(topics)] if topics else []
+        messages = [m for m in all_messages if m.frames[0].startswith(topics)] if topics else []
         if self._replies and self._replies[0].t_host_ns <= now_ns:
             while self._replies and self._replies[0].t_host_ns <= now_ns:
                 messages.append(self._replies.popleft())

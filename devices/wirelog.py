@@ -1,8 +1,8 @@
 """Write what crosses a wire to a `.wire` file, and play such a file back; messages or bytes.
 
 The file is a sequence of msgpack values: a header map, then one list per record, appended and
-flushed as it happens; a torn tail is ignored when reading. Times are session nanoseconds. Of a
-byte link a received record is one chunk that came, a sent one what went out.
+flushed as it happens; a torn tail is ignored when reading. Times are session nanoseconds. For a
+byte link a received record is one chunk that arrived, a sent record one write.
 """
 
 import bisect
@@ -29,9 +29,9 @@ _MESSAGE, _EXCHANGE, _SENT = 0, 1, 2
 
 @dataclass(frozen=True)
 class WireLog:
-    """What a `.wire` file holds, times as recorded; `exchanges` pairs requests with answers.
+    """The content of a `.wire` file, times as recorded; `exchanges` pairs requests with answers.
 
-    `note` is what its writer said of it, such as driver and options; empty in old files.
+    `note` is the writer's description, such as driver and options; empty in old files.
     """
 
     transport: str
@@ -46,7 +46,7 @@ def read_wire_log(path: Path) -> WireLog:
     """Read a `.wire` file up to its last whole record; raises DataError when it is none."""
     messages: list[Message] = []
     exchanges: list[tuple[Frames, Exchange]] = []
-    sent: list[Message] = []
+    sent_messages: list[Message] = []
     with path.open("rb") as file:
         records = msgpack.Unpacker(file, use_list=False)
         try:
@@ -73,7 +73,7 @@ def read_wire_log(path: Path) -> WireLog:
                     exchanges.append((request, Exchange(answer, send_ns, receive_ns)))
                 elif kind == _SENT:
                     t_host_ns, frames = fields
-                    sent.append(Message(t_host_ns, frames))
+                    sent_messages.append(Message(t_host_ns, frames))
             except (TypeError, ValueError) as cause:
                 raise DataError(f"{path}: record {number} is no wire log record") from cause
     return WireLog(
@@ -81,7 +81,7 @@ def read_wire_log(path: Path) -> WireLog:
         bool(header.get("is_simulated", False)),
         tuple(messages),
         tuple(exchanges),
-        tuple(sent),
+        tuple(sent_messages),
         dict(header.get("note", {})),
     )
 
@@ -90,7 +90,7 @@ def _whole(records: msgpack.Unpacker, path: Path) -> Iterator[Any]:
     """Yield every whole record; a torn last one ends them.
 
     Raises:
-        DataError: what stands there is no msgpack.
+        DataError: the content is no msgpack.
     """
     try:
         yield from records
@@ -127,7 +127,7 @@ class _Tee(Generic[W]):
 
     @property
     def is_simulated(self) -> bool:
-        """Tell what the wire tells."""
+        """Return the answer of the wire."""
         return self._inner.is_simulated
 
     def open(self, deadline_s: float) -> None:
@@ -135,7 +135,7 @@ class _Tee(Generic[W]):
         self._inner.open(deadline_s)
         if self._file is None:
             flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0)
-            # what a tracker tells of somebody is for this account alone
+            # personal data: readable by this account only
             self._file = os.fdopen(os.open(self._path, flags, 0o600), "ab", buffering=0)
             if self._file.tell() == 0:
                 self._write(
@@ -230,7 +230,7 @@ class _Replay:
     kind = "replay"
     is_simulated = True
     begins_when_asked = False
-    """Whether what was sent counts for when the file begins."""
+    """Whether the first sent record also sets the beginning of the file."""
 
     def __init__(self, path: Path, clock: Clock) -> None:
         self._path = path
@@ -238,33 +238,33 @@ class _Replay:
         self._shift_ns = 0
 
     def _log(self) -> WireLog:
-        """Read the file; its times are to be moved so that it begins now."""
+        """Read the file, and store the shift of its times that lets it begin now."""
         try:
             log = read_wire_log(self._path)
         except OSError as cause:
             raise DeviceNotFound(
                 f"cannot read {self._path}: {cause.strerror}", remedy="check the path"
             ) from cause
-        begun = log.messages + (log.sent[:1] if self.begins_when_asked else ())
-        starts = [e.t_send_ns for _, e in log.exchanges] + [m.t_host_ns for m in begun]
+        first_messages = log.messages + (log.sent[:1] if self.begins_when_asked else ())
+        starts = [e.t_send_ns for _, e in log.exchanges] + [m.t_host_ns for m in first_messages]
         self._shift_ns = self._clock.now_ns() - min(starts, default=0)
         return log
 
     def _awaited(self, due: Callable[[], list[T]], timeout_s: float) -> list[T]:
-        """Return what is due; wait for it at most so long."""
-        found = due()
+        """Return the items that are due; wait for them for at most `timeout_s`."""
+        items = due()
         deadline_ns = self._clock.now_ns() + round(timeout_s * NS_PER_S)
-        while not found and (now_ns := self._clock.now_ns()) < deadline_ns:
+        while not items and (now_ns := self._clock.now_ns()) < deadline_ns:
             self._clock.sleep_until_ns(min(now_ns + NS_PER_MS, deadline_ns))
-            found = due()
-        return found
+            items = due()
+        return items
 
 
 class ReplayTransport(_Replay):
     """Play a `.wire` file through the driver that wrote it, moved to begin when opened.
 
-    Requests get the recorded answers of the same first frame in their order, the last one over
-    and over; one that was never answered times out. Messages keep their spacing.
+    Requests get the recorded answers to the same first frame in order, then the last one again and
+    again; a request without an answer times out. Messages keep their spacing.
     """
 
     def __init__(self, path: Path, clock: Clock) -> None:
@@ -300,7 +300,7 @@ class ReplayTransport(_Replay):
         """Do nothing: recorded answers come by themselves."""
 
     def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: what was recorded was subscribed."""
+        """Do nothing: the recorded messages were subscribed."""
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return the messages whose moved time has come."""
@@ -327,9 +327,9 @@ class ReplayTransport(_Replay):
 class ReplayLink(_Replay):
     """Play a `.wire` file through the driver that wrote it, moved to begin when opened.
 
-    A chunk comes when its moved time has come and the driver has written as often as the
-    recorded one had by then; so answers meet their questions when the same calls are made. An
-    answer to a question that was asked later than in the recording comes later by as much.
+    A chunk arrives once its moved time has come and the driver has written as often as in the
+    recording; so answers follow their requests when the same calls are made. If a request comes
+    later than in the recording, its answer is delayed by as much.
     """
 
     begins_when_asked = True
@@ -350,8 +350,8 @@ class ReplayLink(_Replay):
         for message in log.messages:
             before = bisect.bisect_right(sent_ns, message.t_host_ns)
             delay_ns = message.t_host_ns - sent_ns[before - 1] if before else 0
-            moved = Chunk(message.t_host_ns + self._shift_ns, message.frames[0])
-            self._chunks.append((moved, before, delay_ns))
+            chunk = Chunk(message.t_host_ns + self._shift_ns, message.frames[0])
+            self._chunks.append((chunk, before, delay_ns))
 
     @property
     def is_finished(self) -> bool:

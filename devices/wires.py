@@ -1,4 +1,4 @@
-"""What stands between a driver and its wire: nothing, a log being written, or a log played back."""
+"""Layers between a driver and its wire: none, a log being written, or a log played back."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -69,7 +69,7 @@ class CapturedWires:
 
 
 class ReplayedWires:
-    """Play one `.wire` file to whatever driver is built; no wire is ever made."""
+    """Play one `.wire` file to the driver that is built; no wire is made."""
 
     def __init__(self, path: Path, clock: Clock) -> None:
         self._path = path

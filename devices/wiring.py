@@ -23,27 +23,27 @@ from visavis.lab.errors import ConfigError
 O = TypeVar("O", bound=Options)  # noqa: E741 - of options
 P = TypeVar("P", bound=Peer)
 W = TypeVar("W")
-"""What a driver sits on: a `MessageTransport`, a `ByteLink`, or what it alone knows."""
+"""The wire of a driver: a `MessageTransport`, a `ByteLink`, or a type that it alone knows."""
 
 
 @dataclass(frozen=True)
 class Site(Generic[O]):
-    """Where a device is to work: its role, its options, and what is around it."""
+    """The surroundings of a device: its role, its options, and the session around it."""
 
     spec: DriverSpec[O]
     role: str
     clock: Clock
     options: O
     body: Body | None = None
-    """Whom a simulated device measures."""
+    """The body that a simulated device measures."""
     faults: FaultSchedule | None = None
-    """What goes wrong on a simulated wire."""
+    """The faults of a simulated wire."""
     seed: int = 0
     """The session's."""
     shared: dict[str, Any] = field(default_factory=dict)
-    """What the devices of one rig have in common, such as a runtime's connection, by name."""
+    """Objects shared by the devices of one rig, such as a runtime's connection, by name."""
     stack: ExitStack = field(default_factory=ExitStack)
-    """What has to be closed after the devices."""
+    """Resources to close after the devices."""
 
     @property
     def own_seed(self) -> int:
@@ -80,7 +80,7 @@ class Wiring(Generic[O, W]):
     simulated: Callable[[Site[O]], W] | None = None
     """Returns a wire to its simulator; None: it has none."""
     set_up: Callable[[Site[O]], str] | None = None
-    """Leads the operator through the device's own set-up and says what came of it."""
+    """Leads the operator through the device's own set-up and returns the result in words."""
 
     def on_wire(self, role: str, clock: Clock, wire: W | None = None, /, **options: Any) -> Device:
         """Return the device on a wire of the caller's, or on its real one: for scripts and tests.
@@ -134,7 +134,7 @@ def linked_by(link: Callable[..., W], *names: str, **more: Any) -> Callable[[Sit
 def streaming_peer(site: Site[Any], simulator: Callable[..., P]) -> P:
     """Return a simulator that streams what it measures of the body.
 
-    It is made of body, clock, seed, faults and what the options say for it.
+    It is made from body, clock, seed, faults and its options.
     """
     has_limbs = site.spec.kind in ("body tracker", "armband")
     return simulator(
@@ -154,7 +154,7 @@ def streamed_by(simulator: Callable[..., Peer]) -> Callable[[Site[Any]], Message
 def spoken_by(simulator: Callable[..., BytePeer]) -> Callable[[Site[Any]], ByteLink]:
     """Return a `simulated`: a memory link to a device that speaks by itself.
 
-    It is made of role, clock, seed, body, faults and what the options say for it.
+    It is made from role, clock, seed, body, faults and its options.
     """
 
     def link(site: Site[Any]) -> ByteLink:
@@ -184,4 +184,4 @@ def worn_as(simulator: Callable[..., BytePeer], **more: Any) -> Callable[[Site[A
 
 
 def no_wire(site: Site[Any]) -> None:
-    """Stand where a device has no wire that could be captured."""
+    """Return None: the device has no wire that could be captured."""

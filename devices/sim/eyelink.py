@@ -19,7 +19,7 @@ SAMPLE = struct.Struct("<dB6d")
 MISSING = -32768.0
 OK_RESULT, NO_REPLY = 0, 1000
 DEFAULT_PX = (1280, 1024)
-"""The pixels a host computer takes its display to have until it is told."""
+"""The display pixels that a host computer assumes until it gets others."""
 EDF_NAME = re.compile(r"[A-Z0-9_]{1,8}\.EDF")
 PUPIL_UNITS_PER_MM = 1000.0
 VERSION = "EYELINK CL 5.15"
@@ -28,8 +28,8 @@ VERSION = "EYELINK CL 5.15"
 class EyeLinkSimulator(GazePeer):
     """Send link samples of a body that looks at a screen; `verdict` is the host's code.
 
-    `told_px` are the pixels that the host was told its display has; on a memory wire, which has no
-    library that would say it, those of the options.
+    `told_px` are the display pixels that were sent to the host; on a memory wire, without a library
+    that sends them, those of the options.
     """
 
     usual_rate_hz = 1000.0
@@ -60,12 +60,12 @@ class EyeLinkSimulator(GazePeer):
         step_ns = NS_PER_MS if self.source.rate_hz <= 1000 else NS_PER_MS // 2
         time_ms = shot.t_device_ns // step_ns * step_ns / NS_PER_MS
         numbers: list[float] = []
-        for x_m, ray, seen in (
+        for x_m, ray, is_seen in (
             (-EYE_X_M, shot.left, shot.left_seen),
             (EYE_X_M, shot.right, shot.right_seen),
         ):
             x, y = self._screen.shares_of((x_m, 0.0, 0.0), ray)
-            if seen and x == x:
+            if is_seen and x == x:
                 pupil = shot.pupil_mm * PUPIL_UNITS_PER_MM
                 numbers += [x * self.told_px[0], y * self.told_px[1], pupil]
             else:
@@ -100,8 +100,8 @@ class EyeLinkSimulator(GazePeer):
 class FakePylink:
     """Stand in for the module `pylink`: only its `EyeLink` class, over a simulator.
 
-    `files` holds the messages of each file on the host computer, by its name; what was said while
-    none was open is nowhere.
+    `files` holds the messages of each file on the host computer, by its name; messages sent while
+    none was open are lost.
     """
 
     def __init__(self, simulator: EyeLinkSimulator, clock: Clock) -> None:
@@ -147,7 +147,7 @@ class FakeTracker:
         self._is_offline, self.recording = True, False
 
     def startRecording(self, *flags: int) -> int:  # noqa: N802
-        """Start; older samples are gone. Nothing is recorded to a file that is not open."""
+        """Start; older samples are lost. Nothing is recorded while no file is open."""
         if not self._is_offline or (flags[0] and self._open is None):
             return -1
         self.recording, self._is_offline = True, False
@@ -160,7 +160,7 @@ class FakeTracker:
         self.recording = False
 
     def openDataFile(self, name: str) -> int:  # noqa: N802
-        """Open a file on the host computer, in offline mode and by a name that it takes."""
+        """Open a file on the host computer; needs offline mode and a valid name."""
         if not self._is_offline or EDF_NAME.fullmatch(name.upper()) is None:
             return -1
         self._open = name
@@ -206,7 +206,7 @@ class FakeTracker:
         return 0
 
     def readTime(self) -> int:  # noqa: N802
-        """Return the host's whole milliseconds, once; 0 while nothing came."""
+        """Return the host's time in whole milliseconds, once; 0 while there is none."""
         if self._answer_ns is None or self._library.clock.now_ns() < self._answer_ns:
             return 0
         self._answer_ns = None
@@ -225,7 +225,7 @@ class FakeTracker:
         return self._library.simulator.verdict_text
 
     def sendMessage(self, text: str) -> int:  # noqa: N802
-        """Take a message for the file that is open; with none it is lost."""
+        """Store a message in the open file; without one it is lost."""
         if self._open is not None:
             self._library.files[self._open].append(text)
         return 0

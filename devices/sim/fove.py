@@ -1,4 +1,4 @@
-"""FoveClient as seen by its caller: in memory, or as a C library compiled from `native/fove`.
+"""FoveClient for its caller: in memory, or as a C library compiled from `native/fove`.
 
 Written from FOVE SDK 1.4.0's names, types and codes. Not modelled: gaze depth, presence, attention
 shift, the compositor, the picture of the calibration, licences; the calibration follows its
@@ -89,12 +89,12 @@ class FoveSimulator(GazePeer):
 
 
 def eye_frame(shot: Shot, vector_code: int = 0) -> bytes:
-    """Return what the getters give for a sample: +z forward, radii in metres."""
+    """Return the values of the getters for a sample: +z forward, radii in metres."""
     values: list[float] = [shot.number, shot.t_device_ns // 1000]
-    for ray, seen in ((shot.left, shot.left_seen), (shot.right, shot.right_seen)):
-        state = 1 if seen else (2 if shot.openness_01 < OPEN_SHARE else 0)
+    for ray, is_seen in ((shot.left, shot.left_seen), (shot.right, shot.right_seen)):
+        state = 1 if is_seen else (2 if shot.openness_01 < OPEN_SHARE else 0)
         values += [vector_code, ray[0], ray[1], -ray[2]]
-        values += [0, state, 0, shot.pupil_mm * 0.5e-3 if seen else 0.0]
+        values += [0, state, 0, shot.pupil_mm * 0.5e-3 if is_seen else 0.0]
     mean = [(a + b) / 2 for a, b in zip(shot.left, shot.right, strict=True)]
     if shot.left_seen != shot.right_seen:
         mean = list(shot.left if shot.left_seen else shot.right)
@@ -147,7 +147,7 @@ class FoveStub:
         self._library.fove_stub_connected(int(connected))
 
     def push(self, frame: bytes) -> None:
-        """Make an eye frame the newest one and wake whoever waits."""
+        """Store an eye frame as the newest one and wake the callers that wait."""
         self._library.fove_stub_push(frame)
 
     def _serve(self) -> None:

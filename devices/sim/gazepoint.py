@@ -2,7 +2,7 @@
 
 Written from public clients of the API. Not modelled: the camera picture, the fixation filter,
 custom calibration points, the server's own recording. The stream is cut and joined at places
-drawn from the seed; a stream cannot lose or reorder bytes, so those faults befall whole records.
+drawn from the seed; a stream cannot lose or reorder bytes, so those faults apply to whole records.
 """
 
 import selectors
@@ -81,15 +81,15 @@ class GazepointSimulator(GazePeer):
         return (self._record(shot).encode(),)
 
     def outgoing(self, until_ns: int) -> list[Message]:
-        """Give up what has arrived: lines of one time joined, some chunks cut in two."""
-        joined: list[tuple[int, bytes]] = []
+        """Return the chunks that have arrived: lines of one time joined, some chunks cut in two."""
+        packets: list[tuple[int, bytes]] = []
         for message in super().outgoing(until_ns):
-            if joined and joined[-1][0] == message.t_host_ns:
-                joined[-1] = (message.t_host_ns, joined[-1][1] + message.frames[0])
+            if packets and packets[-1][0] == message.t_host_ns:
+                packets[-1] = (message.t_host_ns, packets[-1][1] + message.frames[0])
             else:
-                joined.append((message.t_host_ns, message.frames[0]))
+                packets.append((message.t_host_ns, message.frames[0]))
         chunks: list[Message] = []
-        for at_ns, data in joined:
+        for at_ns, data in packets:
             cut = 0
             if len(data) > 2 and self._splits.random() < self._split_share:
                 cut = int(self._splits.integers(1, len(data) - 1))
@@ -149,21 +149,21 @@ class GazepointSimulator(GazePeer):
             ("L", -EYE_X_M, shot.left, shot.left_seen),
             ("R", EYE_X_M, shot.right, shot.right_seen),
         )
-        for eye, x_m, ray, seen in eyes:
+        for eye, x_m, ray, is_seen in eyes:
             x, y = self._screen.shares_of((dx + x_m, dy, dz), ray)
-            seen = seen and x == x
-            points.append((x, y) if seen else None)
-            px, py = (x, y) if seen else (0.0, 0.0)
-            fields.append(f'{eye}POGX="{px:.6f}" {eye}POGY="{py:.6f}" {eye}POGV="{int(seen)}"')
-        known = [p for p in points if p is not None]
-        bx, by = np.mean(known, axis=0) if known else (0.0, 0.0)
-        fields.append(f'BPOGX="{bx:.6f}" BPOGY="{by:.6f}" BPOGV="{int(bool(known))}"')
+            is_seen = is_seen and x == x
+            points.append((x, y) if is_seen else None)
+            px, py = (x, y) if is_seen else (0.0, 0.0)
+            fields.append(f'{eye}POGX="{px:.6f}" {eye}POGY="{py:.6f}" {eye}POGV="{int(is_seen)}"')
+        seen_points = [p for p in points if p is not None]
+        bx, by = np.mean(seen_points, axis=0) if seen_points else (0.0, 0.0)
+        fields.append(f'BPOGX="{bx:.6f}" BPOGY="{by:.6f}" BPOGV="{int(bool(seen_points))}"')
         cx, cy, cz = self._camera
-        for eye, x_m, _, seen in eyes:
+        for eye, x_m, _, is_seen in eyes:
             px, py, pz = dx + x_m - cx, dy - cy, dz - cz
             at = f'{eye}EYEX="{px:.6f}" {eye}EYEY="{py:.6f}" {eye}EYEZ="{pz:.6f}"'
-            pupil_m = shot.pupil_mm * 1e-3 if seen else 0.0
-            fields.append(f'{at} {eye}PUPILD="{pupil_m:.8f}" {eye}PUPILV="{int(seen)}"')
+            pupil_m = shot.pupil_mm * 1e-3 if is_seen else 0.0
+            fields.append(f'{at} {eye}PUPILD="{pupil_m:.8f}" {eye}PUPILV="{int(is_seen)}"')
         fields.append(f'USER="{self._user}"')
         self._user = ""
         return f"<REC {' '.join(fields)} />\r\n"
@@ -174,10 +174,10 @@ class GazepointSimulator(GazePeer):
         fields = []
         any_seen = False
         for i, (x, y) in enumerate(CALIBRATION_POINTS):
-            seen = self._open[i * per_point : (i + 1) * per_point] or [(False, False)]
+            samples = self._open[i * per_point : (i + 1) * per_point] or [(False, False)]
             fields.append(f'CALX{i + 1}="{x:.5f}" CALY{i + 1}="{y:.5f}"')
             for k, eye in enumerate("LR"):
-                valid = sum(s[k] for s in seen) * 2 > len(seen)
+                valid = sum(s[k] for s in samples) * 2 > len(samples)
                 any_seen = any_seen or valid
                 dx, dy = self._splits.normal(0.0, 0.005, 2)
                 fields.append(f'{eye}X{i + 1}="{x + dx:.5f}" {eye}Y{i + 1}="{y + dy:.5f}"')
@@ -232,7 +232,7 @@ class GazepointHost:
         try:
             while not self._stopping.is_set():
                 self._turn()
-        except Exception as failure:  # a thread top: leaving the context hands it on
+        except Exception as failure:  # top of a thread: leaving the context raises it
             self._failure = failure
         for one in (self._client, self._listener):
             if one is not None:
@@ -273,7 +273,7 @@ class GazepointHost:
         try:
             data = self._client.recv(65_536)
         except OSError:
-            data = b""  # the client's reset is its end
+            data = b""  # a reset by the client ends the connection
         if data:
             self._simulator.handle_request((data,), self._clock.now_ns())
         else:

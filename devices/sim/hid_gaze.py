@@ -25,9 +25,9 @@ def _collection(usage: int, kind: int, *items: bytes) -> bytes:
 
 
 def _values(*usages: int, size: int = 32, count: int | None = None, item: int = 0x81) -> bytes:
-    listed = b"".join(struct.pack("<BH", 0x0A, usage) for usage in usages)
+    usage_items = b"".join(struct.pack("<BH", 0x0A, usage) for usage in usages)
     n = len(usages) if count is None else count
-    return listed + bytes((0x75, size, 0x95, n, item, 0x02))
+    return usage_items + bytes((0x75, size, 0x95, n, item, 0x02))
 
 
 _PADDING = bytes((0x75, 8, 0x95, 3, 0x81, 0x03))
@@ -85,10 +85,10 @@ class HidGazeSimulator(GazePeer):
         if not (shot.left_seen or shot.right_seen):
             return REPORT.pack(0x10, ticks, *[UNAVAILABLE] * 8)
         eyes: list[int] = []
-        for x_m, seen in ((-EYE_X_M, shot.left_seen), (EYE_X_M, shot.right_seen)):
-            eyes += self._from_top_left_um((x_m, 0.0, 0.0)) if seen else [UNAVAILABLE] * 3
+        for x_m, is_seen in ((-EYE_X_M, shot.left_seen), (EYE_X_M, shot.right_seen)):
+            eyes += self._from_top_left_um((x_m, 0.0, 0.0)) if is_seen else [UNAVAILABLE] * 3
         rays = [(-EYE_X_M, shot.left, shot.left_seen), (EYE_X_M, shot.right, shot.right_seen)]
-        points = [self._screen.shares_of((x, 0.0, 0.0), ray) for x, ray, seen in rays if seen]
+        points = [self._screen.shares_of((x, 0.0, 0.0), ray) for x, ray, is_seen in rays if is_seen]
         x = sum(p[0] for p in points) / len(points)
         y = sum(p[1] for p in points) / len(points)
         if x != x or abs(x) > 100 or abs(y) > 100:
@@ -141,10 +141,10 @@ class FakeHidapi:
             "serial_number": SERIAL,
             "product_string": "Simulated eye tracker",
         }
-        gone = self.simulator.source.gone(self.clock.now_ns())
+        is_gone = self.simulator.source.gone(self.clock.now_ns())
         return [
             {"usage_page": 1, "usage": 6, "path": b"/dev/keyboard"},
-            *([] if gone else [tracker]),
+            *([] if is_gone else [tracker]),
         ]
 
     def device(self) -> "FakeHidDevice":

@@ -1,4 +1,4 @@
-"""Read what a program hands to a simulated headset runtime, from the card, by GL name."""
+"""Read images that a program submits to a simulated headset runtime, from the card by GL name."""
 
 import numpy as np
 import numpy.typing as npt
@@ -7,7 +7,7 @@ from visavis.devices.current_gl import GlCopies, current_context
 
 
 class ImageReader:
-    """Read textures of whatever context is current, as a runtime in the same process would."""
+    """Read textures of the current context, like a runtime in the same process."""
 
     def __init__(self) -> None:
         self._copies: dict[int, GlCopies] = {}

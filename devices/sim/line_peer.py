@@ -1,4 +1,4 @@
-"""A device that tells a sample per line of text, at a rate: what simulators of such share.
+"""Common part of simulated devices that send one line of text per sample, at a rate.
 
 Faults: late_start, disconnect, silence, loss, garbage, clock_jump, drift. Lines arrive 2 ms after
 their sample. Not modelled: echoes, flow control, a device that waits to be started.
@@ -46,30 +46,30 @@ class LinePeer(ABC):
         """Return the line of a sample taken at this time of the session, without its end."""
 
     def connect(self, t_ns: int) -> None:
-        """Take a connection; what was said before is lost."""
+        """Take a connection; earlier lines are lost."""
         if self._active("disconnect", t_ns) or self._active("late_start", t_ns):
             raise DeviceNotFound(f"the simulated {self._role} is not there", remedy="wait for it")
         self._told_ns = t_ns
 
     def accept(self, data: bytes, t_ns: int) -> None:  # noqa: B027 - most are told nothing
-        """Take what the host says; nothing comes of it."""
+        """Ignore bytes of the host."""
 
     def outgoing(self, until_ns: int) -> Sequence[Chunk]:
         """Return the lines that have arrived."""
         if self._active("disconnect", until_ns):
             raise DeviceDisconnected(f"the simulated {self._role} is gone", remedy="wait for it")
-        found = []
+        chunks = []
         first = int((self._told_ns - WIRE_NS) * self.rate_hz // NS_PER_S) + 1
         last = int((until_ns - WIRE_NS) * self.rate_hz // NS_PER_S)
         for number in range(max(first, 0), last + 1):
             t_ns = round(number * NS_PER_S / self.rate_hz)
             if not self._active("silence", t_ns):
-                found += self._told(t_ns)
+                chunks += self._told(t_ns)
         self._told_ns = max(self._told_ns, until_ns)
-        return found
+        return chunks
 
     def quiet_until_ns(self, now_ns: int) -> int:
-        """Return when the next line arrives at the earliest."""
+        """Return the earliest arrival of the next line."""
         number = int((now_ns - WIRE_NS) * self.rate_hz // NS_PER_S) + 1
         return max(now_ns, round(number * NS_PER_S / self.rate_hz) + WIRE_NS)
 

@@ -14,7 +14,7 @@ COMPILERS = ("cc", "gcc", "clang")
 FLAGS = ("-std=c11", "-O1", "-fPIC", "-shared", "-Wall", "-Wextra", "-Wno-cast-function-type")
 
 INSTALL = {"linux": "apt-get install gcc", "darwin": "xcode-select --install"}
-"""How a C compiler comes onto a system; on others the runtimes were never built."""
+"""Commands that install a C compiler; on other systems the runtimes were never built."""
 WITHOUT = (
     "rehearse with drivers that need none: simulated_headset as headset, simulated_responses for "
     "controllers, simulated_body for trackers, pupil_core for gaze"
@@ -46,8 +46,8 @@ def build_library(source: str, generated: dict[str, str], library: str) -> Path:
     with tempfile.TemporaryDirectory(dir=folder) as work:
         for name, text in generated.items():
             (Path(work) / name).write_text(text)
-        built = Path(work) / "built"
-        command = [compiler, *FLAGS, f"-I{work}", str(SOURCES / source), "-o", str(built)]
+        new_library = Path(work) / "built"
+        command = [compiler, *FLAGS, f"-I{work}", str(SOURCES / source), "-o", str(new_library)]
         result = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - our own compiler call
         if result.returncode != 0:
             raise DeviceNotFound(
@@ -55,11 +55,11 @@ def build_library(source: str, generated: dict[str, str], library: str) -> Path:
                 remedy=_remedy(),
             )
         target.parent.mkdir(parents=True, exist_ok=True)
-        built.replace(target)
+        new_library.replace(target)
     return target
 
 
 def _remedy() -> str:
-    """Say what helps where nothing could be compiled."""
+    """Return the remedy if nothing could be compiled."""
     install = INSTALL.get(sys.platform)
     return WITHOUT if install is None else f"install a current one ({install}), or {WITHOUT}"

@@ -55,13 +55,13 @@ class NatNetSimulator(BodyWire):
         )
         self._names = tuple(bodies)
         self._skeleton = skeleton
-        claimed = self._faults.active("version", 0)
-        parts = claimed.text.split(".") if claimed is not None else version
+        version_fault = self._faults.active("version", 0)
+        parts = version_fault.text.split(".") if version_fault is not None else version
         self._version = (int(parts[0]), int(parts[1]))
         self._heard_ns: int | None = None
 
     def is_streaming(self, t_ns: int) -> bool:
-        """Tell whether a client was heard lately."""
+        """Tell whether a client has sent anything lately."""
         return self._heard_ns is not None and t_ns - self._heard_ns < FORGOTTEN_AFTER_NS
 
     def answer(self, request: bytes, t_ns: int) -> bytes | None:
@@ -129,12 +129,12 @@ class NatNetSimulator(BodyWire):
             head = self._skeleton.encode() + b"\0"
             head += struct.pack("<ii", SKELETON_NUMBER, len(self._names))
             bones = b"".join(self._description(i + 1, n) for i, n in enumerate(self._names))
-            described = [(2, head + bones)]
+            descriptions = [(2, head + bones)]
         else:
-            described = [(1, self._description(i + 1, n)) for i, n in enumerate(self._names)]
-        described.insert(0, (0, b"all\0" + struct.pack("<i", 1) + b"marker\0"))
-        payload = struct.pack("<i", len(described))
-        for kind, content in described:
+            descriptions = [(1, self._description(i + 1, n)) for i, n in enumerate(self._names)]
+        descriptions.insert(0, (0, b"all\0" + struct.pack("<i", 1) + b"marker\0"))
+        payload = struct.pack("<i", len(descriptions))
+        for kind, content in descriptions:
             payload += struct.pack("<i", kind)
             if self._version >= (4, 1):
                 payload += struct.pack("<i", len(content))

@@ -1,7 +1,7 @@
 """The Neon Companion app as seen from the network, without its sockets (see `neon_host`).
 
 Written from pupil-labs-realtime-api 1.9. Not modelled: video, blinks, fixations, IMU, recordings,
-templates, mDNS. Lid apertures stand in for what a lost or closed eye does: the gaze point goes on.
+templates, mDNS. A lost or closed eye only changes the lid apertures: the gaze point goes on.
 """
 
 import json
@@ -30,8 +30,8 @@ EPOCH_NS = 1_700_000_000_000_000_000
 class NeonSimulator(GazePeer):
     """Send gaze payloads of one length and answer status, calibration and time echo.
 
-    A "version" fault's text is a number of bytes by which payloads are longer than this driver
-    knows: what a newer app would send. `battery_level` is a percentage.
+    The text of a "version" fault is the number of extra bytes in each payload, as a newer app would
+    send. `battery_level` is a percentage.
     """
 
     usual_rate_hz = 200.0
@@ -67,9 +67,17 @@ class NeonSimulator(GazePeer):
         state: list[float] = []
         lids: list[float] = []
         eyes = ((-EYE_X_M, shot.left, shot.left_seen), (EYE_X_M, shot.right, shot.right_seen))
-        for x_m, ray, seen in eyes:
-            state += [shot.pupil_mm if seen else 0.0, x_m * 1e3, 0.0, 0.0, ray[0], -ray[1], -ray[2]]
-            lids += [0.3, -0.3, OPEN_MM * shot.openness_01 if seen else 0.0]
+        for x_m, ray, is_seen in eyes:
+            state += [
+                shot.pupil_mm if is_seen else 0.0,
+                x_m * 1e3,
+                0.0,
+                0.0,
+                ray[0],
+                -ray[1],
+                -ray[2],
+            ]
+            lids += [0.3, -0.3, OPEN_MM * shot.openness_01 if is_seen else 0.0]
         dual = [lx, ly, rx, ry]
         first = (lx, ly) if self._size == 17 else (bx, by)
         parts = {9: [], 17: [rx, ry], 25: dual, 65: state, 89: state + lids}

@@ -1,7 +1,7 @@
-"""A sound card behind sounddevice's interface: asks for blocks by its own crystal, stamps them.
+"""A sound card behind sounddevice's interface: requests and stamps blocks by its own clock.
 
-`played` keeps what came out lately with the card's own times. Not modelled: a card's filters, the
-air, and a system that asks late.
+`played` holds the latest output with the card's own times. Not modelled: a card's filters, the air,
+and a system that requests blocks late.
 """
 
 from collections import deque
@@ -22,8 +22,8 @@ SINCE_BOOT_S: Final = 1000.0
 
 
 class SimulatedPortAudio:
-    """What `SoundCard` uses of sounddevice. Faults: late_start, disconnect, loss (blocks that come
-    too late, which the next one tells as an underflow).
+    """The part of sounddevice that `SoundCard` uses. Faults: late_start, disconnect, loss (blocks
+    that come too late, which the next one tells as an underflow).
     """
 
     class PortAudioError(Exception):
@@ -45,7 +45,7 @@ class SimulatedPortAudio:
         self.played: deque[tuple[float, npt.NDArray[np.float32]]] = deque(maxlen=KEPT_BLOCKS)
 
     def described(self, device: str | None) -> str:
-        """Return what the card is called."""
+        """Return the name of the card."""
         return "simulated sound card"
 
     def is_active(self, kind: str) -> bool:
@@ -64,7 +64,7 @@ class SimulatedPortAudio:
 
 
 class SimulatedStream:
-    """An output stream; time passes for it whenever somebody looks at it."""
+    """An output stream; its time advances at every access."""
 
     samplerate = float(RATE_HZ)
 
@@ -77,12 +77,12 @@ class SimulatedStream:
 
     @property
     def latency(self) -> float:
-        """Seconds from a block's being asked for to its coming out."""
+        """Seconds from the request for a block to its output."""
         return self._card.latency_s
 
     @property
     def active(self) -> bool:
-        """Whether the card still asks for blocks."""
+        """Whether the card still requests blocks."""
         self._gone = self._gone or self._card.is_active("disconnect")
         return self._runs and not self._gone
 
@@ -93,12 +93,12 @@ class SimulatedStream:
         return self._card.card_s(self._card.clock.now_ns())
 
     def start(self) -> None:
-        """Begin to ask for blocks."""
+        """Begin to request blocks."""
         self._runs = True
         self._block = self._blocks_due()
 
     def stop(self) -> None:
-        """Ask for no more."""
+        """Stop requesting blocks."""
         self._runs = False
 
     def close(self) -> None:

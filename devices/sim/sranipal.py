@@ -1,4 +1,4 @@
-"""SRanipal as seen by its caller: in memory, or as a C library compiled from `native/sranipal`.
+"""SRanipal for its caller: in memory, or as a C library compiled from `native/sranipal`.
 
 Written from the vendor's public header. Not modelled: the runtime, its calibration and its
 filter, expressions, convergence, advice on tracking.
@@ -27,7 +27,7 @@ class SranipalSimulator(GazePeer):
         return (eye_data(shot) if shot.garbage is None else shot.garbage,)
 
     def answer(self, frames: Frames, t_ns: int) -> Frames | None:
-        """Be a Vive Pro Eye."""
+        """Answer as a Vive Pro Eye."""
         return frames[0], b"\x01"
 
 
@@ -56,14 +56,14 @@ def built_library() -> Path:
 
 
 class StandIn:
-    """What a test does to the stand-in: which frame it holds, how it answers."""
+    """The controls of the stand-in for tests: its frame and its return codes."""
 
     def __init__(self, path: Path) -> None:
         self._native = ctypes.CDLL(str(path))
         self.size: int = self._native.visavis_size()
 
     def hold(self, data: bytes) -> None:
-        """Give this frame to whoever asks."""
+        """Return this frame to every caller."""
         self._native.visavis_hold(data, len(data))
 
     def answer_with(self, start: int, data: int, is_vive_pro_eye: bool) -> None:
@@ -71,7 +71,7 @@ class StandIn:
         self._native.visavis_answer(start, data, int(is_vive_pro_eye))
 
     def offsets(self) -> list[int]:
-        """Return where members of the structure lie, as the C compiler puts them."""
-        found = (ctypes.c_int * 8)()
-        self._native.visavis_offsets(found)
-        return list(found)
+        """Return the offsets of the structure's members, as the C compiler lays them out."""
+        offsets = (ctypes.c_int * 8)()
+        self._native.visavis_offsets(offsets)
+        return list(offsets)

@@ -2,7 +2,7 @@
 
 The room is the body that simulated bands are worn on, the eyepiece a photodiode looks into and the
 air before a loudspeaker. The board samples it by its own clock and speaks on the real board's wire.
-`happened` keeps when each thing truly began, for a comparison with what the test makes of it.
+`happened` holds the true onset of each event, for a comparison with the test's result.
 
 Not modelled: how a panel's light rises and fades within a frame, echoes, what a strap swallows.
 """
@@ -48,7 +48,7 @@ class Planted:
 
 @dataclass
 class SimulatedRoom(OneStretch):
-    """What a participant's place would be; times are the session's."""
+    """The room at the participant's place; times are the session's."""
 
     clock: Clock
     rng: np.random.Generator
@@ -64,7 +64,7 @@ class SimulatedRoom(OneStretch):
         self._is_lit = False
 
     def show(self, lit: bool, t_display_ns: int) -> None:
-        """Take what the corner of a frame is, whose light should leave at this time."""
+        """Take the corner of a frame whose light should leave at this time."""
         if lit == self._is_lit:
             return
         self._is_lit = lit
@@ -81,26 +81,26 @@ class SimulatedRoom(OneStretch):
 
     def levels(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.uint8]:
         """Return light, sound and motion (n, 3) as the board's inputs read them."""
-        found = self.rng.normal(REST, NOISE_SD, (t_ns.size, 3))
-        switched = np.array([at for at, _ in self._light], np.int64)
-        if switched.size:
-            last = np.searchsorted(switched, t_ns, side="right") - 1
+        levels = self.rng.normal(REST, NOISE_SD, (t_ns.size, 3))
+        switch_ns = np.array([at for at, _ in self._light], np.int64)
+        if switch_ns.size:
+            last = np.searchsorted(switch_ns, t_ns, side="right") - 1
             lit = np.array([on for _, on in self._light])
-            found[:, 0] += FLASH * np.where(last >= 0, lit[last], False)
+            levels[:, 0] += FLASH * np.where(last >= 0, lit[last], False)
         for at_ns in self._clicks[-2:]:
             since_s = (t_ns - at_ns) / NS_PER_S
             sounding = (t_ns >= at_ns) & (t_ns < at_ns + CLICK_NS)
-            found[:, 1] += CLICK * sounding * np.abs(np.cos(2 * np.pi * PITCH_HZ * since_s))
+            levels[:, 1] += CLICK * sounding * np.abs(np.cos(2 * np.pi * PITCH_HZ * since_s))
         at = np.array([t for t, _ in self._buzz], np.int64)
         strength = np.array([s for _, s in self._buzz])
         last = np.maximum(np.searchsorted(at, t_ns, side="right") - 1, 0)
-        found[:, 2] += BUZZ * strength[last]  # the board tells magnitude, which knows no phase
-        return np.clip(np.rint(found), 0, 255).astype(np.uint8)
+        levels[:, 2] += BUZZ * strength[last]  # the board measures magnitude, without phase
+        return np.clip(np.rint(levels), 0, 255).astype(np.uint8)
 
     # ---- the body that is worn and tracked ----------------------------------------------------
 
     def feel(self, role: str, amplitudes_01: Sequence[float], t_ns: int) -> None:
-        """Take in what a band's motors do."""
+        """Receive the levels of a band's motors."""
         strength = max(amplitudes_01)
         if strength > 0 and self._buzz[-1][1] == 0:
             self.happened["vibration"].append(t_ns)
@@ -128,7 +128,7 @@ class SimulatedRoom(OneStretch):
 
 
 class SyncBoardSimulator:
-    """The board's `BytePeer`: samples the room, stamps with its own clock, loses what it is told.
+    """The board's `BytePeer`: samples the room, stamps with its own clock, loses blocks.
 
     `drift_ppm` is how fast its clock runs; bytes take their time at `baud`, then `latency_ms` and
     up to `jitter_ms` more; one block in `1 / loss_01` never arrives.
@@ -165,15 +165,15 @@ class SyncBoardSimulator:
         self._block = self._block_at(t_ns)
 
     def accept(self, data: bytes, t_ns: int) -> None:
-        """Answer questions for the clock."""
+        """Answer requests for the clock."""
         there_ns = t_ns + round(len(data) * self._byte_ns + self._delay_ns())
         for frame in self._reader.feed(data):
             if frame.kind == ASK:
-                told = Told(frame.seq, self._device_us(there_ns) % 2**32)
-                self._send(encode_told(told), there_ns)
+                answer = Told(frame.seq, self._device_us(there_ns) % 2**32)
+                self._send(encode_told(answer), there_ns)
 
     def outgoing(self, until_ns: int) -> Sequence[Chunk]:
-        """Sample up to this time and return what has arrived."""
+        """Sample up to this time and return the chunks that have arrived."""
         while self._block_at(until_ns) > self._block:
             first_us = self._block * BLOCK * PERIOD_US
             stamps_us = first_us + np.arange(BLOCK, dtype=np.int64) * PERIOD_US
@@ -184,10 +184,10 @@ class SyncBoardSimulator:
             self._block += 1
             if self._rng.random() >= self._loss_01:
                 self._send(encode_samples(samples), int(t_ns[-1]))
-        arrived: list[Chunk] = []
+        chunks: list[Chunk] = []
         while self._outbound and self._outbound[0].t_host_ns <= until_ns:
-            arrived.append(self._outbound.popleft())
-        return arrived
+            chunks.append(self._outbound.popleft())
+        return chunks
 
     def _block_at(self, t_ns: int) -> int:
         return self._device_us(t_ns) // (BLOCK * PERIOD_US)

@@ -46,16 +46,16 @@ class LinesPeer:
         self.received(data, t_ns)
 
     def received(self, data: bytes, t_ns: int) -> None:
-        """Take bytes that came."""
+        """Take bytes from the host."""
         self.log += [(t_ns, byte) for byte in data]
 
     def outgoing(self, until_ns: int) -> Sequence[Chunk]:
         """Return the answers that have arrived."""
         if self.is_active("disconnect", until_ns):
             raise DeviceDisconnected(f"the simulated {self._role} is gone", remedy="wait for it")
-        arrived = [chunk for chunk in self.answers if chunk.t_host_ns <= until_ns]
-        self.answers = self.answers[len(arrived) :]
-        return arrived
+        chunks = [chunk for chunk in self.answers if chunk.t_host_ns <= until_ns]
+        self.answers = self.answers[len(chunks) :]
+        return chunks
 
     def is_active(self, kind: str, t_ns: int) -> bool:
         """Tell whether a fault is in force."""
@@ -70,22 +70,22 @@ class LabJackPeer(LinesPeer):
     def received(self, data: bytes, t_ns: int) -> None:
         """Carry a packet out and answer it; one with a wrong checksum with `B8 B8`."""
         head, body = data[:6], data[6:]
-        carried = sum(body) == head[4] + 256 * head[5] and head[0] == _sum8(head[1:])
-        if not carried or head[1] != FEEDBACK or len(body) != 2 * head[2]:
+        is_intact = sum(body) == head[4] + 256 * head[5] and head[0] == _sum8(head[1:])
+        if not is_intact or head[1] != FEEDBACK or len(body) != 2 * head[2]:
             self._answer(b"\xb8\xb8", t_ns)
             return
         at, error = 1, 0
         while at < len(body) and not error:
             kind, mask, state = body[at], body[at + 1 : at + 4], body[at + 4 : at + 7]
             if kind == 0 and at == len(body) - 1:
-                break  # fills the last word
+                break  # padding of the last word
             if kind == DIRECTION_WRITE:
                 self.directions = self.directions & ~mask[1] | state[1] & mask[1]
             elif kind == IO_WRITE:
                 if mask[1]:
                     self.log.append((t_ns, state[1]))
             else:
-                error = 20  # an IO type that is not known
+                error = 20  # an unknown IO type
             at += 7
         self._answer(self._packet(bytes((error, 0, body[0], 0))), t_ns)
 

@@ -12,8 +12,8 @@ _SEED_RANGE = 2**64
 class WireNoise:
     """The generator of one wire: from (seed, `body.stretch()`), without a body from the seed.
 
-    What crosses the wire in a stretch is then the same whether or not the session was broken off
-    and resumed before it (decision 0004).
+    A stretch then has the same messages whether or not the session was interrupted and resumed
+    before it (decision 0004).
     """
 
     def __init__(self, seed: int | Sequence[int], body: Body | None) -> None:

@@ -38,7 +38,7 @@ class ZmqHost(Closing):
         )
         self._stopping = threading.Event()
         self._failure: Exception | None = None
-        # compiled here, where nobody waits for an answer: on a new machine that takes seconds
+        # compile before anybody waits for an answer: on a new machine this takes seconds
         simulator.advance(clock.now_ns() + FIRST_SAMPLES_NS)
         self._thread = threading.Thread(target=self._serve, name="zmq-host", daemon=True)
         self._thread.start()
@@ -70,7 +70,7 @@ class ZmqHost(Closing):
                 self._simulator.advance(now_ns)
                 for message in self._simulator.outgoing(now_ns):
                     self._publisher.send_multipart(message.frames)
-        except Exception as failure:  # a thread top: close() hands it on
+        except Exception as failure:  # top of a thread: close() raises it
             self._failure = failure
 
     def _answer(self, parts: list[bytes]) -> None:

@@ -26,13 +26,13 @@ SKIN_HOT_C, SKIN_COOL_C = 43.0, 41.0
 WRAP_US = 2**32
 HANG_MAX_US: Final = 150_000
 BINS: Final = 25
-"""The current one and 24 that make up the window."""
+"""The current bin and the 24 of the window."""
 ALL_MOTORS: Final = range(codec.MOTORS)
 
 
 @dataclass(frozen=True)
 class Protection:
-    """What keeps motors, supply and skin from harm; the values of firmware/armband/config.h."""
+    """Limits that protect motors, supply and skin; the values of firmware/armband/config.h."""
 
     motor_max_mv: int = 3600
     motor_worst_mv: int = 4250
@@ -55,7 +55,7 @@ class Protection:
 
 @dataclass
 class Surroundings:
-    """What the band's analogue inputs see; `skin_c` None: the thermistor is broken or absent."""
+    """Values of the band's analogue inputs; `skin_c` is None without a working thermistor."""
 
     battery_mv: int = 3900
     temperature_c: float = 25.0
@@ -64,7 +64,7 @@ class Surroundings:
 
 
 class _Ledger:
-    """For how long each motor was on, lately; a reset leaves it as it is."""
+    """For how long each motor was on in the window; a reset does not clear it."""
 
     def __init__(self) -> None:
         self.bins_us = [[0] * codec.MOTORS for _ in range(BINS)]
@@ -73,7 +73,7 @@ class _Ledger:
         self.into_us = 0
 
     def add(self, duties: tuple[int, ...], elapsed_us: int, bin_us: int) -> None:
-        """Count what has been on for this long."""
+        """Add this time to the motors that are on."""
         if any(duties):
             now_us = self.bins_us[self.at]
             for motor in ALL_MOTORS:
@@ -83,8 +83,8 @@ class _Ledger:
         self.into_us += elapsed_us
         if self.into_us < bin_us:
             return
-        passed, self.into_us = divmod(self.into_us, bin_us)
-        for _ in range(min(passed, BINS)):
+        whole_bins, self.into_us = divmod(self.into_us, bin_us)
+        for _ in range(min(whole_bins, BINS)):
             self.at = (self.at + 1) % BINS
             gone_us = self.bins_us[self.at]
             for motor in ALL_MOTORS:
@@ -122,7 +122,7 @@ class ArmbandFirmware:
     def boot(self, now_us: int) -> bytes:
         """Start anew, silent and disarmed; return the message that says so.
 
-        A program that hung left its motors on until the watchdog bit, which counts as on.
+        A program that hung left its motors on until the watchdog reset it; that time counts as on.
         """
         self._ledger.add(self.duties, HANG_MAX_US, self.protection.bin_us)
         self._reader.reset()
@@ -141,7 +141,7 @@ class ArmbandFirmware:
         self._starting_us: dict[int, int] = {}
         self.duties = (0,) * codec.MOTORS
         self.granted = self.duties
-        """What each motor does once its turn to start has come."""
+        """The duty of each motor once its turn to start has come."""
         return self._event(BOOT, now_us, 0)
 
     def feed(self, data: bytes, now_us: int) -> bytes:
@@ -149,25 +149,25 @@ class ArmbandFirmware:
         return b"".join(self._obey(frame, now_us) for frame in self._reader.feed(data))
 
     def step(self, now_us: int) -> bytes:
-        """Let time pass to `now_us`; return what the band says unasked."""
-        said = b""
+        """Let time pass to `now_us`; return the band's event messages."""
+        event_bytes = b""
         self._account(now_us)
-        said += self._look_at_budget(now_us)
+        event_bytes += self._look_at_budget(now_us)
         course = self._course
         if course is not None:
             if now_us - self._fed_us > DEAD_MAN_US:
                 self._silence()
-                said += self._event(DEAD_MAN, now_us, 0)
+                event_bytes += self._event(DEAD_MAN, now_us, 0)
             elif now_us >= course.until_us:
                 held_us = now_us - self._held_since_us
-                ended = EXPIRED if course.pattern is None else PATTERN_ENDED
+                reason = EXPIRED if course.pattern is None else PATTERN_ENDED
                 if course.pattern is None and held_us >= self.protection.hold_max_ms * 1000:
-                    self._is_held, ended = True, HELD_TOO_LONG
+                    self._is_held, reason = True, HELD_TOO_LONG
                 self._silence()
-                said += self._event(ended, now_us, course.seq)
+                event_bytes += self._event(reason, now_us, course.seq)
             else:
                 self._drive(course, now_us)
-        return said + self._look_around(now_us)
+        return event_bytes + self._look_around(now_us)
 
     @property
     def is_running(self) -> bool:
@@ -269,7 +269,7 @@ class ArmbandFirmware:
         return codec.OK
 
     def _refusal(self, motors: Sequence[int]) -> int:
-        """Say why nothing may run; `motors` are those asked for."""
+        """Return the reason why nothing may run; `motors` are the requested ones."""
         if not self._armed:
             return codec.NOT_ARMED
         if self._is_blind:
@@ -292,7 +292,7 @@ class ArmbandFirmware:
         self.duties = self.granted = (0,) * codec.MOTORS
 
     def _release(self) -> None:
-        """Silence because the host asks for it: the same setting may come again."""
+        """Silence on request of the host: the same setting may come again."""
         self._silence()
         self._is_held = False
 
@@ -314,35 +314,35 @@ class ArmbandFirmware:
             elif spent_us <= full_us - protection.bin_us:
                 self._resting[motor] = False
         after = sum(rests << motor for motor, rests in enumerate(self._resting))
-        said = b""
+        event_bytes = b""
         if after & ~before:
-            said += self._event(RESTS, now_us, after)
+            event_bytes += self._event(RESTS, now_us, after)
         if before & ~after:
-            said += self._event(RESTED, now_us, after)
-        return said
+            event_bytes += self._event(RESTED, now_us, after)
+        return event_bytes
 
     def _drive(self, course: _Course, now_us: int) -> None:
         protection, supply_mv = self.protection, self.surroundings.motor_mv
         supply_mv = supply_mv or protection.motor_worst_mv
         highest = min(255, 255 * protection.motor_max_mv // supply_mv)
-        granted = [
+        duties = [
             0 if rests else min(duty, highest)
             for duty, rests in zip(_duties(course, now_us), self._resting, strict=True)
         ]
-        self.granted = tuple(granted)
-        self._take_turns(granted, now_us)
+        self.granted = tuple(duties)
+        self._take_turns(duties, now_us)
         full_ma = [
             protection.motor_start_ma if motor in self._starting_us else protection.motor_run_ma
             for motor in ALL_MOTORS
         ]
-        taken = sum(duty * ma for duty, ma in zip(granted, full_ma, strict=True))
-        given = protection.current_max_ma * 255
-        if taken > given:
-            granted = [duty * given // taken for duty in granted]
-        self.duties = tuple(granted)
+        needed_duty_ma = sum(duty * ma for duty, ma in zip(duties, full_ma, strict=True))
+        available_duty_ma = protection.current_max_ma * 255
+        if needed_duty_ma > available_duty_ma:
+            duties = [duty * available_duty_ma // needed_duty_ma for duty in duties]
+        self.duties = tuple(duties)
 
     def _take_turns(self, duties: list[int], now_us: int) -> None:
-        """Let motors that stand still start one after the other."""
+        """Start motors at rest one after the other."""
         protection, starting = self.protection, self._starting_us
         for motor in ALL_MOTORS:
             if now_us - starting.get(motor, now_us) >= protection.start_ms * 1000:
@@ -356,19 +356,19 @@ class ArmbandFirmware:
             starting[motor] = self._last_start_us = now_us
 
     def _look_around(self, now_us: int) -> bytes:
-        said = b""
+        event_bytes = b""
         room = self.surroundings
         if not self._is_low and room.battery_mv < LOW_MV:
             self._is_low = True
-            said += self._event(BATTERY_LOW, now_us, room.battery_mv)
+            event_bytes += self._event(BATTERY_LOW, now_us, room.battery_mv)
         elif self._is_low and room.battery_mv > GOOD_MV:
             self._is_low = False
-            said += self._event(BATTERY_GOOD, now_us, room.battery_mv)
+            event_bytes += self._event(BATTERY_GOOD, now_us, room.battery_mv)
         has_skin = self.protection.has_skin_sensor
         is_blind = has_skin and room.skin_c is None
         if is_blind and not self._is_blind:
             self._silence()
-            said += self._event(SENSOR_LOST, now_us, 0)
+            event_bytes += self._event(SENSOR_LOST, now_us, 0)
         self._is_blind = is_blind
         skin_c = room.skin_c if has_skin else None
         skin_is_hot = skin_c is not None and skin_c > SKIN_HOT_C
@@ -377,12 +377,12 @@ class ArmbandFirmware:
             self._is_hot = True
             self._silence()
             hot_c = skin_c if skin_is_hot and skin_c is not None else room.temperature_c
-            said += self._event(HOT, now_us, round(hot_c * 100))
+            event_bytes += self._event(HOT, now_us, round(hot_c * 100))
         elif self._is_hot and is_cool and (skin_c is None or skin_c < SKIN_COOL_C):
             self._is_hot = False
             cool_c = room.temperature_c if skin_c is None else skin_c
-            said += self._event(COOL, now_us, round(cool_c * 100))
-        return said
+            event_bytes += self._event(COOL, now_us, round(cool_c * 100))
+        return event_bytes
 
     def _event(self, code: int, now_us: int, value: int) -> bytes:
         self._event_seq = (self._event_seq + 1) % 256

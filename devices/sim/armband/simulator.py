@@ -44,15 +44,15 @@ class _Way:
         self, pieces: Sequence[bytes], t_ns: int, rng: np.random.Generator
     ) -> list[tuple[int, bytes]]:
         """Return the pieces handed over at `t_ns` with their arrival times."""
-        carried = []
+        arrivals = []
         delay_ns = self._latency_ns
         if self._jitter_ns:
             delay_ns += rng.exponential(self._jitter_ns)
         for piece in pieces:
             self._free_ns = max(t_ns, self._free_ns) + round(len(piece) * self._byte_ns)
             self._arrival_ns = max(self._arrival_ns, self._free_ns + round(delay_ns))
-            carried.append((self._arrival_ns, piece))
-        return carried
+            arrivals.append((self._arrival_ns, piece))
+        return arrivals
 
 
 class ArmbandSimulator:
@@ -102,7 +102,7 @@ class ArmbandSimulator:
         self.duty_log: list[tuple[int, tuple[int, ...]]] = []
 
     def connect(self, t_ns: int) -> None:
-        """Take a connection; what was under way is lost."""
+        """Take a connection; bytes under way are lost."""
         if self._is_away(t_ns) or self._faults.active("late_start", t_ns):
             raise DeviceNotFound("the simulated band is switched off", remedy="wait for it")
         self.advance(t_ns)
@@ -110,7 +110,7 @@ class ArmbandSimulator:
         self._outbound.clear()
 
     def accept(self, data: bytes, t_ns: int) -> None:
-        """Let bytes travel to the band."""
+        """Send bytes to the band, with delay and faults."""
         if self._is_away(t_ns):
             raise DeviceDisconnected("the simulated band is away", remedy="wait for it")
         rng = self._noise.rng()
@@ -118,22 +118,22 @@ class ArmbandSimulator:
             self._inbound.append((arrival_ns, piece))
 
     def outgoing(self, until_ns: int) -> Sequence[Chunk]:
-        """Do what is due and return what has reached the host."""
+        """Perform everything due and return the bytes that have reached the host."""
         self.advance(until_ns)
         if not self._is_sound:
             if self._is_away(until_ns):
                 raise DeviceDisconnected("the simulated band is away", remedy="wait for it")
             if self._faults.active("burst", until_ns):
                 return ()
-        arrived: list[Chunk] = []
+        chunks: list[Chunk] = []
         while self._outbound and self._outbound[0].t_host_ns <= until_ns:
-            arrived.append(self._outbound.popleft())
-        return arrived
+            chunks.append(self._outbound.popleft())
+        return chunks
 
     def quiet_until_ns(self, now_ns: int) -> int:
         """Return until when nothing of the band's can arrive; `now_ns` while motors or faults run.
 
-        That its battery or its heat has changed it tells at the next word from the host.
+        Changes of its battery or heat are reported with the next message from the host.
         """
         if not self._is_sound or self._is_busy():
             return now_ns
@@ -162,12 +162,14 @@ class ArmbandSimulator:
         levels_01 = []
         felt_01 = self._felt_01
         is_new = False
-        for duty, before, felt in zip(firmware.duties, self._levels_01, felt_01, strict=True):
+        for duty, before, felt_level in zip(firmware.duties, self._levels_01, felt_01, strict=True):
             target = duty / HIGHEST_DUTY
             level = target + (before - target) * left
             if level < FELT_STEP_01 and not duty:
                 level = 0.0
-            is_new = is_new or abs(level - felt) >= FELT_STEP_01 or (level == 0 and felt > 0)
+            is_new = (
+                is_new or abs(level - felt_level) >= FELT_STEP_01 or (level == 0 and felt_level > 0)
+            )
             levels_01.append(level)
         while self._inbound and self._inbound[0][0] <= now_ns:
             arrival_ns, data = self._inbound.popleft()
@@ -203,7 +205,7 @@ class ArmbandSimulator:
                 data = bytes(noise)
             if (fault := faults.active("duplicate", t_ns)) and rng.random() < fault.amount:
                 return [data, data]
-        if len(data) > 2 and rng.random() < 0.5:  # links cut and join as they like
+        if len(data) > 2 and rng.random() < 0.5:  # links may split and join chunks
             cut = int(rng.integers(1, len(data)))
             return [data[:cut], data[cut:]]
         return [data]

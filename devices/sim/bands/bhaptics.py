@@ -32,7 +32,7 @@ class BhapticsPlayerSimulator(BandPeer):
         return min([self._status_ns, *(end for end, _ in self._frames.values())])
 
     def act(self, t_ns: int) -> None:
-        """End what is over; tell the status."""
+        """End expired frames; send the status."""
         self._frames = {k: f for k, f in self._frames.items() if f[0] > t_ns}
         self._vibrate(t_ns)
         if t_ns >= self._status_ns:

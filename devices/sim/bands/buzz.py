@@ -73,9 +73,9 @@ class BuzzSimulator(BandPeer):
 
     def _command_motors(self, text: str, t_ns: int) -> None:
         if text.startswith("motors vibrate"):
-            found = VIBRATE.match(text)
+            match = VIBRATE.match(text)
             try:
-                levels = base64.b64decode(found[1] if found else "", validate=True)
+                levels = base64.b64decode(match[1] if match else "", validate=True)
             except binascii.Error:
                 levels = b""
             if not levels or len(levels) % MOTORS:

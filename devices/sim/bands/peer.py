@@ -1,4 +1,4 @@
-"""What the simulators of armbands that cannot acknowledge share: faults, travel, motors.
+"""Common part of the simulators of armbands without acknowledgement: faults, delays, motors.
 
 Travel takes `latency_ms` in each direction and keeps its order. Motors follow their drive at
 once. Not modelled: skin and strap, motor spread and inertia, radio collisions, flow control.
@@ -17,7 +17,7 @@ from visavis.lab.errors import DeviceDisconnected, DeviceNotFound
 
 
 class BandPeer(ABC):
-    """The `BytePeer` of one band; a subclass says what its bytes mean.
+    """The `BytePeer` of one band; a subclass interprets its bytes.
 
     Faults: late_start, disconnect, loss, duplicate, garbage (of what the host sends), burst,
     mute (of what it hears). With `splits`, messages to the band arrive cut in two at random.
@@ -56,17 +56,17 @@ class BandPeer(ABC):
         """Take bytes that reached the band; for the subclass."""
 
     def due_ns(self) -> int | None:
-        """Return when the band does something of its own accord next; for the subclass."""
+        """Return the time of the band's next action without a command; for the subclass."""
         return None
 
     def act(self, t_ns: int) -> None:  # noqa: B027 - most bands do nothing of their own accord
-        """Do what is due of its own accord; for the subclass."""
+        """Perform actions that are due without a command; for the subclass."""
 
     def restart(self, t_ns: int) -> None:  # noqa: B027 - not every band keeps something
-        """Forget what belongs to a connection; for the subclass."""
+        """Clear the state of a connection; for the subclass."""
 
     def connect(self, t_ns: int) -> None:
-        """Take a connection; what was under way is lost, the motors are not."""
+        """Take a connection; bytes under way are lost, the motors go on."""
         if self._is_away(t_ns) or self._active("late_start", t_ns):
             raise DeviceNotFound("the simulated band is switched off", remedy="wait for it")
         self.advance(t_ns)
@@ -75,23 +75,23 @@ class BandPeer(ABC):
         self.restart(t_ns)
 
     def accept(self, data: bytes, t_ns: int) -> None:
-        """Let bytes travel to the band."""
+        """Send bytes to the band, with delay and faults."""
         if self._is_away(t_ns):
             raise DeviceDisconnected("the simulated band is away", remedy="wait for it")
         for piece in self._damaged(data, t_ns):
             self._inbound.append((t_ns + self._latency_ns, piece))
 
     def outgoing(self, until_ns: int) -> Sequence[Chunk]:
-        """Do what is due and return what has reached the host."""
+        """Perform everything due and return the bytes that have reached the host."""
         self.advance(until_ns)
         if self._is_away(until_ns):
             raise DeviceDisconnected("the simulated band is away", remedy="wait for it")
         if self._active("burst", until_ns):
             return ()
-        arrived = []
+        chunks = []
         while self._outbound and self._outbound[0].t_host_ns <= until_ns:
-            arrived.append(self._outbound.popleft())
-        return arrived
+            chunks.append(self._outbound.popleft())
+        return chunks
 
     def advance(self, t_ns: int) -> None:
         """Do everything due up to this session time, in order."""
@@ -106,14 +106,14 @@ class BandPeer(ABC):
                 return
 
     def say(self, data: bytes, t_ns: int) -> None:
-        """Let bytes travel to the host."""
+        """Send bytes to the host."""
         if not data or self._active("mute", t_ns):
             return
         for piece in self._pieces(data):
             self._outbound.append(Chunk(t_ns + self._latency_ns, piece))
 
     def set_levels(self, levels_01: Sequence[float], t_ns: int) -> None:
-        """Let the motors do this from now on."""
+        """Set the levels of the motors from now on."""
         levels = tuple(levels_01)
         if levels == self.levels_01:
             return

@@ -1,6 +1,6 @@
 """Two bands of a laboratory's own making: text commands on a serial line, reports over USB.
 
-There is no source to hold them to: they stand for a plain sketch that parses `M<motor> <value>`
+There is no source to compare with: they stand for a plain sketch that parses `M<motor> <value>`
 lines, `S` and `B?`, and for a firmware that copies report bytes to its motors. Neither silences
 itself. Not modelled: board resets on opening, endpoints that stall.
 """
@@ -30,14 +30,14 @@ class TextBandSimulator(BandPeer):
         """Obey whole lines."""
         *lines, self._line = (self._line + data).split(b"\n")
         for line in lines:
-            found = MOTOR.match(line)
+            match = MOTOR.match(line)
             if line == b"S":
                 self.set_levels((0.0,) * len(self.levels_01), t_ns)
             elif line == b"B?":
                 self.say(b"B %d\r\n" % self.battery_percent, t_ns)
-            elif found and int(found[1]) < len(self.levels_01) and int(found[2]) <= 255:
+            elif match and int(match[1]) < len(self.levels_01) and int(match[2]) <= 255:
                 levels = list(self.levels_01)
-                levels[int(found[1])] = int(found[2]) / 255
+                levels[int(match[1])] = int(match[2]) / 255
                 self.set_levels(levels, t_ns)
             else:
                 self.say(b"? %s\r\n" % line[:20], t_ns)
@@ -68,7 +68,7 @@ class ReportBandSimulator(BandPeer):
         self.set_levels([value / 255 for value in data[2:6]], t_ns)
 
     def next_report(self, until_ns: int) -> bytes | None:
-        """Give up one input report, as USB does; None when none has come."""
+        """Return one input report, as USB does; None if there is none."""
         self._reports += [chunk.data for chunk in self.outgoing(until_ns)]
         return self._reports.pop(0) if self._reports else None
 

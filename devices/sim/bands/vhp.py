@@ -45,7 +45,7 @@ class SleeveSimulator(BandPeer):
         self.say(bytes((23,)), t_ns)
 
     def received(self, data: bytes, t_ns: int) -> None:
-        """Take whole messages for the sleeve; whatever is no message is thrown away."""
+        """Take whole messages for the sleeve; other bytes are dropped."""
         self._buffer += data
         while self._buffer:
             start = self._buffer.find(b"\xc8")

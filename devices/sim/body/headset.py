@@ -1,8 +1,8 @@
 """A headset without optics: paces frames on the clock and measures a body's head.
 
 Not modelled: lens distortion, tracking noise and drift, prediction error, reprojection, base
-stations. Poses are the body's own at the frame's start. Frame timing is told as a runtime would:
-while a frame is late, the one before it is shown again.
+stations. Poses are the body's own at the frame's start. Frame timing is reported as by a runtime:
+while a frame is late, the previous one is shown again.
 """
 
 import struct
@@ -114,10 +114,10 @@ class SimulatedHeadset(OnSessionClock):
             if not self._pending and timeout_s > 0:
                 self._ready.wait(timeout_s)
             self._ready.clear()
-        delivered = self._deliver_heads() if self._pending else 0
+        row_count = self._deliver_heads() if self._pending else 0
         if len(self._timing) >= self._timing_held:
-            delivered += self._deliver_timing()
-        return delivered
+            row_count += self._deliver_timing()
+        return row_count
 
     def put_off(self) -> bool:
         """Tell whether poses and timing may be delivered later; see
@@ -126,31 +126,31 @@ class SimulatedHeadset(OnSessionClock):
         return self._clock.is_virtual and len(self._pending) < MAX_FRAMES_HELD
 
     def head_now(self) -> Pose | None:
-        """Return the head at the last frame as its sample tells it; None where it is not seen."""
+        """Return the head's pose at the last frame, as in its sample; None while it is lost."""
         return self._pose
 
     def wait_frame(self) -> FrameInfo:
-        """Sleep until the next frame that has not yet begun, and measure the head there."""
+        """Sleep until the next frame that has not begun yet, and measure the head at that time."""
         if self._life.state is not DeviceState.STREAMING:
             self._life.require("wait_frame", DeviceState.STREAMING)
         now_ns = self._clock.now_ns()
         due = -(-now_ns * self._rate_milli_hz // (NS_PER_S * MILLI_HZ))
         following = due if self._last is None else self._last + 1
         index = max(due, following)
-        dropped = index - following
+        dropped_count = index - following
         t_ns = self._frame_ns(index)
         self._clock.sleep_until_ns(t_ns)
         if self._first is None:
             self._first = index
         self._last = index
-        self._close_frame(late_by=dropped)
+        self._close_frame(late_by=dropped_count)
         self._measure(index - self._first, t_ns)
         predicted_ns = self._frame_ns(index + self._latency_frames)
-        self._frame = FrameInfo(index - self._first, t_ns, predicted_ns, dropped)
+        self._frame = FrameInfo(index - self._first, t_ns, predicted_ns, dropped_count)
         return self._frame
 
     def submit(self, frame: FrameInfo, images: Sequence[object]) -> None:
-        """Count the images and note when they came; nobody looks at them here."""
+        """Count the images and store the time of their arrival; they are not looked at."""
         if self._life.state is not DeviceState.STREAMING:
             self._life.require("submit", DeviceState.STREAMING)
         self.submitted_images += len(images)
@@ -158,7 +158,7 @@ class SimulatedHeadset(OnSessionClock):
             self._submitted_ns = self._clock.now_ns()
 
     def stop(self) -> None:
-        """Stop measuring; tell poses and timing of the last frames."""
+        """Stop measuring; deliver poses and timing of the last frames."""
         self._life.require("stop", DeviceState.STREAMING)
         self._close_frame(late_by=0)
         self._deliver_heads()
@@ -178,7 +178,7 @@ class SimulatedHeadset(OnSessionClock):
         return replace(health, received=health.received + self._timing_rows)
 
     def check(self) -> tuple[Fault, ...]:
-        """Tell a headset in standby."""
+        """Report a headset in standby."""
         if self._valid:
             return ()
         remedy = "ask the participant to put the headset on; wake it by moving it"
@@ -194,7 +194,7 @@ class SimulatedHeadset(OnSessionClock):
         self._timing_rows = 0
 
     def _close_frame(self, *, late_by: int) -> None:
-        """Note what became of the last frame, which kept the next one waiting `late_by` frames."""
+        """Store the timing of the last frame, which delayed the next one by `late_by` frames."""
         frame = self._frame
         if frame is None:
             return
@@ -223,17 +223,17 @@ class SimulatedHeadset(OnSessionClock):
             return 0
         values = np.frombuffer(b"".join(self._timing), self._timing_schema.dtype)
         seq = np.arange(self._timing_rows, self._timing_rows + n)
-        shown, told = np.array(self._timing_ns, np.int64).T.copy()
+        t_device_ns, t_host_ns = np.array(self._timing_ns, np.int64).T.copy()
         self._timing_rows += n
         self._timing, self._timing_ns = [], []
-        sink(SampleBatch(self._timing_schema, seq, shown, told, values))
+        sink(SampleBatch(self._timing_schema, seq, t_device_ns, t_host_ns, values))
         return n
 
     def _deliver_heads(self) -> int:
         n, sink = len(self._pending), self._sink
         if not n or sink is None:
             return 0
-        # who waits for frames in another thread may add to what is pending meanwhile
+        # another thread that waits for frames may append meanwhile
         frames = [self._pending.popleft() for _ in range(n)]
         t_list = [t_ns for _, t_ns, _ in frames]
         seq, stamps = np.array([seq for seq, _, _ in frames]), np.array(t_list)
@@ -248,8 +248,8 @@ class SimulatedHeadset(OnSessionClock):
         if self._valid:
             position_m, orientation_wxyz = self._body.head(t_ns)
             row = HEAD_ROW.pack(*position_m.tolist(), *orientation_wxyz.tolist(), True)
-            told = np.frombuffer(row, np.float32, 7).astype(np.float64)
-            self._pose = Pose(told[:3], told[3:])
+            pose_values = np.frombuffer(row, np.float32, 7).astype(np.float64)
+            self._pose = Pose(pose_values[:3], pose_values[3:])
         else:
             row, self._pose = _LOST_ROW, None
         self._pending.append((seq, t_ns, row))

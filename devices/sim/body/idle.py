@@ -1,4 +1,4 @@
-"""A body that stands still and looks about: what simulated devices measure when no study runs.
+"""A body that stands still and looks about, for simulated devices while no study runs.
 
 Not modelled: walking, presses, saccades, and any answer to what it feels.
 """
@@ -66,7 +66,7 @@ class IdleBody(OneStretch):
         return positions, turns
 
     def feel(self, role: str, amplitudes_01: Sequence[float], t_ns: int) -> None:
-        """Remember what the motors do."""
+        """Remember the levels of the motors."""
         self.felt[role] = tuple(amplitudes_01)
 
     def _sway_m(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:

@@ -86,7 +86,7 @@ class SimulatedResponses(OnSessionClock):
         self._life.state = DeviceState.STREAMING
 
     def poll(self, timeout_s: float) -> int:
-        """Deliver what the body pressed; waits `timeout_s` on the clock when it did not."""
+        """Deliver the body's presses; without any it waits `timeout_s` on the clock."""
         if self._life.state is not DeviceState.STREAMING:
             self._life.require("poll", DeviceState.STREAMING)
         rows = self._arrived()
@@ -106,7 +106,7 @@ class SimulatedResponses(OnSessionClock):
         return len(rows)
 
     def due_ns(self) -> int:
-        """Return before when nothing is pressed; 0 where the body cannot tell, or a fault may be.
+        """Return until when nothing is pressed; 0 if the body cannot tell or faults are scheduled.
 
         See `visavis.devices.pump.Foreseeing`.
         """
@@ -139,7 +139,7 @@ class SimulatedResponses(OnSessionClock):
         return any(self._faults.active(kind, since_ns) for kind in ("late_start", "disconnect"))
 
     def _arrived(self) -> list[Press]:
-        """Return what the wire brought by now; raises DeviceDisconnected while it is away."""
+        """Return the presses that have arrived; raises DeviceDisconnected while it is away."""
         rows = list(self._body.presses(self._clock.now_ns()))
         if not self._faults.faults:
             return rows
@@ -175,7 +175,7 @@ class SimulatedResponses(OnSessionClock):
 
 
 def _foresees(kind: type) -> bool:
-    """Tell whether a class foresees its own presses, and not those of one that it inherits from."""
+    """Tell whether a class itself predicts its presses, and not only a base class."""
     first = {
         name: next((i for i, c in enumerate(kind.__mro__) if name in vars(c)), len(kind.__mro__))
         for name in ("presses", "next_press_ns")

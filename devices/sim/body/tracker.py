@@ -126,7 +126,7 @@ class SimulatedBodyTracker(OnSessionClock):
         return replace(self._meter.health(self.state, self._clock.now_ns()))
 
     def check(self) -> tuple[Fault, ...]:
-        """Tell segments that are not tracked and poses that stand still."""
+        """Report segments that are not tracked and frozen poses."""
         role = self.info.role
         faults = []
         if self._lost:
@@ -153,20 +153,20 @@ class SimulatedBodyTracker(OnSessionClock):
             if self._faults.active("frozen", t_ns):
                 values[i] = self._last[0] if i == 0 else values[i - 1]
                 self._frozen = True
-            for held in self._faults.of_kind("part_frozen"):
+            for fault in self._faults.of_kind("part_frozen"):
                 before = self._last[0] if i == 0 else values[i - 1]
-                s = self.segments.index(held.text)
-                if held.start_ns <= t_ns < held.end_ns and before["valid"][s]:
+                s = self.segments.index(fault.text)
+                if fault.start_ns <= t_ns < fault.end_ns and before["valid"][s]:
                     for name in ("position_m", "orientation_wxyz"):
                         values[name][i, s] = before[name][s]
             part = self._faults.active("part_lost", t_ns)
             standby = self._faults.active("standby", t_ns)
             if part or standby:
                 self._lost = self.segments if part is None else (part.text,)
-                gone = [self.segments.index(name) for name in self._lost]
+                lost_segments = [self.segments.index(name) for name in self._lost]
                 for name in ("position_m", "orientation_wxyz"):
-                    values[name][i, gone] = np.nan
-                values["valid"][i, gone] = False
+                    values[name][i, lost_segments] = np.nan
+                values["valid"][i, lost_segments] = False
             if keep[i]:
                 self._watch.look(
                     values["position_m"][i],

@@ -1,4 +1,4 @@
-"""What the wires of body trackers have in common: sampling a body, its clock, and what goes wrong.
+"""Common part of the wires of body trackers: sampling a body, the clock, and faults.
 
 Not modelled: the tracker's noise and lag of its filter, soft tissue, magnetic disturbance,
 swapped markers. A sample taken at t arrives after a least delay and a random one.
@@ -96,7 +96,7 @@ class BodyWire(ABC):
         self._next = last + 1
 
     def outgoing(self, until_ns: int) -> Sequence[Message]:
-        """Give up what has arrived at the host by this time, in arrival order."""
+        """Return the messages that have arrived at the host by this time, in order of arrival."""
         due = [m for m in self._outbox if m.t_host_ns <= until_ns]
         if due:
             self._outbox = [m for m in self._outbox if m.t_host_ns > until_ns]
@@ -127,13 +127,15 @@ class BodyWire(ABC):
         return own_ns + self._faults.clock_error_ns(since_ns)
 
     def _hold(self, positions: Vector, turns: Vector, since_ns: npt.NDArray[np.int64]) -> None:
-        """Put the pose shown before in place of what stands still."""
+        """Replace frozen segments by their previous pose."""
         parts = self._faults.of_kind("part_frozen")
         for i, t_ns in enumerate(since_ns.tolist()):
-            held = [self.segments.index(f.text) for f in parts if f.start_ns <= t_ns < f.end_ns]
+            frozen_segments = [
+                self.segments.index(f.text) for f in parts if f.start_ns <= t_ns < f.end_ns
+            ]
             if self._faults.active("frozen", t_ns):
-                held = list(range(len(self.segments)))
-            for s in held:
+                frozen_segments = list(range(len(self.segments)))
+            for s in frozen_segments:
                 if np.isfinite(self._shown[s]).all():
                     positions[i, s], turns[i, s] = self._shown[s, :3], self._shown[s, 3:]
             self._shown[:, :3], self._shown[:, 3:] = positions[i], turns[i]
@@ -147,7 +149,7 @@ class BodyWire(ABC):
     ) -> None:
         faults, since_ns = self._faults, t_ns - self._origin_ns
         rng = self._delays.rng()
-        drawn = rng.random(4)
+        draws = rng.random(4)
         delay_ms = self._delay_ms + float(rng.exponential(self._jitter_ms))
         active = {f.kind: f for f in faults.faults if f.start_ns <= since_ns < f.end_ns}
         if active.keys() & {"late_start", "silence", "disconnect"}:
@@ -163,7 +165,7 @@ class BodyWire(ABC):
             arrival_ns = max(arrival_ns, self._origin_ns + active["burst"].end_ns)
 
         def happens(kind: str, which: int) -> bool:
-            return kind in active and bool(drawn[which] < active[kind].amount)
+            return kind in active and bool(draws[which] < active[kind].amount)
 
         if happens("loss", _LOSS):
             return

@@ -22,8 +22,8 @@ class XidPad(PressingPeer):
     def message(self, button: str, value_01: float, t_ns: int) -> bytes:
         """Return six bytes: k, button and direction, the timer in milliseconds."""
         number = int(button) if button.isdigit() else 1
-        said = (number % 8) << 5 | (0x10 if value_01 > 0.5 else 0)
-        return struct.pack("<cBI", b"k", said, (t_ns - self.on_since_ns) // NS_PER_MS)
+        button_byte = (number % 8) << 5 | (0x10 if value_01 > 0.5 else 0)
+        return struct.pack("<cBI", b"k", button_byte, (t_ns - self.on_since_ns) // NS_PER_MS)
 
 
 class ByteBox(PressingPeer):

@@ -14,7 +14,7 @@ BUTTONS = 10
 DESCRIPTOR = bytes.fromhex(
     "05010905a101"  # generic desktop, gamepad
     "05091901290a150025017501950a8102"  # buttons 1 to 10, a bit each
-    "750195068103"  # six bits of nothing
+    "750195068103"  # six bits of padding
     "05010939150025073500463b016514750495018142"  # hat: 0 to 7, null otherwise
     "750495018103"
     "050109300931150026ff00750895028102"  # x, y: a byte each

@@ -1,4 +1,4 @@
-"""What a simulated body presses, on its way to the wire of any device with buttons.
+"""Presses of a simulated body, on the wire of any device with buttons.
 
 Not modelled: contact bounce, the delay of the device. Faults: late_start and disconnect (away),
 silence (nothing is sent), burst (held back, all arrive when the window ends), garbage (`amount` is
@@ -23,9 +23,9 @@ GARBAGE_STREAM = 0x6B
 
 
 class PressingPeer:
-    """The other end of a byte link whose buttons a body presses; a simulator says the bytes.
+    """The other end of a byte link whose buttons a body presses; a subclass defines the bytes.
 
-    `names` leads from what a study calls a button to the device's own name.
+    `names` maps a study's name of a button to the device's own name.
     """
 
     def __init__(
@@ -46,10 +46,10 @@ class PressingPeer:
 
     @abstractmethod
     def message(self, button: str, value_01: float, t_ns: int) -> bytes:
-        """Return what the device sends of a press or release at a session time."""
+        """Return the device's bytes for a press or release at a session time."""
 
     def connect(self, t_ns: int) -> None:
-        """Take a new connection; what was pressed before is gone."""
+        """Take a new connection; earlier presses are lost."""
         if self._is_away(t_ns):
             raise DeviceNotFound(AWAY, remedy=REMEDY)
         for _ in self._body.presses(t_ns):
@@ -60,7 +60,7 @@ class PressingPeer:
         """Take bytes; most devices with buttons listen to nobody."""
 
     def outgoing(self, until_ns: int) -> Sequence[Chunk]:
-        """Give up what has arrived at the host by then."""
+        """Return the chunks that have arrived at the host by this time."""
         for t_ns, control, value_01 in self._body.presses(until_ns):
             if self._active("silence", t_ns):
                 continue
@@ -78,9 +78,9 @@ class PressingPeer:
         if self._is_away(until_ns):
             self._outbox.clear()
             raise DeviceDisconnected(AWAY, remedy=REMEDY)
-        arrived = [chunk for chunk in self._outbox if chunk.t_host_ns <= until_ns]
+        chunks = [chunk for chunk in self._outbox if chunk.t_host_ns <= until_ns]
         self._outbox = [chunk for chunk in self._outbox if chunk.t_host_ns > until_ns]
-        return arrived
+        return chunks
 
     def say(self, data: bytes, t_ns: int) -> None:
         """Answer the host."""

@@ -1,1 +1,1 @@
-"""How any simulated eye tracker errs and is calibrated."""
+"""Errors and calibration of every simulated eye tracker."""

@@ -20,9 +20,9 @@ MATCH_WITHIN_S = 0.034
 MATCHES_NEEDED = 9
 MAX_MEDIAN_DEG = 10.0
 MAX_OF_SPREAD_01 = 0.8
-"""Eyes that did not move leave all of the spread of the targets."""
+"""Largest residual as a share of the targets' spread; eyes that did not move leave all of it."""
 MAX_UNTURNED_DEG = 10.0
-"""A smaller rotation is within the error that is drawn for every fit of the headset."""
+"""A smaller rotation lies within the error that is drawn for every fit of the headset."""
 OPEN_EYE_01 = 0.5
 
 
@@ -60,7 +60,7 @@ class CalibrationJudge:
                 self._looking.append(direction)
 
     def add_references(self, rows: Iterable[Any]) -> None:
-        """Take targets as sent: `mm_pos`, which belongs y up and z forward, and `timestamp`."""
+        """Take targets as sent: `mm_pos`, with y up and z forward, and `timestamp`."""
         for row in rows:
             try:
                 x, y, z = (float(v) for v in row["mm_pos"])
@@ -70,7 +70,7 @@ class CalibrationJudge:
             self._references.append((stamp_s, unit(np.array([x, y, -z]))))
 
     def verdict(self) -> CalibrationFound:
-        """Return what Capture answers and what it makes of gaze from then on."""
+        """Return Capture's answer and the matrix by which it turns gaze from then on."""
         if not self._stamps_s:
             return CalibrationFound("Not enough pupil data available.")
         order = np.argsort(self._stamps_s, kind="stable")
@@ -84,13 +84,13 @@ class CalibrationJudge:
                 targets.append(target)
         if len(looking) < MATCHES_NEEDED:
             return CalibrationFound("Not enough reference data matched pupil data in time.")
-        seen, aimed = np.array(looking), np.array(targets)
-        found = fit_turn(seen, aimed, may_mirror=True)
-        ahead = unit(aimed.sum(axis=0))
-        spread_deg = float(np.median(angle_deg(aimed, ahead)))
-        left_deg = float(np.median(found.residual_deg))
+        measured_rays, target_rays = np.array(looking), np.array(targets)
+        fit = fit_turn(measured_rays, target_rays, may_mirror=True)
+        ahead = unit(target_rays.sum(axis=0))
+        spread_deg = float(np.median(angle_deg(target_rays, ahead)))
+        left_deg = float(np.median(fit.residual_deg))
         if left_deg > min(MAX_MEDIAN_DEG, MAX_OF_SPREAD_01 * spread_deg):
             return CalibrationFound("Reference and pupil data do not fit one gaze model.")
-        if found.is_mirrored:
+        if fit.is_mirrored:
             return CalibrationFound(None, 2.0 * np.outer(ahead, ahead) - np.eye(3))
-        return CalibrationFound(None, found.matrix if found.angle_deg > MAX_UNTURNED_DEG else None)
+        return CalibrationFound(None, fit.matrix if fit.angle_deg > MAX_UNTURNED_DEG else None)

@@ -91,8 +91,8 @@ class GazeSource:
         self._error = error if error is not None else TrackerErrorModel()
         self._drift = drift_ppm * 1e-6
         self.origin_ns = clock.now_ns()
-        drawn = int(np.random.default_rng([seed, _EPOCH_STREAM]).integers(10**12, 10**14))
-        self._epoch_ns = drawn if epoch_ns is None else epoch_ns
+        random_epoch_ns = int(np.random.default_rng([seed, _EPOCH_STREAM]).integers(10**12, 10**14))
+        self._epoch_ns = random_epoch_ns if epoch_ns is None else epoch_ns
         self.garbage_rng = np.random.default_rng([seed, _GARBAGE_STREAM])
         self._next = -(-self.origin_ns * self._rate_milli_hz // (NS_PER_S * MILLI_HZ))
         self._first = self._next
@@ -103,7 +103,7 @@ class GazeSource:
         self._systematic: SystematicError | None = None
 
     def gone(self, t_ns: int) -> bool:
-        """Tell whether nobody is there at this time."""
+        """Tell whether the device is away at this time."""
         since_ns = t_ns - self.origin_ns
         return any(
             self.faults.active(kind, since_ns) is not None for kind in ("late_start", "disconnect")
@@ -125,7 +125,7 @@ class GazeSource:
         return own_ns + self.faults.clock_error_ns(since_ns)
 
     def take(self, t_ns: int) -> list[Shot]:
-        """Return the samples due up to this session time that will arrive, faults applied."""
+        """Return the samples due up to this session time, with faults, without lost ones."""
         scale, rate = NS_PER_S * MILLI_HZ, self._rate_milli_hz
         last = ((t_ns + 1) * rate - 1) // scale
         first, self._next = self._next, max(self._next, last + 1)
@@ -134,19 +134,19 @@ class GazeSource:
         times = [k * scale // rate for k in range(first, last + 1)]
         t = np.array(times, np.int64)
         eyes = self.body.eyes(t)
-        seen, noise = self._measure(eyes)
+        directions, noise = self._measure(eyes)
         shots: list[Shot] = []
         for i, at_ns in enumerate(times):
             jitter_ms = (2.0 * noise[i, _LATENCY] - 1.0) * self._error.latency_jitter_ms
             travel_ns = round((self._error.latency_ms + jitter_ms) * NS_PER_MS)
-            self._arrived_ns = max(self._arrived_ns, at_ns + travel_ns)  # one behind the other
+            self._arrived_ns = max(self._arrived_ns, at_ns + travel_ns)  # samples arrive in order
             shot = Shot(
                 first + i - self._first,
                 at_ns,
                 self.device_ns(at_ns),
                 self._arrived_ns,
-                tuple(seen[i, 0].tolist()),
-                tuple(seen[i, 1].tolist()),
+                tuple(directions[i, 0].tolist()),
+                tuple(directions[i, 1].tolist()),
                 bool(eyes["openness_01"][i] >= OPEN_EYE_01),
                 bool(eyes["openness_01"][i] >= OPEN_EYE_01),
                 float(eyes["openness_01"][i]),
@@ -164,23 +164,23 @@ class GazeSource:
         if stretch != self._stretch or self._noise is None:
             self._stretch = stretch
             self._noise = StretchNoise(self._error, self._seed, stretch, self.rate_hz)
-        worn = (self.body.fit(), self.calibrated_fit)
-        if worn != self._worn or self._systematic is None:
-            self._worn = worn
+        fit_pair = (self.body.fit(), self.calibrated_fit)
+        if fit_pair != self._worn or self._systematic is None:
+            self._worn = fit_pair
             self._systematic = draw_systematic(
-                self._error, self._seed, fit=worn[0], calibrated_fit=worn[1]
+                self._error, self._seed, fit=fit_pair[0], calibrated_fit=fit_pair[1]
             )
         noise = self._noise.take(eyes.size)
-        seen = np.empty((eyes.size, 2, 3))
+        directions = np.empty((eyes.size, 2, 3))
         measured_directions(
             np.ascontiguousarray(eyes["left_direction_head"]),
             np.ascontiguousarray(eyes["right_direction_head"]),
             noise,
             self._systematic.offset_rad,
             self._systematic.gain,
-            seen,
+            directions,
         )
-        return seen, noise
+        return directions, noise
 
     def _befallen(self, shot: Shot, drawn: Floats) -> Sequence[Shot]:
         since_ns = shot.t_ns - self.origin_ns
@@ -215,7 +215,7 @@ class GazeSource:
 
 
 class Measuring(TypedDict, total=False):
-    """How a simulated tracker measures, as every `GazePeer` takes it."""
+    """Keyword arguments of every `GazePeer`: how a simulated tracker measures."""
 
     seed: Required[int]
     clock: Required[Clock]
@@ -227,16 +227,16 @@ class Measuring(TypedDict, total=False):
 
 
 class GazePeer(ABC):
-    """The other end of a message wire, fed by a `GazeSource`; a simulator says the bytes.
+    """The other end of a message wire, fed by a `GazeSource`; a subclass defines the bytes.
 
     `to_message` turns a shot into frames (None: nothing is sent); `answer` answers a request.
     """
 
     usual_rate_hz = 120.0
     usual_epoch_ns: int | None = None
-    """Of the device's clock; None: drawn from the seed."""
+    """The epoch of the device's clock in ns; None: drawn from the seed."""
     is_calibrated_before = False
-    """Whether it was calibrated in a program of its own, before the session."""
+    """Whether it was calibrated before the session, in its own program."""
 
     def __init__(
         self,
@@ -288,7 +288,7 @@ class GazePeer(ABC):
         self._outbox.append(Message(arrival_ns, frames))
 
     def outgoing(self, until_ns: int) -> Sequence[Message]:
-        """Give up what has arrived at the host by this time, in arrival order."""
+        """Return the messages that have arrived at the host by this time, in order of arrival."""
         if self._unsorted:
             self._outbox = deque(sorted(self._outbox, key=lambda m: m.t_host_ns))
             self._unsorted = False

@@ -1,4 +1,4 @@
-"""How a simulated eye tracker errs: systematic error per fit, noise per stretch of behaviour.
+"""Errors of a simulated eye tracker: systematic per fit, noise per stretch of behaviour.
 
 Figures follow published head-mounted trackers: mean error 1.08° and median 0.84° over 18
 people (Schuetz & Fiehler 2022, J. Eye Mov. Res., Vive Pro Eye), where the samples' SD had a
@@ -56,9 +56,9 @@ class SystematicError:
 def draw_systematic(
     model: TrackerErrorModel, seed: int, *, fit: int, calibrated_fit: int | None
 ) -> SystematicError:
-    """Draw the error of a headset sitting as `fit` says, calibrated at `calibrated_fit` or never.
+    """Draw the error of a headset in this `fit`, calibrated at `calibrated_fit` or never.
 
-    The same arguments give the same error whatever happened before.
+    The same arguments always give the same error.
     """
     calibration = -1 if calibrated_fit is None else calibrated_fit
     rng = np.random.default_rng(
@@ -76,7 +76,7 @@ def draw_systematic(
 
 
 class StretchNoise:
-    """Noise of one stretch: row i belongs to the stretch's i-th sample, whatever came before.
+    """Noise of one stretch: row i always belongs to the stretch's i-th sample.
 
     Columns: white yaw and pitch of the left and the right eye, slow yaw and pitch (radians),
     then `N_UNIFORM` uniform numbers for latency and faults.
@@ -131,7 +131,7 @@ def _first_order(drive: Floats, keep: float, state: Floats, out: Floats) -> None
 def measured_directions(
     left: Floats, right: Floats, noise: Floats, offset_rad: Floats, gain: Floats, out: Floats
 ) -> None:
-    """Write what the tracker reports of true directions (n, 3) in the head frame.
+    """Write the directions that the tracker reports for true ones (n, 3) in the head frame.
 
     `out` (n, 2, 3) gets unit vectors, left eye first. Non-finite directions stay so.
     """

@@ -1,4 +1,4 @@
-"""An LSL motion stream of a moving body, as an inlet of ours hands it over.
+"""An LSL motion stream of a moving body, in the form of our inlet.
 
 The bytes are those of `visavis.devices.drivers.lsl.inlet`: a stamp and the channels, all doubles.
 Not modelled: LSL's discovery, its buffers and its clock exchanges (liblsl's own, tested for the

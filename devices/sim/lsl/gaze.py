@@ -74,18 +74,18 @@ class LslGazeSimulator(GazePeer):
             return self._xdf(shot)
         values: list[float] = []
         eyes = ((-EYE_X_M, shot.left, shot.left_seen), (EYE_X_M, shot.right, shot.right_seen))
-        for x_m, ray, seen in eyes:
+        for x_m, ray, is_seen in eyes:
             at = (x_m, 0.0, 0.0)
-            x, y = self._screen.shares_of(at, ray) if seen else (NAN, NAN)
+            x, y = self._screen.shares_of(at, ray) if is_seen else (NAN, NAN)
             if self.layout == "screen":
-                values += [x, y, shot.pupil_mm if seen else NAN]
+                values += [x, y, shot.pupil_mm if is_seen else NAN]
                 continue
             cx, cy, cz = self._screen.point_m(0.5, 0.5)
             px, py, pz = self._screen.point_m(x, y)
             point = [(px - cx) * 1e3, (py - cy) * 1e3, (pz - cz) * 1e3]
-            origin = [(x_m - cx) * 1e3, -cy * 1e3, -cz * 1e3] if seen else [NAN] * 3
-            valid = float(seen)
-            pupil = [shot.pupil_mm if seen else NAN, valid]
+            origin = [(x_m - cx) * 1e3, -cy * 1e3, -cz * 1e3] if is_seen else [NAN] * 3
+            valid = float(is_seen)
+            pupil = [shot.pupil_mm if is_seen else NAN, valid]
             values += [x, y, *point, valid, 1.0, *pupil, *origin, valid]
         return values
 
@@ -95,7 +95,7 @@ class LslGazeSimulator(GazePeer):
         if self.layout == "xdf":
             describe(desc, GAZE)
             return desc
-        listed = SubElement(desc, "channels")
+        channels = SubElement(desc, "channels")
         rows: list[dict[str, str]] = [{"label": label} for label in TITTA_LABELS]
         if self.layout == "screen":
             rows = []
@@ -107,7 +107,7 @@ class LslGazeSimulator(GazePeer):
                 ):
                     rows.append({"label": f"{eye}{kind}", "eye": eye, "type": kind, "unit": unit})
         for row in rows:
-            channel = SubElement(listed, "channel")
+            channel = SubElement(channels, "channel")
             for tag, text in row.items():
                 SubElement(channel, tag).text = text
         return desc
@@ -134,15 +134,25 @@ class LslGazeSimulator(GazePeer):
     def _xdf(self, shot: Shot) -> list[float]:
         rays = [shot.left if shot.left_seen else (NAN,) * 3]
         rays += [shot.right if shot.right_seen else (NAN,) * 3]
-        known = [ray for ray in rays if ray[0] == ray[0]]
-        mean = [sum(axis) / len(known) for axis in zip(*known, strict=True)] if known else [NAN] * 3
+        seen_rays = [ray for ray in rays if ray[0] == ray[0]]
+        mean = (
+            [sum(axis) / len(seen_rays) for axis in zip(*seen_rays, strict=True)]
+            if seen_rays
+            else [NAN] * 3
+        )
         length = sum(v * v for v in mean) ** 0.5
-        combined = [v / length for v in mean]
-        origin = [0.0, 0.0, 0.0] if known else [NAN] * 3
+        direction = [v / length for v in mean]
+        origin = [0.0, 0.0, 0.0] if seen_rays else [NAN] * 3
         used = shot.left_seen + 2 * shot.right_seen
-        values = [*combined, *origin, float(bool(known)), float(used), 0.9 if known else 0.0]
-        for ray, seen in zip(rays, (shot.left_seen, shot.right_seen), strict=True):
-            values += [*ray, float(seen), shot.pupil_mm if seen else NAN]
+        values = [
+            *direction,
+            *origin,
+            float(bool(seen_rays)),
+            float(used),
+            0.9 if seen_rays else 0.0,
+        ]
+        for ray, is_seen in zip(rays, (shot.left_seen, shot.right_seen), strict=True):
+            values += [*ray, float(is_seen), shot.pupil_mm if is_seen else NAN]
         return values
 
 

@@ -1,6 +1,6 @@
-"""Any stream of numbers as an inlet of ours hands it over: a sine in each channel, with faults.
+"""Any stream of numbers in the form of our inlet: a sine in each channel, with faults.
 
-What a body does is not in it: the numbers only have to be recognised after a recording. Channel k
+It does not depend on a body: the numbers only have to be recognised after a recording. Channel k
 (from 1) is `k * sin(2 pi k t)` of the time of the sample, seconds of the session.
 """
 
@@ -72,9 +72,9 @@ class LslStreamSimulator(GazePeer):
     def desc(self) -> Element:
         """Return the channels' labels and units."""
         desc = Element("desc")
-        listed = SubElement(desc, "channels")
+        channels = SubElement(desc, "channels")
         for label in self.channels:
-            channel = SubElement(listed, "channel")
+            channel = SubElement(channels, "channel")
             SubElement(channel, "label").text = label
             SubElement(channel, "unit").text = self._unit
         return desc

@@ -1,4 +1,4 @@
-"""Events and buttons as a simulated OpenVR runtime tells them."""
+"""Events and buttons of a simulated OpenVR runtime."""
 
 import struct
 

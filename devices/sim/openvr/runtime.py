@@ -1,8 +1,8 @@
-"""An OpenVR runtime without SteamVR: the genuine `openvr` package loads it and a body is tracked.
+"""An OpenVR runtime without SteamVR: the genuine `openvr` package loads it; it tracks a body.
 
 A small C library (`native/vrclient`) is compiled when it is first needed; its function tables
-are built from the package's own definitions, and what they do is here. Not modelled: lens
-distortion, IVRInput and every interface but IVRSystem and IVRCompositor, tracking noise and
+are built from the package's own definitions and filled with functions of this module. Not modelled:
+lens distortion, IVRInput and every interface but IVRSystem and IVRCompositor, tracking noise and
 prediction error (a predicted pose is the body's pose at the call), reprojection. `on_submit` gets
 the GL names of images; with `on_image` every texture is read back from the card as it is handed
 over, and one that is not there is refused.
@@ -48,8 +48,8 @@ HIDDEN_01 = (
     ((1.0, 1.0), (0.8, 1.0), (1.0, 0.8)),
     ((1.0, 0.0), (0.7, 0.0), (1.0, 0.4)),
 )
-"""What the lens hides of the left eye's view, as shares of it from the left and from below: its
-corners, most beside the nose. The right eye's is its mirror image.
+"""The part of the left eye's view hidden by the lens, as shares from the left and from below: its
+corners, most beside the nose. The right eye's is the mirror image.
 """
 
 
@@ -136,13 +136,15 @@ class SimulatedVrRuntime:
                 "the library openvr is not installed", remedy="run: pip install openvr"
             ) from cause
         self._openvr = openvr
-        built = build_library("vrclient/vrclient.c", {"tables.h": table_header()}, "vrclient.so")
+        client_library = build_library(
+            "vrclient/vrclient.c", {"tables.h": table_header()}, "vrclient.so"
+        )
         self._folder = tempfile.TemporaryDirectory(prefix="visavis-openvr-")
         root = Path(self._folder.name)
         place = root / "runtime" / "bin" / _platform_folder()
         place.mkdir(parents=True)
         library = place / "vrclient.so"
-        library.symlink_to(built)
+        library.symlink_to(client_library)
         paths = {"runtime": [str(root / "runtime")], "config": [str(root)], "log": [str(root)]}
         registry = root / "openvrpaths.vrpath"
         registry.write_text(json.dumps({**paths, "version": 1, "jsonid": "vrpathreg"}))
@@ -173,7 +175,7 @@ class SimulatedVrRuntime:
         """Return the real library, which will find this runtime."""
         return OpenVrLibrary(self._clock, application=application)
 
-    # ---- what a test or an operator does to it ----------------------------------------------
+    # ---- actions of a test or an operator ----------------------------------------------------
 
     def refuse_submit(self, error: int) -> None:
         """Answer every submission with this `EVRCompositorError`; 0 accepts again."""
@@ -203,17 +205,17 @@ class SimulatedVrRuntime:
 
     @property
     def failure(self) -> Exception | None:
-        """What first went wrong in a function that C code called."""
+        """The first error in a function called by C code."""
         return self._tables.failure
 
     @property
     def haptic_pulses(self) -> tuple[tuple[int, int], ...]:
-        """Slot and microseconds of every pulse asked for."""
+        """Slot and microseconds of every requested pulse."""
         return tuple(self._refusals.haptics)
 
     @property
     def last_unmodelled(self) -> str:
-        """Name of the last function called that nobody models; empty for none."""
+        """Name of the last function called that is not modelled; empty for none."""
         self._native.visavis_vr_last_unmodelled.restype = ctypes.c_char_p
         return str(self._native.visavis_vr_last_unmodelled().decode())
 
@@ -225,11 +227,11 @@ class SimulatedVrRuntime:
         if standby != self._in_standby:
             self._in_standby = standby
             self._push("standby" if standby else "awake", 0)
-        unplugged = self._faults.active("disconnect", since_ns) is not None
-        if unplugged != self._unplugged:
-            self._unplugged = unplugged
-            self.devices[0].is_connected = not unplugged
-            self._push("deactivated" if unplugged else "activated", 0)
+        is_unplugged = self._faults.active("disconnect", since_ns) is not None
+        if is_unplugged != self._unplugged:
+            self._unplugged = is_unplugged
+            self.devices[0].is_connected = not is_unplugged
+            self._push("deactivated" if is_unplugged else "activated", 0)
 
     def _push(self, kind: str, slot: int) -> None:
         self._events.append((self._clock.now_ns(), kind, slot, ""))
@@ -267,9 +269,9 @@ class SimulatedVrRuntime:
     def _submit(self, eye: int, texture: Any, bounds: Any, flags: int) -> int:
         if self._refusals.submit:
             return self._refusals.submit
-        given = texture.contents
-        name = int(given.handle or 0)
-        if name == 0 or given.eType != int(self._openvr.TextureType_OpenGL):
+        texture_data = texture.contents
+        name = int(texture_data.handle or 0)
+        if name == 0 or texture_data.eType != int(self._openvr.TextureType_OpenGL):
             return int(self._openvr.VRCompositorError_InvalidTexture)
         if eye in self._submitted_eyes:
             return int(self._openvr.VRCompositorError_AlreadySubmitted)
@@ -282,8 +284,10 @@ class SimulatedVrRuntime:
         self._submitted_eyes.add(eye)
         drawn_from = None
         if flags & int(self._openvr.Submit_TextureWithPose):
-            posed = ctypes.cast(texture, ctypes.POINTER(self._openvr.VRTextureWithPose_t)).contents
-            drawn_from = np.array(posed.mDeviceToAbsoluteTracking.m, np.float32)
+            pose_texture = ctypes.cast(
+                texture, ctypes.POINTER(self._openvr.VRTextureWithPose_t)
+            ).contents
+            drawn_from = np.array(pose_texture.mDeviceToAbsoluteTracking.m, np.float32)
         now_ns = self._clock.now_ns()
         self.submissions.append(Submission(self._vsync, eye, name, now_ns, drawn_from))
         if self.on_submit is not None:

@@ -6,7 +6,7 @@ from typing import Any
 
 
 class FunctionTables:
-    """Functions of ours that C code calls; `failure` keeps the first that went wrong in one."""
+    """Our functions that C code calls; `failure` keeps the first error in one of them."""
 
     def __init__(self, native: Any) -> None:
         self._native = native
@@ -17,18 +17,18 @@ class FunctionTables:
         """Put functions into the table of an interface, by the names of its slots."""
         for slot, (name, prototype) in enumerate(table._fields_):
             if name in functions:
-                made = prototype(self._guarded(functions[name], prototype))
-                self._keep.append(made)
-                pointer = ctypes.cast(made, ctypes.c_void_p)
+                callback = prototype(self._guarded(functions[name], prototype))
+                self._keep.append(callback)
+                pointer = ctypes.cast(callback, ctypes.c_void_p)
                 self._native.visavis_vr_set_function(number, slot, pointer)
 
     def _guarded(self, function: Callable[..., Any], prototype: Any) -> Callable[..., Any]:
-        """Keep what goes wrong in a callback: C cannot pass it on; it is raised at the end."""
+        """Store the error of a callback: C cannot pass it on, so it is raised at the end."""
 
         def call(*args: Any) -> Any:
             try:
                 return function(*args)
-            except Exception as problem:  # the border to C code
+            except Exception as problem:  # exceptions must not reach C code
                 self.failure = self.failure or problem
                 return None if prototype._restype_ is None else 0
 
@@ -45,9 +45,9 @@ def table_header() -> str:
         ("COMPOSITOR", openvr.IVRCompositor_FnTable, openvr.IVRCompositor_Version),
     ):
         slots = [slot for slot, _ in table._fields_]
-        listed = " ".join(f"X({name}, {slot})" for slot in slots)
-        lines.append(f"#define {name}_SLOTS(X) {listed}")
+        slot_macros = " ".join(f"X({name}, {slot})" for slot in slots)
+        lines.append(f"#define {name}_SLOTS(X) {slot_macros}")
         lines.append(f'#define {name}_VERSION "{version}"')
-        numbered = ", ".join(f"SLOT_{name}_{slot}" for slot in slots)
-        lines.append(f"enum {{ {numbered} }};")
+        slot_numbers = ", ".join(f"SLOT_{name}_{slot}" for slot in slots)
+        lines.append(f"enum {{ {slot_numbers} }};")
     return "\n".join(lines) + "\n"

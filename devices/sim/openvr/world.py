@@ -1,4 +1,4 @@
-"""What a simulated OpenVR runtime tracks: headset, controllers, base stations, worn trackers."""
+"""The devices of a simulated OpenVR runtime: headset, controllers, base stations, trackers."""
 
 import struct
 from collections.abc import Callable, Mapping, Sequence
@@ -40,7 +40,7 @@ class SimulatedVrDevice:
 
 
 class SimulatedVrWorld:
-    """Every slot of the runtime, and where it is; `base_offset_m` displaces base stations.
+    """Every slot of the runtime, and its place; `base_offset_m` displaces base stations.
 
     `trackers` maps serial numbers to the segments of a moving body they are worn on.
     """
@@ -76,8 +76,8 @@ class SimulatedVrWorld:
     def wear(self, trackers: Mapping[str, str]) -> None:
         """Put more trackers on segments of the body: serial number -> segment."""
         for serial, segment in trackers.items():
-            made = SimulatedVrDevice(TRACKER, serial, "Simulated tracker", self._worn(segment))
-            self.devices.append(made)
+            device = SimulatedVrDevice(TRACKER, serial, "Simulated tracker", self._worn(segment))
+            self.devices.append(device)
 
     def _make_devices(self, trackers: dict[str, str]) -> list[SimulatedVrDevice]:
         devices = [SimulatedVrDevice(HMD, "LHR-HMD00001", "Simulated HMD", self._head)]
@@ -148,15 +148,15 @@ class SimulatedVrWorld:
                 parts.append(_GONE_POSE)
                 continue
             is_asleep = device.kind == HMD and asleep
-            dropped = loss is not None and self._rng.random() < loss.amount
+            is_dropped = loss is not None and self._rng.random() < loss.amount
             spoilt = garbage is not None and self._rng.random() < garbage.amount
-            seen = None if dark or is_asleep or dropped else device.pose_at(t_ns)
+            pose = None if dark or is_asleep or is_dropped else device.pose_at(t_ns)
             if spoilt:
                 parts.append(_GARBAGE_POSE)
-            elif seen is None:
+            elif pose is None:
                 parts.append(_LOST_POSE)
             else:
-                parts.append(packed_pose(*seen))
+                parts.append(packed_pose(*pose))
         return b"".join(parts) + _GONE_POSE * (SLOTS - len(parts))
 
 

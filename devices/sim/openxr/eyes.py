@@ -1,4 +1,4 @@
-"""Either eye of a simulated OpenXR runtime, as HTC's or Meta's extension tells it.
+"""Each eye of a simulated OpenXR runtime, through HTC's or Meta's extension.
 
 HTC's answers are written byte by byte, by the places that its plugin's structures give them, not by
 the driver's structures. Not modelled: smoothing, eyes that cannot be told apart.
@@ -33,7 +33,7 @@ Pose = tuple[list[float], list[float]]
 
 
 class SimulatedEyes:
-    """The functions of a runtime that tell either eye, by `per_eye`: htc, meta or none."""
+    """The functions of a runtime for each eye, by `per_eye`: htc, meta or none."""
 
     prototypes: ClassVar = {
         "xrCreateEyeTrackerHTC": _THREE,
@@ -42,7 +42,7 @@ class SimulatedEyes:
         "xrGetEyeGeometricDataHTC": _THREE,
         "xrDestroyEyeTrackerHTC": _ONE,
     }
-    """Of functions that pyopenxr does not know."""
+    """Prototypes of functions that pyopenxr does not know."""
 
     def __init__(
         self,
@@ -63,7 +63,7 @@ class SimulatedEyes:
         self._allocate: Callable[[Any], int] = lambda target: 0
 
     def allocate_with(self, allocate: Callable[[Any], int]) -> None:
-        """Take what gives handles."""
+        """Take the function that gives handles."""
         self._allocate = allocate
 
     def tell_by(self, per_eye: str) -> None:
@@ -93,27 +93,27 @@ class SimulatedEyes:
             return RUNTIME_FAILURE
         if (self._type(info), self._type(data)) != NUMBERS["gaze"]:
             return VALIDATION_FAILURE
-        asked = ctypes.c_int64.from_address(info + AFTER_HEAD + 8).value
-        self._now_ns = asked - self._epoch_ns
-        told = b"".join(
+        time_ns = ctypes.c_int64.from_address(info + AFTER_HEAD + 8).value
+        self._now_ns = time_ns - self._epoch_ns
+        payload = b"".join(
             struct.pack("<I7f", pose is not None, *_turn_and_place(pose)) for pose in self._poses()
         )
-        self._write(data, told)
+        self._write(data, payload)
         return SUCCESS
 
     def _xr_GetEyePupilDataHTC(self, tracker: int, info: int, data: int) -> int:
         if (self._type(info), self._type(data)) != NUMBERS["pupil"]:
             return VALIDATION_FAILURE
-        seen, eyes = self._seen()
-        self._write(data, 2 * struct.pack("<IIfff", seen, seen, eyes["pupil_mm"], 0.5, 0.5))
+        is_seen, eyes = self._seen()
+        self._write(data, 2 * struct.pack("<IIfff", is_seen, is_seen, eyes["pupil_mm"], 0.5, 0.5))
         return SUCCESS
 
     def _xr_GetEyeGeometricDataHTC(self, tracker: int, info: int, data: int) -> int:
         if (self._type(info), self._type(data)) != NUMBERS["geometric"]:
             return VALIDATION_FAILURE
         _, eyes = self._seen()
-        known = not self._is_lost()
-        self._write(data, 2 * struct.pack("<Ifff", known, eyes["openness_01"], 0.0, 0.0))
+        is_known = not self._is_lost()
+        self._write(data, 2 * struct.pack("<Ifff", is_known, eyes["openness_01"], 0.0, 0.0))
         return SUCCESS
 
     # ---- Meta -------------------------------------------------------------------------------
@@ -128,17 +128,17 @@ class SimulatedEyes:
     def _xr_GetEyeGazesFB(self, tracker: Any, info: Any, gazes: Any) -> int:
         at = info.contents.time
         self._now_ns = int(getattr(at, "value", at)) - self._epoch_ns
-        found = gazes.contents
+        eye_gazes = gazes.contents
         for eye, pose in enumerate(self._poses()):
-            told = found.gaze[eye]
-            told.is_valid = int(pose is not None)
-            told.gaze_confidence = 0.0 if pose is None else FB_CONFIDENCE_01
+            eye_gaze = eye_gazes.gaze[eye]
+            eye_gaze.is_valid = int(pose is not None)
+            eye_gaze.gaze_confidence = 0.0 if pose is None else FB_CONFIDENCE_01
             x, y, z, w, *place = _turn_and_place(pose)
-            turn = told.gaze_pose.orientation
+            turn = eye_gaze.gaze_pose.orientation
             turn.x, turn.y, turn.z, turn.w = x, y, z, w
-            at_m = told.gaze_pose.position
+            at_m = eye_gaze.gaze_pose.position
             at_m.x, at_m.y, at_m.z = place
-        found.time = self._epoch_ns + self._sampled_ns(self._now_ns)
+        eye_gazes.time = self._epoch_ns + self._sampled_ns(self._now_ns)
         return SUCCESS
 
     # ---- inside -----------------------------------------------------------------------------
@@ -156,8 +156,8 @@ class SimulatedEyes:
         return not self._is_lost() and bool(eyes["openness_01"] >= OPEN_01), eyes
 
     def _poses(self) -> tuple[Pose | None, Pose | None]:
-        seen, eyes = self._seen()
-        if not seen:
+        is_seen, eyes = self._seen()
+        if not is_seen:
             return None, None
         left, right = (
             ([side * EYE_X_M, 0.0, 0.0], turned_to(eyes[f"{name}_direction_head"]))
@@ -170,8 +170,8 @@ def turned_to(ray: Any) -> list[float]:
     """Return the shortest turn (w, x, y, z) from −z to a unit ray."""
     x, y, z = ray
     turn = np.array([1.0 - z, y, -x, 0.0])  # w = 1 + cos, axis = (−z) × ray
-    found: list[float] = (turn / np.linalg.norm(turn)).tolist()
-    return found
+    turn_wxyz: list[float] = (turn / np.linalg.norm(turn)).tolist()
+    return turn_wxyz
 
 
 def _turn_and_place(pose: Pose | None) -> tuple[float, ...]:

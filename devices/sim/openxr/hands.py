@@ -72,18 +72,18 @@ class SimulatedHands:
         self._new_handle = new_handle
 
     def forget(self) -> None:
-        """Lose actions and their attachment, as when the instance goes."""
+        """Forget actions and their attachment, as at the end of an instance."""
         self.attached = False
         self._names.clear()
         self._down.clear()
 
     def hand_of(self, space_info: Any) -> int | None:
-        """Return which hand an action space belongs to; None: it is the eyes'."""
+        """Return the hand of an action space; None: it belongs to the eyes."""
         path = self._paths.get(int(space_info.subaction_path), "")
         return None if not path else int(path.endswith("right"))
 
     def pose(self, hand: int, t_ns: int) -> tuple[list[float], list[float]] | None:
-        """Return where a hand points: position and orientation (w, x, y, z), None without one."""
+        """Return the pose of a hand: position and orientation (w, x, y, z), None without one."""
         if hand in self.off:
             return None
         if isinstance(self._body, MovingBody):
@@ -95,10 +95,10 @@ class SimulatedHands:
     # ---- the runtime's functions -------------------------------------------------------------
 
     def _xr_StringToPath(self, instance: Any, text: Any, path: Any) -> int:
-        written = text.decode() if isinstance(text, bytes) else str(text)
-        known = {name: number for number, name in self._paths.items()}
-        number = known.get(written, len(self._paths) + 1)
-        self._paths[number] = written
+        path_text = text.decode() if isinstance(text, bytes) else str(text)
+        numbers_by_path = {name: number for number, name in self._paths.items()}
+        number = numbers_by_path.get(path_text, len(self._paths) + 1)
+        self._paths[number] = path_text
         ctypes.cast(path, ctypes.POINTER(ctypes.c_uint64))[0] = number
         return SUCCESS
 
@@ -116,12 +116,12 @@ class SimulatedHands:
     def _xr_SuggestInteractionProfileBindings(self, instance: Any, suggested: Any) -> int:
         if self.attached:
             return ACTIONSETS_NOT_ATTACHED
-        given = suggested.contents
-        profile = self._paths[int(given.interaction_profile)]
+        suggestion = suggested.contents
+        profile = self._paths[int(suggestion.interaction_profile)]
         if profile not in VALID_PATHS:
             return PATH_UNSUPPORTED
-        for i in range(given.count_suggested_bindings):
-            path = self._paths[int(given._suggested_bindings[i].binding)]  # noqa: SLF001 - the package's field
+        for i in range(suggestion.count_suggested_bindings):
+            path = self._paths[int(suggestion._suggested_bindings[i].binding)]  # noqa: SLF001 - the package's field
             below = path.removeprefix("/user/hand/left/").removeprefix("/user/hand/right/")
             if below not in (*VALID_PATHS[profile], *_ALWAYS):
                 return PATH_UNSUPPORTED
@@ -149,16 +149,16 @@ class SimulatedHands:
     def _xr_GetActionStateFloat(self, session: Any, info: Any, state: Any) -> int:
         hand, _ = self._asked(info.contents)
         state.contents.is_active = self._is_on(hand)
-        pulled = (hand, "select") in self._down and self._is_on(hand)
-        state.contents.current_state = float(pulled)
+        is_pulled = (hand, "select") in self._down and self._is_on(hand)
+        state.contents.current_state = float(is_pulled)
         return SUCCESS
 
     def _xr_ApplyHapticFeedback(self, session: Any, info: Any, vibration: Any) -> int:
         import xr
 
-        asked = ctypes.cast(vibration, ctypes.POINTER(xr.HapticVibration)).contents
+        pulse = ctypes.cast(vibration, ctypes.POINTER(xr.HapticVibration)).contents
         path = self._paths[int(info.contents.subaction_path)]
-        self.pulses.append((int(path.endswith("right")), int(asked.duration) // 1000))
+        self.pulses.append((int(path.endswith("right")), int(pulse.duration) // 1000))
         return SUCCESS
 
     # ---- inside -----------------------------------------------------------------------------

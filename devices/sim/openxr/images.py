@@ -1,4 +1,4 @@
-"""The images of a simulated OpenXR runtime: swap chains, layers, and what they end up showing.
+"""The images of a simulated OpenXR runtime: swap chains, layers, and the images shown.
 
 Textures are made in the context that is current when a swap chain is created, which is the
 program's own. Every image that a frame ends with is read back from the card once, as the compositor
@@ -72,7 +72,7 @@ class SimulatedImages:
         self._asked_requirements = False
 
     def session_result(self, link: int | None) -> int:
-        """Return what creating a session with these graphics comes to."""
+        """Return the result of creating a session with these graphics."""
         if not link:
             return GRAPHICS_DEVICE_INVALID
         kind = ctypes.cast(link, ctypes.POINTER(ctypes.c_int32))[0]
@@ -81,12 +81,12 @@ class SimulatedImages:
         return SUCCESS if self._asked_requirements else REQUIREMENTS_CALL_MISSING
 
     def forget(self) -> None:
-        """Lose every swap chain, as when the session ends; textures go with their context."""
+        """Forget every swap chain, as at the end of a session; textures go with their context."""
         self._chains.clear()
         self._asked_requirements = False
 
     def layers_result(self, info: Any) -> int:
-        """Look at the layers a frame ends with; show them, or say what is wrong with them."""
+        """Check the layers of a frame; show them, or return the error."""
         if self.refused:
             return self.refused
         if info.layer_count == 0:
@@ -141,19 +141,19 @@ class SimulatedImages:
         return SUCCESS
 
     def _xr_CreateSwapchain(self, session: Any, info: Any, chain: Any) -> int:
-        wanted = info.contents
-        if int(wanted.format) not in OFFERED_FORMATS:
+        create_info = info.contents
+        if int(create_info.format) not in OFFERED_FORMATS:
             return FORMAT_UNSUPPORTED
-        size = (int(wanted.width), int(wanted.height))
+        size = (int(create_info.width), int(create_info.height))
         copies = self._reader.copies
-        textures = [copies.texture(size, int(wanted.format)) for _ in range(OPENGL_IMAGES)]
+        textures = [copies.texture(size, int(create_info.format)) for _ in range(OPENGL_IMAGES)]
         self._chains[self._new_handle(chain)] = _Chain(textures, size)
         return SUCCESS
 
     def _xr_DestroySwapchain(self, chain: Any) -> int:
-        found = self._chains.pop(_handle(chain), None)
-        if found is not None:
-            self._reader.copies.delete(found.textures)
+        swapchain = self._chains.pop(_handle(chain), None)
+        if swapchain is not None:
+            self._reader.copies.delete(swapchain.textures)
         return SUCCESS
 
     def _xr_EnumerateSwapchainImages(
@@ -164,33 +164,33 @@ class SimulatedImages:
         textures = self._chains[_handle(chain)].textures
         count[0] = len(textures)
         if capacity and images:
-            made = ctypes.cast(images, ctypes.POINTER(xr.SwapchainImageOpenGLKHR))
+            image_structs = ctypes.cast(images, ctypes.POINTER(xr.SwapchainImageOpenGLKHR))
             for i, name in enumerate(textures):
-                made[i].image = name
+                image_structs[i].image = name
         return SUCCESS
 
     def _xr_AcquireSwapchainImage(self, chain: Any, info: Any, index: Any) -> int:
-        found = self._chains[_handle(chain)]
-        if len(found.acquired) == len(found.textures):
+        swapchain = self._chains[_handle(chain)]
+        if len(swapchain.acquired) == len(swapchain.textures):
             return CALL_ORDER_INVALID
-        found.acquired.append(found.following)
-        index[0] = found.following
-        found.following = (found.following + 1) % len(found.textures)
+        swapchain.acquired.append(swapchain.following)
+        index[0] = swapchain.following
+        swapchain.following = (swapchain.following + 1) % len(swapchain.textures)
         return SUCCESS
 
     def _xr_WaitSwapchainImage(self, chain: Any, info: Any) -> int:
-        found = self._chains[_handle(chain)]
-        if not found.acquired or found.waited:
+        swapchain = self._chains[_handle(chain)]
+        if not swapchain.acquired or swapchain.waited:
             return CALL_ORDER_INVALID
-        found.waited = True
+        swapchain.waited = True
         return SUCCESS
 
     def _xr_ReleaseSwapchainImage(self, chain: Any, info: Any) -> int:
-        found = self._chains[_handle(chain)]
-        if not found.waited:
+        swapchain = self._chains[_handle(chain)]
+        if not swapchain.waited:
             return CALL_ORDER_INVALID
-        found.waited, found.released = False, found.acquired.popleft()
-        found.image = None
+        swapchain.waited, swapchain.released = False, swapchain.acquired.popleft()
+        swapchain.image = None
         return SUCCESS
 
 

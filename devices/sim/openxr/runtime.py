@@ -1,12 +1,11 @@
-"""An OpenXR runtime without a headset: the genuine loader finds it and a body is tracked.
+"""An OpenXR runtime without a headset: the genuine loader finds it, and it tracks a body.
 
 A small C library (`native/openxr_runtime`) is compiled when it is first needed and hands out
 functions that are here, made with pyopenxr's own prototypes. It offers headless sessions and such
-with OpenGL (`images` reads back what is shown), controllers (`hands`), eye gaze, either eye where
-it is told to (`eyes`), and time conversion; it insists on the order of frame calls. A session with
-graphics gets the focus only after its first frames. Not modelled: boundaries, the runtime's
-smoothing of gaze, prediction error. Gaze is sampled at its own rate: locating twice between gives
-the same sample.
+with OpenGL (`images` reads back the images shown), controllers (`hands`), eye gaze, each eye if set
+so (`eyes`), and time conversion; it checks the order of frame calls. A session with graphics gets
+the focus only after its first frames. Not modelled: boundaries, the runtime's smoothing of gaze,
+prediction error. Gaze is sampled at its own rate: locating twice between gives the same sample.
 """
 
 # ruff: noqa: N802 - the functions bear the names of OpenXR
@@ -40,7 +39,7 @@ from visavis.lab.clock import NS_PER_S, Clock
 from visavis.lab.errors import DeviceNotFound
 
 EPOCH_NS = 7_000_000_000_000
-"""What the runtime's clock shows when the session's shows zero."""
+"""Time of the runtime's clock when the session's clock is at zero."""
 
 MILLI_HZ, TICK_NS = 1000, 100
 RUNTIME_NAME = b"Visavis simulated OpenXR"
@@ -53,7 +52,7 @@ ALL_VALID_AND_TRACKED = 0b1111
 STAGE, VIEW, GAZE, FIRST_HAND = 3, 1, 99, 100
 FIRST_HANDLE = 0x1000
 HIDDEN_CORNER_01 = 0.2
-"""Of the picture's sides, cut off each corner by the lens."""
+"""Share of the picture's sides that the lens cuts off at each corner."""
 VIEW_ANGLES_RAD = (-0.87, 0.82, -0.85, 0.86)
 RENDER_SIZE_PX = (1512, 1680)
 IPD_M = 0.063
@@ -125,14 +124,14 @@ class SimulatedXrRuntime:
                 "the library pyopenxr is not installed", remedy="run: pip install pyopenxr"
             ) from cause
         self._xr = xr
-        built = build_library("openxr_runtime/runtime.c", {}, "libvisavis_openxr.so")
+        library = build_library("openxr_runtime/runtime.c", {}, "libvisavis_openxr.so")
         self._folder = tempfile.TemporaryDirectory(prefix="visavis-openxr-")
         manifest = Path(self._folder.name) / "runtime.json"
-        runtime = {"name": "Visavis", "library_path": str(built)}
+        runtime = {"name": "Visavis", "library_path": str(library)}
         manifest.write_text(json.dumps({"file_format_version": "1.0.0", "runtime": runtime}))
         self._before = os.environ.get("XR_RUNTIME_JSON")
         os.environ["XR_RUNTIME_JSON"] = str(manifest)
-        self._native = ctypes.CDLL(str(built))
+        self._native = ctypes.CDLL(str(library))
         for part in (self, self.images, self.hands, self.eyes):
             for name in dir(type(part)):
                 if name.startswith("_xr_"):
@@ -246,8 +245,8 @@ class SimulatedXrRuntime:
             self._states.append(VISIBLE if away else FOCUSED)
         if not self._states:
             return EVENT_UNAVAILABLE
-        changed = self._xr.EventDataSessionStateChanged
-        target = ctypes.cast(event, ctypes.POINTER(changed)).contents
+        event_type = self._xr.EventDataSessionStateChanged
+        target = ctypes.cast(event, ctypes.POINTER(event_type)).contents
         kind = int(self._xr.StructureType.EVENT_DATA_SESSION_STATE_CHANGED.value)
         ctypes.cast(event, ctypes.POINTER(ctypes.c_int32))[0] = kind
         target.state = self._xr.SessionState(self._states.popleft())
@@ -272,15 +271,15 @@ class SimulatedXrRuntime:
         at_ns = int(getattr(at, "value", at)) - EPOCH_NS
         kind = self._spaces[self._handle(space)]
         if kind == GAZE:
-            found = self._gaze_at(at_ns, location)
+            pose = self._gaze_at(at_ns, location)
         elif kind >= FIRST_HAND:
-            lost = self._active("silence") or not self._has_focus()
-            found = None if lost else self.hands.pose(kind - FIRST_HAND, max(0, at_ns))
+            is_lost = self._active("silence") or not self._has_focus()
+            pose = None if is_lost else self.hands.pose(kind - FIRST_HAND, max(0, at_ns))
         else:
-            lost = self._active("silence") or self._active("standby")
+            is_lost = self._active("silence") or self._active("standby")
             position, turn = self._body.head(max(0, at_ns))
-            found = None if lost else (position.tolist(), turn.tolist())
-        self._write(location, found)
+            pose = None if is_lost else (position.tolist(), turn.tolist())
+        self._write(location, pose)
         return SUCCESS
 
     def _xr_EnumerateViewConfigurationViews(
@@ -312,7 +311,7 @@ class SimulatedXrRuntime:
     ) -> int:
         """Tell the triangles that cut off the four corners; the left eye's wind the other way."""
         left, right, down, up = np.tan(VIEW_ANGLES_RAD)
-        share, told = HIDDEN_CORNER_01, mask.contents
+        share, mask_data = HIDDEN_CORNER_01, mask.contents
         wide, high = share * (right - left), share * (up - down)
         corners = [
             point
@@ -325,14 +324,14 @@ class SimulatedXrRuntime:
             for point in ((x, y), (x + dx, y), (x, y + dy))
         ]
         order = range(len(corners)) if eye else range(len(corners) - 1, -1, -1)
-        told.vertex_count_output = told.index_count_output = len(corners)
-        if not told.vertex_capacity_input and not told.index_capacity_input:
+        mask_data.vertex_count_output = mask_data.index_count_output = len(corners)
+        if not mask_data.vertex_capacity_input and not mask_data.index_capacity_input:
             return SUCCESS
-        if min(told.vertex_capacity_input, told.index_capacity_input) < len(corners):
+        if min(mask_data.vertex_capacity_input, mask_data.index_capacity_input) < len(corners):
             return SIZE_INSUFFICIENT
         for i, ((x, y), index) in enumerate(zip(corners, order, strict=True)):
-            told.vertices[i].x, told.vertices[i].y = x, y
-            told.indices[i] = index
+            mask_data.vertices[i].x, mask_data.vertices[i].y = x, y
+            mask_data.indices[i] = index
         return SUCCESS
 
     def _xr_WaitFrame(self, session: Any, info: Any, state: Any) -> int:
@@ -366,8 +365,8 @@ class SimulatedXrRuntime:
         return self.images.layers_result(info.contents)
 
     def _xr_ConvertTimespecTimeToTimeKHR(self, instance: Any, stamp: Any, time: Any) -> int:
-        shown = stamp.contents.tv_sec * NS_PER_S + stamp.contents.tv_nsec + EPOCH_NS
-        ctypes.cast(time, ctypes.POINTER(ctypes.c_int64))[0] = shown
+        time_ns = stamp.contents.tv_sec * NS_PER_S + stamp.contents.tv_nsec + EPOCH_NS
+        ctypes.cast(time, ctypes.POINTER(ctypes.c_int64))[0] = time_ns
         return SUCCESS
 
     def _xr_ConvertWin32PerformanceCounterToTimeKHR(
@@ -380,14 +379,14 @@ class SimulatedXrRuntime:
 
     def _gaze_at(self, at_ns: int, location: Any) -> tuple[list[float], list[float]] | None:
         sampled_ns = at_ns // self._gaze_period_ns * self._gaze_period_ns
-        chained = self._chained(location, self._xr.EyeGazeSampleTimeEXT)
+        sample_time = self._chained(location, self._xr.EyeGazeSampleTimeEXT)
         eyes = self._body.eyes(np.array((max(0, sampled_ns),), np.int64))[0]
-        lost = self._eyes_are_lost()
-        if chained is not None and self._tells_sample_time:
+        is_lost = self._eyes_are_lost()
+        if sample_time is not None and self._tells_sample_time:
             at = self._xr.EyeGazeSampleTimeEXT.time.offset
-            target = ctypes.cast(ctypes.byref(chained, at), ctypes.POINTER(ctypes.c_int64))
+            target = ctypes.cast(ctypes.byref(sample_time, at), ctypes.POINTER(ctypes.c_int64))
             target[0] = sampled_ns + EPOCH_NS
-        if lost or eyes["openness_01"] < 0.5:
+        if is_lost or eyes["openness_01"] < 0.5:
             return None
         mean = eyes["left_direction_head"] + eyes["right_direction_head"]
         return [0.0, 0.0, 0.0], turned_to(mean / np.linalg.norm(mean))
@@ -444,18 +443,21 @@ class SimulatedXrRuntime:
         return int(ctypes.cast(handle, ctypes.c_void_p).value or 0)
 
     def _offer(self, name: str, function: Callable[..., int]) -> None:
-        known = {"xrConvertWin32PerformanceCounterToTimeKHR": FROM_COUNTER, **self.eyes.prototypes}
-        prototype = known.get(name) or getattr(self._xr, f"PFN_{name}")
+        prototypes = {
+            "xrConvertWin32PerformanceCounterToTimeKHR": FROM_COUNTER,
+            **self.eyes.prototypes,
+        }
+        prototype = prototypes.get(name) or getattr(self._xr, f"PFN_{name}")
 
         def call(*args: Any) -> int:
             self.calls.append(name)
             try:
                 return function(*args)
-            except Exception as problem:  # the border to C code
+            except Exception as problem:  # exceptions must not reach C code
                 self.failure = self.failure or problem
                 return -2  # XR_ERROR_RUNTIME_FAILURE
 
-        made = prototype(call)
-        self._keep.append(made)
-        pointer = ctypes.cast(made, ctypes.c_void_p)
+        callback = prototype(call)
+        self._keep.append(callback)
+        pointer = ctypes.cast(callback, ctypes.c_void_p)
         self._native.visavis_xr_set_function(name.encode(), pointer)

@@ -125,9 +125,9 @@ class PupilCoreSimulator:
         self._held_as: tuple[int, int] | None = None
 
     def may_wait(self, t_ns: int) -> bool:
-        """Tell whether messages may be read later than they arrive: no fault is to befall them.
+        """Tell whether messages may be read later than they arrive, which faults forbid.
 
-        Eyes that can be asked later what they did are asked for many samples at once.
+        If the eyes can be asked for the past, many samples are then made at once.
         """
         if self._faults.faults:
             return False
@@ -151,7 +151,7 @@ class PupilCoreSimulator:
         self._sample(np.array(t_list, np.int64), t_list)
 
     def outgoing(self, until_ns: int) -> Sequence[Message]:
-        """Give up what has arrived at the host by this time."""
+        """Return the messages that have arrived at the host by this time."""
         if self._held:
             self._publish_held()
         outbox = self._outbox
@@ -177,7 +177,7 @@ class PupilCoreSimulator:
         for kind in ("late_start", "disconnect", "mute"):
             if self._faults.active(kind, since_ns) is not None:
                 return None
-        self._publish_held()  # with the calibration they were seen with
+        self._publish_held()  # with the calibration in force when they were measured
         command = frames[0]
         if command.startswith(b"notify.") and len(frames) > 1:
             self._take_notification(frames[1], t_ns)
@@ -185,7 +185,7 @@ class PupilCoreSimulator:
         return (self._reply(command, t_ns).encode(),)
 
     def accept(self, frames: Frames, t_ns: int) -> None:
-        """Take an annotation published to PUB_PORT; other topics concern nobody here."""
+        """Take an annotation published to PUB_PORT; other topics are ignored."""
         if len(frames) == 2 and frames[0].startswith(b"annotation"):
             payload = _unpacked(frames[1])
             if payload is not None:
@@ -196,15 +196,15 @@ class PupilCoreSimulator:
     def device_ns(self, t_ns: int) -> int:
         """Return what the device's clock shows at a session time."""
         since_ns = t_ns - self._origin_ns
-        shown = self._epoch_ns + since_ns
+        clock_ns = self._epoch_ns + since_ns
         if self._drift:
-            shown += round(self._drift * since_ns)
+            clock_ns += round(self._drift * since_ns)
         for fault in self._faults.of_kind("drift"):
-            shown += round(max(0, since_ns - fault.start_ns) * fault.amount * 1e-6)
+            clock_ns += round(max(0, since_ns - fault.start_ns) * fault.amount * 1e-6)
         for fault in self._faults.of_kind("clock_jump"):
             if since_ns >= fault.start_ns:
-                shown += round(fault.amount * NS_PER_S)
-        return shown
+                clock_ns += round(fault.amount * NS_PER_S)
+        return clock_ns
 
     def _reply(self, command: bytes, t_ns: int) -> str:
         if command == b"t":
@@ -233,7 +233,7 @@ class PupilCoreSimulator:
         )
 
     def _sample(self, t: Times, t_list: list[int]) -> None:
-        """See the body's eyes now; what they look like on the wire can wait until it is read."""
+        """Sample the body's eyes now; their messages are made when they are read."""
         eyes = self._body.eyes(t)
         held_as = (self._body.stretch(), self._body.fit())
         if held_as != self._held_as:
@@ -253,21 +253,21 @@ class PupilCoreSimulator:
             self._publish_held()
 
     def _publish_held(self) -> None:
-        """Measure the eyes seen since the last call and send what comes of it."""
-        held, t_list = self._held, self._held_ns
-        if not held or self._held_as is None:
+        """Measure the eyes sampled since the last call and send the results."""
+        batches, t_list = self._held, self._held_ns
+        if not batches or self._held_as is None:
             return
         self._held, self._held_ns = [], []
-        eyes = held[0] if len(held) == 1 else np.concatenate(held)
+        eyes = batches[0] if len(batches) == 1 else np.concatenate(batches)
         stretch, fit = self._held_as
         if stretch != self._stretch or self._noise is None:
             self._stretch = stretch
             self._noise = StretchNoise(self._error, self._seed, stretch, self._rate_hz)
-        worn = (fit, self._calibrated_fit)
-        if worn != self._worn or self._systematic is None:
-            self._worn = worn
+        fit_pair = (fit, self._calibrated_fit)
+        if fit_pair != self._worn or self._systematic is None:
+            self._worn = fit_pair
             self._systematic = draw_systematic(
-                self._error, self._seed, fit=worn[0], calibrated_fit=worn[1]
+                self._error, self._seed, fit=fit_pair[0], calibrated_fit=fit_pair[1]
             )
         n = len(t_list)
         noise = self._noise.take(n)
@@ -276,9 +276,9 @@ class PupilCoreSimulator:
         else:
             t_device, ahead_ns = np.array(t_list, np.int64), self._epoch_ns - self._origin_ns
         template = self._both
-        if n > self._room[2].size:  # written anew by every call, which copies what it publishes
+        if n > self._room[2].size:  # reused by every call, which copies its messages
             self._room = self._made_room(2 * n)
-        values, packed, delay_ns = self._room[0][:n], self._room[1][:n], self._room[2][:n]
+        values, datums, delay_ns = self._room[0][:n], self._room[1][:n], self._room[2][:n]
         _measure(
             eyes,
             noise,
@@ -293,7 +293,7 @@ class PupilCoreSimulator:
             template.columns,
             template.places,
             values,
-            packed,
+            datums,
             delay_ns,
         )
         delays: list[int] = delay_ns.tolist()
@@ -301,7 +301,7 @@ class PupilCoreSimulator:
             self._publish_faulty(t_list, delays, values, noise)
             return
         push = self._outbox.append
-        for t_ns, delay, frames in zip(t_list, delays, template.messages(packed), strict=True):
+        for t_ns, delay, frames in zip(t_list, delays, template.messages(datums), strict=True):
             push(Message(t_ns + delay, frames))
 
     def _publish_faulty(
@@ -366,15 +366,15 @@ class PupilCoreSimulator:
         elif subject == "calibration.add_ref_data" and self._judge is not None:
             self._judge.add_references(notification.get("ref_data", ()))
         elif subject == "calibration.should_stop" and self._judge is not None:
-            found = self._judge.verdict()
+            verdict = self._judge.verdict()
             self._judge = None
             self._notify("calibration.stopped", t_ns)
-            if found.reason is None:
+            if verdict.reason is None:
                 self._calibrated_fit = self._body.fit()
-                self._turn = found.turn
+                self._turn = verdict.turn
                 self._notify("calibration.successful", t_ns + VERDICT_AFTER_NS)
             else:
-                self._notify("calibration.failed", t_ns + VERDICT_AFTER_NS, reason=found.reason)
+                self._notify("calibration.failed", t_ns + VERDICT_AFTER_NS, reason=verdict.reason)
 
 
 def _happens(active: dict[str, WireFault], kind: str, drawn: float) -> bool:
@@ -383,10 +383,10 @@ def _happens(active: dict[str, WireFault], kind: str, drawn: float) -> bool:
 
 def _unpacked(payload: bytes) -> dict[str, Any] | None:
     try:
-        found = msgpack.unpackb(payload, strict_map_key=False)
+        content = msgpack.unpackb(payload, strict_map_key=False)
     except (ValueError, msgpack.UnpackException):
         return None
-    return found if isinstance(found, dict) else None
+    return content if isinstance(content, dict) else None
 
 
 @compiled
@@ -410,12 +410,12 @@ def _measure(
     """Measure `eyes` (n, 8), rows of `EYES_DTYPE`: values, datums as bytes, and travel times.
 
     The device's clock shows `ahead_ns` more than `t_ns`.
-    One call for all of it, because a frame brings one or two samples.
+    It is one call, because a frame brings only one or two samples.
     """
     n = eyes.shape[0]
-    seen = np.empty((n, 2, 3))
-    measured_directions(eyes[:, 0:3], eyes[:, 3:6], noise, offset_rad, gain, seen)
-    fill_values(seen, eyes[:, 6], eyes[:, 7], half_mm, values)
+    directions = np.empty((n, 2, 3))
+    measured_directions(eyes[:, 0:3], eyes[:, 3:6], noise, offset_rad, gain, directions)
+    fill_values(directions, eyes[:, 6], eyes[:, 7], half_mm, values)
     for i in range(n):
         values[i, 0] = (t_ns[i] + ahead_ns) / 1e9
         jitter_ms = (2.0 * noise[i, _LATENCY] - 1.0) * latency_jitter_ms
@@ -427,7 +427,7 @@ def _measure(
 def fill_values(
     seen: Floats, openness_01: Floats, pupil_mm: Floats, half_mm: float, values: Floats
 ) -> None:
-    """Write the columns of `GAZE_VALUES` except the time from what each eye is seen to do.
+    """Write the columns of `GAZE_VALUES`, except the time, from the measured eyes.
 
     `seen` (n, 2, 3) is in the head frame, left eye first; an eye closed by half or more loses
     confidence. The gaze point is the closest approach of both lines, at most 10 m away.

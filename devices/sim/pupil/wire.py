@@ -44,25 +44,25 @@ class GazeTemplate:
     def __init__(self, topic: bytes, eye_centers_mm: Mapping[int, tuple[float, ...]]) -> None:
         self.topic = topic
         marks = {name: 1e300 * (1 + i / 64) for i, name in enumerate(GAZE_VALUES)}
-        packed: bytes = msgpack.packb(_datum(topic, eye_centers_mm, marks))
+        datum_bytes: bytes = msgpack.packb(_datum(topic, eye_centers_mm, marks))
         columns: list[int] = []
         places: list[int] = []
         for name, mark in marks.items():
             pattern = struct.pack(">d", mark)
-            at = packed.find(pattern)
+            at = datum_bytes.find(pattern)
             while at >= 0:
                 columns.append(COLUMN[name])
                 places.append(at)
-                at = packed.find(pattern, at + 8)
+                at = datum_bytes.find(pattern, at + 8)
         self.columns = np.array(columns)
         self.places = np.array(places)
-        self.bytes = np.frombuffer(packed, np.uint8)
+        self.bytes = np.frombuffer(datum_bytes, np.uint8)
 
     def pack(self, values: Floats) -> list[tuple[bytes, bytes]]:
         """Return [topic, datum] messages for a matrix (n, len(GAZE_VALUES))."""
-        packed = np.empty((values.shape[0], self.bytes.size), np.uint8)
-        write_datums(values, self.bytes, self.columns, self.places, packed)
-        return self.messages(packed)
+        datums = np.empty((values.shape[0], self.bytes.size), np.uint8)
+        write_datums(values, self.bytes, self.columns, self.places, datums)
+        return self.messages(datums)
 
     def messages(self, packed: npt.NDArray[np.uint8]) -> list[tuple[bytes, bytes]]:
         """Return [topic, datum] messages for the bytes that `write_datums` wrote."""

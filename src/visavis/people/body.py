@@ -1,4 +1,4 @@
-"""Simulated bodies: a hand that points and presses, segments as trackers see them, who stands."""
+"""Simulated bodies: a hand that points and presses, tracked segments, a standing body."""
 
 from collections.abc import Iterator, Sequence
 from typing import Final
@@ -16,11 +16,11 @@ from visavis.protocol.session.boards import ALONG_FINGERS, HAND
 from visavis.stimuli.motion.blending import smootherstep
 
 POINT_S: Final = 0.5
-"""How long a hand takes from one point to the next."""
+"""Time of a hand movement from one point to the next, in seconds."""
 RELEASED_AFTER_NS: Final = NS_PER_S // 10
 TURN_S: Final = 0.45
 HEAD_SHARE: Final = 0.6
-"""Of a gaze shift that the head takes over."""
+"""Share of a gaze shift that the head takes over."""
 SWAY_M: Final = 0.006
 SWAY_HZ: Final = (0.13, 0.11, 0.17)
 HALF_IPD_M: Final = 0.0315
@@ -28,9 +28,9 @@ PUPIL_MM: Final = 3.5
 
 
 class PointingHand:
-    """A hand that goes from point to point and presses; times count from a stretch's begin.
+    """A hand that points and presses; times count from the beginning of a stretch.
 
-    `rest_m` (3,) is what it points to before anything is asked.
+    `rest_m` (3,) is the point it points to before any question.
     """
 
     def __init__(self, rest_m: Vector) -> None:
@@ -42,21 +42,21 @@ class PointingHand:
         self._points.append((start_s, goal_m))
 
     def press(self, t_ns: int, control: str) -> None:
-        """Press a control, session time, and let go of it."""
+        """Press a control at a session time and release it."""
         self._presses += [(t_ns, control, 1.0), (t_ns + RELEASED_AFTER_NS, control, 0.0)]
         self._presses.sort(key=lambda press: press[0])
 
     def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
-        """Yield what was pressed and let go of since the last call."""
+        """Yield presses and releases since the last call."""
         while self._presses and self._presses[0][0] <= until_ns:
             yield self._presses.pop(0)
 
     def next_press_ns(self) -> int | None:
-        """Return when something is pressed or let go of next; None when nothing is."""
+        """Return the time of the next press or release; None without one."""
         return self._presses[0][0] if self._presses else None
 
     def pointed_at(self, t_s: Vector) -> Vector:
-        """Return what is pointed to (t, 3)."""
+        """Return the points (t, 3) it points to."""
         point = np.broadcast_to(self._points[0][1], (len(t_s), 3))
         for start_s, goal in self._points[1:]:
             point = point + smootherstep((t_s - start_s) / POINT_S)[:, None] * (goal - point)
@@ -71,11 +71,11 @@ def segments_of(
     hand_m: Vector,
     pointed_m: Vector,
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Return positions (t, n, 3) and orientations (t, n, 4) of segments of somebody who points.
+    """Return positions (t, n, 3) and orientations (t, n, 4) of a pointing person's segments.
 
-    They sit or stand at ease where their eyes are at `at_m` (3,), feet on the floor: whose eyes are
-    low sits. The trunk follows the head, of which `eyes_m` (t, 3) is the middle between the eyes
-    and `head_wxyz` (t, 4) the turn; the right hand is at `hand_m` (t, 3) and its fingers point to
+    The person sits or stands at ease with the eyes at `at_m` (3,) and the feet on the floor; low
+    eyes mean sitting. The trunk follows the head: `eyes_m` (t, 3) is the middle between the eyes
+    and `head_wxyz` (t, 4) the turn. The right hand is at `hand_m` (t, 3) and its fingers point to
     `pointed_m` (t, 3).
 
     Raises:
@@ -90,34 +90,34 @@ def segments_of(
     hand_wxyz = fingers_to(unit(pointed_m - hand_m))
     ease = at_ease(*(round(float(v), 3) for v in at_m))
     all_m, all_wxyz = posed(ease, eyes_m, head_wxyz, hand_m, hand_wxyz)
-    chosen = [ease.skeleton.index(name) for name in names]
-    return all_m[:, chosen], all_wxyz[:, chosen]
+    indices = [ease.skeleton.index(name) for name in names]
+    return all_m[:, indices], all_wxyz[:, indices]
 
 
 def hand_alone(
     hand_m: Vector, pointed_m: Vector
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Return the right hand alone as `segments_of` does: it needs no body."""
+    """Return only the right hand, as `segments_of` does; this needs no body."""
     return hand_m[:, None, :].copy(), fingers_to(unit(pointed_m - hand_m))[:, None, :]
 
 
 def fingers_to(direction: Vector) -> Vector:
     """Return turns (t, 4) of a right hand whose fingers point along unit directions (t, 3)."""
-    found = np.empty((len(direction), 4))
-    found[:, 0] = 1.0 + direction @ ALONG_FINGERS
-    found[:, 1:] = np.cross(ALONG_FINGERS, direction)
-    length = np.linalg.norm(found, axis=1, keepdims=True)
+    turns_wxyz = np.empty((len(direction), 4))
+    turns_wxyz[:, 0] = 1.0 + direction @ ALONG_FINGERS
+    turns_wxyz[:, 1:] = np.cross(ALONG_FINGERS, direction)
+    length = np.linalg.norm(turns_wxyz, axis=1, keepdims=True)
     backwards = np.array([0.0, 0.0, 1.0, 0.0])
-    return np.where(length < 1e-9, backwards, found / np.maximum(length, 1e-9))
+    return np.where(length < 1e-9, backwards, turns_wxyz / np.maximum(length, 1e-9))
 
 
 class StandingBody:
-    """Somebody who stands and sways, looks from point to point with eyes and head, and points.
+    """A standing person who sways, looks from point to point with eyes and head, and points.
 
-    The bodily part of `visavis.protocol.people.simulated_participant.SimulatedParticipant`; who
-    they are and what they answer is for who inherits. `eye_m` (3,) is where the eyes are when
-    upright, `sway_rad` (3,) where in its swaying the body begins, `ahead_m` what is looked at by
-    itself, `hand_m` where the right hand is and `rest_m` what it points to.
+    The bodily part of `visavis.protocol.people.simulated_participant.SimulatedParticipant`; a
+    subclass adds identity and answers. `eye_m` (3,) is the position of the eyes when upright,
+    `sway_rad` (3,) the initial phase of the sway, `ahead_m` the point looked at without
+    instruction, `hand_m` the position of the right hand and `rest_m` the point it points to.
     """
 
     def __init__(
@@ -189,21 +189,21 @@ class StandingBody:
         return self._fit
 
     def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
-        """Yield what was pressed since the last call."""
+        """Yield presses and releases since the last call."""
         return self.hand.presses(until_ns)
 
     def next_press_ns(self) -> int | None:
         """Return when something is pressed or let go of next."""
         return self.hand.next_press_ns()
 
-    # ---- for who inherits ----
+    # ---- for subclasses ----
 
     def since_s(self, t_ns: int) -> float:
         """Return a session time as seconds since the stretch began."""
         return (t_ns - self._origin_ns) / NS_PER_S
 
     def look(self, t_s: float, point_m: Vector) -> None:
-        """Look at a point from a time on; what was planned for later is given up."""
+        """Look at a point from a time on; later planned looks are dropped."""
         self._aimed = np.zeros((0, 2))
         self._looks = [look for look in self._looks if look[0] < t_s]
         self._looks.append((t_s, point_m))
@@ -230,12 +230,12 @@ class StandingBody:
 
     def _positions(self, t_s: Vector) -> Vector:
         wave = np.sin(2 * np.pi * np.array(SWAY_HZ) * t_s[:, None] + self._sway)
-        found: Vector = self._eye + SWAY_M * wave
-        return found
+        positions_m: Vector = self._eye + SWAY_M * wave
+        return positions_m
 
     @property
     def _aims(self) -> Vector:
-        """Yaw and pitch (n, 2) in radians of what is looked at one after the other."""
+        """Yaw and pitch (n, 2) in radians of the points looked at, in order."""
         if len(self._aimed) != len(self._looks):
             x, y, z = (np.array([point for _, point in self._looks]) - self._eye).T
             self._aimed = np.stack([np.arctan2(-x, -z), np.arctan2(y, np.hypot(x, z))], axis=1)
@@ -244,5 +244,5 @@ class StandingBody:
     def _targets(self, t_s: Vector) -> Vector:
         starts = np.array([start for start, _ in self._looks])
         points = np.array([point for _, point in self._looks])
-        found: Vector = points[np.searchsorted(starts, t_s, side="right").clip(1) - 1]
-        return found
+        targets_m: Vector = points[np.searchsorted(starts, t_s, side="right").clip(1) - 1]
+        return targets_m

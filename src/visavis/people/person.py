@@ -1,7 +1,7 @@
 """The simulated person of a study on the kit: looks at people, points, presses, and answers.
 
-They see what the display shows and hear what is asked, nothing else. What they answer is decided
-by the study's own function of what was `Seen`, or by a person without opinions.
+They see only the display and hear the questions. Their answers come from the study's own function
+of what was `Seen`, or are neutral.
 """
 
 import zlib
@@ -40,23 +40,23 @@ if TYPE_CHECKING:
 
 _MIND_STREAM, _LEANING_STREAM, _PACE_STREAM = 11, 12, 13
 HAND_AT_M: Final = (0.26, -0.42, -0.30)
-"""From the eyes to the right hand that points."""
+"""Position of the pointing right hand, relative to the eyes."""
 HAND_REST: Final = (0.30, -0.85, -1.0)
-"""What the hand points to before a question, from the eyes."""
+"""Point that the hand points to before a question, relative to the eyes."""
 PRESS_S: Final = 0.1
 THINKING_S: Final = 1.1
 THINKING_LOG_SD: Final = 0.3
 NOTICE_S: Final = 0.32
-"""From an onset to a press that nothing has to be weighed for."""
+"""Time from an onset to a press without a decision, in seconds."""
 CONTACT_DEG: Final = 5.0
 FITTED_PEOPLE: Final = 11
-"""How many people the model of attention was fitted before."""
+"""Number of people in the scene to which the model of attention was fitted."""
 
 
 class StudyPerson(Observer):
     """An `Observer` who also answers: by ray and trigger on boards, by keys, in words.
 
-    `words` leads from the text of a board to the response it asks for.
+    `words` maps the text of a board to the response that it asks for.
     """
 
     _panel_text: str
@@ -92,10 +92,10 @@ class StudyPerson(Observer):
         response = self._responses.get(prompt)
         if response is None:
             return super().answer(question_id, prompt, options)
-        said = self._said(response)
-        if said is None:
+        reply = self._said(response)
+        if reply is None:
             return None
-        return options[list(response.options).index(said)] if response.options else str(said)
+        return options[list(response.options).index(reply)] if response.options else str(reply)
 
     # ---- Viewer ----
 
@@ -117,11 +117,11 @@ class StudyPerson(Observer):
     # ---- Body ----
 
     def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
-        """Yield what was pressed since the last call."""
+        """Yield presses and releases since the last call."""
         return self._hand.presses(until_ns)
 
     def next_press_ns(self) -> int | None:
-        """Return when something is pressed or let go of next."""
+        """Return the time of the next press or release."""
         return self._hand.next_press_ns()
 
     def segments(
@@ -137,20 +137,20 @@ class StudyPerson(Observer):
         return segments_of(names, self._seat, eyes_m, turn, hand_m, pointed_m)
 
     def watch(self, films: "Mapping[str, FilmSeen]") -> None:
-        """See films by moving cameras on a page, by where they stand."""
+        """See films by moving cameras on a page, by their place on the page."""
         self._films = films
 
     def feel(self, role: str, amplitudes_01: Sequence[float], t_ns: int) -> None:
-        """Feel a vibration, of which answers may tell."""
+        """Feel a vibration, on which answers may depend."""
         if any(a > 0 for a in amplitudes_01) and role not in self._felt:
             self._felt.append(role)
 
     # ---- within ----
 
     def _appeal_of(self, what: Layout) -> npt.NDArray[np.float64]:
-        """Return what each target is worth; a room counts less before few people than before many.
+        """Return the appeal of each target; a room attracts less with few people than with many.
 
-        The model's room was fitted before an audience; nobody here is known to stand aside.
+        The model's room was fitted with an audience; here no speaker is known to stand aside.
         """
         appeal = super()._appeal_of(what)
         kind = what.targets["kind"]
@@ -187,16 +187,18 @@ class StudyPerson(Observer):
         if not agents:
             return np.zeros(0, np.bool_)
         to_me = unit(self._seat - np.array([a.eye_centre_m for a in agents]))
-        met = np.einsum("ij,ij->i", to_me, view.gaze_direction) > np.cos(np.radians(CONTACT_DEG))
-        return np.asarray(met & (view.eye_openness_01 > 0.5), np.bool_)
+        looks_at_me = np.einsum("ij,ij->i", to_me, view.gaze_direction) > np.cos(
+            np.radians(CONTACT_DEG)
+        )
+        return np.asarray(looks_at_me & (view.eye_openness_01 > 0.5), np.bool_)
 
     def _seen(self) -> Seen:
-        passed = max(self._last_ns - self._first_ns, 1)
+        elapsed_ns = max(self._last_ns - self._first_ns, 1)
         return Seen(
             self._first,
             self._last,
-            passed / NS_PER_S,
-            self._contact_ns / passed,
+            elapsed_ns / NS_PER_S,
+            self._contact_ns / elapsed_ns,
             self.notices_contact,
             self._leaning,
             tuple(self._felt),
@@ -206,16 +208,16 @@ class StudyPerson(Observer):
 
     def _said(self, response: Response) -> str | None:
         rng = self._rng(_MIND_STREAM, self.stretch(), zlib.crc32(response.name.encode()))
-        said = self._answer_of(self._seen(), response, rng)
-        if said is None:
+        reply = self._answer_of(self._seen(), response, rng)
+        if reply is None:
             return None
         options = tuple(map(str, response.options))
-        if options and str(said) not in options:
+        if options and str(reply) not in options:
             raise DataError(
-                f"the simulated person answered {said!r} to {response.name}; its options are "
+                f"the simulated person answered {reply!r} to {response.name}; its options are "
                 f"{', '.join(options)}"
             )
-        return str(said)
+        return str(reply)
 
     def takes_s(self, response: Response | None) -> float:
         """Return how long this person takes to answer."""
@@ -227,35 +229,35 @@ class StudyPerson(Observer):
         response = self._responses.get(panel.text)
         if response is None:
             return
-        said = self._said(response)
-        if said is None:
+        reply = self._said(response)
+        if reply is None:
             return
         takes_s = max(self.takes_s(response), POINT_S + 0.15)
-        middle = choice_centre_m(panel, list(map(str, response.options)).index(said))
+        middle = choice_centre_m(panel, list(map(str, response.options)).index(reply))
         since_s = (t_ns - self._origin_ns) / NS_PER_S
         self._hand.point(since_s + takes_s - POINT_S, middle - self._seat)
         self._hand.press(t_ns + round((takes_s + PRESS_S) * NS_PER_S), "trigger")
         self.look_at(middle.tolist(), t_ns)
 
     def _press_when_noticed(self, t_ns: int) -> None:
-        """Press where the study asks for keys: nothing tells a person that but the instruction."""
+        """Press if the study asks for keys, which a person only knows from the instruction."""
         for response in dict.fromkeys(self._responses.values()):
             if isinstance(response, Keys):
-                said = self._said(response)
-                if said is not None:
+                reply = self._said(response)
+                if reply is not None:
                     takes = NOTICE_S * self.takes_s(response) / THINKING_S
-                    self._hand.press(t_ns + round(takes * NS_PER_S), said)
+                    self._hand.press(t_ns + round(takes * NS_PER_S), reply)
             elif isinstance(response, Pointing) and self._last is not None:
                 self._hand.press(t_ns + round(self.takes_s(response) * NS_PER_S), "trigger")
 
 
 def unopinionated(seen: Seen, response: Response, rng: np.random.Generator) -> Any:
-    """Answer as somebody for whom what was shown makes no difference."""
+    """Answer as a person to whom the stimuli make no difference."""
     if isinstance(response, Rating):
         middle = (response.low + response.high) / 2
         spread = (response.high - response.low) / 6
-        wanted = middle + spread * (0.7 * seen.leaning + rng.standard_normal())
-        return int(np.clip(round(wanted), response.low, response.high))
+        rating = middle + spread * (0.7 * seen.leaning + rng.standard_normal())
+        return int(np.clip(round(rating), response.low, response.high))
     if isinstance(response, Number):
         low, high = max(response.low, 0.0), min(response.high, max(response.low, 0.0) + 100.0)
         return f"{rng.uniform(low, high):.1f}"
@@ -269,7 +271,7 @@ def unopinionated(seen: Seen, response: Response, rng: np.random.Generator) -> A
 def plain_answer(
     age: int, gender: str, question_id: str, options: Sequence[str], rng: np.random.Generator
 ) -> str | None:
-    """Answer a questionnaire with age and gender, and any of the options; None leaves it out."""
+    """Answer age and gender, and other questions with any option; None leaves a question out."""
     if question_id == "age":
         return str(age)
     if question_id == "gender":

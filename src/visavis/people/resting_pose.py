@@ -1,4 +1,4 @@
-"""A body that sits or stands at ease under a given head, its right hand where it is told."""
+"""A sitting or standing body that fits a given head pose and right-hand target."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -36,14 +36,14 @@ FINGERS: Triple = (1.0, 0.0, 0.0)
 PALM: Triple = (0.0, -1.0, 0.0)
 AHEAD: Triple = (0.0, 0.0, -1.0)
 ELBOW_TOWARDS: Triple = (-0.6, -1.0, 0.5)
-"""Where the elbow of the pointing arm hangs, of a left arm in the axes of the chest."""
+"""Direction in which the elbow of the pointing arm hangs; for a left arm, in axes of the chest."""
 _ONE: Final[Index] = np.zeros(1, np.int64)
 _HELD: Final = np.ones(1, np.bool_)
 
 
 @dataclass(frozen=True, eq=False)
 class Ease:
-    """A skeleton at ease: one row (1, SIZE) of posture, the feet where they stay."""
+    """A resting pose: a skeleton, one row (1, SIZE) of posture and the place of the feet."""
 
     skeleton: Skeleton
     controls: Vector
@@ -51,7 +51,7 @@ class Ease:
 
 @cache
 def at_ease(x_m: float, eye_height_m: float, z_m: float) -> Ease:
-    """Return somebody whose eyes are there: whose eyes are low sits; seat or stature follows."""
+    """Return a resting pose with the eyes at a point; low eyes sit; seat or stature follows."""
     seat_m, stature_m = Sit().seat_m, REFERENCE_STATURE_M
     kind: Sit | Idle = STANDING
     if eye_height_m <= MAX_SEATED_EYE_M:
@@ -69,8 +69,8 @@ def posed(
 ) -> tuple[Vector, Vector]:
     """Return all joints, positions (t, joints, 3) and turns (t, joints, 4) in world.
 
-    The middle between the eyes `eyes_m` (t, 3) and the turn of the head `head_wxyz` (t, 4) are
-    given, and those of the right hand; trunk and limbs follow, the feet stay.
+    Given are the middle between the eyes `eyes_m` (t, 3), the turn of the head `head_wxyz` (t, 4)
+    and the pose of the right hand; trunk and limbs follow, the feet stay.
     """
     n = len(eyes_m)
     positions, turns = np.empty((n, p.JOINTS, 3)), np.empty((n, p.JOINTS, 4))
@@ -104,8 +104,8 @@ def _eyes_of(stature_m: float, kind: Sit | Idle) -> Vector:
     eyes, head, chest = np.empty((1, 3)), np.empty((1, 4)), np.empty((1, 4))
     offsets = motion.people[0].build.skeleton.offsets_m[None]
     look_from(motion.posture(0.0), offsets, _ONE, eyes, head, chest)
-    found: Vector = eyes[0]
-    return found
+    eyes_m: Vector = eyes[0]
+    return eyes_m
 
 
 @compiled
@@ -120,7 +120,7 @@ def _triple(row: Vector) -> Triple:
 
 @compiled
 def _reflected(row: Vector, start: int, v: Triple) -> None:
-    """Write a vector of the right side as the solver wants it: of the left one."""
+    """Mirror a vector of the right side for the solver, which knows left arms only."""
     row[start], row[start + 1], row[start + 2] = -v[0], v[1], v[2]
 
 
@@ -145,7 +145,7 @@ def _body_rows(
         ahead = rotate_vector(head, AHEAD)
         facing[0, 0], facing[0, 1], facing[0, 2] = ahead
         eyes, at, turn = eyes_m[t : t + 1], positions[t : t + 1], turns[t : t + 1]
-        # First without the hand: where the chest is, in whose axes an arm is led.
+        # First solve without the hand: the arm is solved in the axes of the chest.
         pose_rows(ease.copy(), offsets, _ONE, _HELD, eyes, facing, root, local)
         forward_rows(parents, own, root, local, at, turn)
         back = inverse(_quat(turn[0, p.J_UPPER_CHEST]))
@@ -161,7 +161,7 @@ def _body_rows(
         arm[p.POLE], arm[p.POLE + 1], arm[p.POLE + 2] = ELBOW_TOWARDS
         pose_rows(controls, offsets, _ONE, _HELD, eyes, facing, root, local)
         forward_rows(parents, own, root, local, at, turn)
-        # Nothing that is given is approached only: a wrist bends so far, a facing has no roll.
+        # Set the given poses exactly: the solver limits the wrist and knows no roll of the head.
         at[0, J_RIGHT_HAND], turn[0, J_RIGHT_HAND] = hand_m[t], hand_wxyz[t]
         joint = minus(_triple(eyes_m[t]), rotate_vector(head, between_eyes))
         at[0, p.J_HEAD, 0], at[0, p.J_HEAD, 1], at[0, p.J_HEAD, 2] = joint

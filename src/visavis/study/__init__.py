@@ -1,8 +1,8 @@
 """The declaration of a study, and how its trials unfold.
 
-Here is what a study file writes and what follows from it alone: factors and parameters, the steps
-of a trial, scenes and films, what is asked, what is measured and compared, which rules leave data
-out, texts in every language, the sections a study adds to its report; the catalogue that finds
-studies, and the experiment that hands a session its plan and its trials. Nobody is simulated here,
-nothing is recorded, and no data are read: people, results and sessions stand in the rooms above.
+This package holds everything in a study file and everything that follows from the file alone:
+factors and parameters, the steps of a trial, scenes and films, questions, measures and comparisons,
+rules of exclusion, texts in every language, and sections of the report; also the catalogue that
+finds studies, and the experiment that gives a session its plan and its trials. It simulates nobody,
+records nothing and reads no data: people, results and sessions are in other packages.
 """

@@ -1,4 +1,4 @@
-"""Arguments of what a study file calls: which there are, and words for one that there is not."""
+"""The arguments of functions that a study file calls, and the error for an unknown one."""
 
 import inspect
 from collections.abc import Callable, Iterable
@@ -8,7 +8,7 @@ from visavis.lab.yaml_lines import did_you_mean
 
 
 def unknown_argument(what: str, given: str, known: Iterable[str]) -> str:
-    """Say that something takes no such argument, with the nearest one, or all there are."""
+    """Return the message for an unknown argument, with the nearest one or all that exist."""
     names = tuple(known)
     near = did_you_mean(given, names)
     if "did you mean" in near:

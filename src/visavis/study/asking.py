@@ -1,4 +1,4 @@
-"""Ask one question, whatever it is asked on: a board, a ray, gaze, keys, or the terminal.
+"""Ask one question on a board, by ray, gaze or keys, or at the terminal.
 
 Every way ends in an `Answer`: the option chosen, how, when it was asked and when answered.
 """
@@ -30,10 +30,10 @@ Asking: TypeAlias = Generator[Step, FrameView | Answered | None, "Answer"]
 
 @dataclass(frozen=True)
 class Answer:
-    """What was answered: `option` is None when the question was left out.
+    """The answer to a question: `option` is None when the question was left out.
 
-    `by` is "ray", "gaze", "keys", "keyboard" or "operator" (given over after the limit); `pose`
-    is what pointed, where something did. `view` is the frame of the answer.
+    `by` is "ray", "gaze", "keys", "keyboard" or "operator" (who took over after the time limit);
+    `pose` is that of the hand or head that pointed, if one did. `view` is the frame of the answer.
     """
 
     option: str | None
@@ -57,16 +57,16 @@ def asked_on_board(
     view: FrameView,
     show: Showing,
 ) -> Asking:
-    """Ask on a board: pointed at and confirmed, looked at for long, a digit, else the operator.
+    """Ask on a board; the answer comes by pointing, dwelling gaze, a digit or the operator.
 
     `show` returns the step that shows the board in a frame, None while nothing changes.
     """
-    chosen = yield from ask_on_board(panel, ways, show(view, panel), show)
-    if chosen.choice is not None:
-        by = "gaze" if chosen.by.startswith("gaze") else chosen.by
-        t_ns, option = chosen.view.t_ns, options[chosen.choice]
-        return Answer(option, by, chosen.asked_ns, t_ns, chosen.view, chosen.pose)
-    view, asked_ns = chosen.view, chosen.asked_ns
+    board_answer = yield from ask_on_board(panel, ways, show(view, panel), show)
+    if board_answer.choice is not None:
+        by = "gaze" if board_answer.by.startswith("gaze") else board_answer.by
+        t_ns, option = board_answer.view.t_ns, options[board_answer.choice]
+        return Answer(option, by, board_answer.asked_ns, t_ns, board_answer.view, board_answer.pose)
+    view, asked_ns = board_answer.view, board_answer.asked_ns
     return (
         yield from asked_elsewhere(
             question_id, panel.text, options, panel.choices, view, "operator", asked_ns
@@ -83,12 +83,14 @@ def asked_elsewhere(
     by: str = "keyboard",
     asked_ns: int | None = None,
 ) -> Asking:
-    """Ask whoever answers at the terminal; without `options` the answer is free text."""
+    """Ask at the terminal; without `options` the answer is free text."""
     began_ns = view.t_ns if asked_ns is None else asked_ns
     reply = yield Ask(question_id, prompt, labels)
     view = yield from frame()
-    said = reply.answer if isinstance(reply, Answered) else None
-    option = said if said is None or not options else options[labels.index(said)]
+    answer_text = reply.answer if isinstance(reply, Answered) else None
+    option = (
+        answer_text if answer_text is None or not options else options[labels.index(answer_text)]
+    )
     return Answer(option, by, began_ns, view.t_ns, view)
 
 

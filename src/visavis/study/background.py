@@ -1,4 +1,4 @@
-"""What a trial has worked out beside its frames: in a process of its own where time is real.
+"""Work that a trial has done beside its frames: in a process of its own where time is real.
 
 On a virtual clock the same work is done at once, so that a seed repeats a session bit for bit.
 """
@@ -28,7 +28,7 @@ class AtOnce(Executor):
 
 
 class Beside(Executor):
-    """Where a session's work beside its frames is done: at once, or in a process while one runs.
+    """Executor of a session's work beside its frames: at once, or in a process while one runs.
 
     In a process, functions and what they are given have to be picklable: functions of a module.
     """
@@ -37,7 +37,7 @@ class Beside(Executor):
         self._performer: Executor = AtOnce()
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
-        """Hand work over and return at once, but for what is done at once."""
+        """Submit work and return; without a process the work is done first."""
         return self._performer.submit(fn, *args, **kwargs)
 
     @contextmanager
@@ -54,5 +54,5 @@ class Beside(Executor):
 
 
 def _leave_interrupts(*_: Any) -> None:
-    # Ctrl-C reaches the whole terminal; the session decides what becomes of it.
+    # Ctrl-C reaches the whole terminal; only the session handles it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -1,7 +1,7 @@
-"""Signs of careless answers, for each person: what is recorded of everybody, and left to rules.
+"""Signs of careless answers: recorded for each person, used by rules of exclusion.
 
-Nothing here leaves anybody out. A study takes `facts` for what it knows of people, and those
-`rules` that its plan states.
+Nothing here excludes anybody. A study uses `facts` as facts about people, and those `rules` that
+its plan states.
 """
 
 from dataclasses import dataclass
@@ -16,9 +16,9 @@ from visavis.protocol.plan.columns import Column
 from visavis.study.exclusions import Exclusion
 
 NOT_HEARD: Final = "sound not heard"
-"""Flags every trial of somebody who did not hear, or mistook, what a page said."""
+"""Flag on every trial of a participant who failed the sound check of a page."""
 MAX_PATTERN: Final = 3
-"""The longest pattern that is looked for."""
+"""Length of the longest pattern that is checked."""
 SIGNS: Final = {
     "same_answers": ("1", "how often the person gave the answer they gave most"),
     "patterned_01": ("1", "share of answers that repeat those two or three before"),
@@ -31,14 +31,14 @@ SIGNS: Final = {
 
 @dataclass(frozen=True)
 class Careless:
-    """What is looked at in the answers to one question, which are numbers.
+    """The signs checked in the numeric answers to one question.
 
-    Every sign has a limit: None where it is not looked for, `infinity` to record it alone.
+    Every sign has a limit: None where it is not checked, `infinity` to record it only.
     `max_same` counts answers that are the same, `max_patterned_01` is a share of answers that
     repeat a pattern of at most three; `max_hasty_01` is a share of answers given before
     `min_answer_ms`; `max_retest_off` is in steps of the answer, over trials alike in the factors
     `alike`; `max_checks_failed` counts wrong answers to the `checks`, questions with a right
-    answer. `max_sound_failed` is 0 where who failed the sound check does not count.
+    answer. `max_sound_failed` is 0 to exclude participants who failed the sound check.
     """
 
     response: str
@@ -72,12 +72,12 @@ class Careless:
 
     @property
     def columns(self) -> tuple[Column, ...]:
-        """What the signs looked for are called in the table of people."""
+        """Column names of the signs in the table of people."""
         return tuple(Column(name, *SIGNS[name]) for name in self._limits)
 
     @property
     def rules(self) -> tuple[Exclusion, ...]:
-        """The rules of the limits given: `max_same_answers`, `max_patterned_01`, and so on."""
+        """The rules for the limits set: `max_same_answers`, `max_patterned_01`, and so on."""
         words = {
             "same_answers": "{value:.0f} answers the same (limit {limit:.0f})",
             "patterned_01": "{value:.0%} of the answers repeat a pattern of at most "
@@ -103,45 +103,45 @@ class Careless:
         )
 
     def facts(self, rows: pd.DataFrame) -> pd.DataFrame:
-        """Return the signs looked for, one row per participant; missing where nothing can be told.
+        """Return the signs, one row per participant; missing where there are too few answers.
 
-        `rows` are all trials; those that count are finished and no practice, in their order.
+        `rows` are all trials; finished ones that are not practice count, in order of their start.
         """
         done = rows[(rows["status"] == "complete") & ~rows["is_practice"].astype(bool)]
         names = list(self._limits)
-        found = [
+        signs = [
             {"participant": participant, **{name: self._sign(name, own) for name in names}}
             for participant, own in done.sort_values("t_start_ns").groupby("participant")
         ]
-        return pd.DataFrame(found, columns=["participant", *names])
+        return pd.DataFrame(signs, columns=["participant", *names])
 
     def _sign(self, name: str, own: pd.DataFrame) -> float:
         if name == "sound_failed":
             return float(own["flags"].fillna("").str.contains(NOT_HEARD, regex=False).any())
         if name == "checks_failed":
-            asked = [own[f"{c}_is_right"][own[c].notna()] for c in self.checks if c in own]
-            right = pd.concat(asked) if asked else pd.Series(dtype=object)
+            check_results = [own[f"{c}_is_right"][own[c].notna()] for c in self.checks if c in own]
+            right = pd.concat(check_results) if check_results else pd.Series(dtype=object)
             return float((right.astype(str).str.lower() != "true").sum()) if len(right) else np.nan
-        given = pd.to_numeric(own[self.response], errors="coerce").to_numpy(np.float64)
+        answers = pd.to_numeric(own[self.response], errors="coerce").to_numpy(np.float64)
         if name == "same_answers":
-            counts = np.unique(given[np.isfinite(given)], return_counts=True)[1]
+            counts = np.unique(answers[np.isfinite(answers)], return_counts=True)[1]
             return float(counts.max()) if counts.size else np.nan
         if name == "patterned_01":
-            return patterned_01(given)
+            return patterned_01(answers)
         if name == "hasty_01":
             took = pd.to_numeric(own[f"{self.response}_ms"], errors="coerce").dropna()
             return float((took < self.min_answer_ms).mean()) if len(took) else np.nan
-        return self._retest_off(own.assign(**{self.response: given}))
+        return self._retest_off(own.assign(**{self.response: answers}))
 
     def _retest_off(self, own: pd.DataFrame) -> float:
-        """Return the mean difference of successive answers to trials alike."""
-        known = own[own[self.response].notna()]
-        apart: Any = known.groupby(list(self.alike), sort=False)[self.response].diff().abs()
+        """Return the mean difference of successive answers to trials that are `alike`."""
+        answer_rows = own[own[self.response].notna()]
+        apart: Any = answer_rows.groupby(list(self.alike), sort=False)[self.response].diff().abs()
         return float(apart.mean())
 
 
 def patterned_01(given: npt.NDArray[np.float64]) -> float:
-    """Return the share of answers that repeat those two or three before, whichever is more.
+    """Return the share of answers equal to the one two or three before, whichever is larger.
 
     Missing for fewer than twice as many answers as the longest pattern.
     """

@@ -1,4 +1,4 @@
-"""Whose faces a session shows: as the lab's configuration says, kept with what is recorded."""
+"""The faces a session shows: set in the lab's configuration and stored with the recording."""
 
 import hashlib
 from collections.abc import Mapping
@@ -15,12 +15,13 @@ CAST_KEY: Final = "cast"
 
 
 def use_cast_of(config: LabConfig) -> dict[str, Any]:
-    """Let the configuration's people play; return what a session keeps of it, nothing without.
+    """Use the cast of the configuration; return its entry for the session, empty without a cast.
 
-    Their files are laid beside the data, so that these can be drawn and measured elsewhere, too.
+    Their files are copied beside the data, so that sessions can be drawn and measured elsewhere,
+    too.
 
     Raises:
-        DesignError: somebody of the cast is not there.
+        DesignError: a member of the cast does not exist.
         UsageError: another file of that name lies beside the data.
     """
     members = members_of(config.cast, config.path.parent, config.characters)
@@ -45,21 +46,21 @@ def _laid_beside(member: Member, library: Path, beside: Path) -> None:
             )
         return
     beside.mkdir(parents=True, exist_ok=True)
-    # Sessions are simulated side by side: each writes a file of its own before the names meet.
+    # Sessions are simulated in parallel: each writes a temporary file before it gets its name.
     with NamedTemporaryFile(dir=beside, delete=False) as whole:
         whole.write((library / path.name).read_bytes())
     Path(whole.name).replace(path)
 
 
 def use_recorded_cast(recording: Recording) -> None:
-    """Let those play who did in a recorded session, from the lab's folder beside it.
+    """Use the cast of a recorded session, from the lab's folder beside it.
 
     Raises:
-        DataError: what the session says of them cannot be read.
-        DesignError: this process shows a session with others already.
+        DataError: the session's entry about its cast cannot be read.
+        DesignError: this process already shows a session with another cast.
     """
-    listed = recording.manifest.configuration.get(CAST_KEY, [])
-    use_cast(tuple(_member(recording, entry) for entry in listed), _library(recording.path))
+    entries = recording.manifest.configuration.get(CAST_KEY, [])
+    use_cast(tuple(_member(recording, entry) for entry in entries), _library(recording.path))
 
 
 def _member(recording: Recording, entry: Mapping[str, str]) -> Member:

@@ -42,21 +42,21 @@ def declared_study(wanted: str, of_lab: Mapping[str, Path] | None = None) -> Stu
         return study_of_file(Path(wanted))
     own = of_lab or {}
     if wanted in own:
-        found = study_of_file(own[wanted])
-        if found.name != wanted:
+        study = study_of_file(own[wanted])
+        if study.name != wanted:
             raise DesignError(
-                f"{own[wanted]} declares the study {found.name}, not {wanted}; correct studies: "
+                f"{own[wanted]} declares the study {study.name}, not {wanted}; correct studies: "
                 "in lab_config.yaml"
             )
-        return found
+        return study
     if wanted in SHIPPED:
         return _of_object(SHIPPED[wanted])
-    installed = {point.name: point for point in entry_points(group=GROUP)}
-    if wanted in installed:
-        return _of_object(installed[wanted].value)
-    known = (*SHIPPED, *own, *installed)
+    plugins = {point.name: point for point in entry_points(group=GROUP)}
+    if wanted in plugins:
+        return _of_object(plugins[wanted].value)
+    names = (*SHIPPED, *own, *plugins)
     raise UsageError(
-        f"there is no study {wanted!r}{did_you_mean(wanted, known)}; or give a study's file, such "
+        f"there is no study {wanted!r}{did_you_mean(wanted, names)}; or give a study's file, such "
         "as ./duel.py"
     )
 
@@ -67,23 +67,23 @@ def is_file(wanted: str) -> bool:
 
 
 def reference_of(study: Study) -> str:
-    """Return what finds a study again from any folder and any process: its file, or its name."""
+    """Return what finds a study from any folder and process: its file, or its name."""
     path = study.files.path
     return study.name if path is None else str(path)
 
 
 def digest_of(path: Path) -> str:
-    """Return the SHA-256 of a study file with its texts, so that a change is noticed.
+    """Return the SHA-256 of a study file with its texts, to notice changes.
 
-    The files of the studies it was derived from, and questionnaires of its own, belong to it.
+    It includes the files of the studies it was derived from, and its own questionnaires.
     """
     digest = hashlib.sha256()
     study: Study | None = study_of_file(path)
     while study is not None and (own := study.files.path) is not None:
         files = study.files
         texts = () if files.texts is None else (files.folder / files.texts).glob("*.yaml")
-        asked = (files.folder / f"{name}.yaml" for name in study.asks.questionnaires)
-        for file in (own, *sorted(texts), *asked):
+        questionnaire_files = (files.folder / f"{name}.yaml" for name in study.asks.questionnaires)
+        for file in (own, *sorted(texts), *questionnaire_files):
             digest.update(file.read_bytes() if file.is_file() else b"")
         study = study.base
     return digest.hexdigest()
@@ -101,16 +101,16 @@ def study_of_file(path: Path) -> Study:
         near = did_you_mean(path.name, [p.name for p in path.parent.glob("*.py")])
         raise UsageError(f"there is no study file {path}{near}")
     module = _module_of(path)
-    found = [v for v in vars(module).values() if isinstance(v, Study)]
-    named = vars(module).get("study")
-    if isinstance(named, Study):
-        found = [named]  # others may stand beside it, such as the one it is derived from
-    if len(found) != 1:
+    studies = [v for v in vars(module).values() if isinstance(v, Study)]
+    main_study = vars(module).get("study")
+    if isinstance(main_study, Study):
+        studies = [main_study]  # the file may hold others, such as its base
+    if len(studies) != 1:
         raise DesignError(
-            f"{path} declares {len(found) or 'no'} studies; a study file makes one: "
+            f"{path} declares {len(studies) or 'no'} studies; a study file makes one: "
             'study = Study("NAME", …)'
         )
-    study = found[0]
+    study = studies[0]
     study.files = replace(study.files, path=path, folder=path.parent)
     for line, step in forgotten_yields(path, STEPS):
         raise DesignError(
@@ -140,11 +140,11 @@ def _module_of(path: Path) -> ModuleType:
 
 
 def _of_object(reference: str) -> Study:
-    found = named(reference)
-    made = found if isinstance(found, Study) else found()
-    if not isinstance(made, Study):
-        raise DesignError(f"{reference} is a {type(made).__name__}; an entry point names a Study")
-    return made
+    target = named(reference)
+    study = target if isinstance(target, Study) else target()
+    if not isinstance(study, Study):
+        raise DesignError(f"{reference} is a {type(study).__name__}; an entry point names a Study")
+    return study
 
 
 def known_studies(of_lab: Iterable[str] = ()) -> tuple[str, ...]:

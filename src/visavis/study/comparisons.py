@@ -1,4 +1,4 @@
-"""What a study compares: a question of `statistics_report` with its claim and its family."""
+"""A planned comparison: a question of `statistics_report` with its claim and its family."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,11 +17,11 @@ from visavis.study.pairs import Printed
 Correction = Literal["none", "holm", "bonferroni", "bh"]
 Model = Literal["", "lmm", "gee", "clmm", "bradleyterry"]
 ALONE: Final = ("sign", "binomial", "t", "tost")
-"""Tests that also hold one measure against a number, without a factor."""
+"""Tests that can also compare one measure with a number, without a factor."""
 AGREEMENT: Final = ("icc", "krippendorff", "kappa")
-"""Tests of how far raters agree on what the factors tell apart."""
+"""Tests of the agreement of raters about the items that the factors distinguish."""
 THING: Final = "thing rated"
-"""Column that names, for tests of agreement, what was rated."""
+"""Column that names the rated item in tests of agreement."""
 _SYMBOLS: Final = {"p": "p", "eta2p": "partial η²"}
 
 
@@ -102,15 +102,15 @@ class Compare:
                     "what it would show: claim="
                 )
         if self.model not in get_args(Model):
-            known = ", ".join(name for name in get_args(Model) if name)
-            raise DesignError(f"model is {self.model!r}; it is {known} or left out")
+            models = ", ".join(name for name in get_args(Model) if name)
+            raise DesignError(f"model is {self.model!r}; it is {models} or left out")
         if self.model and self.test:
             raise DesignError(f"the comparison of {self.dv} names a test and a model; choose one")
         object.__setattr__(self, "options", tuple(self.options))
         self._refuse_agreement()
 
     def _refuse_agreement(self) -> None:
-        """Refuse tests of agreement that do not say what rates what, and by which coefficient."""
+        """Refuse tests of agreement without raters, items or a coefficient."""
         options = dict(self.options)
         about = f"the comparison of {self.dv} by {self.test}"
         if self.test not in AGREEMENT:
@@ -147,19 +147,19 @@ class Compare:
 
     @property
     def things(self) -> tuple[str, ...]:
-        """The columns that tell apart what was rated, for tests of agreement."""
+        """The columns that distinguish the rated items, for tests of agreement."""
         factors = tuple(name for name in self.within if name != self.raters)
         return factors if self.raters == "participant" else ("participant", *factors)
 
     def published_of(self, term: str) -> Printed | None:
-        """Return what a source prints of one effect; of the only one where it names none."""
+        """Return the published result of one effect, or the only one if it names no effect."""
         if isinstance(self.published, Mapping):
             return self.published.get(term)
         return self.published
 
     @property
     def published_terms(self) -> Mapping[str, Printed]:
-        """Everything a source prints of it, by effect; of the only one by its factors."""
+        """All published results, by effect; a single unnamed one by the comparison's factors."""
         if isinstance(self.published, Mapping):
             return self.published
         names = ":".join((*self.within, *self.between))
@@ -167,7 +167,7 @@ class Compare:
 
     @property
     def terms(self) -> tuple[str, ...]:
-        """The effects tested, as tests name them: "a", "b", "a:b"; without factors its measure."""
+        """The effects tested, as tests name them: "a", "b", "a:b"; without factors the measure."""
         names = (*self.within, *self.between)
         if self.model == "bradleyterry":
             items = ":".join(self.within)
@@ -180,7 +180,7 @@ class Compare:
 
     @property
     def claimed(self) -> str:
-        """The effect that its claim is about: of several the one of all factors; "" of no claim."""
+        """The effect of the claim, of several factors their interaction; "" without a claim."""
         return self.terms[-1] if self.claim else ""
 
     def is_claimed(self, term: str) -> bool:
@@ -189,18 +189,18 @@ class Compare:
 
     @property
     def name(self) -> str:
-        """What the comparison is called in tables: measure and factors, and of whom."""
+        """The comparison's name in tables: measure, factors and selected levels."""
         of = f" ({', '.join(map(str, self.only.values()))})" if self.only else ""
         if self.test in AGREEMENT:
             of = f", {self.test}{of}"
         return f"{self.dv} by {' × '.join((*self.within, *self.between)) or 'itself'}{of}"
 
     def chosen(self, trials: pd.DataFrame) -> pd.DataFrame:
-        """Return the trials it is about."""
+        """Return the trials that it uses."""
         return trials_of(trials, self.only)
 
     def with_alphas(self, settings: Mapping[str, Any]) -> "Compare":
-        """Return it with the thresholds `alpha` and `normality_alpha` that were set."""
+        """Return a copy with the thresholds `alpha` and `normality_alpha` that were set."""
         options = {k: v for k, v in settings.items() if k == "normality_alpha"}
         return replace(
             self,
@@ -217,11 +217,11 @@ class Compare:
     ) -> Question:
         """Return the question for `visavis.analysis.statistics_report`; `levels` in their order.
 
-        `called` is what sentences call levels, `unit` that of the measure.
+        `called` gives levels their words in sentences, `unit` is the measure's unit.
         """
         test = self.model or self.test or self._usual(levels)
         factors = (*self.within, *self.between)
-        chosen = {f: levels[f] for f in factors}
+        factor_levels = {f: levels[f] for f in factors}
         agreement = test in AGREEMENT
         return Question(
             test=test,
@@ -231,7 +231,7 @@ class Compare:
             subject=THING if agreement else "participant",
             missing="listwise",
             alpha=self.alpha,
-            levels=chosen,
+            levels=factor_levels,
             level_words={} if self.model == "bradleyterry" else dict(called or {}),
             measured_in=unit,
             **dict(self.options),
@@ -260,17 +260,17 @@ def possible(
 ) -> tuple[Compare, ...]:
     """Return the comparisons that a design can make.
 
-    `in_force` are the levels of every factor, `varied` those factors that the design has: a group
-    that everybody belongs to is none. What is about an absent level, or between groups that are
-    not there, is left out.
+    `in_force` are the levels of every factor, `varied` the factors of the design; a group to which
+    everybody belongs is not one. Comparisons about an absent level, or between absent groups, are
+    left out.
     """
-    found = []
+    comparisons = []
     for one in compare:
         factors = (*one.within, *one.between)
         if any(level not in in_force.get(name, (level,)) for name, level in one.only.items()):
             continue
         if any(name in in_force and name not in varied for name in factors):
             continue
-        kept = {name: level for name, level in one.only.items() if name in varied}
-        found.append(replace(one, only=kept))
-    return tuple(found)
+        restriction = {name: level for name, level in one.only.items() if name in varied}
+        comparisons.append(replace(one, only=restriction))
+    return tuple(comparisons)

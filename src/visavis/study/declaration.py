@@ -61,7 +61,7 @@ PARTS: Final[Mapping[str, type[Any]]] = {
 }
 """The parts of a study by the names under which it has them."""
 PART_OF: Final = part_of(PARTS)
-"""The part in which each keyword of a study stands."""
+"""The part to which each keyword of a study belongs."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class _Keywords(
     Procedure,
     StudyDesign,
 ):
-    """What `Study` is called with: every field of every part. Nothing is ever made of it."""
+    """The keywords of `Study`: every field of every part. For type checkers only."""
 
     name: str
     title: str = ""
@@ -105,9 +105,9 @@ class Study:
     """
 
     name: str
-    """What commands and folders call it: small letters, digits and _."""
+    """Its name in commands and folders: small letters, digits and _."""
     title: str
-    """What reports call it; the name in words where it is left out."""
+    """Its title in reports; the name in words if left out."""
     question: str
     """The question it asks, as a sentence."""
     version: str
@@ -121,15 +121,15 @@ class Study:
     asks: Asks
     """What participants are asked, and how they answer."""
     devices: DeviceNeeds
-    """Which devices it uses, and what is calibrated."""
+    """Which devices it uses and calibrates."""
     simulated: SimulatedPeople
     """Who takes part in simulations."""
     analysis: AnalysisPlan
     """What is measured, left out and compared."""
     report: Reporting
-    """What its report says beside the results."""
+    """The text of its report besides the results."""
     files: StudyFiles
-    """Where its files lie."""
+    """The places of its files."""
 
     @takes_keywords_of(_Keywords)
     def __init__(
@@ -145,8 +145,8 @@ class Study:
         self.name, self.question, self.version = name, question, version
         self.base = base
         self.title = title or name.replace("_", " ").capitalize()
-        for part, made in parts_from(PARTS, keywords).items():
-            setattr(self, part, made)
+        for part, value in parts_from(PARTS, keywords).items():
+            setattr(self, part, value)
         problems = []
         if not name.isidentifier() or not name.islower():
             problems.append(f"the name {name!r} is not made of small letters, digits and _")
@@ -154,10 +154,10 @@ class Study:
         if problems:
             raise DesignError(f"study {name}: {'; '.join(problems)}")
 
-    if not TYPE_CHECKING:  # type checkers say themselves that there is no such attribute
+    if not TYPE_CHECKING:  # type checkers report a missing attribute themselves
 
         def __getattr__(self, name: str) -> Any:
-            """Say in which part something stands."""
+            """Raise with the part that has this attribute."""
             raise AttributeError(
                 f"a study has its {name} as study.{PART_OF[name]}.{name}"
                 if name in PART_OF
@@ -165,7 +165,7 @@ class Study:
             )
 
     def with_changes(self, **keywords: Any) -> "Study":
-        """Return a study that is this one but for what is given by name, as to `Study`."""
+        """Return a copy of this study with other keywords, given as to `Study`."""
         whole: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
         return Study(**{**whole, **keywords})
 
@@ -179,7 +179,7 @@ class Study:
         return plan
 
     def intertrial(self, plan: IntertrialPlan) -> IntertrialPlan:
-        """Take a generator as what happens before a trial, darkness otherwise (a decorator).
+        """Take a generator as what happens before a trial instead of darkness (a decorator).
 
         It begins at a frame (`t.now_ns`); how long it took is the row's `intertrial_ms`.
         """
@@ -192,20 +192,20 @@ class Study:
         return check
 
     def demands(self, demands: DemandsOf) -> DemandsOf:
-        """Take a function of the parameters as what the study asks of a lab (a decorator)."""
+        """Take the function that returns the study's demands on a lab (a decorator)."""
         self.devices = replace(self.devices, demands_of=demands)
         return demands
 
     def prepare(self, prepare: PrepareOf) -> PrepareOf:
-        """Take what is loaded or computed before a session (a decorator).
+        """Take a function that prepares a session (a decorator).
 
-        A function of the experiment returns it as calls without arguments, to be made in turn.
+        It gets the experiment and returns calls without arguments, which are made in turn.
         """
         self.procedure = replace(self.procedure, prepare_of=prepare)
         return prepare
 
     def answer(self, answer: AnswerOf) -> AnswerOf:
-        """Take a function as what simulated people answer (a decorator)."""
+        """Take the function that answers for simulated people (a decorator)."""
         self.simulated = replace(self.simulated, answer_of=answer)
         return answer
 
@@ -220,16 +220,15 @@ class Study:
         return taken
 
     def person(self, make: PersonOf) -> PersonOf:
-        """Take a function of place, seed, effect and experiment as what makes the simulated
+        """Take the function of place, seed, effect and experiment that makes a simulated
         participant (a decorator).
         """
         self.simulated = replace(self.simulated, person_of=make, scaled_of=None, quick_of=None)
         return make
 
     def scaled(self, make: ScaledOf) -> ScaledOf:
-        """Take a function as what makes simulated participants to whom what is shown makes a
-        multiple of the usual difference: 0 none, 1 the usual (a decorator). It stands in place of
-        `person`.
+        """Take the function that makes simulated participants with a multiple of the usual effect
+        of the stimuli: 0 none, 1 the usual (a decorator). It replaces `person`.
         """
         self.simulated = replace(self.simulated, scaled_of=make)
         return make
@@ -238,14 +237,14 @@ class Study:
         """Take a function as a path through trials shorter than the kit's (a decorator).
 
         It holds for the trial and the person declared before it. Given experiment, person and
-        tracker it returns what performs a plan: every trial that is
-        no practice with the columns of its row, measures among them.
+        tracker it returns a function that performs a plan: every trial that is not practice, with
+        the columns of its row and measures.
         """
         self.simulated = replace(self.simulated, quick_of=quick)
         return quick
 
     def facts(self, facts: FactsOf) -> FactsOf:
-        """Take a function of all trials as what is known of each person (a decorator).
+        """Take the function that returns facts about each person from all trials (a decorator).
 
         It returns one row per `participant`; rules of exclusion may name its columns.
         """
@@ -253,7 +252,7 @@ class Study:
         return facts
 
     def further(self, further: FurtherOf) -> FurtherOf:
-        """Take a function of the analysis as what the study finds besides (a decorator).
+        """Take the function that returns further results of the analysis (a decorator).
 
         Conclusions and sections read it as `analysis.further`; power does without.
         """
@@ -261,13 +260,13 @@ class Study:
         return further
 
     def conclude(self, conclude: ConcludeOf) -> ConcludeOf:
-        """Take a function of the analysis as what answers the study's questions (a decorator)."""
+        """Take the function that answers the study's questions from the analysis (a decorator)."""
         self.analysis = replace(self.analysis, conclude_of=conclude)
         return conclude
 
     def views(self, views: ViewsOf) -> ViewsOf:
-        """Take a function as what rebuilds the views a recorded frame may have shown, the
-        likeliest first (a decorator).
+        """Take the function that rebuilds the views a recorded frame may have shown, the likeliest
+        first (a decorator).
         """
         self.procedure = replace(self.procedure, views_of=views)
         return views
@@ -281,21 +280,21 @@ class Study:
 
     @property
     def usual_parameters(self) -> dict[str, Any]:
-        """What every study has among its parameters, by name (`SETTABLE`)."""
+        """The parameters that every study has, by name (`SETTABLE`)."""
         return {n: getattr(getattr(self, PART_OF[n]), n) for n in SETTABLE}
 
     def thresholds_with(self, settings: Mapping[str, Any]) -> Any:
-        """Return the numbers of its own analysis with those that were set; None without any.
+        """Return the thresholds of its own analysis with those that were set; None if it has none.
 
         Raises:
-            ConfigError: a value is none of the kind.
+            ConfigError: a value has the wrong type.
             UsageError: it is out of range.
         """
         thresholds = self.analysis.thresholds
         if thresholds is None:
             return None
-        known = {f.name for f in fields(thresholds)}
-        own = {k: v for k, v in settings.items() if k in known}
+        threshold_names = {f.name for f in fields(thresholds)}
+        own = {k: v for k, v in settings.items() if k in threshold_names}
         return parameters_from(type(thresholds), own, f"analysis of {self.name}")
 
     @property
@@ -313,11 +312,11 @@ class Study:
         """Return the design with parameters in force, levels of factors among them.
 
         Raises:
-            DesignError: it cannot be balanced or ordered so.
+            DesignError: it cannot be balanced or ordered in this way.
         """
         own, practice = self.design, parameters["practice"]
-        chosen = (replace(f, levels=parameters.get(f.name, f.levels)) for f in own.factors)
-        factors = tuple(f for f in chosen if len(f.levels) > 1 or not f.between)
+        all_factors = (replace(f, levels=parameters.get(f.name, f.levels)) for f in own.factors)
+        factors = tuple(f for f in all_factors if len(f.levels) > 1 or not f.between)
         return Design(
             study=self.name,
             version=self.version,
@@ -357,12 +356,12 @@ class Study:
         for factor in self.design.factors:
             if factor.name == name:
                 return factor
-        known = ", ".join(f.name for f in self.design.factors)
-        raise DesignError(f"study {self.name} has no factor {name!r}; it has {known}")
+        names = ", ".join(f.name for f in self.design.factors)
+        raise DesignError(f"study {self.name} has no factor {name!r}; it has {names}")
 
 
 def _possible(cell: Mapping[str, Any], factors: Sequence[Factor]) -> dict[str, Any]:
-    """Return a practice trial with the first level of a factor that lost the one it names."""
+    """Return a practice trial; a level that no longer exists becomes the first of its factor."""
     levels = {f.name: (*f.levels, *f.practice_only) for f in factors}
     return {
         name: levels[name][0] if name in levels and level not in levels[name] else level

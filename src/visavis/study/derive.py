@@ -1,4 +1,4 @@
-"""Derive a study from another: it states what differs, the rest stays as it is.
+"""Derive a study from another: only the differences are stated.
 
 For example `study = derive("stare", "my_stare", repetitions=2, parameters={"trial_s": 8})`.
 """
@@ -17,11 +17,11 @@ from visavis.study.exclusions import Exclusion
 from visavis.study.parameters import parameters_in_force
 
 OWN: Final = frozenset({"folder", "path", "plan_folder"})
-"""What a derived study does not take over, and what is not given by name."""
+"""Fields that a derived study does not take over and cannot be given by name."""
 
 
 def derive(base: str | Path | Study, name: str, **differs: Any) -> Study:
-    """Return a study that is another one but for what is given by name.
+    """Return a copy of a study with the differences given by name.
 
     `base` is a study found by its name, by its file (a relative path starts from the file that
     derives), or a `Study`. Everything that a `Study` takes can be given. `parameters` replace
@@ -31,26 +31,26 @@ def derive(base: str | Path | Study, name: str, **differs: Any) -> Study:
 
     Raises:
         UsageError: there is no such base.
-        DesignError: the base cannot be derived from, or has nothing of such a name.
-        ConfigError: a parameter does not exist, or is none.
+        DesignError: the base cannot be derived from, or has no such keyword.
+        ConfigError: a parameter does not exist, or has a wrong value.
     """
     frame = inspect.currentframe()
     caller = None if frame is None else frame.f_back
     file = None if caller is None else caller.f_globals.get("__file__")
     source = base if isinstance(base, Study) else _found(base, Path(file or ".").parent)
     possible = ["title", "question", "version", *(name for name in PART_OF if name not in OWN)]
-    for given in differs:
-        if given not in possible:
+    for keyword in differs:
+        if keyword not in possible:
             raise DesignError(
-                f"a study has no {given!r} to differ in{did_you_mean(given, possible)}"
+                f"a study has no {keyword!r} to differ in{did_you_mean(keyword, possible)}"
             )
-    changed = {
+    changes = {
         "texts": None,
         **differs,
     }
-    changed |= _parameters(source, changed)
-    if isinstance(changed.get("exclusions"), Mapping):
-        changed["exclusions"] = _limits(source, changed["exclusions"])
+    changes |= _parameters(source, changes)
+    if isinstance(changes.get("exclusions"), Mapping):
+        changes["exclusions"] = _limits(source, changes["exclusions"])
     files = source.files
     return source.with_changes(
         name=name,
@@ -58,25 +58,25 @@ def derive(base: str | Path | Study, name: str, **differs: Any) -> Study:
         folder=Path(),
         path=None,
         plan_folder=None if "plan_of" in differs else files.plan_folder or files.folder,
-        **changed,
+        **changes,
     )
 
 
 def _found(base: str | Path, here: Path) -> Study:
-    wanted = str(base)
-    if is_file(wanted):
-        wanted = str(here / wanted)
-    return declared_study(wanted)
+    reference = str(base)
+    if is_file(reference):
+        reference = str(here / reference)
+    return declared_study(reference)
 
 
 def _parameters(source: Study, changed: Mapping[str, Any]) -> dict[str, Any]:
     """Return fields of a study for its parameters, levels of factors and what every study has."""
-    given = {
+    overrides = {
         k: list(v) if isinstance(v, tuple) else v for k, v in changed.get("parameters", {}).items()
     }
-    if not given:
+    if not overrides:
         return {"parameters": dict(source.design.parameters)}
-    in_force = parameters_in_force(source, given)
+    in_force = parameters_in_force(source, overrides)
     factors = tuple(
         dataclasses.replace(f, levels=tuple(in_force[f.name])) if f.name in in_force else f
         for f in changed.get("factors", source.design.factors)

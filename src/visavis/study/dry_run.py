@@ -1,7 +1,7 @@
 """Read a study's trials without performing them: what is shown, asked, and how long it takes.
 
 A trial is a generator, so it can be run through with made-up replies: every condition once, so
-that what the study needs (agents, responses, devices, time) is known before anybody is there.
+that the needs of the study (agents, responses, devices, time) are known in advance.
 """
 
 from collections.abc import Iterator, Mapping
@@ -45,18 +45,18 @@ from visavis.study.trial import (
 
 MAX_STEPS: Final = 100_000
 ANSWER_S: Final = 2.5
-"""What a question is taken to need where only its answer ends it."""
+"""Assumed duration of a question in seconds; only its answer ends it."""
 FRAME_S: Final = 0.25
-"""Time between frames that a trial asks for itself: enough to run through it."""
+"""Assumed time between frames that a trial requests itself, in seconds."""
 
 
 STEPS_OF_A_PAGE: Final = ("ask", "dark", "wait", "mark")
-"""What a page can perform besides films."""
+"""Steps that a page can perform besides films."""
 
 
 @dataclass(frozen=True)
 class TrialRead:
-    """What reading one trial found."""
+    """What one trial shows, asks and needs."""
 
     seconds: float
     responses: tuple[Response, ...]
@@ -67,13 +67,13 @@ class TrialRead:
     """The first lit frame of a trial that shows scenes frame by frame itself."""
     films: tuple[Shown, ...] = ()
     roles: frozenset[str] = frozenset()
-    """Who is who in any of the scenes."""
+    """The roles in any of the scenes."""
     fits_a_page: bool = True
-    """No step of it needs a display frame by frame, or another device."""
+    """Whether a page can perform it: no step needs single frames or another device."""
     sounds: tuple[Sound | Path, ...] = ()
-    """What it plays."""
+    """The sounds that it plays."""
     sound_columns: tuple[str, ...] = ()
-    """The columns of when that began."""
+    """The columns with the onsets of these sounds."""
 
 
 def still_view(t_ns: int = 0) -> FrameView:
@@ -89,7 +89,7 @@ def still_view(t_ns: int = 0) -> FrameView:
 def first_lit(plan: TrialPlan, trial: Trial, settings: Settings) -> SceneFrame | None:
     """Return the first lit frame of a trial before it is performed; None where it shows none.
 
-    What earlier trials left is not known to it.
+    Anything that earlier trials left in the memory is missing.
     """
     apart = replace(settings, memory={}, beside=Beside())
     return read_trial(plan, trial, apart, stops_when_lit=True).lit
@@ -98,7 +98,7 @@ def first_lit(plan: TrialPlan, trial: Trial, settings: Settings) -> SceneFrame |
 def read_trial(
     plan: TrialPlan, trial: Trial, settings: Settings, *, stops_when_lit: bool = False
 ) -> TrialRead:
-    """Run through a trial with made-up replies; with `stops_when_lit` no further than its light.
+    """Run through a trial with made-up replies; `stops_when_lit` ends at the first lit frame.
 
     Raises:
         DesignError: the trial cannot be run through, with its condition and the reason.
@@ -126,6 +126,7 @@ def read_trial(
                 seconds += step.seconds
                 script.view = still_view(round(seconds * NS_PER_S))
                 vibrates = vibrates or step.name == "vibrate"
+                # Every reply has the type and columns of the real one: the trial may go on with it.
                 if step.sound is not None:
                     sounds.append(step.sound)
                     sound_columns.append(f"{script.numbered(step.column)}_on_ns")
@@ -135,14 +136,16 @@ def read_trial(
                     seconds += lasts_s if step.waits_for_end else 0.0
                 if step.scene is not None:
                     scenes.append(step.scene)
-                    chance = trial.rng(SCENE_STREAM + len(scenes) - 1)  # as it is performed
+                    chance = trial.rng(SCENE_STREAM + len(scenes) - 1)  # as in the session
                     staging = Staging(chance, step.seconds, 0, settings.folder)
-                    staged = stage(step.scene, staging, settings.makers)
-                    if stops_when_lit and staged.scene.brightness_01 > 0:
-                        lit = staged.frame(script.view, 0)
-                    agents = max(agents, len(staged.scene.agents))
-                    roles |= set(staged.roles)
-                    reply = ShownScene(0, round(step.seconds * NS_PER_S), staged.roles, script.view)
+                    staged_scene = stage(step.scene, staging, settings.makers)
+                    if stops_when_lit and staged_scene.scene.brightness_01 > 0:
+                        lit = staged_scene.frame(script.view, 0)
+                    agents = max(agents, len(staged_scene.scene.agents))
+                    roles |= set(staged_scene.roles)
+                    reply = ShownScene(
+                        0, round(step.seconds * NS_PER_S), staged_scene.roles, script.view
+                    )
                 answers = {}
                 for response in step.responses:
                     responses.append(response)
@@ -154,6 +157,7 @@ def read_trial(
                 if step.watched is not None:
                     films.append(step.watched.shown)
                     reply = answers
+            # Steps of the engine, which a study uses where it needs single frames.
             elif isinstance(step, NextFrame):
                 seconds += FRAME_S
                 reply = script.view = still_view(round(seconds * NS_PER_S))
@@ -169,6 +173,7 @@ def read_trial(
                 break
         else:
             raise DesignError(f"after {MAX_STEPS} steps it has not ended")
+        # Stopped at the first light: questions and later scenes were not reached.
         steps.close()
         return TrialRead(seconds, (), tuple(scenes), agents, vibrates, lit)
     except StopIteration:
@@ -186,29 +191,29 @@ def read_trial(
             tuple(sound_columns),
         )
     except (DesignError, TypeError) as error:
-        told = explain(error)
-        if isinstance(error, TypeError) and told.startswith(TypeError.__name__):
-            raise  # nothing better can be said of it
+        reason = explain(error)
+        if isinstance(error, TypeError) and reason.startswith(TypeError.__name__):
+            raise  # no wrong argument of the kit: show it unchanged
         place = line_of(error) or line_reached(steps)
         at = f"{place}: " if place else ""
         condition = ", ".join(f"{name} {level}" for name, level in trial.factors.items())
-        raise DesignError(f"{at}trial of {condition}: {told}") from error
+        raise DesignError(f"{at}trial of {condition}: {reason}") from error
 
 
 def read_trials(
     plan: TrialPlan, trials: Iterator[Trial], settings: Settings
 ) -> Mapping[tuple[tuple[str, Any], ...], TrialRead]:
     """Run through every condition among some trials once."""
-    found: dict[tuple[tuple[str, Any], ...], TrialRead] = {}
+    by_condition: dict[tuple[tuple[str, Any], ...], TrialRead] = {}
     for trial in trials:
         key = (*sorted(trial.factors.items()), ("practice", trial.is_practice))
-        if key not in found:
-            found[key] = read_trial(plan, trial, settings)
-    return found
+        if key not in by_condition:
+            by_condition[key] = read_trial(plan, trial, settings)
+    return by_condition
 
 
 def _seconds_of(step: Action, settings: Settings) -> float:
-    """Return how long a sound lasts; 0 where its file is not here, as in an analysis elsewhere."""
+    """Return how long a sound lasts; 0 if its file is missing, as in an analysis elsewhere."""
     try:
         return 0.0 if step.sound is None else settings.sound_of(step.sound).duration_s
     except DesignError:

@@ -1,4 +1,4 @@
-"""What leaves trials and people out of an analysis: rules with limits that stand in the plan."""
+"""Rules that exclude trials and people from an analysis, with limits stored in the plan."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from visavis.study.measures import HEAD_LOST_COLUMN, LOST_COLUMN
 
 Level = Literal["trial", "participant"]
 ANSWERED: Final = "answered_01"
-"""Of each person: the share of the required questions of questionnaires that were answered."""
+"""Column of each person's share of answered questions among the required ones."""
 
 
 COLUMN_WORDS: Final[Mapping[str, str]] = {
@@ -26,17 +26,17 @@ COLUMN_WORDS: Final[Mapping[str, str]] = {
     "smallest_cell_01": "share of planned trials in the emptiest cell",
     ANSWERED: "share of required questions answered",
 }
-"""What the standard rules hold against their limits, in words."""
+"""The columns that the standard rules compare with their limits, in words."""
 
 
 @dataclass(frozen=True)
 class Exclusion:
-    """A rule: `column` above (or below) a `limit` leaves a trial or a participant out.
+    """A rule: a `column` above (or below) a `limit` excludes a trial or a participant.
 
-    For participants the column is one of `participant_facts`. `words` say what is wrong, with
+    For participants the column is one of `participant_facts`. `words` give the reason, with
     {value} and {limit}. `name` is the parameter that sets the limit (`analyse --set NAME=…`);
-    a limit of None switches the rule off. Exactly at the limit is still in. With `if_missing` what
-    leaves out is that there is no value at all, with `missing_is_out` that too.
+    a limit of None switches the rule off. A value equal to the limit is kept. With `if_missing`
+    only a missing value excludes, with `missing_is_out` a missing value excludes as well.
     """
 
     name: str
@@ -57,11 +57,11 @@ class Exclusion:
 
     @property
     def column_words(self) -> str:
-        """What is held against the limit, in words."""
+        """The column compared with the limit, in words."""
         return self.what or COLUMN_WORDS.get(self.column, self.column.replace("_", " "))
 
     def breaks(self, value: Any, limit: float | None) -> bool:
-        """Tell whether a value is out; a missing one is judged by rules about missing ones only."""
+        """Tell whether a value breaks the rule; missing values break only rules about them."""
         if limit is None:
             return False
         if _is_missing(value):
@@ -71,7 +71,7 @@ class Exclusion:
         return bool(value > limit) if self.above else bool(value < limit)
 
     def rule(self, limit: float | None) -> str:
-        """Return what the rule leaves out, in words."""
+        """Return in words what the rule excludes."""
         whom = "trials" if self.level == "trial" else "participants"
         if self.if_missing:
             return f"{whom} without {self.column} ({self.name})"
@@ -79,7 +79,7 @@ class Exclusion:
         return f"{whom} with {self.column_words} ({self.name}) {side} {limit:g}"
 
     def said(self, value: Any, limit: float | None) -> str:
-        """Return why a value is out, in words."""
+        """Return in words why a value is excluded."""
         if _is_missing(value) and not self.if_missing:
             return f"{self.column} is not known"
         return self.words.format(value=value, limit=limit)
@@ -124,7 +124,7 @@ COMPLETENESS_RULES: Final = (
         above=False,
     ),
 )
-"""What leaves out a person of whom too little is there, whatever was measured."""
+"""Exclusion rules for participants with too little data. They apply to every study."""
 
 STANDARD_RULES: Final = (
     Exclusion(
@@ -157,14 +157,14 @@ STANDARD_RULES: Final = (
     ),
     *COMPLETENESS_RULES,
 )
-"""What leaves a trial or a person out of every study, unless the study says otherwise."""
+"""The rules of every study, unless the study gives its own."""
 
 STANDARD_COLUMNS: Final = frozenset(rule.column for rule in STANDARD_RULES)
-"""What rules may name in every study, measured there or not."""
+"""Columns that rules may name in every study, even where they are not measured."""
 
 
 def needs_answer(response: str) -> Exclusion:
-    """Return the rule that leaves out trials in which a question was not answered."""
+    """Return the rule that excludes trials in which a question was not answered."""
     return Exclusion(
         f"needs_{response}", "trial", response, 1.0, f"no answer to {response}", if_missing=True
     )
@@ -173,7 +173,7 @@ def needs_answer(response: str) -> Exclusion:
 def limits_in_force(
     rules: Sequence[Exclusion], overrides: Mapping[str, Any]
 ) -> dict[str, float | None]:
-    """Return every rule's limit, those set in place of the study's own.
+    """Return the limit of every rule, with the settings in place of the study's own.
 
     Raises:
         UsageError: a limit is no number, below 0, or a share above 1.
@@ -192,6 +192,6 @@ def _limit(name: str, value: Any) -> float:
     except (TypeError, ValueError):
         limit = -1.0
     if not 0 <= limit < np.inf or (is_share and limit > 1):
-        wanted = "a share from 0 to 1" if is_share else "a number from 0"
-        raise UsageError(f"{name} is {value}; give {wanted}, or null for no such rule")
+        hint = "a share from 0 to 1" if is_share else "a number from 0"
+        raise UsageError(f"{name} is {value}; give {hint}, or null for no such rule")
     return limit

@@ -1,4 +1,4 @@
-"""A study on the kit as the session performs it: the plan, each trial, the dark between."""
+"""A study of the kit as the session performs it: plan, trials and the dark between them."""
 
 import json
 from collections.abc import Callable, Iterator, Mapping
@@ -31,7 +31,7 @@ from visavis.study.texts import DEFAULT_LANGUAGE, Texts, read_texts
 from visavis.study.trial import Action, Settings, TrialScript, perform
 
 WAYS: Final = ("board", "ray", "keyboard")
-"""How questions are answered: on boards by hand, gaze or head; by hand or head; at the terminal."""
+"""How questions are answered: "board" by hand, gaze or head; "ray" by hand or head; "keyboard"."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class StudyExperiment:
     overrides: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        _ = self.read  # so that what is wrong is said before anything begins
+        _ = self.read  # so that errors appear before anything begins
 
     @property
     def name(self) -> str:
@@ -64,8 +64,8 @@ class StudyExperiment:
     @cached_property
     def parameters(self) -> dict[str, Any]:
         """Every parameter in force."""
-        given = {k: v for k, v in self.overrides.items() if k != "language"}
-        return parameters_in_force(self.study, given)
+        overrides = {k: v for k, v in self.overrides.items() if k != "language"}
+        return parameters_in_force(self.study, overrides)
 
     @cached_property
     def texts(self) -> Texts:
@@ -74,7 +74,7 @@ class StudyExperiment:
 
     @cached_property
     def settings(self) -> Settings:
-        """What every trial is given."""
+        """What all trials share."""
         p = self.parameters
         if p["answer_by"] not in WAYS:
             raise ConfigError(f"{self.name}: answer_by is {p['answer_by']!r}; {', '.join(WAYS)}")
@@ -106,20 +106,20 @@ class StudyExperiment:
     @cached_property
     def responses(self) -> dict[str, Response]:
         """Everything that is asked, by name."""
-        asked = [r for t in self.read.values() for r in t.responses]
-        return {r.name: r for r in (*asked, *self.study.asks.responses)}
+        trial_responses = [r for t in self.read.values() for r in t.responses]
+        return {r.name: r for r in (*trial_responses, *self.study.asks.responses)}
 
     @cached_property
     def films(self) -> tuple[Film, ...]:
         """Every film that a condition shows, each once."""
-        shown = (
+        films = (
             film for t in self.read.values() for of in t.films for film in films_of(of).values()
         )
-        return tuple(dict.fromkeys(shown))
+        return tuple(dict.fromkeys(films))
 
     @property
     def words(self) -> dict[str, Response]:
-        """Every response by the text with which it is put."""
+        """Every response by the text of its question."""
         script = TrialScript(Trial("T1", 1, 0, False, {}, 0), self.settings)
         return {script.words_of(r)[0]: r for r in self.responses.values()}
 
@@ -132,21 +132,23 @@ class StudyExperiment:
                 f"study {self.name} shows scenes of {', '.join(map(str, sorted(counts)))} people; "
                 "all scenes of a study hold equally many (or none)"
             )
-        # Where scenes show others than their agents, columns have had the width of one.
+        # Where scenes show people other than their agents, columns always had the width of one.
         return max(counts, default=0) or (1 if self.study.procedure.people else 0)
 
     @property
     def people_count(self) -> int:
-        """At most how many people a picture of it shows: an audience has its speaker too."""
+        """Largest number of people in one picture; an audience includes its speaker."""
         people = self.study.procedure.people
         return max(self.agent_count + 1, people(self.parameters) if callable(people) else people)
 
     @property
     def trial_s(self) -> float:
         """Usual duration of a trial, for the time left on the operator's screen."""
-        told = self.parameters.get("trial_s")
+        trial_s = self.parameters.get("trial_s")
         return (
-            float(np.mean([t.seconds for t in self.read.values()])) if told is None else float(told)
+            float(np.mean([t.seconds for t in self.read.values()]))
+            if trial_s is None
+            else float(trial_s)
         )
 
     @property
@@ -170,41 +172,43 @@ class StudyExperiment:
 
     @property
     def rests_on_gaze(self) -> bool:
-        """Whether it calibrates an eye tracker, needs one, or measures anything by gaze."""
+        """Whether it calibrates or needs an eye tracker, or measures anything by gaze."""
         study = self.study
-        measured = bool(study.analysis.looks) or any(m.needs_gaze for m in study.analysis.measures)
-        return study.devices.calibrate or measured or "eye_tracker" in self.needed_roles
+        measures_gaze = bool(study.analysis.looks) or any(
+            m.needs_gaze for m in study.analysis.measures
+        )
+        return study.devices.calibrate or measures_gaze or "eye_tracker" in self.needed_roles
 
     @property
     def _is_pointed(self) -> bool:
-        """Whether answers are given by a hand: nothing else of a body is asked for."""
-        asked = self.responses.values()
+        """Whether answers are given by a hand; no other part of the body is used."""
+        responses = self.responses.values()
         way = self.settings.answer_by
-        on_boards = way == "board" and any(r.options for r in asked if not isinstance(r, Keys))
+        on_boards = way == "board" and any(r.options for r in responses if not isinstance(r, Keys))
         by_hand_alone = on_boards and not self.study.devices.calibrate
-        return way == "ray" or by_hand_alone or any(isinstance(r, Pointing) for r in asked)
+        return way == "ray" or by_hand_alone or any(isinstance(r, Pointing) for r in responses)
 
     @property
     def demands(self) -> Demands:
-        """What the study asks of a lab beyond devices being there."""
+        """What the study demands of a lab besides the presence of devices."""
         of = self.study.devices.demands_of
-        found = Demands() if of is None else of(self.parameters)
-        return replace(found, sounds=self.sounds) if self.sounds else found
+        demands = Demands() if of is None else of(self.parameters)
+        return replace(demands, sounds=self.sounds) if self.sounds else demands
 
     @cached_property
     def sounds(self) -> tuple[Sound, ...]:
-        """Everything that a condition plays, each once.
+        """All sounds of all conditions, each once.
 
         Raises:
             DesignError: a file cannot be played.
         """
         of = self.settings.sound_of
-        played = (of(sound) for trial in self.read.values() for sound in trial.sounds)
-        return tuple({sound.sha256: sound for sound in played}.values())
+        sounds = (of(sound) for trial in self.read.values() for sound in trial.sounds)
+        return tuple({sound.sha256: sound for sound in sounds}.values())
 
     @property
     def unplayable(self) -> tuple[str, ...]:
-        """What is wrong with each file that a condition plays and that cannot be played."""
+        """The error of each sound file that cannot be played."""
         files = {s for trial in self.read.values() for s in trial.sounds if isinstance(s, Path)}
         problems = []
         for file in sorted(files):
@@ -215,7 +219,7 @@ class StudyExperiment:
         return tuple(problems)
 
     def prepare(self, told: Callable[[int, int], None] = untold) -> None:
-        """Load and compute what would hold up a frame; `told` hears how many of how many."""
+        """Load and compute in advance; `told` is called with the number done and the total."""
         of = self.study.procedure.prepare_of
         steps = () if of is None else tuple(of(self))
         for done, step in enumerate(steps):
@@ -225,75 +229,75 @@ class StudyExperiment:
 
     @property
     def spare_roles(self) -> tuple[str, ...]:
-        """Devices without which a session may go on where the operator says so.
+        """Devices without which a session may go on if the operator agrees.
 
-        Where the study does not name them: what it uses without needing it, but not an eye tracker
-        that it calibrates, nor response devices whose keys or ray it asks for.
+        If the study does not name them: the devices it uses without needing them, except an eye
+        tracker that it calibrates and response devices whose keys or ray it asks for.
         """
         devices = self.study.devices
         if devices.spares is not None:
             return tuple(devices.spares)
-        needed = set(devices.needs)
-        needed |= {"eye_tracker"} if devices.calibrate and devices.validate else set()
-        pressed = any(isinstance(r, Keys | Pointing) for r in self.responses.values())
-        needed |= {"responses"} if pressed or self.settings.answer_by == "ray" else set()
-        return tuple(role for role in (*self.useful_roles, "responses") if role not in needed)
+        needed_roles = set(devices.needs)
+        needed_roles |= {"eye_tracker"} if devices.calibrate and devices.validate else set()
+        asks_presses = any(isinstance(r, Keys | Pointing) for r in self.responses.values())
+        needed_roles |= {"responses"} if asks_presses or self.settings.answer_by == "ray" else set()
+        return tuple(role for role in (*self.useful_roles, "responses") if role not in needed_roles)
 
     def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
-        """Return everything one participant will do; what trials remember is forgotten.
+        """Return everything one participant will do; clears the memory of earlier trials.
 
         Raises:
-            DesignError: there is no such group, or the design cannot be ordered so.
+            DesignError: there is no such group, or the design cannot be ordered in this way.
         """
         self.settings.memory.clear()
         design = self.study.design_with(self.parameters)
-        made = make_plan(
+        plan = make_plan(
             design, seed=seed, participant_index=participant_index, group=group or None
         )
-        values = self.values_of(made)
-        own = 1 if made.blocks[0].trials and made.blocks[0].trials[0].is_practice else 0
-        parts = len(made.blocks) - own
+        values = self.values_of(plan)
+        own = 1 if plan.blocks[0].trials and plan.blocks[0].trials[0].is_practice else 0
+        parts = len(plan.blocks) - own
         blocks = []
-        for block in made.blocks:
+        for block in plan.blocks:
             part = block.index + 1 - own
             is_practice = own == 1 and block.index == 0
-            known = {**values, "part": part, "parts": parts, "part_trials": len(block.trials)}
+            text_values = {**values, "part": part, "parts": parts, "part_trials": len(block.trials)}
             if self.study.design.blocked_by is not None:
-                known["level"] = block.trials[0].factors[self.study.design.blocked_by]
+                text_values["level"] = block.trials[0].factors[self.study.design.blocked_by]
             titles = ("blocks.practice",) if is_practice else ("blocks.part",)
-            said = ("practice",) if is_practice else _instructions(part, parts)
+            instruction_names = ("practice",) if is_practice else _instructions(part, parts)
             blocks.append(
                 replace(
                     block,
                     trials=tuple(
                         replace(t, factors=self._derived(t.factors)) for t in block.trials
                     ),
-                    name=self.texts.find(*titles, values=known) or block.name,
-                    instruction=self.texts.find(*said, values=known) or "",
+                    name=self.texts.find(*titles, values=text_values) or block.name,
+                    instruction=self.texts.find(*instruction_names, values=text_values) or "",
                     calibrate=self.study.devices.calibrate
                     and (block.index == 0 or self.study.devices.calibrate_blocks),
                     questionnaires=() if is_practice else self._asked_after_blocks(),
                 )
             )
-        kept = {
+        parameters = {
             name: value if isinstance(value, str | int | float | bool) else json.dumps(list(value))
             for name, value in self.parameters.items()
         }
-        kept["language"] = self.language
-        return replace(made, blocks=tuple(blocks), parameters=kept)
+        parameters["language"] = self.language
+        return replace(plan, blocks=tuple(blocks), parameters=parameters)
 
     def _asked_after_blocks(self) -> tuple[str, ...]:
         asks = self.study.asks
-        unasked = () if asks.unasked is None else asks.unasked(self.parameters)
-        return tuple(name for name in asks.after_block if name not in unasked)
+        omissions = () if asks.unasked is None else asks.unasked(self.parameters)
+        return tuple(name for name in asks.after_block if name not in omissions)
 
     def values_of(self, made: SessionPlan) -> dict[str, Any]:
-        """Return what texts can name: parameters, and what follows from the plan."""
-        counted = [t for t in made.trials if not t.is_practice]
+        """Return the values for placeholders of texts: parameters, and numbers from the plan."""
+        main_trials = [t for t in made.trials if not t.is_practice]
         return {
             **self.settings.values,
-            "trials": len(counted),
-            "practice": len(made.trials) - len(counted),
+            "trials": len(main_trials),
+            "practice": len(made.trials) - len(main_trials),
             "trial_s": self.parameters.get("trial_s", round(self.trial_s)),
             **{
                 f"{r.name}_{end}": getattr(r, end)
@@ -327,11 +331,11 @@ class StudyExperiment:
 
     @cached_property
     def levels(self) -> dict[str, tuple[Any, ...]]:
-        """The levels of every factor, and what columns that follow from factors can hold."""
+        """The levels of every factor, and the values of columns derived from factors."""
         design = self.study.design_with(self.parameters)
-        found = {f.name: tuple(f.levels) for f in design.factors}
+        levels = {f.name: tuple(f.levels) for f in design.factors}
         cells = list(self.conditions())
-        return found | {
+        return levels | {
             n: tuple(dict.fromkeys(c[n] for c in cells)) for n in self.study.design.derived
         }
 
@@ -344,7 +348,7 @@ class StudyExperiment:
         return possible(self.study.analysis.compare, in_force, tuple(self.levels))
 
     def _derived(self, factors: Mapping[str, Any]) -> dict[str, Any]:
-        """Return a trial's factors with what follows from them."""
+        """Return a trial's factors with the columns derived from them."""
         return {**factors, **{name: of(factors) for name, of in self.study.design.derived.items()}}
 
 
@@ -353,7 +357,7 @@ def _darkness(t: TrialScript) -> Iterator[Action]:
 
 
 def _instructions(part: int, parts: int) -> tuple[str, ...]:
-    """Return the texts of which the first that a study has is a part's instruction."""
+    """Return names of texts; the first that exists is the part's instruction."""
     if parts == 1:
         place = "only"
     else:

@@ -1,8 +1,8 @@
-"""Films as stimuli: a scene, for so long, seen by a camera; one alone, or two beside each other.
+"""Films as stimuli: a scene of some duration seen by a camera; one alone, or two side by side.
 
-A film is data: also where its camera moves, which then follows from the scene, from how it films
-and from a seed. In a browser it is a file, drawn once and the same for everybody; before a headset
-or a monitor its scene itself is shown.
+A film is data. A moving camera follows from the scene, its way of filming and a seed. In a browser
+the film is a file, drawn once and the same for everybody; a headset or a monitor shows its scene
+itself.
 """
 
 from collections.abc import Mapping
@@ -21,7 +21,7 @@ from visavis.study.scenes import PAIR, Scene
 MAX_FILM_S: Final = 600.0
 MAX_SIDE_PX: Final = 1920
 CODEC: Final = "vp09.00.31.08"
-"""How browsers are asked whether they can play our films: VP9, profile 0, level 3.1, 8 bit."""
+"""Codec to ask browsers for, before they play our films: VP9, profile 0, level 3.1, 8 bit."""
 MIME: Final = f'video/webm; codecs="{CODEC}"'
 FILM_COLUMNS: Final = (
     Column("wait_ms", "ms", "from the page's step to the first picture that was presented"),
@@ -32,7 +32,7 @@ FILM_COLUMNS: Final = (
     Column("apart_ms", "ms", "most that the two films of a pair were apart; empty for one"),
     Column("sha256", "", "file that was played; of a pair left, right; none in simulations"),
 )
-"""What a page adds to a trial's row beside `film_on_ns`, `film_off_ns` and `film_frames`.
+"""Columns that a page adds to a trial's row beside `film_on_ns`, `film_off_ns`, `film_frames`.
 
 The film's name goes before each of these.
 """
@@ -40,8 +40,8 @@ The film's name goes before each of these.
 
 @dataclass(frozen=True)
 class Lens:
-    """From where a film is taken, in metres of the scene: the eye, what it aims at, and half the
-    height of the picture one metre away.
+    """A camera that stands still, in metres of the scene: the eye, the point it aims at, and half
+    the height of the picture one metre away.
     """
 
     eye_m: tuple[float, float, float] = (0.75, 1.25, 0.0)
@@ -83,8 +83,8 @@ class Directed:
 
 @dataclass(frozen=True)
 class Following:
-    """A camera that follows whoever plays the `subject`, so far behind them, above their head and
-    to their right, and never cuts.
+    """A camera that follows whoever plays the `subject` at fixed distances behind them, above their
+    head and to their right, and never cuts.
     """
 
     back_m: float = 2.6
@@ -124,7 +124,7 @@ def _check_view(fov_v_deg: float) -> None:
 
 
 Moving: TypeAlias = Directed | Following | Placed
-"""Cameras that find their way by whom they film; every other one is a `Lens`."""
+"""Cameras that follow the person they film; any other camera is a `Lens`."""
 
 
 @dataclass(frozen=True)
@@ -161,7 +161,7 @@ class Film:
 
 @dataclass(frozen=True)
 class Pair:
-    """Two films beside each other, begun together."""
+    """Two films side by side that begin together."""
 
     left: Film
     right: Film
@@ -172,7 +172,7 @@ Shown: TypeAlias = Film | Pair
 
 @dataclass(frozen=True)
 class Watched:
-    """A film, or two, with what is asked below: answers count after `min_rounds` whole rounds."""
+    """A film or a pair with questions below it: answers count after `min_rounds` whole rounds."""
 
     shown: Shown
     responses: tuple[Response, ...]
@@ -209,7 +209,7 @@ def seconds_of(shown: Shown) -> float:
 
 
 def film_columns(films: int) -> dict[str, Column]:
-    """Return what describes the columns of so many films (or pairs) in a trial, by name."""
+    """Return descriptions of the columns of this number of films (or pairs) in a trial, by name."""
     names = ["film", *(f"film{k}" for k in range(2, films + 1))][:films]
     columns = (replace(c, name=f"{name}_{c.name}") for name in names for c in FILM_COLUMNS)
     return {c.name: c for c in columns}

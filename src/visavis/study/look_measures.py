@@ -56,7 +56,7 @@ MAIN_MEASURES: Final = (
     SECOND_FIXATION_DURATION_MS,
     SECOND_FIXATION_TIME_MS,
 )
-"""What is measured of looks first of all; computed anew by padding and minimum duration."""
+"""The main measures of looks; recomputed for every padding and minimum duration."""
 
 BEFORE: Final = "before_"
 AFTER: Final = "after_"
@@ -138,7 +138,7 @@ DEFAULT_MEASURE_PARAMETERS: Final = MeasureParameters()
 
 @dataclass(frozen=True)
 class _Span:
-    """What the measures need of a trial's row."""
+    """The part of a trial's row that the measures need."""
 
     active: int
     start_ns: int
@@ -220,7 +220,7 @@ def _measured(
 def second_view(
     targets: GazeTargets, row: Row, *, params: MeasureParameters = DEFAULT_MEASURE_PARAMETERS
 ) -> dict[str, Scalar | None]:
-    """Return what detectors of eye movements say of the trial: I-VT, I-DT and adaptive columns.
+    """Return the results of detectors of eye movements: I-VT, I-DT and adaptive columns.
 
     A fixation counts as on the active agent when more than half its samples are, by the padded
     rule.
@@ -258,8 +258,8 @@ def _movement_columns(found: Movements) -> dict[str, Scalar | None]:
 def _event_columns(
     prefix: str, found: Fixations, on_active: npt.NDArray[np.bool_]
 ) -> dict[str, Scalar | None]:
-    passed = np.concatenate([[0], np.cumsum(on_active)])
-    on = passed[found.last_row + 1] - passed[found.first_row]
+    active_before = np.concatenate([[0], np.cumsum(on_active)])
+    on = active_before[found.last_row + 1] - active_before[found.first_row]
     length = found.last_row + 1 - found.first_row
     n = on_active.shape[0]
     return {
@@ -283,7 +283,7 @@ def sensitivity_rows(
     """Yield the six measures for every padding and minimum fixation duration."""
     span = _span(row)
     samples = targets.between(span.start_ns, span.end_ns)
-    found = sensitivity_of_trial(
+    results = sensitivity_of_trial(
         samples.t_ns,
         samples.angle_deg,
         samples.radius_deg,
@@ -296,7 +296,7 @@ def sensitivity_rows(
         minima_ms=minima_ms,
         params=params.looks,
     )
-    for one in found:
+    for one in results:
         measures = one.measures.as_row()
         yield {
             "pad_deg": one.pad_deg,
@@ -322,8 +322,8 @@ class LooksOn:
 
     def rules(self, plan: Mapping[str, Any]) -> MeasureParameters:
         """Return the thresholds for a recorded plan."""
-        given = plan.get("parameters", {}).get(self.pad, DEFAULT_MEASURE_PARAMETERS.pad_deg)
-        return replace(DEFAULT_MEASURE_PARAMETERS, pad_deg=float(given))
+        pad_deg = plan.get("parameters", {}).get(self.pad, DEFAULT_MEASURE_PARAMETERS.pad_deg)
+        return replace(DEFAULT_MEASURE_PARAMETERS, pad_deg=float(pad_deg))
 
     def measure(
         self, record: TrialRecord, frozen: npt.NDArray[np.bool_], params: MeasureParameters

@@ -1,4 +1,4 @@
-"""What a study measures: a column, its unit and words, how trials are put together, and from what.
+"""The measures of a study: column, unit, words, how trials are combined, and the source.
 
 A measure is computed trial by trial from the recording alone. Answers are measures by themselves;
 `dwell_on("active")` and its like measure gaze on an agent that plays a role in a scene.
@@ -25,7 +25,7 @@ Aggregate = Literal["mean", "median", "share"]
 
 
 class SamplesUnreadable(DataError):
-    """A measure asked for samples of a trial that a damaged recording holds in part only."""
+    """A measure asked for samples of a trial that a damaged recording lost in part."""
 
 
 LOOKS: Final = replace(DEFAULT_LOOK_PARAMETERS, backward="sort", conflicts="keep_first")
@@ -36,7 +36,7 @@ HEAD_LOST_COLUMN: Final = "head_lost_01"
 
 @dataclass(frozen=True, eq=False)
 class TrialRecord:
-    """One trial as recorded: its row, and what the session's streams hold of it.
+    """One recorded trial: its row, and its part of the session's streams.
 
     `gaze` are the gaze samples of the whole session's part (None without an eye tracker);
     `recording` is None for a trial of the quick path of power. `damaged_streams` lost samples of
@@ -50,7 +50,7 @@ class TrialRecord:
 
     @property
     def name(self) -> str:
-        """What messages call the trial: its session's folder and its identifier."""
+        """The trial's name in messages: its session's folder and its identifier."""
         where = "a simulated trial" if self.recording is None else str(self.recording.path)
         return f"{where}, trial {self.row.get('trial_id')}"
 
@@ -62,7 +62,7 @@ class TrialRecord:
         return float(value)
 
     def window(self, scene: str = "scene") -> tuple[int, int] | None:
-        """Return from when to when a scene was shown, session time in ns; None if it was not."""
+        """Return start and end of a scene, session time in ns; None if it was not shown."""
         on, off = self.number(f"{scene}_on_ns"), self.number(f"{scene}_off_ns")
         return None if on is None or off is None else (int(on), int(off))
 
@@ -72,14 +72,14 @@ class TrialRecord:
         Raises:
             DesignError: nobody plays it in any trial of the session that shows such scenes.
         """
-        shown = [c.removeprefix(f"{scene}_") for c in self.row if str(c).startswith(f"{scene}_")]
-        if "on_ns" in shown and role not in shown:
-            there = ", ".join(name for name in shown if name not in NO_ROLES) or "none"
+        columns = [c.removeprefix(f"{scene}_") for c in self.row if str(c).startswith(f"{scene}_")]
+        if "on_ns" in columns and role not in columns:
+            there = ", ".join(name for name in columns if name not in NO_ROLES) or "none"
             raise DesignError(
                 f"{self.name}: nobody is {role!r} in scene {scene!r}; roles are: {there}"
             )
-        found = self.number(f"{scene}_{role}")
-        return None if found is None else int(found)
+        index = self.number(f"{scene}_{role}")
+        return None if index is None else int(index)
 
     def stream(self, name: str, start_ns: int, end_ns: int) -> dict[str, npt.NDArray[Any]]:
         """Return a stream's columns between two times of this trial's part.
@@ -97,8 +97,8 @@ class TrialRecord:
         columns = self.recording.stream_arrays(name)
         at = columns["t_host_ns"]
         part = columns["recording_part"] == int(self.row["recording_part"])
-        kept = part & (at >= start_ns) & (at < end_ns)
-        return {column: values[kept] for column, values in columns.items()}
+        is_inside = part & (at >= start_ns) & (at < end_ns)
+        return {column: values[is_inside] for column, values in columns.items()}
 
     def looks(self, role: str, scene: str, pad_deg: float) -> LookMeasures | None:
         """Return the looks on the agent of a role while a scene was shown."""
@@ -130,20 +130,20 @@ class Measure:
     aggregate: Aggregate = "mean"
     needs_gaze: bool = False
     role: str = ""
-    """Whose: a role of a scene, where it is about somebody."""
+    """The role of a scene that it is about, if any."""
     scale: tuple[float, float] | None = None
-    """The ends of a rating's scale, which figures show whole."""
+    """The ends of a rating's scale; figures show the whole of it."""
 
     @property
     def axis(self) -> str:
-        """What stands at a figure's axis."""
-        shown = {"1": "", "": ""}.get(self.unit, f" ({self.unit})")
+        """The label of a figure's axis."""
+        unit_text = {"1": "", "": ""}.get(self.unit, f" ({self.unit})")
         kind = {"mean": "", "median": "median ", "share": "share: "}[self.aggregate]
-        return f"{kind}{self.words}{shown}".capitalize() if kind else f"{self.words}{shown}"
+        return f"{kind}{self.words}{unit_text}".capitalize() if kind else f"{self.words}{unit_text}"
 
     @property
     def digits(self) -> int:
-        """Decimals to print: none of milliseconds."""
+        """Decimals to print: 0 for milliseconds."""
         return 0 if self.unit == "ms" else 2
 
     def description(self) -> Column:
@@ -161,9 +161,9 @@ def _of_looks(role: str, scene: str, pad_deg: float, pick: Callable[[LookMeasure
     def of(record: TrialRecord) -> Scalar | None:
         looks = record.looks(role, scene, pad_deg)
         if looks is None or looks.lost_01 is None or looks.lost_01 >= 1.0:
-            return None  # nothing was measured: missing, not zero
-        found: Scalar | None = pick(looks)
-        return found
+            return None  # without gaze the value is missing, not zero
+        value: Scalar | None = pick(looks)
+        return value
 
     return of
 
@@ -258,14 +258,14 @@ def column(
 def value_of(measure: Measure, record: TrialRecord) -> Scalar | None:
     """Return a measure of a trial: computed, or as the trial wrote it.
 
-    None where it rests on samples that a damaged recording lost.
+    None if it needs samples that a damaged recording lost.
 
     Raises:
         DataError: the measure cannot be computed, with the trial and the reason.
     """
     if measure.of is None:
-        found = record.row.get(measure.column)
-        return None if found is None or found != found else found
+        value = record.row.get(measure.column)
+        return None if value is None or value != value else value
     try:
         return measure.of(record)
     except SamplesUnreadable:
@@ -281,17 +281,17 @@ def value_of(measure: Measure, record: TrialRecord) -> Scalar | None:
 def aggregated(
     trials: pd.DataFrame, measures: Sequence[Measure], factors: Sequence[str]
 ) -> pd.DataFrame:
-    """Return one row per participant and cell: each measure as it says, and `n` trials."""
+    """Return one row per participant and cell: each measure combined as it says, and `n` trials."""
     keys = ["participant", *factors]
-    grouped = trials.groupby(keys, sort=True, observed=True)
-    found: dict[str, Any] = {"n": grouped.size()}
+    groups = trials.groupby(keys, sort=True, observed=True)
+    columns: dict[str, Any] = {"n": groups.size()}
     for measure in measures:
         if measure.column not in trials:
             continue
         values = pd.to_numeric(trials[measure.column], errors="coerce").astype(float)
         cell = values.groupby([trials[k] for k in keys], sort=True, observed=True)
-        found[measure.column] = cell.median() if measure.aggregate == "median" else cell.mean()
-    return pd.DataFrame(found).reset_index()
+        columns[measure.column] = cell.median() if measure.aggregate == "median" else cell.mean()
+    return pd.DataFrame(columns).reset_index()
 
 
 class SessionGaze:
@@ -310,7 +310,7 @@ class SessionGaze:
         return None if read is None else read[0]
 
     def frozen_of_part(self, part: int) -> npt.NDArray[np.bool_]:
-        """Tell of every sample of one part whether it repeats one direction too long."""
+        """Tell for every sample of one part whether gaze repeats one direction too long."""
         read = self._read(part)
         return np.zeros(0, np.bool_) if read is None else read[1]
 

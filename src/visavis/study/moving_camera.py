@@ -1,4 +1,4 @@
-"""What a film by a moving camera shows: where the camera was, and what could be seen from there.
+"""What a film by a moving camera shows: the camera's poses and what was seen from there.
 
 The camera is asked once, picture by picture; the same film is always filmed the same.
 """
@@ -55,24 +55,24 @@ class FilmSeen:
     @cached_property
     def poses(self) -> Vector:
         """Place and turn (n, 7) of the camera."""
-        found: Vector = np.array(
+        poses: Vector = np.array(
             [[*c.pose.position_m, *c.pose.orientation_wxyz] for c in self.cameras]
         )
-        return found
+        return poses
 
 
 class _Subject:
-    """Whom a film follows, in pictures of a scene at any time."""
+    """The person that a film follows, in pictures of a scene at any time."""
 
     def __init__(self, film: Film, staged: Staged, role: str) -> None:
         first = staged.frame(still_view(0), 0)
         if first is None:
             raise DesignError(f"scene {film.scene.name} shows nothing at its onset")
         if role not in staged.roles:
-            known = ", ".join(staged.roles)
+            roles = ", ".join(staged.roles)
             raise DesignError(
                 f"scene {film.scene.name} has nobody who is {role!r} to be filmed"
-                f"{did_you_mean(role, tuple(staged.roles))}; it has {known}"
+                f"{did_you_mean(role, tuple(staged.roles))}; it has {roles}"
             )
         self._frame, self.index = first, staged.roles[role]
         self.picture_at: Callable[[int], Picture] = lru_cache(maxsize=4)(self._drawn)
@@ -98,7 +98,7 @@ class _Subject:
         return np.delete(capsules(self.picture_at(t_ns)), self.index, axis=0)
 
     def moment(self, t_ns: int) -> Moment:
-        """Return who is where, as cameras are told."""
+        """Return the positions of everybody at a time, as cameras get them."""
         eyes = self.eyes_m(t_ns)
         return Moment(np.array([eyes[0], 0.0, eyes[2]]), self.height_m, self.others(t_ns))
 
@@ -180,7 +180,7 @@ def _is_in(camera: Camera, place_m: Vector) -> bool:
     return bool(camera.left <= right <= camera.right and camera.bottom <= up <= camera.top)
 
 
-# Rooms are shared objects, so that what was found of one serves every film in it.
+# Rooms are shared objects, so that the result for one serves every film in it.
 @lru_cache(maxsize=4)
 def _obstacles_of(room: Room) -> Obstacles:
     return Obstacles.of_room(room)

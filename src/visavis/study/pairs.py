@@ -1,4 +1,4 @@
-"""Families of simple tests that a study plans, and what its source prints of them."""
+"""Families of simple tests that a study plans, with the published results."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,13 +11,13 @@ Shared = Literal["measures", "levels", "each"]
 
 @dataclass(frozen=True)
 class Printed:
-    """What a source prints of one test.
+    """The published result of one test.
 
     `direction` is the sign of second minus first (of the coefficient in a correlation), 0 where
     none is printed; `statistic` is the t of two levels, the F, t or z of a comparison, with its
     `df`; `p_is_bound` where p is printed as "<"; `is_wilcoxon` where a test without a statistic
     was named. `where` says in which table, `text` is the whole of it ("F(1, 15) = 7.09, p = .017"),
-    `misfits` say what of the printed does not follow from it.
+    `misfits` name printed numbers that contradict each other.
     """
 
     is_significant: bool
@@ -36,25 +36,25 @@ class Printed:
 
     def __str__(self) -> str:
         """Return its whole text, else its p with the verdict."""
-        said = "different" if self.is_significant else "not different"
-        return self.text or (said if self.p is None else f"{said}, {p_text(self.p)}")
+        verdict = "different" if self.is_significant else "not different"
+        return self.text or (verdict if self.p is None else f"{verdict}, {p_text(self.p)}")
 
 
 # A test holds the family that it was made for, so its class stands above: the tests of
 # visavis.results.family_tests, which study files name in their own functions.
 PrintedOf: TypeAlias = Callable[[Any], Printed | None]
-"""What a source prints of a `PairTest` or a `CorrelationTest`; None where it prints nothing."""
+"""Returns the published result of a `PairTest` or a `CorrelationTest`; None without one."""
 
 
 @dataclass(frozen=True)
 class Pairs:
     """A family of paired tests: every measure between every pair of levels of one factor.
 
-    With `each`, a factor or a derived column, they are made at every level of it. What is
-    `shared` says which tests share alpha: with ("measures", "levels") all of them, with ("each",)
-    those that differ in nothing but the level of `each`. `names` are what levels are called,
-    `noun` follows them in sentences ("averted and directed gaze"). `printed` returns what the
-    source prints of a test. An `exploratory` family makes no headline and has no power.
+    With `each`, a factor or a derived column, they are made at every level of it. `shared` says
+    which tests share alpha: with ("measures", "levels") all of them, with ("each",) those that
+    differ only in the level of `each`. `names` are the words for levels, `noun` follows them in
+    sentences ("averted and directed gaze"). `printed` returns the published result of a test. An
+    `exploratory` family makes no headline and has no power.
     """
 
     family: str
@@ -70,7 +70,7 @@ class Pairs:
     exploratory: bool = False
 
     def called(self, level: str) -> str:
-        """Return what a level is called."""
+        """Return the words for a level."""
         return self.names.get(level, level.replace("_", " "))
 
 

@@ -244,8 +244,8 @@ class AnalysisPlan:
     @property
     def measured_in_pieces(self) -> Pieces | None:
         """How its trials are measured one by one; None where a session is measured at once."""
-        found: Pieces | None = named(self.pieces) if isinstance(self.pieces, str) else self.pieces
-        return found
+        pieces: Pieces | None = named(self.pieces) if isinstance(self.pieces, str) else self.pieces
+        return pieces
 
     def cells_of(self, design: Design) -> tuple[Factor, ...]:
         """Return the factors within people whose combinations are compared and described."""

@@ -1,4 +1,4 @@
-"""Measuring a study trial by trial: each is kept as soon as it is done, so a stop loses one."""
+"""Measuring a study trial by trial: each result is saved at once, so a stop loses only one."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -17,7 +17,7 @@ Rows: TypeAlias = list[dict[str, Any]]
 
 @dataclass(frozen=True)
 class MeasuredTrial:
-    """What one trial's recording gave: columns of its row, and rows of further tables by name.
+    """The measures of one trial: columns of its row, and rows of further tables by name.
 
     Values are those of JSON; a number that is missing is None.
     """
@@ -27,7 +27,7 @@ class MeasuredTrial:
 
     @classmethod
     def plain(cls, row: Mapping[str, Any], tables: Mapping[str, Rows]) -> "MeasuredTrial":
-        """Return one with NumPy's numbers as Python's, and NaN as None."""
+        """Return a copy with NumPy's numbers as Python's, and NaN as None."""
         return cls(
             {k: _plain(v) for k, v in row.items()},
             {
@@ -39,12 +39,12 @@ class MeasuredTrial:
 
 @dataclass(frozen=True)
 class Pieces:
-    """How the trials of a study are measured one by one, by a worker that sees the recording.
+    """How the trials of a study are measured one by one from the recording.
 
-    `how` is a dataclass of what can be set (`analyse --set`).
-    `trials` names the trials of a session that can be measured, `measure` measures one. What is
-    kept holds for the same `version` and the same values of the fields `kept_by`, which every
-    table names as `measure_FIELD`. `of_session` adds what only the whole session tells, given its
+    `how` is a dataclass of settings (`analyse --set`).
+    `trials` names the trials of a session that can be measured, `measure` measures one. Saved
+    results are valid for the same `version` and the same values of the fields `kept_by`, which
+    every table names as `measure_FIELD`. `of_session` adds measures of the whole session, given its
     rows and tables. `tables` are the columns of further tables by name.
     """
 
@@ -60,11 +60,11 @@ class Pieces:
 
     @property
     def settable(self) -> tuple[str, ...]:
-        """Names of what `analyse --set` replaces."""
+        """Names of the settings that `analyse --set` replaces."""
         return tuple(f.name for f in fields(self.how))
 
     def how_with(self, settings: Mapping[str, Any]) -> Any:
-        """Return how to measure; settings of other names are another's.
+        """Return `how` with these settings; settings with other names are ignored.
 
         Raises:
             ConfigError: a value does not exist.
@@ -73,11 +73,11 @@ class Pieces:
         return parameters_from(type(self.how), own, "measuring")
 
     def marks(self, how: Any) -> dict[str, Any]:
-        """Return what every table says of how it was measured."""
+        """Return the columns that say in every table how it was measured."""
         return {f"measure_{name}": getattr(how, name) for name in self.kept_by}
 
     def measured(self, recording: Recording, how: Any) -> dict[str, MeasuredTrial]:
-        """Return every trial of a session that can be measured, by its identifier."""
+        """Measure every trial of a session that can be measured; return them by identifier."""
         return {name: self.measure(recording, name, how) for name in self.trials(recording)}
 
     def put_together(
@@ -88,12 +88,12 @@ class Pieces:
         factors: Sequence[str],
         how: Any,
     ) -> tuple[pd.DataFrame, dict[str, pd.DataFrame]]:
-        """Return a session's rows with what was measured, and its further tables.
+        """Return a session's rows with the measures, and its further tables.
 
         Rows of these begin with participant, trial and the levels of `factors`.
         """
         columns = dict.fromkeys((*rows, *(c for m in measured.values() for c in m.row)))
-        found: Rows = []
+        session_rows: Rows = []
         tables: dict[str, Rows] = {name: [] for name in self.tables}
         for row in rows.to_dict("records"):
             own = {str(k): v for k, v in row.items()} | self.marks(how)
@@ -103,12 +103,14 @@ class Pieces:
                 own |= mine.row
                 for name, several in mine.tables.items():
                     tables[name] += [{**place, **one} for one in several]
-            found.append(own)
+            session_rows.append(own)
         if self.of_session is not None:
-            found, tables = self.of_session(recording, found, tables, how)
-        named = [str(c) for c in dict.fromkeys((*columns, *(c for row in found for c in row)))]
+            session_rows, tables = self.of_session(recording, session_rows, tables, how)
+        column_names = [
+            str(c) for c in dict.fromkeys((*columns, *(c for row in session_rows for c in row)))
+        ]
         return (
-            _frame(found, named),
+            _frame(session_rows, column_names),
             {name: pd.DataFrame(several) for name, several in tables.items()},
         )
 
@@ -117,9 +119,9 @@ def _frame(rows: Rows, columns: Sequence[str]) -> pd.DataFrame:
     """Return a table in which whole numbers stay whole where some are missing."""
     table = pd.DataFrame(rows, columns=list(columns))
     for name in columns:
-        known = [v for row in rows if not _is_missing(v := row.get(name))]
-        is_whole = all(isinstance(v, int) and not isinstance(v, bool) for v in known)
-        if known and is_whole and len(known) < len(rows):
+        values = [v for row in rows if not _is_missing(v := row.get(name))]
+        is_whole = all(isinstance(v, int) and not isinstance(v, bool) for v in values)
+        if values and is_whole and len(values) < len(rows):
             table[name] = table[name].astype("Int64")
     return table
 

@@ -1,4 +1,4 @@
-"""What a participant can be asked: each says its choices, what an answer means, and its columns.
+"""The questions for a participant: each has its choices, the meaning of answers and its columns.
 
 A response is data. Its words stand in the study's text files (`questions.NAME`,
 `choices.NAME.OPTION`); how it is asked (board, ray, gaze, keys, terminal) is
@@ -14,13 +14,13 @@ from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.steps import Scalar
 
 MAX_CHOICES = 9
-"""As many as have a digit of their own on a keyboard."""
+"""As many options as there are digits on a keyboard."""
 WAYS = "ray, gaze, keys, keyboard, mouse, touch, pen or operator"
 
 
 @dataclass(frozen=True)
 class _Response:
-    """What is asked under a name; an option means itself, and an answer says nothing else."""
+    """A question with a name; an option means itself, and an answer has no further columns."""
 
     name: str
 
@@ -48,7 +48,7 @@ class _Response:
         )
 
     def more(self, option: str | None) -> dict[str, Scalar | None]:
-        """Return what else an answer says."""
+        """Return the further columns of an answer."""
         return {}
 
     @property
@@ -62,7 +62,7 @@ class _Response:
 
 @dataclass(frozen=True)
 class _Judged(_Response):
-    """One of several `options`, of which `right` is the one that counts as correct, if any does."""
+    """One of several `options`; `right` is the correct one, if there is one."""
 
     options: Sequence[str]
     right: str | None = None
@@ -91,8 +91,8 @@ class _Judged(_Response):
     def _further(self) -> tuple[Column, ...]:
         if self.right is None:
             return ()
-        said = f"{self._words[2]} is the right one"
-        return (Column(f"{self.name}_is_right", "", said),)
+        description = f"{self._words[2]} is the right one"
+        return (Column(f"{self.name}_is_right", "", description),)
 
 
 @dataclass(frozen=True)
@@ -127,10 +127,10 @@ class Rating(_Response):
 
 @dataclass(frozen=True)
 class Choice(_Judged):
-    """One of several options (n-AFC); `right` is the one that counts as correct, if any does.
+    """One of several options (n-AFC); `right` is the correct one, if there is one.
 
-    `labels` are what the options are called on this occasion, in their order, where that is not
-    always the same; like options they are translated by `choices.NAME.LABEL`.
+    `labels` are the words for the options on this occasion, in their order, if they vary between
+    trials; like options they are translated by `choices.NAME.LABEL`.
     """
 
     labels: Sequence[str] = ()
@@ -149,7 +149,7 @@ class Choice(_Judged):
 
 @dataclass(frozen=True)
 class SideBySide(_Response):
-    """Which of two things shown beside each other; `left` and `right` say what stood there."""
+    """Which of two things shown side by side; `left` and `right` name what was shown there."""
 
     left: str
     right: str
@@ -157,7 +157,7 @@ class SideBySide(_Response):
     aggregate: ClassVar[str] = "share"
 
     def value(self, option: str) -> Scalar:
-        """Return what stood on the side chosen."""
+        """Return what was shown on the chosen side."""
         return self.left if option == "left" else self.right
 
     def more(self, option: str | None) -> dict[str, Scalar | None]:
@@ -187,9 +187,9 @@ class Text(_Response):
 
 @dataclass(frozen=True)
 class Number(_Response):
-    """A number, typed; missing when it is none or lies outside the bounds.
+    """A typed number; missing when the text is no number or out of bounds.
 
-    With a `step` a page shows a slider from `low` to `high`, which has no place until it is moved.
+    With a `step` a page shows a slider from `low` to `high`, which has no value until it is moved.
     """
 
     unit: str = "1"
@@ -201,12 +201,12 @@ class Number(_Response):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        bounded = float("-inf") < self.low < self.high < float("inf")
-        if self.step < 0 or (self.step > 0 and not bounded):
+        is_bounded = float("-inf") < self.low < self.high < float("inf")
+        if self.step < 0 or (self.step > 0 and not is_bounded):
             raise DesignError(f"number {self.name}: a slider needs low, high and a step above 0")
 
     def value(self, option: str) -> Scalar | None:
-        """Return the number; None where the text is none, or out of bounds."""
+        """Return the number; None where the text is no number or out of bounds."""
         try:
             number = float(option.replace(",", "."))
         except ValueError:
@@ -230,8 +230,8 @@ class Number(_Response):
 class Keys(_Judged):
     """A press of one of `options` (controls of the response device), timed from the onset.
 
-    No board appears: what is shown stays. `right` is the press that counts as correct, if any
-    does; without a press within `limit_s` the answer is missing.
+    No board appears and the scene stays. `right` is the correct press, if there is one; without a
+    press within `limit_s` the answer is missing.
     """
 
     options: Sequence[str] = ("trigger",)
@@ -248,7 +248,7 @@ class Keys(_Judged):
 class Pointing(_Response):
     """A direction pointed at with a tracked hand, a controller or the head, then confirmed.
 
-    What it comes to is known where the ray is.
+    The ray, and so the place pointed at, is known to `visavis.study.asking`.
     """
 
     limit_s: float = 30.0
@@ -257,8 +257,8 @@ class Pointing(_Response):
 
     @property
     def _given(self) -> Column:
-        said = "place of the nearest head within 10° of the ray; none: empty"
-        return Column(self.name, "", said)
+        description = "place of the nearest head within 10° of the ray; none: empty"
+        return Column(self.name, "", description)
 
     @property
     def _further(self) -> tuple[Column, ...]:
@@ -272,5 +272,5 @@ Response: TypeAlias = Rating | Choice | SideBySide | Text | Number | Keys | Poin
 
 
 def labels_of(response: Response) -> tuple[str, ...]:
-    """Return what the options are called on this occasion, by the names of their texts."""
+    """Return the labels of the options on this occasion, by the names of their texts."""
     return tuple(getattr(response, "labels", ()) or response.options)

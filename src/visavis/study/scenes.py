@@ -1,7 +1,7 @@
-"""What a trial shows, by name: the places Visavis comes with, and those a study adds.
+"""Scenes by name: those that come with Visavis, and those that a study adds.
 
 A study writes `Scene("two_people", active="left", eyes="directed")`; a maker turns that into a
-`Staged` scene: geometry, who is who in it (`roles`), and what changes from frame to frame.
+`Staged` scene: geometry, roles, and the changes from frame to frame.
 """
 
 from collections.abc import Callable, Mapping
@@ -46,13 +46,13 @@ from visavis.stimuli.scenes.gathering import GatheringScene, Standing
 from visavis.study.arguments import argument_names, unknown_argument
 
 FOLLOW_STEP_M: Final = 0.005
-"""Eyes on the participant follow their head in steps of this size: 0.2° at 1.4 m."""
+"""Eyes that look at the participant follow the head in steps of this size: 0.2° at 1.4 m."""
 BEYOND_S: Final = 120.0
-"""Blinks are drawn for so long beyond the planned duration: who asks may take time to answer."""
+"""Blinks are drawn for this time beyond the planned duration, because answers may take longer."""
 PAIR: Final = "pair"
-"""The scene of two others beside each other: `Scene("pair", left=Scene(…), right=Scene(…))`."""
+"""The scene that shows two others side by side: `Scene("pair", left=Scene(…), right=Scene(…))`."""
 BESIDE_M: Final = 0.75
-"""From the middle of a pair to where each of its scenes has its own middle."""
+"""Distance from the middle of a pair to the middle of each of its scenes."""
 AVERTED_DEG: Final = 25.0
 EYES: Final = ("directed", "averted")
 AUDIENCE: Final = (
@@ -70,12 +70,12 @@ MOTIONS: Final[Mapping[str, type[Kind]]] = {
     "sit": Sit,
     "watch": WatchBoard,
 }
-"""What a person can do by name; anything else is the path of a clip (.npz or .bvh)."""
+"""Motions of a person by name; any other text is the path of a clip (.npz or .bvh)."""
 
 
 @dataclass(frozen=True, init=False)
 class Scene:
-    """A scene by name with its options; what is possible is the maker's to say."""
+    """A scene by name with its options, which its maker checks."""
 
     name: str
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -98,11 +98,11 @@ class Staged(Protocol):
 
     @property
     def roles(self) -> Mapping[str, int]:
-        """Who is who: the index of the agent that plays a part ("active")."""
+        """The index of the agent that plays each role ("active")."""
         ...
 
     def frame(self, view: FrameView, elapsed_ns: int) -> SceneFrame | None:
-        """Return what to show from the coming frame on; None while nothing changes."""
+        """Return what to show from the next frame on; None while nothing changes."""
         ...
 
 
@@ -119,25 +119,25 @@ class WithEyes:
     _is_shown: bool = False
 
     def look(self, eyes: EyeBehaviour) -> None:
-        """Let the eyes do otherwise from the next frame on."""
+        """Change what the eyes do from the next frame on."""
         self.eyes, self._is_shown = eyes, False
 
     def frame(self, view: FrameView, elapsed_ns: int) -> SceneFrame | None:
-        """Return the frame where eyes moved, or the participant did and somebody follows."""
-        changed = self.follow(view) or not self._is_shown
+        """Return a frame if eyes moved, or if the participant moved and eyes follow; else None."""
+        has_changed = self.follow(view) or not self._is_shown
         gaze, openness, moving = self.eyes.at(elapsed_ns, self.observer_m)
-        if not (changed or moving or self._was_moving):
+        if not (has_changed or moving or self._was_moving):
             return None
         self._was_moving, self._is_shown = moving, True
         distance_m = self.eyes.distance_m(elapsed_ns, self.observer_m)
         return SceneFrame(self.scene, view.t_ns, gaze, openness, gaze_distance_m=distance_m)
 
     def follow(self, view: FrameView) -> bool:
-        """Take note of the participant's head; tell whether it moved enough to matter."""
+        """Take the participant's head position; tell whether it moved by at least a step."""
         if not view.head_valid:
             return False
-        moved = view.head.position_m - self.observer_m
-        x, y, z = moved.tolist()
+        moved_m = view.head.position_m - self.observer_m
+        x, y, z = moved_m.tolist()
         if x * x + y * y + z * z < self.step_m**2:
             return False
         self.observer_m = np.array(view.head.position_m, np.float64)
@@ -146,7 +146,7 @@ class WithEyes:
 
 @dataclass(frozen=True)
 class Staging:
-    """What a maker is given beside the scene's options: chance, how long, and when it begins.
+    """The input of a maker beside the scene's options: random numbers, duration and onset.
 
     `folder` is the study file's, from which relative paths start; `start_ns` the session time of
     the frame before the onset.
@@ -243,11 +243,11 @@ SCENES: Final[Mapping[str, Maker]] = {
     "person": person,
     "audience": audience,
 }
-"""The scenes Visavis comes with."""
+"""The scenes that come with Visavis."""
 
 
 def stage(wanted: Scene, staging: Staging, own: Mapping[str, Maker]) -> Staged:
-    """Make a scene; `own` are the study's, by name, before those Visavis comes with.
+    """Make a scene; the study's `own` makers, by name, come before those of Visavis.
 
     Raises:
         DesignError: there is no such scene, or it does not take such options.
@@ -262,10 +262,10 @@ def stage(wanted: Scene, staging: Staging, own: Mapping[str, Maker]) -> Staged:
         raise DesignError(
             f"there is no scene {name!r}{did_you_mean(name, makers)}; there are {', '.join(makers)}"
         )
-    if (known := _taken(name, maker, wanted.options)) is not None:
+    if (option_names := _taken(name, maker, wanted.options)) is not None:
         for option in wanted.options:
-            if option not in known:
-                raise DesignError(unknown_argument(f"scene {name}", option, known))
+            if option not in option_names:
+                raise DesignError(unknown_argument(f"scene {name}", option, option_names))
     try:
         return maker(staging, **wanted.options)
     except TypeError as error:
@@ -273,16 +273,16 @@ def stage(wanted: Scene, staging: Staging, own: Mapping[str, Maker]) -> Staged:
 
 
 def _taken(name: str, maker: Maker, options: Mapping[str, Any]) -> tuple[str, ...] | None:
-    """Return the options a scene takes; None where its maker takes whatever it is given."""
-    known = argument_names(maker)[1:]
+    """Return the options that a scene takes; None if its maker takes any option."""
+    option_names = argument_names(maker)[1:]
     passes_on = any(q.kind is q.VAR_KEYWORD for q in signature(maker).parameters.values())
     if not passes_on:
-        return known
+        return option_names
     if maker is not person:
         return None
     does = MOTIONS.get(str(options.get("motion", "idle")))
     of_motion = argument_names(read_motion)[2:] if does is None else argument_names(does)
-    return (*known, *of_motion)
+    return (*option_names, *of_motion)
 
 
 def gathered(
@@ -294,7 +294,7 @@ def gathered(
     *,
     room_by: str = "",
 ) -> Staged:
-    """Return people in a room; the gaze of whoever is at the place `active` is `eyes`.
+    """Return people in a room; `eyes` is the gaze of the person at the place `active`.
 
     `room_by` names what makes the room ("module:function"); a plain one is made without.
     """
@@ -312,10 +312,10 @@ def gathered(
 
 
 def _beside(staging: Staging, sides: Mapping[str, Staged]) -> Staged:
-    """Return two gatherings of one person each as one, the first on the participant's left."""
+    """Return two scenes of one person each as one scene, the first on the participant's left."""
     people = []
-    for sign, (side, staged) in zip((-1.0, 1.0), sides.items(), strict=True):
-        alone: tuple[Standing, ...] = getattr(staged.scene, "people", ())
+    for sign, (side, gathering) in zip((-1.0, 1.0), sides.items(), strict=True):
+        alone: tuple[Standing, ...] = getattr(gathering.scene, "people", ())
         if len(alone) != 1:
             raise DesignError(f"a pair shows one person on each side; {side} has {len(alone)}")
         people.append(replace(alone[0], place=side, x_m=alone[0].x_m + sign * BESIDE_M))
@@ -323,18 +323,18 @@ def _beside(staging: Staging, sides: Mapping[str, Staged]) -> Staged:
 
 
 def places(scene: StageScene) -> dict[str, int]:
-    """Return the index of everybody by their place."""
+    """Return each person's index by place."""
     return {agent.place: i for i, agent in enumerate(scene.agents)}
 
 
 def _past(eye_m: Vector, facing: Vector) -> Vector:
-    """Return a point beside the participant, `AVERTED_DEG` to the outside of where a head faces."""
+    """Return a point beside the participant, `AVERTED_DEG` outwards from where a head faces."""
     outside = 1.0 if eye_m[0] >= 0 else -1.0
     angle = np.radians(outside * AVERTED_DEG)
     c, s = np.cos(angle), np.sin(angle)
     x, z = facing[0] * c + facing[2] * s, -facing[0] * s + facing[2] * c
-    found: Vector = eye_m + 3.0 * np.array([x, facing[1] - 0.08, z])
-    return found
+    point_m: Vector = eye_m + 3.0 * np.array([x, facing[1] - 0.08, z])
+    return point_m
 
 
 def _does(motion: str, how: Mapping[str, Any], folder: Path, character: str) -> Kind:

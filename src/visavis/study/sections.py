@@ -1,4 +1,4 @@
-"""What a study adds to its report: sections of its own, and answers to its questions."""
+"""Additions of a study to its report: its own sections, and answers to its questions."""
 
 import importlib
 from collections.abc import Callable, Mapping, Sequence
@@ -26,9 +26,9 @@ ExperimentOfStudy: TypeAlias = Any
 class Extra:
     """A section of a study's report, or figures and tables alone.
 
-    A figure called as a family of tests stands in that family's section. `figures` are written
-    beside the report as the standard ones are, `tables` as NAME.csv with a dictionary; `columns`
-    describe what no other table has.
+    A figure with the name of a family of tests appears in that family's section. `figures` are
+    written beside the report like the standard ones, `tables` as NAME.csv with a dictionary;
+    `columns` describe the columns that no other table has.
     """
 
     section: "Section | None" = None
@@ -45,7 +45,7 @@ SectionOf: TypeAlias = Callable[[AnalysisOfStudy, ExperimentOfStudy], Extra]
 class Confusion:
     """Confusion matrices of a choice; goes into a study's `sections`.
 
-    `shown` is the column that tells what was right, `answered` the `Choice`, whose options are the
+    `shown` is the column of the right answer, `answered` the `Choice`, whose options are the
     rows and columns in their order; `by` makes one matrix for each level of a factor. A study that
     has no such column, choice or factor is refused when it is opened. Trials without an answer are
     told, not counted. Writes NAME.csv and the figure NAME.
@@ -89,6 +89,6 @@ ConcludeOf: TypeAlias = Callable[[AnalysisOfStudy], Sequence[Conclusion]]
 
 
 def named(reference: str) -> Any:
-    """Return what "module:name" names, imported now."""
+    """Return the object that "module:name" names; imports the module."""
     module, _, name = reference.partition(":")
     return getattr(importlib.import_module(module), name)

@@ -1,4 +1,4 @@
-"""Mistakes in a study file: where they stand, and what was meant."""
+"""Errors in a study file: their place, and a message with the probable intention."""
 
 import ast
 import inspect
@@ -14,28 +14,28 @@ from visavis.study.arguments import argument_names, unknown_argument
 from visavis.study.trial import TrialScript
 
 MODULE_OF_STUDY: Final = "visavis_study_"
-"""How the names of modules begin that study files are read as."""
+"""Prefix of the module names under which study files are imported."""
 _NOT_TAKEN: Final = re.compile(
     r"(?:(?P<owner>\w+)\.)?(?P<called>\w+)\(\) got an unexpected keyword argument '(?P<given>\w+)'"
 )
 
 _NOT_GIVEN: Final = frozenset(("base", "folder", "makers", "path", "plan_folder"))
-"""What decorators and the reader of a study's file set, beside all that ends in "_of"."""
+"""Arguments set by decorators and the reader of a study file, besides all that end in "_of"."""
 
 
 def explain(error: BaseException) -> str:
-    """Return what was wrong, in the words of whoever writes a study.
+    """Return what was wrong, in words that the author of a study file knows.
 
-    Of an argument that something of the kit does not take, the message says which there are.
+    For an unknown argument of the kit the message lists the known ones.
     """
-    found = _NOT_TAKEN.search(str(error)) if isinstance(error, TypeError) else None
-    taker = None if found is None else _of_kit(found["owner"] or "", found["called"])
-    if found is not None and taker is not None:
-        called = found["owner"] if found["called"] == "__init__" else found["called"]
-        known = tuple(
+    match = _NOT_TAKEN.search(str(error)) if isinstance(error, TypeError) else None
+    taker = None if match is None else _of_kit(match["owner"] or "", match["called"])
+    if match is not None and taker is not None:
+        callee = match["owner"] if match["called"] == "__init__" else match["called"]
+        arguments = tuple(
             n for n in argument_names(taker) if not n.endswith("_of") and n not in _NOT_GIVEN
         )
-        return unknown_argument(str(called), found["given"], known)
+        return unknown_argument(str(callee), match["given"], arguments)
     own = isinstance(error, LabError)
     if not own and isinstance(error, AttributeError) and _is_of_kit(error.obj):
         names = tuple(n for n in dir(error.obj) if not n.startswith("_"))
@@ -52,8 +52,8 @@ def _is_of_kit(thing: object) -> bool:
 def _of_kit(owner: str, called: str) -> Callable[..., Any] | None:
     for name in filter(None, (owner, called)):
         if name in HOMES:
-            found = public_object(name)
-            taker = found if called in ("__init__", name) else getattr(found, called, None)
+            target = public_object(name)
+            taker = target if called in ("__init__", name) else getattr(target, called, None)
             return taker if callable(taker) else None
     step = getattr(TrialScript, called, None) if owner in ("", "TrialScript") else None
     return step if callable(step) else None
@@ -81,32 +81,32 @@ def line_reached(steps: Generator[Any, Any, Any]) -> str:
 
 
 def forgotten_yields(path: Path | None, steps: Iterable[str]) -> Iterator[tuple[int, str]]:
-    """Yield line and name of every step of a trial that a study file makes and does not yield."""
+    """Yield line and name of every step that a trial in a study file makes without yielding it."""
     if path is None or not path.is_file():
         return
     names = frozenset(steps)
-    for made in ast.walk(ast.parse(path.read_text("utf-8"))):
-        if not isinstance(made, ast.FunctionDef) or not made.args.args:
+    for function in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if not isinstance(function, ast.FunctionDef) or not function.args.args:
             continue
-        marks = [d.attr for d in made.decorator_list if isinstance(d, ast.Attribute)]
-        inner = list(ast.walk(made))
+        marks = [d.attr for d in function.decorator_list if isinstance(d, ast.Attribute)]
+        inner = list(ast.walk(function))
         if not {"trial", "intertrial"} & set(marks) and not any(
             isinstance(n, ast.Yield | ast.YieldFrom) for n in inner
         ):
             continue
-        for said in (n.value for n in inner if isinstance(n, ast.Expr)):
+        for call in (n.value for n in inner if isinstance(n, ast.Expr)):
             if (
-                isinstance(said, ast.Call)
-                and isinstance(said.func, ast.Attribute)
-                and isinstance(said.func.value, ast.Name)
-                and said.func.value.id == made.args.args[0].arg
-                and said.func.attr in names
+                isinstance(call, ast.Call)
+                and isinstance(call.func, ast.Attribute)
+                and isinstance(call.func.value, ast.Name)
+                and call.func.value.id == function.args.args[0].arg
+                and call.func.attr in names
             ):
-                yield said.lineno, f"{said.func.value.id}.{said.func.attr}"
+                yield call.lineno, f"{call.func.value.id}.{call.func.attr}"
 
 
 def line_saying(path: Path | None, word: str) -> str:
-    """Return "FILE, line N" of the first text of a study file that is this word, or ""."""
+    """Return "FILE, line N" of the first string in a study file equal to this word, or ""."""
     if path is None or not path.is_file():
         return ""
     texts = ast.walk(ast.parse(path.read_text("utf-8")))

@@ -1,4 +1,4 @@
-"""What the functions of a study file get and return, but for those of the report (`sections`)."""
+"""The types of a study file's functions, except those of the report (`sections`)."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Seen:
-    """What a person has seen since the trial began, as `answer` gets it.
+    """What a person has seen since the trial began; the input of `answer`.
 
     `first` and `last` are the first and the last lit frame (None: none was), `seconds` the time
     between them; for the n agents of the last scene `looked_at_me_01` (n,) is the share of that
     time in which their gaze met the person's eyes. `effect` is False for somebody to whom what
-    was shown makes no difference: answers should then not depend on it.
+    the stimuli make no difference: answers should then not depend on them.
     """
 
     first: SceneFrame | None
@@ -40,11 +40,11 @@ class Seen:
     looked_at_me_01: npt.NDArray[np.float64]
     effect: bool
     leaning: float
-    """A standard normal number of this person's own: whether they rather say much or little."""
+    """A standard normal number of this person: the tendency towards high or low answers."""
     felt: tuple[str, ...] = ()
-    """The armbands (roles) that vibrated since the trial began, in that order."""
+    """The armbands (roles) that vibrated since the trial began, in order of time."""
     experience_01: float = 0.0
-    """How experienced this person is; what a questionnaire asks of experience is answered by it."""
+    """This person's experience, from which questionnaire answers about experience follow."""
     films: "Mapping[str, FilmSeen]" = field(default_factory=dict)
     """Films by moving cameras that ran on a page, by where they stood ("film", "left", "right")."""
 
@@ -75,15 +75,15 @@ IntertrialPlan: TypeAlias = Callable[[TrialScript], Iterator[Step]]
 CheckOf: TypeAlias = Callable[[Mapping[str, Any]], None]
 """Raises DesignError for parameters that do not fit each other."""
 DemandsOf: TypeAlias = Callable[[Mapping[str, Any]], Demands]
-"""What a study asks of a lab, given its parameters."""
+"""The demands of a study on a lab, given its parameters."""
 RolesOf: TypeAlias = Callable[[Mapping[str, Any]], Sequence[str]]
 """Roles of devices, or names of questionnaires, given the parameters."""
 PeopleOf: TypeAlias = Callable[[Mapping[str, Any]], int]
 """At most how many people are seen at once, given the parameters."""
 PrepareOf: TypeAlias = Callable[[ExperimentOfStudy], Sequence[Callable[[], object]]]
-"""What is to be loaded or computed before a session: calls to be made."""
+"""Calls that load or compute something before a session."""
 AnswerOf: TypeAlias = Callable[[Seen, Response, np.random.Generator], Any]
-"""What a simulated person answers: the option (or text) for what was seen; None leaves it out."""
+"""The answer of a simulated person: an option (or text); None leaves the question out."""
 PersonOf: TypeAlias = Callable[[int, int, bool, ExperimentOfStudy], SimulatedParticipant]
 """The simulated participant at a place in the order, for a seed, with or without an effect."""
 ScaledOf: TypeAlias = Callable[[int, int, float, ExperimentOfStudy], SimulatedParticipant]
@@ -92,10 +92,10 @@ QuickOf: TypeAlias = Callable[
     [ExperimentOfStudy, Any, TrackerModel],
     Callable[[SessionPlan], Iterator[tuple[Trial, Mapping[str, Any]]]],
 ]
-"""What performs a plan for a person and a tracker without the engine: trials with their rows."""
+"""Performs a plan for a person and a tracker without the engine: trials with their rows."""
 ViewsOf: TypeAlias = Callable[[Shown, ExperimentOfStudy], Iterator[SceneFrame]]
 """The views that a recorded frame may have shown, the likeliest first."""
 FactsOf: TypeAlias = Callable[["pd.DataFrame"], "pd.DataFrame"]
-"""What follows from all trials for each participant."""
+"""The facts about each participant, from all trials."""
 FurtherOf: TypeAlias = Callable[[AnalysisOfStudy], Any]
-"""What a study finds besides in its analysis."""
+"""The further results of a study's analysis."""

@@ -18,12 +18,12 @@ from visavis.lab.yaml_lines import did_you_mean, read_document
 WORDS_DIR: Final = Path(__file__).parent / "words"
 DEFAULT_LANGUAGE: Final = "en"
 NOT_READ_BY_PARTICIPANTS: Final = "labels."
-"""What factors and levels are called in figures: a language may leave it to their names."""
+"""Labels of factors and levels in figures; without a text their names are used."""
 
 
 @dataclass(frozen=True)
 class Texts:
-    """The texts of one study in one language: `entries` by dotted name; `source` says whence."""
+    """The texts of one study in one language: `entries` by dotted name; `source` names the file."""
 
     language: str
     entries: Mapping[str, str] = field(repr=False)
@@ -34,7 +34,7 @@ class Texts:
         """Return a text with its placeholders filled.
 
         Raises:
-            ConfigError: there is no such text, or a placeholder that nothing fills.
+            ConfigError: there is no such text, or a placeholder has no value.
         """
         if name not in self.entries:
             raise ConfigError(
@@ -42,17 +42,17 @@ class Texts:
                 f"{did_you_mean(name, tuple(self.entries))}"
             )
         text = self.entries[name]
-        known = dict(values or {})
+        fillers = dict(values or {})
         for placeholder in placeholders_of(text):
-            if placeholder not in known:
-                known |= self._in_words(placeholder, known)
-            if placeholder not in known:
-                hint = did_you_mean(placeholder, tuple(known))
+            if placeholder not in fillers:
+                fillers |= self._in_words(placeholder, fillers)
+            if placeholder not in fillers:
+                hint = did_you_mean(placeholder, tuple(fillers))
                 raise ConfigError(
                     f"{self.source} ({self.language}), {name}: nothing fills {{{placeholder}}}"
-                    f"{hint}; it can name {', '.join(sorted(known)) or 'nothing'}"
+                    f"{hint}; it can name {', '.join(sorted(fillers)) or 'nothing'}"
                 )
-        return text.format_map({k: shown(v) for k, v in known.items()})
+        return text.format_map({k: shown(v) for k, v in fillers.items()})
 
     def _in_words(self, placeholder: str, known: Mapping[str, Any]) -> dict[str, str]:
         """Return {trials_in_words} and {part_ordinal}: words up to twelve, digits beyond."""
@@ -65,7 +65,7 @@ class Texts:
         return {}
 
     def find(self, *names: str, values: Mapping[str, Any] | None = None) -> str | None:
-        """Return the first of several texts that is there, None when none is."""
+        """Return the first of several texts that exists, None if none does."""
         for name in names:
             if name in self.entries:
                 return self.get(name, values)
@@ -94,14 +94,14 @@ def languages_in(folder: Path) -> tuple[str, ...]:
 
 
 def read_texts(folders: Sequence[Path], language: str = DEFAULT_LANGUAGE) -> Texts:
-    """Read the kit's words and over them a study's texts, in one language; later folders win.
+    """Read the kit's words and a study's texts in one language; later folders replace earlier.
 
     Raises:
         ConfigError: the study has no such language, its file lacks what another language's file
             has, or it cannot be read.
     """
-    spoken = language if language in languages_in(WORDS_DIR) else DEFAULT_LANGUAGE
-    entries = dict(_words(spoken))
+    words_language = language if language in languages_in(WORDS_DIR) else DEFAULT_LANGUAGE
+    entries = dict(_words(words_language))
     own: dict[str, str] = {}
     source = "Visavis"
     for folder in folders:
@@ -124,7 +124,7 @@ def read_texts(folders: Sequence[Path], language: str = DEFAULT_LANGUAGE) -> Tex
 def _require_all(
     folders: Sequence[Path], language: str, there: Mapping[str, str], source: str
 ) -> None:
-    """Refuse texts of a language that lack what participants read in another one.
+    """Refuse texts of a language that lack a text which participants read in another language.
 
     Raises:
         ConfigError: naming the texts, and the file that has them.
@@ -135,14 +135,14 @@ def _require_all(
             try:
                 names = _names_in(file, file.stat().st_mtime_ns)
             except ConfigError:
-                continue  # said where that language is used
+                continue  # reported when that language is used
             lacking = [
                 n for n in names if n not in there and not n.startswith(NOT_READ_BY_PARTICIPANTS)
             ]
             if lacking:
-                listed = ", ".join(map(repr, lacking))
+                lacking_text = ", ".join(map(repr, lacking))
                 raise ConfigError(
-                    f"{source} has no text {listed}, which {file} has; "
+                    f"{source} has no text {lacking_text}, which {file} has; "
                     "translate it, or take it out of both"
                 )
 
@@ -158,7 +158,7 @@ def own_texts(path: Path) -> dict[str, str]:
 
 @cache
 def _names_in(path: Path, changed_ns: int) -> tuple[str, ...]:
-    """Return the names of a file's texts, read once as long as it is not changed."""
+    """Return the names of a file's texts; the file is read again only after a change."""
     return tuple(name for name, _ in _read(path))
 
 
@@ -189,11 +189,11 @@ def _flat(raw: Mapping[Any, Any], path: Path, prefix: str = "") -> Iterator[tupl
 
 
 UNITS: Final = {"m": "m", "cm": "cm", "s": "s", "ms": "ms", "deg": "°", "hz": "Hz", "cd": "cd"}
-"""Units that stand at the end of a name, and how they are written."""
+"""Units at the end of a name, and how they are written."""
 
 
 def label_in_unit(texts: Texts, name: str) -> str:
-    """Return what a factor is called, with the unit that its name ends with: "distance in m"."""
+    """Return a factor's label with the unit at the end of its name: "distance in m"."""
     of, _, unit = name.rpartition("_")
     own = texts.find(f"labels.{name}")
     return (
@@ -204,5 +204,5 @@ def label_in_unit(texts: Texts, name: str) -> str:
 
 
 def label_of(texts: Texts, name: str) -> str:
-    """Return what a factor or a level is called in figures and tables."""
+    """Return the label of a factor or a level in figures and tables."""
     return texts.find(f"labels.{name}") or name.replace("_", " ")

@@ -1,8 +1,8 @@
-"""The steps a study's trial is written in: dark, show, ask, wait, key, play, vibrate, mark, walk.
+"""The steps of a study's trial: dark, show, ask, wait, key, play, vibrate, mark, walk.
 
 A trial is a generator over a `TrialScript`: it yields what the script's methods return and gets
-back what came of it (an `Answer`, a `ShownScene`). Whatever one step is made of (frames, marks, a
-board that follows a ray) happens inside, so a trial reads as its protocol does. Steps of
+back the result (an `Answer`, a `ShownScene`). The parts of a step (frames, marks, a board that
+follows a ray) happen inside, so a trial reads like its protocol. Steps of
 `visavis.protocol.plan.steps` may be yielded too, where a study needs the frame itself.
 """
 
@@ -57,21 +57,21 @@ from visavis.study.scenes import Maker, Scene, Staged, Staging, stage
 from visavis.study.texts import Texts
 
 DRAIN_MS: Final = 50.0
-"""How long a scene stays for samples taken before its end that have not arrived yet."""
+"""How long a scene waits for samples that were taken before its end and arrive later."""
 SCENE_STREAM: Final = 100
 OWN_STREAM: Final = 200
 DARK: Final = StageScene(name="dark", agents=(), brightness_01=0.0)
 
 MAX_GAIN_DB: Final = 20.0
 STAMP_LIMIT_S: Final = 1.0
-"""How long a trial waits to be told when a sound began."""
+"""How long a trial waits for the report that a sound began."""
 Wait: TypeAlias = Literal["onset", "end", "no"]
 Performing: TypeAlias = Generator[Step, FrameView | Answered | None, Any]
 
 
 @dataclass(frozen=True)
 class ShownScene:
-    """What came of showing a scene: when its light came and went, and who was who in it."""
+    """The result of showing a scene: onset and end of its light, and its roles."""
 
     on_ns: int
     off_ns: int
@@ -80,13 +80,13 @@ class ShownScene:
 
     @property
     def ms(self) -> float:
-        """How long it was there."""
+        """How long it was shown."""
         return (self.off_ns - self.on_ns) / NS_PER_MS
 
 
 @dataclass(frozen=True)
 class PlayedSound:
-    """What came of playing a sound: when it began; None where nobody was told."""
+    """The result of playing a sound: its onset; None where it was not reported."""
 
     on_ns: int | None
     seconds: float
@@ -94,10 +94,10 @@ class PlayedSound:
 
 @dataclass(frozen=True, eq=False)
 class Action:
-    """A step of the kit: `name` says what, `seconds` how long at least, `perform` does it.
+    """A step of the kit: its `name`, its shortest duration in `seconds`, `perform` runs it.
 
-    `response` is what is asked, `scene` what is shown, `sound` what is played and under which name
-    its `column` begins, for those who read a trial without performing it.
+    `response` is the question, `scene` the scene shown, `sound` the sound played, with the name by
+    which its `column` begins, for reading a trial without performing it.
     """
 
     name: str
@@ -112,22 +112,22 @@ class Action:
 
     @property
     def responses(self) -> tuple[Response, ...]:
-        """Everything that is asked, in order."""
+        """All questions, in order."""
         if self.watched is not None:
             return self.watched.responses
         return () if self.response is None else (self.response,)
 
 
 class UnknownNameError(DesignError, AttributeError):
-    """A trial was asked for a factor, a parameter or a step that there is not."""
+    """A trial has no factor, parameter or step of this name."""
 
 
 @dataclass(frozen=True)
 class Settings:
     """What every trial of a study shares: its parameters, words, scenes and ways of answering.
 
-    `memory` is what trials of one session leave to those after them, `beside` works out what would
-    hold up a frame.
+    `memory` is what trials of one session leave for later ones, `beside` performs work that would
+    delay a frame.
     """
 
     parameters: Mapping[str, Any]
@@ -141,7 +141,7 @@ class Settings:
     beside: Beside = field(default_factory=Beside)
     sounds: dict[Path, Sound] = field(default_factory=dict)
     measured: frozenset[str] = frozenset()
-    """Roles that something is measured of: a row names them where they are places, too."""
+    """Roles with a measure: a row names them even if the role is a place."""
 
     def sound_of(self, played: Sound | Path) -> Sound:
         """Return what is played; files are read once.
@@ -161,7 +161,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class _Board:
-    """Where a question stands: before the scene or in the dark, ahead or at a place."""
+    """The place of a question: before the scene or in the dark, ahead or at a place."""
 
     over_scene: bool
     at: Pose | None
@@ -172,8 +172,8 @@ class TrialScript:
     """One trial as its study writes it: factors are attributes, steps are methods.
 
     `row` collects the trial's columns; a study may add its own. What a trial function returns is
-    added to it at the end. `is_read` is true while the trial is only run through to be known:
-    what takes long to make may then be left out.
+    added to it at the end. `is_read` is true while the trial is only run through in advance; slow
+    work may then be left out.
     """
 
     def __init__(self, trial: Trial, settings: Settings) -> None:
@@ -210,21 +210,21 @@ class TrialScript:
 
     @property
     def now_ns(self) -> int:
-        """Session time of the present frame; 0 before the first."""
+        """Session time of the current frame; 0 before the first."""
         return 0 if self.view is None else self.view.t_ns
 
     @property
     def session_memory(self) -> dict[str, Any]:
-        """What earlier trials of this session left; a session that is resumed begins anew."""
+        """Data left by earlier trials of this session; empty again in a resumed session."""
         return self.settings.memory
 
     @property
     def beside(self) -> Beside:
-        """What performs functions without holding up a frame: `beside.submit(function, …)`."""
+        """Executor that runs functions without delaying a frame: `beside.submit(function, …)`."""
         return self.settings.beside
 
     def rng(self, stream: int = 0) -> np.random.Generator:
-        """Return chance for this trial: the same whenever the trial is performed again."""
+        """Return the random generator of this trial: the same when the trial is performed again."""
         return self.trial.rng(OWN_STREAM + stream)
 
     def text(self, name: str, **values: Any) -> str:
@@ -234,7 +234,7 @@ class TrialScript:
     # ---- steps ----
 
     def dark(self, seconds: float) -> Action:
-        """Show nothing for so long."""
+        """Show nothing for some seconds."""
         return Action("dark", lambda: self._dark(seconds), _duration("dark", seconds))
 
     def show(
@@ -245,7 +245,7 @@ class TrialScript:
         name: str = "scene",
         until: Callable[[FrameView], bool] | None = None,
     ) -> Action:
-        """Show a scene for so long, or until `until` says of a frame that it is enough.
+        """Show a scene for some seconds, or until `until` is true for a frame.
 
         Columns: `NAME_on_ns` and `NAME_off_ns` (a second scene of a trial: `NAME2_on_ns`),
         `NAME_frames`, and `NAME_ROLE` for the agent that plays a role. The step returns a
@@ -262,7 +262,7 @@ class TrialScript:
         at: Pose | None = None,
         size_m: tuple[float, float] = SIZE_M,
     ) -> Action:
-        """Ask something; the answer's columns join the row, and the step returns the `Answer`.
+        """Ask a question; the answer's columns join the row, and the step returns the `Answer`.
 
         The board stands in the dark, or before the scene with `over_scene`; straight ahead of the
         participant, or `at` a place of the tracked room. Free text and numbers are asked at the
@@ -282,21 +282,21 @@ class TrialScript:
         a monitor the scene itself is shown for so many rounds (one at least), then questions
         follow on boards; a `caption` is read on pages alone.
         """
-        watched = Watched(shown, responses, caption, min_rounds)
+        viewing = Watched(shown, responses, caption, min_rounds)
         seconds = max(1, min_rounds) * seconds_of(shown)
         return Action(
-            "watch", lambda: self._watch(watched), seconds, scene=scene_of(shown), watched=watched
+            "watch", lambda: self._watch(viewing), seconds, scene=scene_of(shown), watched=viewing
         )
 
     def key(self, response: Keys) -> Action:
-        """Wait for a press, timed from the onset of what came last, scene or sound.
+        """Wait for a press, timed from the last onset of a scene or sound.
 
-        What is shown stays, and what sounds goes on.
+        The scene and all sounds go on.
         """
         return Action("key", lambda: self._key(response), 0.0, response=response)
 
     def wait(self, seconds: float) -> Action:
-        """Leave everything as it is for so long."""
+        """Leave everything as it is for some seconds."""
         return Action("wait", lambda: self._wait(seconds), _duration("wait", seconds))
 
     def vibrate(
@@ -308,10 +308,10 @@ class TrialScript:
         amplitude_01: float = 1.0,
         pattern: VibrationPattern | None = None,
     ) -> Action:
-        """Let an armband vibrate; it begins now and ends by itself, the trial goes on at once."""
+        """Let an armband vibrate from now on; it ends by itself, the trial goes on at once."""
         _duration("vibrate", seconds)
-        played = pattern or VibrationPattern("steady", round(seconds * 1000))
-        return Action("vibrate", lambda: self._vibrate(role, played, motors, amplitude_01))
+        vibration = pattern or VibrationPattern("steady", round(seconds * 1000))
+        return Action("vibrate", lambda: self._vibrate(role, vibration, motors, amplitude_01))
 
     def play(
         self,
@@ -325,15 +325,15 @@ class TrialScript:
     ) -> Action:
         """Play a sound: a WAV file beside the study file, or a `Sound`.
 
-        `at` is where it comes from: a role or place of the scene that is shown (that person's
-        head), or a point in world (metres); recorded at 1 m, it is heard from wherever the head
-        is. None plays it to both ears as it is. The trial goes on with the sound's `onset` (a few
-        frames), its `end`, or at once (`no`); what still sounds ends with the trial. Column:
-        `NAME_on_ns`, when its first sample left the sound card, empty where nobody was told. The
-        step returns a `PlayedSound`.
+        `at` is its source: a role or place of the current scene (that person's head), or a point in
+        world (metres). Its level is as recorded at 1 m, and it is heard from the head's pose. None
+        plays it to both ears unchanged. The trial goes on with the sound's `onset` (a few frames),
+        its `end`, or at once (`no`); all sounds end with the trial. Column: `NAME_on_ns`, when its
+        first sample left the sound card, empty where it was not reported. The step returns a
+        `PlayedSound`.
 
         Raises:
-            DesignError: a value is not possible; of files, when the session is prepared.
+            DesignError: a value is not possible; for files, when the session is prepared.
         """
         if wait not in get_args(Wait):
             raise DesignError(f"t.play cannot wait for {wait!r}; {', '.join(get_args(Wait))}")
@@ -341,21 +341,21 @@ class TrialScript:
             raise DesignError("t.play: a sound that loops has no end to wait for")
         if not -120.0 <= gain_db <= MAX_GAIN_DB:
             raise DesignError(f"t.play: gain_db is {gain_db:g}; from -120 to {MAX_GAIN_DB:g}")
-        played = sound if isinstance(sound, Sound) else self.settings.folder / sound
+        source = sound if isinstance(sound, Sound) else self.settings.folder / sound
         return Action(
             "play",
-            lambda: self._play(self.settings.sound_of(played), at, gain_db, loops, wait, name),
-            sound=played,
+            lambda: self._play(self.settings.sound_of(source), at, gain_db, loops, wait, name),
+            sound=source,
             column=name,
             waits_for_end=wait == "end",
         )
 
     def hush(self) -> Action:
-        """End everything that sounds."""
+        """End all sounds."""
         return Action("hush", self._hush)
 
     def mark(self, name: str, **payload: Scalar | None) -> Action:
-        """Write an event into the recording at the present frame's time."""
+        """Write an event into the recording at the current frame's time."""
         return Action("mark", lambda: self._mark(name, payload))
 
     def walk_to(
@@ -370,9 +370,9 @@ class TrialScript:
         return Action("walk_to", lambda: self._walk_to(place, within_m, limit_s))
 
     def showing(self, staged: Staged, onset_ns: int) -> None:
-        """Say that the study shows a scene frame by frame itself, lit since a session time.
+        """Report that the study itself shows a scene frame by frame, lit since a session time.
 
-        Boards then stand before it, and waiting goes on with it.
+        Boards then appear before it, and it stays during waiting.
         """
         self._staged, self._onset_ns = staged, onset_ns
 
@@ -408,14 +408,14 @@ class TrialScript:
     ) -> Performing:
         before = yield from self._now()
         name = self.numbered(name)
-        staged = self._stage(wanted, seconds, len(self._names), before.t_ns)
-        self._staged, self._onset_ns = staged, before.t_ns
+        staged_scene = self._stage(wanted, seconds, len(self._names), before.t_ns)
+        self._staged, self._onset_ns = staged_scene, before.t_ns
         self._sound_on_ns = 0
-        yield from shown(staged.frame(before, 0))
+        yield from shown(staged_scene.frame(before, 0))
         view = yield from self._frame()
         on_ns = self._onset_ns = view.t_ns
         self.row.setdefault("t_start_ns", on_ns)
-        yield Mark("shown", _payload(self.trial, name, wanted, staged, before.t_ns))
+        yield Mark("shown", _payload(self.trial, name, wanted, staged_scene, before.t_ns))
         end_ns = on_ns + round(seconds * NS_PER_S)
         frames, off_ns = 0, end_ns
         while True:
@@ -425,7 +425,7 @@ class TrialScript:
                 break
             if view.t_ns >= end_ns and arrived(view, end_ns):
                 break
-            yield from shown(staged.frame(view, view.t_ns - on_ns))
+            yield from shown(staged_scene.frame(view, view.t_ns - on_ns))
             view = yield from self._frame()
         self.row |= {
             f"{name}_on_ns": on_ns,
@@ -433,13 +433,13 @@ class TrialScript:
             f"{name}_frames": frames,
             **{
                 f"{name}_{role}": index
-                for role, index in staged.roles.items()
+                for role, index in staged_scene.roles.items()
                 if role in self.settings.measured
-                or role not in {a.place for a in staged.scene.agents}
+                or role not in {a.place for a in staged_scene.scene.agents}
             },
             "t_end_ns": off_ns,
         }
-        return ShownScene(on_ns, off_ns, staged.roles, view)
+        return ShownScene(on_ns, off_ns, staged_scene.roles, view)
 
     def _watch(self, watched: Watched) -> Performing:
         seconds = max(1, watched.min_rounds) * seconds_of(watched.shown)
@@ -508,8 +508,8 @@ class TrialScript:
     def take(self, response: Response, answer: Answer) -> None:
         """Put an answer's columns into the row."""
         name, option = response.name, answer.option
-        told = None if option is None else response.value(option)
-        self.row |= {name: told, f"{name}_by": answer.by, f"{name}_ms": answer.ms}
+        value = None if option is None else response.value(option)
+        self.row |= {name: value, f"{name}_by": answer.by, f"{name}_ms": answer.ms}
         self.row |= response.more(option)
         self.row["t_end_ns"] = answer.answered_ns
 
@@ -519,7 +519,7 @@ class TrialScript:
         return direction_columns(name, pose, heads, tuple(a.place for a in agents))
 
     def words_of(self, response: Response) -> tuple[str, tuple[str, ...]]:
-        """Return how a question is put, and its options, in the study's language."""
+        """Return the text of a question and its options, in the study's language."""
         texts, name = self.settings.texts, response.name
         values = {**self.settings.values, "name": name.replace("_", " ")}
         standard = "question"
@@ -534,12 +534,12 @@ class TrialScript:
         return prompt, labels
 
     def _board_shown(self, over_scene: bool) -> Callable[[FrameView, Panel], Show | None]:
-        staged = self._staged if over_scene else None
+        staged_scene = self._staged if over_scene else None
         last: list[tuple[SceneFrame, int | None]] = []
 
         def show(view: FrameView, panel: Panel) -> Show | None:
             elapsed_ns = view.t_ns - self._onset_ns
-            behind = None if staged is None else staged.frame(view, elapsed_ns)
+            behind = None if staged_scene is None else staged_scene.frame(view, elapsed_ns)
             if last and behind is None and last[-1][1] == panel.highlighted:
                 return None
             if behind is None:
@@ -562,10 +562,12 @@ class TrialScript:
         return show
 
     def _still(self, view: FrameView) -> Show | None:
-        """Go on with the scene that is shown."""
-        staged = self._staged
-        moved = None if staged is None else staged.frame(view, view.t_ns - self._onset_ns)
-        return None if moved is None else Show(moved)
+        """Return the step that updates the current scene; None without a change."""
+        staged_scene = self._staged
+        next_frame = (
+            None if staged_scene is None else staged_scene.frame(view, view.t_ns - self._onset_ns)
+        )
+        return None if next_frame is None else Show(next_frame)
 
     def _clear(self, over_scene: bool, view: FrameView) -> Performing:
         if not over_scene:
@@ -632,7 +634,7 @@ class TrialScript:
         return x, y, z
 
     def heard(self, sounded: tuple[Sounded, ...]) -> None:
-        """Take note of when sounds began."""
+        """Store the onsets of sounds."""
         for sound in sounded:
             self.row[sound.key] = sound.on_ns
 
@@ -662,7 +664,7 @@ class TrialScript:
         return is_there
 
     def numbered(self, name: str) -> str:
-        """Return the name of the columns of what is shown next: "scene", then "scene2"."""
+        """Return the prefix of the next scene's or sound's columns: "scene", then "scene2"."""
         count = self._names[name] = self._names.get(name, 0) + 1
         return name if count == 1 else f"{name}{count}"
 
@@ -672,7 +674,7 @@ STEPS: Final = frozenset(
     for name, made in vars(TrialScript).items()
     if not name.startswith("_") and getattr(made, "__annotations__", {}).get("return") is Action
 )
-"""The steps of a trial, each of which is to be yielded."""
+"""The steps of a trial; each has to be yielded."""
 
 TrialPlan: TypeAlias = Callable[[TrialScript], Iterator[Action | Step]]
 """A study's trial: a generator over its script."""
@@ -685,7 +687,7 @@ def is_on_board(response: Response, settings: Settings) -> bool:
 
 
 def perform(script: TrialScript, plan: TrialPlan) -> Plan:
-    """Perform a study's trial as the session does: actions unfolded into steps of the engine.
+    """Perform a study's trial as the session does: split actions into steps of the engine.
 
     An interruption is thrown into the study's generator too, so that its `finally` runs; motors
     are silenced in any case.
@@ -694,12 +696,12 @@ def perform(script: TrialScript, plan: TrialPlan) -> Plan:
     reply: Any = None
     try:
         while True:
-            wanted = steps.send(reply)
-            if isinstance(wanted, Action):
-                reply = yield from _listening(script, wanted.perform())
+            step = steps.send(reply)
+            if isinstance(step, Action):
+                reply = yield from _listening(script, step.perform())
             else:
-                reply = yield wanted
-                if isinstance(wanted, NextFrame):
+                reply = yield step
+                if isinstance(step, NextFrame):
                     script.view = reply
                     script.heard(reply.sounded)
     except StopIteration as end:
@@ -711,16 +713,16 @@ def perform(script: TrialScript, plan: TrialPlan) -> Plan:
 
 
 def _listening(script: TrialScript, steps: Performing) -> Performing:
-    """Perform a step's steps, taking note of sounds that began meanwhile."""
+    """Perform the parts of a step and store the onsets of sounds meanwhile."""
     go_on: Callable[[Any], Any] = steps.send
     value: Any = None
     while True:
         try:
-            wanted = go_on(value)
+            step = go_on(value)
         except StopIteration as end:
             return end.value
         try:
-            value = yield wanted
+            value = yield step
         except TrialInterrupted as stop:
             go_on, value = steps.throw, stop
         else:
@@ -731,17 +733,17 @@ def _listening(script: TrialScript, steps: Performing) -> Performing:
 
 def _unwound(steps: Any, stop: TrialInterrupted) -> Performing:
     try:
-        wanted = steps.throw(stop)
+        step = steps.throw(stop)
         while True:
-            if isinstance(wanted, Action):
-                if wanted.name not in ("mark", "vibrate"):
+            if isinstance(step, Action):
+                if step.name not in ("mark", "vibrate"):
                     raise DesignError(
-                        f"a trial that was interrupted may still mark, not {wanted.name}"
+                        f"a trial that was interrupted may still mark, not {step.name}"
                     )
-                reply = yield from wanted.perform()
+                reply = yield from step.perform()
             else:
-                reply = yield wanted
-            wanted = steps.send(reply)
+                reply = yield step
+            step = steps.send(reply)
     except (StopIteration, TrialInterrupted):
         return
 
@@ -760,16 +762,16 @@ def _nothing(view: FrameView) -> Show | None:
 
 
 def shown(view: SceneFrame | None) -> Performing:
-    """Show a frame where there is a new one."""
+    """Show a frame if there is a new one."""
     if view is not None:
         yield Show(view)
 
 
 def arrived(view: FrameView, end_ns: int, drain_ms: float = DRAIN_MS) -> bool:
-    """Tell whether every gaze sample from before the end is here, or was waited for long enough."""
+    """Tell whether all gaze samples from before the end have arrived, or the wait is over."""
     stamps = view.gaze.t_ns
-    waited = view.t_ns >= end_ns + round(drain_ms * NS_PER_MS)
-    return waited or bool(stamps.shape[0] and stamps[-1] >= end_ns)
+    has_timed_out = view.t_ns >= end_ns + round(drain_ms * NS_PER_MS)
+    return has_timed_out or bool(stamps.shape[0] and stamps[-1] >= end_ns)
 
 
 def _payload(

@@ -1,6 +1,6 @@
 """A simulated person who looks at people: attention, eyes, head, lids, and answers to questions.
 
-The model sees what the display shows and nothing else. It was fitted to the stare study
+The model sees only the display. It was fitted to the stare study
 (`python -m benchmarks.stare_participants`) and serves every study of looking.
 """
 

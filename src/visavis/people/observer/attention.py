@@ -4,7 +4,7 @@ The model is a chain of visits. A visit brings gaze to a target (a head, a body,
 room), stays there for one or more fixations, and ends with the choice of the next target. All
 state lives in structured arrays, so that one call per frame costs about a microsecond; times are
 int64 nanoseconds since the stretch of behaviour began. Events happen at their own times, never
-at sample times, so the way in which samples are asked for cannot change what is done.
+at sample times, so the requests for samples cannot change the behaviour.
 """
 
 import math
@@ -38,7 +38,7 @@ from visavis.people.observer.state import (
 
 @compiled
 def _worth(mind: Records, person: Records, targets: Records, i: int, t_ns: int) -> float:
-    """Say how much a target attracts now, apart from how far away in the visual field it is."""
+    """Return the attraction of a target now, apart from its distance in the visual field."""
     m, p, g = mind[0], person[0], targets[i]
     worth = g.appeal
     if g.kind == HEAD:
@@ -91,18 +91,18 @@ def _choose(
             scratch[i] = _worth(mind, person, targets, i, t_ns) * math.exp(-apart / p.amplitude_rad)
             total += scratch[i]
     left = total * draw(mind)
-    chosen = m.n_targets - 1
+    target = m.n_targets - 1
     for i in range(m.n_targets):
         left -= scratch[i]
         if left < 0.0 and scratch[i] > 0.0:
-            chosen = i
+            target = i
             break
-    return int(chosen)
+    return int(target)
 
 
 @compiled
 def _hold_ns(mind: Records, person: Records, targets: Records, i: int) -> int:
-    """Draw by how much contact prolongs a visit; negative in people who avert their eyes."""
+    """Draw the time by which contact prolongs a visit; negative in people who avert their eyes."""
     p = person[0]
     mean_s = p.hold_s * p.hold_growth ** max(0, targets[i].visits - 1)
     if targets[i].caught == 1:
@@ -123,14 +123,14 @@ def _visit(
 ) -> None:
     """Leave the present target and go to the next."""
     m, p = mind[0], person[0]
-    chosen = _choose(mind, person, segments, targets, scratch, t_ns)
+    target = _choose(mind, person, segments, targets, scratch, t_ns)
     if m.target != NO_TARGET:
         targets[m.target].left_ns = t_ns
-    m.target = chosen
+    m.target = target
     m.saw_change = 0
     m.notice_ns = FAR_FUTURE_NS
     m.arousal_01 = 0.0
-    g = targets[chosen]
+    g = targets[target]
     scatter(mind, g.direction, p.scatter_share * g.radius_rad, m.aim)
     m.aim_dioptre = 1.0 / g.distance_m
     landing = np.empty(3)
@@ -154,7 +154,7 @@ def _visit(
             if draw(mind) < p.notice_p:
                 m.notice_ns = arrival + log_normal_ns(mind, p.notice_s, p.notice_log_sd)
         elif g.believed == 1:
-            lasts += _hold_ns(mind, person, targets, chosen)
+            lasts += _hold_ns(mind, person, targets, target)
             m.arousal_01 = 1.0
     g.visits += 1
     lasts = max(lasts, 60_000_000)
@@ -200,7 +200,7 @@ def _refixate(
 
 @compiled
 def _notice(mind: Records, person: Records, targets: Records, t_ns: int) -> None:
-    """Become aware of where the agent looked at looks, and stay longer for it."""
+    """Notice that contact with the visited agent began or ended; change the visit's length."""
     m, p = mind[0], person[0]
     m.notice_ns = FAR_FUTURE_NS
     if m.target == NO_TARGET or targets[m.target].kind != HEAD:
@@ -224,7 +224,7 @@ def _notice(mind: Records, person: Records, targets: Records, t_ns: int) -> None
 
 @compiled
 def _apply_contacts(mind: Records, person: Records, targets: Records, t_ns: int) -> None:
-    """Take over which agents now look at the observer."""
+    """Store which agents now look at the observer."""
     m, p = mind[0], person[0]
     contacts = m.pending_contacts[m.pending_first]
     m.pending_first = (m.pending_first + 1) % N_PENDING
@@ -254,7 +254,7 @@ def advance(
     scratch: npt.NDArray[np.float64],
     until_ns: int,
 ) -> None:
-    """Let everything happen that happens up to this time."""
+    """Perform all events up to this time."""
     m = mind[0]
     while True:
         pending_ns = FAR_FUTURE_NS
@@ -289,7 +289,7 @@ def advance_and_pose(
     position: npt.NDArray[np.float64],
     orientation: npt.NDArray[np.float64],
 ) -> None:
-    """Live up to a time; fill the head's position (3,) and orientation (4,) there."""
+    """Advance to a time; fill the head's position (3,) and orientation (4,) there."""
     advance(mind, person, segments, targets, scratch, t_ns)
     head_pose(mind, person, segments, t_ns, position, orientation)
 
@@ -307,7 +307,7 @@ def sense(
     positions: npt.NDArray[np.float64],
     orientations: npt.NDArray[np.float64],
 ) -> None:
-    """Live up to each time in turn; fill eye states (n, 8), head poses (n, 3) and (n, 4)."""
+    """Advance to each time in turn; fill eye states (n, 8), head poses (n, 3) and (n, 4)."""
     for i in range(t_ns.shape[0]):
         t = t_ns[i] - origin_ns
         advance_and_pose(mind, person, segments, targets, scratch, t, positions[i], orientations[i])

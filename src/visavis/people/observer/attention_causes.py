@@ -1,4 +1,4 @@
-"""What happens to a simulated observer: a stretch or scene begins, gazes are met, orders given.
+"""Outside events of a simulated observer: stretches, scenes, gaze contact, instructions.
 
 These write into the state that `attention.advance` moves on.
 """
@@ -35,7 +35,7 @@ def see_gaze(
     cos_tolerance: float,
     t_ns: int,
 ) -> None:
-    """Compare where the agents look with where the observer's eyes are; keep what changed.
+    """Compare the agents' gaze with the position of the observer's eyes; store changes.
 
     An agent whose lids are closed tells nothing, so it keeps what it showed before. At most 62
     agents, one bit each.
@@ -74,7 +74,7 @@ def begin_stretch(
     gaze: npt.NDArray[np.float64],
     dioptre: float,
 ) -> None:
-    """Set everything as it is at time zero of a stretch, whatever came before.
+    """Reset the state to time zero of a stretch.
 
     `key` and `blink_key` must have been set; gaze rests on the direction given.
     """
@@ -102,7 +102,7 @@ def begin_stretch(
     for k in range(4):
         m.sway_phase[k] = 2.0 * math.pi * draw(mind)
     s = segments[0]
-    # It has always been so: a tracker in its own thread may still measure what was before.
+    # Far in the past: a tracker's thread may still measure times before the stretch.
     s.start_ns = -FAR_FUTURE_NS
     s.saccade_ns = 0
     s.origin_dioptre = s.landing_dioptre = dioptre
@@ -133,8 +133,8 @@ def begin_scene(
 ) -> None:
     """Meet a scene that appears at this time; look around once it has been taken in.
 
-    Random numbers go on from the start of stream `key`, so that what flashed up before this
-    scene leaves no trace.
+    Random numbers restart at the beginning of stream `key`, so that an image flashed before this
+    scene has no effect.
     """
     m, p = mind[0], person[0]
     m.key = key
@@ -179,7 +179,7 @@ def instruct(
 
 @compiled
 def release(mind: Records, person: Records, t_ns: int) -> None:
-    """End an instruction; look freely again when there is something to see."""
+    """End an instruction; look freely again if there is a scene."""
     m, p = mind[0], person[0]
     if m.mode != INSTRUCTED:
         return

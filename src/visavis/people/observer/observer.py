@@ -1,7 +1,7 @@
 """A simulated person who sees people, moves eyes and head, and answers questions.
 
-It receives what the display shows and nothing else; no condition, place or trial reaches it.
-What it does not model: fatigue and practice across trials, hearing, pursuit of moving targets,
+It receives only the display; no condition, place or trial reaches it.
+Not modelled: fatigue and practice across trials, hearing, pursuit of moving targets,
 attraction by an agent's blink, torsion of the eyes, standing or walking.
 """
 
@@ -36,11 +36,11 @@ ROOM_YAW_PITCH_DEG = (
     (24.0, -20.0),
     (46.0, 2.0),
 )
-"""Walls, ceiling, stage front and floor round the audience, from the middle of the view."""
+"""Directions of walls, ceiling, stage front and floor round the audience."""
 ROOM_DISTANCE_M = 3.5
 ROOM_RADIUS_RAD = 0.12
 SPEAKER_SIDE_YAW_DEG = 52.0
-"""Where a seated person looks who looks towards the speaker without turning round."""
+"""Direction of the gaze of a seated person towards the speaker without turning round."""
 RECALLS_NS = NS_PER_S // 4
 """The last two blinks and sixteen saccades are remembered; blinks are 0.3 s apart at least."""
 N_PEOPLE_STREAM = 1
@@ -220,7 +220,7 @@ class Observer(PressesNothing):
 
     @property
     def recalls_ns(self) -> int:
-        """How long what the eyes did is told as it was: well within the blinks remembered."""
+        """How long past eye states can be asked for; well within the blinks that are stored."""
         return RECALLS_NS
 
     # ---- within ----
@@ -237,7 +237,7 @@ class Observer(PressesNothing):
         return offset / distance, 1 / distance
 
     def _meet(self, scene: Scene, t_ns: int) -> None:
-        """Take in a scene: what there is to look at, and what each thing is worth."""
+        """Receive a scene: its targets and their appeal."""
         self._scene = scene
         lit = scene.brightness_01 > 0 and len(scene.agents) > 0
         if lit:
@@ -273,11 +273,11 @@ class Observer(PressesNothing):
         )
         worth = by_kind[what.targets["kind"]]
         of_people = what.targets["kind"] <= state.BODY
-        placed = what.size**q.attraction.size_power * np.exp(
+        place_factor = what.size**q.attraction.size_power * np.exp(
             who.left_bias * what.leftward_deg / 20
             - (what.eccentric_deg / q.attraction.centre_deg) ** 2 / 2
         )
-        appeal: npt.NDArray[np.float64] = np.where(of_people, worth * placed, worth)
+        appeal: npt.NDArray[np.float64] = np.where(of_people, worth * place_factor, worth)
         return appeal
 
 

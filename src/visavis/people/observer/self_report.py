@@ -1,4 +1,4 @@
-"""What a simulated participant answers when asked: questionnaire items, age, a comment."""
+"""Answers of a simulated participant: questionnaire items, age, a comment."""
 
 from collections.abc import Sequence
 
@@ -55,8 +55,8 @@ def answer_question(
     virtual reality or games, comments. Every other question with ordered options is answered as
     an item of the anxiety scale; free text it does not understand is left out.
     """
-    asked = f"{question_id} {prompt}".lower()
-    words = set(asked.replace("_", " ").replace(".", " ").replace("?", " ").split())
+    question_text = f"{question_id} {prompt}".lower()
+    words = set(question_text.replace("_", " ").replace(".", " ").replace("?", " ").split())
     if not options:
         if words & {"age", "old", "years"}:
             return str(who.age_years)

@@ -18,8 +18,8 @@ TARGET_DTYPE = np.dtype(
         ("agent", "i8"),
         ("direction", "f8", (3,)),  # from the seat
         ("distance_m", "f8"),
-        ("radius_rad", "f8"),  # how far fixations scatter round the centre is a share of this
-        ("appeal", "f8"),  # what place and size make it worth, before novelty and contact
+        ("radius_rad", "f8"),  # fixations scatter round the centre by a share of this
+        ("appeal", "f8"),  # attraction from place and size, before novelty and contact
         ("contact", "i8"),  # 1 while its gaze meets the observer's eyes
         ("believed", "i8"),  # 1 once that has been noticed
         ("caught", "i8"),  # 1 when it was seen to look elsewhere before
@@ -92,7 +92,7 @@ MIND_DTYPE = np.dtype(
         ("instructed_dioptre", "f8"),
     ]
 )
-"""What the observer is doing now."""
+"""The current state of the observer."""
 
 PERSON_DTYPE = np.dtype(
     [

@@ -9,10 +9,10 @@ from visavis.lab.errors import UsageError
 from visavis.people.observer.state import PERSON_DTYPE
 
 MIN_RETURN_GAIN, MAX_RETURN_GAIN = 0.1, 90.0
-"""What contact leaves of a head's attraction in those whom it repels most, and makes of it in those
-whom it draws most."""
+"""Limits of the factor by which contact changes a head's attraction, from those it repels most to
+those it attracts most."""
 MIN_RECHECK_GAIN = -0.9
-"""What an agent that looked away loses of its attraction, in those who avoid it most."""
+"""Lowest extra attraction of an agent that looked away, in those who avoid it most."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class Noticing:
 
 @dataclass(frozen=True)
 class Contact:
-    """What gaze contact does to looking."""
+    """The effects of gaze contact on looking."""
 
     hold_s: float = 0.30
     """F: mean prolongation of a visit by contact."""
@@ -278,13 +278,15 @@ def _levelled(z: float, by: float) -> float:
 def draw_temperament(population: Population, rng: np.random.Generator) -> Temperament:
     """Draw one person; the seat is left at the origin."""
     q = population
+    # All normal deviates at once: each constant has a fixed place among them.
     z = rng.standard_normal(16)
+    # Anxiety correlates with holding contact, returning to it and the length of visits.
     anxiety = float(z[0])
     hold = _correlated(anxiety, z[1], q.anxiety.anxiety_on_hold)
     rest = _correlated(z[1], z[2], q.anxiety.hold_with_return)
     come_back = _correlated(anxiety, rest, q.anxiety.anxiety_on_return)
     visit = _correlated(anxiety, z[3], q.anxiety.anxiety_on_visit)
-    held, drawn = (
+    hold_level, return_level = (
         _levelled(hold, q.contact.hold_levels),
         _levelled(come_back, q.contact.return_levels),
     )
@@ -293,14 +295,14 @@ def draw_temperament(population: Population, rng: np.random.Generator) -> Temper
         "head_visit_log_sd": q.visits.head_visit_log_sd,
         "other_visit_s": q.visits.other_visit_s * np.exp(0.10 * z[4]),
         "other_visit_log_sd": q.visits.other_visit_log_sd,
-        "hold_s": q.contact.hold_s * (1 + q.contact.hold_between_share * held),
+        "hold_s": q.contact.hold_s * (1 + q.contact.hold_between_share * hold_level),
         "hold_log_sd": q.contact.hold_log_sd,
-        "startle_s": q.contact.startle_s * (1 + q.contact.startle_between_share * held),
+        "startle_s": q.contact.startle_s * (1 + q.contact.startle_between_share * hold_level),
         "hold_growth": q.contact.hold_growth,
         "caught_hold": q.contact.caught_hold,
         "caught_return": q.contact.caught_return,
         "return_gain": np.clip(
-            q.contact.return_gain * np.exp(q.contact.return_between_log_sd * drawn),
+            q.contact.return_gain * np.exp(q.contact.return_between_log_sd * return_level),
             MIN_RETURN_GAIN,
             MAX_RETURN_GAIN,
         ),
@@ -352,6 +354,7 @@ def draw_temperament(population: Population, rng: np.random.Generator) -> Temper
         "neck_back_m": q.body.neck_back_m,
         "neck_up_m": q.body.neck_up_m,
     }
+    # The kernels read constants as one structured row; the questionnaires read the rest.
     constants = np.zeros(1, dtype=PERSON_DTYPE)
     for name, value in values.items():
         constants[name] = value
@@ -368,12 +371,12 @@ def draw_temperament(population: Population, rng: np.random.Generator) -> Temper
 
 
 def scaled_population(population: Population, effect: float) -> Population:
-    """Scale everything that gaze contact does to people; what they do otherwise stays.
+    """Scale all effects of gaze contact on people; the rest of their behaviour stays.
 
     Durations and additions are multiplied by `effect`, factors are raised to its power, so that
-    1 is the fitted population and the limit 0 is nobody moved by contact. The scale is one of
-    mechanisms: means move with it, not in proportion. Raises UsageError above 2, where the
-    model was never looked at.
+    1 is the fitted population and 0 is no effect of contact. The scale acts on mechanisms; means
+    change with it, but not in proportion. Raises UsageError above 2, where the model was never
+    tested.
     """
     if not 0 <= effect <= 2:
         raise UsageError(
