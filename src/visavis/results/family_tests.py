@@ -59,8 +59,8 @@ class TestRules:
 
     def with_settings(self, settings: Mapping[str, Any]) -> "TestRules":
         """Return the rules with what was set in place of the usual."""
-        known = {f.name for f in fields(self)}
-        return replace(self, **{k: v for k, v in settings.items() if k in known})
+        names = {f.name for f in fields(self)}
+        return replace(self, **{k: v for k, v in settings.items() if k in names})
 
 
 DEFAULT_TEST_RULES: Final = TestRules()
@@ -322,26 +322,28 @@ class AgreementCount:
 
 def agreement(test: Test) -> Agreement | None:
     """Hold a test against what the source prints of it; None where it prints nothing."""
-    printed = test.printed
-    if printed is None:
+    printed_result = test.printed
+    if printed_result is None:
         return None
-    same = printed.direction in (0, test.direction)
-    return Agreement(printed.is_significant, test.is_significant, same, test.can_reach is not False)
+    same = printed_result.direction in (0, test.direction)
+    return Agreement(
+        printed_result.is_significant, test.is_significant, same, test.can_reach is not False
+    )
 
 
 def published_cells(test: Test) -> dict[str, Cell]:
     """Return the source's verdict beside ours, as cells of the statistics table."""
-    found = agreement(test)
-    if found is None:
+    verdicts = agreement(test)
+    if verdicts is None:
         return {}
-    return {"published_significant": found.published, "agrees_with_published": found.agrees}
+    return {"published_significant": verdicts.published, "agrees_with_published": verdicts.agrees}
 
 
 def count_agreement(tests: Iterable[Test]) -> AgreementCount:
     """Count the verdicts that agree."""
-    found = [a for a in map(agreement, tests) if a is not None]
-    compared = [a for a in found if a.agrees is not None]
-    return AgreementCount(sum(bool(a.agrees) for a in compared), len(compared), len(found))
+    agreements = [a for a in map(agreement, tests) if a is not None]
+    comparable = [a for a in agreements if a.agrees is not None]
+    return AgreementCount(sum(bool(a.agrees) for a in comparable), len(comparable), len(agreements))
 
 
 def compare(
@@ -421,28 +423,28 @@ def compare_pairs(
     `levels` are those of this design by factor or derived column. A pair of which a level was
     left out of the design is not tested, says so, and shares no alpha.
     """
-    chosen = [measures[name] for name in of.measures]
+    family_measures = [measures[name] for name in of.measures]
     there = set(map(str, levels[of.factor]))
     places = [str(v) for v in levels[of.each]] if of.each else [""]
     possible = [pair for pair in of.levels if there >= set(pair)]
-    sizes = {"measures": len(chosen), "levels": len(possible), "each": len(places)}
+    sizes = {"measures": len(family_measures), "levels": len(possible), "each": len(places)}
     n_tests = int(np.prod([sizes[name] for name in of.shared]))
-    means = aggregated(trials, chosen, [of.factor, *([of.each] if of.each else [])])
-    found = []
+    means = aggregated(trials, family_measures, [of.factor, *([of.each] if of.each else [])])
+    tests = []
     for place in places:
         here = means[means[of.each].astype(str) == place] if of.each else means
         for pair in of.levels:
-            for measure in (m for m in chosen if only is None or (pair, m.column) in only):
-                made = compare(
+            for measure in (m for m in family_measures if only is None or (pair, m.column) in only):
+                test = compare(
                     here, measure, pair, of, rules, n_tests=n_tests, where=place, family=family
                 )
                 absent = " and ".join(level for level in pair if level not in there)
                 if absent:
-                    made = replace(
-                        made, outcome=None, problem=f"the study was performed without {absent}"
+                    test = replace(
+                        test, outcome=None, problem=f"the study was performed without {absent}"
                     )
-                found.append(made)
-    return tuple(found)
+                tests.append(test)
+    return tuple(tests)
 
 
 def scores_of(people: pd.DataFrame, column: str) -> "pd.Series[float]":
@@ -453,12 +455,12 @@ def scores_of(people: pd.DataFrame, column: str) -> "pd.Series[float]":
     """
     if people.empty or column not in people:
         return pd.Series(dtype=float)
-    known = people.dropna(subset=[column])
-    names = known["participant"].astype(str)
+    people_with_score = people.dropna(subset=[column])
+    names = people_with_score["participant"].astype(str)
     if names.duplicated().any():
         twice = names[names.duplicated()].iloc[0]
         raise DataError(f"participant {twice} has two scores {column}; keep the valid one")
-    return pd.Series(known[column].to_numpy(float), index=names.to_numpy()).sort_index()
+    return pd.Series(people_with_score[column].to_numpy(float), index=names.to_numpy()).sort_index()
 
 
 def correlate(
@@ -473,18 +475,18 @@ def correlate(
 
     `means` has one row per participant and level.
     """
-    found = [
+    correlations = [
         _correlated(of, means, scores, measures[name], str(level), rules)
         for name in of.measures
         for level in levels
     ]
-    tested = [i for i, c in enumerate(found) if c.outcome is not None]
-    if not tested:
-        return tuple(found)
-    adjusted = adjust_p([c.outcome.p for c in found if c.outcome is not None])
-    for i, p in zip(tested, adjusted.tolist(), strict=True):
-        found[i] = replace(found[i], p_adjusted=p)
-    return tuple(found)
+    test_indices = [i for i, c in enumerate(correlations) if c.outcome is not None]
+    if not test_indices:
+        return tuple(correlations)
+    holm_p = adjust_p([c.outcome.p for c in correlations if c.outcome is not None])
+    for i, p in zip(test_indices, holm_p.tolist(), strict=True):
+        correlations[i] = replace(correlations[i], p_adjusted=p)
+    return tuple(correlations)
 
 
 def _correlated(
@@ -499,8 +501,8 @@ def _correlated(
     here = at_level.set_index("participant")[measure.column].dropna()
     both = here.index.intersection(scores.index)
     n, alpha = len(both), rules.alpha
-    needed = max(MIN_CORRELATED, rules.minimum_participants)
-    if n < needed:
+    min_people = max(MIN_CORRELATED, rules.minimum_participants)
+    if n < min_people:
         problem = f"{count_of(n, 'participant')} with measure and score, {MIN_CORRELATED} needed"
         return CorrelationTest(of, measure, level, n, alpha, None, problem)
     try:
@@ -556,12 +558,15 @@ def find_test(
 
 def columns_of_tests(families: Iterable[Family]) -> dict[str, Column]:
     """Return what tables of these tests have beside, or otherwise than, every table of tests."""
-    made = list(families)
-    kinds = {of.family: of.words for of in made}
-    names = {level: name for of in made for level, name in of.names.items()}
-    seconds = {**names, **{of.score: of.score_words for of in made if isinstance(of, Correlate)}}
+    all_families = list(families)
+    kinds = {of.family: of.words for of in all_families}
+    names = {level: name for of in all_families for level, name in of.names.items()}
+    seconds = {
+        **names,
+        **{of.score: of.score_words for of in all_families if isinstance(of, Correlate)},
+    }
     of_measure = "unit of the measure"
-    described = (
+    columns = (
         Column("family", "", "tests made together", kinds),
         Column("where", "", "place at which the tests were made; empty: everywhere"),
         Column("first", "", "first level compared; the level in correlations", names),
@@ -585,4 +590,4 @@ def columns_of_tests(families: Iterable[Family]) -> dict[str, Column]:
                {"*": "alpha", "**": "a fifth of it", "***": "a fiftieth of it"}),
         Column("r", "1", "Spearman's coefficient"),
     )  # fmt: skip
-    return {c.name: c for c in described}
+    return {c.name: c for c in columns}

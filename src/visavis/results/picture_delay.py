@@ -58,10 +58,10 @@ class LatePictures:
             return None
         frames = self._recording.stream_arrays("frames", part=int(row["recording_part"]))
         at = frames["t_host_ns"]
-        shown = (at >= start) & (at <= end)
-        if not shown.any():
+        is_shown = (at >= start) & (at <= end)
+        if not is_shown.any():
             return None
-        ahead = frames["predicted_display_ns"][shown] - at[shown]
+        ahead = frames["predicted_display_ns"][is_shown] - at[is_shown]
         return round(float(np.median(ahead)) + self._delay_ns)
 
 
@@ -69,13 +69,13 @@ def answered_from_light(
     row: Mapping[Any, Any], answers: Iterable[str], late_ns: int
 ) -> dict[str, float]:
     """Return the times to answer (ms) of a trial, from the light of the question."""
-    found = {}
+    times_ms = {}
     for name in answers:
         ms = row.get(f"{name}_ms")
         if ms is None or ms != ms or row.get(f"{name}_by") not in BY_PICTURE:
             continue
-        found[f"{name}_ms"] = float(ms) - late_ns / NS_PER_MS
-    return found
+        times_ms[f"{name}_ms"] = float(ms) - late_ns / NS_PER_MS
+    return times_ms
 
 
 @dataclass(frozen=True)
@@ -95,10 +95,10 @@ def read_sync_test(path: Path) -> SyncTest:
         DataError: it is no such file, or too few flashes were answered to name a delay.
     """
     try:
-        kept = parse_json(read_plain(path))
-        made, simulated = str(kept["made"]), bool(kept["is_simulated"])
-        found = {**kept["offsets_ms"]}.get(SETTING)
-        late_ms = None if found is None else max(0.0, float(found))
+        content = parse_json(read_plain(path))
+        made_at, is_simulated = str(content["made"]), bool(content["is_simulated"])
+        offset_ms = {**content["offsets_ms"]}.get(SETTING)
+        late_ms = None if offset_ms is None else max(0.0, float(offset_ms))
     except (OSError, ValueError, KeyError, TypeError, OverflowError) as problem:
         raise DataError(
             f"{path} is no test that visavis sync-test kept ({problem}); give one of "
@@ -110,7 +110,7 @@ def read_sync_test(path: Path) -> SyncTest:
             "the photodiode in the corner of the display"
         )
     delay = delay_of({SETTING: late_ms})
-    return SyncTest(path.name, made, simulated, delay or 0.0)
+    return SyncTest(path.name, made_at, is_simulated, delay or 0.0)
 
 
 def required_for(test: SyncTest, kinds: Iterable[bool]) -> float:

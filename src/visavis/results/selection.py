@@ -47,8 +47,8 @@ class Selection:
     @property
     def counted(self) -> pd.DataFrame:
         """The trials that count."""
-        kept: pd.DataFrame = self.rows[self.rows[COUNTED]].reset_index(drop=True)
-        return kept
+        trials: pd.DataFrame = self.rows[self.rows[COUNTED]].reset_index(drop=True)
+        return trials
 
     def applied(self, rules: Sequence[Exclusion]) -> list[Exclusion]:
         """Return the rules that are on and whose column there is."""
@@ -77,10 +77,10 @@ def left_out_lines(selection: Selection, rules: Sequence[Exclusion]) -> list[str
         f"left out: {count_of(left.count, 'trial')}, {rule_words(selection, rules, left.rule)}"
         for left in trials
     ]
-    gone = selection.people[~selection.people[COUNTED].astype(bool)]
+    people = selection.people[~selection.people[COUNTED].astype(bool)]
     lines += [
         f"left out: participant {name}, {why}"
-        for name, why in zip(gone["participant"], gone[REASON], strict=True)
+        for name, why in zip(people["participant"], people[REASON], strict=True)
     ]
     return lines
 
@@ -89,12 +89,12 @@ def rule_words(selection: Selection, rules: Sequence[Exclusion], name: str) -> s
     """Return what a step leaves out, in words: of a rule its column and the limit in force."""
     rule = next((r for r in rules if r.name == name), None)
     if rule is None:
-        known = {
+        standard_words = {
             "damaged": f"unreadable, {UNREADABLE}",
             "unfinished": NOT_FINISHED,
             "repeated": REPEATED,
         }
-        return known.get(name, name.replace("_", " "))
+        return standard_words.get(name, name.replace("_", " "))
     if rule.if_missing:
         return rule.words
     limit = selection.limits[name]
@@ -126,11 +126,11 @@ def select(
 
     def leave(out: "pd.Series[bool]", rule: str, level: Level, words: Sequence[str] | str) -> None:
         fresh = out & (reasons == "")
-        said = [words] * len(table) if isinstance(words, str) else list(words)
-        reasons[fresh] = pd.Series(said, dtype=object)[fresh]
+        texts = [words] * len(table) if isinstance(words, str) else list(words)
+        reasons[fresh] = pd.Series(texts, dtype=object)[fresh]
         count = int(fresh.sum()) if level == "trial" else table.loc[out, "participant"].nunique()
         if count:
-            left.append(Left(rule, level, int(count), said[int(np.flatnonzero(out)[0])]))
+            left.append(Left(rule, level, int(count), texts[int(np.flatnonzero(out)[0])]))
 
     def judge(rule: Exclusion) -> None:
         limit = limits[rule.name]
@@ -154,26 +154,26 @@ def select(
     again = pd.Series(False, index=table.index)
     again[done.index[done.duplicated(["participant", "session", "trial_id"], keep="last")]] = True
     leave(again, "repeated", "trial", REPEATED)
-    finished = table[reasons == ""]
+    finished_trials = table[reasons == ""]
     for rule in (r for r in trial_rules if not r.if_missing):
         judge(rule)
-    people = participant_facts(table, finished, reasons == "", cells, planned, cell_count)
+    people = participant_facts(table, finished_trials, reasons == "", cells, planned, cell_count)
     if facts is not None:
         people = people.merge(facts, on="participant", how="left")
     for rule in (r for r in rules if r.level == "participant"):
         limit = limits[rule.name]
-        said = {}
+        texts = {}
         for name, value in zip(people["participant"], people.get(rule.column, ()), strict=False):
             if rule.breaks(value, limit):
-                said[name] = rule.said(value, limit)
-        out = table["participant"].astype(str).isin(said)
+                texts[name] = rule.said(value, limit)
+        out = table["participant"].astype(str).isin(texts)
         leave(
             out,
             rule.name,
             "participant",
-            [f"{PERSON_OUT}{said.get(str(p), '')}" for p in table["participant"]],
+            [f"{PERSON_OUT}{texts.get(str(p), '')}" for p in table["participant"]],
         )
-        for name, words in said.items():
+        for name, words in texts.items():
             at = people["participant"] == name
             people.loc[at, REASON] = [
                 "; ".join(filter(None, (before, words))) for before in people.loc[at, REASON]
@@ -200,15 +200,15 @@ def participant_facts(
     `smallest_cell_01` their share of those planned for a cell,
     `calibration_error_deg` the mean error over the validations their trials were made with.
     """
-    found = []
+    facts = []
     for name in sorted({*rows["participant"].astype(str), *planned}):
         mine = finished[finished["participant"].astype(str) == name]
         good = mine[counts.reindex(mine.index, fill_value=False)]
-        gone = _gone(rows, name)
-        intact = planned.get(name, 0) - len(gone)
+        damaged_trials = _gone(rows, name)
+        intact = planned.get(name, 0) - len(damaged_trials)
         sizes = good.groupby(list(cells)).size() if cells and len(good) else pd.Series([len(good)])
         smallest = 0 if len(sizes) < cell_count else int(sizes.min())
-        found.append(
+        facts.append(
             {
                 "participant": name,
                 "trials_finished": len(mine),
@@ -216,13 +216,13 @@ def participant_facts(
                 "bad_trials_01": (len(mine) - len(good)) / len(mine) if len(mine) else np.nan,
                 "smallest_cell_trials": smallest,
                 "smallest_cell_01": _smallest_share(
-                    good, gone, cells, planned.get(name, 0), cell_count
+                    good, damaged_trials, cells, planned.get(name, 0), cell_count
                 ),
                 "calibration_error_deg": mean_error_deg(mine),
                 REASON: "",
             }
         )
-    return pd.DataFrame(found)
+    return pd.DataFrame(facts)
 
 
 def _smallest_share(
@@ -240,16 +240,16 @@ def _smallest_share(
     if len(sizes) < cell_count:
         return 0.0
     unknown = gone[list(cells)].isna().any(axis=1)
-    lost = gone[~unknown].groupby(key).size().reindex(sizes.index, fill_value=0)
-    intact = (planned - int(unknown.sum())) / cell_count - lost
+    lost_per_cell = gone[~unknown].groupby(key).size().reindex(sizes.index, fill_value=0)
+    intact = (planned - int(unknown.sum())) / cell_count - lost_per_cell
     return float((sizes / intact.clip(lower=1)).min())
 
 
 def _gone(rows: pd.DataFrame, name: str) -> pd.DataFrame:
     """Return a participant's trials that a damaged recording cost, each once: nobody's doing."""
-    gone = rows["status"].isin((DAMAGED, LOST)) & ~rows["is_practice"].astype(bool)
+    is_damaged = rows["status"].isin((DAMAGED, LOST)) & ~rows["is_practice"].astype(bool)
     mine = rows["participant"].astype(str) == name
-    return rows[gone & mine].drop_duplicates("trial_id")
+    return rows[is_damaged & mine].drop_duplicates("trial_id")
 
 
 def mean_error_deg(rows: pd.DataFrame) -> float:

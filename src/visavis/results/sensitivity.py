@@ -84,7 +84,7 @@ def sensitivity(
             f"the sensitivity table lacks {', '.join(missing)}; make it with "
             "`sensitivity_rows` of visavis.study.look_measures and add participant and trial_id"
         )
-    known = kept[[*keys, of.factor]]
+    trial_levels = kept[[*keys, of.factor]]
     table = []
     # Joined cell by cell: of a hundred people the whole, joined, is as large as their trials.
     cells: dict[Any, Any] = rows.groupby([PAD_COLUMN, MINIMUM_COLUMN]).indices
@@ -92,7 +92,7 @@ def sensitivity(
         values = rows.iloc[cells[pad_deg, minimum_ms]]
         values = values.drop(columns=[of.factor], errors="ignore")
         values = values.assign(participant=values["participant"].astype(str))
-        part = values.merge(known, on=keys, how="inner")
+        part = values.merge(trial_levels, on=keys, how="inner")
         if part.empty:
             continue
         tests = compare_pairs(of, part, measures, levels, rules, family="sensitivity")
@@ -112,7 +112,7 @@ def sensitivity(
 def sensitivity_columns(of: Pairs, measures: Mapping[str, Measure]) -> dict[str, Column]:
     """Return what describes the sensitivity table of a family, by name."""
     first, second = of.levels[0]
-    shown = [
+    test_columns = [
         column
         for name in of.measures[:2]
         for column in (
@@ -131,12 +131,12 @@ def sensitivity_columns(of: Pairs, measures: Mapping[str, Measure]) -> dict[str,
             ),
         )
     ]
-    described = (
+    columns = (
         Column(PAD_COLUMN, "deg", "angular padding of heads"),
         Column(MINIMUM_COLUMN, "ms", "shortest look that counts as a fixation"),
-        *shown,
+        *test_columns,
         Column("significant_tests", "1", "significant tests of the family"),
         Column("same_verdicts", "1", "tests with the verdict of the main analysis"),
         Column("n_tests", "1", "tests made"),
     )
-    return {c.name: c for c in described}
+    return {c.name: c for c in columns}

@@ -44,18 +44,20 @@ def striking_trials(analysis: StudyAnalysis) -> tuple[Striking, ...]:
     """
     rows = analysis.selection.rows
     whys: dict[tuple[str, str, str], list[str]] = {}
-    for found in rows[rows[REASON] != PRACTICE].to_dict("records"):
-        row = {str(name): value for name, value in found.items()}
+    for record in rows[rows[REASON] != PRACTICE].to_dict("records"):
+        row = {str(name): value for name, value in record.items()}
         key = _key(row)
-        flags, said = row.get("flags"), []
+        flags, reasons = row.get("flags"), []
         if row["status"] != "complete":
             reason = row.get("reason")
-            said.append(f"{row['status']}: {reason}" if isinstance(reason, str) else row["status"])
+            reasons.append(
+                f"{row['status']}: {reason}" if isinstance(reason, str) else row["status"]
+            )
         elif not row[COUNTED] and not str(row[REASON]).startswith((REPEATED, PERSON_OUT)):
-            said.append(f"left out: {row[REASON]}")
-        said += [flags.replace(";", ", ")] if isinstance(flags, str) and flags else []
-        if said:
-            whys.setdefault(key, []).extend(said)
+            reasons.append(f"left out: {row[REASON]}")
+        reasons += [flags.replace(";", ", ")] if isinstance(flags, str) and flags else []
+        if reasons:
+            whys.setdefault(key, []).extend(reasons)
     for key, why in _apart(analysis):
         whys.setdefault(key, []).append(why)
     return tuple(Striking(*key, "; ".join(dict.fromkeys(why))) for key, why in whys.items())
@@ -72,11 +74,11 @@ def _apart(analysis: StudyAnalysis) -> Iterator[tuple[tuple[str, str, str], str]
         cell = values.groupby([rows[k] for k in keys], observed=True)
         off = values - cell.transform("median")
         enough = cell.transform("count") >= MIN_OF_A_KIND
-        known = off[enough & off.notna()]
-        spread = float(np.median(np.abs(known))) / NORMAL_MAD if len(known) else 0.0
+        deviations = off[enough & off.notna()]
+        spread = float(np.median(np.abs(deviations))) / NORMAL_MAD if len(deviations) else 0.0
         if spread <= 0:
             continue
-        score = known / spread
+        score = deviations / spread
         for index in score.index[score.abs() > MAX_MODIFIED_Z]:
             yield _key(rows.loc[index]), _far(measure, float(values[index]), float(score[index]))
 
@@ -108,12 +110,12 @@ def looks_table(striking: tuple[Striking, ...], folder: str, views: Path) -> Tab
         name = view_name(one.participant, one.session)
         session = f"{folder}/sub-{one.participant}/{one.session}"
         is_there = (views / name).is_file()
-        shown = Cell(
+        trial_cell = Cell(
             one.trial_id,
             link=f"{VIEWS}/{name}#trial={one.trial_id}" if is_there else "",
             command="" if is_there else f"visavis view {session} --trial {one.trial_id} --show",
         )
-        rows.append((one.participant, shown, one.why))
+        rows.append((one.participant, trial_cell, one.why))
     more = len(striking) - len(rows)
     beyond = f" {count_of(more, 'further trial')} in trials.csv." if more else ""
     return Table(

@@ -105,15 +105,15 @@ def plan_content(
         },
         FILE_SHA256: file_sha256,
     }
-    found: dict[str, Any] = as_json(content)
-    return found
+    plan: dict[str, Any] = as_json(content)
+    return plan
 
 
 def _comparisons(
     compare: Sequence[Compare], levels: dict[str, tuple[str, ...]]
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     for name, one in named(compare).items():
-        known = {*one.within, *one.between} <= set(levels)
+        is_in_design = {*one.within, *one.between} <= set(levels)
         about = {f.name: getattr(one, f.name) for f in fields(one)}
         del about["published"], about["pairs"]
         about["only"] = dict(one.only)
@@ -121,18 +121,18 @@ def _comparisons(
             del about["only"]
         if one.raters == "participant":  # nor this
             del about["raters"]
-        about["test"] = one.question(levels).test if known else one.test
+        about["test"] = one.question(levels).test if is_in_design else one.test
         about["options"] = {key: str(value) for key, value in one.options}
         yield name, about
 
 
 def named(compare: Sequence[Compare]) -> dict[str, Compare]:
     """Return comparisons by name; a number tells those of one name apart."""
-    found: dict[str, Compare] = {}
+    by_name: dict[str, Compare] = {}
     for one in compare:
         name, n = one.name, 1
-        while name in found:
+        while name in by_name:
             n += 1
             name = f"{one.name} ({n})"
-        found[name] = one
-    return found
+        by_name[name] = one
+    return by_name

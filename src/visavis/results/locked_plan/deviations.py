@@ -48,13 +48,13 @@ def deviations_between(
 
     The study's file is named where it changed and nothing that the plan freezes did.
     """
-    found = tuple(d for part in COMPARED for d in differing(part, planned[part], done[part]))
+    deviations = tuple(d for part in COMPARED for d in differing(part, planned[part], done[part]))
     before, after = str(planned[FILE_SHA256]), str(done[FILE_SHA256])
-    in_file = any(d.part != VERSIONS for d in found)
+    in_file = any(d.part != VERSIONS for d in deviations)
     if before != after and before and after and not in_file:
         about = "(what is shown or said)"
-        found = (*found, Deviation("study file", about, before[:12], after[:12]))
-    return found
+        deviations = (*deviations, Deviation("study file", about, before[:12], after[:12]))
+    return deviations
 
 
 def differing(part: str, planned: Any, done: Any) -> Iterator[Deviation]:
@@ -81,8 +81,8 @@ def _in_short(value: Any) -> str:
     if value is None:
         return NOTHING
     if isinstance(value, Mapping):
-        told = value.get("test") or value.get("words") or value.get("limit")
-        return "there" if told is None else _said(told)
+        summary = value.get("test") or value.get("words") or value.get("limit")
+        return "there" if summary is None else _said(summary)
     return _said(value)
 
 

@@ -10,7 +10,7 @@ def markdown(content: Mapping[str, Any], sha256: str) -> str:
     """Return the plan for people: the sections of a preregistration on OSF, then its hash."""
     plan, sample = content["plan"], content["sample"]
     comparisons = plan["comparisons"]
-    planned = {n: c for n, c in comparisons.items() if not c["exploratory"]}
+    confirmatory = {n: c for n, c in comparisons.items() if not c["exploratory"]}
     besides = {n: c for n, c in comparisons.items() if c["exploratory"]}
     before = sample["sessions_before"]
     parts = [
@@ -21,7 +21,7 @@ def markdown(content: Mapping[str, Any], sha256: str) -> str:
         "### Research question",
         plan["question"] or "None stated.",
         "### Hypotheses",
-        _list(_hypothesis(n, c) for n, c in planned.items()),
+        _list(_hypothesis(n, c) for n, c in confirmatory.items()),
         "## Design plan",
         "### Blinding",
         "Nobody looks at results before the sample is complete; looking all the same is recorded."
@@ -55,7 +55,7 @@ def markdown(content: Mapping[str, Any], sha256: str) -> str:
         "### Statistical models",
         _list(
             (
-                *(_test(n, c) for n, c in planned.items()),
+                *(_test(n, c) for n, c in confirmatory.items()),
                 *(f"family {n}: {_fields(f)}" for n, f in plan["families"].items()),
                 *([f"of all families: {_fields(plan['tests'])}"] if plan["tests"] else []),
             )

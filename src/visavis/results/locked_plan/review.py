@@ -54,8 +54,8 @@ class PlanReview:
 
     def lines(self) -> tuple[str, ...]:
         """Return what to tell whoever runs the analysis, a line each."""
-        locked = self.locked
-        head = f"plan locked {locked.locked_at[:10]} ({locked.sha256[:12]})"
+        locked_plan = self.locked
+        head = f"plan locked {locked_plan.locked_at[:10]} ({locked_plan.sha256[:12]})"
         if not self.deviations:
             return (f"{head}: kept in everything",)
         return (
@@ -88,17 +88,17 @@ def review_of(
     for manifest in by_time:
         for deviation in recorded_deviations(manifest):
             first.setdefault(deviation, _whose(manifest))
-    found = deviations_between(locked.plan, done)
-    besides = tuple(d.name for d in found if d.is_exploratory)
-    kept = [d for d in found if not d.is_exploratory]
-    now = [replace(d, since=first.pop(d, IN_ANALYSIS)) for d in kept]
+    differences = deviations_between(locked.plan, done)
+    besides = tuple(d.name for d in differences if d.is_exploratory)
+    deviations = [d for d in differences if not d.is_exploratory]
+    now = [replace(d, since=first.pop(d, IN_ANALYSIS)) for d in deviations]
     past = [
         replace(d, since=f"{since}, no longer")
         for d, since in first.items()
         if not d.is_exploratory
     ]
-    carried = [m for m in by_time if hash_carried(m) == locked.sha256]
-    without = [m for m in by_time if m not in carried]
+    with_hash = [m for m in by_time if hash_carried(m) == locked.sha256]
+    without = [m for m in by_time if m not in with_hash]
     more = list(_about_sample(locked, len({m.participant for m in manifests})))
     if without:
         more.append(
@@ -107,7 +107,7 @@ def review_of(
             )
         )
     return PlanReview(
-        locked, (*now, *past, *more), besides, len(carried), len(by_time), tuple(peeks)
+        locked, (*now, *past, *more), besides, len(with_hash), len(by_time), tuple(peeks)
     )
 
 
@@ -118,15 +118,16 @@ def hash_carried(manifest: Manifest) -> str:
 
 def recorded_deviations(manifest: Manifest) -> tuple[Deviation, ...]:
     """Return what deviated from the locked plan when a session began."""
-    listed = _carried(manifest).get("deviations", [])
+    entries = _carried(manifest).get("deviations", [])
     return tuple(
-        Deviation(str(d["part"]), str(d["name"]), str(d["planned"]), str(d["done"])) for d in listed
+        Deviation(str(d["part"]), str(d["name"]), str(d["planned"]), str(d["done"]))
+        for d in entries
     )
 
 
 def _carried(manifest: Manifest) -> Mapping[str, Any]:
-    found = manifest.configuration.get(CONFIGURATION_KEY)
-    return found if isinstance(found, Mapping) else {}
+    entry = manifest.configuration.get(CONFIGURATION_KEY)
+    return entry if isinstance(entry, Mapping) else {}
 
 
 def _whose(manifest: Manifest) -> str:
@@ -136,25 +137,25 @@ def _whose(manifest: Manifest) -> str:
 def _about_sample(locked: LockedPlan, people: int) -> list[Deviation]:
     if people == locked.participants:
         return []
-    said = "so far " if people < locked.participants else ""
-    return [Deviation("sample", "size", str(locked.participants), f"{said}{people}", IN_ANALYSIS)]
+    prefix = "so far " if people < locked.participants else ""
+    return [Deviation("sample", "size", str(locked.participants), f"{prefix}{people}", IN_ANALYSIS)]
 
 
 def review_section(review: PlanReview) -> Section:
     """Return the section of a report that says how the locked plan was kept."""
-    locked = review.locked
-    plan = locked.plan["comparisons"]
+    locked_plan = review.locked
+    plan = locked_plan.plan["comparisons"]
     deviating = {d.name.partition(": ")[0] for d in review.deviations if d.part == "comparisons"}
     before = (
         "before any session was recorded"
-        if not locked.sessions_before
-        else f"after {count_of(locked.sessions_before, 'session')} had been recorded"
+        if not locked_plan.sessions_before
+        else f"after {count_of(locked_plan.sessions_before, 'session')} had been recorded"
     )
     blocks: list[Block] = [
         Paragraph(
-            f"The plan was locked on {locked.locked_at[:10]}, {before} (SHA-256 {locked.sha256}). "
+            f"The plan was locked on {locked_plan.locked_at[:10]}, {before} (SHA-256 {locked_plan.sha256}). "
             f"{review.carried} of {count_of(review.recorded, 'session')} bear its hash. Planned "
-            f"were {locked.participants} participants. {locked.rule}".strip()
+            f"were {locked_plan.participants} participants. {locked_plan.rule}".strip()
         ),
         Table(
             (Column("Planned comparison"), Column("Test"), Column("Done")),

@@ -90,7 +90,7 @@ def confidence_rule() -> str:
 
 def stamp_rule(looks: LookParameters) -> str:
     """Return what happens to samples whose time stamps repeat or go back."""
-    repeated = (
+    conflict_rule = (
         "the first is kept where repeats contradict each other"
         if looks.conflicts == "keep_first"
         else "repeats that contradict each other are refused"
@@ -100,7 +100,7 @@ def stamp_rule(looks: LookParameters) -> str:
         if looks.backward == "sort"
         else "samples stamped earlier than the one before are refused"
     )
-    return f"samples that repeat a stamp are left out, {repeated}; {backward}"
+    return f"samples that repeat a stamp are left out, {conflict_rule}; {backward}"
 
 
 def reporting_table(
@@ -183,17 +183,17 @@ def _setup_cell(key: str, recorded: Mapping[str, str], given: Mapping[str, str])
     """Return an item's answer; the lab's counts as whole, a recording's may be a part."""
     if given.get(key):
         return Cell(given[key])
-    known = recorded.get(key, "")
+    answer = recorded.get(key, "")
     if key == "viewing":
-        whole = [part for part in (known, recorded.get("distances", "")) if part]
-        if known or not whole:
+        whole = [part for part in (answer, recorded.get("distances", "")) if part]
+        if answer or not whole:
             return Cell("; ".join(whole)) if whole else _missing(key)
         return Cell(f"{whole[0]}; posture and head restraint: {FILL_IN}", "differ")
-    if not known:
+    if not answer:
         return _missing(key)
     if key in PARTLY:
-        return Cell(f"{known}; {PARTLY[key]}: {FILL_IN}", "differ")
-    return Cell(known)
+        return Cell(f"{answer}; {PARTLY[key]}: {FILL_IN}", "differ")
+    return Cell(answer)
 
 
 def _missing(key: str) -> Cell:
@@ -214,19 +214,19 @@ def _at_the_end(table: pd.DataFrame) -> list[tuple[Cell | str, ...]]:
     if DRIFT in table:
         rows.append(("Drift: error at the end minus error before (range)", _range(table, DRIFT)))
     if REJECTED in table:
-        known = table[REJECTED].dropna().astype(float)
-        people = count_of(int((known > 0).sum()), "participant")
-        text = f"{int(known.sum())}, of {people}" if known.any() else "none"
-        text = text if len(known) else "not recorded"
+        counts = table[REJECTED].dropna().astype(float)
+        people = count_of(int((counts > 0).sum()), "participant")
+        text = f"{int(counts.sum())}, of {people}" if counts.any() else "none"
+        text = text if len(counts) else "not recorded"
         rows.append(("Validations rejected", text))
     return rows
 
 
 def _range(table: pd.DataFrame, column: str, *, share: bool = False) -> str:
-    known = table[column].dropna().astype(float)
-    if known.empty:
+    values = table[column].dropna().astype(float)
+    if values.empty:
         return "not recorded"
-    low, mean, high = float(known.min()), float(known.mean()), float(known.max())
+    low, mean, high = float(values.min()), float(values.mean()), float(values.max())
     if share:
         return f"{percentage(mean)} ({percentage(low)} to {percentage(high)})"
     return f"{decimal(mean)}° ({decimal(low)}° to {decimal(high)}°)"
