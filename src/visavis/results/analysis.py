@@ -35,9 +35,9 @@ from visavis.study.sections import Conclusion
 
 SIMULATED_COLUMN: Final = "is_simulated"
 DECIDING: Final = ("p_used", "p_above", "p")
-"""Columns of a row of a test, the first of which that is there holds the p that decides."""
+"""Columns of a test's row that may hold the p that decides; the first one present does."""
 MIN_PARTICIPANTS: Final = 3
-"""Below this nothing is tested."""
+"""Fewer participants are not tested."""
 
 
 @dataclass(frozen=True)
@@ -52,17 +52,17 @@ class Term:
 
     @property
     def is_significant(self) -> bool:
-        """The corrected decision, the only one that headlines are made of."""
+        """The decision after correction; headlines use no other."""
         return self.p_corrected < self.alpha
 
 
 @dataclass(frozen=True)
 class Contrast:
-    """Two levels compared after the test over all of a factor: first minus second.
+    """Two levels of a factor compared after the overall test: first minus second.
 
-    `difference` is that of the means; log odds of being preferred in a Bradley–Terry model.
-
-    `p` is corrected over the contrasts; significant only where the test over all was.
+    `difference` is the difference of means; in a Bradley–Terry model, the log odds of being
+    preferred. `p` is corrected over the contrasts. A contrast is significant only where the
+    overall test was.
     """
 
     first: str
@@ -81,9 +81,9 @@ class Contrast:
 
     @property
     def agreement(self) -> Agreement | None:
-        """Our verdict beside the source's; None where it prints none.
+        """Our verdict and the source's; None where the source prints none.
 
-        Its direction is that of second minus first.
+        The source's direction is that of second minus first.
         """
         if self.printed is None:
             return None
@@ -103,7 +103,7 @@ class Finding:
 
     @property
     def contrasts(self) -> tuple[Contrast, ...]:
-        """The levels of its one factor, or the items of a Bradley–Terry model, two by two."""
+        """Contrasts between the levels of its one factor, or the items of a Bradley–Terry model."""
         compare, outcome = self.compare, self.outcome
         factors = (*compare.within, *compare.between)
         if compare.model == "bradleyterry":
@@ -177,9 +177,9 @@ class Results:
 class StudyAnalysis:
     """Everything the analysis of a study found.
 
-    `results` are those of its families of tests, made by `rules`; `without_rules` and
-    `sensitivity` repeat the first family of pairs: on every finished trial, and by padding and
-    minimum duration of looks. Both are empty where there is no such family.
+    `results` are those of its families of tests, made by `rules`. Two fields repeat the first
+    family of pairs and are empty where there is none: `without_rules` on every finished trial,
+    `sensitivity` by padding and minimum duration of looks.
     """
 
     study: Study
@@ -198,11 +198,11 @@ class StudyAnalysis:
     tables: Mapping[str, pd.DataFrame] = field(default_factory=dict, repr=False)
     """Further tables of the study by name."""
     thresholds: Any = None
-    """Those of the study's own analysis, `Study.thresholds` with what was set."""
+    """Thresholds of the study's own analysis: `Study.thresholds` with the settings in force."""
     how: Any = None
     """How trials were measured one by one."""
     further: Any = field(default=None, repr=False)
-    """What the study finds besides; None in power."""
+    """Further findings of the study's own; None in a power analysis."""
     example: Recording | None = field(default=None, repr=False)
     """A session from which sections may show a trial."""
 
@@ -262,7 +262,7 @@ class StudyAnalysis:
 
 
 def measures_of(study: Study, responses: Mapping[str, Any]) -> tuple[Measure, ...]:
-    """Return what a study measures: its own, every answer that is a number, share or time."""
+    """Return a study's measures: its own, and every answer that is a number, share or time."""
     measures = {m.column: m for m in study.analysis.measures}
     for name, response in responses.items():
         words = name.replace("_", " ").capitalize()
@@ -301,8 +301,8 @@ def analyse_rows(
 
     `compare` are the comparisons that this design can make (all by default). `varied` holds the
     main measures of looks by padding and minimum duration, where there are any; `tables`, `how`
-    and `thresholds` are what sections and further findings need. `called` is what sentences call
-    levels; by their names where it is left out.
+    and `thresholds` are what sections and further findings need. `called` gives the words
+    for levels in sentences; without it they have their names.
 
     Raises:
         DataError: no trial counts.
@@ -341,7 +341,7 @@ def analyse_rows(
 def _with_families(
     made: StudyAnalysis, known: Mapping[str, Measure], varied: pd.DataFrame | None
 ) -> StudyAnalysis:
-    """Make every family of which all measures were measured."""
+    """Make every family of tests whose measures are all in the trials."""
     trials, levels, rules = made.selection.counted, made.levels, made.rules
     results = tuple(
         Results(of, results_of(of, trials, made.people, known, levels, rules))
@@ -370,7 +370,7 @@ def answered(
     is_simulated: bool,
     called: Mapping[str, str] | None = None,
 ) -> Finding:
-    """Test one comparison on the trials that count; `called` is what sentences call levels.
+    """Test one comparison on the trials that count; `called` gives the words for levels.
 
     Raises:
         DataError: there is no such measure or factor.
@@ -388,10 +388,12 @@ def answered(
             f"the comparison {compare.name} names {', '.join(unknown)}, which is no factor of this "
             f"study; there are {', '.join(levels)}"
         )
+    # From here a comparison that cannot be tested is a finding that says why, so that the others
+    # are still analysed.
     trials = compare.chosen(trials)
     if measure.column not in trials:
         return Finding(compare, measure, None, (), f"no trial has {measure.column}")
-    if compare.model:  # which takes single trials
+    if compare.model:  # models take single trials, not the means of cells
         frame = trials[["participant", *factors, measure.column]].copy()
         frame[measure.column] = pd.to_numeric(frame[measure.column], errors="coerce").astype(float)
     else:
@@ -416,6 +418,7 @@ def answered(
     except LabError as error:
         return Finding(compare, measure, None, (), str(error))
     outcome = replace(outcome, notes=(*notes, *outcome.notes))
+    # Tests name the p that decides differently; rows without one are no effects.
     terms = tuple(
         Term(
             str(row.get("term") or ":".join(factors) or compare.dv),
@@ -431,7 +434,10 @@ def answered(
 
 
 def _rated(compare: Compare, frame: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
-    """Name what was rated; of participants who rate, those without all ratings leave an ICC."""
+    """Return rows with a column for the rated thing, and notes for the report.
+
+    An ICC needs every rating of each rater: participants with gaps are left out of it.
+    """
     notes: tuple[str, ...] = ()
     if compare.raters != "participant":
         notes = ("what one participant rated counts as independent of each other",)

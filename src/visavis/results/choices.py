@@ -1,4 +1,4 @@
-"""How often each option of every `Choice` was taken, by condition: a section and a table."""
+"""How often each option of every `Choice` was chosen, by condition: a section and a table."""
 
 from collections.abc import Iterator
 from typing import Any, Final
@@ -17,7 +17,7 @@ from visavis.study.texts import label_in_unit, label_of
 
 NAME: Final = "choices"
 MAX_OPEN_ROWS: Final = 24
-"""Longer tables of the report are folded."""
+"""The report folds tables with more rows."""
 COLUMNS: Final = (
     Described("asked", "", "the choice, as the study names it"),
     Described("option", "", "one of its options"),
@@ -31,7 +31,7 @@ COLUMNS: Final = (
 
 
 def chosen(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
-    """Return how often each option of every choice was taken; nothing where none was asked for."""
+    """Return how often each option of every choice was chosen; empty where no choice was asked."""
     rows: list[dict[str, Any]] = []
     blocks: list[Block] = []
     for response in experiment.responses.values():

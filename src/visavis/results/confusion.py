@@ -1,4 +1,4 @@
-"""A section of a report that tells which option was taken for which, as confusion matrices."""
+"""The section of a report with confusion matrices: answers by the option that was right."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -23,7 +23,7 @@ PANEL_IN = 4.2
 DARK_01 = 0.55
 """Share above which a cell is so dark that its text is white."""
 MAX_LEVEL_TICK = 10
-"""Letters of an option from which labels are slanted."""
+"""Labels are slanted where an option has more letters."""
 
 
 def confusion_section(of: Confusion, analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:

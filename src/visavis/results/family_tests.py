@@ -1,9 +1,8 @@
-"""The tests of a family: pairs of levels compared, and scores correlated, beside a source.
+"""The tests of a family: pairs of levels compared, scores correlated, and a source's results.
 
-Two levels are compared by the decision path of many reports of looking: paired t where
-Shapiro–Wilk does not reject the normality of the differences, Wilcoxon's signed-rank test
-otherwise. A family shares its alpha (Bonferroni). Scores of questionnaires are correlated by
-Spearman's coefficient.
+Two levels are compared as in many reports of eye tracking: by a paired t test where Shapiro–Wilk
+does not reject the normality of the differences, by Wilcoxon's signed-rank test otherwise. A family
+shares its alpha (Bonferroni). Scores of questionnaires are correlated by Spearman's coefficient.
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -31,7 +30,7 @@ from visavis.study.measures import Measure, aggregated
 from visavis.study.pairs import Correlate, Family, Pairs, Printed
 
 MIN_CORRELATED: Final = 4
-"""A rank correlation of fewer says nothing."""
+"""Fewer participants are not correlated."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +57,7 @@ class TestRules:
             )
 
     def with_settings(self, settings: Mapping[str, Any]) -> "TestRules":
-        """Return the rules with what was set in place of the usual."""
+        """Return the rules with these settings in place of the defaults."""
         names = {f.name for f in fields(self)}
         return replace(self, **{k: v for k, v in settings.items() if k in names})
 
@@ -99,7 +98,7 @@ class PairTest:
 
     @property
     def threshold(self) -> float:
-        """What p must stay below."""
+        """The value that p must stay below: alpha, shared by the tests of the family."""
         return self.alpha / max(self.n_tests, 1)
 
     @property
@@ -109,7 +108,7 @@ class PairTest:
 
     @property
     def holds_corrected(self) -> bool | None:
-        """Tell the decision that headlines are made of: the threshold shares alpha already."""
+        """Tell the decision that headlines use; the threshold already shares alpha."""
         return self.is_significant
 
     @property
@@ -139,7 +138,7 @@ class PairTest:
 
     @property
     def printed(self) -> Printed | None:
-        """What the source prints of it."""
+        """The source's result of this test; None where it prints none."""
         return None if self.of.printed is None else self.of.printed(self)
 
     def sentence(self) -> str:
@@ -229,7 +228,7 @@ class CorrelationTest:
 
     @property
     def holds_corrected(self) -> bool | None:
-        """Tell whether Holm's p stays below alpha: the decision that headlines are made of."""
+        """Tell whether Holm's p stays below alpha: the decision that headlines use."""
         return None if self.outcome is None else self.p_adjusted < self.alpha
 
     @property
@@ -246,7 +245,7 @@ class CorrelationTest:
 
     @property
     def printed(self) -> Printed | None:
-        """What the source prints of it."""
+        """The source's result of this test; None where it prints none."""
         return None if self.of.printed is None else self.of.printed(self)
 
     def sentence(self) -> str:
@@ -308,7 +307,7 @@ class Agreement:
 
 @dataclass(frozen=True)
 class AgreementCount:
-    """How many verdicts agree among those compared, of all published ones."""
+    """Numbers of verdicts that agree, that could be compared, and that are published."""
 
     agree: int
     compared: int
@@ -321,7 +320,7 @@ class AgreementCount:
 
 
 def agreement(test: Test) -> Agreement | None:
-    """Hold a test against what the source prints of it; None where it prints nothing."""
+    """Compare a test's verdict with the source's; None where the source prints none."""
     printed_result = test.printed
     if printed_result is None:
         return None
@@ -332,7 +331,7 @@ def agreement(test: Test) -> Agreement | None:
 
 
 def published_cells(test: Test) -> dict[str, Cell]:
-    """Return the source's verdict beside ours, as cells of the statistics table."""
+    """Return the source's verdict and whether ours agrees, as cells of the statistics table."""
     verdicts = agreement(test)
     if verdicts is None:
         return {}
@@ -418,10 +417,10 @@ def compare_pairs(
     family: str = "",
     only: Collection[tuple[tuple[str, str], str]] | None = None,
 ) -> tuple[PairTest, ...]:
-    """Make every test of a family on the trials that count, or those of some pairs and measures.
+    """Make every test of a family on the trials that count; `only` names some pairs and measures.
 
-    `levels` are those of this design by factor or derived column. A pair of which a level was
-    left out of the design is not tested, says so, and shares no alpha.
+    `levels` are those of this design by factor or derived column. A pair with a level that the
+    design leaves out is not tested: its result says so, and it takes no share of alpha.
     """
     family_measures = [measures[name] for name in of.measures]
     there = set(map(str, levels[of.factor]))
@@ -448,7 +447,7 @@ def compare_pairs(
 
 
 def scores_of(people: pd.DataFrame, column: str) -> "pd.Series[float]":
-    """Return a score by participant; nobody without one.
+    """Return a score by participant; those without one are left out.
 
     Raises:
         DataError: a participant has two scores.
@@ -557,7 +556,10 @@ def find_test(
 
 
 def columns_of_tests(families: Iterable[Family]) -> dict[str, Column]:
-    """Return what tables of these tests have beside, or otherwise than, every table of tests."""
+    """Return the columns, by name, that describe tables of these families.
+
+    They add to the columns of all tables of tests, or replace them.
+    """
     all_families = list(families)
     kinds = {of.family: of.words for of in all_families}
     names = {level: name for of in all_families for level, name in of.names.items()}

@@ -33,13 +33,13 @@ from visavis.study.measures import Measure, SessionGaze, TrialRecord, value_of
 
 @dataclass(frozen=True)
 class SessionIntake:
-    """What one session gives to analysis: `rows` one per performed trial with its measures,
-    `person` the answers of the questionnaires and what became of the validations.
+    """What one session gives to the analysis.
 
-    `blocks` holds the answers and scores of questionnaires asked after blocks, `tables` further
-    tables by name, of studies measured trial by trial.
-    `sensitivity` are the main measures of looks by padding and minimum duration, `facts` what the
-    recording says for the eye-tracking reporting list.
+    `rows` has one row per performed trial with its measures; `person` holds the answers of
+    questionnaires and the results of validations. `blocks` holds the answers and scores of
+    questionnaires asked after blocks, `tables` further tables by name, of studies measured trial
+    by trial. `sensitivity` are the main measures of looks by padding and minimum duration, `facts`
+    the recording's answers to the eye-tracking reporting list.
     """
 
     rows: pd.DataFrame
@@ -49,12 +49,12 @@ class SessionIntake:
     sensitivity: pd.DataFrame = field(repr=False, default_factory=pd.DataFrame)
     facts: Mapping[str, str] = field(default_factory=dict)
     streams: tuple[OwnStream, ...] = field(repr=False, default=())
-    """What devices of the lab's own recorded."""
+    """Recordings of the lab's own devices."""
     blocks: pd.DataFrame = field(repr=False, default_factory=pd.DataFrame)
     tables: Mapping[str, pd.DataFrame] = field(repr=False, default_factory=dict)
 
     def without_tables(self) -> "SessionIntake":
-        """Return what is asked of a session once its trials are joined with everybody's."""
+        """Return the intake without its tables, once they are joined with those of others."""
         empty = pd.DataFrame()
         return replace(self, rows=empty, sensitivity=empty, blocks=empty, tables={})
 
@@ -96,18 +96,19 @@ def take_in(
     answers: Sequence[str] = (),
     picture_delay_ms: float | None = None,
 ) -> SessionIntake:
-    """Measure every finished and intact trial; the others keep their row unmeasured.
+    """Measure every finished and intact trial; the others keep their row without measures.
 
-    With `picture_delay_ms` gaze is held against pictures when their light was at the eye, and
-    times to the `answers` run from then (`visavis.results.picture_delay`).
+    With `picture_delay_ms`, gaze is compared with a picture from the moment its light reached the
+    eye, and times to `answers` count from that moment (`visavis.results.picture_delay`).
 
-    A measure that is a score of a questionnaire asked after blocks stands in every row of its
-    block. `needs` are streams of which a trial must have lost nothing (None: any). Where it lost
-    samples of another, the measures that read that stream are missing.
+    A measure that is a score of a questionnaire asked after blocks is the same in every row of
+    the block. `needs` are the streams that a trial must have without loss (None: all streams).
+    Where a trial lost samples of another stream, the measures that read it are missing.
 
     Raises:
         DataError: the session has no trial rows, or a measure cannot be computed.
     """
+    # Looks and other measures of gaze read both streams, so neither may have lost samples.
     if needs is not None and (looks or any(m.needs_gaze for m in measures)):
         needs = (*needs, "gaze", "gaze_targets")
     rows = analysed_trials(recording, needs=needs)
@@ -138,6 +139,7 @@ def take_in(
                 (row["recording_part"], str(row["trial_id"]), row.get("attempt")), frozenset()
             ),
         )
+        # A picture that reached the eye late was looked at late: shift gaze back by that time.
         if record.gaze is not None and (late_ms := record.number(LATE.name)) is not None:
             seen_ns = record.gaze.t_ns - round(late_ms * NS_PER_MS)
             record = replace(record, gaze=replace(record.gaze, t_ns=seen_ns))
@@ -152,6 +154,7 @@ def take_in(
                 key = {k: row[k] for k in ("participant", "session", "trial_id", "attempt")}
                 sensitivity_rows += [{**key, **setting} for setting in settings]
     new_columns = pd.DataFrame(values, index=rows.index)
+    # The columns of looks are there even where no trial has a value.
     if rules:
         look_names = [c.name for c in LOOK_COLUMNS]
         new_columns = pd.concat(
@@ -179,7 +182,7 @@ def take_in(
 
 
 def _from_light(rows: pd.DataFrame, late: LatePictures, answers: Sequence[str]) -> pd.DataFrame:
-    """Return trials with how late their pictures were, and times to answer from their light."""
+    """Return trials with the delay of their pictures and with times to answer from their light."""
     rows = rows.copy()
     delays_ns = [late.late_ns(row) for row in rows.to_dict("records")]
     rows[LATE.name] = [None if ns is None else ns / NS_PER_MS for ns in delays_ns]
@@ -192,7 +195,7 @@ def _from_light(rows: pd.DataFrame, late: LatePictures, answers: Sequence[str]) 
 
 
 def _answers(recording: Recording) -> dict[str, dict[str, Any]]:
-    """Return what was answered by questionnaire (NAME, or NAME@BLOCK) and question."""
+    """Return the answers by questionnaire (NAME, or NAME@BLOCK) and question."""
     events = recording.events()
     answers: dict[str, dict[str, Any]] = {}
     for payload in events.loc[events["name"] == "answer", "payload"]:
@@ -203,7 +206,7 @@ def _answers(recording: Recording) -> dict[str, dict[str, Any]]:
 def blocks_of(
     recording: Recording, after_block: Sequence[Questionnaire], blocked_by: str | None = None
 ) -> pd.DataFrame:
-    """Return one row per block with the answers and scores of what was asked after it."""
+    """Return one row per block with the answers and scores of questionnaires asked after it."""
     answers_by_name, rows = _answers(recording), []
     for block in recording.manifest.plan["blocks"]:
         row: dict[str, Any] = {
@@ -242,9 +245,9 @@ def person_of(recording: Recording, questionnaires: Sequence[Questionnaire]) -> 
 
 
 def validations_of(events: pd.DataFrame) -> dict[str, Any]:
-    """Return the error at the end of a session, how far it drifted, and validations rejected.
+    """Return the error at the end of a session, its drift and the number of rejected validations.
 
-    Nothing where no tracker was validated.
+    Empty where no tracker was validated.
     """
     validations = list(events.loc[events["name"] == "validation", "payload"])
     if not validations:
@@ -262,7 +265,7 @@ def validations_of(events: pd.DataFrame) -> dict[str, Any]:
 
 
 def gaze_facts(recording: Recording, rows: pd.DataFrame) -> dict[str, str]:
-    """Return what a recording answers of the reporting list for eye tracking; {} without gaze."""
+    """Return a recording's answers to the reporting list for eye tracking; {} without gaze."""
     devices = {d["role"]: d for d in recording.manifest.devices}
     tracker, headset = devices.get("eye_tracker", {}), devices.get("headset", {})
     is_recorded = "gaze" in recording.stream_names
@@ -304,14 +307,14 @@ def gaze_facts(recording: Recording, rows: pd.DataFrame) -> dict[str, str]:
 
 
 def _when_calibrated(plan: Mapping[str, Any]) -> str:
-    """Return before which blocks of a recorded plan the tracker was calibrated, in words."""
+    """Return in words before which blocks of a recorded plan the tracker was calibrated."""
     blocks = plan.get("blocks", ())
     often = sum(bool(block.get("calibrate")) for block in blocks)
     return "before the first block" if often < max(len(blocks), 2) else "before every block"
 
 
 def _role_with_rate(recording: Recording, role: str) -> str:
-    """Return the role of what follows the head or the body, with its nominal rate if it has one."""
+    """Return the role of a tracker of head or body, with its nominal rate if it has one."""
     stream = {"headset": "head", "body_tracker": "body"}[role]
     schema = recording.stream_schema(stream) if stream in recording.stream_names else None
     rate_hz = 0.0 if schema is None else schema.nominal_rate_hz
@@ -333,7 +336,7 @@ def _rate_in_trials_hz(recording: Recording, stream: str, done: pd.DataFrame) ->
 
 
 def _timing_facts(recording: Recording, rows: pd.DataFrame) -> dict[str, str]:
-    """Return what is known of the latency of gaze and of frames that were missed."""
+    """Return facts about the latency of gaze and about missed frames."""
     facts = {}
     events = recording.events()
     trips_ms = [

@@ -49,11 +49,11 @@ class OpenedStudy:
 
     study: Study
     plan: PlanReview | None = None
-    """How its locked plan was kept, for the report; None where no plan was locked."""
+    """How its locked plan was followed, for the report; None where no plan was locked."""
     tell: Callable[[str], None] | None = None
-    """Hears of every trial and person that an analysis leaves out, and why."""
+    """Called with a line on every trial and person that an analysis leaves out, and why."""
     make_views: Callable[[Path, Sequence[Striking]], None] | None = None
-    """Makes the pages of trials to look at, beside the report in the folder it is given."""
+    """Makes the pages of trials to look at, in the folder of the report."""
 
     @property
     def name(self) -> str:
@@ -92,10 +92,10 @@ class OpenedStudy:
             ) from error
 
     def _refuse_slips(self, made: StudyExperiment) -> None:
-        """Refuse comparisons, measures, exclusions and sections of what the study does not have.
+        """Refuse comparisons, measures, exclusions and sections with names the study does not have.
 
         Raises:
-            DesignError: naming the line of the study file, and the nearest there is.
+            DesignError: with the line of the study file and the most similar valid name.
         """
         measure_columns = tuple(m.column for m in self.measures(made))
         factors = (*(f.name for f in self.study.design.factors), *self.study.design.derived)
@@ -132,10 +132,10 @@ class OpenedStudy:
     def _unknown_column(
         self, rule: Exclusion, made: StudyExperiment
     ) -> list[tuple[str, str, tuple[str, ...]]]:
-        """Return the slip of a rule whose column no trial and no person can have."""
+        """Return the error of a rule whose column no trial and no person can have; else nothing."""
         if rule.level == "participant":
             valid_names = tuple(c.name for c in PEOPLE)
-            # What a study's own facts are called is known from data alone.
+            # The names of a study's own facts are known only once there are data.
             is_known = rule.column in valid_names or self.study.analysis.facts_of is not None
         else:
             valid_names = tuple(trial_columns(made, self.measures(made)))
@@ -146,10 +146,10 @@ class OpenedStudy:
     def _refuse_absent(
         self, experiment: StudyExperiment, rows: pd.DataFrame, facts: pd.DataFrame | None
     ) -> None:
-        """Refuse a rule of exclusion about what neither the study nor these data have.
+        """Refuse a rule of exclusion whose column neither the study nor these data have.
 
         Raises:
-            DataError: naming the line of the study file, and the nearest there is.
+            DataError: with the line of the study file and the most similar valid name.
         """
         own: list[str] = [] if facts is None else list(map(str, facts))
         there = {"trial": list(map(str, rows)), "participant": own}
@@ -169,7 +169,7 @@ class OpenedStudy:
     def participant(
         self, index: int, seed: int, *, effect: bool, experiment: Any = None
     ) -> SimulatedParticipant:
-        """Return a simulated participant, who is told what a participant is told, no more."""
+        """Return a simulated participant, who gets the same information as a real one."""
         study_experiment = self.experiment({}) if experiment is None else experiment
         if self.study.simulated.person_of is not None:
             return self.study.simulated.person_of(index, seed, effect, study_experiment)
@@ -186,7 +186,7 @@ class OpenedStudy:
     def judge_validation(
         self, points: Sequence[ValidationPoint], rate_hz: float
     ) -> ValidationVerdict:
-        """Measure a validation per eye; the combined eye decides, where anything rests on gaze."""
+        """Measure a validation per eye; the combined eye decides. Passes where gaze is not used."""
         if not self.study.devices.validate:
             return ValidationVerdict(
                 True, "gaze is not measured in this study", None, None, None, 0, ()
@@ -232,9 +232,9 @@ class OpenedStudy:
     # ---- analysis ----
 
     def measures(self, experiment: StudyExperiment) -> tuple[Measure, ...]:
-        """Return everything measured; what was lost of gaze too, or of the head where no gaze is.
+        """Return all measures, with the share of lost gaze, or of lost head where gaze is not used.
 
-        Looks say themselves what of gaze was lost.
+        Measures of looks already contain the share of lost gaze.
         """
         measures = measures_of(self.study, experiment.responses)
         if self.study.analysis.looks:
@@ -252,7 +252,7 @@ class OpenedStudy:
         return self.study.analysis.measured_in_pieces
 
     def asked(self, names: Sequence[str]) -> list[Questionnaire]:
-        """Return questionnaires by name, as they were written."""
+        """Return questionnaires by name, in their original wording."""
         return [questionnaire(name, self.study.folders) for name in names]
 
     def measure(
@@ -261,7 +261,7 @@ class OpenedStudy:
         settings: Mapping[str, Any] | None = None,
         measured: Mapping[str, MeasuredTrial] | None = None,
     ) -> SessionIntake:
-        """Take in one session; `measured` are trials that were measured one by one before."""
+        """Take in one session; `measured` are trials that have been measured one by one already."""
         use_recorded_cast(recording)
         study, pieces = self.study, self.pieces
         experiment = self.experiment_of(recording)
@@ -290,7 +290,7 @@ class OpenedStudy:
         Raises:
             DataError: there is no such rule or threshold.
             UsageError: one is out of range.
-            ConfigError: a value is none of the kind.
+            ConfigError: a value has the wrong type.
         """
         study, pieces = self.study, self.pieces
         setting_names = [SETTING, *(r.name for r in study.analysis.exclusions)]
@@ -322,7 +322,7 @@ class OpenedStudy:
         the study's own analysis.
 
         Raises:
-            DataError: there is no such rule or threshold, or nothing counts.
+            DataError: there is no such rule or threshold, or no trial counts.
             UsageError: one is out of range.
         """
         settings = settings or {}
@@ -363,11 +363,11 @@ class OpenedStudy:
     ) -> StudyAnalysis:
         """Analyse trials, one row each; `people` hold answers of questionnaires.
 
-        `planned` is how many trials each participant was to have; `varied` are the main measures
-        of looks by padding and minimum duration, `tables` the study's further tables.
+        `planned` is the number of trials planned for each participant; `varied` are the main
+        measures of looks by padding and minimum duration, `tables` the study's further tables.
 
         Raises:
-            DataError: nothing counts.
+            DataError: no trial counts.
         """
         design = self.study.design_with(experiment.parameters)
         cell_factors = self.study.analysis.cells_of(design)
@@ -455,11 +455,10 @@ class OpenedStudy:
     ) -> Path:
         """Write tables, figures and the report of what was analysed; return the report's path.
 
-        `folder` is the study's, as the report names it.
-
-        The tables of `sessions` are not asked for again.
+        `folder` is the study's folder as the report names it. The tables of `sessions` are not
+        used.
         """
-        # Figures take a second to import; sessions and previews do without.
+        # Imported here: figures take a second to import, and sessions and previews need none.
         from visavis.results.outputs import write_study
 
         analysis = replace(analysis, is_simulated=is_simulated, example=example)
@@ -491,7 +490,7 @@ class OpenedStudy:
 
 
 def _facts(own: pd.DataFrame | None, people: pd.DataFrame | None) -> pd.DataFrame | None:
-    """Return what is known of people besides their trials, the study's own facts among it."""
+    """Return facts about people that do not follow from their trials, the study's own included."""
     if people is None or ANSWERED not in people:
         return own
     answer_shares = people[["participant", ANSWERED]]

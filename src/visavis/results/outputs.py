@@ -1,4 +1,4 @@
-"""Write what an analyst takes away of a study: tables, dictionaries, figures, report."""
+"""Write the results of a study: tables, dictionaries, figures, report."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
@@ -51,8 +51,8 @@ def write_study(
 ) -> Path:
     """Write tables, figures and the report; return the report's path.
 
-    `facts` is what recordings answer of the reporting list for eye tracking, `plan` how a locked
-    plan was kept, `streams` what devices of the lab's own recorded.
+    `facts` are the recordings' answers to the reporting list for eye tracking, `plan` is the
+    review of a locked plan, `streams` are the recordings of the lab's own devices.
 
     Raises:
         UsageError: the folder cannot be written to.
@@ -68,14 +68,14 @@ def write_study(
         own = {d.name: d for extra in extras for d in extra.figures}
         del extras
         pictures: dict[str, Picture] = {}
-        # Drawn, a figure holds much of every participant: each is let go of once it is written.
+        # A figure holds data of every participant: free the memory of each once it is written.
         for figure in _figures(analysis, experiment, own, quality):
             write_figure(figure, out_dir / "figures")
             pictures[figure.name] = picture_of(figure)
-            figure.figure.clear()  # its artists refer to each other
+            figure.figure.clear()  # without it they stay: its artists refer to each other
         stream_pictures = []
         for figure in figures_of_streams(streams):
-            write_figure(figure, out_dir / "figures")  # everybody's lie beside the report
+            write_figure(figure, out_dir / "figures")  # all participants' figures
             if figure.name.endswith(f"_{streams[0].participant}"):
                 stream_pictures.append(picture_of(figure))
             figure.figure.clear()
@@ -111,9 +111,9 @@ def _figures(
     own: dict[str, ReportFigure],
     quality: Quality | None,
 ) -> Iterator[ReportFigure]:
-    """Yield every figure once; `own` are those of the study's sections, which go before others.
+    """Yield every figure once; those of the study's sections replace others of the same name.
 
-    They are taken out of `own` as they are yielded.
+    `own` are the figures of the sections by name; each is removed from it when it is yielded.
     """
     texts = experiment.texts
     for figure in chain(study_figures(analysis, texts), family_figures(analysis, texts)):
@@ -142,11 +142,13 @@ def write_tables(
     pieces = study.analysis.measured_in_pieces
     marks = {SIMULATED_COLUMN: analysis.is_simulated}
     marks |= {} if pieces is None or analysis.how is None else pieces.marks(analysis.how)
+    # Trials: types are fixed, so that tables of several studies can be concatenated.
     trials = analysis.selection.rows.assign(**marks)
     dictionary = trial_columns(experiment, analysis.measures)
     trials = typed(trials, {c.name: c for c in fixed_columns(experiment)})
     write_table(trials, dictionary, out_dir / "trials.csv", scenes=True)
     trials.to_parquet(out_dir / "trials.parquet", index=False)
+    # Participants: the selection's facts first, then answers, then quality, no column twice.
     people = analysis.selection.people
     rest = [c for c in analysis.people if c == "participant" or c not in people]
     people = people.merge(analysis.people[rest], on="participant", how="left")
@@ -198,7 +200,7 @@ def write_tables(
 def statistics_rows(analysis: StudyAnalysis) -> list[dict[str, Any]]:
     """Return one row per effect of every comparison, then per test of every family.
 
-    The first family without rules of exclusion comes last. Untested ones say why.
+    Last comes the first family repeated without exclusions. Rows without a test say why.
     """
     rows: list[dict[str, Any]] = []
     for finding in analysis.findings:
@@ -254,7 +256,7 @@ def contrast_rows(analysis: StudyAnalysis) -> list[dict[str, Any]]:
 
 
 def _decided(finding: Finding, row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what was decided of a contrast of two levels, beside what the source prints."""
+    """Return the verdict on a contrast of two levels, with the source's where there is one."""
     contrast = next((c for c in finding.contrasts if c.row is row), None)
     if contrast is None:
         return {}

@@ -2,8 +2,8 @@
 
 Both follow from what the study declares: simulated people perform its trials over the quick path,
 its exclusion rules decide what counts, its planned comparisons are tested with the correction of
-their family. `effect` 0 gives people to whom what is shown makes no difference, so that whatever
-is significant is false.
+their family. With `effect` 0 conditions make no difference to people, so that every significant
+result is false.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -44,7 +44,7 @@ MIN_N = 3
 class SimulateStudy(Protocol):
     """Simulate people of a study without recordings, such as `visavis.running.quick.quick_study`.
 
-    `effect` multiplies what is shown makes of a difference.
+    `effect` multiplies the difference that conditions make.
     """
 
     def __call__(
@@ -57,7 +57,7 @@ class SimulateStudy(Protocol):
         seed: int,
         effect: float,
     ) -> SimulatedStudy:
-        """Return the trials and the people at these places in the order."""
+        """Return the trials and the people with these indices."""
         ...
 
 
@@ -65,8 +65,8 @@ class SimulateStudy(Protocol):
 class KitPower:
     """Implement `visavis.analysis.power.PowerStudy` for a study on the kit.
 
-    `reference` finds the study again in any process; `make_tracker` gives each person a tracker,
-    with which `simulate_study` performs their trials; `overrides` replace parameters of the study.
+    `reference` finds the study again in any process; `make_tracker` makes the tracker with
+    which `simulate_study` performs a person's trials; `overrides` replace parameters of the study.
     """
 
     reference: str
@@ -88,7 +88,7 @@ class KitPower:
     def tests(self) -> Mapping[str, str]:
         """Every planned test by name, with what it claims: effects, pairs, correlations, questions.
 
-        Of a comparison's effects the one that its claim is about comes first.
+        Among the effects of a comparison, the one that its claim is about comes first.
 
         Raises:
             UsageError: the study plans none.
@@ -134,9 +134,10 @@ class KitPower:
 
     @property
     def shown_tests(self) -> Sequence[str]:
-        """What is shown unless asked otherwise; the first decides the number of participants.
+        """The tests shown by default; the first one decides the number of participants.
 
-        Every effect of a comparison, the first measure's pairs of the first family, and questions.
+        Every effect of a comparison, the tests of the first measure of the first family, and
+        questions.
         """
         study, every = self._opened.study, self.tests
         families = families_of(study)
@@ -145,7 +146,7 @@ class KitPower:
         return tuple(n for n in every if n in first or n not in further)
 
     def rule(self, alpha: float) -> str:
-        """Return how a test becomes significant."""
+        """Return in words when a test is significant."""
         study = self._opened.study
         pairs = [of for of in families_of(study) if isinstance(of, Pairs)]
         if pairs and not study.analysis.compare:
@@ -158,7 +159,7 @@ class KitPower:
         )
 
     def effect_meaning(self, effect: float, source: Source) -> str:
-        """Return what the multiplier did."""
+        """Return in words what the multiplier changed."""
         if source == "study folder":
             as_found = "People drawn with replacement from those recorded"
             if effect == 1:
@@ -177,7 +178,7 @@ class KitPower:
         )
 
     def prepare(self, told: Callable[[int, int], None]) -> None:
-        """Do what the study does before a first trial: of waving, make the waves."""
+        """Prepare the study before its first trial: a study on waving makes its waves."""
         self._opened.experiment(self.overrides).prepare(told)
 
     def simulate(
@@ -194,7 +195,7 @@ class KitPower:
         return self._at_every_number(rows, numbers, tests, alpha)
 
     def simulate_people(self, indices: Sequence[int], *, effect: float, seed: int) -> pd.DataFrame:
-        """Return what tests need of some simulated people: trials that count, or means.
+        """Return the rows of simulated people that tests need: trials that count, or means.
 
         Raises:
             UsageError: the study's people cannot be given such an effect.
@@ -208,7 +209,7 @@ class KitPower:
         return _needed(opened_study, experiment, trials, simulation.people)
 
     def people_of(self, folder: Path, *, effect: float) -> tuple[pd.DataFrame, bool]:
-        """Return what tests need of the people in a study's folder.
+        """Return the rows of the people in a study's folder that tests need.
 
         Raises:
             DataError: no trial table of this study there, simulated and real people together, too
@@ -262,7 +263,7 @@ class KitPower:
     def _at_every_number(
         self, rows: pd.DataFrame, numbers: Sequence[int], tests: Sequence[str], alpha: float
     ) -> dict[int, Verdicts]:
-        """Test the first n names for every n; a person left out by the rules leaves a gap."""
+        """Test the first n people for every n; anyone left out by the rules is not replaced."""
         opened_study = self._opened
         experiment = opened_study.experiment(self.overrides)
         place = rows["participant"].astype(int).to_numpy()
@@ -301,8 +302,9 @@ class KitPower:
 
 
 def _effect_name(compare: Compare, term: str, every: Sequence[Compare]) -> str:
-    """Return what an effect is called: measure and term, and where several comparisons have it, of
-    whom, by which model or test and over which factors.
+    """Return the name of an effect: measure and term.
+
+    Where several comparisons have it, their levels, model or test, and factors are added.
     """
     name = f"{compare.dv}:{term}"
     same = [c for c in every if not c.exploratory and c.dv == compare.dv and term in c.terms]
@@ -331,7 +333,7 @@ def _of_families(
     alpha: float,
     findings: tuple[Finding, ...],
 ) -> dict[str, PlannedTestResult]:
-    """Make the asked tests of families; a question needs every test of every family."""
+    """Make the requested tests of families; a question needs every test of every family."""
     study, levels = opened.study, experiment.levels
     measures = {m.column: m for m in opened.measures(experiment)}
     asks = any(name in study.analysis.questions for name in tests)
@@ -371,7 +373,7 @@ def _of_families(
 
 
 def _claim_of(compare: Compare, term: str) -> str:
-    """Return what a test of one effect claims: the comparison's claim is put to one of several."""
+    """Return the claim of one effect; among several, only the claimed one has the full claim."""
     if len(compare.terms) == 1 and compare.claim:
         return compare.claim
     statement = f"{compare.dv} depends on {term.replace(':', ' × ')}"
@@ -379,7 +381,7 @@ def _claim_of(compare: Compare, term: str) -> str:
 
 
 def families_of(study: Study) -> tuple[Family, ...]:
-    """Return the families of which power is found: planned ones, not made place by place."""
+    """Return the families whose power is computed: planned ones without `each`."""
     return tuple(
         of
         for of in study.analysis.families
@@ -411,7 +413,7 @@ def claims_of(study: Study, of: Family, measures: Sequence[str] | None = None) -
 
 
 def _printed_t(study: Study, of: Family) -> Iterator[tuple[str, PrintedTest]]:
-    """Yield what a source prints of the paired t tests of a family, by their names."""
+    """Yield the paired t tests of a family that its source prints, by name."""
     if not isinstance(of, Pairs) or of.printed is None or study.report.source is None:
         return
     n, nan = study.report.source.participants, float("nan")
@@ -467,9 +469,9 @@ def _needed(
     counted: pd.DataFrame,
     people: pd.DataFrame | None,
 ) -> pd.DataFrame:
-    """Return what tests need: means by level where all of them compare levels of one factor.
+    """Return the rows that tests need: means by level where all compare levels of one factor.
 
-    Scores stand in every row of a person, so that whoever is drawn brings theirs.
+    Every row of a person has their scores, so that resampling keeps them together.
     """
     families = families_of(opened.study)
     factors = {of.factor for of in families}
@@ -507,7 +509,7 @@ def _table(folder: Path, name: str) -> Path | None:
 
 
 def draw_people(people: pd.DataFrame, n: int, rng: np.random.Generator) -> pd.DataFrame:
-    """Draw n people with replacement, each with all rows; the drawn get numbers as names."""
+    """Draw n people with replacement, each with all rows; their new names are numbers."""
     rows_of = list(people.groupby("participant", sort=True).indices.values())
     row_groups = [rows_of[i] for i in rng.integers(0, len(rows_of), n)]
     sample = people.iloc[np.concatenate(row_groups)].reset_index(drop=True)
@@ -541,6 +543,6 @@ def _off(
 
 
 def _counted(opened: OpenedStudy, experiment: StudyExperiment, rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the trials that the study's rules let count."""
+    """Return the trials that count by the study's rules."""
     planned_counts = {str(name): int(n) for name, n in rows.groupby("participant").size().items()}
     return opened.selection_of(experiment, rows, planned=planned_counts).counted

@@ -15,11 +15,11 @@ from visavis.study.measures import LOST_COLUMN
 
 ERROR_COLUMN = "calibration_accuracy_deg"
 LOSS_COLUMNS = ("lost_01", LOST_COLUMN)
-"""Where a trial's lost gaze stands: with all looks, or measured by itself."""
+"""Columns with a trial's share of lost gaze: of the measures of looks, or by itself."""
 END_ACCURACY, DRIFT, REJECTED = "end_accuracy_deg", "drift_deg", "rejected_validations"
 SESSION_COLUMNS = (END_ACCURACY, DRIFT, REJECTED)
-"""Optional columns of the participants' answers: the validation after the last trial, how far it
-lies from the one before, validations that did not pass."""
+"""Optional columns of the participants' answers: error of the validation after the last trial, its
+difference to the one before, number of validations that did not pass."""
 
 VISION_COLUMN = "vision"
 VISION_QUESTIONNAIRE = "demographics"
@@ -33,7 +33,7 @@ QUALITY_TABLE = (
     Described("trials", "1", "trials finished, practice left out"),
     Described("trials_out", "1", "of these, trials that lost more gaze than the limit"),
 )
-"""What a participant's quality is made of."""
+"""Columns of a participant's quality."""
 
 
 @dataclass(frozen=True)
@@ -41,10 +41,10 @@ class Quality:
     """Quality as the report shows it.
 
     `participants` has one row each: participant, accuracy_deg, precision_deg, worst_point_deg,
-    lost_01, calibrations, trials, trials_out; NaN where unknown; and those of `SESSION_COLUMNS`
-    that the answers have. `facts` adds lines of the
-    reporting list that recordings answer (tracker, rates, filters). `incidents` lists
-    interruptions and deviations as participant, what, reason. The limits are those of the rules.
+    lost_01, calibrations, trials, trials_out; NaN where unknown. It also has the columns of
+    `SESSION_COLUMNS` that the answers have. `facts` are the answers of recordings to the reporting
+    list (tracker, rates, filters). `incidents` lists interruptions and deviations as participant,
+    what, reason. The limits are those of the rules.
     """
 
     participants: pd.DataFrame
@@ -63,7 +63,7 @@ def quality_of_trials(
     people: pd.DataFrame | None = None,
     max_error_deg: float | None = None,
 ) -> Quality:
-    """Take the quality from the calibration and loss columns of the trial table.
+    """Compute the quality from the calibration and loss columns of the trial table.
 
     `finished` are the finished trials, practice left out, `trials` all of them. `people` are the
     participants' answers: their vision and, where known, `SESSION_COLUMNS`. An error above

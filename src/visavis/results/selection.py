@@ -36,7 +36,7 @@ class Left:
 
 @dataclass(frozen=True)
 class Selection:
-    """What counts: `rows` holds every trial with `is_analysed` and the reason, `flow` the steps."""
+    """What counts: `rows` holds every trial with `is_analysed` and the reason, `left` the steps."""
 
     rows: pd.DataFrame
     people: pd.DataFrame
@@ -61,9 +61,9 @@ class Selection:
 
     @property
     def finished(self) -> pd.DataFrame:
-        """The trials that were finished, each once, practice left out, whether they count or not.
+        """Finished trials, each once and without practice, whether they count or not.
 
-        What would count without rules.
+        All of them would count without rules.
         """
         out = (PRACTICE, UNREADABLE, NOT_FINISHED, REPEATED)
         done: pd.DataFrame = self.rows[~self.rows[REASON].isin(out)]
@@ -86,7 +86,7 @@ def left_out_lines(selection: Selection, rules: Sequence[Exclusion]) -> list[str
 
 
 def rule_words(selection: Selection, rules: Sequence[Exclusion], name: str) -> str:
-    """Return what a step leaves out, in words: of a rule its column and the limit in force."""
+    """Return in words what a step leaves out; for a rule, its column and the limit in force."""
     rule = next((r for r in rules if r.name == name), None)
     if rule is None:
         standard_words = {
@@ -114,17 +114,18 @@ def select(
 ) -> Selection:
     """Decide which trials count.
 
-    Of a trial that was performed again the last finished attempt counts; one without a value that
-    a rule asks for (`if_missing`) takes no other's place. `cells` are the factors
+    Where a trial was performed again, the last finished attempt counts. An attempt without a value
+    that a rule requires (`if_missing`) does not replace an earlier one. `cells` are the factors
     within people whose combinations each person must meet, `planned` the number of trials planned
-    for each participant, `cell_count` how many cells each person meets. `facts` are what else is
-    known of people, one row per participant, for rules to name.
+    for each participant, `cell_count` how many cells each person meets. `facts` has one row per
+    participant, with further columns that rules may name.
     """
-    table = rows.reset_index(drop=True)  # rows of its own; what was given stays as it is
+    table = rows.reset_index(drop=True)  # a copy: the caller's table is not changed
     reasons = pd.Series([""] * len(table), dtype=object)
     left: list[Left] = []
 
     def leave(out: "pd.Series[bool]", rule: str, level: Level, words: Sequence[str] | str) -> None:
+        # The first reason stays, so the order of the steps decides which one a trial gets.
         fresh = out & (reasons == "")
         texts = [words] * len(table) if isinstance(words, str) else list(words)
         reasons[fresh] = pd.Series(texts, dtype=object)[fresh]
@@ -150,6 +151,7 @@ def select(
     trial_rules = [r for r in rules if r.level == "trial" and r.column in table]
     for rule in (r for r in trial_rules if r.if_missing):
         judge(rule)
+    # Only complete attempts with every required value can be the last one of a trial.
     done = table[reasons == ""].sort_values("attempt", kind="stable")
     again = pd.Series(False, index=table.index)
     again[done.index[done.duplicated(["participant", "session", "trial_id"], keep="last")]] = True
@@ -157,6 +159,7 @@ def select(
     finished_trials = table[reasons == ""]
     for rule in (r for r in trial_rules if not r.if_missing):
         judge(rule)
+    # Rules on people come last: they look at the trials that the rules on trials left.
     people = participant_facts(table, finished_trials, reasons == "", cells, planned, cell_count)
     if facts is not None:
         people = people.merge(facts, on="participant", how="left")
@@ -192,13 +195,13 @@ def participant_facts(
     planned: Mapping[str, int],
     cell_count: int,
 ) -> pd.DataFrame:
-    """Return what rules about people look at, one row per participant.
+    """Return the columns that rules on people use, one row per participant.
 
-    `completed_01` is the share of planned trials that were finished, those of damaged recordings
-    not counted, `bad_trials_01` the share of
-    finished ones left out, `smallest_cell_trials` the trials that count in the emptiest cell,
-    `smallest_cell_01` their share of those planned for a cell,
-    `calibration_error_deg` the mean error over the validations their trials were made with.
+    `completed_01` is the share of planned trials that were finished, without those of damaged
+    recordings, `bad_trials_01` the share of finished trials that were left out.
+    `smallest_cell_trials` is the number of trials that count in the emptiest cell,
+    `smallest_cell_01` the smallest share of a cell's planned trials that count,
+    `calibration_error_deg` the mean error over the validations in force during the trials.
     """
     facts = []
     for name in sorted({*rows["participant"].astype(str), *planned}):
@@ -228,10 +231,10 @@ def participant_facts(
 def _smallest_share(
     good: pd.DataFrame, gone: pd.DataFrame, cells: Sequence[str], planned: int, cell_count: int
 ) -> float:
-    """Return the least share, over cells, of the trials planned for one that count.
+    """Return the smallest share of a cell's planned trials that count.
 
-    Trials that a damaged recording cost are not counted as planned, those of unknown cell by equal
-    shares.
+    Trials lost to a damaged recording are not counted as planned. Where their cell is unknown they
+    are divided equally among the cells.
     """
     if not planned:
         return float("nan")
@@ -246,14 +249,14 @@ def _smallest_share(
 
 
 def _gone(rows: pd.DataFrame, name: str) -> pd.DataFrame:
-    """Return a participant's trials that a damaged recording cost, each once: nobody's doing."""
+    """Return a participant's trials that were lost to a damaged recording, each once."""
     is_damaged = rows["status"].isin((DAMAGED, LOST)) & ~rows["is_practice"].astype(bool)
     mine = rows["participant"].astype(str) == name
     return rows[is_damaged & mine].drop_duplicates("trial_id")
 
 
 def mean_error_deg(rows: pd.DataFrame) -> float:
-    """Return the mean error over the calibrations one participant's trials were made with."""
+    """Return the mean error over the calibrations in force during one participant's trials."""
     if "calibration_accuracy_deg" not in rows:
         return float("nan")
     each = rows.dropna(subset=["calibration_accuracy_deg"])

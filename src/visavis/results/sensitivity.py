@@ -1,4 +1,4 @@
-"""Do verdicts depend on how far heads are padded and how short a fixation may be."""
+"""How verdicts depend on the padding of heads and the minimum duration of a fixation."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -71,7 +71,7 @@ def sensitivity(
     """Repeat a family for every padding and minimum duration in `rows`.
 
     `rows` holds the family's measures by participant, trial_id (session, attempt), pad_deg and
-    minimum_fixation_ms; levels are taken from `kept`, and trials that are not kept are left out.
+    minimum_fixation_ms; levels are taken from `kept`, and trials that are not in it are left out.
 
     Raises:
         DataError: a key is missing.
@@ -86,7 +86,7 @@ def sensitivity(
         )
     trial_levels = kept[[*keys, of.factor]]
     table = []
-    # Joined cell by cell: of a hundred people the whole, joined, is as large as their trials.
+    # Joined cell by cell to save memory: joined at once, it would be as large as all trials.
     cells: dict[Any, Any] = rows.groupby([PAD_COLUMN, MINIMUM_COLUMN]).indices
     for pad_deg, minimum_ms in sorted(cells):
         values = rows.iloc[cells[pad_deg, minimum_ms]]
@@ -110,7 +110,7 @@ def sensitivity(
 
 
 def sensitivity_columns(of: Pairs, measures: Mapping[str, Measure]) -> dict[str, Column]:
-    """Return what describes the sensitivity table of a family, by name."""
+    """Return the columns of a family's sensitivity table, by name."""
     first, second = of.levels[0]
     test_columns = [
         column

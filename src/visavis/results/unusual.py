@@ -17,17 +17,17 @@ from visavis.study.measures import Measure
 VIEWS: Final = "views"
 """Folder beside a report with the pages of its trials."""
 MAX_MODIFIED_Z: Final = 3.5
-"""Beyond it a value is outlying (Iglewicz & Hoaglin, 1993)."""
+"""Modified z above which a value counts as an outlier (Iglewicz & Hoaglin, 1993)."""
 NORMAL_MAD: Final = 0.6745
 """Median absolute deviation of a normal distribution, in standard deviations."""
 MIN_OF_A_KIND: Final = 5
-"""Of fewer trials nothing can be told to lie apart."""
+"""With fewer trials than this, no value is called an outlier."""
 MAX_LISTED: Final = 60
 
 
 @dataclass(frozen=True)
 class Striking:
-    """A trial of somebody and why to look at it."""
+    """A participant's trial, and why somebody should look at it."""
 
     participant: str
     session: str
@@ -36,11 +36,12 @@ class Striking:
 
 
 def striking_trials(analysis: StudyAnalysis) -> tuple[Striking, ...]:
-    """Return trials that were broken off, skipped, flagged, left out, or whose value lies apart.
+    """Return trials that were broken off, skipped, flagged or left out, or that have an outlier.
 
-    A value lies apart when it is farther than `MAX_MODIFIED_Z` from the median of the same person's
-    trials with the same levels of all factors compared, by the spread of the whole study about
-    those medians. Practice is left out, and who does not count at all.
+    A value is an outlier when it is farther than `MAX_MODIFIED_Z` from the median of the same
+    person's trials with the same levels of all factors compared. The unit is the spread of the
+    whole study about those medians. Practice is not listed. A trial is not listed merely because
+    it was performed again later or its participant was left out.
     """
     rows = analysis.selection.rows
     whys: dict[tuple[str, str, str], list[str]] = {}

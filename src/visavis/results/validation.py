@@ -14,7 +14,7 @@ EYES: Final = ("combined", "left", "right")
 
 
 def judge_validation(points: Sequence[ValidationPoint], rate_hz: float) -> ValidationVerdict:
-    """Decide a validation by the combined eye; rows hold every point and eye."""
+    """Decide a validation by the combined eye; the verdict's rows hold every point and eye."""
     rows: list[dict[str, str | int | float | bool | None]] = []
     summaries = {}
     for eye in EYES:

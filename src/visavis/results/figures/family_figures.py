@@ -34,7 +34,7 @@ from visavis.study.pairs import Correlate, Pairs
 from visavis.study.texts import Texts, label_of
 
 COLUMNS = 3
-"""At most how many panels stand side by side."""
+"""Largest number of panels in one row."""
 
 
 def figure_names(family: str) -> tuple[str, str]:
@@ -44,7 +44,7 @@ def figure_names(family: str) -> tuple[str, str]:
 
 
 def family_figures(analysis: StudyAnalysis, texts: Texts) -> Iterator[ReportFigure]:
-    """Yield the figures of every family, drawn as asked for; made place by place: none."""
+    """Yield the figures of every family, each drawn on request; families with `each` have none."""
     for family in analysis.families():
         of = next(r.of for r in analysis.results if r.of.family == family)
         if isinstance(of, Correlate):

@@ -1,4 +1,4 @@
-"""The standard figures of a study: every comparison with everybody in it, and who was left out."""
+"""The standard figures of a study: every comparison with all participants, and exclusions."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -43,12 +43,12 @@ from visavis.study.measures import aggregated
 from visavis.study.texts import Texts, label_of
 
 SCALE_MARGIN_01: Final = 0.04
-"""Room beyond the ends of a rating's scale, of its length."""
+"""Margin beyond each end of a rating scale, as a share of its length."""
 COLOURS: Final = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, BLACK)
 
 
 def study_figures(analysis: StudyAnalysis, texts: Texts) -> Iterator[ReportFigure]:
-    """Yield every figure, drawn as it is asked for; marked when the data are simulated."""
+    """Yield every figure, each drawn on request; marked when the data are simulated."""
     for finding in {figure_name(f): f for f in analysis.findings}.values():
         if finding.measure.column in analysis.selection.rows and _factors(finding):
             yield _comparison(analysis, finding, texts)
@@ -141,7 +141,7 @@ def trials_of_who_is_out(analysis: StudyAnalysis) -> pd.DataFrame:
 
 
 def trials_with_left_out(analysis: StudyAnalysis) -> pd.DataFrame:
-    """Return the finished trials of those who count and lost some of them to a rule."""
+    """Return the finished trials of participants who count but lost some to a rule."""
     trials, people = analysis.selection.finished, analysis.selection.people
     counts = people.loc[people[COUNTED].astype(bool), "participant"]
     mine = trials[trials["participant"].isin(counts)]
@@ -153,7 +153,7 @@ def trials_with_left_out(analysis: StudyAnalysis) -> pd.DataFrame:
 def _wide(
     cells: pd.DataFrame, factor: str, column: str, levels: Sequence[object]
 ) -> tuple[Values, list[str]]:
-    """Return a measure (participants, levels) and whose the rows are; NaN where missing."""
+    """Return a measure (participants, levels) and each row's participant; NaN where missing."""
     if column not in cells or cells.empty:
         return np.empty((0, len(levels))), []
     wide = cells.pivot_table(index="participant", columns=factor, values=column)
@@ -181,7 +181,7 @@ def _dots(
 def exclusions_figure(
     selection: Selection, rules: Sequence[Exclusion], *, is_simulated: bool
 ) -> ReportFigure:
-    """Return what was performed, what every rule left out, and what counts."""
+    """Return the flow chart of what was performed, what every rule left out, and what counts."""
     people, counts = selection.people, selection.counted
     stages = [
         Stage(

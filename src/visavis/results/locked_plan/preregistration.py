@@ -7,12 +7,14 @@ NONE_TEXT = "None."
 
 
 def markdown(content: Mapping[str, Any], sha256: str) -> str:
-    """Return the plan for people: the sections of a preregistration on OSF, then its hash."""
+    """Return the plan as a readable page, with the sections of a preregistration on OSF."""
     plan, sample = content["plan"], content["sample"]
     comparisons = plan["comparisons"]
+    # Exploratory comparisons have a section of their own and no hypothesis.
     confirmatory = {n: c for n, c in comparisons.items() if not c["exploratory"]}
     besides = {n: c for n, c in comparisons.items() if c["exploratory"]}
     before = sample["sessions_before"]
+    # Sections come in the order of OSF's form, so that they can be copied one by one.
     parts = [
         f"# {plan['title']}: locked plan",
         f"Study `{plan['study']}`, version {plan['study_version']}. "

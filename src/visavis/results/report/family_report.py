@@ -1,4 +1,4 @@
-"""Sections of the report on families of tests: every test beside what its source prints."""
+"""Sections of the report on families of tests: every test with its source's result."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -42,7 +42,7 @@ ARROWS = {1: "↗", -1: "↘"}
 
 
 def family_verdicts(analysis: StudyAnalysis) -> tuple[Verdict, ...]:
-    """Return the study's own conclusions; of a study without, how much each family found."""
+    """Return the study's own conclusions; without any, the number of hits in each family."""
     if analysis.study.analysis.conclude_of is not None:
         return tuple(
             Verdict(c.status, c.headline, " ".join(c.evidence)) for c in analysis.conclusions
@@ -72,7 +72,7 @@ FITTED: Final = (
 
 
 def agreement_table(analysis: StudyAnalysis) -> Table | None:
-    """Return how many published verdicts come back, by family; None where nothing is printed."""
+    """Return how many published verdicts are replicated, by family; None where none is printed."""
     rows = []
     for family in analysis.families():
         tests = analysis.tests_of(family)
@@ -94,14 +94,14 @@ def agreement_table(analysis: StudyAnalysis) -> Table | None:
 
 
 def fitted_note(analysis: StudyAnalysis) -> str:
-    """Return what agreement with a source means where people are simulated; else nothing."""
+    """Return what agreement with a source means where people are simulated; else an empty text."""
     return FITTED if analysis.is_simulated else ""
 
 
 def family_sections(
     analysis: StudyAnalysis, pictures: Mapping[str, Picture]
 ) -> tuple[Section, ...]:
-    """Return a section for each family, and one on what verdicts rest on."""
+    """Return a section for each family, and one on the robustness of verdicts."""
     sections = []
     for family in analysis.families():
         pairs, correlations = analysis.pairs_of(family), analysis.correlations_of(family)
@@ -234,7 +234,7 @@ def _printed_cells(test: PairTest) -> tuple[Cell, ...]:
 
 
 def verdict_cell(found: Agreement | None) -> Cell:
-    """Return how our verdict stands to the published one."""
+    """Return a cell that compares our verdict with the published one."""
     if found is None:
         return Cell(MISSING, "weak")
     if found.ours is not None and not found.is_decidable:

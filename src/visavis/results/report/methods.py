@@ -34,7 +34,7 @@ def method_paragraphs(analysis: StudyAnalysis, experiment: StudyExperiment) -> t
 
 
 def own_methods(experiment: StudyExperiment) -> tuple[str, ...]:
-    """Return what is known before anything is analysed: the study's own words, its design."""
+    """Return the paragraphs that need no analysis: the study's own words, its design."""
     values = {k: shown(v) for k, v in experiment.parameters.items()}
     own = experiment.study.report.methods.format_map(values)
     parts = (p.strip() for p in own.split("\n\n") if p.strip())
@@ -63,7 +63,7 @@ def _design(experiment: StudyExperiment) -> str:
 
 
 def _procedure(experiment: StudyExperiment) -> str:
-    """Return what trials showed and asked, where the study's own words do not tell it."""
+    """Return what trials showed and asked; empty where the study's own words say it."""
     if experiment.study.report.methods.strip():
         return ""
     scene_texts = []
@@ -203,7 +203,7 @@ def _families(analysis: StudyAnalysis) -> Iterator[str]:
 
 
 def spoken(finding: Finding, texts: Texts) -> str:
-    """Return what a comparison is called in sentences: measure, factors, and of whom."""
+    """Return the name of a comparison in sentences: measure, factors and selected levels."""
     words = finding.measure.words
     factors = " × ".join(
         label_of(texts, name)

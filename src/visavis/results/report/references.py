@@ -12,7 +12,7 @@ _TYPES: Final = {"article": "JOUR", "inproceedings": "CONF", "misc": "GEN"}
 
 @dataclass(frozen=True)
 class Reference:
-    """One cited work; `note` holds a citation of which only the text is known."""
+    """One cited work; `note` holds a citation that is known only as text."""
 
     key: str
     kind: str
@@ -73,7 +73,7 @@ HOLM: Final = Reference(
 
 
 def references_of(analysis: StudyAnalysis, *, with_gaze: bool) -> tuple[Reference, ...]:
-    """Return what the report of an analysis rests on: methods used, the study's own references."""
+    """Return the references of a report: the methods it uses, and the study's own."""
     references = [GUIDELINE, VALIDATION] if with_gaze else []
     findings = [f for f in analysis.findings if f.outcome is not None]
     if any(f.outcome.question.test == "art" for f in findings if f.outcome is not None):
@@ -93,7 +93,7 @@ def _quoted(text: str) -> Reference:
 
 
 def bibtex(references: Iterable[Reference]) -> str:
-    """Return the references as BibTeX; a work of which only the text is known is `@misc`."""
+    """Return the references as BibTeX; a work known only as text is `@misc`."""
     entries, key_counts = [], dict[str, int]()
     for r in references:
         key_counts[r.key] = key_counts.get(r.key, 0) + 1
@@ -128,7 +128,7 @@ def ris(references: Iterable[Reference]) -> str:
 
 
 def _plain(text: str) -> str:
-    """Return a text that BibTeX takes as it stands."""
+    """Return a text with the special characters of BibTeX escaped or replaced."""
     return re.sub(
         r"([%&#_$])", r"\\\1", text.replace("\\", " ").replace("{", "(").replace("}", ")")
     )

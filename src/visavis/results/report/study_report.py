@@ -1,4 +1,4 @@
-"""The report of a study: one HTML file, from its analysis, whatever the study."""
+"""The report of any study: one HTML file, made from its analysis."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -109,7 +109,7 @@ def build_report(
 
 
 def _by_group(analysis: StudyAnalysis) -> str:
-    """Return how many participants of each group count; nothing where there are no groups."""
+    """Return how many participants of each group count; empty where there are no groups."""
     parts = []
     for factor in (
         f for f in analysis.study.design.factors if f.between and f.name in analysis.levels
@@ -132,7 +132,7 @@ def _summary(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
         for term in finding.terms or (None,)
     ]
     if analysis.study.analysis.conclude_of is not None:
-        verdicts = []  # its own conclusions say it
+        verdicts = []  # the study's own conclusions replace them, see `family_verdicts`
     verdicts += family_verdicts(analysis)
     blocks: list[Block] = []
     if verdicts:
@@ -199,7 +199,7 @@ def _verdict(
 def _direction(
     analysis: StudyAnalysis, finding: Finding, experiment: StudyExperiment
 ) -> str | None:
-    """Return which of two levels has more of a measure; None where there are not two."""
+    """Return a sentence on which of two levels has the larger mean; None unless there are two."""
     factors = (*finding.compare.within, *finding.compare.between)
     if len(factors) != 1 or len(analysis.levels[factors[0]]) != 2:
         return None
@@ -248,6 +248,7 @@ def _beside_published(analysis: StudyAnalysis, texts: Texts) -> Table | None:
     misfits: list[str] = []
     only = {name: level for name, level in source.only.items() if name in analysis.levels}
     counted_rows = trials_of(analysis.selection.counted, only)
+    # Published means are compared by the first factor that has all of their levels.
     for column, cells in source.cells.items():
         measure = analysis.measure(column)
         if column not in counted_rows:
@@ -263,6 +264,7 @@ def _beside_published(analysis: StudyAnalysis, texts: Texts) -> Table | None:
                 what = f"{measure.axis}, {label_of(texts, level)}"
                 rows.append((what, here, printed_mean, _off(ours, mean)))
             break
+    # Then verdicts: effects, contrasts, and published effects that could not be tested here.
     for finding in analysis.findings:
         for term in finding.terms:
             printed_result = finding.compare.published_of(term.name)
@@ -461,7 +463,7 @@ def _losses(analysis: StudyAnalysis, texts: Texts) -> list[tuple[str, str]]:
 
 
 def kept_of(analysis: StudyAnalysis) -> Kept:
-    """Return what was left out by which limits, for the reporting list."""
+    """Return the numbers and limits of exclusions, for the reporting list."""
     selection = analysis.selection
     limits = "; ".join(
         rule_words(selection, [rule], rule.name)
@@ -525,8 +527,9 @@ def _people(
 
 
 def _flagged(rows: pd.DataFrame) -> Iterator[Block]:
-    """Yield what devices and operators flagged: how many trials, of how many people; no practice,
-    of which nothing is analysed.
+    """Yield a table of the flags that devices and operators set, with numbers of trials and people.
+
+    Practice trials are not counted, as they are not analysed.
     """
     if "flags" not in rows:
         return
@@ -566,9 +569,9 @@ def _happened(provenance: ReportProvenance) -> Iterator[Block]:
 
 
 def _said(asked: Questionnaire, people: pd.DataFrame) -> Iterator[Block]:
-    """Yield how often each option was chosen, and what was said in free words.
+    """Yield how often each option was chosen, and the answers in free words.
 
-    Of a questionnaire that is scored the scores stand first, and its questions fold.
+    A questionnaire with scores shows these first; its questions are then folded.
     """
     sentences = []
     for question in asked.questions():
@@ -641,7 +644,7 @@ def _usual(experiment: StudyExperiment) -> dict[str, object]:
 
 
 def provenance_section(provenance: ReportProvenance) -> Section:
-    """Return the section that says where the numbers come from and how to make them again."""
+    """Return the section that says where the numbers come from and how to compute them again."""
     facts = [("Study", f"{provenance.study}, version {provenance.study_version}")]
     if provenance.seed is not None:
         facts.append(("Seed", str(provenance.seed)))

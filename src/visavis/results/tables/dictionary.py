@@ -130,7 +130,7 @@ STATISTICS: Final = (
 
 
 def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> dict[str, Column]:
-    """Return what describes the columns of a study's trial table, by name."""
+    """Return the descriptions of the columns of a study's trial table, by name."""
     columns = {c.name: c for c in (*ENGINE_COLUMNS, *ANALYSED, LATE)}
     for factor in experiment.study.design.factors:
         levels = ", ".join(map(str, factor.levels))
@@ -162,7 +162,8 @@ def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> d
 def fixed_columns(experiment: StudyExperiment) -> tuple[Column, ...]:
     """Return the columns of a study's trial table whose types do not depend on the data.
 
-    What a study's own trial counts (unit "1") may be whole or not.
+    A study's own columns of unit "1" are not among them, except numbers of frames and samples:
+    their values may be whole or not.
     """
     own = (
         c
@@ -174,7 +175,7 @@ def fixed_columns(experiment: StudyExperiment) -> tuple[Column, ...]:
 
 
 def scene_column(name: str) -> Column | None:
-    """Return what a column that showing a scene adds holds, by its ending."""
+    """Return the description of a column that a shown scene adds; its ending says what it holds."""
     for ending, unit, words in (
         ("_on_ns", "ns", "session time at which the first frame that showed {} began"),
         (
@@ -196,13 +197,13 @@ def scene_column(name: str) -> Column | None:
 
 
 def of_shown(name: str, roles: Iterable[str]) -> bool:
-    """Tell whether what a trial shows, under whatever name, can add a column of this name."""
+    """Tell whether a shown scene, whatever its name, can add a column of this name."""
     endings = ("_on_ns", "_off_ns", "_frames", *(f"_{role}" for role in roles))
     return any(name.endswith(ending) and name != ending for ending in endings)
 
 
 def people_columns(questionnaires: Sequence[Questionnaire]) -> dict[str, Column]:
-    """Return what describes the columns of the table of participants."""
+    """Return the descriptions of the columns of the table of participants, by name."""
     columns = {c.name: c for c in PEOPLE}
     for questionnaire in questionnaires:
         for question in questionnaire.questions():
@@ -219,7 +220,7 @@ def people_columns(questionnaires: Sequence[Questionnaire]) -> dict[str, Column]
 
 
 def block_columns(questionnaires: Sequence[Questionnaire]) -> dict[str, Column]:
-    """Return what describes the answers and scores of questionnaires asked after blocks."""
+    """Return the descriptions of answers and scores of questionnaires asked after blocks."""
     columns = people_columns(questionnaires)
     columns["block"] = Column("block", "1", "number of the block")
     for questionnaire in questionnaires:
