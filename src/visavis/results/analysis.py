@@ -35,9 +35,9 @@ from visavis.study.sections import Conclusion
 
 SIMULATED_COLUMN: Final = "is_simulated"
 DECIDING: Final = ("p_used", "p_above", "p")
-"""Columns of a row of a test, the first of which that is there holds the p that decides."""
+"""Columns of a test's row that may hold the p that decides; the first one present does."""
 MIN_PARTICIPANTS: Final = 3
-"""Below this nothing is tested."""
+"""Fewer participants are not tested."""
 
 
 @dataclass(frozen=True)
@@ -52,17 +52,17 @@ class Term:
 
     @property
     def is_significant(self) -> bool:
-        """The corrected decision, the only one that headlines are made of."""
+        """The decision after correction; headlines use no other."""
         return self.p_corrected < self.alpha
 
 
 @dataclass(frozen=True)
 class Contrast:
-    """Two levels compared after the test over all of a factor: first minus second.
+    """Two levels of a factor compared after the overall test: first minus second.
 
-    `difference` is that of the means; log odds of being preferred in a Bradley–Terry model.
-
-    `p` is corrected over the contrasts; significant only where the test over all was.
+    `difference` is the difference of means; in a Bradley–Terry model, the log odds of being
+    preferred. `p` is corrected over the contrasts. A contrast is significant only where the
+    overall test was.
     """
 
     first: str
@@ -81,9 +81,9 @@ class Contrast:
 
     @property
     def agreement(self) -> Agreement | None:
-        """Our verdict beside the source's; None where it prints none.
+        """Our verdict and the source's; None where the source prints none.
 
-        Its direction is that of second minus first.
+        The source's direction is that of second minus first.
         """
         if self.printed is None:
             return None
@@ -103,7 +103,7 @@ class Finding:
 
     @property
     def contrasts(self) -> tuple[Contrast, ...]:
-        """The levels of its one factor, or the items of a Bradley–Terry model, two by two."""
+        """Contrasts between the levels of its one factor, or the items of a Bradley–Terry model."""
         compare, outcome = self.compare, self.outcome
         factors = (*compare.within, *compare.between)
         if compare.model == "bradleyterry":
@@ -115,8 +115,8 @@ class Finding:
         values = outcome.data[compare.dv].astype(float)
         means = values.groupby(outcome.data[factors[0]].astype(str)).mean()
         levels = list(map(str, outcome.data[factors[0]].cat.categories))
-        told = zip(outcome.contrasts, outcome.contrast_sentences, strict=True)
-        rows = [(*_levels_of(row), float(row["p_adjusted"]), said, row) for row, said in told]  # type: ignore[arg-type]  # a number, as tests write it
+        lines = zip(outcome.contrasts, outcome.contrast_sentences, strict=True)
+        rows = [(*_levels_of(row), float(row["p_adjusted"]), text, row) for row, text in lines]  # type: ignore[arg-type]  # a number, as tests write it
         if not rows and len(levels) == 2:
             rows = [
                 (
@@ -134,29 +134,29 @@ class Finding:
                 p,
                 self.terms[0].is_significant and p < compare.alpha,
                 float(means[a] - means[b]),
-                said,
+                text,
                 row,
                 compare.pairs.get((a, b)),
             )
-            for a, b, p, said, row in rows
+            for a, b, p, text, row in rows
         )
 
     def _items_compared(self) -> tuple[Contrast, ...]:
         outcome, compare = self.outcome, self.compare
         if outcome is None or not self.terms:
             return ()
-        told = zip(outcome.contrasts, outcome.contrast_sentences, strict=True)
+        lines = zip(outcome.contrasts, outcome.contrast_sentences, strict=True)
         return tuple(
             Contrast(
                 *(pair := _levels_of(row)),
                 float(p := row["p_adjusted"]),  # type: ignore[arg-type]  # a number, as tests write it
                 self.terms[0].is_significant and float(p) < compare.alpha,  # type: ignore[arg-type]  # as above
                 float(row["estimate"]),  # type: ignore[arg-type]  # as above
-                said,
+                text,
                 row,
                 compare.pairs.get(pair),
             )
-            for row, said in told
+            for row, text in lines
             if row["family"] == "items"
         )
 
@@ -177,9 +177,9 @@ class Results:
 class StudyAnalysis:
     """Everything the analysis of a study found.
 
-    `results` are those of its families of tests, made by `rules`; `without_rules` and
-    `sensitivity` repeat the first family of pairs: on every finished trial, and by padding and
-    minimum duration of looks. Both are empty where there is no such family.
+    `results` are those of its families of tests, made by `rules`. Two fields repeat the first
+    family of pairs and are empty where there is none: `without_rules` on every finished trial,
+    `sensitivity` by padding and minimum duration of looks.
     """
 
     study: Study
@@ -198,11 +198,11 @@ class StudyAnalysis:
     tables: Mapping[str, pd.DataFrame] = field(default_factory=dict, repr=False)
     """Further tables of the study by name."""
     thresholds: Any = None
-    """Those of the study's own analysis, `Study.thresholds` with what was set."""
+    """Thresholds of the study's own analysis: `Study.thresholds` with the settings in force."""
     how: Any = None
     """How trials were measured one by one."""
     further: Any = field(default=None, repr=False)
-    """What the study finds besides; None in power."""
+    """Further findings of the study's own; None in a power analysis."""
     example: Recording | None = field(default=None, repr=False)
     """A session from which sections may show a trial."""
 
@@ -251,33 +251,33 @@ class StudyAnalysis:
 
     def cell_means(self) -> pd.DataFrame:
         """Return one row per participant and cell, levels in their order, with every measure."""
-        found = aggregated(self.selection.counted, self.measures, self.cells)
+        means = aggregated(self.selection.counted, self.measures, self.cells)
         order = {f: {level: i for i, level in enumerate(self.levels[f])} for f in self.cells}
-        kept: pd.DataFrame = found.sort_values(
+        sorted_means: pd.DataFrame = means.sort_values(
             ["participant", *self.cells],
             key=lambda c: c if c.name == "participant" else c.map(order[str(c.name)]),
             ignore_index=True,
         )
-        return kept
+        return sorted_means
 
 
 def measures_of(study: Study, responses: Mapping[str, Any]) -> tuple[Measure, ...]:
-    """Return what a study measures: its own, every answer that is a number, share or time."""
-    found = {m.column: m for m in study.analysis.measures}
+    """Return a study's measures: its own, and every answer that is a number, share or time."""
+    measures = {m.column: m for m in study.analysis.measures}
     for name, response in responses.items():
         words = name.replace("_", " ").capitalize()
         if response.aggregate == "mean":
             ends = (response.low, response.high) if isinstance(response, Rating) else None
             unit = getattr(response, "unit", "1")
-            found.setdefault(name, Measure(name, unit, words, scale=ends))
+            measures.setdefault(name, Measure(name, unit, words, scale=ends))
         if getattr(response, "right", None) is not None and response.aggregate == "share":
             right = f"{name}_is_right"
-            found.setdefault(right, Measure(right, "1", f"{words} right", None, "share"))
-        found.setdefault(
+            measures.setdefault(right, Measure(right, "1", f"{words} right", None, "share"))
+        measures.setdefault(
             f"{name}_ms",
             Measure(f"{name}_ms", "ms", f"Time to answer {name.replace('_', ' ')}", None, "median"),
         )
-    return tuple(found.values())
+    return tuple(measures.values())
 
 
 def analyse_rows(
@@ -301,8 +301,8 @@ def analyse_rows(
 
     `compare` are the comparisons that this design can make (all by default). `varied` holds the
     main measures of looks by padding and minimum duration, where there are any; `tables`, `how`
-    and `thresholds` are what sections and further findings need. `called` is what sentences call
-    levels; by their names where it is left out.
+    and `thresholds` are what sections and further findings need. `called` gives the words
+    for levels in sentences; without it they have their names.
 
     Raises:
         DataError: no trial counts.
@@ -312,53 +312,53 @@ def analyse_rows(
         raise DataError(
             f"no trial of {study.name} counts ({why or 'there is none'}); nothing can be analysed"
         )
-    known = {m.column: m for m in measures}
-    found = [
+    by_column = {m.column: m for m in measures}
+    findings = [
         answered(
-            c, selection.counted, known, dict(levels), is_simulated=is_simulated, called=called
+            c, selection.counted, by_column, dict(levels), is_simulated=is_simulated, called=called
         )
         for c in (study.analysis.compare if compare is None else compare)
     ]
-    made = StudyAnalysis(
+    analysis = StudyAnalysis(
         study,
         is_simulated,
         selection,
         people,
         dict(levels),
         tuple(measures),
-        corrected(found),
+        corrected(findings),
         tuple(cells or levels),
         rules=rules,
         tables=tables or {},
         thresholds=thresholds,
         how=how,
     )
-    made = _with_families(made, known, varied)
+    analysis = _with_families(analysis, by_column, varied)
     further_of = study.analysis.further_of
-    return made if further_of is None else replace(made, further=further_of(made))
+    return analysis if further_of is None else replace(analysis, further=further_of(analysis))
 
 
 def _with_families(
     made: StudyAnalysis, known: Mapping[str, Measure], varied: pd.DataFrame | None
 ) -> StudyAnalysis:
-    """Make every family of which all measures were measured."""
-    kept, levels, rules = made.selection.counted, made.levels, made.rules
+    """Make every family of tests whose measures are all in the trials."""
+    trials, levels, rules = made.selection.counted, made.levels, made.rules
     results = tuple(
-        Results(of, results_of(of, kept, made.people, known, levels, rules))
+        Results(of, results_of(of, trials, made.people, known, levels, rules))
         for of in made.study.analysis.families
-        if all(name in kept for name in of.measures)
+        if all(name in trials for name in of.measures)
     )
     made = replace(made, results=results)
     main = next((r.of for r in results if isinstance(r.of, Pairs) and not r.of.each), None)
     if main is None:
         return made
-    finished = made.selection.finished
-    again = compare_pairs(main, finished, known, levels, rules, family="without exclusions")
+    finished_trials = made.selection.finished
+    again = compare_pairs(main, finished_trials, known, levels, rules, family="without exclusions")
     made = replace(made, without_rules=again)
     if varied is None or varied.empty or not set(main.measures) <= set(MAIN_MEASURES):
         return made
     first = made.pairs_of(main.family)
-    return replace(made, sensitivity=sensitivity(varied, kept, first, main, known, levels, rules))
+    return replace(made, sensitivity=sensitivity(varied, trials, first, main, known, levels, rules))
 
 
 def answered(
@@ -370,7 +370,7 @@ def answered(
     is_simulated: bool,
     called: Mapping[str, str] | None = None,
 ) -> Finding:
-    """Test one comparison on the trials that count; `called` is what sentences call levels.
+    """Test one comparison on the trials that count; `called` gives the words for levels.
 
     Raises:
         DataError: there is no such measure or factor.
@@ -388,10 +388,12 @@ def answered(
             f"the comparison {compare.name} names {', '.join(unknown)}, which is no factor of this "
             f"study; there are {', '.join(levels)}"
         )
+    # From here a comparison that cannot be tested is a finding that says why, so that the others
+    # are still analysed.
     trials = compare.chosen(trials)
     if measure.column not in trials:
         return Finding(compare, measure, None, (), f"no trial has {measure.column}")
-    if compare.model:  # which takes single trials
+    if compare.model:  # models take single trials, not the means of cells
         frame = trials[["participant", *factors, measure.column]].copy()
         frame[measure.column] = pd.to_numeric(frame[measure.column], errors="coerce").astype(float)
     else:
@@ -416,6 +418,7 @@ def answered(
     except LabError as error:
         return Finding(compare, measure, None, (), str(error))
     outcome = replace(outcome, notes=(*notes, *outcome.notes))
+    # Tests name the p that decides differently; rows without one are no effects.
     terms = tuple(
         Term(
             str(row.get("term") or ":".join(factors) or compare.dv),
@@ -431,15 +434,18 @@ def answered(
 
 
 def _rated(compare: Compare, frame: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
-    """Name what was rated; of participants who rate, those without all ratings leave an ICC."""
+    """Return rows with a column for the rated thing, and notes for the report.
+
+    An ICC needs every rating of each rater: participants with gaps are left out of it.
+    """
     notes: tuple[str, ...] = ()
     if compare.raters != "participant":
         notes = ("what one participant rated counts as independent of each other",)
     things = frame[list(compare.things)].astype(str)
     frame = frame.assign(**{THING: things.agg(", ".join, axis=1)})
     if compare.test == "icc" and compare.raters == "participant":
-        rated = frame.dropna(subset=[compare.dv]).groupby("participant")[THING].nunique()
-        gaps = rated.index[rated < frame[THING].nunique()]
+        rating_counts = frame.dropna(subset=[compare.dv]).groupby("participant")[THING].nunique()
+        gaps = rating_counts.index[rating_counts < frame[THING].nunique()]
         if 0 < len(gaps):
             frame = frame[~frame["participant"].isin(gaps)]
             notes = (f"left out: {len(gaps)} participants without all ratings",)
@@ -460,7 +466,7 @@ def corrected(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     for finding in findings:
         key = (finding.compare.family, finding.compare.correction)
         families.setdefault(key, []).extend(t.p for t in finding.terms)
-    adjusted = {
+    adjusted_p = {
         key: iter(adjust_p(ps, key[1]).tolist() if ps else [])  # type: ignore[arg-type]  # the corrections of Compare are those of adjust_p
         for key, ps in families.items()
     }
@@ -468,7 +474,7 @@ def corrected(findings: Sequence[Finding]) -> tuple[Finding, ...]:
         replace(
             f,
             terms=tuple(
-                replace(t, p_corrected=next(adjusted[(f.compare.family, f.compare.correction)]))
+                replace(t, p_corrected=next(adjusted_p[(f.compare.family, f.compare.correction)]))
                 for t in f.terms
             ),
         )

@@ -1,4 +1,4 @@
-"""How often each option of every `Choice` was taken, by condition: a section and a table."""
+"""How often each option of every `Choice` was chosen, by condition: a section and a table."""
 
 from collections.abc import Iterator
 from typing import Any, Final
@@ -17,7 +17,7 @@ from visavis.study.texts import label_in_unit, label_of
 
 NAME: Final = "choices"
 MAX_OPEN_ROWS: Final = 24
-"""Longer tables of the report are folded."""
+"""The report folds tables with more rows."""
 COLUMNS: Final = (
     Described("asked", "", "the choice, as the study names it"),
     Described("option", "", "one of its options"),
@@ -31,14 +31,14 @@ COLUMNS: Final = (
 
 
 def chosen(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
-    """Return how often each option of every choice was taken; nothing where none was asked for."""
+    """Return how often each option of every choice was chosen; empty where no choice was asked."""
     rows: list[dict[str, Any]] = []
     blocks: list[Block] = []
     for response in experiment.responses.values():
         if isinstance(response, Choice) and response.name in analysis.selection.counted:
-            found = list(_counts(analysis, response))
-            rows += found
-            blocks += _told(found, response, analysis, experiment) if found else []
+            count_rows = list(_counts(analysis, response))
+            rows += count_rows
+            blocks += _told(count_rows, response, analysis, experiment) if count_rows else []
     if not rows:
         return Extra()
     section = Section(NAME, "What was chosen", tuple(blocks))
@@ -49,16 +49,22 @@ def _counts(analysis: StudyAnalysis, response: Choice) -> Iterator[dict[str, Any
     """Yield a row for each condition and option, in their order."""
     name, factors = response.name, list(analysis.cells)
     trials = analysis.selection.counted
-    given = trials[trials[name].notna()]
-    said = given[name].astype(str)
-    options = dict.fromkeys([*map(str, response.options), *sorted(said.unique())])
-    cells = given.groupby(factors, sort=False, observed=True) if factors else [((), given)]
+    answered_trials = trials[trials[name].notna()]
+    choices = answered_trials[name].astype(str)
+    options = dict.fromkeys([*map(str, response.options), *sorted(choices.unique())])
+    cells = (
+        answered_trials.groupby(factors, sort=False, observed=True)
+        if factors
+        else [((), answered_trials)]
+    )
     for key, cell in cells:
         levels = key if isinstance(key, tuple) else (key,)
         who = cell["participant"].astype(str)
         answers = who.value_counts(sort=False)
         for option in options:
-            hits = who[said[cell.index] == option].value_counts().reindex(answers.index).fillna(0)
+            hits = (
+                who[choices[cell.index] == option].value_counts().reindex(answers.index).fillna(0)
+            )
             share, interval = clustered_share(
                 hits.to_numpy(), answers.to_numpy(), level=analysis.rules.interval_level
             )
@@ -84,13 +90,13 @@ def _told(
     texts, factors = experiment.texts, list(analysis.cells)
     words = dict(zip(map(str, response.options), response.options, strict=True))
     names = {
-        option: (None if response.labels else texts.find(f"choices.{response.name}.{known}"))
+        option: (None if response.labels else texts.find(f"choices.{response.name}.{value}"))
         or label_of(texts, option)
-        for option, known in words.items()
+        for option, value in words.items()
     }
     level = f"{100 * analysis.rules.interval_level:.0f} %"
     heads = ", ".join(label_in_unit(texts, f) for f in factors) or "Condition"
-    listed = tuple(
+    table_rows = tuple(
         (
             ", ".join(label_of(texts, str(row[f])) for f in factors) or "all",
             names.get(row["option"], row["option"]),
@@ -100,7 +106,7 @@ def _told(
         )
         for row in rows
     )
-    asked = response.name.replace("_", " ")
+    question = response.name.replace("_", " ")
     prompt = texts.find(f"questions.{response.name}", values=dict(experiment.settings.values))
     table = Table(
         (
@@ -110,15 +116,15 @@ def _told(
             Column("Share", "right"),
             Column(f"{level} interval", "right"),
         ),
-        listed,
-        f"{asked[:1].upper()}{asked[1:]}: how often each option was chosen",
+        table_rows,
+        f"{question[:1].upper()}{question[1:]}: how often each option was chosen",
         "Intervals are over participants: answers of one person count as alike as they were "
         "(Korn and Graubard, 1998).",
     )
     if prompt:
         yield Paragraph(f"Asked: {prompt}")
-    long = len(listed) > MAX_OPEN_ROWS
-    yield Fold(f"{asked}: {count_of(len(listed), 'row')}", (table,)) if long else table
+    long = len(table_rows) > MAX_OPEN_ROWS
+    yield Fold(f"{question}: {count_of(len(table_rows), 'row')}", (table,)) if long else table
     missing = int(analysis.selection.counted[response.name].isna().sum())
     if missing:
         yield Paragraph(f"{count_of(missing, 'trial')} without an answer are left out.")

@@ -1,4 +1,4 @@
-"""A section of a report that tells which option was taken for which, as confusion matrices."""
+"""The section of a report with confusion matrices: answers by the option that was right."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -23,7 +23,7 @@ PANEL_IN = 4.2
 DARK_01 = 0.55
 """Share above which a cell is so dark that its text is white."""
 MAX_LEVEL_TICK = 10
-"""Letters of an option from which labels are slanted."""
+"""Labels are slanted where an option has more letters."""
 
 
 def confusion_section(of: Confusion, analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
@@ -32,7 +32,7 @@ def confusion_section(of: Confusion, analysis: StudyAnalysis, experiment: StudyE
     options = tuple(experiment.responses[of.answered].options)
     levels = (None,) if of.by is None else experiment.levels[of.by]
     each = {level: confusion_counts(of, trials, options, level) for level in levels}
-    drawn = draw(
+    figure = draw(
         of.name,
         lambda: _figure(of, each, options, experiment),
         title=of.title,
@@ -44,31 +44,31 @@ def confusion_section(of: Confusion, analysis: StudyAnalysis, experiment: StudyE
     )
     every = confusion_counts(of, trials, options)
     total = int(every.sum())
-    told = f"No answer is known to {label_of(experiment.texts, of.answered)}."
+    sentence = f"No answer is known to {label_of(experiment.texts, of.answered)}."
     if total:
-        told = (
+        sentence = (
             f"{fraction(int(every.trace()) / total)} of {count_of(total, 'answer')} were right, "
             f"among {len(options)} options."
         )
     if len(trials) > total:
-        told += f" {count_of(len(trials) - total, 'trial')} without an answer are left out."
-    section = Section(of.name, of.title, (picture_of(drawn), Paragraph(told)))
+        sentence += f" {count_of(len(trials) - total, 'trial')} without an answer are left out."
+    section = Section(of.name, of.title, (picture_of(figure), Paragraph(sentence)))
     columns = tuple(Described(str(o), "1", f"answers that named {o}") for o in options)
-    return Extra(section, (drawn,), {of.name: _table(of, each, options)}, columns)
+    return Extra(section, (figure,), {of.name: _table(of, each, options)}, columns)
 
 
 def confusion_counts(
     of: Confusion, trials: pd.DataFrame, options: tuple[str, ...], level: Any = None
 ) -> npt.NDArray[np.int64]:
     """Return how often an option (row) was answered as an option (column), (n, n)."""
-    chosen = trials if level is None else trials[trials[str(of.by)] == level]
-    right, said = (
-        pd.Categorical(chosen[c], categories=options).codes for c in (of.shown, of.answered)
+    rows = trials if level is None else trials[trials[str(of.by)] == level]
+    right, answers = (
+        pd.Categorical(rows[c], categories=options).codes for c in (of.shown, of.answered)
     )
-    found = np.zeros((len(options), len(options)), dtype=np.int64)
-    known = (right >= 0) & (said >= 0)
-    np.add.at(found, (right[known], said[known]), 1)
-    return found
+    counts = np.zeros((len(options), len(options)), dtype=np.int64)
+    has_both = (right >= 0) & (answers >= 0)
+    np.add.at(counts, (right[has_both], answers[has_both]), 1)
+    return counts
 
 
 def _table(
@@ -95,7 +95,7 @@ def _figure(
         experiment.texts.find(f"choices.{of.answered}.{o}") or label_of(experiment.texts, o)
         for o in map(str, options)
     ]
-    slanted = max(map(len, names)) > MAX_LEVEL_TICK
+    is_slanted = max(map(len, names)) > MAX_LEVEL_TICK
     across = min(len(each), MAX_ACROSS)
     down = -(-len(each) // across)
     figure = new_figure(PANEL_IN * across, PANEL_IN * down)
@@ -115,7 +115,7 @@ def _figure(
                 fontsize=7.5,
                 color="white" if shares[i, j] > DARK_01 else BLACK,
             )
-        axes.set_xticks(range(len(options)), names, rotation=30 if slanted else 0)
+        axes.set_xticks(range(len(options)), names, rotation=30 if is_slanted else 0)
         axes.set_yticks(range(len(options)), names)
         axes.set_xlabel("Answered")
         if level is not None:

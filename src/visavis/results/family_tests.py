@@ -1,9 +1,8 @@
-"""The tests of a family: pairs of levels compared, and scores correlated, beside a source.
+"""The tests of a family: pairs of levels compared, scores correlated, and a source's results.
 
-Two levels are compared by the decision path of many reports of looking: paired t where
-Shapiro–Wilk does not reject the normality of the differences, Wilcoxon's signed-rank test
-otherwise. A family shares its alpha (Bonferroni). Scores of questionnaires are correlated by
-Spearman's coefficient.
+Two levels are compared as in many reports of eye tracking: by a paired t test where Shapiro–Wilk
+does not reject the normality of the differences, by Wilcoxon's signed-rank test otherwise. A family
+shares its alpha (Bonferroni). Scores of questionnaires are correlated by Spearman's coefficient.
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -31,7 +30,7 @@ from visavis.study.measures import Measure, aggregated
 from visavis.study.pairs import Correlate, Family, Pairs, Printed
 
 MIN_CORRELATED: Final = 4
-"""A rank correlation of fewer says nothing."""
+"""Fewer participants are not correlated."""
 
 
 @dataclass(frozen=True)
@@ -58,9 +57,9 @@ class TestRules:
             )
 
     def with_settings(self, settings: Mapping[str, Any]) -> "TestRules":
-        """Return the rules with what was set in place of the usual."""
-        known = {f.name for f in fields(self)}
-        return replace(self, **{k: v for k, v in settings.items() if k in known})
+        """Return the rules with these settings in place of the defaults."""
+        names = {f.name for f in fields(self)}
+        return replace(self, **{k: v for k, v in settings.items() if k in names})
 
 
 DEFAULT_TEST_RULES: Final = TestRules()
@@ -99,7 +98,7 @@ class PairTest:
 
     @property
     def threshold(self) -> float:
-        """What p must stay below."""
+        """The value that p must stay below: alpha, shared by the tests of the family."""
         return self.alpha / max(self.n_tests, 1)
 
     @property
@@ -109,7 +108,7 @@ class PairTest:
 
     @property
     def holds_corrected(self) -> bool | None:
-        """Tell the decision that headlines are made of: the threshold shares alpha already."""
+        """Tell the decision that headlines use; the threshold already shares alpha."""
         return self.is_significant
 
     @property
@@ -139,7 +138,7 @@ class PairTest:
 
     @property
     def printed(self) -> Printed | None:
-        """What the source prints of it."""
+        """The source's result of this test; None where it prints none."""
         return None if self.of.printed is None else self.of.printed(self)
 
     def sentence(self) -> str:
@@ -229,7 +228,7 @@ class CorrelationTest:
 
     @property
     def holds_corrected(self) -> bool | None:
-        """Tell whether Holm's p stays below alpha: the decision that headlines are made of."""
+        """Tell whether Holm's p stays below alpha: the decision that headlines use."""
         return None if self.outcome is None else self.p_adjusted < self.alpha
 
     @property
@@ -246,7 +245,7 @@ class CorrelationTest:
 
     @property
     def printed(self) -> Printed | None:
-        """What the source prints of it."""
+        """The source's result of this test; None where it prints none."""
         return None if self.of.printed is None else self.of.printed(self)
 
     def sentence(self) -> str:
@@ -308,7 +307,7 @@ class Agreement:
 
 @dataclass(frozen=True)
 class AgreementCount:
-    """How many verdicts agree among those compared, of all published ones."""
+    """Numbers of verdicts that agree, that could be compared, and that are published."""
 
     agree: int
     compared: int
@@ -321,27 +320,29 @@ class AgreementCount:
 
 
 def agreement(test: Test) -> Agreement | None:
-    """Hold a test against what the source prints of it; None where it prints nothing."""
-    printed = test.printed
-    if printed is None:
+    """Compare a test's verdict with the source's; None where the source prints none."""
+    printed_result = test.printed
+    if printed_result is None:
         return None
-    same = printed.direction in (0, test.direction)
-    return Agreement(printed.is_significant, test.is_significant, same, test.can_reach is not False)
+    same = printed_result.direction in (0, test.direction)
+    return Agreement(
+        printed_result.is_significant, test.is_significant, same, test.can_reach is not False
+    )
 
 
 def published_cells(test: Test) -> dict[str, Cell]:
-    """Return the source's verdict beside ours, as cells of the statistics table."""
-    found = agreement(test)
-    if found is None:
+    """Return the source's verdict and whether ours agrees, as cells of the statistics table."""
+    verdicts = agreement(test)
+    if verdicts is None:
         return {}
-    return {"published_significant": found.published, "agrees_with_published": found.agrees}
+    return {"published_significant": verdicts.published, "agrees_with_published": verdicts.agrees}
 
 
 def count_agreement(tests: Iterable[Test]) -> AgreementCount:
     """Count the verdicts that agree."""
-    found = [a for a in map(agreement, tests) if a is not None]
-    compared = [a for a in found if a.agrees is not None]
-    return AgreementCount(sum(bool(a.agrees) for a in compared), len(compared), len(found))
+    agreements = [a for a in map(agreement, tests) if a is not None]
+    comparable = [a for a in agreements if a.agrees is not None]
+    return AgreementCount(sum(bool(a.agrees) for a in comparable), len(comparable), len(agreements))
 
 
 def compare(
@@ -416,49 +417,49 @@ def compare_pairs(
     family: str = "",
     only: Collection[tuple[tuple[str, str], str]] | None = None,
 ) -> tuple[PairTest, ...]:
-    """Make every test of a family on the trials that count, or those of some pairs and measures.
+    """Make every test of a family on the trials that count; `only` names some pairs and measures.
 
-    `levels` are those of this design by factor or derived column. A pair of which a level was
-    left out of the design is not tested, says so, and shares no alpha.
+    `levels` are those of this design by factor or derived column. A pair with a level that the
+    design leaves out is not tested: its result says so, and it takes no share of alpha.
     """
-    chosen = [measures[name] for name in of.measures]
+    family_measures = [measures[name] for name in of.measures]
     there = set(map(str, levels[of.factor]))
     places = [str(v) for v in levels[of.each]] if of.each else [""]
     possible = [pair for pair in of.levels if there >= set(pair)]
-    sizes = {"measures": len(chosen), "levels": len(possible), "each": len(places)}
+    sizes = {"measures": len(family_measures), "levels": len(possible), "each": len(places)}
     n_tests = int(np.prod([sizes[name] for name in of.shared]))
-    means = aggregated(trials, chosen, [of.factor, *([of.each] if of.each else [])])
-    found = []
+    means = aggregated(trials, family_measures, [of.factor, *([of.each] if of.each else [])])
+    tests = []
     for place in places:
         here = means[means[of.each].astype(str) == place] if of.each else means
         for pair in of.levels:
-            for measure in (m for m in chosen if only is None or (pair, m.column) in only):
-                made = compare(
+            for measure in (m for m in family_measures if only is None or (pair, m.column) in only):
+                test = compare(
                     here, measure, pair, of, rules, n_tests=n_tests, where=place, family=family
                 )
                 absent = " and ".join(level for level in pair if level not in there)
                 if absent:
-                    made = replace(
-                        made, outcome=None, problem=f"the study was performed without {absent}"
+                    test = replace(
+                        test, outcome=None, problem=f"the study was performed without {absent}"
                     )
-                found.append(made)
-    return tuple(found)
+                tests.append(test)
+    return tuple(tests)
 
 
 def scores_of(people: pd.DataFrame, column: str) -> "pd.Series[float]":
-    """Return a score by participant; nobody without one.
+    """Return a score by participant; those without one are left out.
 
     Raises:
         DataError: a participant has two scores.
     """
     if people.empty or column not in people:
         return pd.Series(dtype=float)
-    known = people.dropna(subset=[column])
-    names = known["participant"].astype(str)
+    people_with_score = people.dropna(subset=[column])
+    names = people_with_score["participant"].astype(str)
     if names.duplicated().any():
         twice = names[names.duplicated()].iloc[0]
         raise DataError(f"participant {twice} has two scores {column}; keep the valid one")
-    return pd.Series(known[column].to_numpy(float), index=names.to_numpy()).sort_index()
+    return pd.Series(people_with_score[column].to_numpy(float), index=names.to_numpy()).sort_index()
 
 
 def correlate(
@@ -473,18 +474,18 @@ def correlate(
 
     `means` has one row per participant and level.
     """
-    found = [
+    correlations = [
         _correlated(of, means, scores, measures[name], str(level), rules)
         for name in of.measures
         for level in levels
     ]
-    tested = [i for i, c in enumerate(found) if c.outcome is not None]
-    if not tested:
-        return tuple(found)
-    adjusted = adjust_p([c.outcome.p for c in found if c.outcome is not None])
-    for i, p in zip(tested, adjusted.tolist(), strict=True):
-        found[i] = replace(found[i], p_adjusted=p)
-    return tuple(found)
+    test_indices = [i for i, c in enumerate(correlations) if c.outcome is not None]
+    if not test_indices:
+        return tuple(correlations)
+    holm_p = adjust_p([c.outcome.p for c in correlations if c.outcome is not None])
+    for i, p in zip(test_indices, holm_p.tolist(), strict=True):
+        correlations[i] = replace(correlations[i], p_adjusted=p)
+    return tuple(correlations)
 
 
 def _correlated(
@@ -499,8 +500,8 @@ def _correlated(
     here = at_level.set_index("participant")[measure.column].dropna()
     both = here.index.intersection(scores.index)
     n, alpha = len(both), rules.alpha
-    needed = max(MIN_CORRELATED, rules.minimum_participants)
-    if n < needed:
+    min_people = max(MIN_CORRELATED, rules.minimum_participants)
+    if n < min_people:
         problem = f"{count_of(n, 'participant')} with measure and score, {MIN_CORRELATED} needed"
         return CorrelationTest(of, measure, level, n, alpha, None, problem)
     try:
@@ -555,13 +556,19 @@ def find_test(
 
 
 def columns_of_tests(families: Iterable[Family]) -> dict[str, Column]:
-    """Return what tables of these tests have beside, or otherwise than, every table of tests."""
-    made = list(families)
-    kinds = {of.family: of.words for of in made}
-    names = {level: name for of in made for level, name in of.names.items()}
-    seconds = {**names, **{of.score: of.score_words for of in made if isinstance(of, Correlate)}}
+    """Return the columns, by name, that describe tables of these families.
+
+    They add to the columns of all tables of tests, or replace them.
+    """
+    all_families = list(families)
+    kinds = {of.family: of.words for of in all_families}
+    names = {level: name for of in all_families for level, name in of.names.items()}
+    seconds = {
+        **names,
+        **{of.score: of.score_words for of in all_families if isinstance(of, Correlate)},
+    }
     of_measure = "unit of the measure"
-    described = (
+    columns = (
         Column("family", "", "tests made together", kinds),
         Column("where", "", "place at which the tests were made; empty: everywhere"),
         Column("first", "", "first level compared; the level in correlations", names),
@@ -585,4 +592,4 @@ def columns_of_tests(families: Iterable[Family]) -> dict[str, Column]:
                {"*": "alpha", "**": "a fifth of it", "***": "a fiftieth of it"}),
         Column("r", "1", "Spearman's coefficient"),
     )  # fmt: skip
-    return {c.name: c for c in described}
+    return {c.name: c for c in columns}

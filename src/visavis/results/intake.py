@@ -33,13 +33,13 @@ from visavis.study.measures import Measure, SessionGaze, TrialRecord, value_of
 
 @dataclass(frozen=True)
 class SessionIntake:
-    """What one session gives to analysis: `rows` one per performed trial with its measures,
-    `person` the answers of the questionnaires and what became of the validations.
+    """What one session gives to the analysis.
 
-    `blocks` holds the answers and scores of questionnaires asked after blocks, `tables` further
-    tables by name, of studies measured trial by trial.
-    `sensitivity` are the main measures of looks by padding and minimum duration, `facts` what the
-    recording says for the eye-tracking reporting list.
+    `rows` has one row per performed trial with its measures; `person` holds the answers of
+    questionnaires and the results of validations. `blocks` holds the answers and scores of
+    questionnaires asked after blocks, `tables` further tables by name, of studies measured trial
+    by trial. `sensitivity` are the main measures of looks by padding and minimum duration, `facts`
+    the recording's answers to the eye-tracking reporting list.
     """
 
     rows: pd.DataFrame
@@ -49,12 +49,12 @@ class SessionIntake:
     sensitivity: pd.DataFrame = field(repr=False, default_factory=pd.DataFrame)
     facts: Mapping[str, str] = field(default_factory=dict)
     streams: tuple[OwnStream, ...] = field(repr=False, default=())
-    """What devices of the lab's own recorded."""
+    """Recordings of the lab's own devices."""
     blocks: pd.DataFrame = field(repr=False, default_factory=pd.DataFrame)
     tables: Mapping[str, pd.DataFrame] = field(repr=False, default_factory=dict)
 
     def without_tables(self) -> "SessionIntake":
-        """Return what is asked of a session once its trials are joined with everybody's."""
+        """Return the intake without its tables, once they are joined with those of others."""
         empty = pd.DataFrame()
         return replace(self, rows=empty, sensitivity=empty, blocks=empty, tables={})
 
@@ -96,18 +96,19 @@ def take_in(
     answers: Sequence[str] = (),
     picture_delay_ms: float | None = None,
 ) -> SessionIntake:
-    """Measure every finished and intact trial; the others keep their row unmeasured.
+    """Measure every finished and intact trial; the others keep their row without measures.
 
-    With `picture_delay_ms` gaze is held against pictures when their light was at the eye, and
-    times to the `answers` run from then (`visavis.results.picture_delay`).
+    With `picture_delay_ms`, gaze is compared with a picture from the moment its light reached the
+    eye, and times to `answers` count from that moment (`visavis.results.picture_delay`).
 
-    A measure that is a score of a questionnaire asked after blocks stands in every row of its
-    block. `needs` are streams of which a trial must have lost nothing (None: any). Where it lost
-    samples of another, the measures that read that stream are missing.
+    A measure that is a score of a questionnaire asked after blocks is the same in every row of
+    the block. `needs` are the streams that a trial must have without loss (None: all streams).
+    Where a trial lost samples of another stream, the measures that read it are missing.
 
     Raises:
         DataError: the session has no trial rows, or a measure cannot be computed.
     """
+    # Looks and other measures of gaze read both streams, so neither may have lost samples.
     if needs is not None and (looks or any(m.needs_gaze for m in measures)):
         needs = (*needs, "gaze", "gaze_targets")
     rows = analysed_trials(recording, needs=needs)
@@ -117,10 +118,10 @@ def take_in(
             "go on with it: visavis resume"
         )
     gaze = SessionGaze(recording)
-    wanted = [m for m in measures if m.of is not None]
-    values: dict[str, list[Any]] = {m.column: [] for m in wanted}
-    looked: list[dict[str, Any]] = []
-    varied: list[dict[str, Any]] = []
+    trial_measures = [m for m in measures if m.of is not None]
+    values: dict[str, list[Any]] = {m.column: [] for m in trial_measures}
+    look_rows: list[dict[str, Any]] = []
+    sensitivity_rows: list[dict[str, Any]] = []
     rules = [(on, on.rules(recording.manifest.plan)) for on in looks]
     unreadable = {
         (t.part, t.trial_id, t.attempt): frozenset(t.streams) for t in damage_of(recording).trials
@@ -129,45 +130,51 @@ def take_in(
     if late is not None:
         rows = _from_light(rows, late, answers)
     for row in rows.to_dict("records"):
-        measured = row["status"] == "complete"
+        is_complete = row["status"] == "complete"
         record = TrialRecord(
             {str(k): v for k, v in row.items()},
             recording,
-            gaze.of_part(int(row["recording_part"])) if measured else None,
+            gaze.of_part(int(row["recording_part"])) if is_complete else None,
             unreadable.get(
                 (row["recording_part"], str(row["trial_id"]), row.get("attempt")), frozenset()
             ),
         )
+        # A picture that reached the eye late was looked at late: shift gaze back by that time.
         if record.gaze is not None and (late_ms := record.number(LATE.name)) is not None:
             seen_ns = record.gaze.t_ns - round(late_ms * NS_PER_MS)
             record = replace(record, gaze=replace(record.gaze, t_ns=seen_ns))
-        for measure in wanted:
-            values[measure.column].append(value_of(measure, record) if measured else None)
-        looked.append({})
-        for on, params in rules if measured else ():
+        for measure in trial_measures:
+            values[measure.column].append(value_of(measure, record) if is_complete else None)
+        look_rows.append({})
+        for on, params in rules if is_complete else ():
             frozen = gaze.frozen_of_part(int(row["recording_part"]))
             columns, settings = on.measure(record, frozen, params)
-            looked[-1] |= columns
+            look_rows[-1] |= columns
             if not row["is_practice"]:
                 key = {k: row[k] for k in ("participant", "session", "trial_id", "attempt")}
-                varied += [{**key, **setting} for setting in settings]
-    added = pd.DataFrame(values, index=rows.index)
+                sensitivity_rows += [{**key, **setting} for setting in settings]
+    new_columns = pd.DataFrame(values, index=rows.index)
+    # The columns of looks are there even where no trial has a value.
     if rules:
-        named = [c.name for c in LOOK_COLUMNS]
-        added = pd.concat([added, pd.DataFrame(looked, index=rows.index, columns=named)], axis=1)
-    rows = pd.concat([rows.drop(columns=[c for c in added if c in rows]), added], axis=1)
+        look_names = [c.name for c in LOOK_COLUMNS]
+        new_columns = pd.concat(
+            [new_columns, pd.DataFrame(look_rows, index=rows.index, columns=look_names)], axis=1
+        )
+    rows = pd.concat(
+        [rows.drop(columns=[c for c in new_columns if c in rows]), new_columns], axis=1
+    )
     blocks = blocks_of(recording, after_block, blocked_by)
-    scored = [m.column for m in measures if m.column in blocks]
-    if scored:
-        rows = rows.drop(columns=[c for c in scored if c in rows])
-        rows = rows.merge(blocks[["block", *scored]], on="block", how="left")
+    score_columns = [m.column for m in measures if m.column in blocks]
+    if score_columns:
+        rows = rows.drop(columns=[c for c in score_columns if c in rows])
+        rows = rows.merge(blocks[["block", *score_columns]], on="block", how="left")
     rows.insert(0, "is_simulated", recording.is_simulated)
     return SessionIntake(
         rows,
         person_of(recording, questionnaires),
         source_of(recording),
         recording.manifest,
-        pd.DataFrame(varied),
+        pd.DataFrame(sensitivity_rows),
         gaze_facts(recording, rows),
         own_streams(recording),
         blocks,
@@ -175,11 +182,11 @@ def take_in(
 
 
 def _from_light(rows: pd.DataFrame, late: LatePictures, answers: Sequence[str]) -> pd.DataFrame:
-    """Return trials with how late their pictures were, and times to answer from their light."""
+    """Return trials with the delay of their pictures and with times to answer from their light."""
     rows = rows.copy()
-    found = [late.late_ns(row) for row in rows.to_dict("records")]
-    rows[LATE.name] = [None if ns is None else ns / NS_PER_MS for ns in found]
-    for index, row, late_ns in zip(rows.index, rows.to_dict("records"), found, strict=True):
+    delays_ns = [late.late_ns(row) for row in rows.to_dict("records")]
+    rows[LATE.name] = [None if ns is None else ns / NS_PER_MS for ns in delays_ns]
+    for index, row, late_ns in zip(rows.index, rows.to_dict("records"), delays_ns, strict=True):
         if late_ns is None:
             continue
         for column, ms in answered_from_light(row, answers, late_ns).items():
@@ -188,19 +195,19 @@ def _from_light(rows: pd.DataFrame, late: LatePictures, answers: Sequence[str]) 
 
 
 def _answers(recording: Recording) -> dict[str, dict[str, Any]]:
-    """Return what was answered by questionnaire (NAME, or NAME@BLOCK) and question."""
+    """Return the answers by questionnaire (NAME, or NAME@BLOCK) and question."""
     events = recording.events()
-    given: dict[str, dict[str, Any]] = {}
+    answers: dict[str, dict[str, Any]] = {}
     for payload in events.loc[events["name"] == "answer", "payload"]:
-        given.setdefault(payload["questionnaire"], {})[payload["question"]] = payload["answer"]
-    return given
+        answers.setdefault(payload["questionnaire"], {})[payload["question"]] = payload["answer"]
+    return answers
 
 
 def blocks_of(
     recording: Recording, after_block: Sequence[Questionnaire], blocked_by: str | None = None
 ) -> pd.DataFrame:
-    """Return one row per block with the answers and scores of what was asked after it."""
-    given, found = _answers(recording), []
+    """Return one row per block with the answers and scores of questionnaires asked after it."""
+    answers_by_name, rows = _answers(recording), []
     for block in recording.manifest.plan["blocks"]:
         row: dict[str, Any] = {
             "participant": recording.manifest.participant,
@@ -208,64 +215,68 @@ def blocks_of(
         }
         if blocked_by is not None:
             row[blocked_by] = block["trials"][0]["factors"][blocked_by]
-        asked = [q for q in after_block if f"{q.name}@{block['index']}" in given]
-        for one in asked:
-            answers = given[f"{one.name}@{block['index']}"]
+        block_questionnaires = [
+            q for q in after_block if f"{q.name}@{block['index']}" in answers_by_name
+        ]
+        for one in block_questionnaires:
+            answers = answers_by_name[f"{one.name}@{block['index']}"]
             row |= read_answers(one, answers) | score(one, answers)
-        found += [row] if asked else []
-    return pd.DataFrame(found)
+        rows += [row] if block_questionnaires else []
+    return pd.DataFrame(rows)
 
 
 def person_of(recording: Recording, questionnaires: Sequence[Questionnaire]) -> dict[str, Any]:
     """Return a participant's answers and scores; a questionnaire asked twice has both, numbered."""
-    events, given = recording.events(), _answers(recording)
+    events, answers_by_name = recording.events(), _answers(recording)
     person: dict[str, Any] = {
         "participant": recording.manifest.participant,
         **validations_of(events),
     }
-    required = missing = 0
-    for asked in questionnaires:
-        answers = read_answers(asked, given.get(asked.name, {}))
-        required += sum(q.item.required for q in asked.questions())
-        missing += len(unanswered(asked, answers))
+    required_count = missing = 0
+    for form in questionnaires:
+        answers = read_answers(form, answers_by_name.get(form.name, {}))
+        required_count += sum(q.item.required for q in form.questions())
+        missing += len(unanswered(form, answers))
         person |= answers
-        person |= {f"{asked.name}_{name}": value for name, value in score(asked, answers).items()}
-    if required:
-        person[ANSWERED] = (required - missing) / required
+        person |= {f"{form.name}_{name}": value for name, value in score(form, answers).items()}
+    if required_count:
+        person[ANSWERED] = (required_count - missing) / required_count
     return person
 
 
 def validations_of(events: pd.DataFrame) -> dict[str, Any]:
-    """Return the error at the end of a session, how far it drifted, and validations rejected.
+    """Return the error at the end of a session, its drift and the number of rejected validations.
 
-    Nothing where no tracker was validated.
+    Empty where no tracker was validated.
     """
-    found = list(events.loc[events["name"] == "validation", "payload"])
-    if not found:
+    validations = list(events.loc[events["name"] == "validation", "payload"])
+    if not validations:
         return {}
-    starts = [v for v in found if v["moment"] == "block_start" and v["accuracy_deg"] is not None]
-    ends = [v for v in found if v["moment"] == "end" and v["accuracy_deg"] is not None]
+    starts = [
+        v for v in validations if v["moment"] == "block_start" and v["accuracy_deg"] is not None
+    ]
+    ends = [v for v in validations if v["moment"] == "end" and v["accuracy_deg"] is not None]
     end_deg = ends[-1]["accuracy_deg"] if ends else None
     return {
         "end_accuracy_deg": end_deg,
         "drift_deg": end_deg - starts[-1]["accuracy_deg"] if ends and starts else None,
-        "rejected_validations": sum(not v["accepted"] for v in found if v["moment"] != "end"),
+        "rejected_validations": sum(not v["accepted"] for v in validations if v["moment"] != "end"),
     }
 
 
 def gaze_facts(recording: Recording, rows: pd.DataFrame) -> dict[str, str]:
-    """Return what a recording answers of the reporting list for eye tracking; {} without gaze."""
+    """Return a recording's answers to the reporting list for eye tracking; {} without gaze."""
     devices = {d["role"]: d for d in recording.manifest.devices}
     tracker, headset = devices.get("eye_tracker", {}), devices.get("headset", {})
     is_recorded = "gaze" in recording.stream_names
     gaze = recording.stream_schema("gaze") if is_recorded else None
     if not tracker and gaze is None:
         return {}
-    calibrated = (recording.events()["name"] == "calibration").any()
+    is_calibrated = (recording.events()["name"] == "calibration").any()
     facts = {
         "eyes": "both recorded; the combined ray used, one eye's when the other is lost",
         "calibration": ""
-        if not calibrated
+        if not is_calibrated
         else (
             f"tracker's own 3-D calibration, then validation at {len(TARGETS)} points up to 15°, "
             f"{_when_calibrated(recording.manifest.plan)}; validation again at the end; accepted "
@@ -274,9 +285,10 @@ def gaze_facts(recording: Recording, rows: pd.DataFrame) -> dict[str, str]:
         "filter": "none; raw samples with the tracker's own validity",
     }
     facts |= _timing_facts(recording, rows)
-    tracked = [d for role, d in devices.items() if role in ("headset", "body_tracker")]
+    tracking_devices = [d for role, d in devices.items() if role in ("headset", "body_tracker")]
     facts["tracking"] = "; ".join(
-        f"{d['vendor']} {d['model']} ({_role_with_rate(recording, d['role'])})" for d in tracked
+        f"{d['vendor']} {d['model']} ({_role_with_rate(recording, d['role'])})"
+        for d in tracking_devices
     )
     if tracker:
         made_up = " (SIMULATED)" if tracker.get("is_simulated") else ""
@@ -295,14 +307,14 @@ def gaze_facts(recording: Recording, rows: pd.DataFrame) -> dict[str, str]:
 
 
 def _when_calibrated(plan: Mapping[str, Any]) -> str:
-    """Return before which blocks of a recorded plan the tracker was calibrated, in words."""
+    """Return in words before which blocks of a recorded plan the tracker was calibrated."""
     blocks = plan.get("blocks", ())
     often = sum(bool(block.get("calibrate")) for block in blocks)
     return "before the first block" if often < max(len(blocks), 2) else "before every block"
 
 
 def _role_with_rate(recording: Recording, role: str) -> str:
-    """Return the role of what follows the head or the body, with its nominal rate if it has one."""
+    """Return the role of a tracker of head or body, with its nominal rate if it has one."""
     stream = {"headset": "head", "body_tracker": "body"}[role]
     schema = recording.stream_schema(stream) if stream in recording.stream_names else None
     rate_hz = 0.0 if schema is None else schema.nominal_rate_hz
@@ -324,7 +336,7 @@ def _rate_in_trials_hz(recording: Recording, stream: str, done: pd.DataFrame) ->
 
 
 def _timing_facts(recording: Recording, rows: pd.DataFrame) -> dict[str, str]:
-    """Return what is known of the latency of gaze and of frames that were missed."""
+    """Return facts about the latency of gaze and about missed frames."""
     facts = {}
     events = recording.events()
     trips_ms = [
@@ -354,7 +366,7 @@ def _timing_facts(recording: Recording, rows: pd.DataFrame) -> dict[str, str]:
             )
         )
     if len(rows) and {"frames", "frames_dropped"} <= set(rows):
-        frames, missed = int(rows["frames"].sum()), int(rows["frames_dropped"].sum())
+        frames, missed_frames = int(rows["frames"].sum()), int(rows["frames_dropped"].sum())
         if frames:
-            facts["frames"] = f"{missed} of {frames + missed} missed in trials"
+            facts["frames"] = f"{missed_frames} of {frames + missed_frames} missed in trials"
     return facts

@@ -49,11 +49,11 @@ class OpenedStudy:
 
     study: Study
     plan: PlanReview | None = None
-    """How its locked plan was kept, for the report; None where no plan was locked."""
+    """How its locked plan was followed, for the report; None where no plan was locked."""
     tell: Callable[[str], None] | None = None
-    """Hears of every trial and person that an analysis leaves out, and why."""
+    """Called with a line on every trial and person that an analysis leaves out, and why."""
     make_views: Callable[[Path, Sequence[Striking]], None] | None = None
-    """Makes the pages of trials to look at, beside the report in the folder it is given."""
+    """Makes the pages of trials to look at, in the folder of the report."""
 
     @property
     def name(self) -> str:
@@ -72,9 +72,9 @@ class OpenedStudy:
             ConfigError: a parameter, a value or a text does not exist.
             DesignError: a trial cannot be run through.
         """
-        made = StudyExperiment(self.study, dict(overrides))
-        self._refuse_slips(made)
-        return made
+        experiment = StudyExperiment(self.study, dict(overrides))
+        self._refuse_slips(experiment)
+        return experiment
 
     def experiment_of(self, recording: Recording) -> StudyExperiment:
         """Return the experiment with the parameters that a session was recorded with.
@@ -92,15 +92,15 @@ class OpenedStudy:
             ) from error
 
     def _refuse_slips(self, made: StudyExperiment) -> None:
-        """Refuse comparisons, measures, exclusions and sections of what the study does not have.
+        """Refuse comparisons, measures, exclusions and sections with names the study does not have.
 
         Raises:
-            DesignError: naming the line of the study file, and the nearest there is.
+            DesignError: with the line of the study file and the most similar valid name.
         """
-        measured = tuple(m.column for m in self.measures(made))
+        measure_columns = tuple(m.column for m in self.measures(made))
         factors = (*(f.name for f in self.study.design.factors), *self.study.design.derived)
         slips = [
-            *((c.dv, "measure", measured) for c in self.study.analysis.compare),
+            *((c.dv, "measure", measure_columns) for c in self.study.analysis.compare),
             *(
                 (name, "factor", factors)
                 for c in self.study.analysis.compare
@@ -121,68 +121,72 @@ class OpenedStudy:
         own = [r for r in self.study.analysis.exclusions if r.column not in STANDARD_COLUMNS]
         for rule in own:
             slips += self._unknown_column(rule, made)
-        for name, kind, known in slips:
-            if name not in known:
+        for name, kind, valid_names in slips:
+            if name not in valid_names:
                 place = line_saying(self.study.files.path, name) or f"study {self.study.name}"
-                near = did_you_mean(name, known)
+                near = did_you_mean(name, valid_names)
                 is_short = "known:" not in near and not kind.startswith("column")
-                there = f" there are {', '.join(known)}" if is_short else ""
+                there = f" there are {', '.join(valid_names)}" if is_short else ""
                 raise DesignError(f"{place}: there is no {kind} {name!r}{near}{there}")
 
     def _unknown_column(
         self, rule: Exclusion, made: StudyExperiment
     ) -> list[tuple[str, str, tuple[str, ...]]]:
-        """Return the slip of a rule whose column no trial and no person can have."""
+        """Return the error of a rule whose column no trial and no person can have; else nothing."""
         if rule.level == "participant":
-            known = tuple(c.name for c in PEOPLE)
-            # What a study's own facts are called is known from data alone.
-            is_known = rule.column in known or self.study.analysis.facts_of is not None
+            valid_names = tuple(c.name for c in PEOPLE)
+            # The names of a study's own facts are known only once there are data.
+            is_known = rule.column in valid_names or self.study.analysis.facts_of is not None
         else:
-            known = tuple(trial_columns(made, self.measures(made)))
+            valid_names = tuple(trial_columns(made, self.measures(made)))
             roles = frozenset().union(*(t.roles for t in made.read.values()))
-            is_known = rule.column in known or of_shown(rule.column, roles)
-        return [] if is_known else [(rule.column, f"column of {rule.level}s", known)]
+            is_known = rule.column in valid_names or of_shown(rule.column, roles)
+        return [] if is_known else [(rule.column, f"column of {rule.level}s", valid_names)]
 
     def _refuse_absent(
         self, experiment: StudyExperiment, rows: pd.DataFrame, facts: pd.DataFrame | None
     ) -> None:
-        """Refuse a rule of exclusion about what neither the study nor these data have.
+        """Refuse a rule of exclusion whose column neither the study nor these data have.
 
         Raises:
-            DataError: naming the line of the study file, and the nearest there is.
+            DataError: with the line of the study file and the most similar valid name.
         """
         own: list[str] = [] if facts is None else list(map(str, facts))
         there = {"trial": list(map(str, rows)), "participant": own}
-        described = {
+        dictionary = {
             "trial": trial_columns(experiment, self.measures(experiment)),
             "participant": {c.name for c in PEOPLE},
         }
         for rule in self.study.analysis.exclusions:
-            known = {*there[rule.level], *described[rule.level], *STANDARD_COLUMNS}
-            if rule.column not in known:
+            valid_names = {*there[rule.level], *dictionary[rule.level], *STANDARD_COLUMNS}
+            if rule.column not in valid_names:
                 place = line_saying(self.study.files.path, rule.column) or f"study {self.name}"
                 raise DataError(
                     f"{place}: no {rule.level} has {rule.column!r}"
-                    f"{did_you_mean(rule.column, known)}"
+                    f"{did_you_mean(rule.column, valid_names)}"
                 )
 
     def participant(
         self, index: int, seed: int, *, effect: bool, experiment: Any = None
     ) -> SimulatedParticipant:
-        """Return a simulated participant, who is told what a participant is told, no more."""
-        made = self.experiment({}) if experiment is None else experiment
+        """Return a simulated participant, who gets the same information as a real one."""
+        study_experiment = self.experiment({}) if experiment is None else experiment
         if self.study.simulated.person_of is not None:
-            return self.study.simulated.person_of(index, seed, effect, made)
+            return self.study.simulated.person_of(index, seed, effect, study_experiment)
         if self.study.simulated.scaled_of is not None:
-            return self.study.simulated.scaled_of(index, seed, float(effect), made)
+            return self.study.simulated.scaled_of(index, seed, float(effect), study_experiment)
         return StudyPerson(
-            index, seed, effect, responses=made.words, answer_of=self.study.simulated.answer_of
+            index,
+            seed,
+            effect,
+            responses=study_experiment.words,
+            answer_of=self.study.simulated.answer_of,
         )
 
     def judge_validation(
         self, points: Sequence[ValidationPoint], rate_hz: float
     ) -> ValidationVerdict:
-        """Measure a validation per eye; the combined eye decides, where anything rests on gaze."""
+        """Measure a validation per eye; the combined eye decides. Passes where gaze is not used."""
         if not self.study.devices.validate:
             return ValidationVerdict(
                 True, "gaze is not measured in this study", None, None, None, 0, ()
@@ -217,24 +221,30 @@ class OpenedStudy:
         staging = Staging(
             np.random.default_rng(0), 0.0, int(payload["start_ns"]), self.study.files.trial_folder
         )
-        staged = stage(Scene(payload["scene"], **options), staging, self.study.procedure.makers)
+        staged_scene = stage(
+            Scene(payload["scene"], **options), staging, self.study.procedure.makers
+        )
         scene = replace(
-            staged.scene, agents=shown.scene.agents, brightness_01=shown.scene.brightness_01
+            staged_scene.scene, agents=shown.scene.agents, brightness_01=shown.scene.brightness_01
         )
         yield replace(bare, scene=scene)
 
     # ---- analysis ----
 
     def measures(self, experiment: StudyExperiment) -> tuple[Measure, ...]:
-        """Return everything measured; what was lost of gaze too, or of the head where no gaze is.
+        """Return all measures, with the share of lost gaze, or of lost head where gaze is not used.
 
-        Looks say themselves what of gaze was lost.
+        Measures of looks already contain the share of lost gaze.
         """
-        found = measures_of(self.study, experiment.responses)
+        measures = measures_of(self.study, experiment.responses)
         if self.study.analysis.looks:
-            return found
-        lost = lost_gaze() if any(m.needs_gaze for m in found) else lost_head()
-        return found if lost.column in {m.column for m in found} else (*found, lost)
+            return measures
+        loss_measure = lost_gaze() if any(m.needs_gaze for m in measures) else lost_head()
+        return (
+            measures
+            if loss_measure.column in {m.column for m in measures}
+            else (*measures, loss_measure)
+        )
 
     @property
     def pieces(self) -> Pieces | None:
@@ -242,7 +252,7 @@ class OpenedStudy:
         return self.study.analysis.measured_in_pieces
 
     def asked(self, names: Sequence[str]) -> list[Questionnaire]:
-        """Return questionnaires by name, as they were written."""
+        """Return questionnaires by name, in their original wording."""
         return [questionnaire(name, self.study.folders) for name in names]
 
     def measure(
@@ -251,11 +261,11 @@ class OpenedStudy:
         settings: Mapping[str, Any] | None = None,
         measured: Mapping[str, MeasuredTrial] | None = None,
     ) -> SessionIntake:
-        """Take in one session; `measured` are trials that were measured one by one before."""
+        """Take in one session; `measured` are trials that have been measured one by one already."""
         use_recorded_cast(recording)
         study, pieces = self.study, self.pieces
         experiment = self.experiment_of(recording)
-        taken = take_in(
+        intake = take_in(
             recording,
             self.measures(experiment),
             self.asked(study.asks.questionnaires),
@@ -267,12 +277,12 @@ class OpenedStudy:
             picture_delay_ms=delay_of(settings or {}),
         )
         if pieces is None:
-            return taken
+            return intake
         how = pieces.how_with(settings or {})
-        found = pieces.measured(recording, how) if measured is None else measured
+        measured_trials = pieces.measured(recording, how) if measured is None else measured
         factors = [f.name for f in study.design.factors]
-        rows, tables = pieces.put_together(recording, taken.rows, found, factors, how)
-        return replace(taken, rows=rows, tables=tables)
+        rows, tables = pieces.put_together(recording, intake.rows, measured_trials, factors, how)
+        return replace(intake, rows=rows, tables=tables)
 
     def check_settings(self, settings: Mapping[str, Any]) -> None:
         """Refuse settings of the analysis that do not exist, before anything is measured.
@@ -280,22 +290,22 @@ class OpenedStudy:
         Raises:
             DataError: there is no such rule or threshold.
             UsageError: one is out of range.
-            ConfigError: a value is none of the kind.
+            ConfigError: a value has the wrong type.
         """
         study, pieces = self.study, self.pieces
-        known = [SETTING, *(r.name for r in study.analysis.exclusions)]
+        setting_names = [SETTING, *(r.name for r in study.analysis.exclusions)]
         if study.analysis.families:
-            known += [f.name for f in fields(TestRules)]
+            setting_names += [f.name for f in fields(TestRules)]
         elif study.analysis.compare:
-            known += ["alpha", "normality_alpha"]
+            setting_names += ["alpha", "normality_alpha"]
         thresholds = study.analysis.thresholds
-        known += [] if thresholds is None else [f.name for f in fields(thresholds)]
-        known += [] if pieces is None else pieces.settable
-        unknown = set(settings) - set(known)
+        setting_names += [] if thresholds is None else [f.name for f in fields(thresholds)]
+        setting_names += [] if pieces is None else pieces.settable
+        unknown = set(settings) - set(setting_names)
         if unknown:
             raise DataError(
                 f"{self.name} has no rule {', '.join(sorted(unknown))}; its rules are "
-                f"{', '.join(known)}"
+                f"{', '.join(setting_names)}"
             )
         delay_of(settings)
         limits_in_force(study.analysis.exclusions, settings)
@@ -312,7 +322,7 @@ class OpenedStudy:
         the study's own analysis.
 
         Raises:
-            DataError: there is no such rule or threshold, or nothing counts.
+            DataError: there is no such rule or threshold, or no trial counts.
             UsageError: one is out of range.
         """
         settings = settings or {}
@@ -334,11 +344,11 @@ class OpenedStudy:
     def _tables(self, sessions: Sequence[SessionIntake]) -> dict[str, pd.DataFrame]:
         """Return the further tables of all sessions: answers after blocks, and the study's own."""
         every = [{"blocks": s.blocks, **s.tables} for s in sessions]
-        found = {
+        tables = {
             name: pd.concat([t[name] for t in every], ignore_index=True)
             for name in dict.fromkeys(name for t in every for name in t)
         }
-        return {name: t for name, t in found.items() if len(t.columns) or name != "blocks"}
+        return {name: t for name, t in tables.items() if len(t.columns) or name != "blocks"}
 
     def analysis_of_rows(
         self,
@@ -353,14 +363,14 @@ class OpenedStudy:
     ) -> StudyAnalysis:
         """Analyse trials, one row each; `people` hold answers of questionnaires.
 
-        `planned` is how many trials each participant was to have; `varied` are the main measures
-        of looks by padding and minimum duration, `tables` the study's further tables.
+        `planned` is the number of trials planned for each participant; `varied` are the main
+        measures of looks by padding and minimum duration, `tables` the study's further tables.
 
         Raises:
-            DataError: nothing counts.
+            DataError: no trial counts.
         """
         design = self.study.design_with(experiment.parameters)
-        compared = self.study.analysis.cells_of(design)
+        cell_factors = self.study.analysis.cells_of(design)
         settings = settings or {}
         selection = self.selection_of(
             experiment, rows, planned=planned, settings=settings, people=people
@@ -373,7 +383,7 @@ class OpenedStudy:
             levels=experiment.levels,
             measures=self.measures(experiment),
             is_simulated=bool(rows["is_simulated"].any()),
-            cells=[f.name for f in (*design.between, *compared)],
+            cells=[f.name for f in (*design.between, *cell_factors)],
             rules=DEFAULT_TEST_RULES.with_settings(settings),
             varied=varied,
             compare=[c.with_alphas(settings) for c in experiment.compare],
@@ -398,14 +408,14 @@ class OpenedStudy:
     ) -> Selection:
         """Decide by the study's rules which trials count; `people` hold what they answered."""
         rules, facts_of = self.study.analysis.exclusions, self.study.analysis.facts_of
-        compared = self.study.analysis.cells_of(self.study.design_with(experiment.parameters))
+        cell_factors = self.study.analysis.cells_of(self.study.design_with(experiment.parameters))
         return select(
             rows,
             rules,
             limits_in_force(rules, settings or {}),
-            cells=[f.name for f in compared],
+            cells=[f.name for f in cell_factors],
             planned=planned,
-            cell_count=int(np.prod([len(f.levels) for f in compared])),
+            cell_count=int(np.prod([len(f.levels) for f in cell_factors])),
             facts=_facts(None if facts_of is None else facts_of(rows), people),
         )
 
@@ -445,11 +455,10 @@ class OpenedStudy:
     ) -> Path:
         """Write tables, figures and the report of what was analysed; return the report's path.
 
-        `folder` is the study's, as the report names it.
-
-        The tables of `sessions` are not asked for again.
+        `folder` is the study's folder as the report names it. The tables of `sessions` are not
+        used.
         """
-        # Figures take a second to import; sessions and previews do without.
+        # Imported here: figures take a second to import, and sessions and previews need none.
         from visavis.results.outputs import write_study
 
         analysis = replace(analysis, is_simulated=is_simulated, example=example)
@@ -466,12 +475,12 @@ class OpenedStudy:
             folder,
         )
         experiment = self.experiment(overrides_of(sessions[0].manifest.plan))
-        asked = self.asked(self.study.asks.questionnaires)
+        questionnaires = self.asked(self.study.asks.questionnaires)
         facts = {**sessions[0].facts, **self.study.report.setup}
         return write_study(
             analysis,
             experiment,
-            asked,
+            questionnaires,
             provenance,
             out_dir,
             facts,
@@ -481,20 +490,20 @@ class OpenedStudy:
 
 
 def _facts(own: pd.DataFrame | None, people: pd.DataFrame | None) -> pd.DataFrame | None:
-    """Return what is known of people besides their trials, the study's own facts among it."""
+    """Return facts about people that do not follow from their trials, the study's own included."""
     if people is None or ANSWERED not in people:
         return own
-    answered = people[["participant", ANSWERED]]
-    return answered if own is None else answered.merge(own, on="participant", how="outer")
+    answer_shares = people[["participant", ANSWERED]]
+    return answer_shares if own is None else answer_shares.merge(own, on="participant", how="outer")
 
 
 def overrides_of(plan: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parameters that a recorded plan was made with, as the plan names them."""
-    found = {}
+    overrides = {}
     for name, value in plan.get("parameters", {}).items():
         is_list = isinstance(value, str) and value.startswith("[")
-        found[name] = json.loads(value) if is_list else value
-    return found
+        overrides[name] = json.loads(value) if is_list else value
+    return overrides
 
 
 def find_study(wanted: str, of_lab: Mapping[str, Path] | None = None) -> OpenedStudy:

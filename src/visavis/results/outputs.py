@@ -1,4 +1,4 @@
-"""Write what an analyst takes away of a study: tables, dictionaries, figures, report."""
+"""Write the results of a study: tables, dictionaries, figures, report."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
@@ -51,8 +51,8 @@ def write_study(
 ) -> Path:
     """Write tables, figures and the report; return the report's path.
 
-    `facts` is what recordings answer of the reporting list for eye tracking, `plan` how a locked
-    plan was kept, `streams` what devices of the lab's own recorded.
+    `facts` are the recordings' answers to the reporting list for eye tracking, `plan` is the
+    review of a locked plan, `streams` are the recordings of the lab's own devices.
 
     Raises:
         UsageError: the folder cannot be written to.
@@ -68,27 +68,27 @@ def write_study(
         own = {d.name: d for extra in extras for d in extra.figures}
         del extras
         pictures: dict[str, Picture] = {}
-        # Drawn, a figure holds much of every participant: each is let go of once it is written.
+        # A figure holds data of every participant: free the memory of each once it is written.
         for figure in _figures(analysis, experiment, own, quality):
             write_figure(figure, out_dir / "figures")
             pictures[figure.name] = picture_of(figure)
-            figure.figure.clear()  # its artists refer to each other
-        shown = []
+            figure.figure.clear()  # without it they stay: its artists refer to each other
+        stream_pictures = []
         for figure in figures_of_streams(streams):
-            write_figure(figure, out_dir / "figures")  # everybody's lie beside the report
+            write_figure(figure, out_dir / "figures")  # all participants' figures
             if figure.name.endswith(f"_{streams[0].participant}"):
-                shown.append(picture_of(figure))
+                stream_pictures.append(picture_of(figure))
             figure.figure.clear()
     except OSError as error:
         raise UsageError(
             f"the analysis cannot be written to {out_dir}: {error.strerror or error}; choose a "
             "folder you may write to"
         ) from error
-    sections += [streams_section(streams, shown)] if streams else []
+    sections += [streams_section(streams, stream_pictures)] if streams else []
     sections += [] if plan is None else [review_section(plan)]
-    cited = references_of(analysis, with_gaze=quality is not None)
-    (out_dir / "references.bib").write_text(bibtex(cited), encoding="utf-8")
-    (out_dir / "references.ris").write_text(ris(cited), encoding="utf-8")
+    references = references_of(analysis, with_gaze=quality is not None)
+    (out_dir / "references.bib").write_text(bibtex(references), encoding="utf-8")
+    (out_dir / "references.ris").write_text(ris(references), encoding="utf-8")
     path = out_dir / REPORT_NAME
     return build_report(
         analysis, experiment, provenance, pictures, path, questionnaires, sections, quality
@@ -111,14 +111,14 @@ def _figures(
     own: dict[str, ReportFigure],
     quality: Quality | None,
 ) -> Iterator[ReportFigure]:
-    """Yield every figure once; `own` are those of the study's sections, which go before others.
+    """Yield every figure once; those of the study's sections replace others of the same name.
 
-    They are taken out of `own` as they are yielded.
+    `own` are the figures of the sections by name; each is removed from it when it is yielded.
     """
     texts = experiment.texts
-    for drawn in chain(study_figures(analysis, texts), family_figures(analysis, texts)):
-        if drawn.name not in own:
-            yield drawn
+    for figure in chain(study_figures(analysis, texts), family_figures(analysis, texts)):
+        if figure.name not in own:
+            yield figure
     while own:
         yield own.pop(next(iter(own)))
     if quality is not None:
@@ -142,57 +142,65 @@ def write_tables(
     pieces = study.analysis.measured_in_pieces
     marks = {SIMULATED_COLUMN: analysis.is_simulated}
     marks |= {} if pieces is None or analysis.how is None else pieces.marks(analysis.how)
+    # Trials: types are fixed, so that tables of several studies can be concatenated.
     trials = analysis.selection.rows.assign(**marks)
-    known = trial_columns(experiment, analysis.measures)
+    dictionary = trial_columns(experiment, analysis.measures)
     trials = typed(trials, {c.name: c for c in fixed_columns(experiment)})
-    write_table(trials, known, out_dir / "trials.csv", scenes=True)
+    write_table(trials, dictionary, out_dir / "trials.csv", scenes=True)
     trials.to_parquet(out_dir / "trials.parquet", index=False)
+    # Participants: the selection's facts first, then answers, then quality, no column twice.
     people = analysis.selection.people
     rest = [c for c in analysis.people if c == "participant" or c not in people]
     people = people.merge(analysis.people[rest], on="participant", how="left")
     if quality is not None:
         twice = [c for c in quality.participants if c in people and c != "participant"]
-        measured = quality.participants.drop(columns=twice)
-        people = people.merge(measured, on="participant", how="left")
+        quality_rows = quality.participants.drop(columns=twice)
+        people = people.merge(quality_rows, on="participant", how="left")
     people = people.assign(**marks)
-    described_people = {**known, **people_columns(questionnaires)}
+    described_people = {**dictionary, **people_columns(questionnaires)}
     described_people |= {c.name: c for c in QUALITY_TABLE}
     write_table(people, described_people, out_dir / "participants.csv")
     means = analysis.cell_means().assign(**marks)
-    counted = {**known, "n": Column("n", "1", "trials that count")}
-    write_table(means, counted, out_dir / "cell_means.csv")
+    means_dictionary = {**dictionary, "n": Column("n", "1", "trials that count")}
+    write_table(means, means_dictionary, out_dir / "cell_means.csv")
     for extra in extras:
         for name, table in extra.tables.items():
-            columns = {**known, **{c.name: c for c in extra.columns}}
+            columns = {**dictionary, **{c.name: c for c in extra.columns}}
             write_table(table.assign(**marks), columns, out_dir / f"{name}.csv")
-    asked = [questionnaire(name, study.folders) for name in study.asks.after_block]
+    block_questionnaires = [questionnaire(name, study.folders) for name in study.asks.after_block]
     for name, table in analysis.tables.items():
-        columns = {**known, **block_columns(asked)} if name == "blocks" else known
+        columns = (
+            {**dictionary, **block_columns(block_questionnaires)}
+            if name == "blocks"
+            else dictionary
+        )
         own = () if pieces is None else pieces.tables.get(name, ())
         columns = {**columns, **{c.name: c for c in own}}
         write_table(table.assign(**marks), columns, out_dir / f"{name}.csv")
         table.assign(**marks).to_parquet(out_dir / f"{name}.parquet", index=False)
-    described = {c.name: c for c in (*PEOPLE, *STATISTICS)}
-    described |= {name: known[name] for name in marks}
-    described |= columns_of_tests(analysis.study.analysis.families) if analysis.results else {}
+    test_dictionary = {c.name: c for c in (*PEOPLE, *STATISTICS)}
+    test_dictionary |= {name: dictionary[name] for name in marks}
+    test_dictionary |= (
+        columns_of_tests(analysis.study.analysis.families) if analysis.results else {}
+    )
     for name, rows in (
         ("statistics", statistics_rows(analysis)),
         ("contrasts", contrast_rows(analysis)),
     ):
         if rows:
             table = pd.DataFrame(rows).assign(**marks)
-            write_table(table, described, out_dir / f"{name}.csv")
+            write_table(table, test_dictionary, out_dir / f"{name}.csv")
     if analysis.sensitivity:
         table = pd.DataFrame([row.row() for row in analysis.sensitivity]).assign(**marks)
         of = analysis.sensitivity[0].shown[0].of
         columns = sensitivity_columns(of, {m.column: m for m in analysis.measures})
-        write_table(table, known | columns, out_dir / "sensitivity.csv")
+        write_table(table, dictionary | columns, out_dir / "sensitivity.csv")
 
 
 def statistics_rows(analysis: StudyAnalysis) -> list[dict[str, Any]]:
     """Return one row per effect of every comparison, then per test of every family.
 
-    The first family without rules of exclusion comes last. Untested ones say why.
+    Last comes the first family repeated without exclusions. Rows without a test say why.
     """
     rows: list[dict[str, Any]] = []
     for finding in analysis.findings:
@@ -212,20 +220,20 @@ def statistics_rows(analysis: StudyAnalysis) -> list[dict[str, Any]]:
         if not finding.terms:
             rows.append(about)
         for term in finding.terms:
-            decided: dict[str, Any] = {
+            verdict: dict[str, Any] = {
                 "term": term.name,
                 "p_family": term.p_corrected,
                 "is_significant": term.is_significant,
             }
-            printed = compare.published_of(term.name)
-            if printed is not None:
-                decided |= {
-                    "published": str(printed),
-                    "published_statistic": printed.statistic,
-                    "published_significant": printed.is_significant,
-                    "agrees_with_published": term.is_significant == printed.is_significant,
+            printed_result = compare.published_of(term.name)
+            if printed_result is not None:
+                verdict |= {
+                    "published": str(printed_result),
+                    "published_statistic": printed_result.statistic,
+                    "published_significant": printed_result.is_significant,
+                    "agrees_with_published": term.is_significant == printed_result.is_significant,
                 }
-            rows.append({**about, **_plain(term.row), **decided})
+            rows.append({**about, **_plain(term.row), **verdict})
     rows += [
         test.row() | published_cells(test) for results in analysis.results for test in results.tests
     ]
@@ -248,24 +256,24 @@ def contrast_rows(analysis: StudyAnalysis) -> list[dict[str, Any]]:
 
 
 def _decided(finding: Finding, row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what was decided of a contrast of two levels, beside what the source prints."""
-    found = next((c for c in finding.contrasts if c.row is row), None)
-    if found is None:
+    """Return the verdict on a contrast of two levels, with the source's where there is one."""
+    contrast = next((c for c in finding.contrasts if c.row is row), None)
+    if contrast is None:
         return {}
-    decided: dict[str, Any] = {
-        "level_1": found.first,
-        "level_2": found.second,
-        "mean_difference": found.difference,
-        "is_significant": found.is_significant,
-        "sentence": found.sentence,
+    cells: dict[str, Any] = {
+        "level_1": contrast.first,
+        "level_2": contrast.second,
+        "mean_difference": contrast.difference,
+        "is_significant": contrast.is_significant,
+        "sentence": contrast.sentence,
     }
-    beside = found.agreement
+    beside = contrast.agreement
     if beside is not None:
-        decided |= {
+        cells |= {
             "published_significant": beside.published,
             "agrees_with_published": beside.agrees,
         }
-    return decided
+    return cells
 
 
 def _plain(row: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,7 +1,8 @@
-"""What pictures are late by, taken off gaze and answers: opt-in, by `visavis sync-test`.
+"""Delay of pictures, subtracted from times of gaze and answers: opt-in, by `visavis sync-test`.
 
 A trial's times are those at which its frames began. Their light leaves at the time that the display
-predicted, and reaches the eye later by what the test measured in the room (`picture_delay_ms`).
+predicted. It reaches the eye after the delay that the test measured in the room
+(`picture_delay_ms`).
 """
 
 from collections.abc import Iterable, Mapping
@@ -26,11 +27,11 @@ LATE: Final = Column(
     "display predicted, and the room's picture_delay_ms; taken off gaze and times to answer",
 )
 BY_PICTURE: Final = ("ray", "gaze", "keys")
-"""How answers are given that are timed from a picture; the operator's are not."""
+"""Ways of answering that are timed from a picture; the operator's answers are not."""
 
 
 def delay_of(settings: Mapping[str, Any]) -> float | None:
-    """Return the room's delay (ms) that an analysis is to take off; None where it is not asked to.
+    """Return the room's delay (ms) that an analysis subtracts; None where it is not set.
 
     Raises:
         UsageError: it is no number between 0 and 500.
@@ -45,23 +46,23 @@ def delay_of(settings: Mapping[str, Any]) -> float | None:
 
 
 class LatePictures:
-    """How late the pictures of a session's trials were at the eye."""
+    """Delays of the pictures in a session's trials, as seen by the eye."""
 
     def __init__(self, recording: Recording, delay_ms: float) -> None:
         self._recording = recording
         self._delay_ns = delay_ms * NS_PER_MS
 
     def late_ns(self, row: Mapping[Any, Any]) -> int | None:
-        """Return by how much a trial's pictures were late; None where no frame was recorded."""
+        """Return the delay (ns) of a trial's pictures, median over frames; None without frames."""
         start, end = row.get("t_start_ns"), row.get("t_end_ns")
         if start is None or end is None or start != start or end != end:
             return None
         frames = self._recording.stream_arrays("frames", part=int(row["recording_part"]))
         at = frames["t_host_ns"]
-        shown = (at >= start) & (at <= end)
-        if not shown.any():
+        is_shown = (at >= start) & (at <= end)
+        if not is_shown.any():
             return None
-        ahead = frames["predicted_display_ns"][shown] - at[shown]
+        ahead = frames["predicted_display_ns"][is_shown] - at[is_shown]
         return round(float(np.median(ahead)) + self._delay_ns)
 
 
@@ -69,18 +70,18 @@ def answered_from_light(
     row: Mapping[Any, Any], answers: Iterable[str], late_ns: int
 ) -> dict[str, float]:
     """Return the times to answer (ms) of a trial, from the light of the question."""
-    found = {}
+    times_ms = {}
     for name in answers:
         ms = row.get(f"{name}_ms")
         if ms is None or ms != ms or row.get(f"{name}_by") not in BY_PICTURE:
             continue
-        found[f"{name}_ms"] = float(ms) - late_ns / NS_PER_MS
-    return found
+        times_ms[f"{name}_ms"] = float(ms) - late_ns / NS_PER_MS
+    return times_ms
 
 
 @dataclass(frozen=True)
 class SyncTest:
-    """A kept synchronisation test: when it was made, and by how much pictures were late."""
+    """A saved synchronisation test: when it was made, and the delay of pictures."""
 
     name: str
     made: str
@@ -89,16 +90,16 @@ class SyncTest:
 
 
 def read_sync_test(path: Path) -> SyncTest:
-    """Read what `visavis sync-test` kept.
+    """Read a test that `visavis sync-test` saved.
 
     Raises:
         DataError: it is no such file, or too few flashes were answered to name a delay.
     """
     try:
-        kept = parse_json(read_plain(path))
-        made, simulated = str(kept["made"]), bool(kept["is_simulated"])
-        found = {**kept["offsets_ms"]}.get(SETTING)
-        late_ms = None if found is None else max(0.0, float(found))
+        content = parse_json(read_plain(path))
+        made_at, is_simulated = str(content["made"]), bool(content["is_simulated"])
+        offset_ms = {**content["offsets_ms"]}.get(SETTING)
+        late_ms = None if offset_ms is None else max(0.0, float(offset_ms))
     except (OSError, ValueError, KeyError, TypeError, OverflowError) as problem:
         raise DataError(
             f"{path} is no test that visavis sync-test kept ({problem}); give one of "
@@ -110,11 +111,11 @@ def read_sync_test(path: Path) -> SyncTest:
             "the photodiode in the corner of the display"
         )
     delay = delay_of({SETTING: late_ms})
-    return SyncTest(path.name, made, simulated, delay or 0.0)
+    return SyncTest(path.name, made_at, is_simulated, delay or 0.0)
 
 
 def required_for(test: SyncTest, kinds: Iterable[bool]) -> float:
-    """Return the delay for sessions of a kind (`kinds`: simulated or not).
+    """Return the test's delay for sessions; `kinds` says of each whether it is simulated.
 
     Raises:
         DataError: a rehearsal's test for real sessions, or a room's for simulated ones.

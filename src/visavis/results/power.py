@@ -2,8 +2,8 @@
 
 Both follow from what the study declares: simulated people perform its trials over the quick path,
 its exclusion rules decide what counts, its planned comparisons are tested with the correction of
-their family. `effect` 0 gives people to whom what is shown makes no difference, so that whatever
-is significant is false.
+their family. With `effect` 0 conditions make no difference to people, so that every significant
+result is false.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -44,7 +44,7 @@ MIN_N = 3
 class SimulateStudy(Protocol):
     """Simulate people of a study without recordings, such as `visavis.running.quick.quick_study`.
 
-    `effect` multiplies what is shown makes of a difference.
+    `effect` multiplies the difference that conditions make.
     """
 
     def __call__(
@@ -57,7 +57,7 @@ class SimulateStudy(Protocol):
         seed: int,
         effect: float,
     ) -> SimulatedStudy:
-        """Return the trials and the people at these places in the order."""
+        """Return the trials and the people with these indices."""
         ...
 
 
@@ -65,8 +65,8 @@ class SimulateStudy(Protocol):
 class KitPower:
     """Implement `visavis.analysis.power.PowerStudy` for a study on the kit.
 
-    `reference` finds the study again in any process; `make_tracker` gives each person a tracker,
-    with which `simulate_study` performs their trials; `overrides` replace parameters of the study.
+    `reference` finds the study again in any process; `make_tracker` makes the tracker with
+    which `simulate_study` performs a person's trials; `overrides` replace parameters of the study.
     """
 
     reference: str
@@ -88,55 +88,56 @@ class KitPower:
     def tests(self) -> Mapping[str, str]:
         """Every planned test by name, with what it claims: effects, pairs, correlations, questions.
 
-        Of a comparison's effects the one that its claim is about comes first.
+        Among the effects of a comparison, the one that its claim is about comes first.
 
         Raises:
             UsageError: the study plans none.
         """
         study = self._opened.study
-        found = {}
-        compared = self._opened.experiment(self.overrides).compare
-        for compare in (c for c in compared if not c.exploratory):
+        claims = {}
+        comparisons = self._opened.experiment(self.overrides).compare
+        for compare in (c for c in comparisons if not c.exploratory):
             claimed_first = sorted(compare.terms, key=lambda term: term != compare.claimed)
             for term in claimed_first:
-                found[_effect_name(compare, term, compared)] = _claim_of(compare, term)
+                claims[_effect_name(compare, term, comparisons)] = _claim_of(compare, term)
         for of in families_of(study):
-            found |= claims_of(study, of)
-        found |= study.analysis.questions
-        if not found:
+            claims |= claims_of(study, of)
+        claims |= study.analysis.questions
+        if not claims:
             raise UsageError(
                 f"{self.name} plans no comparison, so there is no power to find; declare one: "
                 'compare=[Compare("…", within="…")]'
             )
-        return found
+        return claims
 
     @property
     def printed_tests(self) -> Mapping[str, PrintedTest]:
         """The F tests of effects within people, and paired t tests, that the source prints."""
         study = self._opened.study
-        found = {name: test for of in families_of(study) for name, test in _printed_t(study, of)}
-        compared = self._opened.experiment(self.overrides).compare
-        for compare in compared:
+        tests = {name: test for of in families_of(study) for name, test in _printed_t(study, of)}
+        comparisons = self._opened.experiment(self.overrides).compare
+        for compare in comparisons:
             for term in compare.terms:
-                printed = compare.published_of(term)
-                if compare.between or printed is None or printed.statistic is None:
+                printed_result = compare.published_of(term)
+                if compare.between or printed_result is None or printed_result.statistic is None:
                     continue
-                if printed.df is not None:
-                    df1, df2 = printed.df
-                    found[_effect_name(compare, term, compared)] = PrintedTest(
-                        f"F({df1:g}, {df2:g}) = {number(printed.statistic)}",
-                        printed.statistic,
+                if printed_result.df is not None:
+                    df1, df2 = printed_result.df
+                    tests[_effect_name(compare, term, comparisons)] = PrintedTest(
+                        f"F({df1:g}, {df2:g}) = {number(printed_result.statistic)}",
+                        printed_result.statistic,
                         df1,
                         df2,
                         round(df2 / df1) + 1,
                     )
-        return found
+        return tests
 
     @property
     def shown_tests(self) -> Sequence[str]:
-        """What is shown unless asked otherwise; the first decides the number of participants.
+        """The tests shown by default; the first one decides the number of participants.
 
-        Every effect of a comparison, the first measure's pairs of the first family, and questions.
+        Every effect of a comparison, the tests of the first measure of the first family, and
+        questions.
         """
         study, every = self._opened.study, self.tests
         families = families_of(study)
@@ -145,7 +146,7 @@ class KitPower:
         return tuple(n for n in every if n in first or n not in further)
 
     def rule(self, alpha: float) -> str:
-        """Return how a test becomes significant."""
+        """Return in words when a test is significant."""
         study = self._opened.study
         pairs = [of for of in families_of(study) if isinstance(of, Pairs)]
         if pairs and not study.analysis.compare:
@@ -158,7 +159,7 @@ class KitPower:
         )
 
     def effect_meaning(self, effect: float, source: Source) -> str:
-        """Return what the multiplier did."""
+        """Return in words what the multiplier changed."""
         if source == "study folder":
             as_found = "People drawn with replacement from those recorded"
             if effect == 1:
@@ -177,7 +178,7 @@ class KitPower:
         )
 
     def prepare(self, told: Callable[[int, int], None]) -> None:
-        """Do what the study does before a first trial: of waving, make the waves."""
+        """Prepare the study before its first trial: a study on waving makes its waves."""
         self._opened.experiment(self.overrides).prepare(told)
 
     def simulate(
@@ -194,35 +195,35 @@ class KitPower:
         return self._at_every_number(rows, numbers, tests, alpha)
 
     def simulate_people(self, indices: Sequence[int], *, effect: float, seed: int) -> pd.DataFrame:
-        """Return what tests need of some simulated people: trials that count, or means.
+        """Return the rows of simulated people that tests need: trials that count, or means.
 
         Raises:
             UsageError: the study's people cannot be given such an effect.
         """
-        opened = self._opened
-        experiment = opened.experiment(self.overrides)
-        made = self.simulate_study(
-            opened, experiment, self.make_tracker, indices, seed=seed, effect=effect
+        opened_study = self._opened
+        experiment = opened_study.experiment(self.overrides)
+        simulation = self.simulate_study(
+            opened_study, experiment, self.make_tracker, indices, seed=seed, effect=effect
         )
-        kept = _counted(opened, experiment, made.trials)
-        return _needed(opened, experiment, kept, made.people)
+        trials = _counted(opened_study, experiment, simulation.trials)
+        return _needed(opened_study, experiment, trials, simulation.people)
 
     def people_of(self, folder: Path, *, effect: float) -> tuple[pd.DataFrame, bool]:
-        """Return what tests need of the people in a study's folder.
+        """Return the rows of the people in a study's folder that tests need.
 
         Raises:
             DataError: no trial table of this study there, simulated and real people together, too
                 few people, or an effect that cannot be changed in recorded people.
         """
-        opened = self._opened
-        families = families_of(opened.study)
+        opened_study = self._opened
+        families = families_of(opened_study.study)
         path = _table(folder, "trials.csv")
         if path is None:
             raise DataError(
                 f"{folder} holds no trials.csv; make it with `visavis analyse {folder}` and give "
                 "that folder or its derived/ folder"
             )
-        if effect != 1 and (opened.study.analysis.compare or not families):
+        if effect != 1 and (opened_study.study.analysis.compare or not families):
             raise DataError(
                 "people who were recorded keep the effect that was found in them: "
                 "leave --effect out"
@@ -230,21 +231,21 @@ class KitPower:
         rows = pd.read_csv(path, dtype={"participant": str})
         if COUNTED not in rows:
             raise DataError(f"{path} was not made by a study on the kit; analyse it again")
-        simulated = rows["is_simulated"].astype(bool)
-        if simulated.any() and not simulated.all():
+        is_simulated = rows["is_simulated"].astype(bool)
+        if is_simulated.any() and not is_simulated.all():
             raise DataError(f"{path} mixes simulated and real people; take them apart")
-        kept: pd.DataFrame = rows[rows[COUNTED].astype(bool)].reset_index(drop=True)
-        if kept["participant"].nunique() < MIN_N:
+        trials: pd.DataFrame = rows[rows[COUNTED].astype(bool)].reset_index(drop=True)
+        if trials["participant"].nunique() < MIN_N:
             raise DataError(
-                f"{path} holds {kept['participant'].nunique()} people who count; drawing from "
+                f"{path} holds {trials['participant'].nunique()} people who count; drawing from "
                 f"fewer than {MIN_N} says nothing"
             )
         answers = _table(folder, "participants.csv")
         people = None if answers is None else pd.read_csv(answers, dtype={"participant": str})
-        needed = _needed(opened, opened.experiment(self.overrides), kept, people)
+        test_rows = _needed(opened_study, opened_study.experiment(self.overrides), trials, people)
         for of in (of for of in families if isinstance(of, Pairs)):
-            needed = _scaled(needed, of, effect)
-        return needed, bool(simulated.any())
+            test_rows = _scaled(test_rows, of, effect)
+        return test_rows, bool(is_simulated.any())
 
     def resample(
         self,
@@ -256,18 +257,19 @@ class KitPower:
         alpha: float,
     ) -> Mapping[int, Verdicts]:
         """Draw people with all their trials, with replacement."""
-        drawn = draw_people(people, max(numbers), np.random.default_rng(seed))
-        return self._at_every_number(drawn, numbers, tests, alpha)
+        sample = draw_people(people, max(numbers), np.random.default_rng(seed))
+        return self._at_every_number(sample, numbers, tests, alpha)
 
     def _at_every_number(
         self, rows: pd.DataFrame, numbers: Sequence[int], tests: Sequence[str], alpha: float
     ) -> dict[int, Verdicts]:
-        """Test the first n names for every n; a person left out by the rules leaves a gap."""
-        opened = self._opened
-        experiment = opened.experiment(self.overrides)
+        """Test the first n people for every n; anyone left out by the rules is not replaced."""
+        opened_study = self._opened
+        experiment = opened_study.experiment(self.overrides)
         place = rows["participant"].astype(int).to_numpy()
         return {
-            n: self._verdicts(rows[place < n], tests, alpha, opened, experiment) for n in numbers
+            n: self._verdicts(rows[place < n], tests, alpha, opened_study, experiment)
+            for n in numbers
         }
 
     def _verdicts(
@@ -278,30 +280,31 @@ class KitPower:
         opened: OpenedStudy,
         experiment: StudyExperiment,
     ) -> dict[str, PlannedTestResult]:
-        known = {m.column: m for m in opened.measures(experiment)}
+        measures = {m.column: m for m in opened.measures(experiment)}
         levels = experiment.levels
         asks = any(name in opened.study.analysis.questions for name in tests)
         findings = corrected(
             [
-                answered(compare, rows, known, levels, is_simulated=True)
+                answered(compare, rows, measures, levels, is_simulated=True)
                 for compare in (c.with_alphas({"alpha": alpha}) for c in experiment.compare)
                 if not compare.exploratory and (asks or _is_asked(compare, tests, experiment))
             ]
         )
-        found: dict[str, PlannedTestResult] = dict.fromkeys(tests, PlannedTestResult(None))
+        verdicts: dict[str, PlannedTestResult] = dict.fromkeys(tests, PlannedTestResult(None))
         for finding in findings:
             for term in finding.terms:
                 name = _effect_name(finding.compare, term.name, experiment.compare)
-                if name in found:
-                    found[name] = PlannedTestResult(
+                if name in verdicts:
+                    verdicts[name] = PlannedTestResult(
                         bool(term.p_corrected < alpha), *_difference(finding, rows, levels)
                     )
-        return found | _of_families(opened, experiment, rows, tests, alpha, findings)
+        return verdicts | _of_families(opened, experiment, rows, tests, alpha, findings)
 
 
 def _effect_name(compare: Compare, term: str, every: Sequence[Compare]) -> str:
-    """Return what an effect is called: measure and term, and where several comparisons have it, of
-    whom, by which model or test and over which factors.
+    """Return the name of an effect: measure and term.
+
+    Where several comparisons have it, their levels, model or test, and factors are added.
     """
     name = f"{compare.dv}:{term}"
     same = [c for c in every if not c.exploratory and c.dv == compare.dv and term in c.terms]
@@ -330,27 +333,27 @@ def _of_families(
     alpha: float,
     findings: tuple[Finding, ...],
 ) -> dict[str, PlannedTestResult]:
-    """Make the asked tests of families; a question needs every test of every family."""
+    """Make the requested tests of families; a question needs every test of every family."""
     study, levels = opened.study, experiment.levels
-    known = {m.column: m for m in opened.measures(experiment)}
+    measures = {m.column: m for m in opened.measures(experiment)}
     asks = any(name in study.analysis.questions for name in tests)
     rules = DEFAULT_TEST_RULES.with_settings({"alpha": alpha})
     people = rows.drop_duplicates("participant")
-    found: dict[str, PlannedTestResult] = {}
+    verdicts: dict[str, PlannedTestResult] = {}
     results = []
     for of in families_of(study):
         is_asked = asks or not claims_of(study, of).keys().isdisjoint(tests)
         if not is_asked or not all(measure in rows for measure in of.measures):
             continue
-        made: Sequence[Test]
+        family_tests: Sequence[Test]
         if isinstance(of, Pairs):
             every = {(pair, m) for pair in of.levels for m in of.measures}
             only = {(p, m) for p, m in every if asks or pair_name(p, m) in tests}
-            made = compare_pairs(of, rows, known, levels, rules, only=only)
+            family_tests = compare_pairs(of, rows, measures, levels, rules, only=only)
         else:
-            made = results_of(of, rows, people, known, levels, rules)
-        results.append(Results(of, tuple(made)))
-        found |= dict(_found(rows, made))
+            family_tests = results_of(of, rows, people, measures, levels, rules)
+        results.append(Results(of, tuple(family_tests)))
+        verdicts |= dict(_found(rows, family_tests))
     if asks:
         selection = Selection(rows, people, len(rows), (), {})
         analysis = StudyAnalysis(
@@ -359,26 +362,26 @@ def _of_families(
             selection,
             people,
             levels,
-            tuple(known.values()),
+            tuple(measures.values()),
             findings,
             (),
             tuple(results),
             rules=rules,
         )
-        found |= {c.name: PlannedTestResult(c.is_found) for c in analysis.conclusions}
-    return {name: verdict for name, verdict in found.items() if name in tests}
+        verdicts |= {c.name: PlannedTestResult(c.is_found) for c in analysis.conclusions}
+    return {name: verdict for name, verdict in verdicts.items() if name in tests}
 
 
 def _claim_of(compare: Compare, term: str) -> str:
-    """Return what a test of one effect claims: the comparison's claim is put to one of several."""
+    """Return the claim of one effect; among several, only the claimed one has the full claim."""
     if len(compare.terms) == 1 and compare.claim:
         return compare.claim
-    named = f"{compare.dv} depends on {term.replace(':', ' × ')}"
-    return f"{named}: {compare.claim}" if term == compare.claimed else named
+    statement = f"{compare.dv} depends on {term.replace(':', ' × ')}"
+    return f"{statement}: {compare.claim}" if term == compare.claimed else statement
 
 
 def families_of(study: Study) -> tuple[Family, ...]:
-    """Return the families of which power is found: planned ones, not made place by place."""
+    """Return the families whose power is computed: planned ones without `each`."""
     return tuple(
         of
         for of in study.analysis.families
@@ -397,41 +400,41 @@ def claims_of(study: Study, of: Family, measures: Sequence[str] | None = None) -
     names = [(m, words.get(m, m)) for m in (of.measures if measures is None else measures)]
     if isinstance(of, Pairs):
         return {
-            pair_name(pair, m): f"{pair[0]} – {pair[1]}, {said}"
+            pair_name(pair, m): f"{pair[0]} – {pair[1]}, {measure_words}"
             for pair in of.levels
-            for m, said in names
+            for m, measure_words in names
         }
     levels = study.factor(of.factor).levels
     return {
-        f"{of.family}-{level}:{m}": f"{of.score_words} and {said} under {level}"
+        f"{of.family}-{level}:{m}": f"{of.score_words} and {measure_words} under {level}"
         for level in levels
-        for m, said in names
+        for m, measure_words in names
     }
 
 
 def _printed_t(study: Study, of: Family) -> Iterator[tuple[str, PrintedTest]]:
-    """Yield what a source prints of the paired t tests of a family, by their names."""
+    """Yield the paired t tests of a family that its source prints, by name."""
     if not isinstance(of, Pairs) or of.printed is None or study.report.source is None:
         return
     n, nan = study.report.source.participants, float("nan")
     if n is None:
         return
-    known = {m.column: m for m in study.analysis.measures}
+    measures = {m.column: m for m in study.analysis.measures}
     n_tests = (len(of.levels) if "levels" in of.shared else 1) * (
         len(of.measures) if "measures" in of.shared else 1
     )
     for pair in of.levels:
         for column in of.measures:
             unmade = PairTest(
-                of, "", known[column], *pair, 0, 0, nan, nan, nan, nan, nan, n_tests, None
+                of, "", measures[column], *pair, 0, 0, nan, nan, nan, nan, nan, n_tests, None
             )
-            printed = of.printed(unmade)
-            if printed is not None and printed.statistic is not None:
+            printed_result = of.printed(unmade)
+            if printed_result is not None and printed_result.statistic is not None:
                 yield (
                     pair_name(pair, column),
                     PrintedTest(
-                        f"t({n - 1}) = {number(printed.statistic)}",
-                        printed.statistic**2,
+                        f"t({n - 1}) = {number(printed_result.statistic)}",
+                        printed_result.statistic**2,
                         1,
                         n - 1,
                         n,
@@ -466,37 +469,39 @@ def _needed(
     counted: pd.DataFrame,
     people: pd.DataFrame | None,
 ) -> pd.DataFrame:
-    """Return what tests need: means by level where all of them compare levels of one factor.
+    """Return the rows that tests need: means by level where all compare levels of one factor.
 
-    Scores stand in every row of a person, so that whoever is drawn brings theirs.
+    Every row of a person has their scores, so that resampling keeps them together.
     """
     families = families_of(opened.study)
     factors = {of.factor for of in families}
-    kept = counted
+    test_rows = counted
     if not opened.study.analysis.compare and len(factors) == 1:
         names = {name for of in families for name in of.measures}
         measures = [m for m in opened.measures(experiment) if m.column in names]
-        kept = aggregated(counted, measures, list(factors)).drop(columns="n")
+        test_rows = aggregated(counted, measures, list(factors)).drop(columns="n")
     for of in families:
         if isinstance(of, Correlate):
             scores = scores_of(pd.DataFrame() if people is None else people, of.score)
-            kept = kept.assign(**{of.score: kept["participant"].map(scores).astype(float)})
-    return kept
+            test_rows = test_rows.assign(
+                **{of.score: test_rows["participant"].map(scores).astype(float)}
+            )
+    return test_rows
 
 
 def _scaled(people: pd.DataFrame, of: Pairs, effect: float) -> pd.DataFrame:
     """Move each level so that its mean difference to the first is multiplied; spreads stay."""
     if effect == 1:
         return people
-    moved, columns = people.copy(), list(of.measures)
+    scaled_people, columns = people.copy(), list(of.measures)
     grand = people.groupby(of.factor)[columns].mean()
     first = of.levels[0][0]
     for level in grand.index:
         if str(level) != first and first in grand.index:
-            here = moved[of.factor] == level
+            here = scaled_people[of.factor] == level
             shift = (effect - 1) * (grand.loc[level] - grand.loc[first])
-            moved.loc[here, columns] += shift.to_numpy(float)
-    return moved
+            scaled_people.loc[here, columns] += shift.to_numpy(float)
+    return scaled_people
 
 
 def _table(folder: Path, name: str) -> Path | None:
@@ -504,13 +509,13 @@ def _table(folder: Path, name: str) -> Path | None:
 
 
 def draw_people(people: pd.DataFrame, n: int, rng: np.random.Generator) -> pd.DataFrame:
-    """Draw n people with replacement, each with all rows; the drawn get numbers as names."""
+    """Draw n people with replacement, each with all rows; their new names are numbers."""
     rows_of = list(people.groupby("participant", sort=True).indices.values())
-    chosen = [rows_of[i] for i in rng.integers(0, len(rows_of), n)]
-    drawn = people.iloc[np.concatenate(chosen)].reset_index(drop=True)
+    row_groups = [rows_of[i] for i in rng.integers(0, len(rows_of), n)]
+    sample = people.iloc[np.concatenate(row_groups)].reset_index(drop=True)
     names: npt.NDArray[np.object_] = np.array([f"{i:05d}" for i in range(n)], dtype=object)
-    drawn["participant"] = np.repeat(names, [len(rows) for rows in chosen])
-    return drawn
+    sample["participant"] = np.repeat(names, [len(rows) for rows in row_groups])
+    return sample
 
 
 def _difference(
@@ -538,6 +543,6 @@ def _off(
 
 
 def _counted(opened: OpenedStudy, experiment: StudyExperiment, rows: pd.DataFrame) -> pd.DataFrame:
-    """Return the trials that the study's rules let count."""
-    planned = {str(name): int(n) for name, n in rows.groupby("participant").size().items()}
-    return opened.selection_of(experiment, rows, planned=planned).counted
+    """Return the trials that count by the study's rules."""
+    planned_counts = {str(name): int(n) for name, n in rows.groupby("participant").size().items()}
+    return opened.selection_of(experiment, rows, planned=planned_counts).counted

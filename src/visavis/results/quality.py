@@ -15,11 +15,11 @@ from visavis.study.measures import LOST_COLUMN
 
 ERROR_COLUMN = "calibration_accuracy_deg"
 LOSS_COLUMNS = ("lost_01", LOST_COLUMN)
-"""Where a trial's lost gaze stands: with all looks, or measured by itself."""
+"""Columns with a trial's share of lost gaze: of the measures of looks, or by itself."""
 END_ACCURACY, DRIFT, REJECTED = "end_accuracy_deg", "drift_deg", "rejected_validations"
 SESSION_COLUMNS = (END_ACCURACY, DRIFT, REJECTED)
-"""Optional columns of the participants' answers: the validation after the last trial, how far it
-lies from the one before, validations that did not pass."""
+"""Optional columns of the participants' answers: error of the validation after the last trial, its
+difference to the one before, number of validations that did not pass."""
 
 VISION_COLUMN = "vision"
 VISION_QUESTIONNAIRE = "demographics"
@@ -33,7 +33,7 @@ QUALITY_TABLE = (
     Described("trials", "1", "trials finished, practice left out"),
     Described("trials_out", "1", "of these, trials that lost more gaze than the limit"),
 )
-"""What a participant's quality is made of."""
+"""Columns of a participant's quality."""
 
 
 @dataclass(frozen=True)
@@ -41,10 +41,10 @@ class Quality:
     """Quality as the report shows it.
 
     `participants` has one row each: participant, accuracy_deg, precision_deg, worst_point_deg,
-    lost_01, calibrations, trials, trials_out; NaN where unknown; and those of `SESSION_COLUMNS`
-    that the answers have. `facts` adds lines of the
-    reporting list that recordings answer (tracker, rates, filters). `incidents` lists
-    interruptions and deviations as participant, what, reason. The limits are those of the rules.
+    lost_01, calibrations, trials, trials_out; NaN where unknown. It also has the columns of
+    `SESSION_COLUMNS` that the answers have. `facts` are the answers of recordings to the reporting
+    list (tracker, rates, filters). `incidents` lists interruptions and deviations as participant,
+    what, reason. The limits are those of the rules.
     """
 
     participants: pd.DataFrame
@@ -63,7 +63,7 @@ def quality_of_trials(
     people: pd.DataFrame | None = None,
     max_error_deg: float | None = None,
 ) -> Quality:
-    """Take the quality from the calibration and loss columns of the trial table.
+    """Compute the quality from the calibration and loss columns of the trial table.
 
     `finished` are the finished trials, practice left out, `trials` all of them. `people` are the
     participants' answers: their vision and, where known, `SESSION_COLUMNS`. An error above
@@ -95,11 +95,11 @@ def quality_of_trials(
         rows,
         columns=["participant", *(c.name for c in QUALITY_TABLE)],
     )
-    known = _people(people)
-    optional = [c for c in SESSION_COLUMNS if c in known]
+    answers = _people(people)
+    optional = [c for c in SESSION_COLUMNS if c in answers]
     if optional:
-        table = table.merge(known[["participant", *optional]], on="participant", how="left")
-    vision = _vision(known, set(table["participant"]))
+        table = table.merge(answers[["participant", *optional]], on="participant", how="left")
+    vision = _vision(answers, set(table["participant"]))
     return Quality(
         table,
         ({"vision": vision} if vision else {}) | dict(facts or {}),
@@ -126,10 +126,10 @@ def _vision(people: pd.DataFrame, included: set[str]) -> str:
     options = next(
         q.scale.options for q in questionnaire.questions() if q.question_id == VISION_COLUMN
     )
-    given = answers.dropna().astype(int).tolist()
+    codes = answers.dropna().astype(int).tolist()
     parts = [
-        f"{given.count(value)} {options.get(value, f'answer {value}')}"
-        for value in sorted(set(given))
+        f"{codes.count(value)} {options.get(value, f'answer {value}')}"
+        for value in sorted(set(codes))
     ]
     silent = int(answers.isna().sum())
     return ", ".join([*parts, *([f"{silent} without an answer"] if silent else [])])
@@ -138,18 +138,18 @@ def _vision(people: pd.DataFrame, included: set[str]) -> str:
 def _calibration_incidents(
     table: pd.DataFrame, max_error_deg: float | None
 ) -> list[tuple[str, str, str]]:
-    found = []
+    incidents = []
     for row in table.to_dict("records"):
         who = str(row["participant"])
-        rejected, end = row.get(REJECTED), row.get(END_ACCURACY)
-        if rejected is not None and rejected == rejected and rejected > 0:
-            what = count_of(int(rejected), "validation") + " rejected"
-            found.append((who, what, "did not meet the thresholds; calibrated again"))
+        n_rejected, end = row.get(REJECTED), row.get(END_ACCURACY)
+        if n_rejected is not None and n_rejected == n_rejected and n_rejected > 0:
+            what = count_of(int(n_rejected), "validation") + " rejected"
+            incidents.append((who, what, "did not meet the thresholds; calibrated again"))
         if max_error_deg is not None and end is not None and end == end and end > max_error_deg:
             what = "large error at the end of the session"
             why = f"{decimal(end, 2)}°, limit {decimal(max_error_deg, 1)}°"
-            found.append((who, what, why))
-    return found
+            incidents.append((who, what, why))
+    return incidents
 
 
 def _mean(rows: pd.DataFrame, column: str) -> float:
@@ -161,19 +161,19 @@ def _largest(rows: pd.DataFrame, column: str) -> float:
 
 
 def _incidents(trials: pd.DataFrame) -> tuple[tuple[str, str, str], ...]:
-    found = []
-    named = [c for c in ("participant", "trial_id", "status", "reason", "flags") if c in trials]
-    for row in trials[named].to_dict("records"):
+    incidents = []
+    columns = [c for c in ("participant", "trial_id", "status", "reason", "flags") if c in trials]
+    for row in trials[columns].to_dict("records"):
         who, trial = str(row["participant"]), str(row.get("trial_id", ""))
         status = row.get("status", "complete")
         if status != "complete":
             reason = row.get("reason")
             why = str(reason) if isinstance(reason, str) and reason else "no reason given"
-            found.append((who, f"trial {trial} {status}", why))
+            incidents.append((who, f"trial {trial} {status}", why))
         flags = row.get("flags")
         if isinstance(flags, str) and flags:
-            found.append((who, f"trial {trial} flagged", flags))
-    return tuple(found)
+            incidents.append((who, f"trial {trial} flagged", flags))
+    return tuple(incidents)
 
 
 def quality_of(analysis: StudyAnalysis, facts: Mapping[str, str] | None = None) -> Quality | None:

@@ -36,7 +36,7 @@ class Left:
 
 @dataclass(frozen=True)
 class Selection:
-    """What counts: `rows` holds every trial with `is_analysed` and the reason, `flow` the steps."""
+    """What counts: `rows` holds every trial with `is_analysed` and the reason, `left` the steps."""
 
     rows: pd.DataFrame
     people: pd.DataFrame
@@ -47,8 +47,8 @@ class Selection:
     @property
     def counted(self) -> pd.DataFrame:
         """The trials that count."""
-        kept: pd.DataFrame = self.rows[self.rows[COUNTED]].reset_index(drop=True)
-        return kept
+        trials: pd.DataFrame = self.rows[self.rows[COUNTED]].reset_index(drop=True)
+        return trials
 
     def applied(self, rules: Sequence[Exclusion]) -> list[Exclusion]:
         """Return the rules that are on and whose column there is."""
@@ -61,9 +61,9 @@ class Selection:
 
     @property
     def finished(self) -> pd.DataFrame:
-        """The trials that were finished, each once, practice left out, whether they count or not.
+        """Finished trials, each once and without practice, whether they count or not.
 
-        What would count without rules.
+        All of them would count without rules.
         """
         out = (PRACTICE, UNREADABLE, NOT_FINISHED, REPEATED)
         done: pd.DataFrame = self.rows[~self.rows[REASON].isin(out)]
@@ -77,24 +77,24 @@ def left_out_lines(selection: Selection, rules: Sequence[Exclusion]) -> list[str
         f"left out: {count_of(left.count, 'trial')}, {rule_words(selection, rules, left.rule)}"
         for left in trials
     ]
-    gone = selection.people[~selection.people[COUNTED].astype(bool)]
+    people = selection.people[~selection.people[COUNTED].astype(bool)]
     lines += [
         f"left out: participant {name}, {why}"
-        for name, why in zip(gone["participant"], gone[REASON], strict=True)
+        for name, why in zip(people["participant"], people[REASON], strict=True)
     ]
     return lines
 
 
 def rule_words(selection: Selection, rules: Sequence[Exclusion], name: str) -> str:
-    """Return what a step leaves out, in words: of a rule its column and the limit in force."""
+    """Return in words what a step leaves out; for a rule, its column and the limit in force."""
     rule = next((r for r in rules if r.name == name), None)
     if rule is None:
-        known = {
+        standard_words = {
             "damaged": f"unreadable, {UNREADABLE}",
             "unfinished": NOT_FINISHED,
             "repeated": REPEATED,
         }
-        return known.get(name, name.replace("_", " "))
+        return standard_words.get(name, name.replace("_", " "))
     if rule.if_missing:
         return rule.words
     limit = selection.limits[name]
@@ -114,23 +114,24 @@ def select(
 ) -> Selection:
     """Decide which trials count.
 
-    Of a trial that was performed again the last finished attempt counts; one without a value that
-    a rule asks for (`if_missing`) takes no other's place. `cells` are the factors
+    Where a trial was performed again, the last finished attempt counts. An attempt without a value
+    that a rule requires (`if_missing`) does not replace an earlier one. `cells` are the factors
     within people whose combinations each person must meet, `planned` the number of trials planned
-    for each participant, `cell_count` how many cells each person meets. `facts` are what else is
-    known of people, one row per participant, for rules to name.
+    for each participant, `cell_count` how many cells each person meets. `facts` has one row per
+    participant, with further columns that rules may name.
     """
-    table = rows.reset_index(drop=True)  # rows of its own; what was given stays as it is
+    table = rows.reset_index(drop=True)  # a copy: the caller's table is not changed
     reasons = pd.Series([""] * len(table), dtype=object)
     left: list[Left] = []
 
     def leave(out: "pd.Series[bool]", rule: str, level: Level, words: Sequence[str] | str) -> None:
+        # The first reason stays, so the order of the steps decides which one a trial gets.
         fresh = out & (reasons == "")
-        said = [words] * len(table) if isinstance(words, str) else list(words)
-        reasons[fresh] = pd.Series(said, dtype=object)[fresh]
+        texts = [words] * len(table) if isinstance(words, str) else list(words)
+        reasons[fresh] = pd.Series(texts, dtype=object)[fresh]
         count = int(fresh.sum()) if level == "trial" else table.loc[out, "participant"].nunique()
         if count:
-            left.append(Left(rule, level, int(count), said[int(np.flatnonzero(out)[0])]))
+            left.append(Left(rule, level, int(count), texts[int(np.flatnonzero(out)[0])]))
 
     def judge(rule: Exclusion) -> None:
         limit = limits[rule.name]
@@ -150,30 +151,32 @@ def select(
     trial_rules = [r for r in rules if r.level == "trial" and r.column in table]
     for rule in (r for r in trial_rules if r.if_missing):
         judge(rule)
+    # Only complete attempts with every required value can be the last one of a trial.
     done = table[reasons == ""].sort_values("attempt", kind="stable")
     again = pd.Series(False, index=table.index)
     again[done.index[done.duplicated(["participant", "session", "trial_id"], keep="last")]] = True
     leave(again, "repeated", "trial", REPEATED)
-    finished = table[reasons == ""]
+    finished_trials = table[reasons == ""]
     for rule in (r for r in trial_rules if not r.if_missing):
         judge(rule)
-    people = participant_facts(table, finished, reasons == "", cells, planned, cell_count)
+    # Rules on people come last: they look at the trials that the rules on trials left.
+    people = participant_facts(table, finished_trials, reasons == "", cells, planned, cell_count)
     if facts is not None:
         people = people.merge(facts, on="participant", how="left")
     for rule in (r for r in rules if r.level == "participant"):
         limit = limits[rule.name]
-        said = {}
+        texts = {}
         for name, value in zip(people["participant"], people.get(rule.column, ()), strict=False):
             if rule.breaks(value, limit):
-                said[name] = rule.said(value, limit)
-        out = table["participant"].astype(str).isin(said)
+                texts[name] = rule.said(value, limit)
+        out = table["participant"].astype(str).isin(texts)
         leave(
             out,
             rule.name,
             "participant",
-            [f"{PERSON_OUT}{said.get(str(p), '')}" for p in table["participant"]],
+            [f"{PERSON_OUT}{texts.get(str(p), '')}" for p in table["participant"]],
         )
-        for name, words in said.items():
+        for name, words in texts.items():
             at = people["participant"] == name
             people.loc[at, REASON] = [
                 "; ".join(filter(None, (before, words))) for before in people.loc[at, REASON]
@@ -192,23 +195,23 @@ def participant_facts(
     planned: Mapping[str, int],
     cell_count: int,
 ) -> pd.DataFrame:
-    """Return what rules about people look at, one row per participant.
+    """Return the columns that rules on people use, one row per participant.
 
-    `completed_01` is the share of planned trials that were finished, those of damaged recordings
-    not counted, `bad_trials_01` the share of
-    finished ones left out, `smallest_cell_trials` the trials that count in the emptiest cell,
-    `smallest_cell_01` their share of those planned for a cell,
-    `calibration_error_deg` the mean error over the validations their trials were made with.
+    `completed_01` is the share of planned trials that were finished, without those of damaged
+    recordings, `bad_trials_01` the share of finished trials that were left out.
+    `smallest_cell_trials` is the number of trials that count in the emptiest cell,
+    `smallest_cell_01` the smallest share of a cell's planned trials that count,
+    `calibration_error_deg` the mean error over the validations in force during the trials.
     """
-    found = []
+    facts = []
     for name in sorted({*rows["participant"].astype(str), *planned}):
         mine = finished[finished["participant"].astype(str) == name]
         good = mine[counts.reindex(mine.index, fill_value=False)]
-        gone = _gone(rows, name)
-        intact = planned.get(name, 0) - len(gone)
+        damaged_trials = _gone(rows, name)
+        intact = planned.get(name, 0) - len(damaged_trials)
         sizes = good.groupby(list(cells)).size() if cells and len(good) else pd.Series([len(good)])
         smallest = 0 if len(sizes) < cell_count else int(sizes.min())
-        found.append(
+        facts.append(
             {
                 "participant": name,
                 "trials_finished": len(mine),
@@ -216,22 +219,22 @@ def participant_facts(
                 "bad_trials_01": (len(mine) - len(good)) / len(mine) if len(mine) else np.nan,
                 "smallest_cell_trials": smallest,
                 "smallest_cell_01": _smallest_share(
-                    good, gone, cells, planned.get(name, 0), cell_count
+                    good, damaged_trials, cells, planned.get(name, 0), cell_count
                 ),
                 "calibration_error_deg": mean_error_deg(mine),
                 REASON: "",
             }
         )
-    return pd.DataFrame(found)
+    return pd.DataFrame(facts)
 
 
 def _smallest_share(
     good: pd.DataFrame, gone: pd.DataFrame, cells: Sequence[str], planned: int, cell_count: int
 ) -> float:
-    """Return the least share, over cells, of the trials planned for one that count.
+    """Return the smallest share of a cell's planned trials that count.
 
-    Trials that a damaged recording cost are not counted as planned, those of unknown cell by equal
-    shares.
+    Trials lost to a damaged recording are not counted as planned. Where their cell is unknown they
+    are divided equally among the cells.
     """
     if not planned:
         return float("nan")
@@ -240,20 +243,20 @@ def _smallest_share(
     if len(sizes) < cell_count:
         return 0.0
     unknown = gone[list(cells)].isna().any(axis=1)
-    lost = gone[~unknown].groupby(key).size().reindex(sizes.index, fill_value=0)
-    intact = (planned - int(unknown.sum())) / cell_count - lost
+    lost_per_cell = gone[~unknown].groupby(key).size().reindex(sizes.index, fill_value=0)
+    intact = (planned - int(unknown.sum())) / cell_count - lost_per_cell
     return float((sizes / intact.clip(lower=1)).min())
 
 
 def _gone(rows: pd.DataFrame, name: str) -> pd.DataFrame:
-    """Return a participant's trials that a damaged recording cost, each once: nobody's doing."""
-    gone = rows["status"].isin((DAMAGED, LOST)) & ~rows["is_practice"].astype(bool)
+    """Return a participant's trials that were lost to a damaged recording, each once."""
+    is_damaged = rows["status"].isin((DAMAGED, LOST)) & ~rows["is_practice"].astype(bool)
     mine = rows["participant"].astype(str) == name
-    return rows[gone & mine].drop_duplicates("trial_id")
+    return rows[is_damaged & mine].drop_duplicates("trial_id")
 
 
 def mean_error_deg(rows: pd.DataFrame) -> float:
-    """Return the mean error over the calibrations one participant's trials were made with."""
+    """Return the mean error over the calibrations in force during one participant's trials."""
     if "calibration_accuracy_deg" not in rows:
         return float("nan")
     each = rows.dropna(subset=["calibration_accuracy_deg"])

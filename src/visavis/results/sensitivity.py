@@ -1,4 +1,4 @@
-"""Do verdicts depend on how far heads are padded and how short a fixation may be."""
+"""How verdicts depend on the padding of heads and the minimum duration of a fixation."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -71,7 +71,7 @@ def sensitivity(
     """Repeat a family for every padding and minimum duration in `rows`.
 
     `rows` holds the family's measures by participant, trial_id (session, attempt), pad_deg and
-    minimum_fixation_ms; levels are taken from `kept`, and trials that are not kept are left out.
+    minimum_fixation_ms; levels are taken from `kept`, and trials that are not in it are left out.
 
     Raises:
         DataError: a key is missing.
@@ -84,15 +84,15 @@ def sensitivity(
             f"the sensitivity table lacks {', '.join(missing)}; make it with "
             "`sensitivity_rows` of visavis.study.look_measures and add participant and trial_id"
         )
-    known = kept[[*keys, of.factor]]
+    trial_levels = kept[[*keys, of.factor]]
     table = []
-    # Joined cell by cell: of a hundred people the whole, joined, is as large as their trials.
+    # Joined cell by cell to save memory: joined at once, it would be as large as all trials.
     cells: dict[Any, Any] = rows.groupby([PAD_COLUMN, MINIMUM_COLUMN]).indices
     for pad_deg, minimum_ms in sorted(cells):
         values = rows.iloc[cells[pad_deg, minimum_ms]]
         values = values.drop(columns=[of.factor], errors="ignore")
         values = values.assign(participant=values["participant"].astype(str))
-        part = values.merge(known, on=keys, how="inner")
+        part = values.merge(trial_levels, on=keys, how="inner")
         if part.empty:
             continue
         tests = compare_pairs(of, part, measures, levels, rules, family="sensitivity")
@@ -110,9 +110,9 @@ def sensitivity(
 
 
 def sensitivity_columns(of: Pairs, measures: Mapping[str, Measure]) -> dict[str, Column]:
-    """Return what describes the sensitivity table of a family, by name."""
+    """Return the columns of a family's sensitivity table, by name."""
     first, second = of.levels[0]
-    shown = [
+    test_columns = [
         column
         for name in of.measures[:2]
         for column in (
@@ -131,12 +131,12 @@ def sensitivity_columns(of: Pairs, measures: Mapping[str, Measure]) -> dict[str,
             ),
         )
     ]
-    described = (
+    columns = (
         Column(PAD_COLUMN, "deg", "angular padding of heads"),
         Column(MINIMUM_COLUMN, "ms", "shortest look that counts as a fixation"),
-        *shown,
+        *test_columns,
         Column("significant_tests", "1", "significant tests of the family"),
         Column("same_verdicts", "1", "tests with the verdict of the main analysis"),
         Column("n_tests", "1", "tests made"),
     )
-    return {c.name: c for c in described}
+    return {c.name: c for c in columns}

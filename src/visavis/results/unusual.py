@@ -17,17 +17,17 @@ from visavis.study.measures import Measure
 VIEWS: Final = "views"
 """Folder beside a report with the pages of its trials."""
 MAX_MODIFIED_Z: Final = 3.5
-"""Beyond it a value is outlying (Iglewicz & Hoaglin, 1993)."""
+"""Modified z above which a value counts as an outlier (Iglewicz & Hoaglin, 1993)."""
 NORMAL_MAD: Final = 0.6745
 """Median absolute deviation of a normal distribution, in standard deviations."""
 MIN_OF_A_KIND: Final = 5
-"""Of fewer trials nothing can be told to lie apart."""
+"""With fewer trials than this, no value is called an outlier."""
 MAX_LISTED: Final = 60
 
 
 @dataclass(frozen=True)
 class Striking:
-    """A trial of somebody and why to look at it."""
+    """A participant's trial, and why somebody should look at it."""
 
     participant: str
     session: str
@@ -36,26 +36,29 @@ class Striking:
 
 
 def striking_trials(analysis: StudyAnalysis) -> tuple[Striking, ...]:
-    """Return trials that were broken off, skipped, flagged, left out, or whose value lies apart.
+    """Return trials that were broken off, skipped, flagged or left out, or that have an outlier.
 
-    A value lies apart when it is farther than `MAX_MODIFIED_Z` from the median of the same person's
-    trials with the same levels of all factors compared, by the spread of the whole study about
-    those medians. Practice is left out, and who does not count at all.
+    A value is an outlier when it is farther than `MAX_MODIFIED_Z` from the median of the same
+    person's trials with the same levels of all factors compared. The unit is the spread of the
+    whole study about those medians. Practice is not listed. A trial is not listed merely because
+    it was performed again later or its participant was left out.
     """
     rows = analysis.selection.rows
     whys: dict[tuple[str, str, str], list[str]] = {}
-    for found in rows[rows[REASON] != PRACTICE].to_dict("records"):
-        row = {str(name): value for name, value in found.items()}
+    for record in rows[rows[REASON] != PRACTICE].to_dict("records"):
+        row = {str(name): value for name, value in record.items()}
         key = _key(row)
-        flags, said = row.get("flags"), []
+        flags, reasons = row.get("flags"), []
         if row["status"] != "complete":
             reason = row.get("reason")
-            said.append(f"{row['status']}: {reason}" if isinstance(reason, str) else row["status"])
+            reasons.append(
+                f"{row['status']}: {reason}" if isinstance(reason, str) else row["status"]
+            )
         elif not row[COUNTED] and not str(row[REASON]).startswith((REPEATED, PERSON_OUT)):
-            said.append(f"left out: {row[REASON]}")
-        said += [flags.replace(";", ", ")] if isinstance(flags, str) and flags else []
-        if said:
-            whys.setdefault(key, []).extend(said)
+            reasons.append(f"left out: {row[REASON]}")
+        reasons += [flags.replace(";", ", ")] if isinstance(flags, str) and flags else []
+        if reasons:
+            whys.setdefault(key, []).extend(reasons)
     for key, why in _apart(analysis):
         whys.setdefault(key, []).append(why)
     return tuple(Striking(*key, "; ".join(dict.fromkeys(why))) for key, why in whys.items())
@@ -72,11 +75,11 @@ def _apart(analysis: StudyAnalysis) -> Iterator[tuple[tuple[str, str, str], str]
         cell = values.groupby([rows[k] for k in keys], observed=True)
         off = values - cell.transform("median")
         enough = cell.transform("count") >= MIN_OF_A_KIND
-        known = off[enough & off.notna()]
-        spread = float(np.median(np.abs(known))) / NORMAL_MAD if len(known) else 0.0
+        deviations = off[enough & off.notna()]
+        spread = float(np.median(np.abs(deviations))) / NORMAL_MAD if len(deviations) else 0.0
         if spread <= 0:
             continue
-        score = known / spread
+        score = deviations / spread
         for index in score.index[score.abs() > MAX_MODIFIED_Z]:
             yield _key(rows.loc[index]), _far(measure, float(values[index]), float(score[index]))
 
@@ -108,12 +111,12 @@ def looks_table(striking: tuple[Striking, ...], folder: str, views: Path) -> Tab
         name = view_name(one.participant, one.session)
         session = f"{folder}/sub-{one.participant}/{one.session}"
         is_there = (views / name).is_file()
-        shown = Cell(
+        trial_cell = Cell(
             one.trial_id,
             link=f"{VIEWS}/{name}#trial={one.trial_id}" if is_there else "",
             command="" if is_there else f"visavis view {session} --trial {one.trial_id} --show",
         )
-        rows.append((one.participant, shown, one.why))
+        rows.append((one.participant, trial_cell, one.why))
     more = len(striking) - len(rows)
     beyond = f" {count_of(more, 'further trial')} in trials.csv." if more else ""
     return Table(

@@ -14,40 +14,40 @@ EYES: Final = ("combined", "left", "right")
 
 
 def judge_validation(points: Sequence[ValidationPoint], rate_hz: float) -> ValidationVerdict:
-    """Decide a validation by the combined eye; rows hold every point and eye."""
+    """Decide a validation by the combined eye; the verdict's rows hold every point and eye."""
     rows: list[dict[str, str | int | float | bool | None]] = []
     summaries = {}
     for eye in EYES:
-        measured = [(p.target, p.t_ns, getattr(p, eye)) for p in points]
-        summary = validate(measured, nominal_rate_hz=rate_hz)
+        samples = [(p.target, p.t_ns, getattr(p, eye)) for p in points]
+        summary = validate(samples, nominal_rate_hz=rate_hz)
         summaries[eye] = summary
-        for point, found in zip(points, summary.points, strict=True):
+        for point, result in zip(points, summary.points, strict=True):
             rows.append(
                 {
                     "point": point.name,
                     "eye": eye,
-                    "accuracy_deg": known(found.accuracy.of_mean_deg),
-                    "mean_of_samples_deg": known(found.accuracy.mean_of_samples_deg),
-                    "right_deg": known(found.accuracy.right_deg),
-                    "up_deg": known(found.accuracy.up_deg),
-                    "rms_s2s_deg": known(found.precision.rms_s2s_deg),
-                    "std_deg": known(found.precision.std_deg),
-                    "usable_ms": found.usable_ms,
-                    "lost_01": found.lost_01,
+                    "accuracy_deg": known(result.accuracy.of_mean_deg),
+                    "mean_of_samples_deg": known(result.accuracy.mean_of_samples_deg),
+                    "right_deg": known(result.accuracy.right_deg),
+                    "up_deg": known(result.accuracy.up_deg),
+                    "rms_s2s_deg": known(result.precision.rms_s2s_deg),
+                    "std_deg": known(result.precision.std_deg),
+                    "usable_ms": result.usable_ms,
+                    "lost_01": result.lost_01,
                 }
             )
-    combined = summaries["combined"]
-    turned = turned_gaze([p.aim_head for p in points], [p.combined_head for p in points])
+    combined_eye = summaries["combined"]
+    gaze_turn = turned_gaze([p.aim_head for p in points], [p.combined_head for p in points])
     return ValidationVerdict(
-        accepted=combined.passed,
+        accepted=combined_eye.passed,
         reason=""
-        if combined.passed
-        else _why_not(combined.accuracy_deg, combined.worst_deg, turned),
-        is_turned=turned is not None and turned.kind in ("mirrored", "rolled"),
-        accuracy_deg=known(combined.accuracy_deg),
-        worst_point_deg=known(combined.worst_deg),
-        precision_deg=known(combined.rms_s2s_deg),
-        lost_01=combined.lost_01 if np.isfinite(combined.lost_01) else 1.0,
+        if combined_eye.passed
+        else _why_not(combined_eye.accuracy_deg, combined_eye.worst_deg, gaze_turn),
+        is_turned=gaze_turn is not None and gaze_turn.kind in ("mirrored", "rolled"),
+        accuracy_deg=known(combined_eye.accuracy_deg),
+        worst_point_deg=known(combined_eye.worst_deg),
+        precision_deg=known(combined_eye.rms_s2s_deg),
+        lost_01=combined_eye.lost_01 if np.isfinite(combined_eye.lost_01) else 1.0,
         rows=tuple(rows),
     )
 

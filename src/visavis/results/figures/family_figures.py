@@ -34,7 +34,7 @@ from visavis.study.pairs import Correlate, Pairs
 from visavis.study.texts import Texts, label_of
 
 COLUMNS = 3
-"""At most how many panels stand side by side."""
+"""Largest number of panels in one row."""
 
 
 def figure_names(family: str) -> tuple[str, str]:
@@ -44,7 +44,7 @@ def figure_names(family: str) -> tuple[str, str]:
 
 
 def family_figures(analysis: StudyAnalysis, texts: Texts) -> Iterator[ReportFigure]:
-    """Yield the figures of every family, drawn as asked for; made place by place: none."""
+    """Yield the figures of every family, each drawn on request; families with `each` have none."""
     for family in analysis.families():
         of = next(r.of for r in analysis.results if r.of.family == family)
         if isinstance(of, Correlate):
@@ -60,8 +60,8 @@ def _pairs(analysis: StudyAnalysis, family: str, of: Pairs, texts: Texts) -> Ite
     n = count_of(analysis.n_participants, "participant")
     percent = f"{100 * analysis.rules.interval_level:.0f} %"
     cells = {} if analysis.study.report.source is None else analysis.study.report.source.cells
-    printed = any(m.column in cells for m in measures)
-    called = ", ".join(f"{v} {of.called(str(v))}" for v in analysis.levels[of.factor])
+    has_published = any(m.column in cells for m in measures)
+    level_names = ", ".join(f"{v} {of.called(str(v))}" for v in analysis.levels[of.factor])
     stars = ", ".join(threshold(analysis.rules.alpha / divisor) for divisor in (1, 5, 50))
     names = figure_names(family)
     yield draw(
@@ -69,8 +69,8 @@ def _pairs(analysis: StudyAnalysis, family: str, of: Pairs, texts: Texts) -> Ite
         lambda: _grid(measures, 3.3, lambda axes, m, _: _levels(axes, analysis, of, m)),
         title=f"Measures by {factor}",
         caption=f"Each line is one participant ({n}); discs are means with {percent} "
-        f"confidence intervals. {called}."
-        + (" Open diamonds with dashed bars: published mean ± SD." if printed else ""),
+        f"confidence intervals. {level_names}."
+        + (" Open diamonds with dashed bars: published mean ± SD." if has_published else ""),
         alternative=f"A panel for each measure, with every participant by {factor}.",
         is_simulated=analysis.is_simulated,
     )
@@ -79,9 +79,9 @@ def _pairs(analysis: StudyAnalysis, family: str, of: Pairs, texts: Texts) -> Ite
         lambda: _grid(measures, 3.0, lambda axes, m, i: _offs(axes, analysis, family, m, i)),
         title=f"Differences by {factor}",
         caption="Each dot is one participant's difference, the first level minus the second as "
-        f"in the tables. Discs are means with {percent} confidence intervals. {called}. "
+        f"in the tables. Discs are means with {percent} confidence intervals. {level_names}. "
         f"Stars: significant after Bonferroni ({stars})."
-        + (" Open diamonds: the published difference of means." if printed else ""),
+        + (" Open diamonds: the published difference of means." if has_published else ""),
         alternative="A panel for each measure, with participants' differences by comparison.",
         is_simulated=analysis.is_simulated,
     )
@@ -127,10 +127,10 @@ def _levels(axes: Axes, analysis: StudyAnalysis, of: Pairs, measure: Measure) ->
     table, people = _values(analysis.selection.counted, of.factor, measure, levels)
     paired_lines(axes, table, levels, colours, people=people)
     outside = trials_of_who_is_out(analysis)
-    printed = _published(analysis, measure)
+    published_means = _published(analysis, measure)
     for x, level in enumerate(levels):
-        if level in printed:
-            published_mark(axes, x + 0.26, *printed[level])
+        if level in published_means:
+            published_mark(axes, x + 0.26, *published_means[level])
     axes.set_ylabel(in_lines(measure.axis, 30))
     axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
     left_out_lines(axes, *_values(outside, of.factor, measure, levels))
@@ -140,7 +140,7 @@ def _levels(axes: Axes, analysis: StudyAnalysis, of: Pairs, measure: Measure) ->
 
 def _offs(axes: Axes, analysis: StudyAnalysis, family: str, measure: Measure, panel: int) -> None:
     tests = [t for t in analysis.pairs_of(family) if t.measure == measure]
-    printed = _published(analysis, measure)
+    published_means = _published(analysis, measure)
     columns, labels = [], []
     people: list[str] = []
     for j, test in enumerate(tests):
@@ -149,8 +149,8 @@ def _offs(axes: Axes, analysis: StudyAnalysis, family: str, measure: Measure, pa
         columns.append(table[:, 0] - table[:, 1])
         name = f"{test.first} − {test.second} {test.stars:<3}"
         labels.append(name if panel % COLUMNS == 0 else test.stars)
-        if set(pair) <= set(printed):
-            first, second = (printed[level][0] for level in pair)
+        if set(pair) <= set(published_means):
+            first, second = (published_means[level][0] for level in pair)
             published_mark(axes, j + 0.3, first - second, horizontal=True)
     differences(axes, columns, labels, BLUE, people=people)
     axes.set_title(in_lines(measure.words))
@@ -180,8 +180,8 @@ def _score_panels(analysis: StudyAnalysis, of: Correlate, measure: Measure) -> F
     for j, level in enumerate(levels):
         top, bottom = grid[0, j], grid[1, j]
         here = means[means[of.factor].astype(str) == level].set_index("participant")
-        known = here[measure.column].dropna()
-        both = known.index.intersection(scores.index)
+        values = here[measure.column].dropna()
+        both = values.index.intersection(scores.index)
         top.set_title(" – ".join(dict.fromkeys((level, of.names.get(level, level)))), fontsize=9.5)
         top.set_xlabel(of.score_words.capitalize())
         bottom.set_xlabel(f"Rank of {of.score_words}")
@@ -189,17 +189,17 @@ def _score_panels(analysis: StudyAnalysis, of: Correlate, measure: Measure) -> F
             no_data(top, f"no {of.score_words}\nscores")
             no_data(bottom, "")
             continue
-        x, y = np.asarray(scores[both], np.float64), np.asarray(known[both], np.float64)
+        x, y = np.asarray(scores[both], np.float64), np.asarray(values[both], np.float64)
         colour = COLOURS[j % len(COLOURS)]
         people = [str(p) for p in both]
         dots(top, x, y, people, s=22, color=colour, alpha=0.8, linewidths=0)
         ranks = average_ranks(x), average_ranks(y)
         dots(bottom, *ranks, people, s=22, color=colour, alpha=0.8, linewidths=0)
         tests = analysis.correlations_of(of.family)
-        found = next(c for c in tests if c.measure == measure and c.level == level)
-        if found.outcome is not None:
-            p = probability(found.outcome.p)
-            text = f"rₛ = {fraction(found.outcome.r)}, p {p if p[0] in '<>' else '= ' + p}"
+        correlation = next(c for c in tests if c.measure == measure and c.level == level)
+        if correlation.outcome is not None:
+            p = probability(correlation.outcome.p)
+            text = f"rₛ = {fraction(correlation.outcome.r)}, p {p if p[0] in '<>' else '= ' + p}"
             bottom.set_title(text, fontsize=9.5, fontweight="normal")
     grid[0, 0].set_ylabel(measure.axis)
     grid[0, 0].set_ylim(bottom=min(0.0, grid[0, 0].get_ylim()[0]))

@@ -1,4 +1,4 @@
-"""The standard figures of a study: every comparison with everybody in it, and who was left out."""
+"""The standard figures of a study: every comparison with all participants, and exclusions."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -43,12 +43,12 @@ from visavis.study.measures import aggregated
 from visavis.study.texts import Texts, label_of
 
 SCALE_MARGIN_01: Final = 0.04
-"""Room beyond the ends of a rating's scale, of its length."""
+"""Margin beyond each end of a rating scale, as a share of its length."""
 COLOURS: Final = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, BLACK)
 
 
 def study_figures(analysis: StudyAnalysis, texts: Texts) -> Iterator[ReportFigure]:
-    """Yield every figure, drawn as it is asked for; marked when the data are simulated."""
+    """Yield every figure, each drawn on request; marked when the data are simulated."""
     for finding in {figure_name(f): f for f in analysis.findings}.values():
         if finding.measure.column in analysis.selection.rows and _factors(finding):
             yield _comparison(analysis, finding, texts)
@@ -73,15 +73,15 @@ def _comparison(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> Repo
     n = count_of(analysis.n_participants, "participant")
     source = analysis.study.report.source
     cells = {} if source is None else source.cells.get(finding.measure.column, {})
-    published = " Open diamonds: published means (dashed: ± SD)." if cells else ""
+    notes = " Open diamonds: published means (dashed: ± SD)." if cells else ""
     if analysis.measured_by:
-        published += f" Measured by {analysis.measured_by}."
+        notes += f" Measured by {analysis.measured_by}."
     lines = "Each line is one participant. " if finding.compare.within else "Each dot is one. "
     return draw(
         figure_name(finding),
         lambda: _panels(analysis, finding, texts),
         title=f"{finding.measure.words} by {names}",
-        caption=f"{lines}Discs are means over {n} with 95 % confidence intervals.{published}",
+        caption=f"{lines}Discs are means over {n} with 95 % confidence intervals.{notes}",
         alternative=f"{finding.measure.words} of every participant by {names}.",
         is_simulated=analysis.is_simulated,
     )
@@ -119,10 +119,10 @@ def _panels(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> Figure:
         if panels:
             ax.set_title(f"{label_of(texts, panels[0])}: {label_of(texts, str(panel))}")
         elif analysis.study.report.source is not None:
-            printed = analysis.study.report.source.cells.get(finding.measure.column, {})
+            published_means = analysis.study.report.source.cells.get(finding.measure.column, {})
             for i, level in enumerate(levels):
-                if str(level) in printed:
-                    published_mark(ax, i + 0.22, *printed[str(level)])
+                if str(level) in published_means:
+                    published_mark(ax, i + 0.22, *published_means[str(level)])
     axes[0].set_ylabel(in_lines(finding.measure.axis, 34))
     if finding.measure.scale is not None:
         low, high = finding.measure.scale
@@ -135,25 +135,25 @@ def trials_of_who_is_out(analysis: StudyAnalysis) -> pd.DataFrame:
     """Return the finished trials of participants who do not count."""
     people = analysis.selection.people
     out = people.loc[~people[COUNTED].astype(bool), "participant"]
-    finished = analysis.selection.finished
-    found: pd.DataFrame = finished[finished["participant"].isin(out)]
-    return found
+    trials = analysis.selection.finished
+    their_trials: pd.DataFrame = trials[trials["participant"].isin(out)]
+    return their_trials
 
 
 def trials_with_left_out(analysis: StudyAnalysis) -> pd.DataFrame:
-    """Return the finished trials of those who count and lost some of them to a rule."""
-    finished, people = analysis.selection.finished, analysis.selection.people
+    """Return the finished trials of participants who count but lost some to a rule."""
+    trials, people = analysis.selection.finished, analysis.selection.people
     counts = people.loc[people[COUNTED].astype(bool), "participant"]
-    mine = finished[finished["participant"].isin(counts)]
-    lost = mine.loc[~mine[COUNTED].astype(bool), "participant"].unique()
-    found: pd.DataFrame = mine[mine["participant"].isin(lost)]
-    return found
+    mine = trials[trials["participant"].isin(counts)]
+    names = mine.loc[~mine[COUNTED].astype(bool), "participant"].unique()
+    their_trials: pd.DataFrame = mine[mine["participant"].isin(names)]
+    return their_trials
 
 
 def _wide(
     cells: pd.DataFrame, factor: str, column: str, levels: Sequence[object]
 ) -> tuple[Values, list[str]]:
-    """Return a measure (participants, levels) and whose the rows are; NaN where missing."""
+    """Return a measure (participants, levels) and each row's participant; NaN where missing."""
     if column not in cells or cells.empty:
         return np.empty((0, len(levels))), []
     wide = cells.pivot_table(index="participant", columns=factor, values=column)
@@ -169,11 +169,11 @@ def _dots(
 ) -> None:
     for i in range(table.shape[1]):
         there = np.isfinite(table[:, i])
-        known = table[there, i]
+        values = table[there, i]
         names = [p for p, is_there in zip(people, there, strict=True) if is_there]
-        x = i + spread_out(known, 0.12)
-        dots(ax, x, known, names, s=14, color=colours[i], alpha=0.5)
-        draw_mean(ax, i, known, colours[i])
+        x = i + spread_out(values, 0.12)
+        dots(ax, x, values, names, s=14, color=colours[i], alpha=0.5)
+        draw_mean(ax, i, values, colours[i])
     ax.set_xticks(range(len(labels)), labels)
     ax.set_xlim(-0.5, len(labels) - 0.5)
 
@@ -181,7 +181,7 @@ def _dots(
 def exclusions_figure(
     selection: Selection, rules: Sequence[Exclusion], *, is_simulated: bool
 ) -> ReportFigure:
-    """Return what was performed, what every rule left out, and what counts."""
+    """Return the flow chart of what was performed, what every rule left out, and what counts."""
     people, counts = selection.people, selection.counted
     stages = [
         Stage(
@@ -217,10 +217,10 @@ def figure_of_quality(analysis: StudyAnalysis, quality: Quality) -> ReportFigure
         table = quality.participants
         figure = new_figure(9.6, max(2.2, 1.1 + 0.21 * len(table)))
         grid = figure.subplots(1, 3, sharey=True)
-        lost = None if max_trial_lost_01 is None else 100 * max_trial_lost_01
+        max_lost_percent = None if max_trial_lost_01 is None else 100 * max_trial_lost_01
         over = np.array([str(p) in out for p in table["participant"]], dtype=bool)
         names = ("Accuracy (° error)", "Precision (° RMS-S2S)", "Lost gaze (%)")
-        limits = (max_error_deg, None, lost)
+        limits = (max_error_deg, None, max_lost_percent)
         for axes, column, limit, name in zip(grid, QUALITY_COLUMNS, limits, names, strict=True):
             values = table[column].to_numpy(float)
             if not np.isfinite(values).any():

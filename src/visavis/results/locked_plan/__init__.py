@@ -1,1 +1,1 @@
-"""A plan locked before the data are looked at: what it freezes, and what was done otherwise."""
+"""A plan locked before the data are looked at: what it freezes, and deviations from it."""

@@ -28,7 +28,7 @@ COMPARED: Final = (
     "seed",
     VERSIONS,
 )
-"""The parts of a plan in which something can be done otherwise than planned."""
+"""The parts of a plan that are compared with what was done."""
 _WORDING: Final = ("family", "names", "noun", "words")
 
 
@@ -41,10 +41,10 @@ def plan_content(
     file_sha256: str = "",
     settings: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Return what a study plans; `settings` replace limits of exclusion rules.
+    """Return the plan of a study as plain data; `settings` replace limits of exclusion rules.
 
-    Everything in it is text, number, truth, list or mapping. Comparisons, measures and rules stand
-    by name, so that two plans can be held against each other.
+    Values are texts, numbers, booleans, lists or mappings. Comparisons, measures and rules have
+    their names as keys, so that two plans can be compared.
     """
     study = experiment.study
     design = study.design_with(experiment.parameters)
@@ -75,6 +75,7 @@ def plan_content(
             for m in measures
         },
         "comparisons": dict(_comparisons(compare, levels)),
+        # Functions cannot be written as data, and wording changes no result.
         "families": {
             f"{i}. {family.family}": {
                 f.name: value
@@ -83,6 +84,7 @@ def plan_content(
             }
             for i, family in enumerate(study.analysis.families, start=1)
         },
+        # Only the thresholds that this study uses: a change of any other is no deviation.
         "tests": {
             **(asdict(rules) if study.analysis.families else {}),
             **({} if thresholds is None else asdict(thresholds)),
@@ -105,34 +107,34 @@ def plan_content(
         },
         FILE_SHA256: file_sha256,
     }
-    found: dict[str, Any] = as_json(content)
-    return found
+    plan: dict[str, Any] = as_json(content)
+    return plan
 
 
 def _comparisons(
     compare: Sequence[Compare], levels: dict[str, tuple[str, ...]]
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     for name, one in named(compare).items():
-        known = {*one.within, *one.between} <= set(levels)
+        is_in_design = {*one.within, *one.between} <= set(levels)
         about = {f.name: getattr(one, f.name) for f in fields(one)}
         del about["published"], about["pairs"]
         about["only"] = dict(one.only)
-        if not one.only:  # which plans locked before had not
+        if not one.only:  # plans of earlier versions lack this key
             del about["only"]
-        if one.raters == "participant":  # nor this
+        if one.raters == "participant":  # and this one
             del about["raters"]
-        about["test"] = one.question(levels).test if known else one.test
+        about["test"] = one.question(levels).test if is_in_design else one.test
         about["options"] = {key: str(value) for key, value in one.options}
         yield name, about
 
 
 def named(compare: Sequence[Compare]) -> dict[str, Compare]:
-    """Return comparisons by name; a number tells those of one name apart."""
-    found: dict[str, Compare] = {}
+    """Return comparisons by name; a number is added where several have the same name."""
+    by_name: dict[str, Compare] = {}
     for one in compare:
         name, n = one.name, 1
-        while name in found:
+        while name in by_name:
             n += 1
             name = f"{one.name} ({n})"
-        found[name] = one
-    return found
+        by_name[name] = one
+    return by_name

@@ -1,4 +1,4 @@
-"""What was done otherwise than a locked plan says, and from when on."""
+"""Deviations from a locked plan, and since when each exists."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -9,7 +9,7 @@ from visavis.study.comparisons import Compare
 
 NOTHING: Final = "–"
 UNPLANNED: Final = "not planned"
-"""The family of comparisons that a locked plan does not name: no planned one pays for them."""
+"""The family of comparisons that a locked plan does not name; planned ones do not pay for them."""
 _PART: Final[Mapping[str, str]] = {
     "parameters": "parameter", "factors": "factor", "measures": "measure",
     "comparisons": "comparison", "families": "family", "tests": "test rule",
@@ -19,7 +19,7 @@ _PART: Final[Mapping[str, str]] = {
 
 @dataclass(frozen=True)
 class Deviation:
-    """One thing done otherwise: what, as planned, as done; `since` says from when on.
+    """One deviation: what it concerns, as planned, as done, and `since` when.
 
     `part` is one of COMPARED, "sample" or "study file"; `name` what it concerns.
     """
@@ -37,28 +37,28 @@ class Deviation:
 
     @property
     def is_exploratory(self) -> bool:
-        """Tell a comparison that is asked besides, which changes nothing that was planned."""
+        """Tell whether it is an added comparison, which changes nothing that was planned."""
         return self.part in ("comparisons", "families") and self.planned == NOTHING
 
 
 def deviations_between(
     planned: Mapping[str, Any], done: Mapping[str, Any]
 ) -> tuple[Deviation, ...]:
-    """Return everything in which two contents of `plan_content` differ.
+    """Return every difference between two contents of `plan_content`.
 
-    The study's file is named where it changed and nothing that the plan freezes did.
+    A changed study file is reported only where nothing else differs, versions aside.
     """
-    found = tuple(d for part in COMPARED for d in differing(part, planned[part], done[part]))
+    deviations = tuple(d for part in COMPARED for d in differing(part, planned[part], done[part]))
     before, after = str(planned[FILE_SHA256]), str(done[FILE_SHA256])
-    in_file = any(d.part != VERSIONS for d in found)
+    in_file = any(d.part != VERSIONS for d in deviations)
     if before != after and before and after and not in_file:
         about = "(what is shown or said)"
-        found = (*found, Deviation("study file", about, before[:12], after[:12]))
-    return found
+        deviations = (*deviations, Deviation("study file", about, before[:12], after[:12]))
+    return deviations
 
 
 def differing(part: str, planned: Any, done: Any) -> Iterator[Deviation]:
-    """Yield in what one part of a content differs, name by name."""
+    """Yield the differences within one part of a content, name by name."""
     if not isinstance(planned, Mapping):
         if planned != done:
             yield Deviation(part, "", _said(planned), _said(done))
@@ -81,8 +81,8 @@ def _in_short(value: Any) -> str:
     if value is None:
         return NOTHING
     if isinstance(value, Mapping):
-        told = value.get("test") or value.get("words") or value.get("limit")
-        return "there" if told is None else _said(told)
+        summary = value.get("test") or value.get("words") or value.get("limit")
+        return "there" if summary is None else _said(summary)
     return _said(value)
 
 
@@ -99,9 +99,9 @@ def _said(value: Any) -> str:
 
 
 def marked(compare: Sequence[Compare], planned: Mapping[str, Any]) -> tuple[Compare, ...]:
-    """Return comparisons with those a locked plan does not name marked as exploratory.
+    """Return comparisons; those that a locked plan does not name are marked as exploratory.
 
-    They form a family of their own, so that planned ones are corrected as was planned.
+    These form a family of their own, so that planned comparisons are corrected as planned.
     """
     return tuple(
         one if name in planned["comparisons"] else replace(one, exploratory=True, family=UNPLANNED)

@@ -7,12 +7,14 @@ NONE_TEXT = "None."
 
 
 def markdown(content: Mapping[str, Any], sha256: str) -> str:
-    """Return the plan for people: the sections of a preregistration on OSF, then its hash."""
+    """Return the plan as a readable page, with the sections of a preregistration on OSF."""
     plan, sample = content["plan"], content["sample"]
     comparisons = plan["comparisons"]
-    planned = {n: c for n, c in comparisons.items() if not c["exploratory"]}
+    # Exploratory comparisons have a section of their own and no hypothesis.
+    confirmatory = {n: c for n, c in comparisons.items() if not c["exploratory"]}
     besides = {n: c for n, c in comparisons.items() if c["exploratory"]}
     before = sample["sessions_before"]
+    # Sections come in the order of OSF's form, so that they can be copied one by one.
     parts = [
         f"# {plan['title']}: locked plan",
         f"Study `{plan['study']}`, version {plan['study_version']}. "
@@ -21,7 +23,7 @@ def markdown(content: Mapping[str, Any], sha256: str) -> str:
         "### Research question",
         plan["question"] or "None stated.",
         "### Hypotheses",
-        _list(_hypothesis(n, c) for n, c in planned.items()),
+        _list(_hypothesis(n, c) for n, c in confirmatory.items()),
         "## Design plan",
         "### Blinding",
         "Nobody looks at results before the sample is complete; looking all the same is recorded."
@@ -55,7 +57,7 @@ def markdown(content: Mapping[str, Any], sha256: str) -> str:
         "### Statistical models",
         _list(
             (
-                *(_test(n, c) for n, c in planned.items()),
+                *(_test(n, c) for n, c in confirmatory.items()),
                 *(f"family {n}: {_fields(f)}" for n, f in plan["families"].items()),
                 *([f"of all families: {_fields(plan['tests'])}"] if plan["tests"] else []),
             )

@@ -1,4 +1,4 @@
-"""How a study held to its locked plan: for the report, the tables and whoever runs the analysis."""
+"""How a study followed its locked plan: for the report, the tables and the analyst."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -13,7 +13,7 @@ from visavis.results.locked_plan.deviations import Deviation, deviations_between
 
 IN_ANALYSIS: Final = "this analysis"
 CONFIGURATION_KEY: Final = "plan_lock"
-"""Where a session's configuration keeps the hash of the locked plan, and what deviated then."""
+"""Key in a session's configuration for the hash of the locked plan and the deviations then."""
 
 
 @dataclass(frozen=True)
@@ -40,9 +40,9 @@ class Peek:
 
 @dataclass(frozen=True)
 class PlanReview:
-    """What was planned, what was done otherwise, what was asked besides.
+    """The locked plan of a study, the deviations from it and the exploratory comparisons.
 
-    `carried` sessions bear the plan's hash, of `recorded` ones.
+    `carried` of the `recorded` sessions have the plan's hash in their manifest.
     """
 
     locked: LockedPlan
@@ -53,9 +53,9 @@ class PlanReview:
     peeks: tuple[Peek, ...] = ()
 
     def lines(self) -> tuple[str, ...]:
-        """Return what to tell whoever runs the analysis, a line each."""
-        locked = self.locked
-        head = f"plan locked {locked.locked_at[:10]} ({locked.sha256[:12]})"
+        """Return the lines to show whoever runs the analysis."""
+        locked_plan = self.locked
+        head = f"plan locked {locked_plan.locked_at[:10]} ({locked_plan.sha256[:12]})"
         if not self.deviations:
             return (f"{head}: kept in everything",)
         return (
@@ -78,27 +78,27 @@ def review_of(
     manifests: Sequence[Manifest],
     peeks: Sequence[Peek] = (),
 ) -> PlanReview:
-    """Hold what an analysis does, and what sessions recorded, against a locked plan.
+    """Compare an analysis and its sessions with a locked plan.
 
-    `done` is the content of `plan_content` as analysed now. A deviation counts from the first
-    session that recorded it; one that none recorded is the analysis's own.
+    `done` is the content of `plan_content` as analysed now. A deviation dates from the first
+    session that recorded it. One that no session recorded belongs to this analysis.
     """
     by_time = sorted(manifests, key=lambda m: m.created_wall_iso)
     first: dict[Deviation, str] = {}
     for manifest in by_time:
         for deviation in recorded_deviations(manifest):
             first.setdefault(deviation, _whose(manifest))
-    found = deviations_between(locked.plan, done)
-    besides = tuple(d.name for d in found if d.is_exploratory)
-    kept = [d for d in found if not d.is_exploratory]
-    now = [replace(d, since=first.pop(d, IN_ANALYSIS)) for d in kept]
+    differences = deviations_between(locked.plan, done)
+    besides = tuple(d.name for d in differences if d.is_exploratory)
+    deviations = [d for d in differences if not d.is_exploratory]
+    now = [replace(d, since=first.pop(d, IN_ANALYSIS)) for d in deviations]
     past = [
         replace(d, since=f"{since}, no longer")
         for d, since in first.items()
         if not d.is_exploratory
     ]
-    carried = [m for m in by_time if hash_carried(m) == locked.sha256]
-    without = [m for m in by_time if m not in carried]
+    with_hash = [m for m in by_time if hash_carried(m) == locked.sha256]
+    without = [m for m in by_time if m not in with_hash]
     more = list(_about_sample(locked, len({m.participant for m in manifests})))
     if without:
         more.append(
@@ -107,26 +107,27 @@ def review_of(
             )
         )
     return PlanReview(
-        locked, (*now, *past, *more), besides, len(carried), len(by_time), tuple(peeks)
+        locked, (*now, *past, *more), besides, len(with_hash), len(by_time), tuple(peeks)
     )
 
 
 def hash_carried(manifest: Manifest) -> str:
-    """Return the hash of the locked plan that a session bears; empty without one."""
+    """Return the hash of the locked plan in a session's manifest; empty without one."""
     return str(_carried(manifest).get("sha256", ""))
 
 
 def recorded_deviations(manifest: Manifest) -> tuple[Deviation, ...]:
-    """Return what deviated from the locked plan when a session began."""
-    listed = _carried(manifest).get("deviations", [])
+    """Return the deviations from the locked plan at the beginning of a session."""
+    entries = _carried(manifest).get("deviations", [])
     return tuple(
-        Deviation(str(d["part"]), str(d["name"]), str(d["planned"]), str(d["done"])) for d in listed
+        Deviation(str(d["part"]), str(d["name"]), str(d["planned"]), str(d["done"]))
+        for d in entries
     )
 
 
 def _carried(manifest: Manifest) -> Mapping[str, Any]:
-    found = manifest.configuration.get(CONFIGURATION_KEY)
-    return found if isinstance(found, Mapping) else {}
+    entry = manifest.configuration.get(CONFIGURATION_KEY)
+    return entry if isinstance(entry, Mapping) else {}
 
 
 def _whose(manifest: Manifest) -> str:
@@ -136,25 +137,26 @@ def _whose(manifest: Manifest) -> str:
 def _about_sample(locked: LockedPlan, people: int) -> list[Deviation]:
     if people == locked.participants:
         return []
-    said = "so far " if people < locked.participants else ""
-    return [Deviation("sample", "size", str(locked.participants), f"{said}{people}", IN_ANALYSIS)]
+    prefix = "so far " if people < locked.participants else ""
+    return [Deviation("sample", "size", str(locked.participants), f"{prefix}{people}", IN_ANALYSIS)]
 
 
 def review_section(review: PlanReview) -> Section:
-    """Return the section of a report that says how the locked plan was kept."""
-    locked = review.locked
-    plan = locked.plan["comparisons"]
+    """Return the section of a report on how the locked plan was followed."""
+    locked_plan = review.locked
+    plan = locked_plan.plan["comparisons"]
     deviating = {d.name.partition(": ")[0] for d in review.deviations if d.part == "comparisons"}
     before = (
         "before any session was recorded"
-        if not locked.sessions_before
-        else f"after {count_of(locked.sessions_before, 'session')} had been recorded"
+        if not locked_plan.sessions_before
+        else f"after {count_of(locked_plan.sessions_before, 'session')} had been recorded"
     )
     blocks: list[Block] = [
         Paragraph(
-            f"The plan was locked on {locked.locked_at[:10]}, {before} (SHA-256 {locked.sha256}). "
+            f"The plan was locked on {locked_plan.locked_at[:10]}, {before} "
+            f"(SHA-256 {locked_plan.sha256}). "
             f"{review.carried} of {count_of(review.recorded, 'session')} bear its hash. Planned "
-            f"were {locked.participants} participants. {locked.rule}".strip()
+            f"were {locked_plan.participants} participants. {locked_plan.rule}".strip()
         ),
         Table(
             (Column("Planned comparison"), Column("Test"), Column("Done")),

@@ -1,4 +1,4 @@
-"""Sections of the report on families of tests: every test beside what its source prints."""
+"""Sections of the report on families of tests: every test with its source's result."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -42,23 +42,27 @@ ARROWS = {1: "↗", -1: "↘"}
 
 
 def family_verdicts(analysis: StudyAnalysis) -> tuple[Verdict, ...]:
-    """Return the study's own conclusions; of a study without, how much each family found."""
+    """Return the study's own conclusions; without any, the number of hits in each family."""
     if analysis.study.analysis.conclude_of is not None:
         return tuple(
             Verdict(c.status, c.headline, " ".join(c.evidence)) for c in analysis.conclusions
         )
-    found = []
+    verdicts = []
     for family in dict.fromkeys(r.of.family for r in analysis.results if not r.of.exploratory):
         tests = analysis.tests_of(family)
-        made = [t for t in tests if t.outcome is not None]
-        hits = [t for t in made if t.holds_corrected]
-        found_of = f"{len(hits)} of {count_of(len(made), 'test')} significant"
-        headline = f"{family.capitalize()}: {found_of if made else 'not tested'}"
-        said = " ".join(t.sentence() for t in hits or tests[:1])
-        found.append(
-            Verdict("found" if hits else "not_found" if made else "undecided", headline, said)
+        with_outcome = [t for t in tests if t.outcome is not None]
+        hits = [t for t in with_outcome if t.holds_corrected]
+        found_of = f"{len(hits)} of {count_of(len(with_outcome), 'test')} significant"
+        headline = f"{family.capitalize()}: {found_of if with_outcome else 'not tested'}"
+        evidence = " ".join(t.sentence() for t in hits or tests[:1])
+        verdicts.append(
+            Verdict(
+                "found" if hits else "not_found" if with_outcome else "undecided",
+                headline,
+                evidence,
+            )
         )
-    return tuple(found)
+    return tuple(verdicts)
 
 
 FITTED: Final = (
@@ -68,7 +72,7 @@ FITTED: Final = (
 
 
 def agreement_table(analysis: StudyAnalysis) -> Table | None:
-    """Return how many published verdicts come back, by family; None where nothing is printed."""
+    """Return how many published verdicts are replicated, by family; None where none is printed."""
     rows = []
     for family in analysis.families():
         tests = analysis.tests_of(family)
@@ -90,14 +94,14 @@ def agreement_table(analysis: StudyAnalysis) -> Table | None:
 
 
 def fitted_note(analysis: StudyAnalysis) -> str:
-    """Return what agreement with a source means where people are simulated; else nothing."""
+    """Return what agreement with a source means where people are simulated; else an empty text."""
     return FITTED if analysis.is_simulated else ""
 
 
 def family_sections(
     analysis: StudyAnalysis, pictures: Mapping[str, Picture]
 ) -> tuple[Section, ...]:
-    """Return a section for each family, and one on what verdicts rest on."""
+    """Return a section for each family, and one on the robustness of verdicts."""
     sections = []
     for family in analysis.families():
         pairs, correlations = analysis.pairs_of(family), analysis.correlations_of(family)
@@ -108,8 +112,8 @@ def family_sections(
         ]
         if correlations:
             blocks.append(_correlation_table(correlations))
-        said = tuple(t.sentence() for t in analysis.tests_of(family))
-        blocks.append(Fold(f"All {len(said)} conclusions in words", (Bullets(said),)))
+        sentences = tuple(t.sentence() for t in analysis.tests_of(family))
+        blocks.append(Fold(f"All {len(sentences)} conclusions in words", (Bullets(sentences),)))
         words = next(r.of.words for r in analysis.results if r.of.family == family)
         if words:
             blocks.insert(0, Paragraph(f"{words[:1].upper()}{words[1:]}."))
@@ -123,10 +127,10 @@ def _robustness(analysis: StudyAnalysis) -> tuple[Section, ...]:
         return ()
     family = again[0].of.family
     main = analysis.pairs_of(family)
-    finished = analysis.selection.finished
+    trials = analysis.selection.finished
     text = (
-        f"Without any exclusion ({count_of(len(finished), 'trial')} of "
-        f"{count_of(finished['participant'].nunique(), 'participant')}), "
+        f"Without any exclusion ({count_of(len(trials), 'trial')} of "
+        f"{count_of(trials['participant'].nunique(), 'participant')}), "
         f"{same_verdicts(again, main)} of {len(main)} verdicts ({family}) are the same as in the "
         "main analysis."
     )
@@ -186,14 +190,14 @@ def _pair_cells(test: PairTest) -> tuple[Cell | str, ...]:
     first = mean_sd(test.first_mean, test.first_sd, digits)
     second = mean_sd(test.second_mean, test.second_sd, digits)
     if test.outcome is None:
-        untested = Cell("not tested", "weak", test.problem)
+        problem_cell = Cell("not tested", "weak", test.problem)
         return (
             _name(test),
             first,
             "",
             second,
             str(test.n_pairs),
-            untested,
+            problem_cell,
             MISSING,
             "",
             MISSING,
@@ -218,19 +222,19 @@ def _pair_cells(test: PairTest) -> tuple[Cell | str, ...]:
 
 
 def _printed_cells(test: PairTest) -> tuple[Cell, ...]:
-    printed = test.printed or Printed(False)
-    wilcoxon = printed.is_wilcoxon
+    printed_result = test.printed or Printed(False)
+    wilcoxon = printed_result.is_wilcoxon
     return (
-        Cell("wilc." if wilcoxon else decimal(printed.statistic), "weak"),
-        Cell(probability(printed.p), "weak"),
-        Cell("*" * printed.stars, "weak"),
-        Cell("wilc." if wilcoxon else fraction(printed.eta_p2), "weak"),
+        Cell("wilc." if wilcoxon else decimal(printed_result.statistic), "weak"),
+        Cell(probability(printed_result.p), "weak"),
+        Cell("*" * printed_result.stars, "weak"),
+        Cell("wilc." if wilcoxon else fraction(printed_result.eta_p2), "weak"),
         verdict_cell(agreement(test)),
     )
 
 
 def verdict_cell(found: Agreement | None) -> Cell:
-    """Return how our verdict stands to the published one."""
+    """Return a cell that compares our verdict with the published one."""
     if found is None:
         return Cell(MISSING, "weak")
     if found.ours is not None and not found.is_decidable:
@@ -260,16 +264,16 @@ def _correlation_table(tests: Sequence[CorrelationTest]) -> Table:
     for measure in dict.fromkeys(t.measure for t in tests):
         row: list[Cell | str] = [measure.words]
         for level in levels:
-            found = by_key[measure, level]
-            if found.outcome is None:
-                row += [Cell(MISSING, "weak", found.problem), Cell(MISSING, "weak")]
+            test = by_key[measure, level]
+            if test.outcome is None:
+                row += [Cell(MISSING, "weak", test.problem), Cell(MISSING, "weak")]
             else:
-                p = Cell(probability(found.outcome.p), "strong" if found.is_significant else "")
-                row += [Cell(fraction(found.outcome.r), hint=found.sentence()), p]
+                p = Cell(probability(test.outcome.p), "strong" if test.is_significant else "")
+                row += [Cell(fraction(test.outcome.r), hint=test.sentence()), p]
             if beside:
-                printed, verdict = found.printed, verdict_cell(agreement(found))
-                unknown = printed is None or printed.r is None
-                text = "n.s." if unknown else fraction(getattr(printed, "r", None))
+                printed_result, verdict = test.printed, verdict_cell(agreement(test))
+                unknown = printed_result is None or printed_result.r is None
+                text = "n.s." if unknown else fraction(getattr(printed_result, "r", None))
                 row += [Cell(text, "weak"), Cell(verdict.text[:1], verdict.mark, verdict.text)]
         rows.append(tuple(row))
     sizes = sorted({t.n for t in tests})
@@ -298,16 +302,16 @@ def _sensitivity_table(analysis: StudyAnalysis) -> Table:
         columns += [Column(n, "right", group) for n in (test.first, test.second, "p")]
     columns += [Column("Significant", "right"), Column("Verdict as in the main analysis", "right")]
     for r in analysis.sensitivity:
-        shown: list[str] = []
+        cells: list[str] = []
         for test in r.shown:
             means = (test.first_mean, test.second_mean)
-            shown += [decimal(mean, test.measure.digits) for mean in means]
-            shown.append(probability(test.outcome.p if test.outcome else None))
+            cells += [decimal(mean, test.measure.digits) for mean in means]
+            cells.append(probability(test.outcome.p if test.outcome else None))
         same = Cell(
             f"{r.same_verdicts} of {r.n_tests}", "" if r.same_verdicts == r.n_tests else "differ"
         )
         pad, minimum = decimal(r.pad_deg, 1), decimal(r.minimum_fixation_ms, 0)
-        rows.append((pad, minimum, *shown, str(r.significant), same))
+        rows.append((pad, minimum, *cells, str(r.significant), same))
     return Table(
         tuple(columns),
         tuple(rows),

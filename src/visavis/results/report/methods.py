@@ -34,7 +34,7 @@ def method_paragraphs(analysis: StudyAnalysis, experiment: StudyExperiment) -> t
 
 
 def own_methods(experiment: StudyExperiment) -> tuple[str, ...]:
-    """Return what is known before anything is analysed: the study's own words, its design."""
+    """Return the paragraphs that need no analysis: the study's own words, its design."""
     values = {k: shown(v) for k, v in experiment.parameters.items()}
     own = experiment.study.report.methods.format_map(values)
     parts = (p.strip() for p in own.split("\n\n") if p.strip())
@@ -43,30 +43,30 @@ def own_methods(experiment: StudyExperiment) -> tuple[str, ...]:
 
 def _design(experiment: StudyExperiment) -> str:
     plan = experiment.plan(0, 1)
-    counted = [t for t in plan.trials if not t.is_practice]
-    blocks = len({t.block for t in counted})
-    practice = len(plan.trials) - len(counted)
+    trials = [t for t in plan.trials if not t.is_practice]
+    blocks = len({t.block for t in trials})
+    practice = len(plan.trials) - len(trials)
     factors = []
     for factor in experiment.study.design_with(experiment.parameters).factors:
         kind = "between" if factor.between else "within"
         levels = ", ".join(label_of(experiment.texts, str(v)) for v in factor.levels)
         name = label_in_unit(experiment.texts, factor.name)
         factors.append(f"{name} ({levels}; {kind} participants)")
-    repeated = int(experiment.parameters["repetitions"])
-    times = "once" if repeated == 1 else f"{repeated} times"
+    repetitions = int(experiment.parameters["repetitions"])
+    times = "once" if repetitions == 1 else f"{repetitions} times"
     order = str(experiment.parameters["order"]).replace("_", " ")
-    tried = f" after {practice} for practice" if practice else ""
+    practice_note = f" after {practice} for practice" if practice else ""
     return (
-        f"Factors were {'; '.join(factors)}. Every combination came {times}: {len(counted)} trials"
-        f"{tried}, in {order} order, in {_blocks(blocks)}."
+        f"Factors were {'; '.join(factors)}. Every combination came {times}: {len(trials)} trials"
+        f"{practice_note}, in {order} order, in {_blocks(blocks)}."
     )
 
 
 def _procedure(experiment: StudyExperiment) -> str:
-    """Return what trials showed and asked, where the study's own words do not tell it."""
+    """Return what trials showed and asked; empty where the study's own words say it."""
     if experiment.study.report.methods.strip():
         return ""
-    said = []
+    scene_texts = []
     shown_in: dict[str, dict[str, list[str]]] = {}
     for read in experiment.read.values():
         for scene in read.scenes:
@@ -75,13 +75,16 @@ def _procedure(experiment: StudyExperiment) -> str:
                 values = options.setdefault(name, [])
                 values += [] if str(value) in values else [str(value)]
     for scene_name, of in shown_in.items():
-        told = "; ".join(
+        options_text = "; ".join(
             f"{label_in_unit(experiment.texts, name)}: {' or '.join(v)}" for name, v in of.items()
         )
-        said.append(f"the scene {scene_name.replace('_', ' ')}" + (f" ({told})" if told else ""))
-    asked = [_asked(experiment, response) for response in experiment.responses.values()]
-    parts = [f"Trials showed {' and '.join(said)}." if said else ""]
-    parts.append(f"Participants were asked: {'; '.join(asked)}." if asked else "")
+        scene_texts.append(
+            f"the scene {scene_name.replace('_', ' ')}"
+            + (f" ({options_text})" if options_text else "")
+        )
+    questions = [_asked(experiment, response) for response in experiment.responses.values()]
+    parts = [f"Trials showed {' and '.join(scene_texts)}." if scene_texts else ""]
+    parts.append(f"Participants were asked: {'; '.join(questions)}." if questions else "")
     return " ".join(filter(None, parts))
 
 
@@ -132,11 +135,11 @@ def _looks(rules: MeasureParameters) -> str:
 
 def _excluded(analysis: StudyAnalysis) -> str:
     selection = analysis.selection
-    applied = selection.applied(analysis.study.analysis.exclusions)
+    exclusions = selection.applied(analysis.study.analysis.exclusions)
     rules = [
         rule.rule(selection.limits[rule.name])
         + ("" if rule.if_missing or "{" in rule.words else f", {rule.words}")
-        for rule in applied
+        for rule in exclusions
     ]
     return (
         "Trials that were not finished were left out; of trials performed again the last counts. "
@@ -145,15 +148,17 @@ def _excluded(analysis: StudyAnalysis) -> str:
 
 
 def _compared(analysis: StudyAnalysis, texts: Texts) -> str:
-    said = []
+    parts = []
     for finding in analysis.findings:
         title = "not tested" if finding.outcome is None else finding.outcome.title
         how = finding.compare.correction
         of = f"the family “{finding.compare.family}”"
         family = f", {ADJUSTMENT_NAME.get(how, how)} over {of}" if how != "none" else ""
-        said.append(f"{spoken(finding, texts)}: {title} (α = {finding.compare.alpha:g}{family})")
-    chosen = [f for f in analysis.findings if f.outcome is not None]
-    is_art = any(f.compare.test == f.compare.model == "" and _factor_count(f) > 1 for f in chosen)
+        parts.append(f"{spoken(finding, texts)}: {title} (α = {finding.compare.alpha:g}{family})")
+    with_outcome = [f for f in analysis.findings if f.outcome is not None]
+    is_art = any(
+        f.compare.test == f.compare.model == "" and _factor_count(f) > 1 for f in with_outcome
+    )
     why = (
         (
             " The aligned rank transform was taken as the test over several factors where the "
@@ -163,9 +168,9 @@ def _compared(analysis: StudyAnalysis, texts: Texts) -> str:
         if is_art
         else ""
     )
-    if not said:
+    if not parts:
         return "" if analysis.results else "No comparison was planned."
-    return f"Comparisons: {'; '.join(said)}.{why}"
+    return f"Comparisons: {'; '.join(parts)}.{why}"
 
 
 def _factor_count(finding: Finding) -> int:
@@ -184,21 +189,21 @@ def _families(analysis: StudyAnalysis) -> Iterator[str]:
             f"dz and partial η² (t tests, with noncentral {percent} intervals; Steiger, "
             "2004) or the rank-biserial correlation."
         )
-    said = []
+    parts = []
     for r in analysis.results:
         words = f"{r.of.family} ({r.of.words})" if r.of.words else r.of.family
         alpha = threshold(rules.alpha)
         if isinstance(r.of, Correlate):
-            said.append(f"{words}: Spearman's coefficient at {alpha}, uncorrected")
+            parts.append(f"{words}: Spearman's coefficient at {alpha}, uncorrected")
         elif analysis.pairs_of(r.of.family):
             n = analysis.pairs_of(r.of.family)[0].n_tests
-            said.append(f"{words}: Bonferroni, {alpha}/{n} = {threshold(rules.alpha / n)}")
-    if said:
-        yield f"Families of tests: {'; '.join(dict.fromkeys(said))}."
+            parts.append(f"{words}: Bonferroni, {alpha}/{n} = {threshold(rules.alpha / n)}")
+    if parts:
+        yield f"Families of tests: {'; '.join(dict.fromkeys(parts))}."
 
 
 def spoken(finding: Finding, texts: Texts) -> str:
-    """Return what a comparison is called in sentences: measure, factors, and of whom."""
+    """Return the name of a comparison in sentences: measure, factors and selected levels."""
     words = finding.measure.words
     factors = " × ".join(
         label_of(texts, name)

@@ -12,7 +12,7 @@ _TYPES: Final = {"article": "JOUR", "inproceedings": "CONF", "misc": "GEN"}
 
 @dataclass(frozen=True)
 class Reference:
-    """One cited work; `note` holds a citation of which only the text is known."""
+    """One cited work; `note` holds a citation that is known only as text."""
 
     key: str
     kind: str
@@ -73,16 +73,16 @@ HOLM: Final = Reference(
 
 
 def references_of(analysis: StudyAnalysis, *, with_gaze: bool) -> tuple[Reference, ...]:
-    """Return what the report of an analysis rests on: methods used, the study's own references."""
-    found = [GUIDELINE, VALIDATION] if with_gaze else []
-    tested = [f for f in analysis.findings if f.outcome is not None]
-    if any(f.outcome.question.test == "art" for f in tested if f.outcome is not None):
-        found += [ALIGNED_RANKS]
-    if any(f.compare.correction == "holm" for f in tested):
-        found += [HOLM]
+    """Return the references of a report: the methods it uses, and the study's own."""
+    references = [GUIDELINE, VALIDATION] if with_gaze else []
+    findings = [f for f in analysis.findings if f.outcome is not None]
+    if any(f.outcome.question.test == "art" for f in findings if f.outcome is not None):
+        references += [ALIGNED_RANKS]
+    if any(f.compare.correction == "holm" for f in findings):
+        references += [HOLM]
     study = analysis.study
     source = () if study.report.source is None else (study.report.source.citation,)
-    return (*found, *(_quoted(t) for t in dict.fromkeys((*study.report.references, *source))))
+    return (*references, *(_quoted(t) for t in dict.fromkeys((*study.report.references, *source))))
 
 
 def _quoted(text: str) -> Reference:
@@ -93,11 +93,11 @@ def _quoted(text: str) -> Reference:
 
 
 def bibtex(references: Iterable[Reference]) -> str:
-    """Return the references as BibTeX; a work of which only the text is known is `@misc`."""
-    entries, seen = [], dict[str, int]()
+    """Return the references as BibTeX; a work known only as text is `@misc`."""
+    entries, key_counts = [], dict[str, int]()
     for r in references:
-        seen[r.key] = seen.get(r.key, 0) + 1
-        key = r.key if seen[r.key] == 1 else f"{r.key}{'abcdefghij'[seen[r.key] - 1]}"
+        key_counts[r.key] = key_counts.get(r.key, 0) + 1
+        key = r.key if key_counts[r.key] == 1 else f"{r.key}{'abcdefghij'[key_counts[r.key] - 1]}"
         where = "booktitle" if r.kind == "inproceedings" else "journal"
         fields = {
             "author": " and ".join(r.authors),
@@ -128,7 +128,7 @@ def ris(references: Iterable[Reference]) -> str:
 
 
 def _plain(text: str) -> str:
-    """Return a text that BibTeX takes as it stands."""
+    """Return a text with the special characters of BibTeX escaped or replaced."""
     return re.sub(
         r"([%&#_$])", r"\\\1", text.replace("\\", " ").replace("{", "(").replace("}", ")")
     )

@@ -1,6 +1,6 @@
 """The minimal reporting list for eye tracking (Dunn et al., 2024), answered from the data.
 
-Items of virtual reality stand beside it: frames, tracking, fit of the headset.
+Items of virtual reality are added: frames, tracking, fit of the headset.
 """
 
 import hashlib
@@ -18,7 +18,7 @@ from visavis.results.quality import DRIFT, END_ACCURACY, REJECTED, Quality
 from visavis.study.look_measures import DEFAULT_MEASURE_PARAMETERS, MeasureParameters
 
 OPEN = "not recorded, because "
-"""How the answer begins to an item of which nothing is known; the reason follows."""
+"""Beginning of the answer to an item without data; the reason follows."""
 
 STAMPS_COUNTED = ". Counted by trial (repeated_samples, conflicting_samples, backward_samples)"
 WHO_WAS_LEFT_OUT = "Participants"
@@ -28,7 +28,7 @@ FILL_IN = "to be filled in by the lab"
 PARTLY: Mapping[str, str] = {
     "display": "resolution and field of view",
 }
-"""What recordings cannot say of an item they answer in part."""
+"""What is missing from items that recordings answer only in part."""
 
 SETUP_ITEMS = (
     ("eye_tracker", "Eye tracker: manufacturer, model, software"),
@@ -90,7 +90,7 @@ def confidence_rule() -> str:
 
 def stamp_rule(looks: LookParameters) -> str:
     """Return what happens to samples whose time stamps repeat or go back."""
-    repeated = (
+    conflict_rule = (
         "the first is kept where repeats contradict each other"
         if looks.conflicts == "keep_first"
         else "repeats that contradict each other are refused"
@@ -100,7 +100,7 @@ def stamp_rule(looks: LookParameters) -> str:
         if looks.backward == "sort"
         else "samples stamped earlier than the one before are refused"
     )
-    return f"samples that repeat a stamp are left out, {repeated}; {backward}"
+    return f"samples that repeat a stamp are left out, {conflict_rule}; {backward}"
 
 
 def reporting_table(
@@ -112,11 +112,12 @@ def reporting_table(
     *,
     counts_stamps: bool = True,
 ) -> Table:
-    """Return the list with every answer the data give, and why there is none to others.
+    """Return the list with every answer that the data give, or the reason why there is none.
 
     `losses` are conditions with the share of gaze that was lost in them; `counts_stamps` says
     whether the trial table counts samples that repeat a stamp.
     """
+    # First what the lab and its devices say, then what was measured, then how it was analysed.
     rows: list[tuple[Cell | str, ...]] = [
         (label, _setup_cell(key, quality.facts, provenance.setup)) for key, label in SETUP_ITEMS
     ]
@@ -164,6 +165,7 @@ def reporting_table(
         ("Analysis software", ", ".join(f"{k} {v}" for k, v in provenance.versions.items())),
         ("Recordings: SHA-256 of all together", _hash_of_all(provenance)),
     ]
+    # The text of an answer shows whether the lab still has to complete it.
     left = sum(isinstance(r[1], Cell) and r[1].text.startswith(OPEN) for r in rows)
     partly = sum(isinstance(r[1], Cell) and r[1].text.endswith(f": {FILL_IN}") for r in rows)
     open_items = [
@@ -180,20 +182,20 @@ def reporting_table(
 
 
 def _setup_cell(key: str, recorded: Mapping[str, str], given: Mapping[str, str]) -> Cell:
-    """Return an item's answer; the lab's counts as whole, a recording's may be a part."""
+    """Return an item's answer. The lab's own is complete, a recording's may be partial."""
     if given.get(key):
         return Cell(given[key])
-    known = recorded.get(key, "")
+    answer = recorded.get(key, "")
     if key == "viewing":
-        whole = [part for part in (known, recorded.get("distances", "")) if part]
-        if known or not whole:
+        whole = [part for part in (answer, recorded.get("distances", "")) if part]
+        if answer or not whole:
             return Cell("; ".join(whole)) if whole else _missing(key)
         return Cell(f"{whole[0]}; posture and head restraint: {FILL_IN}", "differ")
-    if not known:
+    if not answer:
         return _missing(key)
     if key in PARTLY:
-        return Cell(f"{known}; {PARTLY[key]}: {FILL_IN}", "differ")
-    return Cell(known)
+        return Cell(f"{answer}; {PARTLY[key]}: {FILL_IN}", "differ")
+    return Cell(answer)
 
 
 def _missing(key: str) -> Cell:
@@ -214,19 +216,19 @@ def _at_the_end(table: pd.DataFrame) -> list[tuple[Cell | str, ...]]:
     if DRIFT in table:
         rows.append(("Drift: error at the end minus error before (range)", _range(table, DRIFT)))
     if REJECTED in table:
-        known = table[REJECTED].dropna().astype(float)
-        people = count_of(int((known > 0).sum()), "participant")
-        text = f"{int(known.sum())}, of {people}" if known.any() else "none"
-        text = text if len(known) else "not recorded"
+        counts = table[REJECTED].dropna().astype(float)
+        people = count_of(int((counts > 0).sum()), "participant")
+        text = f"{int(counts.sum())}, of {people}" if counts.any() else "none"
+        text = text if len(counts) else "not recorded"
         rows.append(("Validations rejected", text))
     return rows
 
 
 def _range(table: pd.DataFrame, column: str, *, share: bool = False) -> str:
-    known = table[column].dropna().astype(float)
-    if known.empty:
+    values = table[column].dropna().astype(float)
+    if values.empty:
         return "not recorded"
-    low, mean, high = float(known.min()), float(known.mean()), float(known.max())
+    low, mean, high = float(values.min()), float(values.mean()), float(values.max())
     if share:
         return f"{percentage(mean)} ({percentage(low)} to {percentage(high)})"
     return f"{decimal(mean)}° ({decimal(low)}° to {decimal(high)}°)"

@@ -1,4 +1,4 @@
-"""The report of a study: one HTML file, from its analysis, whatever the study."""
+"""The report of any study: one HTML file, made from its analysis."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -70,7 +70,7 @@ def build_report(
 
     `pictures` are the figures by name.
     """
-    checked = (
+    quality_sections = (
         [] if quality is None else [_quality(analysis, experiment, quality, provenance, pictures)]
     )
     study, source = analysis.study, analysis.study.report.source
@@ -98,7 +98,7 @@ def build_report(
             *_measures(analysis, experiment, pictures),
             *family_sections(analysis, pictures),
             *sections,
-            *checked,
+            *quality_sections,
             _people(analysis, experiment, questionnaires, pictures, provenance, path.parent),
             _methods(analysis, experiment),
             provenance_section(provenance),
@@ -109,14 +109,14 @@ def build_report(
 
 
 def _by_group(analysis: StudyAnalysis) -> str:
-    """Return how many participants of each group count; nothing where there are no groups."""
-    told = []
+    """Return how many participants of each group count; empty where there are no groups."""
+    parts = []
     for factor in (
         f for f in analysis.study.design.factors if f.between and f.name in analysis.levels
     ):
         counts = analysis.selection.counted.groupby(factor.name)["participant"].nunique()
-        told += [f"{counts.get(level, 0)} {level}" for level in analysis.levels[factor.name]]
-    return f" ({', '.join(told)})" if told else ""
+        parts += [f"{counts.get(level, 0)} {level}" for level in analysis.levels[factor.name]]
+    return f" ({', '.join(parts)})" if parts else ""
 
 
 def picture_of(drawn: ReportFigure) -> Picture:
@@ -132,7 +132,7 @@ def _summary(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
         for term in finding.terms or (None,)
     ]
     if analysis.study.analysis.conclude_of is not None:
-        verdicts = []  # its own conclusions say it
+        verdicts = []  # the study's own conclusions replace them, see `family_verdicts`
     verdicts += family_verdicts(analysis)
     blocks: list[Block] = []
     if verdicts:
@@ -141,8 +141,8 @@ def _summary(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
         blocks.append(Paragraph("The study plans no comparison; its measures are described below."))
     beside = _beside_published(analysis, experiment.texts)
     blocks += [] if beside is None else [beside]
-    agreed = agreement_table(analysis)
-    blocks += [] if agreed is None else [agreed]
+    family_agreement = agreement_table(analysis)
+    blocks += [] if family_agreement is None else [family_agreement]
     source = analysis.study.report.source
     if source is not None and analysis.n_participants < (source.participants or 0):
         blocks.append(
@@ -161,8 +161,8 @@ def _verdict(
     compare = finding.compare
     words = finding.measure.words
     if term is None or finding.outcome is None:
-        untested = f"{words}: not tested" + (f" – {_lower(compare.claim)}" if compare.claim else "")
-        return Verdict("undecided", untested, f"{finding.why_not}.")
+        heading = f"{words}: not tested" + (f" – {_lower(compare.claim)}" if compare.claim else "")
+        return Verdict("undecided", heading, f"{finding.why_not}.")
     names = " × ".join(label_of(experiment.texts, n) for n in term.name.split(":"))
     significant = term.is_significant
     is_claimed = bool(compare.claim) and (len(finding.terms) == 1 or compare.is_claimed(term.name))
@@ -176,20 +176,22 @@ def _verdict(
         headline = _direction(analysis, finding, experiment) or f"{words} depends on {names}"
     else:
         headline = f"Inconclusive: {_lower(words)} by {names}"
-    corrected = ""
+    correction = ""
     if compare.correction != "none" and term.p_corrected != term.p:
-        corrected = (
+        correction = (
             f" Corrected over the family of {compare.family} comparisons ({compare.correction}): "
             f"p {_p(term.p_corrected)}."
         )
-    published, printed = "", compare.published_of(term.name)
-    if printed is not None:
-        same = printed.is_significant == significant
-        published = f" Published: {printed} ({'the same' if same else 'another'} verdict)."
+    published_note, printed_result = "", compare.published_of(term.name)
+    if printed_result is not None:
+        same = printed_result.is_significant == significant
+        published_note = (
+            f" Published: {printed_result} ({'the same' if same else 'another'} verdict)."
+        )
     return Verdict(
         "undecided" if doubts else "found" if significant else "not_found",
         headline,
-        f"{_sentence(finding, term)}{corrected}{published}"
+        f"{_sentence(finding, term)}{correction}{published_note}"
         + "".join(f" Note: {note}." for note in doubts),
     )
 
@@ -197,7 +199,7 @@ def _verdict(
 def _direction(
     analysis: StudyAnalysis, finding: Finding, experiment: StudyExperiment
 ) -> str | None:
-    """Return which of two levels has more of a measure; None where there are not two."""
+    """Return a sentence on which of two levels has the larger mean; None unless there are two."""
     factors = (*finding.compare.within, *finding.compare.between)
     if len(factors) != 1 or len(analysis.levels[factors[0]]) != 2:
         return None
@@ -223,9 +225,9 @@ def _sentence(finding: Finding, term: Term) -> str:
     outcome = finding.outcome
     if outcome is None:
         return ""
-    for said in outcome.sentences:
-        if said.startswith(f"{term.name.replace(':', ' × ')}:"):
-            return said
+    for sentence in outcome.sentences:
+        if sentence.startswith(f"{term.name.replace(':', ' × ')}:"):
+            return sentence
     return " ".join(outcome.sentences)
 
 
@@ -246,6 +248,7 @@ def _beside_published(analysis: StudyAnalysis, texts: Texts) -> Table | None:
     misfits: list[str] = []
     only = {name: level for name, level in source.only.items() if name in analysis.levels}
     counted_rows = trials_of(analysis.selection.counted, only)
+    # Published means are compared by the first factor that has all of their levels.
     for column, cells in source.cells.items():
         measure = analysis.measure(column)
         if column not in counted_rows:
@@ -261,16 +264,17 @@ def _beside_published(analysis: StudyAnalysis, texts: Texts) -> Table | None:
                 what = f"{measure.axis}, {label_of(texts, level)}"
                 rows.append((what, here, printed_mean, _off(ours, mean)))
             break
+    # Then verdicts: effects, contrasts, and published effects that could not be tested here.
     for finding in analysis.findings:
         for term in finding.terms:
-            printed = finding.compare.published_of(term.name)
-            if printed is None:
+            printed_result = finding.compare.published_of(term.name)
+            if printed_result is None:
                 continue
-            same = term.is_significant == printed.is_significant
+            same = term.is_significant == printed_result.is_significant
             agree = Cell("agree" if same else "differ", "agree" if same else "differ")
             what = f"{finding.measure.words} by {term.name.replace(':', ' × ')}"
-            rows.append((what, f"p {_p(term.p_corrected)}", str(printed), agree))
-            misfits += printed.misfits
+            rows.append((what, f"p {_p(term.p_corrected)}", str(printed_result), agree))
+            misfits += printed_result.misfits
         for contrast in finding.contrasts:
             beside = contrast.agreement
             if beside is not None and contrast.printed is not None:
@@ -283,9 +287,9 @@ def _beside_published(analysis: StudyAnalysis, texts: Texts) -> Table | None:
                     )
                 )
         if not finding.terms:
-            for name, printed in finding.compare.published_terms.items():
+            for name, printed_result in finding.compare.published_terms.items():
                 what = f"{finding.measure.words} by {name.replace(':', ' × ')}"
-                rows.append((what, "–", str(printed), Cell("not tested", "weak")))
+                rows.append((what, "–", str(printed_result), Cell("not tested", "weak")))
     if not rows:
         return None
     return Table(
@@ -303,19 +307,19 @@ def _beside_published(analysis: StudyAnalysis, texts: Texts) -> Table | None:
 
 
 def _mean_sd(values: Values, digits: int = 2) -> str:
-    known = values[np.isfinite(values)]
-    if known.size == 0:
+    finite = values[np.isfinite(values)]
+    if finite.size == 0:
         return "–"
-    sd = float(known.std(ddof=1)) if known.size > 1 else None
-    return mean_sd(float(known.mean()), sd, digits)
+    sd = float(finite.std(ddof=1)) if finite.size > 1 else None
+    return mean_sd(float(finite.mean()), sd, digits)
 
 
 def _off(ours: Values, printed: float) -> str:
     """Return how far a mean lies from the published one, as a signed share of it."""
-    known = ours[np.isfinite(ours)]
-    if known.size == 0 or printed == 0:
+    finite = ours[np.isfinite(ours)]
+    if finite.size == 0 or printed == 0:
         return ""
-    text = percentage(float(known.mean()) / printed - 1, 0)
+    text = percentage(float(finite.mean()) / printed - 1, 0)
     return text if text[:1] in "-−0" else f"+{text}"
 
 
@@ -337,16 +341,16 @@ def _measures(
             means = _means_table(analysis, cells, column, experiment)
             blocks.append(means if is_known else _nobody_has([measure.words]))
         sections.append(Section(column, measure.words, tuple(blocks)))
-    compared = {f.measure.column for f in analysis.findings}
+    compared_columns = {f.measure.column for f in analysis.findings}
     counted_rows = analysis.selection.counted
     further = [m for m in analysis.measures if m.column in counted_rows]
-    further = [m for m in further if m.column not in compared]
-    known = [m for m in further if counted_rows[m.column].notna().any()]
-    others: list[Block] = [_means_table(analysis, cells, m.column, experiment) for m in known]
-    if unknown := [m.words for m in further if m not in known]:
+    further = [m for m in further if m.column not in compared_columns]
+    with_values = [m for m in further if counted_rows[m.column].notna().any()]
+    others: list[Block] = [_means_table(analysis, cells, m.column, experiment) for m in with_values]
+    if unknown := [m.words for m in further if m not in with_values]:
         others.append(_nobody_has(unknown))
     if others:
-        title = "Means of further measures" if compared else "Means"
+        title = "Means of further measures" if compared_columns else "Means"
         sections.append(Section("others", title, tuple(others)))
     return sections
 
@@ -408,9 +412,9 @@ def _quality(
 ) -> Section:
     looks = analysis.study.analysis.looks
     rules = looks[0].rules({"parameters": experiment.parameters}) if looks else LooksOn().rules({})
-    selection, kept = analysis.selection, kept_of(analysis)
-    listed = reporting_table(
-        kept,
+    selection, exclusion_counts = analysis.selection, kept_of(analysis)
+    checklist = reporting_table(
+        exclusion_counts,
         quality,
         provenance,
         rules,
@@ -419,13 +423,15 @@ def _quality(
     )
     blocks: list[Block] = [
         pictures["quality"],
-        listed,
+        checklist,
         Fold("Every participant", (quality_table(quality),)),
     ]
     heads = tuple(Column(h) for h in ("Participant", "What", "Why"))
     errors = selection.people.get("calibration_error_deg")
-    ruled = any(r.column == "calibration_error_deg" for r in analysis.study.analysis.exclusions)
-    if ruled and errors is not None and errors.isna().any():
+    has_error_rule = any(
+        r.column == "calibration_error_deg" for r in analysis.study.analysis.exclusions
+    )
+    if has_error_rule and errors is not None and errors.isna().any():
         unknown = ", ".join(selection.people.loc[errors.isna(), "participant"].astype(str))
         blocks.append(
             Paragraph(
@@ -442,31 +448,33 @@ def _quality(
 def _losses(analysis: StudyAnalysis, texts: Texts) -> list[tuple[str, str]]:
     """Return every level of the factors compared with the share of gaze lost in its trials."""
     rows = analysis.selection.finished
-    lost = next((c for c in LOSS_COLUMNS if c in rows), None)
-    if lost is None:
+    loss_column = next((c for c in LOSS_COLUMNS if c in rows), None)
+    if loss_column is None:
         return []
-    found = []
+    losses = []
     for factor in analysis.cells:
         for level in analysis.levels[factor]:
-            share = pd.to_numeric(rows.loc[rows[factor] == level, lost], errors="coerce").mean()
-            said = "not recorded" if share != share else percentage(float(share))
-            found.append((f"{label_of(texts, factor)} {label_of(texts, str(level))}", said))
-    return found
+            share = pd.to_numeric(
+                rows.loc[rows[factor] == level, loss_column], errors="coerce"
+            ).mean()
+            text = "not recorded" if share != share else percentage(float(share))
+            losses.append((f"{label_of(texts, factor)} {label_of(texts, str(level))}", text))
+    return losses
 
 
 def kept_of(analysis: StudyAnalysis) -> Kept:
-    """Return what was left out by which limits, for the reporting list."""
+    """Return the numbers and limits of exclusions, for the reporting list."""
     selection = analysis.selection
     limits = "; ".join(
         rule_words(selection, [rule], rule.name)
         for rule in selection.applied(analysis.study.analysis.exclusions)
     )
-    finished = selection.finished
+    trials = selection.finished
     return Kept(
         len(selection.people),
         int((~selection.people["is_analysed"].astype(bool)).sum()),
-        len(finished),
-        int((~finished["is_analysed"].astype(bool)).sum()),
+        len(trials),
+        int((~trials["is_analysed"].astype(bool)).sum()),
         limits,
     )
 
@@ -485,19 +493,19 @@ def _people(
         ages = pd.to_numeric(people["age"], errors="coerce").dropna().to_numpy(float)
         if len(ages):
             blocks.append(Paragraph(f"Age {_mean_sd(ages, AGE_DIGITS)} years."))
-    for asked in questionnaires:
-        blocks += _said(asked, people)
+    for questionnaire in questionnaires:
+        blocks += _said(questionnaire, people)
     blocks += [
         Paragraph(_answered_by(analysis, name))
         for name in experiment.responses
         if f"{name}_by" in analysis.selection.counted
     ]
     out = analysis.selection.people
-    gone = out[~out["is_analysed"]]
-    if len(gone):
+    left_out = out[~out["is_analysed"]]
+    if len(left_out):
         rows = tuple(
             (str(p), str(why))
-            for p, why in zip(gone["participant"], gone["left_out_because"], strict=True)
+            for p, why in zip(left_out["participant"], left_out["left_out_because"], strict=True)
         )
         blocks.append(Table((Column("Participant"), Column("Why")), rows, "Left out"))
     if analysis.n_participants < MIN_PARTICIPANTS:
@@ -505,12 +513,12 @@ def _people(
     rows_ = analysis.selection.rows
     other = rows_[(rows_["status"] != "complete") & ~rows_["is_practice"].astype(bool)]
     if len(other):
-        listed = tuple(
+        trial_rows = tuple(
             tuple(map(str, r))
             for r in other[["participant", "trial_id", "status", "reason"]].itertuples(index=False)
         )
         heads = tuple(Column(h) for h in ("Participant", "Trial", "Status", "Reason"))
-        blocks.append(Fold("Interrupted and skipped trials", (Table(heads, listed, "Trials"),)))
+        blocks.append(Fold("Interrupted and skipped trials", (Table(heads, trial_rows, "Trials"),)))
     blocks += _flagged(analysis.selection.rows)
     blocks += _happened(provenance)
     looks = looks_table(striking_trials(analysis), provenance.folder, out_dir / VIEWS)
@@ -519,8 +527,9 @@ def _people(
 
 
 def _flagged(rows: pd.DataFrame) -> Iterator[Block]:
-    """Yield what devices and operators flagged: how many trials, of how many people; no practice,
-    of which nothing is analysed.
+    """Yield a table of the flags that devices and operators set, with numbers of trials and people.
+
+    Practice trials are not counted, as they are not analysed.
     """
     if "flags" not in rows:
         return
@@ -532,16 +541,17 @@ def _flagged(rows: pd.DataFrame) -> Iterator[Block]:
     if len(each):
         heads = (Column("Flag"), Column("Trials", "right"), Column("People", "right"))
         counts = each.groupby("flags", sort=True)["participant"].agg(["size", "nunique"])
-        listed = tuple((str(f), str(n), str(people)) for f, n, people in counts.itertuples())
+        table_rows = tuple((str(f), str(n), str(people)) for f, n, people in counts.itertuples())
         note = (
             "A flag ending in _lost: the device was away, or the session went on without it; in "
             "_warning: it warned during the trial, in words that visavis check shows for the "
             "session; picture_stalled: the picture stood still. Flags leave no trial out; "
             "exclusions do. Practice trials are not counted."
         )
-        flagged = int(rows["flags"].fillna("").ne("").sum())
+        n_flagged = int(rows["flags"].fillna("").ne("").sum())
         yield Fold(
-            f"Flagged trials: {flagged} of {len(rows)}", (Table(heads, listed, "Flags", note),)
+            f"Flagged trials: {n_flagged} of {len(rows)}",
+            (Table(heads, table_rows, "Flags", note),),
         )
 
 
@@ -559,11 +569,11 @@ def _happened(provenance: ReportProvenance) -> Iterator[Block]:
 
 
 def _said(asked: Questionnaire, people: pd.DataFrame) -> Iterator[Block]:
-    """Yield how often each option was chosen, and what was said in free words.
+    """Yield how often each option was chosen, and the answers in free words.
 
-    Of a questionnaire that is scored the scores stand first, and its questions fold.
+    A questionnaire with scores shows these first; its questions are then folded.
     """
-    chosen = []
+    sentences = []
     for question in asked.questions():
         name = question.question_id
         if name not in people:
@@ -585,14 +595,14 @@ def _said(asked: Questionnaire, people: pd.DataFrame) -> Iterator[Block]:
                 for value, label in question.scale.options.items()
             }
             counts["no answer"] = len(answers) - sum(counts.values())
-            told = ", ".join(f"{label} {n}" for label, n in counts.items() if n)
-            chosen.append(f"{question.prompt} {told}.")
+            tally = ", ".join(f"{label} {n}" for label, n in counts.items() if n)
+            sentences.append(f"{question.prompt} {tally}.")
     if asked.scores:
         yield from _scores(asked, people)
-        title = f"{asked.title}: every answer, {count_of(len(chosen), 'question')}"
-        yield from [Fold(title, (Bullets(tuple(chosen)),))] if chosen else []
+        title = f"{asked.title}: every answer, {count_of(len(sentences), 'question')}"
+        yield from [Fold(title, (Bullets(tuple(sentences)),))] if sentences else []
     else:
-        yield from map(Paragraph, chosen)
+        yield from map(Paragraph, sentences)
 
 
 def _scores(asked: Questionnaire, people: pd.DataFrame) -> Iterator[Table]:
@@ -610,19 +620,19 @@ def _scores(asked: Questionnaire, people: pd.DataFrame) -> Iterator[Table]:
 
 def _answered_by(analysis: StudyAnalysis, response: str) -> str:
     ways = analysis.selection.counted[f"{response}_by"].value_counts()
-    given = ", ".join(f"by {way} {count_of(count, 'time')}" for way, count in ways.items())
-    return f"How {response.replace('_', ' ')} was answered: {given}."
+    tally = ", ".join(f"by {way} {count_of(count, 'time')}" for way, count in ways.items())
+    return f"How {response.replace('_', ' ')} was answered: {tally}."
 
 
 def _methods(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
     blocks: list[Block] = [Paragraph(p) for p in method_paragraphs(analysis, experiment)]
-    changed = [
+    changes = [
         f"{name} is {experiment.parameters[name]} (the study's own: {usual})."
         for name, usual in _usual(experiment).items()
         if experiment.parameters[name] != usual
     ]
-    if changed:
-        blocks += [Paragraph("Set otherwise for these sessions:"), Bullets(tuple(changed))]
+    if changes:
+        blocks += [Paragraph("Set otherwise for these sessions:"), Bullets(tuple(changes))]
     if experiment.study.report.references:
         blocks.append(Fold("References", (Bullets(tuple(experiment.study.report.references)),)))
     return Section("methods", "Methods", tuple(blocks))
@@ -634,7 +644,7 @@ def _usual(experiment: StudyExperiment) -> dict[str, object]:
 
 
 def provenance_section(provenance: ReportProvenance) -> Section:
-    """Return the section that says where the numbers come from and how to make them again."""
+    """Return the section that says where the numbers come from and how to compute them again."""
     facts = [("Study", f"{provenance.study}, version {provenance.study_version}")]
     if provenance.seed is not None:
         facts.append(("Seed", str(provenance.seed)))

@@ -1,4 +1,4 @@
-"""One type per column of a table, whatever a study's data happen to be.
+"""One type per column of a table, whatever the data of a study are.
 
 Inferred types change with the data: an integer column becomes a float with its first missing
 value, a flag nobody set becomes an object. Fixed types let two studies' tables be concatenated.
@@ -54,21 +54,21 @@ def typed(table: pd.DataFrame, columns: Mapping[str, Column]) -> pd.DataFrame:
 
     Raises DataError naming a column whose values do not fit its type.
     """
-    found = {}
+    series = {}
     for name, values in table.items():
-        known = columns.get(str(name))
-        found[name] = values if known is None else _cast(str(name), values, column_type(known))
-    return pd.DataFrame(found, index=table.index)
+        column = columns.get(str(name))
+        series[name] = values if column is None else _cast(str(name), values, column_type(column))
+    return pd.DataFrame(series, index=table.index)
 
 
 def _cast(name: str, values: "pd.Series[Any]", kind: str) -> "pd.Series[Any]":
-    given: list[Any] = [
+    plain_values: list[Any] = [
         None if missing else v for v, missing in zip(values, values.isna(), strict=True)
     ]
     if kind == "string":
-        given = [None if v is None else str(v) for v in given]
+        plain_values = [None if v is None else str(v) for v in plain_values]
     try:
-        return pd.Series(pd.array(given, dtype=_DTYPES[kind]), index=values.index)
+        return pd.Series(pd.array(plain_values, dtype=_DTYPES[kind]), index=values.index)
     except (TypeError, ValueError) as error:
         raise DataError(
             f"the column {name} does not hold {kind} values ({error}); it was not "

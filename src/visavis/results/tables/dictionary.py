@@ -130,39 +130,40 @@ STATISTICS: Final = (
 
 
 def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> dict[str, Column]:
-    """Return what describes the columns of a study's trial table, by name."""
-    found = {c.name: c for c in (*ENGINE_COLUMNS, *ANALYSED, LATE)}
+    """Return the descriptions of the columns of a study's trial table, by name."""
+    columns = {c.name: c for c in (*ENGINE_COLUMNS, *ANALYSED, LATE)}
     for factor in experiment.study.design.factors:
         levels = ", ".join(map(str, factor.levels))
         kind = "between" if factor.between else "within"
         words = experiment.texts.find(f"labels.{factor.name}") or factor.name.replace("_", " ")
-        found[factor.name] = Column(factor.name, "", f"{words} ({kind} participants): {levels}")
+        columns[factor.name] = Column(factor.name, "", f"{words} ({kind} participants): {levels}")
     for response in experiment.responses.values():
-        found |= {c.name: c for c in response.columns()}
-    for walked in (
+        columns |= {c.name: c for c in response.columns()}
+    for column in (
         Column("walk_ms", "ms", "time until the place was reached; empty if it was not"),
         Column("walk_reached", "", "the place was reached in time"),
     ):
-        found[walked.name] = walked
+        columns[column.name] = column
     for name in dict.fromkeys(n for t in experiment.read.values() for n in t.sound_columns):
         words = (
             "session time at which the sound's first sample left the card; empty if nobody knows"
         )
-        found[name] = Column(name, "ns", words)
-    found |= film_columns(max((len(t.films) for t in experiment.read.values()), default=0))
-    found |= {m.column: m.description() for m in measures}
-    found |= {c.name: c for c in experiment.study.analysis.columns}
+        columns[name] = Column(name, "ns", words)
+    columns |= film_columns(max((len(t.films) for t in experiment.read.values()), default=0))
+    columns |= {m.column: m.description() for m in measures}
+    columns |= {c.name: c for c in experiment.study.analysis.columns}
     for name in experiment.study.design.derived:
-        found.setdefault(name, Column(name, "", f"{name.replace('_', ' ')}, from the factors"))
+        columns.setdefault(name, Column(name, "", f"{name.replace('_', ' ')}, from the factors"))
     if experiment.study.analysis.looks:
-        found |= {c.name: c for c in LOOK_COLUMNS}
-    return found
+        columns |= {c.name: c for c in LOOK_COLUMNS}
+    return columns
 
 
 def fixed_columns(experiment: StudyExperiment) -> tuple[Column, ...]:
     """Return the columns of a study's trial table whose types do not depend on the data.
 
-    What a study's own trial counts (unit "1") may be whole or not.
+    A study's own columns of unit "1" are not among them, except numbers of frames and samples:
+    their values may be whole or not.
     """
     own = (
         c
@@ -174,7 +175,7 @@ def fixed_columns(experiment: StudyExperiment) -> tuple[Column, ...]:
 
 
 def scene_column(name: str) -> Column | None:
-    """Return what a column that showing a scene adds holds, by its ending."""
+    """Return the description of a column that a shown scene adds; its ending says what it holds."""
     for ending, unit, words in (
         ("_on_ns", "ns", "session time at which the first frame that showed {} began"),
         (
@@ -196,36 +197,38 @@ def scene_column(name: str) -> Column | None:
 
 
 def of_shown(name: str, roles: Iterable[str]) -> bool:
-    """Tell whether what a trial shows, under whatever name, can add a column of this name."""
+    """Tell whether a shown scene, whatever its name, can add a column of this name."""
     endings = ("_on_ns", "_off_ns", "_frames", *(f"_{role}" for role in roles))
     return any(name.endswith(ending) and name != ending for ending in endings)
 
 
 def people_columns(questionnaires: Sequence[Questionnaire]) -> dict[str, Column]:
-    """Return what describes the columns of the table of participants."""
-    found = {c.name: c for c in PEOPLE}
-    for asked in questionnaires:
-        for question in asked.questions():
+    """Return the descriptions of the columns of the table of participants, by name."""
+    columns = {c.name: c for c in PEOPLE}
+    for questionnaire in questionnaires:
+        for question in questionnaire.questions():
             name = question.question_id
             levels = {str(v): label for v, label in question.scale.options.items()}
             unit = "years" if question.scale_name == "years" else ""
-            found[name] = Column(name, unit, f"{asked.name}: {question.prompt}", levels)
-        for score, rule in asked.scores.items():
-            column = f"{asked.name}_{score}"
-            low, high = score_range(asked, score)
-            words = f"{asked.title}: {rule.method} of {score.replace('_', ', ')}"
-            found[column] = Column(column, "1", f"{words}, {low:g} to {high:g}")
-    return found
+            columns[name] = Column(name, unit, f"{questionnaire.name}: {question.prompt}", levels)
+        for score, rule in questionnaire.scores.items():
+            column = f"{questionnaire.name}_{score}"
+            low, high = score_range(questionnaire, score)
+            words = f"{questionnaire.title}: {rule.method} of {score.replace('_', ', ')}"
+            columns[column] = Column(column, "1", f"{words}, {low:g} to {high:g}")
+    return columns
 
 
 def block_columns(questionnaires: Sequence[Questionnaire]) -> dict[str, Column]:
-    """Return what describes the answers and scores of questionnaires asked after blocks."""
-    found = people_columns(questionnaires)
-    found["block"] = Column("block", "1", "number of the block")
-    for asked in questionnaires:
-        for score_name in asked.scores:
-            found[score_name] = replace(found[f"{asked.name}_{score_name}"], name=score_name)
-    return found
+    """Return the descriptions of answers and scores of questionnaires asked after blocks."""
+    columns = people_columns(questionnaires)
+    columns["block"] = Column("block", "1", "number of the block")
+    for questionnaire in questionnaires:
+        for score_name in questionnaire.scores:
+            columns[score_name] = replace(
+                columns[f"{questionnaire.name}_{score_name}"], name=score_name
+            )
+    return columns
 
 
 def write_table(
@@ -236,20 +239,20 @@ def write_table(
     Raises:
         DataError: a column is not described.
     """
-    described: dict[str, dict[str, Any]] = {}
+    entries: dict[str, dict[str, Any]] = {}
     for name in map(str, table.columns):
         column = known.get(name) or (scene_column(name) if scenes else None)
         if column is None:
             raise DataError(f"column {name!r} of {path.name} is not described")
-        described[name] = {"Description": column.description}
+        entries[name] = {"Description": column.description}
         if column.unit:
-            described[name]["Units"] = column.unit
+            entries[name]["Units"] = column.unit
         if column.levels:
-            described[name]["Levels"] = dict(column.levels)
-    touched = write_csv(table, path)
+            entries[name]["Levels"] = dict(column.levels)
+    escaped_columns = write_csv(table, path)
     sidecar = path.with_suffix(".json")
-    sidecar.write_text(json.dumps(described, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    note_escaped_columns(sidecar, touched)
+    sidecar.write_text(json.dumps(entries, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    note_escaped_columns(sidecar, escaped_columns)
     return path, sidecar
 
 
