@@ -100,12 +100,12 @@ class FilmStore:
         """Return a film's file; None where it was not built, or is not what was built."""
         path = self.folder / f"{self.name_of(film)}.webm"
         try:
-            built = parse_json(read_plain(path.with_suffix(".json")))["sha256"]
+            built_digest = parse_json(read_plain(path.with_suffix(".json")))["sha256"]
             content = path.read_bytes()
         except (OSError, ValueError, KeyError, TypeError):
             return None
         digest = hashlib.sha256(content).hexdigest()
-        return FilmFile(path, digest, len(content)) if built == digest else None
+        return FilmFile(path, digest, len(content)) if built_digest == digest else None
 
     def build(self, films: Sequence[Film], told: Callable[[int, int], None]) -> None:
         """Draw and encode the films that are not there yet; `told` hears frames of how many."""
@@ -133,7 +133,7 @@ class FilmStore:
         name = (
             hashlib.sha256(repr(film).encode()).hexdigest() if is_simulated else self.name_of(film)
         )
-        told = {
+        description = {
             "film": name,
             "seconds": film.frame_count / film.rate_hz,
             "frames": film.frame_count,
@@ -143,20 +143,20 @@ class FilmStore:
             "mime": MIME,
         }
         if is_simulated:
-            return told | {"sha256": "", "bytes": 0}
-        found = self.file_of(film)
-        if found is None:
+            return description | {"sha256": "", "bytes": 0}
+        film_file = self.file_of(film)
+        if film_file is None:
             raise ConfigError(
                 f"film {name[:12]} of {film.scene.name} is not built; begin again, which builds it"
             )
-        return told | {"sha256": found.sha256, "bytes": found.size_bytes}
+        return description | {"sha256": film_file.sha256, "bytes": film_file.size_bytes}
 
     def frames(self, film: Film) -> Iterator[SceneFrame]:
         """Yield what every picture of a film shows."""
-        staged, last = self.staged(film), None
+        staged_scene, last = self.staged(film), None
         for k in range(film.frame_count):
             t_ns = k * NS_PER_S // film.rate_hz
-            last = staged.frame(still_view(t_ns), t_ns) or last
+            last = staged_scene.frame(still_view(t_ns), t_ns) or last
             if last is None:
                 raise ConfigError(f"scene {film.scene.name} shows nothing at its onset")
             yield replace(last, t_ns=t_ns)
@@ -176,8 +176,8 @@ class FilmStore:
             stream.width, stream.height = film.size_px
             stream.pix_fmt = "yuv420p"
             stream.codec_context.thread_count = 1
-            drawn = zip(self.pictures(film), cameras, strict=True)
-            for number, (picture, camera) in enumerate(drawn, start=1):
+            shots = zip(self.pictures(film), cameras, strict=True)
+            for number, (picture, camera) in enumerate(shots, start=1):
                 image = renderer.image(picture, camera, film.size_px)
                 frame = av.VideoFrame.from_ndarray(image, format="rgb24")
                 container.mux(stream.encode(frame))
@@ -215,20 +215,20 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
 @lru_cache(maxsize=512)
 def _name_of(store: FilmStore, film: Film) -> str:
     digest = hashlib.sha256()
-    known = (MADE, film.size_px, film.rate_hz, film.frame_count, film.lens)
-    digest.update(repr(known).encode())
+    settings = (MADE, film.size_px, film.rate_hz, film.frame_count, film.lens)
+    digest.update(repr(settings).encode())
     if not isinstance(film.lens, Lens):
         digest.update(_rounded(store.seen(film).poses))
     for picture in store.pictures(film):
-        said = [*map(_look_of, picture.cast), _place_of(picture.room)]
-        said += [_thing_of(placed.prop) for placed in picture.moving]
-        said += [repr(replace(panel, pose=NO_POSE)) for panel in picture.panels]
-        said += [f"{picture.brightness_01:.6f}", "" if picture.mark_m is None else "marked"]
-        digest.update(",".join(said).encode())
+        parts = [*map(_look_of, picture.cast), _place_of(picture.room)]
+        parts += [_thing_of(item.prop) for item in picture.moving]
+        parts += [repr(replace(panel, pose=NO_POSE)) for panel in picture.panels]
+        parts += [f"{picture.brightness_01:.6f}", "" if picture.mark_m is None else "marked"]
+        digest.update(",".join(parts).encode())
         people = picture.people
         for values in (people.root_m, people.orientation_wxyz, people.morphs_01):
             digest.update(_rounded(values))
-        poses = [placed.pose for placed in picture.moving] + [p.pose for p in picture.panels]
+        poses = [item.pose for item in picture.moving] + [p.pose for p in picture.panels]
         for pose in poses:
             digest.update(_rounded(pose.position_m) + _rounded(pose.orientation_wxyz))
         if picture.mark_m is not None:
@@ -259,9 +259,9 @@ def _place_of(room: Room) -> str:
 def _thing_of(prop: Prop) -> str:
     """Return the hash of how a thing looks, wherever it stands."""
     mesh, made_of = prop.mesh, prop.material
-    said = f"{prop.name} {made_of.kind} {made_of.roughness_01:.6f} {made_of.double_sided} "
-    said += f"{prop.emission_01:.6f} {prop.casts_shadow}"
-    digest = hashlib.sha256(said.encode())
+    text = f"{prop.name} {made_of.kind} {made_of.roughness_01:.6f} {made_of.double_sided} "
+    text += f"{prop.emission_01:.6f} {prop.casts_shadow}"
+    digest = hashlib.sha256(text.encode())
     for block in prop.blocks:
         digest.update(_rounded(np.hstack(astuple(block))))
     maps = () if made_of.maps is None else vars(made_of.maps).values()

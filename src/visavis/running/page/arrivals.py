@@ -101,14 +101,14 @@ def least_filled(
     `taken` are places given away, `counting` those of people who completed or are at it: the
     order of somebody who left is filled again. Of equal ones the first place is taken.
     """
-    known = set(taken)
-    free = (index for index in count() if index not in known)
-    filled: dict[Order, int] = {}
+    taken_places = set(taken)
+    free = (index for index in count() if index not in taken_places)
+    people_by_order: dict[Order, int] = {}
     for index in counting:
-        filled[order(index)] = filled.get(order(index), 0) + 1
+        people_by_order[order(index)] = people_by_order.get(order(index), 0) + 1
     best, fewest = -1, -1
     for index in islice(free, PLACES_AHEAD):
-        have = filled.get(order(index), 0)
+        have = people_by_order.get(order(index), 0)
         if best < 0 or have < fewest:
             best, fewest = index, have
         if not have:

@@ -87,12 +87,12 @@ def place_of(entry: Participant, session: Path) -> Place:
     flags: Counter[str] = Counter()
     done = 0
     if len(trials):
-        counted = trials[~trials["is_practice"].astype(bool)]
-        done = len(counted)
-        for told in counted["flags"].dropna():
-            flags.update(filter(None, str(told).split(";")))
+        main_trials = trials[~trials["is_practice"].astype(bool)]
+        done = len(main_trials)
+        for flag_text in main_trials["flags"].dropna():
+            flags.update(filter(None, str(flag_text).split(";")))
     plan = recording.manifest.plan
-    planned = sum(not t["is_practice"] for b in plan["blocks"] for t in b["trials"])
+    planned_count = sum(not t["is_practice"] for b in plan["blocks"] for t in b["trials"])
     times = events.loc[events["name"] == "page_event", "t_ns"]
     minutes = (int(times.max()) - int(times.min())) / NS_PER_S / 60 if len(times) else None
     return Place(
@@ -101,7 +101,7 @@ def place_of(entry: Participant, session: Path) -> Place:
         entry.group,
         _state(recording, events, session),
         done,
-        planned,
+        planned_count,
         minutes,
         tuple(f"{name} ({n})" for name, n in flags.most_common()),
     )
@@ -111,10 +111,10 @@ def _state(recording: Recording, events: Any, session: Path) -> str:
     if recording.status == "complete":
         return "complete"
     names = events["name"]
-    stopped = list(events.loc[names == "stopped", "payload"])
-    if stopped:
-        return STOPPED if stopped[-1]["keep"] else WITHDRAWN
-    if any(told["agreed"] is False for told in events.loc[names == "consent", "payload"]):
+    stop_payloads = list(events.loc[names == "stopped", "payload"])
+    if stop_payloads:
+        return STOPPED if stop_payloads[-1]["keep"] else WITHDRAWN
+    if any(payload["agreed"] is False for payload in events.loc[names == "consent", "payload"]):
         return DECLINED
     return "running" if is_held(session) else "left"
 
@@ -127,16 +127,16 @@ def board_of(
     known: dict[str, Place] | None = None,
 ) -> Board:
     """Return where everybody of a study is; `known` keeps places that do not change any more."""
-    kept = {} if known is None else known
+    final_places = {} if known is None else known
     places = []
     for entry in entries:
-        place = kept.get(entry.label)
+        place = final_places.get(entry.label)
         if place is None or entry.status != "active":
             try:
                 place = place_of(entry, folder / f"sub-{entry.label}" / "ses-001")
             except LabError:
                 place = Place(entry.label, entry.index, entry.group, "damaged")
         if place.state in ("complete", STOPPED, DECLINED, "deleted"):
-            kept[entry.label] = place
+            final_places[entry.label] = place
         places.append(place)
     return Board(tuple(places), quota)

@@ -130,9 +130,9 @@ def course(visit: Visit) -> Course:
                     },
                 )
             )
-            agreed = reply.content.get("agreed") is True
-            yield Event("consent", {"version": version, "agreed": agreed})
-            if not agreed:
+            has_consented = reply.content.get("agreed") is True
+            yield Event("consent", {"version": version, "agreed": has_consented})
+            if not has_consented:
                 return DECLINED
         if "card" in experiment.study.procedure.screening:
             reply = yield from _step(PageStep("card", {"card_mm": CARD_MM}))
@@ -163,12 +163,17 @@ def _sound(visit: Visit) -> Generator[Out, Reply | None, None]:
     digits = [int(digit) for digit in rng.integers(0, 10, HOW_MANY)]
     wav = base64.b64encode(spoken(digits, files)).decode()
     reply = yield from _step(PageStep("sound", {"wav": wav}))
-    told, said = reply.content["heard"], "".join(map(str, digits))
+    typed_digits, correct_digits = reply.content["heard"], "".join(map(str, digits))
     yield Event(
         SOUND_CHECKED,
-        {"said": said, "heard": told, "is_right": told == said, "played": reply.content["played"]},
+        {
+            "said": correct_digits,
+            "heard": typed_digits,
+            "is_right": typed_digits == correct_digits,
+            "played": reply.content["played"],
+        },
     )
-    if told != said:
+    if typed_digits != correct_digits:
         visit.notes.standing.append(NOT_HEARD)
 
 
@@ -220,7 +225,7 @@ def _trial(visit: Visit, block: Block, trial: Trial) -> Generator[Out, Reply | N
         for k, v in row.items()
         if k.startswith("film") and k.endswith(("_frames", "_frames_dropped"))
     }
-    dropped = sum(v for k, v in films.items() if k.endswith("_dropped"))
+    dropped_frames = sum(v for k, v in films.items() if k.endswith("_dropped"))
     yield TrialRow(
         {
             "participant": visit.participant_label,
@@ -240,8 +245,8 @@ def _trial(visit: Visit, block: Block, trial: Trial) -> Generator[Out, Reply | N
             **row,
             "t_start_ns": row.get("t_start_ns", start_ns),
             "t_end_ns": row.get("t_end_ns", visit.now_ns()),
-            "frames": sum(films.values()) - dropped,
-            "frames_dropped": dropped,
+            "frames": sum(films.values()) - dropped_frames,
+            "frames_dropped": dropped_frames,
             "gaze_expected": 0,
             "gaze_received": 0,
             "gaze_valid": 0,
@@ -272,14 +277,14 @@ def _questionnaire(
                 },
             )
         )
-        given = mapping(reply.content.get("answers"), "answers")
+        answers = mapping(reply.content.get("answers"), "answers")
         for question in part:
             yield Event(
                 "answer",
                 {
                     "questionnaire": name,
                     "question": question.question_id,
-                    "answer": _read(question, given.get(question.question_id)),
+                    "answer": _read(question, answers.get(question.question_id)),
                 },
             )
     yield Event("questionnaire_complete", {"questionnaire": name})

@@ -300,15 +300,15 @@ class PageDesk:
 
 def _is_known(event: Event, past: Past) -> bool:
     """Tell whether an event that the course repeats is in an earlier part."""
-    told = event.payload
+    payload = event.payload
     match event.name:
         case "trial_start":
-            return told["trial_id"] in past.started
+            return payload["trial_id"] in past.started
         case "answer":
-            return (told["questionnaire"], told["question"]) in past.answers
+            return (payload["questionnaire"], payload["question"]) in past.answers
         case "answered":
-            return (told["trial_id"], told["question"]) in past.answered
+            return (payload["trial_id"], payload["question"]) in past.answered
         case "questionnaire_complete":
-            return told["questionnaire"] in past.complete
+            return payload["questionnaire"] in past.complete
         case _:
             return True

@@ -162,19 +162,19 @@ class Reception:
                     return {"refused": "begun", "text": words.get("begun_elsewhere", "")}
                 return {"key": key}
             busy = sum(state in COUNTING for state in self._states.values())
-            is_open = sum(not opened.held.closed.is_set() for opened in self._open.values())
-            wanted = self._rules.quota
-            if is_open >= MAX_OPEN or (wanted is not None and busy >= wanted):
+            is_open = sum(not session.held.closed.is_set() for session in self._open.values())
+            quota = self._rules.quota
+            if is_open >= MAX_OPEN or (quota is not None and busy >= quota):
                 return {"refused": "full", "text": words.get("full", "")}
             if not self._brake.lets_pass(self._base.clock.now_ns()):
                 return {"refused": "busy", "text": words.get("busy", "")}
             try:
-                opened = await self._run(self._begin, arrival)
+                session = await self._run(self._begin, arrival)
             except LabError as error:
                 self._said(f"somebody came and got no session: {error}")
                 return {"refused": "failed", "text": words.get("failed", "")}
-            self._keep(opened)
-            return {"key": opened.held.desk.key}
+            self._keep(session)
+            return {"key": session.held.desk.key}
 
     async def held(self, key: str) -> Held | Ended | None:
         """Return the session of a key, gone on with where it was left; None without one.
@@ -187,8 +187,8 @@ class Reception:
         await self._notice_withdrawals()
         async with self._turn:
             if key not in self._open and key in self._keys:
-                if (ended := self._ended(key)) is not None:
-                    return ended
+                if (ending := self._ended(key)) is not None:
+                    return ending
                 try:
                     self._keep(await self._run(self._go_on, key))
                 except LabError as error:
@@ -223,8 +223,8 @@ class Reception:
                     continue
         finally:
             await server.stop()  # a page that is heard now would open its session again
-            for opened in list(self._open.values()):
-                await self._close(opened, "aborted", ENDED)
+            for session in list(self._open.values()):
+                await self._close(session, "aborted", ENDED)
             if self._closing:
                 await asyncio.gather(*self._closing)
 
@@ -282,12 +282,12 @@ class Reception:
             folder = stack.enter_context(
                 create_session(self._root, manifest_of(request, self._experiment))
             )
-            opened = self._part(request, entry, folder, None, key_of(request), arrival)
-            opened.stack = stack.pop_all()
-        self._keys[opened.held.desk.key] = entry.label
+            session = self._part(request, entry, folder, None, key_of(request), arrival)
+            session.stack = stack.pop_all()
+        self._keys[session.held.desk.key] = entry.label
         if arrival.identifier:
-            self._of_panel[arrival.panel, arrival.identifier] = opened.held.desk.key
-        return opened
+            self._of_panel[arrival.panel, arrival.identifier] = session.held.desk.key
+        return session
 
     def _named(self, arrival: Arrival) -> Arrival:
         """Return who comes, by their label where a link (participant=07) means one of the ledger.
@@ -309,8 +309,8 @@ class Reception:
     def _registered(self, arrival: Arrival) -> Participant | None:
         """Return who of the ledger has this label and no session yet."""
         entries = self._ledger.list() if arrival.panel == LINK else ()
-        found = [e for e in entries if e.label == arrival.identifier and e.status == "active"]
-        return found[0] if found and not self._has_session(found[0]) else None
+        matches = [e for e in entries if e.label == arrival.identifier and e.status == "active"]
+        return matches[0] if matches and not self._has_session(matches[0]) else None
 
     def _added(self) -> Participant:
         """Return somebody new in the ledger, at the place whose order the fewest people have."""
@@ -331,9 +331,9 @@ class Reception:
             recording = Recording(path)
             plan = self._experiment.plan(entry.index, request.seed, entry.group)
             refuse_other_plan(recording, plan)
-            opened = self._part(request, entry, folder, past_of(recording), key, arrival)
-            opened.stack = stack.pop_all()
-        return opened
+            session = self._part(request, entry, folder, past_of(recording), key, arrival)
+            session.stack = stack.pop_all()
+        return session
 
     def _ended(self, key: str) -> Ended | None:
         """Return a session that is over, to which nothing may be added; None where it goes on."""
@@ -374,14 +374,18 @@ class Reception:
         try:
             recorder = recorder_of(part_dir, clock, is_simulated=self._simulated)
             recorder.event(SERVED, clock.now_ns(), port=self._port)
-            held = held_of(request, self._experiment, self._store, folder, recorder, past, key)
+            served_session = held_of(
+                request, self._experiment, self._store, folder, recorder, past, key
+            )
         except BaseException as error:
             end_part(clock, folder, recorder, "aborted", str(error) or repr(error), error)
             raise
         if self._rules.completion:
             where = completion_of(self._rules.completion, arrival)
-            held = replace(held, about={**held.about, "completion": where})
-        return _Open(entry, held, folder, recorder, clock.now_ns())
+            served_session = replace(
+                served_session, about={**served_session.about, "completion": where}
+            )
+        return _Open(entry, served_session, folder, recorder, clock.now_ns())
 
     def _keep(self, opened: _Open) -> None:
         key = opened.held.desk.key
@@ -395,12 +399,12 @@ class Reception:
 
     async def _end_when_over(self, opened: _Open) -> None:
         over = asyncio.ensure_future(opened.held.over.wait())
-        closed = asyncio.ensure_future(opened.held.closed.wait())
+        closing = asyncio.ensure_future(opened.held.closed.wait())
         try:
-            await asyncio.wait({over, closed}, return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait({over, closing}, return_when=asyncio.FIRST_COMPLETED)
         finally:
             over.cancel()
-            closed.cancel()
+            closing.cancel()
         if opened.held.closed.is_set():
             return
         if opened.held.failures:
@@ -423,17 +427,17 @@ class Reception:
     def _ledger_changed(self) -> tuple[int, int]:
         """Return what differs once somebody wrote into the ledger."""
         try:
-            found = self._ledger.path.stat()
+            file_status = self._ledger.path.stat()
         except FileNotFoundError:
             return 0, 0
-        return found.st_mtime_ns, found.st_size
+        return file_status.st_mtime_ns, file_status.st_size
 
     async def _notice_withdrawals(self) -> None:
         """Forget whom the researchers withdrew meanwhile; who is at a page is deleted here."""
-        changed = self._ledger_changed()
-        if changed == self._noticed:
+        ledger_state = self._ledger_changed()
+        if ledger_state == self._noticed:
             return
-        self._noticed = changed
+        self._noticed = ledger_state
         for entry in await self._run(self._ledger.list):
             state = self._states.get(entry.label, WITHDRAWN)
             if entry.status == "active" or state == WITHDRAWN:  # which a page asked for itself
@@ -443,19 +447,19 @@ class Reception:
             key = next((key for key, label in self._keys.items() if label == entry.label), "")
             self._keys.pop(key, None)
             self._of_panel = {who: of for who, of in self._of_panel.items() if of != key}
-            opened = self._open.pop(key, None)
-            if opened is not None and not opened.held.closed.is_set():
-                await self._close(opened, "aborted", WITHDRAWN_ELSEWHERE)
+            session = self._open.pop(key, None)
+            if session is not None and not session.held.closed.is_set():
+                await self._close(session, "aborted", WITHDRAWN_ELSEWHERE)
                 await self._delete(entry.label)
                 self._said(f"{entry.label} was at a page, and is withdrawn and deleted")
 
     async def _leave_idle(self) -> None:
         now_ns = self._base.clock.now_ns()
-        for opened in list(self._open.values()):
-            if now_ns - max(opened.held.desk.heard_ns, opened.begun_ns) > IDLE_NS:
-                if not opened.held.desk.is_over:
-                    self._states[opened.entry.label] = "left"
-                    await self._close(opened, "aborted", LEFT)
+        for session in list(self._open.values()):
+            if now_ns - max(session.held.desk.heard_ns, session.begun_ns) > IDLE_NS:
+                if not session.held.desk.is_over:
+                    self._states[session.entry.label] = "left"
+                    await self._close(session, "aborted", LEFT)
 
     async def _close(self, opened: _Open, status: CloseStatus, reason: str) -> None:
         """Close a recording; its page is told where it stands until it says hello again."""

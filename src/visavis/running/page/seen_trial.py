@@ -83,11 +83,11 @@ def seen_trial(study: OpenedStudy, recording: Recording, row: Mapping[str, Any])
     """
     plan = recording.manifest.plan
     experiment: StudyExperiment = study.experiment(overrides_of(plan))
-    told = next(
+    trial_content = next(
         t for block in plan["blocks"] for t in block["trials"] if t["trial_id"] == row["trial_id"]
     )
-    script = TrialScript(Trial(**told), experiment.settings)
-    shown: list[Watched | None] = []
+    script = TrialScript(Trial(**trial_content), experiment.settings)
+    watched_steps: list[Watched | None] = []
 
     def watched(t: TrialScript) -> Any:
         """Perform the study's own steps, and note what each puts on the page."""
@@ -95,16 +95,16 @@ def seen_trial(study: OpenedStudy, recording: Recording, row: Mapping[str, Any])
         reply: Any = None
         while True:
             try:
-                wanted = steps.send(reply)
+                action = steps.send(reply)
             except StopIteration as end:
                 return end.value
-            if isinstance(wanted, Action) and wanted.name != "mark":
-                shown.append(wanted.watched)
-            reply = yield wanted
+            if isinstance(action, Action) and action.name != "mark":
+                watched_steps.append(action.watched)
+            reply = yield action
 
     replies = _replies(recording, str(row["trial_id"]))
     performing = perform_on_page(script, watched, lambda film: {"film": "", "sha256": ""})
-    found: list[SeenStep] = []
+    seen_steps: list[SeenStep] = []
     reply: Reply | None = None
     try:
         for part, t_ns, payload, t_ns_of in replies:
@@ -113,10 +113,10 @@ def seen_trial(study: OpenedStudy, recording: Recording, row: Mapping[str, Any])
                 out = performing.send(None)
             reply = Reply(payload["reply"], t_ns, t_ns_of)
             if part == int(row["recording_part"]):
-                found.append(_step(out, shown[-1], reply))
+                seen_steps.append(_step(out, watched_steps[-1], reply))
     except (StopIteration, FilmFailed):
         pass
-    return SeenTrial(row, tuple(found), film_store(experiment))
+    return SeenTrial(row, tuple(seen_steps), film_store(experiment))
 
 
 def _step(step: PageStep, watched: Watched | None, reply: Reply) -> SeenStep:
@@ -125,19 +125,19 @@ def _step(step: PageStep, watched: Watched | None, reply: Reply) -> SeenStep:
     if step.kind == "blank":
         shown_ns = reply.t_ns - round(1e9 * float(step.content.get("seconds", 0.0)))
     films = {} if watched is None or content.get("failed") else films_of(watched.shown)
-    told = content.get("films") or {}
-    first = [float(told[place]["first_ms"]) for place in films if place in told]
+    film_replies = content.get("films") or {}
+    first = [float(film_replies[place]["first_ms"]) for place in films if place in film_replies]
     answers = content.get("answers") or {}
     questions = []
-    for asked in step.content.get("questions", ()):
-        given = answers.get(asked["name"]) or {}
-        at_ms = given.get("at_ms")
+    for question in step.content.get("questions", ()):
+        answer = answers.get(question["name"]) or {}
+        at_ms = answer.get("at_ms")
         questions.append(
             Question(
-                asked["name"],
-                asked["prompt"],
-                tuple((o["value"], o["label"]) for o in asked.get("options") or ()),
-                given.get("option"),
+                question["name"],
+                question["prompt"],
+                tuple((o["value"], o["label"]) for o in question.get("options") or ()),
+                answer.get("option"),
                 None if at_ms is None else reply.t_ns_of(float(at_ms)),
             )
         )

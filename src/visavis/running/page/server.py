@@ -203,24 +203,24 @@ class PageServer(LocalServer):
     # ---- within ------------------------------------------------------------------------------
 
     async def _film(self, request: web.Request) -> web.StreamResponse:
-        held = await self._of(request.headers.get(KEY, ""))
-        if isinstance(held, Ended):
+        session = await self._of(request.headers.get(KEY, ""))
+        if isinstance(session, Ended):
             raise PageError("the session is over")
-        path = held.films.get(request.match_info["name"])
+        path = session.films.get(request.match_info["name"])
         if path is None:
             raise PageError("there is no such film")
         return web.FileResponse(path, headers={"Content-Type": "video/webm"})
 
     async def _hello(self, request: web.Request) -> web.StreamResponse:
         body = await body_of(request)
-        held, tab = await self._of(request.headers.get(KEY, "")), text_of(body, "tab")
-        if isinstance(held, Ended):
-            return web.json_response({**held.about, **held.told()})
+        session, tab = await self._of(request.headers.get(KEY, "")), text_of(body, "tab")
+        if isinstance(session, Ended):
+            return web.json_response({**session.about, **session.told()})
         about = body.get("about")
         at_ms = body.get("at_ms")
 
         def hello() -> None:
-            held.desk.hello(
+            session.desk.hello(
                 tab,
                 before=text_of(body, "before", is_needed=False),
                 takes_over=body.get("takes_over") is True,
@@ -228,42 +228,46 @@ class PageServer(LocalServer):
                 at_ms=float(at_ms) if isinstance(at_ms, int | float) else 0.0,
             )
 
-        return web.json_response({**held.about, **await self._done(held, hello)})
+        return web.json_response({**session.about, **await self._done(session, hello)})
 
     async def _events(self, request: web.Request) -> web.StreamResponse:
         body = await body_of(request)
-        held, tab = await self._of(request.headers.get(KEY, "")), text_of(body, "tab")
-        if isinstance(held, Ended):
-            return web.json_response(held.told())
+        session, tab = await self._of(request.headers.get(KEY, "")), text_of(body, "tab")
+        if isinstance(session, Ended):
+            return web.json_response(session.told())
         events = body.get("events", [])
         if not isinstance(events, list):
             raise PageError("events are a list")
-        sent = body.get("sent_ms"), body.get("wall_ms")
-        times = None if None in sent else (number(sent[0], "sent_ms"), number(sent[1], "wall_ms"))
-        told = await self._done(held, lambda: held.desk.take(tab, events, times))
-        return web.json_response(told)
+        clocks_ms = body.get("sent_ms"), body.get("wall_ms")
+        times = (
+            None
+            if None in clocks_ms
+            else (number(clocks_ms[0], "sent_ms"), number(clocks_ms[1], "wall_ms"))
+        )
+        message = await self._done(session, lambda: session.desk.take(tab, events, times))
+        return web.json_response(message)
 
     async def _arrive(self, request: web.Request) -> web.StreamResponse:
         body = await body_of(request)
-        told, before = body.get("told", {}), text_of(body, "before", is_needed=False)
-        if not isinstance(told, Mapping) or len(told) > MAX_TOLD:
+        content, before = body.get("told", {}), text_of(body, "before", is_needed=False)
+        if not isinstance(content, Mapping) or len(content) > MAX_TOLD:
             raise PageError("told is a few short texts")
         assert self._reception is not None  # noqa: S101  # the route is there with it alone
-        said = {str(name): text_of(told, str(name), is_needed=False) for name in told}
-        return web.json_response(await self._reception.arrive(said, before))
+        parameters = {str(name): text_of(content, str(name), is_needed=False) for name in content}
+        return web.json_response(await self._reception.arrive(parameters, before))
 
     async def _board(self, request: web.Request) -> web.StreamResponse:
         assert self._reception is not None  # noqa: S101  # as above
-        given, wanted = request.headers.get(KEY, ""), self._reception.board_key
-        if not hmac.compare_digest(given.encode(errors="replace"), wanted.encode()):
+        key, board_key = request.headers.get(KEY, ""), self._reception.board_key
+        if not hmac.compare_digest(key.encode(errors="replace"), board_key.encode()):
             raise PageError("this address shows no board; take the one that was printed")
         return web.json_response(await self._reception.board())
 
     async def _leave(self, request: web.Request) -> web.StreamResponse:
         body = await body_of(request)
-        held, tab = await self._of(text_of(body, "key")), text_of(body, "tab")
-        if isinstance(held, Held):
-            held.desk.leave(tab)
+        session, tab = await self._of(text_of(body, "key")), text_of(body, "tab")
+        if isinstance(session, Held):
+            session.desk.leave(tab)
         return web.json_response({})
 
     async def _done(self, held: Held, act: Callable[[], bool | None]) -> dict[str, Any]:
@@ -282,9 +286,9 @@ class PageServer(LocalServer):
         async with held.lock:
             try:
                 if held.desk.clock.is_virtual:
-                    told = whole()
+                    message = whole()
                 else:
-                    told = await asyncio.to_thread(whole)
+                    message = await asyncio.to_thread(whole)
             except (PageError, OpenElsewhereError):
                 raise
             except Exception as error:
@@ -296,15 +300,15 @@ class PageServer(LocalServer):
                 return {"failed": reason, "ack": -1}
             if held.desk.is_over:
                 held.over.set()
-            return told
+            return message
 
     async def _of(self, key: str) -> Held | Ended:
-        held: Held | Ended | None = self._held.get(key)
-        if held is None and self._reception is not None:
-            held = await self._reception.held(key)
-        if held is None:
+        session: Held | Ended | None = self._held.get(key)
+        if session is None and self._reception is not None:
+            session = await self._reception.held(key)
+        if session is None:
             raise PageError("this address leads to no session; ask for a new one")
-        return held
+        return session
 
 
 def _refused(status: int, why: str) -> web.Response:
@@ -321,7 +325,7 @@ async def body_of(request: web.Request) -> Mapping[str, Any]:
 
 def text_of(body: Mapping[str, Any], name: str, *, is_needed: bool = True) -> str:
     """Return a short text of what was posted; raises PageError where it is none."""
-    found = body.get(name, "")
-    if not isinstance(found, str) or len(found) > 200 or (is_needed and not found):
+    text = body.get(name, "")
+    if not isinstance(text, str) or len(text) > 200 or (is_needed and not text):
         raise PageError(f"{name} is a short text")
-    return found
+    return text

@@ -78,23 +78,23 @@ def asked(response: Response, prompt: str, labels: Sequence[str]) -> dict[str, A
     Raises:
         PageError: pages cannot ask it.
     """
-    said: dict[str, Any] = {"name": response.name, "prompt": prompt}
+    question: dict[str, Any] = {"name": response.name, "prompt": prompt}
     options = [
         {"value": str(v), "label": label} for v, label in zip(response.options, labels, strict=True)
     ]
     match response:
         case Rating():
-            return said | {"kind": "rating", "options": options}
+            return question | {"kind": "rating", "options": options}
         case Choice() | SideBySide():
-            return said | {"kind": "choice", "options": options}
+            return question | {"kind": "choice", "options": options}
         case Text():
-            return said | {"kind": "text"}
+            return question | {"kind": "text"}
         case Number(low=low, high=high, step=step):
             bounds = (
                 {"low": low, "high": high} if math.isfinite(low) and math.isfinite(high) else {}
             )
             kind = "slider" if step else "number"
-            return said | {"kind": kind, "unit": response.unit, "step": step, **bounds}
+            return question | {"kind": kind, "unit": response.unit, "step": step, **bounds}
         case _:
             raise PageError(f"{type(response).__name__} {response.name} cannot be asked on a page")
 
@@ -105,15 +105,15 @@ def read_given(response: Response, content: Any) -> Given:
     Raises:
         PageError: it is none.
     """
-    told = mapping(content, f"the answer to {response.name}")
-    option, by = told.get("option"), told.get("by")
+    answer = mapping(content, f"the answer to {response.name}")
+    option, by = answer.get("option"), answer.get("by")
     if option is not None and not isinstance(option, str):
         raise PageError(f"{response.name}: an answer is a text, not {option!r}")
     if option is not None and response.options and option not in map(str, response.options):
         raise PageError(f"{response.name}: {option!r} is none of its options")
     if by not in WAYS:
         raise PageError(f"{response.name}: answered by {by!r}")
-    return Given(option, number(told.get("at_ms"), "at_ms"), by)
+    return Given(option, number(answer.get("at_ms"), "at_ms"), by)
 
 
 def read_film(content: Any) -> FilmTruth:
@@ -122,9 +122,9 @@ def read_film(content: Any) -> FilmTruth:
     Raises:
         PageError: it is no such thing.
     """
-    told = mapping(content, "what was presented of a film")
-    counts = {n: count(told.get(n), n) for n in ("frames", "dropped", "rounds", "stalls")}
-    return FilmTruth(number(told.get("first_ms"), "first_ms"), **counts)
+    report = mapping(content, "what was presented of a film")
+    counts = {n: count(report.get(n), n) for n in ("frames", "dropped", "rounds", "stalls")}
+    return FilmTruth(number(report.get("first_ms"), "first_ms"), **counts)
 
 
 def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
@@ -144,9 +144,9 @@ def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
         _check_size(content.get("px_per_mm", ""))
     if step.kind == "sound":
         count(content.get("played"), "played")
-        told = content.get("heard", "")
-        if told is not None and not (isinstance(told, str) and HEARD.fullmatch(told)):
-            raise PageError(f"heard are digits, not {str(told)[:40]!r}")
+        digits = content.get("heard", "")
+        if digits is not None and not (isinstance(digits, str) and HEARD.fullmatch(digits)):
+            raise PageError(f"heard are digits, not {str(digits)[:40]!r}")
     if step.kind == "preload":
         mapping(content.get("films", {}), "films")
     if step.kind not in ("watch", "questions"):
@@ -159,9 +159,9 @@ def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
         if step.content["films"]:
             number(content.get("off_ms"), "off_ms")
             number(content.get("apart_ms") or 0, "apart_ms")
-            seen = mapping(content.get("films"), "films")
+            film_replies = mapping(content.get("films"), "films")
             for film in step.content["films"]:
-                read_film(seen.get(film["place"]))
+                read_film(film_replies.get(film["place"]))
     answers = mapping(content.get("answers"), "answers")
     for question in step.content["questions"]:
         _check_answer(question, answers.get(question["name"]), is_timed=step.kind == "watch")
@@ -176,11 +176,11 @@ def _check_size(told: Any) -> None:
 def _check_answer(question: Mapping[str, Any], given: Any, *, is_timed: bool) -> None:
     name, option = question["name"], given
     if is_timed:
-        told = mapping(given, f"the answer to {name}")
-        number(told.get("at_ms"), "at_ms")
-        if told.get("by") not in WAYS:
-            raise PageError(f"{name}: answered by {str(told.get('by'))[:40]!r}")
-        option = told.get("option")
+        answer = mapping(given, f"the answer to {name}")
+        number(answer.get("at_ms"), "at_ms")
+        if answer.get("by") not in WAYS:
+            raise PageError(f"{name}: answered by {str(answer.get('by'))[:40]!r}")
+        option = answer.get("option")
     if option is None:
         return
     if not isinstance(option, str) or len(option) > MAX_TEXT:

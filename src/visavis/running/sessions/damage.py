@@ -23,16 +23,16 @@ def require_intact(sessions: Sequence[Path], *, accept: bool) -> tuple[DamageRep
     """
     with ThreadPoolExecutor() as pool:  # hashing lets other threads run
         reports = tuple(pool.map(_find_damage, sessions))
-    damaged = tuple(r for r in reports if r.is_damaged)
-    if not damaged:
+    damage_reports = tuple(r for r in reports if r.is_damaged)
+    if not damage_reports:
         return ()
     if not accept:
         raise DataError(
-            f"{counted_damage(damaged, len(sessions))}:\n{describe(damaged)}\n"
+            f"{counted_damage(damage_reports, len(sessions))}:\n{describe(damage_reports)}\n"
             "restore the files from a copy; or add --accept-damage to go on with what is left: "
             "trials that lost samples are then missing, and marked as damaged"
         )
-    return damaged
+    return damage_reports
 
 
 def counted_damage(damaged: Sequence[DamageReport], of: int) -> str:

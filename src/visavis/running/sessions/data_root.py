@@ -41,8 +41,8 @@ def data_disk(lab: LabConfig) -> DataDisk:
         return DataDisk(None, f"{place} keeps no files", another)
     free_gb = size.free / GB
     if free_gb < MIN_FREE_GB:
-        found = f"{free_gb:.1f} GB are free for {lab.data_root}, a session needs {MIN_FREE_GB:g}"
-        return DataDisk(free_gb, found, "free some space before any session")
+        problem = f"{free_gb:.1f} GB are free for {lab.data_root}, a session needs {MIN_FREE_GB:g}"
+        return DataDisk(free_gb, problem, "free some space before any session")
     return DataDisk(free_gb)
 
 

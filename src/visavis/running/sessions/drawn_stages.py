@@ -97,18 +97,18 @@ def build_drawn_stage(
 
 def quality_of(config: LabConfig, *, on_processor: bool) -> Quality:
     """Return how pictures are drawn: as suits the computer, but for what the lab asks."""
-    usual, asked = ON_PROCESSOR if on_processor else Quality(), config.display.quality
+    usual, settings = ON_PROCESSOR if on_processor else Quality(), config.display.quality
     detail = usual.detail
-    if asked.full_detail_px is not None:
+    if settings.full_detail_px is not None:
         finest, *coarser = detail.faces_px
-        share = asked.full_detail_px / finest
+        share = settings.full_detail_px / finest
         detail = replace(detail, faces_px=(finest * share, *(px * share for px in coarser)))
-    shadows = asked.shadows or usual.shadows
+    shadows = settings.shadows or usual.shadows
     return replace(
         usual,
-        samples=usual.samples if asked.samples is None else asked.samples,
+        samples=usual.samples if settings.samples is None else settings.samples,
         shadows="blobs" if on_processor and shadows in ("maps", "area") else shadows,
-        shadow_map_px=asked.shadow_map_px or usual.shadow_map_px,
+        shadow_map_px=settings.shadow_map_px or usual.shadow_map_px,
         detail=detail,
     )
 

@@ -64,8 +64,8 @@ def perform_new(request: Request) -> Path:
         SessionAborted, DeviceError: it ended early; what is finished is kept.
     """
     if request.is_on_page:
-        made: Path = _pages().perform_new(request)
-        return made
+        session_path: Path = _pages().perform_new(request)
+        return session_path
     cast = use_cast_of(request.config)
     plan = request.experiment.plan(request.person.index, request.seed, request.person.group)
     config = devices_for(request.config, request.experiment, request.without)
@@ -144,8 +144,8 @@ def _pages() -> ModuleType:
 
 def _locked(request: Request, config: LabConfig) -> dict[str, Any]:
     """Return what a session keeps of its study's locked plan."""
-    simulated = is_simulated(config)
-    folder = study_dir(config.data_root, request.study.name, is_simulated=simulated)
+    is_simulation = is_simulated(config)
+    folder = study_dir(config.data_root, request.study.name, is_simulated=is_simulation)
     return carried_by_session(folder, request.study, request.experiment, request.seed)
 
 
@@ -178,30 +178,35 @@ class FewTrials(StudyExperiment):
 
     def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
         """Return the plan with those trials alone."""
-        made = super().plan(participant_index, seed, group)
-        first = [block.trials[0] for block in made.blocks if block.trials]
+        whole_plan = super().plan(participant_index, seed, group)
+        first = [block.trials[0] for block in whole_plan.blocks if block.trials]
         most = min(REHEARSED_TRIALS, int(REHEARSED_S / max(self.trial_s, 1.0)))
-        kept = {t.trial_id for t in (*first, *_of_other_levels(made.trials, first, most))}
+        trial_ids = {
+            t.trial_id for t in (*first, *_of_other_levels(whole_plan.trials, first, most))
+        }
         blocks = (
-            replace(b, trials=tuple(t for t in b.trials if t.trial_id in kept)) for b in made.blocks
+            replace(b, trials=tuple(t for t in b.trials if t.trial_id in trial_ids))
+            for b in whole_plan.blocks
         )
-        return replace(made, blocks=tuple(blocks))
+        return replace(whole_plan, blocks=tuple(blocks))
 
 
 def _of_other_levels(trials: Sequence[Trial], met_in: Sequence[Trial], most: int) -> list[Trial]:
     """Return trials in which further levels are met, those of the smallest factors first."""
     everything = {level for trial in trials for level in trial.factors.items()}
     worth = Counter(name for name, _ in everything)
-    met = {level for trial in met_in for level in trial.factors.items()}
-    chosen: list[Trial] = []
-    while len(chosen) < most and met != everything:
+    met_levels = {level for trial in met_in for level in trial.factors.items()}
+    further_trials: list[Trial] = []
+    while len(further_trials) < most and met_levels != everything:
         best = max(
             trials,
-            key=lambda t: sum(1 / worth[k] for k, v in t.factors.items() if (k, v) not in met),
+            key=lambda t: sum(
+                1 / worth[k] for k, v in t.factors.items() if (k, v) not in met_levels
+            ),
         )
-        chosen.append(best)
-        met |= set(best.factors.items())
-    return chosen
+        further_trials.append(best)
+        met_levels |= set(best.factors.items())
+    return further_trials
 
 
 _READY: WeakSet[StudyExperiment] = WeakSet()
@@ -300,19 +305,21 @@ def _perform_companied(
 ) -> None:
     make = partial(_recorder, request, folder)
     with recorded_part(request.clock, folder, make, "every finished trial is kept") as recorder:
-        with _guarded(devices, request.clock) as guarded:
-            setup = _setup(request, guarded, folder, plan, progress, recorder)
+        with _guarded(devices, request.clock) as guarded_devices:
+            setup = _setup(request, guarded_devices, folder, plan, progress, recorder)
             Session(setup).run()
 
 
 def _recorder(request: Request, folder: SessionFolder, part_dir: Path) -> Recorder:
     """Return the part's recorder; the companion's own where it has one."""
-    clock, simulated = request.clock, folder.manifest.is_simulated
+    clock, is_simulation = request.clock, folder.manifest.is_simulated
     if request.companion is not None and not clock.is_virtual:
-        own = request.companion.recorder(request, part_dir, is_simulated=simulated)
+        own = request.companion.recorder(request, part_dir, is_simulated=is_simulation)
         if own is not None:
             return own
-    return recorder_of(part_dir, clock, is_simulated=simulated, awaits_disk=not clock.is_virtual)
+    return recorder_of(
+        part_dir, clock, is_simulated=is_simulation, awaits_disk=not clock.is_virtual
+    )
 
 
 @contextmanager

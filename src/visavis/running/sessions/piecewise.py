@@ -73,48 +73,48 @@ def measure_sessions(
     for recording in recordings:  # told before hours of measuring
         study.experiment_of(recording)
     jobs: list[tuple[TrialJob, Path]] = []
-    wanted: list[dict[str, Path]] = []
+    paths_by_session: list[dict[str, Path]] = []
     for recording in recordings:
         session = str(recording.path.resolve())
         own = {
             trial: kept_at(store, recording, trial, pieces, how)
             for trial in pieces.trials(recording)
         }
-        wanted.append(own)
+        paths_by_session.append(own)
         jobs += [(TrialJob(reference, session, trial, how), at) for trial, at in own.items()]
     missing = [(job, at) for job, at in jobs if read_kept(at) is None]
     done = len(jobs) - len(missing)
-    told = on_trial or (lambda done, of: None)
-    told(done, len(jobs))
+    report_progress = on_trial or (lambda done, of: None)
+    report_progress(done, len(jobs))
     if missing:
         store.mkdir(parents=True, exist_ok=True)
-        for number, measured in run(measure_job, [job for job, _ in missing]):
-            replace_file(missing[number][1], seal(asdict(measured)))
+        for number, result in run(measure_job, [job for job, _ in missing]):
+            replace_file(missing[number][1], seal(asdict(result)))
             done += 1
-            told(done, len(jobs))
+            report_progress(done, len(jobs))
     return [
         study.measure(recording, settings, {trial: _kept(at) for trial, at in paths.items()})
-        for recording, paths in zip(recordings, wanted, strict=True)
+        for recording, paths in zip(recordings, paths_by_session, strict=True)
     ]
 
 
 def read_kept(path: Path) -> MeasuredTrial | None:
     """Return a trial measured before; None when there is none, or a damaged file."""
     try:
-        kept = read_sealed(path)
-        if not kept.is_sealed:
+        sealed_file = read_sealed(path)
+        if not sealed_file.is_sealed:
             return None
-        row, tables = kept.content["row"], kept.content["tables"]
+        row, tables = sealed_file.content["row"], sealed_file.content["tables"]
         return MeasuredTrial({**row}, {name: [{**r} for r in tables[name]] for name in tables})
     except (OSError, ValueError, KeyError, TypeError, IndexError):
         return None
 
 
 def _kept(path: Path) -> MeasuredTrial:
-    measured = read_kept(path)
-    if measured is None:
+    trial = read_kept(path)
+    if trial is None:
         raise DataError(f"{path} was measured and is gone or damaged; run the analysis again")
-    return measured
+    return trial
 
 
 def kept_at(store: Path, recording: Recording, trial_id: str, pieces: Pieces, how: Any) -> Path:

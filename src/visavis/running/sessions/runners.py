@@ -122,17 +122,17 @@ def versions() -> Versions:
 
 def _versions_of_workers(client: Any, address: str) -> dict[str, Versions]:
     try:
-        found: dict[str, Versions] = client.run(versions)
+        worker_versions: dict[str, Versions] = client.run(versions)
     except ImportError as error:
         raise UsageError(
             f"the workers of {address} cannot import Visavis ({error}); install the same version "
             "there and start them again"
         ) from error
-    if not found:
+    if not worker_versions:
         raise UsageError(
             f"the scheduler at {address} has no workers; start some with `dask worker {address}`"
         )
-    return found
+    return worker_versions
 
 
 def refuse_other_versions(here: Versions, workers: Mapping[str, Versions]) -> None:

@@ -127,15 +127,15 @@ def _require_same_plan(recording: Recording, study: OpenedStudy) -> None:
     """Refuse a session of which this version plans another; see `verify`."""
     manifest = recording.manifest
     plan: Mapping[str, Any] = manifest.plan
-    planned = as_json(
+    new_plan = as_json(
         study.experiment(overrides_of(plan)).plan(
             int(plan["participant_index"]), manifest.seed, str(plan.get("group") or "")
         )
     )
-    if planned != plan:
+    if new_plan != plan:
         raise DataError(
             f"{recording.path}: this version of Visavis, or of the study, plans another session "
-            f"({_first_of(plan, planned)}); check out the version named in manifest.json "
+            f"({_first_of(plan, new_plan)}); check out the version named in manifest.json "
             "(provenance)"
         )
 
@@ -153,9 +153,9 @@ def perform_again(
             f"{recording.path} was recorded with people or real devices, whom nothing performs "
             "again; `visavis check` compares it with its plan, `visavis view` shows it"
         )
-    kept: Mapping[str, Any] = manifest.configuration
-    devices = {role: DeviceConfig(**told) for role, told in kept["devices"].items()}
-    on = str(kept.get("on", ""))
+    configuration: Mapping[str, Any] = manifest.configuration
+    devices = {role: DeviceConfig(**options) for role, options in configuration["devices"].items()}
+    on = str(configuration.get("on", ""))
     if on == "browser":  # who is simulated there looks at the page and needs no device
         devices = dict(lab.devices)
     config = lab.model_copy(update={"data_root": scratch, "devices": devices})
@@ -176,7 +176,7 @@ def perform_again(
         seed=manifest.seed,
         clock=clock,
         operator=_operator_of(recording, part, clock),
-        effect=bool(kept.get("effect", True)),
+        effect=bool(configuration.get("effect", True)),
         on=on,
     )
     path = session_dir(
@@ -226,9 +226,9 @@ class RecordedOperator:
 def _operator_of(recording: Recording, part: int, clock: SimClock) -> Operator:
     """Return who does what the operator of a part did; nobody where nobody did anything."""
     commands = [
-        (int(event["t_ns"]), Command(Action(told["action"]), told.get("text") or ""))
+        (int(event["t_ns"]), Command(Action(payload["action"]), payload.get("text") or ""))
         for event in recording.journal(part).events
-        if event["name"] == "operator" and "action" in (told := event["payload"])
+        if event["name"] == "operator" and "action" in (payload := event["payload"])
     ]
     return RecordedOperator(commands, clock) if commands else UnattendedOperator()
 
@@ -248,10 +248,10 @@ def _fed(recording: Recording, study: OpenedStudy) -> Verdict:
         old = recording.stream_arrays(TARGETS, part=part.number)
         new = targets_again(recording, study, part.number)
         first, count = _of_stream(TARGETS, old, new)
-        placed = None if first is None else _placed(first, recording, part.number)
+        difference = None if first is None else _placed(first, recording, part.number)
         differing = {TARGETS: count} if count else {}
         rows = {TARGETS: max(len(old["seq"]), len(new["seq"]))}
-        verdicts.append(Verdict(placed, differing, rows, (), is_fed=True))
+        verdicts.append(Verdict(difference, differing, rows, (), is_fed=True))
     return _joined(verdicts)
 
 
@@ -298,7 +298,7 @@ def compared(recorded: Recording, again: Recording, part: int = 1) -> Verdict:
     performed again it goes on to its end.
     """
     cut_off = (_closed(recorded, part), _closed(again, part)) == (False, True)
-    found: list[Difference] = []
+    differences: list[Difference] = []
     differing: dict[str, int] = {}
     rows: dict[str, int] = {}
     left_out = []
@@ -317,22 +317,22 @@ def compared(recorded: Recording, again: Recording, part: int = 1) -> Verdict:
         rows[name] = max(len(old.get("seq", ())), len(new.get("seq", ())))
         first, count = _of_stream(name, old, new)
         if first is not None:
-            found.append(first)
+            differences.append(first)
             differing[name] = count
     old_journal, new_journal = recorded.journal(part), again.journal(part)
     for where, old_lines, new_lines in (
         ("events", old_journal.events, new_journal.events),
         ("trial rows", old_journal.trials, new_journal.trials),
     ):
-        kept = new_lines[: len(old_lines)] if cut_off else new_lines
-        rows[where] = max(len(old_lines), len(kept))
-        different = list(_of_lines(where, old_lines, kept))
+        new_part = new_lines[: len(old_lines)] if cut_off else new_lines
+        rows[where] = max(len(old_lines), len(new_part))
+        different = list(_of_lines(where, old_lines, new_part))
         if different:
-            found.append(different[0])
+            differences.append(different[0])
             differing[where] = len(different)
-    first = min(found, key=lambda d: d.t_ns, default=None)
-    placed = None if first is None else _placed(first, again, part)
-    return Verdict(placed, differing, rows, tuple(left_out), (part,) if cut_off else ())
+    first = min(differences, key=lambda d: d.t_ns, default=None)
+    difference = None if first is None else _placed(first, again, part)
+    return Verdict(difference, differing, rows, tuple(left_out), (part,) if cut_off else ())
 
 
 def _last_frame_ns(recording: Recording, part: int) -> int:
@@ -375,8 +375,8 @@ def _of_stream(name: str, old: Columns, new: Columns) -> tuple[Difference | None
         return Difference(t_ns, name, row, flat, old_value, new_value), count
     if n_old != n_new:
         longer = old if n_old > n_new else new
-        told = ("there", "missing") if n_old > n_new else ("missing", "there")
-        return Difference(int(longer["t_host_ns"][n]), name, n, "the row", *told), count
+        presence = ("there", "missing") if n_old > n_new else ("missing", "there")
+        return Difference(int(longer["t_host_ns"][n]), name, n, "the row", *presence), count
     return None, 0
 
 
@@ -408,8 +408,8 @@ def _of_lines(
     for row in range(max(len(old), len(new))):
         if row >= len(old) or row >= len(new):
             line = (old if row < len(old) else new)[row]
-            told = ("there", "missing") if row < len(old) else ("missing", "there")
-            yield Difference(int(line["t_ns"]), where, row, _what(line), *told)
+            presence = ("there", "missing") if row < len(old) else ("missing", "there")
+            yield Difference(int(line["t_ns"]), where, row, _what(line), *presence)
         elif old[row] != new[row]:
             a, b = old[row], new[row]
             t_ns = min(int(a["t_ns"]), int(b["t_ns"]))
@@ -430,7 +430,7 @@ def _placed(found: Difference, recording: Recording, part: int) -> Difference:
         frames = recording.stream_arrays("frames", part=part)
         before = np.flatnonzero(frames["t_host_ns"] <= found.t_ns)
         frame = int(frames["frame_index"][before[-1]]) if len(before) else None
-    begun = recording.events_named("trial_start", part)
-    past = begun[begun["t_ns"] <= found.t_ns]
+    trial_starts = recording.events_named("trial_start", part)
+    past = trial_starts[trial_starts["t_ns"] <= found.t_ns]
     trial = str(past.iloc[-1]["payload"]["trial_id"]) if len(past) else None
     return replace(found, frame=frame, trial_id=trial, part=part, has_frames=has_frames)

@@ -96,23 +96,25 @@ def steps_of_place(request: Request, store: FilmStore, index: int) -> tuple[Page
         DesignError: the steps depend on what is answered.
     """
     experiment = experiment_of(request)
-    told = _told_by(store)
+    describe_film = _told_by(store)
     plan = experiment.plan(index, request.seed)
-    found: tuple[PageStep, ...] | None = None
+    common_steps: tuple[PageStep, ...] | None = None
     for choose in _ways_to_answer(index):
-        visit = visit_of(request, told, index, plan.group)
+        visit = visit_of(request, describe_film, index, plan.group)
         steps = tuple(_steps(visit, choose))
-        if found is not None and found != steps:
-            differ = next((a for a, b in zip(found, steps, strict=False) if a != b), steps[-1])
+        if common_steps is not None and common_steps != steps:
+            differ = next(
+                (a for a, b in zip(common_steps, steps, strict=False) if a != b), steps[-1]
+            )
             trial = differ.content.get("trial")
             where = f"at trial {trial}" if trial else f"at a step {differ.kind}"
             raise DesignError(
                 f"what {request.study.name} shows depends on answers ({where}), so it cannot be "
                 "written down beforehand; serve it (visavis serve)"
             )
-        found = steps
-    assert found is not None  # noqa: S101  # there is a way to answer
-    return found
+        common_steps = steps
+    assert common_steps is not None  # noqa: S101  # there is a way to answer
+    return common_steps
 
 
 def visit_of(
@@ -155,19 +157,25 @@ def _write(
     config = request.config
     about = about_of(experiment, is_simulated(config), config.privacy.contact)
     head = {"format": FORMAT, "study": request.study.name, "seed": request.seed}
-    told = {**head, "places": places, "about": about, "completion": completion, "results": results}
-    told["id"] = hashlib.sha256(_json([told, digests])).hexdigest()[:12]
-    (folder / "bundle.json").write_bytes(_json(told))
+    bundle = {
+        **head,
+        "places": places,
+        "about": about,
+        "completion": completion,
+        "results": results,
+    }
+    bundle["id"] = hashlib.sha256(_json([bundle, digests])).hexdigest()[:12]
+    (folder / "bundle.json").write_bytes(_json(bundle))
     for name in FILES.values():
         shutil.copyfile(SITE / name, folder / name)
     for name in ("wire.js", "worker.js"):
         shutil.copyfile(SITE / "bundle" / name, folder / name)
     _write_page(folder / "index.html", results, is_archive)
     for film in experiment.films:
-        built = store.file_of(film)
-        assert built is not None  # noqa: S101  # `told` has asked for it
+        film_file = store.file_of(film)
+        assert film_file is not None  # noqa: S101  # `told` has asked for it
         (folder / "films").mkdir(exist_ok=True)
-        shutil.copyfile(built.path, folder / "films" / built.path.name)
+        shutil.copyfile(film_file.path, folder / "films" / film_file.path.name)
     return len({store.name_of(film) for film in experiment.films})
 
 
@@ -283,13 +291,13 @@ def _reply(step: PageStep, choose: Choose) -> dict[str, Any]:
         case "questions":
             return {"answers": {q["name"]: choose(q) for q in content["questions"]}}
         case "watch":
-            seen = {"first_ms": 0.0, "frames": 1, "dropped": 0, "rounds": 1, "stalls": 0}
+            film_reply = {"first_ms": 0.0, "frames": 1, "dropped": 0, "rounds": 1, "stalls": 0}
             return {
                 "shown_ms": 0.0,
                 "off_ms": 0.0,
                 "hidden_ms": 0.0,
                 "apart_ms": 0.0,
-                "films": {film["place"]: seen for film in content["films"]},
+                "films": {film["place"]: film_reply for film in content["films"]},
                 "answers": {
                     q["name"]: {"option": choose(q), "at_ms": 0.0, "by": "keys"}
                     for q in content["questions"]

@@ -80,8 +80,8 @@ class Run:
     @cached_property
     def arrival(self) -> Arrival:
         """Who they are to a panel."""
-        told = mapping(self.arrived.get("told", {}), "told")
-        return arrival_of({name: str(value) for name, value in told.items()})
+        parameters = mapping(self.arrived.get("told", {}), "told")
+        return arrival_of({name: str(value) for name, value in parameters.items()})
 
 
 @dataclass
@@ -113,12 +113,12 @@ def read_runs(paths: Iterable[Path]) -> tuple[list[Run], int]:
     for text in _texts(paths):
         for line in filter(None, map(str.strip, text.splitlines())):
             try:
-                told = parse_json(line)
-                key, its = str(told["run"]), int(told["line"])
+                entry = parse_json(line)
+                key, its = str(entry["run"]), int(entry["line"])
             except (ValueError, TypeError, KeyError, OverflowError):
                 unreadable += 1
                 continue
-            lines.setdefault(key, {}).setdefault(its, told)
+            lines.setdefault(key, {}).setdefault(its, entry)
     runs = []
     for key, of_run in lines.items():
         first = of_run.get(0, {}).get("arrived")
@@ -149,44 +149,44 @@ def import_runs(
     `known` returns what was kept of somebody. Who came in two browsers is one participant: the run
     that went on longest counts. A run that was recorded before its end goes on in its session.
     """
-    made = Imported({})
+    summary = Imported({})
     people = _People(base, ledger, known)
-    recorded = _recorded(ledger.path.parent)
+    sessions_by_run = _recorded(ledger.path.parent)
     fit: list[_Fit] = []
     for run in runs:
         try:
-            session = recorded.get(run.key)
+            session = sessions_by_run.get(run.key)
             if session is not None and _is_over(session):
-                made.known += 1
+                summary.known += 1
                 continue
             outcome = _checked(base, store, run)
             one = _Fit(run, people.named(run.arrival), outcome, run.begun_ms)
             if outcome == WITHDRAWN:
-                made.withdrawn += (run.key,)
+                summary.withdrawn += (run.key,)
             elif session is not None:
                 if _goes_on(base, store, one, session):
-                    made.continued[read_manifest(session).participant] = session
+                    summary.continued[read_manifest(session).participant] = session
                 else:
-                    made.known += 1
+                    summary.known += 1
             elif not outcome and not unfinished_too:
-                made.unfinished += 1
+                summary.unfinished += 1
             else:
                 fit.append(one)
         except (PageError, LabError) as error:
-            made.refused += (f"run {run.key[:8]}: {error}",)
+            summary.refused += (f"run {run.key[:8]}: {error}",)
     for one in sorted(fit, key=lambda one: one.rank):
         try:
             if label := people.label_of(one.arrival):
-                made.twice += ((one.run.key, label),)
+                summary.twice += ((one.run.key, label),)
                 continue
             entry = people.registered(one.arrival)
             label, path, place = _import(base, store, ledger, one, entry, identify)
             people.add(one.arrival, label)
-            made.sessions[label] = path
-            made.moved += () if place == one.run.place else (label,)
+            summary.sessions[label] = path
+            summary.moved += () if place == one.run.place else (label,)
         except (PageError, LabError) as error:
-            made.refused += (f"run {one.run.key[:8]}: {error}",)
-    return made
+            summary.refused += (f"run {one.run.key[:8]}: {error}",)
+    return summary
 
 
 # ---- within ----------------------------------------------------------------------------------
@@ -220,7 +220,7 @@ def _texts(paths: Iterable[Path]) -> Iterator[str]:
 
 def _packed(path: Path) -> list[str]:
     """Return the texts of results in an archive, no larger together than a file may be."""
-    found, left = [], MAX_UNPACKED_BYTES
+    texts, left = [], MAX_UNPACKED_BYTES
     with zipfile.ZipFile(path) as archive:
         for name in archive.namelist():
             if name.endswith(TEXTS) and not name.endswith("metadata.json"):
@@ -229,8 +229,8 @@ def _packed(path: Path) -> list[str]:
                 left -= len(data)
                 if left < 0:
                     raise ValueError(f"it unpacks to more than {MAX_UNPACKED_BYTES} bytes")
-                found.append(_text(data))
-    return found
+                texts.append(_text(data))
+    return texts
 
 
 def _text(data: bytes) -> str:
@@ -304,12 +304,12 @@ class _People:
 
 def _recorded(study_folder: Path) -> dict[str, Path]:
     """Return the sessions of runs that have one already."""
-    found = {}
+    sessions = {}
     for manifest in study_folder.glob("sub-*/ses-*/manifest.json"):
-        told = read_manifest(manifest.parent).configuration.get(IMPORTED)
-        if isinstance(told, Mapping):
-            found[str(told.get("run"))] = manifest.parent
-    return found
+        origin = read_manifest(manifest.parent).configuration.get(IMPORTED)
+        if isinstance(origin, Mapping):
+            sessions[str(origin.get("run"))] = manifest.parent
+    return sessions
 
 
 def _is_over(session: Path) -> bool:
@@ -321,9 +321,9 @@ def _is_over(session: Path) -> bool:
 def _goes_on(base: Request, store: FilmStore, one: _Fit, session: Path) -> bool:
     """Record what a run did after it was recorded; tells whether there was anything."""
     past = replace(past_of(Recording(session)), broken_by="")
-    opened = sum(payload["kind"] == "opened" for _, _, payload in past.events)
-    taken = max((int(p["n"]) for _, _, p in past.events if "n" in p), default=0)
-    lines = one.run.lines_after(opened, taken)
+    opening_count = sum(payload["kind"] == "opened" for _, _, payload in past.events)
+    last_event_number = max((int(p["n"]) for _, _, p in past.events if "n" in p), default=0)
+    lines = one.run.lines_after(opening_count, last_event_number)
     if not lines:
         return False
     clock = StampClock(number(lines[0].get("at_ms"), "at_ms"))
@@ -358,12 +358,14 @@ def _checked(base: Request, store: FilmStore, run: Run) -> str:
     Raises:
         PageError: it is of another study or version, or the course would have gone elsewhere.
     """
-    told, ours = run.arrived, {"format": FORMAT, "study": base.study.name, "seed": base.seed}
-    for name, wanted in ours.items():
-        if told.get(name) != wanted:
-            raise PageError(f"it is of {name} {str(told.get(name))[:40]!r}, here is {wanted!r}")
+    header, ours = run.arrived, {"format": FORMAT, "study": base.study.name, "seed": base.seed}
+    for name, our_value in ours.items():
+        if header.get(name) != our_value:
+            raise PageError(
+                f"it is of {name} {str(header.get(name))[:40]!r}, here is {our_value!r}"
+            )
     steps = steps_of_place(base, store, run.place)
-    if digest_of(steps) != told.get("sha256"):
+    if digest_of(steps) != header.get("sha256"):
         raise PageError(
             "what it was shown is not what this study shows now; import it with the study's files "
             "and options (--set, --language) as they were when the bundle was written"
@@ -373,13 +375,13 @@ def _checked(base: Request, store: FilmStore, run: Run) -> str:
     visit = replace(visit_of(base, store.told, run.place, plan.group), now_ns=clock.now_ns)
     recorder: Any = _Nobody()
     desk = PageDesk(course(visit), recorder, clock, visit.notes)
-    shown, number_shown = 0, desk.step_number
+    step_index, number_shown = 0, desk.step_number
     for line in _led(desk, clock, run):
         if desk.is_over:
             continue
         if desk.step_number != number_shown:
-            shown, number_shown = _following(steps, shown, line), desk.step_number
-        if shown >= len(steps) or _plain(desk.step) != _plain(steps[shown]):
+            step_index, number_shown = _following(steps, step_index, line), desk.step_number
+        if step_index >= len(steps) or _plain(desk.step) != _plain(steps[step_index]):
             raise PageError(f"step {desk.step_number} was not what the study would have shown then")
     return desk.outcome
 
@@ -407,13 +409,13 @@ def _led(desk: PageDesk, clock: StampClock, run: Run) -> Iterator[Mapping[str, A
     for line in run.lines:
         clock.tell(number(line.get("at_ms"), "at_ms"))
         if "opened" in line:
-            opened = mapping(line["opened"], "opened")
-            about = opened.get("about")
+            opening = mapping(line["opened"], "opened")
+            about = opening.get("about")
             desk.hello(
-                str(opened.get("tab", ""))[:200],
+                str(opening.get("tab", ""))[:200],
                 takes_over=True,
                 about=about if isinstance(about, Mapping) else {},
-                at_ms=number(opened.get("at_ms"), "at_ms"),
+                at_ms=number(opening.get("at_ms"), "at_ms"),
             )
         elif "event" in line and not desk.is_over:
             desk.take(str(line.get("tab", ""))[:200], [line["event"]])
@@ -469,8 +471,8 @@ def _record(
             is_simulated=is_simulated(request.config),
         )
         experiment = experiment_of(request)
-        held = held_of(request, experiment, store, folder, recorder, past, run.key)
-        for _ in _led(held.desk, clock, run):
+        session = held_of(request, experiment, store, folder, recorder, past, run.key)
+        for _ in _led(session.desk, clock, run):
             pass
     except BaseException as error:
         end_part(clock, folder, recorder, "aborted", str(error) or repr(error), error)
@@ -488,11 +490,11 @@ def _ending(outcome: str) -> tuple[CloseStatus, str]:
 
 def _free_place(base: Request, ledger: Ledger, wanted: int, group: str) -> int:
     """Return the place, or where somebody has it the next free one of the same group."""
-    taken = {entry.index for entry in ledger.list() if not entry.has_freed_place}
-    if wanted not in taken:
+    taken_places = {entry.index for entry in ledger.list() if not entry.has_freed_place}
+    if wanted not in taken_places:
         return wanted
     experiment = experiment_of(base)
-    for index in range(max(taken) + 1, max(taken) + 1 + MAX_PLACES_LOOKED_AT):
+    for index in range(max(taken_places) + 1, max(taken_places) + 1 + MAX_PLACES_LOOKED_AT):
         if experiment.plan(index, base.seed).group == group:
             return index
     raise DataError(f"there is no free place of group {group!r}")
