@@ -1,4 +1,4 @@
-"""Who of a study is where: what its sessions on pages say, from the disk."""
+"""The progress of all participants of a served study, read from their sessions on disk."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -25,14 +25,14 @@ STATES: Final = {
     "damaged": "cannot be read",
     "expected": "has not come",
 }
-"""Where somebody can be, and how the board says it."""
+"""States of a participant, and the words that the board shows for them."""
 COUNTING: Final = ("complete", "running")
-"""States of people whose order needs nobody else."""
+"""States in which a participant fills their order."""
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where one participant is: trials done of those planned, minutes at it, flags of trials.
+    """The progress of one participant: trials done and planned, minutes spent, flags of trials.
 
     `minutes` is None before anything was answered.
     """
@@ -49,7 +49,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Board:
-    """Everybody's place, the median time of those who completed, and how many are wanted."""
+    """The progress of all participants, and how many are wanted."""
 
     places: tuple[Place, ...]
     quota: int | None = None
@@ -66,7 +66,7 @@ class Board:
         return median(times) if times else None
 
     def told(self) -> dict[str, Any]:
-        """Return it as JSON can hold it."""
+        """Return the board as JSON data."""
         return {
             "states": dict(STATES),
             "counts": dict(self.counts),
@@ -77,7 +77,7 @@ class Board:
 
 
 def place_of(entry: Participant, session: Path) -> Place:
-    """Return where somebody of the ledger is, from their session's folder."""
+    """Return the progress of a participant in the ledger, read from their session's folder."""
     if entry.status != "active":
         return Place(entry.label, entry.index, entry.group, "deleted")
     if not (session / "manifest.json").exists():
@@ -126,7 +126,7 @@ def board_of(
     quota: int | None = None,
     known: dict[str, Place] | None = None,
 ) -> Board:
-    """Return where everybody of a study is; `known` keeps places that do not change any more."""
+    """Return the progress of all participants; `known` caches places that no longer change."""
     final_places = {} if known is None else known
     places = []
     for entry in entries:

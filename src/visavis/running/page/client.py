@@ -15,10 +15,10 @@ TAB: Final = "simulated"
 
 
 async def arrive(base: str, told: Mapping[str, str]) -> str:
-    """Come to a served study; return the address of the session given.
+    """Arrive at a served study; return the address of the new session.
 
     Raises:
-        DataError: there is none, with the reason told.
+        DataError: the server gave no session; says why.
     """
     async with aiohttp.ClientSession(base) as http:
         async with http.post("/api/arrive", json={"told": dict(told)}) as response:
@@ -35,9 +35,9 @@ async def visit(
     *,
     ends: Callable[[PageStep], bool] = lambda step: False,
 ) -> str:
-    """Answer every step of the page at an address (http://…/#KEY) to its end, which is returned.
+    """Answer every step of the page at an address (http://…/#KEY); return the outcome.
 
-    `ends` says before which step the page is closed, as if its battery had run out.
+    `ends` tells whether the page closes before a step, as if its battery had run out.
 
     Raises:
         DataError: the server refused what was sent.

@@ -28,7 +28,7 @@ CARD_MM: Final = (85.6, 53.98)
 SCREEN_MEASURED: Final = "screen_measured"
 SOUND_CHECKED: Final = "sound_checked"
 SOUND_STREAM: Final = 0x50D
-"""Of the random numbers of a session: which digits are said."""
+"""Random stream of a session that chooses the spoken digits."""
 STOPPED: Final = "stopped"
 WITHDRAWN: Final = "withdrawn"
 """Stopped, and what was recorded is to be deleted."""
@@ -74,7 +74,7 @@ class Notes:
 class Visit:
     """Everything the course of one participant's session depends on.
 
-    `files` says what a page is told of a film, `now_ns` the session time.
+    `files` returns what a page must know about a film, `now_ns` the session time.
     """
 
     experiment: StudyExperiment
@@ -156,7 +156,7 @@ def course(visit: Visit) -> Course:
 
 
 def _sound(visit: Visit) -> Generator[Out, Reply | None, None]:
-    """Say digits; who types others, or hears nothing, is flagged and goes on."""
+    """Play spoken digits; flag a participant who types other digits or none."""
     experiment, plan = visit.experiment, visit.plan
     files = spoken_digits(experiment.language, experiment.settings.folder)
     rng = np.random.default_rng([plan.seed, plan.participant_index, SOUND_STREAM])
@@ -219,7 +219,9 @@ def _trial(visit: Visit, block: Block, trial: Trial) -> Generator[Out, Reply | N
     except StopIteration as end:
         row = end.value or {}
     except FilmFailed as problem:
+        # The row keeps what was done before the film failed.
         row, status, reason = dict(script.row), "skipped", problem.reason
+    # The row counts frames of all films of the trial together.
     films = {
         k: int(v or 0)
         for k, v in row.items()
@@ -247,6 +249,7 @@ def _trial(visit: Visit, block: Block, trial: Trial) -> Generator[Out, Reply | N
             "t_end_ns": row.get("t_end_ns", visit.now_ns()),
             "frames": sum(films.values()) - dropped_frames,
             "frames_dropped": dropped_frames,
+            # A page has no eye tracker.
             "gaze_expected": 0,
             "gaze_received": 0,
             "gaze_valid": 0,

@@ -49,7 +49,7 @@ ENDINGS: Final = {
 }
 """Why a session ended before its end, by the outcome of its course."""
 LAST_STEP_S: Final = 1.5
-"""How long a page that is over is still answered, so that it can say its thanks."""
+"""How long the server answers after the end, so that the page can show its thanks."""
 
 
 def perform_new(request: Request) -> Path:
@@ -120,7 +120,7 @@ def perform_rest(request: Request, session_path: Path) -> Path:
 
 
 def prepared_films(request: Request, told: Callable[[int, int], None] = untold) -> FilmStore:
-    """Return a session's films, built where people will look at them."""
+    """Return a session's films; build them if a person will watch."""
     experiment = experiment_of(request)
     store = film_store(experiment)
     if not request.clock.is_virtual:
@@ -129,7 +129,7 @@ def prepared_films(request: Request, told: Callable[[int, int], None] = untold) 
 
 
 def past_of(recording: Recording) -> Past:
-    """Return what earlier parts of a session hold."""
+    """Return the content of the earlier parts of a session."""
     events = recording.events()
     pages: list[tuple[int, int, Mapping[str, Any]]] = []
     started_trials, answers, answered_questions, complete = set(), set(), set(), set()
@@ -162,7 +162,7 @@ def simulated_visitor(request: Request, experiment: StudyExperiment, store: Film
     """Return the simulated participant of a session, before a page.
 
     Raises:
-        ConfigError: the study's own simulated person looks at no page.
+        ConfigError: the study's own simulated person cannot use a page.
     """
     person = request.study.participant(
         request.person.index,
@@ -174,7 +174,7 @@ def simulated_visitor(request: Request, experiment: StudyExperiment, store: Film
 
 
 def experiment_of(request: Request) -> StudyExperiment:
-    """Return what is performed; ConfigError where the study is not declared on the kit."""
+    """Return the experiment of a request; ConfigError if it is not declared on the kit."""
     experiment = request.experiment
     if not isinstance(experiment, StudyExperiment):
         raise ConfigError(f"{request.study.name} is not declared on the kit; it shows no page")
@@ -182,10 +182,10 @@ def experiment_of(request: Request) -> StudyExperiment:
 
 
 def key_of(request: Request) -> str:
-    """Return the secret of the address of a session's page: no recording holds it.
+    """Return the secret in the address of a session's page; no recording contains it.
 
-    It comes from the study's salt, which lies apart from the data, so that a page finds its
-    session also when another process serves it.
+    It is derived from the study's salt, which is stored separately from the data, so that a page
+    finds its session again when another process serves it.
     """
     config = request.config
     key_file = KeyFile(config.key_root, request.study.name, [config.data_root])
@@ -287,7 +287,7 @@ async def _served(
         server.add(session)
         if virtual:
             visitor = simulated_visitor(request, experiment, store)
-            for step in desk.trial_steps[:-1]:  # which somebody whom a crash held up remembers
+            for step in desk.trial_steps[:-1]:  # after a crash the person remembers them
                 if step.kind == "watch":
                     visitor.look(step.content)
             await visit(server.address_of(session), visitor, request.clock)
@@ -304,7 +304,7 @@ async def _served(
 
 
 def _tell(request: Request, desk: PageDesk, planned: int) -> None:
-    """Tell the operator, as a session on devices does, that a trial goes on."""
+    """Show the operator the current trial, as a session on devices does."""
     if request.on_trial is not None and desk.trials_done:
         request.on_trial(desk.trial_id, desk.trials_done, planned)
     if request.operator.status_period_ns:
@@ -321,7 +321,7 @@ def _tell(request: Request, desk: PageDesk, planned: int) -> None:
 
 
 def about_of(experiment: StudyExperiment, simulated: bool, contact: str) -> dict[str, Any]:
-    """Return what a page is told once: its words, whom to ask, and whether it is a rehearsal."""
+    """Return the first information for a page: its words, the contact, if it is a rehearsal."""
     return {
         "title": experiment.texts.find("page.title") or experiment.study.title,
         "language": experiment.language,

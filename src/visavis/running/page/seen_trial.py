@@ -1,7 +1,7 @@
 """What a participant saw of a trial on a page, and when: its films, questions and answers.
 
-The recorded replies lead the trial's own script through its steps once more, so what was on the
-page is what the script put there, and times are those that the trial's row was made of.
+The recorded replies run the trial's own script again, so the content of the page is what the script
+put there, and the times are those from which the trial's row was made.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -36,7 +36,7 @@ class Question:
 class SeenStep:
     """One step of a page, in session time: from `shown_ns` to `gone_ns`.
 
-    Films, by where they stood, ran round and round from `films_on_ns` on.
+    `films` holds the films by place on the page; they repeat from `films_on_ns` on.
     """
 
     shown_ns: int
@@ -47,7 +47,7 @@ class SeenStep:
     questions: tuple[Question, ...]
 
     def film_time_s(self, film: Film, t_ns: int) -> float:
-        """Return the moment of a film that stood there at a time."""
+        """Return which second of a film was on the page at a session time."""
         passed_s = max(0, t_ns - self.films_on_ns) / 1e9
         return passed_s % (film.frame_count / film.rate_hz)
 
@@ -62,7 +62,7 @@ class SeenTrial:
 
     @property
     def span_ns(self) -> tuple[int, int]:
-        """When its first step came and its last one went."""
+        """When its first step appeared and its last one disappeared."""
         if not self.steps:
             return int(self.row["t_start_ns"]), int(self.row["t_end_ns"])
         return self.steps[0].shown_ns, self.steps[-1].gone_ns
@@ -78,8 +78,9 @@ def is_on_page(recording: Recording) -> bool:
 
 
 def seen_trial(study: OpenedStudy, recording: Recording, row: Mapping[str, Any]) -> SeenTrial:
-    """Return a trial, by its recorded row, as its page showed it; of one that a restart of the
-    server broke into, what came after.
+    """Return a trial, by its recorded row, as its page showed it.
+
+    If a restart of the server interrupted it, only the steps after the restart are returned.
     """
     plan = recording.manifest.plan
     experiment: StudyExperiment = study.experiment(overrides_of(plan))
@@ -155,8 +156,8 @@ def _step(step: PageStep, watched: Watched | None, reply: Reply) -> SeenStep:
 def _replies(
     recording: Recording, trial_id: str
 ) -> Iterator[tuple[int, int, Mapping[str, Any], Callable[[float], int]]]:
-    """Yield replies from a trial's beginning on, which may lie in an earlier part than its end:
-    part, session time, payload, and what leads from the page's clock to session time.
+    """Yield the replies of a trial, whose beginning may lie in an earlier part than its end: part,
+    session time, payload, and the conversion from the page's clock to session time.
     """
     is_here = False
     for part in recording.manifest.parts:

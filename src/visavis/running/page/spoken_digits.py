@@ -1,4 +1,4 @@
-"""Digits that a page speaks, so that people show that they hear: of a lab, or ours."""
+"""Recordings of digits for the sound check: a lab's own, or those of Visavis."""
 
 import io
 import wave
@@ -11,7 +11,7 @@ from visavis.lab.errors import DesignError
 
 OURS: Final = Path(__file__).parent / "digits"
 FOLDER: Final = "digits"
-"""Where a lab's own lie, beside its study: digits/LANGUAGE/0.wav to 9.wav."""
+"""Folder of a lab's own digits, beside its study: digits/LANGUAGE/0.wav to 9.wav."""
 HOW_MANY: Final = 3
 PAUSE_S: Final = 0.35
 MAX_BYTES: Final = 40_000
@@ -67,7 +67,7 @@ def spoken(digits: Sequence[int], files: Sequence[bytes]) -> bytes:
 
 
 def heard(sound: bytes, files: Sequence[bytes]) -> str:
-    """Return the digits that somebody hears who knows how each sounds; "" where none is known."""
+    """Return the digits in a sound, found by comparison with the files; "" if there are none."""
     with wave.open(io.BytesIO(sound)) as read:
         left = read.readframes(read.getnframes())
     samples_by_digit = {}

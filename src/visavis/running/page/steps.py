@@ -1,4 +1,4 @@
-"""Steps that a page shows, and the replies it sends, read with care: anybody can send anything."""
+"""Steps that a page shows, and checks of its replies, which anybody could forge."""
 
 import math
 import re
@@ -14,13 +14,13 @@ WAYS: Final = ("keys", "mouse", "touch", "pen")
 NUMBER: Final = re.compile(r"-?\d{1,12}([.,]\d{1,12})?")
 HEARD: Final = re.compile(r"\d{1,8}")
 MAX_TEXT: Final = 10_000
-"""Characters of an answer in words that are kept."""
+"""Longest answer in words, in characters."""
 MIN_PX_PER_MM: Final = 0.5
 MAX_PX_PER_MM: Final = 40.0
 
 
 class PageError(LabError):
-    """A page sent what no page of ours sends; nothing of it was taken."""
+    """A page sent something invalid; nothing of it was accepted."""
 
 
 class OpenElsewhereError(LabError):
@@ -29,7 +29,7 @@ class OpenElsewhereError(LabError):
 
 @dataclass(frozen=True)
 class PageStep:
-    """One step of a page: what kind, and what it is given, as JSON can hold it."""
+    """One step of a page: its kind, and its content as JSON data."""
 
     kind: str
     content: Mapping[str, Any] = field(default_factory=dict)
@@ -37,7 +37,7 @@ class PageStep:
 
 @dataclass(frozen=True)
 class Reply:
-    """What a page replied to a step; `t_ns_of` leads from the page's clock to session time."""
+    """A page's reply to a step; `t_ns_of` converts the page's clock to session time."""
 
     content: Mapping[str, Any]
     t_ns: int
@@ -46,7 +46,7 @@ class Reply:
 
 @dataclass(frozen=True)
 class Given:
-    """An answer as the page told it: when on its clock, and by what."""
+    """An answer as the page sent it: its time on the page's clock, and the input it came from."""
 
     option: str | None
     at_ms: float
@@ -73,7 +73,7 @@ def put(step: PageStep) -> Generator[PageStep, Reply | None, Reply]:
 
 
 def asked(response: Response, prompt: str, labels: Sequence[str]) -> dict[str, Any]:
-    """Return a question as a page is told it.
+    """Return a question in the form that a page needs.
 
     Raises:
         PageError: pages cannot ask it.
@@ -103,7 +103,7 @@ def read_given(response: Response, content: Any) -> Given:
     """Read an answer to a response.
 
     Raises:
-        PageError: it is none.
+        PageError: the content is not an answer to this response.
     """
     answer = mapping(content, f"the answer to {response.name}")
     option, by = answer.get("option"), answer.get("by")
@@ -117,10 +117,10 @@ def read_given(response: Response, content: Any) -> Given:
 
 
 def read_film(content: Any) -> FilmTruth:
-    """Read what a browser says it presented of a film.
+    """Read a browser's report of how it presented a film.
 
     Raises:
-        PageError: it is no such thing.
+        PageError: the content is malformed.
     """
     report = mapping(content, "what was presented of a film")
     counts = {n: count(report.get(n), n) for n in ("frames", "dropped", "rounds", "stalls")}
@@ -128,7 +128,7 @@ def read_film(content: Any) -> FilmTruth:
 
 
 def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
-    """Refuse a reply that does not answer a step, before any of it is taken.
+    """Refuse a reply that does not answer a step, before any of it is accepted.
 
     Raises:
         PageError: saying what is wrong.
@@ -168,7 +168,7 @@ def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
 
 
 def _check_size(told: Any) -> None:
-    """Refuse a size of the screen that none has; None is that of somebody without a card."""
+    """Refuse an impossible size of the screen; None means that the participant has no card."""
     if told is not None and not MIN_PX_PER_MM <= number(told, "px_per_mm") <= MAX_PX_PER_MM:
         raise PageError(f"px_per_mm is {told}")
 

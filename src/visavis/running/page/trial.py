@@ -26,7 +26,7 @@ from visavis.study.trial import Action, TrialPlan, TrialScript
 
 OnPage: TypeAlias = Generator[PageStep | Mark, Reply | None, Any]
 FilmFiles: TypeAlias = Callable[[Film], Mapping[str, Any]]
-"""What a page is told of a film: its file's name, hash, size."""
+"""Returns what a page must know about a film: its file's name, hash, size."""
 
 
 class FilmFailed(TrialInterrupted):

@@ -1,6 +1,6 @@
-"""The simulated participant before a page: speaks its protocol, looks at films, answers.
+"""The simulated participant at a page: speaks its protocol, watches films, answers.
 
-They see what the films show and read what is asked, nothing else.
+They see only the films and the questions.
 """
 
 import base64
@@ -25,11 +25,11 @@ from visavis.study.responses import Response
 from visavis.study.scenes import Staging, stage
 
 READING_S: Final = 4.0
-"""How long a page of text is read."""
+"""Time to read a page of text."""
 FIRST_FRAME_MS: Final = 40.0
 """From a step to the first picture that a simulated browser presents."""
 PX_PER_MM: Final = 96 / 25.4
-"""How large a page's pixels are by its standard."""
+"""Size of a CSS pixel by its standard (96 to the inch)."""
 PRACTICE_STRETCH: Final = 100_000
 SHOWN: Final = "keys"
 
@@ -41,8 +41,8 @@ Views = Callable[[Mapping[str, Film]], tuple[SceneFrame, SceneFrame]]
 class Visitor:
     """Answer a page's steps as a person would.
 
-    `films` leads from the names on the wire to what is seen; `responses` from the text of a
-    question to what it asks for; `store` says what a moving camera showed.
+    `films` maps names on the wire to films, `responses` the text of a question to its response;
+    `store` knows what a moving camera showed.
     """
 
     person: StudyPerson
@@ -52,11 +52,11 @@ class Visitor:
     store: FilmStore
     now_ms: float = 0.0
     digits: Sequence[bytes] = ()
-    """How digits sound in the language of the page."""
+    """Recordings of the digits in the language of the page."""
     _trial: tuple[int, bool] = field(default=(0, False), repr=False)
 
     def reply(self, step: PageStep) -> dict[str, Any]:
-        """Return the reply to a step; the visitor's clock goes on by the time it took."""
+        """Return the reply to a step; advance the visitor's clock by the time it took."""
         content = step.content
         match step.kind:
             case "consent":
@@ -86,7 +86,7 @@ class Visitor:
     def look(self, content: Mapping[str, Any]) -> float:
         """Look at a step's films once; return how long a round takes, in milliseconds.
 
-        What was seen since the trial began is kept until another begins.
+        The person remembers what they saw in a trial until the next one begins.
         """
         trial = (content["trial"], content["is_practice"])
         if trial != self._trial:
@@ -149,7 +149,7 @@ class Visitor:
 
 
 def scenes_seen(staged_frames: Callable[[Film | Pair], tuple[SceneFrame, SceneFrame]]) -> Views:
-    """Return what is seen of films on a page: a film alone, or two as the pair they are."""
+    """Return the views of films on a page: of a single film, or of two as a pair."""
 
     def views(films: Mapping[str, Film]) -> tuple[SceneFrame, SceneFrame]:
         if "film" in films:
@@ -160,10 +160,10 @@ def scenes_seen(staged_frames: Callable[[Film | Pair], tuple[SceneFrame, SceneFr
 
 
 def visitor_of(person: Any, experiment: StudyExperiment, store: FilmStore) -> Visitor:
-    """Return a simulated participant who sits before a page.
+    """Return a simulated participant at a page.
 
     Raises:
-        ConfigError: the study's own simulated person looks at no page.
+        ConfigError: the study's own simulated person cannot use a page.
     """
     if not isinstance(person, StudyPerson):
         raise ConfigError(

@@ -1,7 +1,7 @@
 """Read what people did with a bundle, and record it as if they had been served.
 
-Every line says whose it is and its number. Lines that were handed over twice count once. Before
-anything is written, the replies lead the study's own course, step by step beside the bundle's.
+Every line names its run and its number. Lines that were sent twice count once. Before anything is
+written, the replies are fed to the study's own course, and its steps compared with the bundle's.
 """
 
 import json
@@ -35,12 +35,12 @@ from visavis.running.sessions.recorded_part import end_part
 from visavis.running.sessions.session_request import Request, SessionPerson
 
 IMPORTED: Final = "imported"
-"""Where a session's configuration says which run of which bundle it was."""
+"""Key in a session's configuration for the run and the bundle that it comes from."""
 ARCHIVES: Final = (".zip", ".jrzip")
 TEXTS: Final = (".jsonl", ".txt", ".json")
 MAX_PLACES_LOOKED_AT: Final = 1000
 ENDED_EARLY: Final = tuple(why.partition(";")[0] for why in ENDINGS.values())
-"""Why sessions ended that nobody comes back to."""
+"""Reasons of an early end after which a session does not continue."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +57,9 @@ class Run:
         return count(self.arrived.get("place"), "place")
 
     def lines_after(self, opened: int, taken: int) -> "tuple[Mapping[str, Any], ...]":
-        """Return the lines after so many openings of the page that hold more than `taken` events.
+        """Return the lines after `opened` openings of the page and after event number `taken`.
 
-        The tab that was open last goes on with its own lines.
+        The tab that was open last continues with its own lines.
         """
         left = opened
         rest = []
@@ -79,25 +79,25 @@ class Run:
 
     @cached_property
     def arrival(self) -> Arrival:
-        """Who they are to a panel."""
+        """The panel they came from, and its identifier for them."""
         parameters = mapping(self.arrived.get("told", {}), "told")
         return arrival_of({name: str(value) for name, value in parameters.items()})
 
 
 @dataclass
 class Imported:
-    """What came of files of results: sessions by label, and what was left out and why."""
+    """Outcome of an import: sessions by label, and what was left out and why."""
 
     sessions: dict[str, Path]
     continued: dict[str, Path] = field(default_factory=dict)
-    """Who was recorded before the end, and has gone on since."""
+    """Participants who were imported before they finished, and have continued since."""
     known: int = 0
     unfinished: int = 0
     withdrawn: tuple[str, ...] = ()
     moved: tuple[str, ...] = ()
-    """Who had a place that somebody has, and stands at another one in the ledger."""
+    """Participants whose place was taken, and who have another one in the ledger."""
     twice: tuple[tuple[str, str], ...] = ()
-    """Runs of people who have a session, with their label: they came in another browser, too."""
+    """Further runs of people who have a session, with their label: they used two browsers."""
     refused: tuple[str, ...] = ()
     unreadable: int = 0
 
@@ -144,14 +144,16 @@ def import_runs(
     known: Callable[[str], Mapping[str, str] | None] = lambda label: None,
     unfinished_too: bool = False,
 ) -> Imported:
-    """Record every run that is not recorded yet; who is who goes to `identify`, not to the data.
+    """Record every run that is not recorded yet; identities go to `identify`, not to the data.
 
-    `known` returns what was kept of somebody. Who came in two browsers is one participant: the run
-    that went on longest counts. A run that was recorded before its end goes on in its session.
+    `known` returns the stored identity of a participant. A person who came in two browsers is one
+    participant, and the run that got furthest counts. A run that was recorded before its end
+    continues in its session.
     """
     summary = Imported({})
     people = _People(base, ledger, known)
     sessions_by_run = _recorded(ledger.path.parent)
+    # Check every run first: the ledger takes people in order of rank, not of lines in files.
     fit: list[_Fit] = []
     for run in runs:
         try:
@@ -219,7 +221,7 @@ def _texts(paths: Iterable[Path]) -> Iterator[str]:
 
 
 def _packed(path: Path) -> list[str]:
-    """Return the texts of results in an archive, no larger together than a file may be."""
+    """Return the texts of results in an archive; together they may be as large as one file."""
     texts, left = [], MAX_UNPACKED_BYTES
     with zipfile.ZipFile(path) as archive:
         for name in archive.namelist():
@@ -248,15 +250,15 @@ class _Fit:
 
     @property
     def rank(self) -> tuple[bool, bool, float]:
-        """Whole runs first, then ended ones, each in order of time: of one person the first counts.
+        """Order of runs: complete ones, then ended ones, then the others, each in order of time.
 
-        Who came first is first in the ledger only among equals.
+        The ledger gets its entries in this order, and of one person the first run counts.
         """
         return self.outcome != DONE, not self.outcome, self.begun_ms
 
 
 class _People:
-    """Knows who has a session, by what a panel or a link calls them."""
+    """Index of the people who have a session, by their identifier at a panel or in a link."""
 
     def __init__(
         self, base: Request, ledger: Ledger, known: Callable[[str], Mapping[str, str] | None]
@@ -272,7 +274,7 @@ class _People:
                 self._labels[who.get("panel", ""), who["identifier"]] = entry.label
 
     def named(self, arrival: Arrival) -> Arrival:
-        """Return who comes, by their label where a link means one of the ledger."""
+        """Return the arrival, with the ledger's label if a link names an entry."""
         if arrival.panel != LINK:
             return arrival
         try:
@@ -281,13 +283,13 @@ class _People:
             return arrival
 
     def label_of(self, arrival: Arrival) -> str:
-        """Return the label of who has a session; "" where nobody is known to."""
+        """Return the label of a person who has a session; "" if they have none."""
         if not arrival.identifier:
             return ""
         return self._labels.get((arrival.panel, arrival.identifier), "")
 
     def registered(self, arrival: Arrival) -> Participant | None:
-        """Return whom of the ledger a link means; None where they are somebody new."""
+        """Return the ledger's entry that a link names; None for a new person."""
         entries = self._ledger.list() if arrival.panel == LINK else ()
         return next((e for e in entries if e.label == arrival.identifier), None)
 
@@ -303,7 +305,7 @@ class _People:
 
 
 def _recorded(study_folder: Path) -> dict[str, Path]:
-    """Return the sessions of runs that have one already."""
+    """Return the existing sessions by the key of their run."""
     sessions = {}
     for manifest in study_folder.glob("sub-*/ses-*/manifest.json"):
         origin = read_manifest(manifest.parent).configuration.get(IMPORTED)
@@ -319,7 +321,7 @@ def _is_over(session: Path) -> bool:
 
 
 def _goes_on(base: Request, store: FilmStore, one: _Fit, session: Path) -> bool:
-    """Record what a run did after it was recorded; tells whether there was anything."""
+    """Record the lines of a run that are new since its last import; return whether it had any."""
     past = replace(past_of(Recording(session)), broken_by="")
     opening_count = sum(payload["kind"] == "opened" for _, _, payload in past.events)
     last_event_number = max((int(p["n"]) for _, _, p in past.events if "n" in p), default=0)
@@ -345,7 +347,7 @@ def _goes_on(base: Request, store: FilmStore, one: _Fit, session: Path) -> bool:
 
 
 class _Nobody:
-    """Writes nothing down."""
+    """A recorder that writes nothing."""
 
     def event(self, name: str, t_ns: int, **content: object) -> None: ...
 
@@ -353,10 +355,10 @@ class _Nobody:
 
 
 def _checked(base: Request, store: FilmStore, run: Run) -> str:
-    """Lead the study's course by a run's replies; return how it ended, "" where it did not.
+    """Feed a run's replies to the study's course; return how it ended, "" if it did not.
 
     Raises:
-        PageError: it is of another study or version, or the course would have gone elsewhere.
+        PageError: it is of another study or version, or the course would show other steps.
     """
     header, ours = run.arrived, {"format": FORMAT, "study": base.study.name, "seed": base.seed}
     for name, our_value in ours.items():
@@ -387,7 +389,7 @@ def _checked(base: Request, store: FilmStore, run: Run) -> str:
 
 
 def _following(steps: Sequence[PageStep], index: int, line: Mapping[str, Any]) -> int:
-    """Return which step followed; a film that failed ends its trial."""
+    """Return the index of the next step; a film that failed ends its trial."""
     has_failed = line["event"]["reply"].get("failed") is not None
     trial = _trial_of(steps[index])
     index += 1
@@ -405,7 +407,7 @@ def _plain(step: PageStep) -> Any:
 
 
 def _led(desk: PageDesk, clock: StampClock, run: Run) -> Iterator[Mapping[str, Any]]:
-    """Give a desk what a page did, at its times; yields each line after it."""
+    """Pass a run's lines to a desk at their times; yield each line afterwards."""
     for line in run.lines:
         clock.tell(number(line.get("at_ms"), "at_ms"))
         if "opened" in line:
@@ -489,7 +491,7 @@ def _ending(outcome: str) -> tuple[CloseStatus, str]:
 
 
 def _free_place(base: Request, ledger: Ledger, wanted: int, group: str) -> int:
-    """Return the place, or where somebody has it the next free one of the same group."""
+    """Return the wanted place, or if it is taken the next free one of the same group."""
     taken_places = {entry.index for entry in ledger.list() if not entry.has_freed_place}
     if wanted not in taken_places:
         return wanted
