@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from visavis.study.moving_camera import FilmSeen
 
 MADE: Final = "vp9 4"
-"""How films are drawn and encoded: another one here makes every film anew."""
+"""Version of drawing and encoding: a new value makes every film again."""
 QUALITY: Final[Mapping[str, str]] = {
     "crf": "18",
     "b": "0",
@@ -93,7 +93,7 @@ class FilmStore:
         return self.seen(film).cameras
 
     def name_of(self, film: Film) -> str:
-        """Return what names a film: the hash of what it shows."""
+        """Return the name of a film: the hash of what it shows."""
         return _name_of(self, film)
 
     def file_of(self, film: Film) -> FilmFile | None:
@@ -108,7 +108,7 @@ class FilmStore:
         return FilmFile(path, digest, len(content)) if built_digest == digest else None
 
     def build(self, films: Sequence[Film], told: Callable[[int, int], None]) -> None:
-        """Draw and encode the films that are not there yet; `told` hears frames of how many."""
+        """Draw and encode the missing films; `told` is called with frames done and their total."""
         missing = [film for film in films if self.file_of(film) is None]
         total, done = sum(film.frame_count for film in missing), 0
         told(0, total)
@@ -124,12 +124,12 @@ class FilmStore:
         told(total, total)
 
     def told(self, film: Film, *, is_simulated: bool = False) -> dict[str, Any]:
-        """Return what a page is told of a film; simulated people need no file.
+        """Return what a page must know about a film; simulated people need no file.
 
         Raises:
             ConfigError: it was not built.
         """
-        # A name from what makes it, not from what it shows, which takes seconds to compute.
+        # To hash what a film shows takes seconds; without a file its parameters are enough.
         name = (
             hashlib.sha256(repr(film).encode()).hexdigest() if is_simulated else self.name_of(film)
         )
@@ -237,7 +237,7 @@ def _name_of(store: FilmStore, film: Film) -> str:
 
 
 def _rounded(values: npt.ArrayLike) -> bytes:
-    """Return numbers as bytes that do not hang on the last bits of a processor's arithmetic."""
+    """Return numbers as bytes that do not depend on the last bits of a processor's arithmetic."""
     return (np.round(np.asarray(values, np.float64), POSE_DECIMALS) + 0.0).tobytes()
 
 
@@ -281,7 +281,7 @@ def _look_of(person: Character) -> str:
 
 
 def cache_folder() -> Path:
-    """Return where films lie that were built before, for every study of this user."""
+    """Return the folder of built films, which all studies of this user share."""
     return platformdirs.user_cache_path("visavis") / "films"
 
 
@@ -300,7 +300,7 @@ def _staged(film: Film, makers: tuple[tuple[str, Maker], ...], folder: Path) -> 
 
 @lru_cache(maxsize=128)
 def _seen(film: Film, makers: tuple[tuple[str, Maker], ...], folder: Path) -> "FilmSeen":
-    # Saves the director of films with its geometry where every camera stands still.
+    # The director of films, with its geometry, is loaded only where a camera moves.
     from visavis.study.moving_camera import filmed
 
     return filmed(film, _staged(film, makers, folder))
@@ -310,10 +310,10 @@ def _seen(film: Film, makers: tuple[tuple[str, Maker], ...], folder: Path) -> "F
 def _renderer() -> "Iterator[Renderer]":
     """Open a renderer.
 
-    A processor draws people moved and lit by compiled loops, all in full detail: with shadow maps
-    and light at every pixel one person alone takes it seventeen times as long.
+    A processor draws people with compiled loops, all in full detail. With shadow maps and light at
+    every pixel, a single person would take seventeen times as long.
     """
-    # Saves OpenGL wherever films are named, looked at by simulated people or served, not drawn.
+    # OpenGL is loaded only to draw films, not to name them, to serve them or for simulated people.
     from visavis.stage.card.context import draws_on_processor, offscreen_context, release_offscreen
     from visavis.stage.levels import DetailRule
     from visavis.stage.renderer import ON_PROCESSOR, Quality, Renderer

@@ -20,7 +20,7 @@ def new_study(name: str, folder: Path, base: Study | None = None) -> tuple[Path,
     """Write NAME.py and test_NAME.py, and without a base the texts in NAME_texts; return them.
 
     Raises:
-        UsageError: the name is none, is taken, or a file is there already.
+        UsageError: the name is not allowed or taken, or a file exists already.
     """
     if not name.isidentifier() or not name.islower():
         raise UsageError(

@@ -70,7 +70,7 @@ def quick_study(
     seed: int,
     effect: float = 1.0,
 ) -> SimulatedStudy:
-    """Simulate a study; `effect` multiplies what is shown makes of a difference.
+    """Simulate a study; `effect` multiplies the effect of what is shown.
 
     Raises:
         UsageError: the study's people cannot be given such an effect, or a measure needs a

@@ -49,12 +49,12 @@ class Session:
 
     @property
     def participant(self) -> str:
-        """Whose session it is, as the ledger calls them."""
+        """The participant's label in the ledger."""
         return self.recording.manifest.participant
 
     @property
     def is_simulated(self) -> bool:
-        """Whether nobody took part, or devices were simulated."""
+        """Whether no person took part, or devices were simulated."""
         return self.recording.is_simulated
 
     @property
@@ -104,7 +104,7 @@ class StudyData:
     path: Path
     study: OpenedStudy = field(repr=False)
     accept_damage: bool = False
-    """Whether recordings that are damaged are measured, too, as far as they can be read."""
+    """Whether damaged recordings are measured as well, as far as they can be read."""
 
     @cached_property
     def sessions(self) -> tuple[Session, ...]:
@@ -180,7 +180,7 @@ class StudyData:
 def open_study(path: str | Path, *, accept_damage: bool = False) -> StudyData:
     """Open the data of a study: the folder that holds `sub-…/ses-…`.
 
-    What is measured of a damaged recording raises DataError, unless `accept_damage`.
+    Measuring a damaged recording raises DataError, unless `accept_damage` is set.
 
     Raises:
         UsageError: there are no sessions, or the study's file is gone.

@@ -45,7 +45,7 @@ Derived: TypeAlias = Callable[[Mapping[str, Any]], Scalar]
 
 
 def check_study(study: str | Path | Study, parameters: Mapping[str, Any] | None = None) -> None:
-    """Check a study, given itself, its file, or its name; `parameters` replace some of its own.
+    """Check a study, given as object, file or name; `parameters` replace some of its own.
 
     Raises:
         UsageError: there is no such study.
@@ -57,7 +57,7 @@ def check_study(study: str | Path | Study, parameters: Mapping[str, Any] | None 
     try:
         problems += text_problems(opened_study.study)
         experiment = opened_study.experiment(set_to)
-        _ = experiment.sounds  # files that cannot be played are told
+        _ = experiment.sounds  # raises if a file cannot be played
         problems += plan_problems(experiment)
         for language in languages_of(opened_study.study):
             opened_study.experiment({**set_to, "language": language}).plan(0, SEED)
@@ -73,7 +73,7 @@ def check_study(study: str | Path | Study, parameters: Mapping[str, Any] | None 
 
 
 def plan_problems(experiment: StudyExperiment) -> list[str]:
-    """Say where a plan differs when it is made again, or holds a condition more often."""
+    """Name plans that differ when made again, or hold some conditions more often than others."""
     problems = []
     design = experiment.study.design_with(experiment.parameters)
     groups = max(1, len(combinations_of(design.between)))
@@ -182,7 +182,7 @@ def performing_problems(opened: OpenedStudy, experiment: StudyExperiment) -> lis
 
 
 def renamed(study: Study) -> Study:
-    """Return a study whose conditions are called otherwise and are the same: level_1, level_2."""
+    """Return the same study with the levels of its factors renamed: level_1, level_2."""
     new = {
         f.name: {level: f"{RENAMED}{i}" for i, level in enumerate(f.levels, start=1)}
         for f in study.design.factors
@@ -213,7 +213,7 @@ def renamed(study: Study) -> Study:
         intertrial_of=None if intertrial is None else told(intertrial),
         check_of=check_of,
         ranges={k: v for k, v in study.design.ranges.items() if k not in new},
-        prepare_of=None,  # which is only sooner
+        prepare_of=None,  # it would only save time
         compare=(),
         sections=[],
     )
@@ -224,7 +224,7 @@ def _told(cell: Mapping[str, Any], names: Mapping[str, Mapping[Any, Any]]) -> di
 
 
 def _unrenamed(rule: Constraint, old: Mapping[str, Mapping[Any, Any]]) -> Constraint:
-    """Return a rule of order that is asked about conditions by their old names."""
+    """Return a rule of order that sees the conditions under their old names."""
 
     def allows(previous: Sequence[Cell], candidate: Cell) -> bool:
         return rule.allows([_told(cell, old) for cell in previous], _told(candidate, old))

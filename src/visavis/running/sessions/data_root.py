@@ -16,9 +16,9 @@ MIN_FREE_GB = 2.0
 
 @dataclass(frozen=True)
 class DataDisk:
-    """Where a lab records: `free_gb` of space, and why nothing can be recorded there with a remedy.
+    """The disk that a lab records on: its free space, and a problem with its remedy.
 
-    `problem` is empty where a session can be recorded; `free_gb` is None where it cannot be told.
+    `problem` is empty if a session can be recorded; `free_gb` is None if it is unknown.
     """
 
     free_gb: float | None

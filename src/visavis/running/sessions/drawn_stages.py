@@ -72,6 +72,7 @@ def build_drawn_stage(
         )
     if show == "screen":
         return _on_screen(config, experiment, rig, clock, viewers)
+    # The window shows the picture itself, or mirrors what the headset shows.
     window_px = (config.display.window_width_px, config.display.window_height_px)
     if show == "window":
         display = Display(_one_eye(window_px), lambda: window_px, n, rate_hz, hands_over=False)
@@ -96,7 +97,7 @@ def build_drawn_stage(
 
 
 def quality_of(config: LabConfig, *, on_processor: bool) -> Quality:
-    """Return how pictures are drawn: as suits the computer, but for what the lab asks."""
+    """Return how pictures are drawn: as suits the computer, except for the lab's own settings."""
     usual, settings = ON_PROCESSOR if on_processor else Quality(), config.display.quality
     detail = usual.detail
     if settings.full_detail_px is not None:
@@ -190,7 +191,7 @@ def window_title(config: LabConfig, experiment: Experiment) -> str:
 
 
 def _show_images(rig: Rig) -> bool:
-    """Tell a headset that has to know beforehand that it will get images; tell whether it does."""
+    """Announce images to a headset that must know in advance; return whether it is one."""
     prepare = getattr(rig.headset, "show_images", None)
     if prepare is not None:
         prepare()

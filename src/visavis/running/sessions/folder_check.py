@@ -1,4 +1,4 @@
-"""Look through every file of a study's folder, and put back what has an intact copy."""
+"""Check every file of a study's folder, and restore files that have an intact copy."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -23,7 +23,7 @@ SIMULATED_PREFIX = "S"
 
 
 def is_study(folder: Path) -> bool:
-    """Tell whether a folder is that of a study: it has settings, a ledger, or what is left."""
+    """Tell whether a folder is that of a study: it has settings, a ledger, or a copy of one."""
     names = (SETTINGS_NAME, LEDGER_NAME)
     return any((folder / n).exists() or copy_path(folder / n).exists() for n in names)
 
@@ -115,7 +115,7 @@ def _lock_problems(folder: Path) -> list[str]:
 
 
 def _bodies(folder: Path) -> list[Path]:
-    """Return where people's own bodies are kept, or were: the copy is left."""
+    """Return the paths of people's own bodies, also those of which only the copy is left."""
     paths = (path for name in FILE_NAMES for path in folder.glob(f"sub-*/{name}"))
     return sorted({path.with_name(OWN_BODY_NAME) for path in paths})
 

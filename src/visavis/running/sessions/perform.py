@@ -50,9 +50,9 @@ from visavis.study.experiment import StudyExperiment
 from visavis.study.texts import read_texts
 
 REHEARSED_TRIALS, REHEARSED_S = 8, 130.0
-"""So many trials are rehearsed, or so long, beside the first trial of every block.
+"""Limits of the rehearsal, in trials and seconds, beside the first trial of every block.
 
-A level more brings other numbers, seldom other code.
+A further level brings other numbers, seldom other code.
 """
 
 
@@ -143,27 +143,27 @@ def _pages() -> ModuleType:
 
 
 def _locked(request: Request, config: LabConfig) -> dict[str, Any]:
-    """Return what a session keeps of its study's locked plan."""
+    """Return the entries about the study's locked plan that a session keeps."""
     is_simulation = is_simulated(config)
     folder = study_dir(config.data_root, request.study.name, is_simulated=is_simulation)
     return carried_by_session(folder, request.study, request.experiment, request.seed)
 
 
 def _incidents(config: LabConfig) -> dict[str, Any]:
-    """Return what a session keeps of the lab's own list of reasons; nothing of the usual one."""
+    """Return the entry for the lab's own list of reasons; nothing for the usual list."""
     own = dict(config.incidents)
     return {} if own == dict(INCIDENTS) else {"incidents": own}
 
 
 def _screen(config: LabConfig) -> dict[str, Any]:
-    """Return what a session keeps of the screen participants sit before; nothing of a headset's."""
+    """Return the entry for the screen participants sit before; nothing for a headset."""
     screen = config.display.on_screen
     return {} if screen is None else {"screen": screen.model_dump()}
 
 
 @contextmanager
 def of_no_session() -> Iterator[None]:
-    """Let an interruption be one where what is performed is not kept: nothing could be resumed."""
+    """Raise KeyboardInterrupt for an interrupted session that is not kept for a resumption."""
     try:
         yield
     except SessionAborted as ended:
@@ -218,12 +218,12 @@ def get_ready(
     config: LabConfig,
     told: Callable[[int, int], None] = untold,
 ) -> str:
-    """Do what would hold up a frame of a session; return why a part was left out, mostly "".
+    """Do in advance what would delay a frame; return why a part was left out, usually "".
 
-    What the study prepares, then a rehearsal of a few trials by a simulated person on simulated
-    devices, unseen and forgotten: code is compiled for what it is called with, so nothing finds
-    all of it but calling it. `told` hears how much of how much is done. Done already, it takes no
-    time.
+    First the study prepares itself. Then a simulated person rehearses a few trials on simulated
+    devices, unseen and without a recording: code is compiled for the types it is called with, so
+    only calls compile all of it. `told` is called with the amount done and the total. A second
+    call takes no time.
     """
     if experiment in _READY:
         return ""
@@ -341,7 +341,7 @@ def _setup(
     progress: Progress,
     recorder: Recorder,
 ) -> SessionSetup:
-    # A study in one language alone says nothing; its participants read the lab's.
+    # A study in a single language names none; its participants read the lab's language.
     config = request.config.model_copy(update={"language": request.experiment.language})
     return SessionSetup(
         experiment=request.experiment,
@@ -385,7 +385,7 @@ def _describe(
     recorder: Recorder,
     infos: tuple[DeviceInfo, ...],
 ) -> None:
-    """Keep who the devices are; in real time their own recordings begin and the companion hears."""
+    """Record which devices are used; in real time start their recordings, tell the companion."""
     folder.describe(devices=infos)
     if request.clock.is_virtual:
         return
@@ -432,7 +432,7 @@ def build_stage(
     show, asks = config.display.show, config.display.questions != "terminal"
     if show == "none" or (clock.is_virtual and show != "offscreen"):
         return GeometryStage(viewers, asks=asks)
-    # Saves OpenGL, GLFW and the renderer wherever nothing is drawn: most simulated sessions.
+    # OpenGL, GLFW and the renderer are loaded only to draw; most simulated sessions do not.
     from visavis.running.sessions.drawn_stages import build_drawn_stage
 
     return build_drawn_stage(config, experiment, rig, clock, viewers)
@@ -447,5 +447,5 @@ def _simulated_participant(request: Request) -> SimulatedParticipant | None:
         effect=request.effect,
         experiment=request.experiment,
     )
-    # On a real clock the simulated tracker's thread measures while the session moves the body.
+    # In real time the simulated tracker's thread measures while the session moves the body.
     return participant if request.clock.is_virtual else SharedBody(participant)

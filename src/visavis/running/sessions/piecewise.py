@@ -1,4 +1,4 @@
-"""Measure the trials of a study one by one, on any machines; what was kept is not repeated."""
+"""Measure the trials of a study one by one, on any machines; stored results are not repeated."""
 
 import hashlib
 import json
@@ -32,7 +32,7 @@ class TrialJob:
 Runner: TypeAlias = Callable[
     [Callable[[TrialJob], MeasuredTrial], list[TrialJob]], Iterator[tuple[int, MeasuredTrial]]
 ]
-"""Does a function for every job, anywhere, and yields (job number, result) as they finish."""
+"""Calls a function for every job, on any machine; yields (job number, result) as they finish."""
 
 
 def measure_job(job: TrialJob) -> MeasuredTrial:
@@ -66,11 +66,11 @@ def measure_sessions(
     """Measure every trial that `store` does not hold yet, then take in the sessions.
 
     Each trial is written to `store` as soon as it is measured, so a later call goes on where
-    this one was stopped. `on_trial` is told how many of how many trials are done.
+    this one was stopped. `on_trial` is called with the number of trials done and of all.
     """
     how, reference = pieces.how_with(settings), reference_of(study.study)
     recordings = [Recording(path) for path in sessions]
-    for recording in recordings:  # told before hours of measuring
+    for recording in recordings:  # an error is better now than after hours of measuring
         study.experiment_of(recording)
     jobs: list[tuple[TrialJob, Path]] = []
     paths_by_session: list[dict[str, Path]] = []
@@ -118,8 +118,8 @@ def _kept(path: Path) -> MeasuredTrial:
 
 
 def kept_at(store: Path, recording: Recording, trial_id: str, pieces: Pieces, how: Any) -> Path:
-    """Return where a trial is kept: the name changes with the recording and with how it is
-    measured, so nothing out of date is ever used.
+    """Return the file of a measured trial. Its name changes with the recording and with the way of
+    measuring, so an outdated result is never used.
     """
     manifest = recording.manifest
     content = [
@@ -131,5 +131,5 @@ def kept_at(store: Path, recording: Recording, trial_id: str, pieces: Pieces, ho
         pieces.marks(how),
     ]
     digest = hashlib.sha256(json.dumps(content, default=str).encode()).hexdigest()[:16]
-    trial = re.sub(r"[^A-Za-z0-9_-]", "_", trial_id)  # which foreign data may make a path
+    trial = re.sub(r"[^A-Za-z0-9_-]", "_", trial_id)  # foreign ones may hold a slash
     return store / f"{recording.path.parent.name}_{recording.path.name}_{trial}_{digest}.json"

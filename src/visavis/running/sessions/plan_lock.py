@@ -128,7 +128,7 @@ def carried_by_session(
 ) -> dict[str, Any]:
     """Return what a session's configuration keeps of a locked plan: empty without one.
 
-    Its hash, and everything in which the study deviates from it as the session begins.
+    It keeps the hash of the plan, and all deviations of the study when the session begins.
     """
     locked_plan = read_lock(folder)
     if locked_plan is None:
@@ -149,7 +149,7 @@ def _kept(deviation: Deviation) -> dict[str, str]:
 
 
 def write_deviations(review: PlanReview | None, out_dir: Path) -> None:
-    """Write what deviates from a locked plan beside the tables; without a plan: no file."""
+    """Write the deviations from a locked plan beside the tables; no file without a plan."""
     path = out_dir / DEVIATIONS_NAME
     path.unlink(missing_ok=True)
     if review is not None:
@@ -170,7 +170,7 @@ def refuse_to_peek(
 ) -> tuple[Peek, ...]:
     """Return the looks at results so far; refuse a further one while a blinded study runs.
 
-    Where it is `asked` for, it is recorded before anything is computed.
+    A further look that is `asked` for is recorded before anything is computed.
 
     Raises:
         UsageError: the study is blinded and not complete, and nobody asked to look.

@@ -1,7 +1,7 @@
-"""The design that a study's sessions were made with, and what of it is otherwise by now.
+"""The design that a study's sessions were made with, and its changes since then.
 
-Every session carries its design: what is varied, how often, what is shown and asked. What
-participants read may change while a study runs, and how it is analysed; the design may not.
+Every session carries its design: what is varied, how often, what is shown and asked. Texts and the
+analysis may change while a study runs; the design may not.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,7 +20,7 @@ from visavis.study.experiment import StudyExperiment
 DESIGN_KEY: Final = "design"
 """Where a session's configuration keeps the design it was made with."""
 MAX_VALUES: Final = 12
-"""Of an option with more values than this only how many there are is kept."""
+"""For an option with more values than this, only their number is kept."""
 
 
 def design_of(experiment: StudyExperiment) -> dict[str, Any]:
@@ -90,7 +90,7 @@ def _told(value: Any) -> str:
 
 
 def design_of_session(manifest: Manifest) -> dict[str, Any]:
-    """Return the design a session was made with; of one that kept none, what its plan tells."""
+    """Return the design of a session; if it kept none, the parameters of its plan."""
     design = manifest.configuration.get(DESIGN_KEY)
     if design is not None:
         return dict(design)
@@ -99,8 +99,8 @@ def design_of_session(manifest: Manifest) -> dict[str, Any]:
 
 
 def changes_since(begun: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[Deviation, ...]:
-    """Return everything in which a design differs from the one begun with, where both tell."""
-    if "factors" not in begun:  # a plan's parameters, among which factors that were set stand too
+    """Return the differences between a design and the first one, in the parts that both have."""
+    if "factors" not in begun:  # only a plan's parameters, and factors that were set
         now = {"parameters": _as_planned(now["parameters"])}
         begun = {
             "parameters": {k: v for k, v in begun["parameters"].items() if k in now["parameters"]}
@@ -118,7 +118,7 @@ def _as_planned(parameters: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def in_words(changes: Sequence[Deviation]) -> str:
-    """Return changes of a design in words: what, as begun, as it is now."""
+    """Describe changes of a design: what changed, its value at first and its value now."""
 
     def said(c: Deviation) -> str:
         if c.planned == NOTHING:
@@ -138,13 +138,13 @@ def manifests_of(folder: Path) -> Iterator[Manifest]:
 
 
 def changes_of_design(folder: Path, experiment: StudyExperiment) -> tuple[Deviation, ...]:
-    """Return in what a study differs from the design its folder was begun with."""
+    """Return the differences between a study and the design of its first session."""
     first = next(manifests_of(folder), None)
     return () if first is None else changes_since(design_of_session(first), design_of(experiment))
 
 
 def require_same_design(folder: Path, experiment: StudyExperiment, way_out: str) -> None:
-    """Refuse a further session of another design than a folder was begun with.
+    """Refuse a further session whose design differs from that of the first one.
 
     Raises:
         UsageError: naming what differs, and `way_out`.
@@ -201,8 +201,8 @@ def require_recorded_factors(
 def told_of_designs(
     manifests: Sequence[Manifest], experiment: StudyExperiment
 ) -> tuple[tuple[Deviation, ...], str]:
-    """Return how the sessions' design differs from the study's now, and which differ in it
-    among each other ("" where none do).
+    """Return how the sessions' design differs from the study's now, and a warning of sessions that
+    differ among each other ("" if none do).
     """
     designs = [design_of_session(m) for m in manifests]
     first = designs[0]

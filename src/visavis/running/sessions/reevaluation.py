@@ -1,4 +1,4 @@
-"""Where recorded gaze fell, evaluated once more by the engine that evaluated it in the session."""
+"""Evaluate recorded gaze again with the engine that evaluated it in the session."""
 
 from typing import Any, Final
 
@@ -23,8 +23,8 @@ TARGETS: Final = "gaze_targets"
 def targets_again(recording: Recording, study: OpenedStudy, part: int) -> Columns:
     """Feed the engine with a part's gaze, head and scenes, frame by frame; return `gaze_targets`.
 
-    Which samples a frame took is as recorded, as is the tracker's clock between trials; in trials
-    it is the trial's own.
+    The samples of each frame are as recorded. The offset of the tracker's clock is the trial's own
+    within a trial, and as recorded between trials.
 
     Raises:
         UsageError: people sat before a screen; its place is not recorded.
@@ -54,6 +54,7 @@ def targets_again(recording: Recording, study: OpenedStudy, part: int) -> Column
     frame_count = len(frames["frame_index"])
     for k in range(frame_count):
         until_ns = int(frames["t_host_ns"][k + 1]) if k + 1 < frame_count else None
+        # The observer knew the head poses that had arrived before the next frame.
         while pose_index < len(head["valid"]) and (
             until_ns is None or head["t_host_ns"][pose_index] < until_ns
         ):
@@ -63,6 +64,7 @@ def targets_again(recording: Recording, study: OpenedStudy, part: int) -> Column
         frame = int(frames["frame_index"][k])
         if frame not in first_of:
             continue
+        # Evaluate the same gaze samples in this frame as the session did.
         rows = slice(first_of[frame], last_of[frame] + 1)
         try:
             at = [place_of[int(seq)] for seq in recorded_targets["gaze_seq"][rows]]
@@ -77,6 +79,7 @@ def targets_again(recording: Recording, study: OpenedStudy, part: int) -> Column
             + delay_ns
             - int(gaze["t_device_ns"][at[0]])
         )
+        # Use the clock offset of the trial, or the recorded one between trials.
         trial = int(frames["trial_number"][k])
         t_ns = int(frames["t_host_ns"][k])
         observer.clock_offset_ns = next(
@@ -111,7 +114,7 @@ class _Scenes:
 
 
 def _delay_ns(recording: Recording) -> int:
-    """Return how late the tracker's stamps were, as configured."""
+    """Return the configured delay of the tracker's time stamps, in nanoseconds."""
     options = recording.manifest.configuration["devices"].get("eye_tracker", {})
     infos = [i for i in recording.manifest.devices if i.get("role") == "eye_tracker"]
     delays = [i.get("gaze_delay_ms") for i in infos] or [options.get("gaze_delay_ms")]

@@ -1,6 +1,6 @@
-"""Simulate a whole study, and analyse one: what the commands of these names do, in silence.
+"""Simulate a whole study, and analyse one: the work of the commands with these names.
 
-Whoever calls may listen (`telling`): the command line prints, a script hears warnings alone.
+Messages go to `telling`: the command line prints them, a script gets only warnings.
 """
 
 import warnings
@@ -72,18 +72,18 @@ from visavis.study.pieces import Pieces
 
 
 class Telling(Protocol):
-    """Whoever listens while a study is simulated or analysed."""
+    """Receives messages while a study is simulated or analysed."""
 
     def say(self, text: str) -> None:
-        """Hear what was done."""
+        """Receive a message about what was done."""
         ...
 
     def warn(self, text: str) -> None:
-        """Hear what the result leaves out or rests on."""
+        """Receive a warning about what the result leaves out or rests on."""
         ...
 
     def progress(self, what: str) -> AbstractContextManager[Callable[[int, int], None]]:
-        """Return what is told how much is done, of how much."""
+        """Return a context with a function to call with the amount done and the total."""
         ...
 
 
@@ -127,6 +127,7 @@ def simulate_study(
     folder = data_root / SIMULATED_ROOT / chosen.name
     chosen.experiment(wanted.parameters)
     prepare_data_root(lab)
+    # A folder holds sessions of one design with one set of settings.
     settings = settle(folder, wanted, seed_given=True, way_out="choose another --output")
     experiment = chosen.experiment(settings.parameters)
     require_same_design(
@@ -145,6 +146,7 @@ def simulate_study(
         _entry(folder, number, experiment.plan, settings.seed)
         for number in range(1, participants + 1)
     ]
+    # Simulate only what is neither complete nor being recorded by another process.
     sessions = [p.parent for p in folder.glob("sub-*/ses-001/manifest.json")]
     present = {p.parent.name for p in sessions if Recording(p).status in ("complete", "running")}
     tasks = [
@@ -203,7 +205,7 @@ def analyse_study(
 
     Raises:
         DataError: a recording is damaged and that was not accepted, kinds or studies are mixed, or
-            the synchronisation test is none for these sessions.
+            the synchronisation test does not fit these sessions.
         UsageError: the study's locked plan keeps results hidden until it is complete.
     """
     folder = folder.resolve()
@@ -214,6 +216,7 @@ def analyse_study(
             "first complete one is analysed"
         )
     manifests = [read_manifest(s) for s in sessions]
+    # An analysis is of one study, and of real or simulated sessions unless a mixture is wanted.
     names = {m.study for m in manifests}
     kinds = {m.is_simulated for m in manifests}
     if len(names) > 1:
@@ -224,6 +227,7 @@ def analyse_study(
             "if you mean it (everything is then marked as simulated)"
         )
     study = names.pop()
+    # A blinded study shows no results before it is complete, unless they are asked for.
     locked_plan, clock = read_lock(folder), SystemClock()
     peeks = refuse_to_peek(
         folder, locked_plan, manifests, clock, asked=peek is not None, reason=peek or ""
@@ -252,6 +256,7 @@ def analyse_study(
         opened_study, review = _reviewed(opened_study, locked_plan, manifests, settings, peeks)
         for line in review.lines():
             telling.warn(line) if review.deviations else telling.say(line)
+    # Long measurements go trial by trial, so that a stop loses at most one.
     pieces = opened_study.pieces
     if pieces is not None:
         intakes = _measured_piecewise(
@@ -261,7 +266,7 @@ def analyse_study(
         intakes = _measured(
             reference_of(opened_study.study), sessions, processes, scheduler, settings, telling
         )
-    # One manifest of each session is held, not two: of a hundred people it is what takes most.
+    # Keep one manifest per session, not two: with a hundred people they take most memory.
     intakes = [replace(one, manifest=m) for one, m in zip(intakes, manifests, strict=True)]
     halves = _unfinished(intakes)
     analysis = opened_study.analysis_of(intakes, settings)
@@ -270,6 +275,7 @@ def analyse_study(
         verdict = "it is taken in" if counts.get(who, False) else "they are left out"
         telling.warn(f"not finished: {summary}; {verdict}")
     intakes = [one.without_tables() for one in intakes]  # the analysis holds everybody's
+    # The report names the command that makes it again, and simulated data how they were made.
     report_path = replace(opened_study, tell=telling.warn, make_views=make_views).write(
         analysis,
         intakes,
@@ -298,7 +304,7 @@ def analyse_study(
     files = made_files(out_dir) if is_ours else ()
     try:
         register_export(folder, SystemClock(), ANALYSIS, out_dir, labels, files)
-    except LedgerError as error:  # an archive that only can be read
+    except LedgerError as error:  # a read-only archive
         telling.warn(str(error))
     telling.say(f"{count_of(len(sessions), 'session')} analysed in {watch.elapsed_s():.0f} s")
     return report_path
@@ -333,7 +339,7 @@ def _with_recorded_design(
 
 
 def _unfinished(sessions: Sequence[Any]) -> dict[str, str]:
-    """Return in words how far sessions came that were not finished, by participant."""
+    """Describe how far unfinished sessions came, by participant."""
     summaries = {}
     for one in sessions:
         parts = one.manifest.parts
@@ -353,7 +359,7 @@ def _reviewed(
     settings: Mapping[str, Any],
     peeks: Sequence[Peek],
 ) -> tuple[OpenedStudy, PlanReview]:
-    """Hold a study against its locked plan; what the plan does not name becomes exploratory."""
+    """Compare a study with its locked plan; what the plan does not name becomes exploratory."""
     experiment = chosen.experiment(overrides_of(manifests[0].plan))
     done = content_now(chosen, experiment, manifests[0].seed, settings)
     review = review_of(locked, done, manifests, peeks)
@@ -418,7 +424,7 @@ def _from_root(folder: Path) -> str:
 
 
 def _origin(folder: Path, manifests: Sequence[Manifest]) -> tuple[str, ...]:
-    """Return the command that would simulate these sessions again; none performed in real time."""
+    """Return the command that simulates these sessions again; none for sessions in real time."""
     settings = read_settings(folder)
     if settings is None or not settings.is_simulated:
         return ()

@@ -121,7 +121,7 @@ def wanted_settings(
 ) -> StudySettings:
     """Return what a command asks for: as typed, else as the study was begun, else the defaults.
 
-    A `language` that is typed holds for what is asked; the lab's usual one for a new study.
+    A typed `language` holds for this command; the lab's usual one is for a new study.
 
     Raises:
         UsageError: an assignment cannot be read.
@@ -159,8 +159,8 @@ def settle(
 ) -> StudySettings:
     """Return the settings in force, writing them when the study is new.
 
-    Until its first session a study may take more parameters than it was begun with, where `fits`
-    tells that everybody registered keeps their group.
+    Before its first session a study may get further parameters, if `fits` tells that everybody
+    registered keeps their group.
 
     Raises:
         UsageError: another seed or other parameters were asked for than the study was begun with.
@@ -185,7 +185,7 @@ def settle(
         write_sealed(folder / SETTINGS_NAME, asdict(new_settings))
         return new_settings
     refuse_other(folder, present, wanted, way_out)
-    # Who reads another language takes part in the same study.
+    # Participants who read another language take part in the same study.
     return replace(present, parameters={**present.parameters, **wanted.parameters})
 
 
@@ -226,7 +226,7 @@ def _was_completed(session: Path) -> bool:
 
 
 def made_files(out_dir: Path) -> tuple[Path, ...]:
-    """Return what an analysis made, but for walks kept to be measured once only."""
+    """Return the files that an analysis made, without measured walks, which are kept for later."""
     measured_dir = out_dir / MEASURED
     return tuple(
         p for p in sorted(out_dir.rglob("*")) if p.is_file() and not p.is_relative_to(measured_dir)
@@ -238,8 +238,8 @@ def one_per_participant(
 ) -> tuple[tuple[Path, ...], tuple[Path, ...]]:
     """Return each person's first complete session (their first when none is), and the others.
 
-    Complete is what was closed as such, whatever happened to its files later: a damaged session
-    gives way to no other.
+    A session is complete if it was closed as such, even if its files were damaged later. A damaged
+    session is not replaced by another.
     """
     by_person: dict[str, list[Path]] = {}
     for path in sessions:

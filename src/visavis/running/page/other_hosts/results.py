@@ -176,6 +176,7 @@ def import_runs(
                 fit.append(one)
         except (PageError, LabError) as error:
             summary.refused += (f"run {run.key[:8]}: {error}",)
+    # Of several runs of one person, the first in this order is recorded.
     for one in sorted(fit, key=lambda one: one.rank):
         try:
             if label := people.label_of(one.arrival):
