@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from visavis.study.moving_camera import FilmSeen
 
 MADE: Final = "vp9 4"
-"""How films are drawn and encoded: another one here makes every film anew."""
+"""Version of drawing and encoding: a new value makes every film again."""
 QUALITY: Final[Mapping[str, str]] = {
     "crf": "18",
     "b": "0",
@@ -93,22 +93,22 @@ class FilmStore:
         return self.seen(film).cameras
 
     def name_of(self, film: Film) -> str:
-        """Return what names a film: the hash of what it shows."""
+        """Return the name of a film: the hash of what it shows."""
         return _name_of(self, film)
 
     def file_of(self, film: Film) -> FilmFile | None:
         """Return a film's file; None where it was not built, or is not what was built."""
         path = self.folder / f"{self.name_of(film)}.webm"
         try:
-            built = parse_json(read_plain(path.with_suffix(".json")))["sha256"]
+            built_digest = parse_json(read_plain(path.with_suffix(".json")))["sha256"]
             content = path.read_bytes()
         except (OSError, ValueError, KeyError, TypeError):
             return None
         digest = hashlib.sha256(content).hexdigest()
-        return FilmFile(path, digest, len(content)) if built == digest else None
+        return FilmFile(path, digest, len(content)) if built_digest == digest else None
 
     def build(self, films: Sequence[Film], told: Callable[[int, int], None]) -> None:
-        """Draw and encode the films that are not there yet; `told` hears frames of how many."""
+        """Draw and encode the missing films; `told` is called with frames done and their total."""
         missing = [film for film in films if self.file_of(film) is None]
         total, done = sum(film.frame_count for film in missing), 0
         told(0, total)
@@ -124,16 +124,16 @@ class FilmStore:
         told(total, total)
 
     def told(self, film: Film, *, is_simulated: bool = False) -> dict[str, Any]:
-        """Return what a page is told of a film; simulated people need no file.
+        """Return what a page must know about a film; simulated people need no file.
 
         Raises:
             ConfigError: it was not built.
         """
-        # A name from what makes it, not from what it shows, which takes seconds to compute.
+        # To hash what a film shows takes seconds; without a file its parameters are enough.
         name = (
             hashlib.sha256(repr(film).encode()).hexdigest() if is_simulated else self.name_of(film)
         )
-        told = {
+        description = {
             "film": name,
             "seconds": film.frame_count / film.rate_hz,
             "frames": film.frame_count,
@@ -143,20 +143,20 @@ class FilmStore:
             "mime": MIME,
         }
         if is_simulated:
-            return told | {"sha256": "", "bytes": 0}
-        found = self.file_of(film)
-        if found is None:
+            return description | {"sha256": "", "bytes": 0}
+        film_file = self.file_of(film)
+        if film_file is None:
             raise ConfigError(
                 f"film {name[:12]} of {film.scene.name} is not built; begin again, which builds it"
             )
-        return told | {"sha256": found.sha256, "bytes": found.size_bytes}
+        return description | {"sha256": film_file.sha256, "bytes": film_file.size_bytes}
 
     def frames(self, film: Film) -> Iterator[SceneFrame]:
         """Yield what every picture of a film shows."""
-        staged, last = self.staged(film), None
+        staged_scene, last = self.staged(film), None
         for k in range(film.frame_count):
             t_ns = k * NS_PER_S // film.rate_hz
-            last = staged.frame(still_view(t_ns), t_ns) or last
+            last = staged_scene.frame(still_view(t_ns), t_ns) or last
             if last is None:
                 raise ConfigError(f"scene {film.scene.name} shows nothing at its onset")
             yield replace(last, t_ns=t_ns)
@@ -176,8 +176,8 @@ class FilmStore:
             stream.width, stream.height = film.size_px
             stream.pix_fmt = "yuv420p"
             stream.codec_context.thread_count = 1
-            drawn = zip(self.pictures(film), cameras, strict=True)
-            for number, (picture, camera) in enumerate(drawn, start=1):
+            shots = zip(self.pictures(film), cameras, strict=True)
+            for number, (picture, camera) in enumerate(shots, start=1):
                 image = renderer.image(picture, camera, film.size_px)
                 frame = av.VideoFrame.from_ndarray(image, format="rgb24")
                 container.mux(stream.encode(frame))
@@ -215,20 +215,20 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
 @lru_cache(maxsize=512)
 def _name_of(store: FilmStore, film: Film) -> str:
     digest = hashlib.sha256()
-    known = (MADE, film.size_px, film.rate_hz, film.frame_count, film.lens)
-    digest.update(repr(known).encode())
+    settings = (MADE, film.size_px, film.rate_hz, film.frame_count, film.lens)
+    digest.update(repr(settings).encode())
     if not isinstance(film.lens, Lens):
         digest.update(_rounded(store.seen(film).poses))
     for picture in store.pictures(film):
-        said = [*map(_look_of, picture.cast), _place_of(picture.room)]
-        said += [_thing_of(placed.prop) for placed in picture.moving]
-        said += [repr(replace(panel, pose=NO_POSE)) for panel in picture.panels]
-        said += [f"{picture.brightness_01:.6f}", "" if picture.mark_m is None else "marked"]
-        digest.update(",".join(said).encode())
+        parts = [*map(_look_of, picture.cast), _place_of(picture.room)]
+        parts += [_thing_of(item.prop) for item in picture.moving]
+        parts += [repr(replace(panel, pose=NO_POSE)) for panel in picture.panels]
+        parts += [f"{picture.brightness_01:.6f}", "" if picture.mark_m is None else "marked"]
+        digest.update(",".join(parts).encode())
         people = picture.people
         for values in (people.root_m, people.orientation_wxyz, people.morphs_01):
             digest.update(_rounded(values))
-        poses = [placed.pose for placed in picture.moving] + [p.pose for p in picture.panels]
+        poses = [item.pose for item in picture.moving] + [p.pose for p in picture.panels]
         for pose in poses:
             digest.update(_rounded(pose.position_m) + _rounded(pose.orientation_wxyz))
         if picture.mark_m is not None:
@@ -237,7 +237,7 @@ def _name_of(store: FilmStore, film: Film) -> str:
 
 
 def _rounded(values: npt.ArrayLike) -> bytes:
-    """Return numbers as bytes that do not hang on the last bits of a processor's arithmetic."""
+    """Return numbers as bytes that do not depend on the last bits of a processor's arithmetic."""
     return (np.round(np.asarray(values, np.float64), POSE_DECIMALS) + 0.0).tobytes()
 
 
@@ -259,9 +259,9 @@ def _place_of(room: Room) -> str:
 def _thing_of(prop: Prop) -> str:
     """Return the hash of how a thing looks, wherever it stands."""
     mesh, made_of = prop.mesh, prop.material
-    said = f"{prop.name} {made_of.kind} {made_of.roughness_01:.6f} {made_of.double_sided} "
-    said += f"{prop.emission_01:.6f} {prop.casts_shadow}"
-    digest = hashlib.sha256(said.encode())
+    text = f"{prop.name} {made_of.kind} {made_of.roughness_01:.6f} {made_of.double_sided} "
+    text += f"{prop.emission_01:.6f} {prop.casts_shadow}"
+    digest = hashlib.sha256(text.encode())
     for block in prop.blocks:
         digest.update(_rounded(np.hstack(astuple(block))))
     maps = () if made_of.maps is None else vars(made_of.maps).values()
@@ -281,7 +281,7 @@ def _look_of(person: Character) -> str:
 
 
 def cache_folder() -> Path:
-    """Return where films lie that were built before, for every study of this user."""
+    """Return the folder of built films, which all studies of this user share."""
     return platformdirs.user_cache_path("visavis") / "films"
 
 
@@ -300,7 +300,7 @@ def _staged(film: Film, makers: tuple[tuple[str, Maker], ...], folder: Path) -> 
 
 @lru_cache(maxsize=128)
 def _seen(film: Film, makers: tuple[tuple[str, Maker], ...], folder: Path) -> "FilmSeen":
-    # Saves the director of films with its geometry where every camera stands still.
+    # The director of films, with its geometry, is loaded only where a camera moves.
     from visavis.study.moving_camera import filmed
 
     return filmed(film, _staged(film, makers, folder))
@@ -310,10 +310,10 @@ def _seen(film: Film, makers: tuple[tuple[str, Maker], ...], folder: Path) -> "F
 def _renderer() -> "Iterator[Renderer]":
     """Open a renderer.
 
-    A processor draws people moved and lit by compiled loops, all in full detail: with shadow maps
-    and light at every pixel one person alone takes it seventeen times as long.
+    A processor draws people with compiled loops, all in full detail. With shadow maps and light at
+    every pixel, a single person would take seventeen times as long.
     """
-    # Saves OpenGL wherever films are named, looked at by simulated people or served, not drawn.
+    # OpenGL is loaded only to draw films, not to name them, to serve them or for simulated people.
     from visavis.stage.card.context import draws_on_processor, offscreen_context, release_offscreen
     from visavis.stage.levels import DetailRule
     from visavis.stage.renderer import ON_PROCESSOR, Quality, Renderer

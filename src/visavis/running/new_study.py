@@ -20,7 +20,7 @@ def new_study(name: str, folder: Path, base: Study | None = None) -> tuple[Path,
     """Write NAME.py and test_NAME.py, and without a base the texts in NAME_texts; return them.
 
     Raises:
-        UsageError: the name is none, is taken, or a file is there already.
+        UsageError: the name is not allowed or taken, or a file exists already.
     """
     if not name.isidentifier() or not name.islower():
         raise UsageError(
@@ -30,14 +30,14 @@ def new_study(name: str, folder: Path, base: Study | None = None) -> tuple[Path,
         raise UsageError(f"there is a study {name} already; choose another name")
     texts, file, test = f"{name}_texts", f"{name}.py", f"test_{name}.py"
     title = name.replace("_", " ").capitalize()
-    filled = {"name": name, "title": title, "texts": texts, "file": file, "test": test}
-    made = {
-        file: _derived(name, base, folder) if base else _example("study.py.txt", filled),
-        test: _example("test.py.txt", filled),
+    values = {"name": name, "title": title, "texts": texts, "file": file, "test": test}
+    contents = {
+        file: _derived(name, base, folder) if base else _example("study.py.txt", values),
+        test: _example("test.py.txt", values),
     }
     if base is None:
-        made |= {f"{texts}/{lang}.yaml": _read(f"{lang}.yaml") for lang in LANGUAGES}
-    return written(folder, made)
+        contents |= {f"{texts}/{lang}.yaml": _read(f"{lang}.yaml") for lang in LANGUAGES}
+    return written(folder, contents)
 
 
 def write_examples(folder: Path) -> tuple[Path, ...]:
@@ -46,8 +46,8 @@ def write_examples(folder: Path) -> tuple[Path, ...]:
     Raises:
         UsageError: one of them is there already.
     """
-    made = {path.stem: path.read_text("utf-8") for path in sorted(READY.glob("*.txt"))}
-    return written(folder, made)
+    contents = {path.stem: path.read_text("utf-8") for path in sorted(READY.glob("*.txt"))}
+    return written(folder, contents)
 
 
 def written(folder: Path, made: Mapping[str, str]) -> tuple[Path, ...]:

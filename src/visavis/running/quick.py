@@ -70,7 +70,7 @@ def quick_study(
     seed: int,
     effect: float = 1.0,
 ) -> SimulatedStudy:
-    """Simulate a study; `effect` multiplies what is shown makes of a difference.
+    """Simulate a study; `effect` multiplies the effect of what is shown.
 
     Raises:
         UsageError: the study's people cannot be given such an effect, or a measure needs a
@@ -78,8 +78,10 @@ def quick_study(
     """
     study = opened.study
     measures = [m for m in opened.measures(experiment) if m.of is not None]
-    correlated = any(isinstance(of, Correlate) for of in study.analysis.families)
-    asked = [questionnaire(name, study.folders) for name in study.asks.questionnaires if correlated]
+    needs_answers = any(isinstance(of, Correlate) for of in study.analysis.families)
+    questionnaires = [
+        questionnaire(name, study.folders) for name in study.asks.questionnaires if needs_answers
+    ]
     tables, people = [], []
     for index in indices:
         person = _person(opened, experiment, index, seed, effect)
@@ -88,33 +90,33 @@ def quick_study(
         if quick_of is None:
             rows = quick_rows(experiment, person, tracker, measures, index=index, seed=seed)
         else:
-            performed = quick_of(experiment, person, tracker)(experiment.plan(index, seed))
-            rows = pd.DataFrame([_row_of(trial, own, index) for trial, own in performed])
+            trial_rows = quick_of(experiment, person, tracker)(experiment.plan(index, seed))
+            rows = pd.DataFrame([_row_of(trial, own, index) for trial, own in trial_rows])
         tables.append(rows)
-        known: dict[str, Any] = {"participant": _name(index)}
-        for questions in asked:
+        person_row: dict[str, Any] = {"participant": _name(index)}
+        for questions in questionnaires:
             answers = answers_of(person, questions)
-            known |= answers
-            known |= {f"{questions.name}_{k}": v for k, v in score(questions, answers).items()}
-        people.append(known)
+            person_row |= answers
+            person_row |= {f"{questions.name}_{k}": v for k, v in score(questions, answers).items()}
+        people.append(person_row)
     return SimulatedStudy(pd.concat(tables, ignore_index=True), pd.DataFrame(people))
 
 
 def answers_of(person: SimulatedParticipant, questions: Questionnaire) -> dict[str, Any]:
     """Ask a simulated person a whole questionnaire; return the answers as analysis reads them."""
-    given = {
+    raw_answers = {
         q.question_id: person.answer(q.question_id, q.prompt, q.options)
         for q in questions.questions()
     }
-    return dict(read_answers(questions, given))
+    return dict(read_answers(questions, raw_answers))
 
 
 def _person(
     opened: OpenedStudy, experiment: StudyExperiment, index: int, seed: int, effect: float
 ) -> SimulatedParticipant:
-    scaled = opened.study.simulated.scaled_of
-    if scaled is not None:
-        return scaled(index, seed, effect, experiment)
+    make_person = opened.study.simulated.scaled_of
+    if make_person is not None:
+        return make_person(index, seed, effect, experiment)
     if effect not in (0, 1):
         raise UsageError(
             f"people of {opened.name} see what is shown or do not: --effect is published or none, "
@@ -173,8 +175,8 @@ def quick_rows(
     plan = experiment.plan(index, seed)
     for block in plan.blocks:
         person.wear(block.index + 1)
-        counted = [t for t in block.trials if not t.is_practice]
-        rows += [_row(experiment, person, tracker, measures, t, index) for t in counted]
+        main_trials = [t for t in block.trials if not t.is_practice]
+        rows += [_row(experiment, person, tracker, measures, t, index) for t in main_trials]
     return pd.DataFrame(rows)
 
 
@@ -193,13 +195,13 @@ def _page_rows(
             lambda film: store.told(film, is_simulated=True),
         )
         reply: Reply | None = None
-        told = {"trial": trial.number, "is_practice": False}
+        trial_position = {"trial": trial.number, "is_practice": False}
         try:
             while True:
                 out = performing.send(reply)
                 reply = None
                 if not isinstance(out, Mark):
-                    step = PageStep(out.kind, {**out.content, **told})
+                    step = PageStep(out.kind, {**out.content, **trial_position})
                     content = visitor.reply(step)
                     check_reply(step, content)
                     reply = Reply(content, ns_of_ms(visitor.now_ms), ns_of_ms)
@@ -267,8 +269,8 @@ class _Frames:
                 elif isinstance(step, PlaySound):
                     self._sounded.append(Sounded(step.key, self._t_ns))
                 elif isinstance(step, Ask):
-                    said = self._person.answer(step.question_id, step.prompt, step.options)
-                    reply = Answered(said, self._t_ns)
+                    answer = self._person.answer(step.question_id, step.prompt, step.options)
+                    reply = Answered(answer, self._t_ns)
                 elif isinstance(step, Prompt):
                     reply = Answered(None, self._t_ns)
         except StopIteration as end:
@@ -305,7 +307,7 @@ class _Frames:
         self._observer.add_pose(t_ns, head)
         self._sample(t_ns - self._tracker.delay_ns)
         gaze = self._observer.observe(self._index, t_ns)
-        sounded, self._sounded = tuple(self._sounded), []
+        sounds, self._sounded = tuple(self._sounded), []
         downs = [(at_ns, c) for at_ns, c, value in self._person.presses(t_ns) if value > 0.5]
         return FrameView(
             self._index,
@@ -316,7 +318,7 @@ class _Frames:
             tuple(c for _, c in downs),
             self._hand(t_ns),
             pressed_ns=tuple(at_ns for at_ns, _ in downs),
-            sounded=sounded,
+            sounded=sounds,
         )
 
     def _hand(self, t_ns: int) -> BodyView | None:
@@ -343,6 +345,6 @@ class _Frames:
         values = empty_values(GAZE, n)
         values["direction_head"], values["valid"] = direction, valid
         self._in_head.append(np.where(valid[:, None], direction, np.nan).astype(np.float32))
-        arrived = t_ns + self._tracker.delay_ns
-        self._observer.take(SampleBatch(GAZE, numbers, t_ns, arrived, values))
+        arrival_ns = t_ns + self._tracker.delay_ns
+        self._observer.take(SampleBatch(GAZE, numbers, t_ns, arrival_ns, values))
         self._samples = last

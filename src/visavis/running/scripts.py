@@ -49,12 +49,12 @@ class Session:
 
     @property
     def participant(self) -> str:
-        """Whose session it is, as the ledger calls them."""
+        """The participant's label in the ledger."""
         return self.recording.manifest.participant
 
     @property
     def is_simulated(self) -> bool:
-        """Whether nobody took part, or devices were simulated."""
+        """Whether no person took part, or devices were simulated."""
         return self.recording.is_simulated
 
     @property
@@ -93,8 +93,8 @@ class Session:
     @property
     def plan(self) -> Mapping[str, Any]:
         """What was planned."""
-        found: Mapping[str, Any] = self.recording.manifest.plan
-        return found
+        content: Mapping[str, Any] = self.recording.manifest.plan
+        return content
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class StudyData:
     path: Path
     study: OpenedStudy = field(repr=False)
     accept_damage: bool = False
-    """Whether recordings that are damaged are measured, too, as far as they can be read."""
+    """Whether damaged recordings are measured as well, as far as they can be read."""
 
     @cached_property
     def sessions(self) -> tuple[Session, ...]:
@@ -121,9 +121,9 @@ class StudyData:
             manifest = session.recording.manifest
             if manifest.participant == participant and manifest.session == number:
                 return session
-        known = ", ".join(dict.fromkeys(s.participant for s in self.sessions))
+        names = ", ".join(dict.fromkeys(s.participant for s in self.sessions))
         raise UsageError(
-            f"{self.path} has no session {number} of {participant!r}; there are {known}"
+            f"{self.path} has no session {number} of {participant!r}; there are {names}"
         )
 
     def __iter__(self) -> Iterator[Session]:
@@ -135,9 +135,9 @@ class StudyData:
         return self._taken_in({})
 
     def _taken_in(self, how: Mapping[str, Any]) -> tuple[Any, ...]:
-        counted, _ = one_per_participant(tuple(s.path for s in self.sessions))
-        require_intact(counted, accept=self.accept_damage)
-        return tuple(self.study.measure(Recording(path), how) for path in counted)
+        paths, _ = one_per_participant(tuple(s.path for s in self.sessions))
+        require_intact(paths, accept=self.accept_damage)
+        return tuple(self.study.measure(Recording(path), how) for path in paths)
 
     def trials(self) -> pd.DataFrame:
         """Return every trial, measured from the recordings; one row each.
@@ -180,7 +180,7 @@ class StudyData:
 def open_study(path: str | Path, *, accept_damage: bool = False) -> StudyData:
     """Open the data of a study: the folder that holds `sub-…/ses-…`.
 
-    What is measured of a damaged recording raises DataError, unless `accept_damage`.
+    Measuring a damaged recording raises DataError, unless `accept_damage` is set.
 
     Raises:
         UsageError: there are no sessions, or the study's file is gone.
@@ -210,11 +210,11 @@ def simulate(
         ConfigError: a parameter does not exist.
     """
     lab = _lab(config)
-    chosen = find_study(str(study), lab.studies)
+    opened_study = find_study(str(study), lab.studies)
     root = Path(output).resolve()
-    folder = root / SIMULATED_ROOT / chosen.name
-    usual = wanted_settings(folder, chosen, is_simulated=True, seed=seed, effect=effect)
-    wanted = StudySettings(
+    folder = root / SIMULATED_ROOT / opened_study.name
+    usual = wanted_settings(folder, opened_study, is_simulated=True, seed=seed, effect=effect)
+    settings = StudySettings(
         usual.study,
         usual.seed,
         True,
@@ -223,8 +223,10 @@ def simulate(
         source=usual.source,
         source_sha256=usual.source_sha256,
     )
-    made = simulate_study(lab, chosen, wanted, participants, root, processes=processes)
-    return StudyData(made, chosen)
+    data_folder = simulate_study(
+        lab, opened_study, settings, participants, root, processes=processes
+    )
+    return StudyData(data_folder, opened_study)
 
 
 def analyse(
@@ -251,12 +253,12 @@ def tables(data: StudyData | str | Path) -> dict[str, pd.DataFrame]:
         UsageError: nothing has been analysed there yet.
     """
     folder = (data.path if isinstance(data, StudyData) else Path(data)) / DERIVED
-    found = {
+    frames = {
         p.stem: pd.read_csv(p, dtype={"participant": str}) for p in sorted(folder.glob("*.csv"))
     }
-    if not found:
+    if not frames:
         raise UsageError(f"{folder} holds no tables; make them: visavis.analyse({str(data)!r})")
-    return found
+    return frames
 
 
 def _lab(config: str | Path | None) -> LabConfig:

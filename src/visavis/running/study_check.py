@@ -45,35 +45,35 @@ Derived: TypeAlias = Callable[[Mapping[str, Any]], Scalar]
 
 
 def check_study(study: str | Path | Study, parameters: Mapping[str, Any] | None = None) -> None:
-    """Check a study, given itself, its file, or its name; `parameters` replace some of its own.
+    """Check a study, given as object, file or name; `parameters` replace some of its own.
 
     Raises:
         UsageError: there is no such study.
         DesignError: listing everything that is wrong with it.
     """
-    opened = OpenedStudy(study) if isinstance(study, Study) else find_study(str(study))
+    opened_study = OpenedStudy(study) if isinstance(study, Study) else find_study(str(study))
     set_to = dict(parameters or {})
     problems: list[str] = []
     try:
-        problems += text_problems(opened.study)
-        experiment = opened.experiment(set_to)
-        _ = experiment.sounds  # files that cannot be played are told
+        problems += text_problems(opened_study.study)
+        experiment = opened_study.experiment(set_to)
+        _ = experiment.sounds  # raises if a file cannot be played
         problems += plan_problems(experiment)
-        for language in languages_of(opened.study):
-            opened.experiment({**set_to, "language": language}).plan(0, SEED)
+        for language in languages_of(opened_study.study):
+            opened_study.experiment({**set_to, "language": language}).plan(0, SEED)
         problems += picture_problems(experiment)
-        problems += performing_problems(opened, experiment)
+        problems += performing_problems(opened_study, experiment)
     except LabError as error:
         problems.append(str(error))
     if problems:
-        listed = "\n  ".join(problems)
+        lines = "\n  ".join(problems)
         raise DesignError(
-            f"study {opened.name} has {count_of(len(problems), 'problem')}:\n  {listed}"
+            f"study {opened_study.name} has {count_of(len(problems), 'problem')}:\n  {lines}"
         )
 
 
 def plan_problems(experiment: StudyExperiment) -> list[str]:
-    """Say where a plan differs when it is made again, or holds a condition more often."""
+    """Name plans that differ when made again, or hold some conditions more often than others."""
     problems = []
     design = experiment.study.design_with(experiment.parameters)
     groups = max(1, len(combinations_of(design.between)))
@@ -82,8 +82,8 @@ def plan_problems(experiment: StudyExperiment) -> list[str]:
         if plan != experiment.plan(index, SEED):
             problems.append(f"the plan of participant {index + 1} differs when it is made again")
         names = [f.name for f in design.within]
-        counted = [t for t in plan.trials if not t.is_practice]
-        times = Counter(tuple(t.factors[n] for n in names) for t in counted)
+        main_trials = [t for t in plan.trials if not t.is_practice]
+        times = Counter(tuple(t.factors[n] for n in names) for t in main_trials)
         expected = len(combinations_of(design.within))
         if len(times) != expected or len(set(times.values())) > 1:
             problems.append(
@@ -130,8 +130,8 @@ def text_problems(study: Study) -> list[str]:
                 if name in entries
             }
             if len({tuple(p) for p in used.values()}) > 1:
-                listed = "; ".join(f"{k}: {', '.join(v) or 'none'}" for k, v in used.items())
-                problems.append(f"{folder}, {name}: placeholders differ ({listed})")
+                summary = "; ".join(f"{k}: {', '.join(v) or 'none'}" for k, v in used.items())
+                problems.append(f"{folder}, {name}: placeholders differ ({summary})")
     return problems
 
 
@@ -144,13 +144,13 @@ def picture_problems(experiment: StudyExperiment) -> list[str]:
     """Say which scenes cannot be made into pictures."""
     problems = []
     for key, read in experiment.read.items():
-        for wanted in read.scenes:
+        for scene in read.scenes:
             try:
-                shown = first_view(experiment, wanted)
-                if shown is not None:
-                    picture_of(shown)
+                frame = first_view(experiment, scene)
+                if frame is not None:
+                    picture_of(frame)
             except LabError as error:
-                problems.append(f"trial {dict(key)}, scene {wanted.name}: {error}")
+                problems.append(f"trial {dict(key)}, scene {scene.name}: {error}")
     return problems
 
 
@@ -164,10 +164,10 @@ def performing_problems(opened: OpenedStudy, experiment: StudyExperiment) -> lis
     """Say what went wrong when a simulated person performed every condition once."""
     measures = opened.measures(experiment)
     rows = _performed(opened, experiment, measures)
-    known = trial_columns(experiment, measures)
+    described_columns = trial_columns(experiment, measures)
     problems = [
         f"column {name!r} of the trials is not described; name it in columns or measures"
-        for name in undescribed(rows.columns, known)
+        for name in undescribed(rows.columns, described_columns)
     ]
     other = OpenedStudy(renamed(opened.study))
     same = renamed_parameters(opened.study, experiment.overrides)
@@ -182,7 +182,7 @@ def performing_problems(opened: OpenedStudy, experiment: StudyExperiment) -> lis
 
 
 def renamed(study: Study) -> Study:
-    """Return a study whose conditions are called otherwise and are the same: level_1, level_2."""
+    """Return the same study with the levels of its factors renamed: level_1, level_2."""
     new = {
         f.name: {level: f"{RENAMED}{i}" for i, level in enumerate(f.levels, start=1)}
         for f in study.design.factors
@@ -213,7 +213,7 @@ def renamed(study: Study) -> Study:
         intertrial_of=None if intertrial is None else told(intertrial),
         check_of=check_of,
         ranges={k: v for k, v in study.design.ranges.items() if k not in new},
-        prepare_of=None,  # which is only sooner
+        prepare_of=None,  # it would only save time
         compare=(),
         sections=[],
     )
@@ -224,7 +224,7 @@ def _told(cell: Mapping[str, Any], names: Mapping[str, Mapping[Any, Any]]) -> di
 
 
 def _unrenamed(rule: Constraint, old: Mapping[str, Mapping[Any, Any]]) -> Constraint:
-    """Return a rule of order that is asked about conditions by their old names."""
+    """Return a rule of order that sees the conditions under their old names."""
 
     def allows(previous: Sequence[Cell], candidate: Cell) -> bool:
         return rule.allows([_told(cell, old) for cell in previous], _told(candidate, old))
@@ -260,20 +260,20 @@ class _EachOnce(StudyExperiment):
 
     def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
         """Return the plan with those trials alone."""
-        made = super().plan(participant_index, seed, group)
-        seen: set[tuple[Scalar, ...]] = set()
+        whole_plan = super().plan(participant_index, seed, group)
+        cells: set[tuple[Scalar, ...]] = set()
 
         def is_new(trial: Trial) -> bool:
             key = tuple(trial.factors.values())
-            fresh = not trial.is_practice and key not in seen
-            seen.update([key] if fresh else [])
+            fresh = not trial.is_practice and key not in cells
+            cells.update([key] if fresh else [])
             return fresh
 
         blocks = [
             dataclasses.replace(b, trials=tuple(t for t in b.trials if is_new(t)))
-            for b in made.blocks
+            for b in whole_plan.blocks
         ]
-        return dataclasses.replace(made, blocks=tuple(b for b in blocks if b.trials))
+        return dataclasses.replace(whole_plan, blocks=tuple(b for b in blocks if b.trials))
 
 
 class _Exact:
@@ -293,10 +293,10 @@ def _performed(
     opened: OpenedStudy, experiment: StudyExperiment, measures: Sequence[Measure]
 ) -> pd.DataFrame:
     each = _EachOnce(experiment.study, experiment.overrides)
-    wanted = [m for m in measures if m.of is None or m.needs_gaze]
+    quick_measures = [m for m in measures if m.of is None or m.needs_gaze]
     rows = []
     groups = len(combinations_of(experiment.study.design_with(experiment.parameters).between)) or 1
     for index in range(groups):
         person = opened.participant(index, SEED, effect=True, experiment=each)
-        rows.append(quick_rows(each, person, _Exact(), wanted, index=index, seed=SEED))
+        rows.append(quick_rows(each, person, _Exact(), quick_measures, index=index, seed=SEED))
     return pd.concat(rows, ignore_index=True)

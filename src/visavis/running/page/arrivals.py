@@ -1,7 +1,7 @@
-"""Who comes to a served study: from a panel with an identifier, or with none; and where they go.
+"""Participants who arrive at a served study, and where they go afterwards.
 
-Panels tell who comes in the address: Prolific as PROLIFIC_PID, STUDY_ID and SESSION_ID, SONA as
-survey_code, others as `participant` or `id`.
+A panel names the participant in the address: Prolific as PROLIFIC_PID, STUDY_ID and SESSION_ID,
+SONA as survey_code, others as `participant` or `id`. A participant may also come without a panel.
 """
 
 import re
@@ -16,24 +16,24 @@ from visavis.protocol.plan.session_plan import SessionPlan
 from visavis.running.page.steps import PageError
 
 LINK: Final = "link"
-"""Stands for a panel where a lab's own link says who comes."""
+"""Name of the panel if a lab's own link names the participant."""
 PANELS: Final = {
     "PROLIFIC_PID": "Prolific",
     "survey_code": "SONA",
     "participant": LINK,
     "id": LINK,
 }
-"""Names in an address that say who comes, and the panel that uses each."""
+"""Address parameters that name a participant, and the panel that uses each."""
 KEPT: Final = ("STUDY_ID", "SESSION_ID")
 ID: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
 MIN_SECRET: Final = 12
-"""Characters from which on an identifier that is no number cannot be guessed."""
+"""Identifiers with this many characters cannot be guessed, unless they are numbers."""
 PLACES_AHEAD: Final = 64
 
 
 @dataclass(frozen=True)
 class Arrival:
-    """Somebody who came: the panel and its identifier for them, both "" where there is none."""
+    """A person who arrived: the panel and its identifier for them, both "" if there is none."""
 
     panel: str = ""
     identifier: str = ""
@@ -41,7 +41,7 @@ class Arrival:
 
     @property
     def identity(self) -> dict[str, str]:
-        """What the key file keeps of them, apart from the data."""
+        """What the key file stores about them, separately from the data."""
         return {"panel": self.panel, "identifier": self.identifier, **(self.of_panel or {})}
 
     @property
@@ -51,10 +51,10 @@ class Arrival:
 
 
 def arrival_of(told: Mapping[str, str]) -> Arrival:
-    """Return who comes with an address's parameters.
+    """Return the arrival that an address's parameters describe.
 
     Raises:
-        PageError: one that says who comes is no identifier, such as a panel's placeholder.
+        PageError: the value is not an identifier, for example a panel's placeholder.
     """
     for name, panel in PANELS.items():
         if name not in told:
@@ -67,15 +67,15 @@ def arrival_of(told: Mapping[str, str]) -> Arrival:
 
 
 def completion_of(address: str, arrival: Arrival) -> str:
-    """Return where somebody goes after the study; "{id}" in the address is their identifier."""
+    """Return the address to open after the study, with "{id}" replaced by the identifier."""
     return address.replace("{id}", quote(arrival.identifier, safe=""))
 
 
 def check_completion(address: str) -> None:
-    """Refuse an address that a page must not lead to.
+    """Refuse a completion address that a page must not lead to.
 
     Raises:
-        UsageError: it is no web address.
+        UsageError: it is not a web address.
     """
     if address and not re.match(r"https?://[^\s/]+", address):
         raise UsageError(f"--completion takes a web address, https://…, not {address!r}")
@@ -85,7 +85,7 @@ Order = tuple[Any, ...]
 
 
 def order_of(plan: SessionPlan, *, trials_too: bool) -> Order:
-    """Return what of a plan repeats over people: its group, its blocks, in squares its trials."""
+    """Return what repeats between the plans of people: group, blocks and, in squares, trials."""
     blocks = tuple(block.name for block in plan.blocks)
     trials = tuple(
         tuple(sorted(t.factors.items())) for t in plan.trials if trials_too and not t.is_practice
@@ -98,17 +98,17 @@ def least_filled(
 ) -> int:
     """Return the free place whose order the fewest people have.
 
-    `taken` are places given away, `counting` those of people who completed or are at it: the
-    order of somebody who left is filled again. Of equal ones the first place is taken.
+    `taken` are places already given away, `counting` those of people who completed or are taking
+    part: the order of a person who left is filled again. Ties go to the first place.
     """
-    known = set(taken)
-    free = (index for index in count() if index not in known)
-    filled: dict[Order, int] = {}
+    taken_places = set(taken)
+    free = (index for index in count() if index not in taken_places)
+    people_by_order: dict[Order, int] = {}
     for index in counting:
-        filled[order(index)] = filled.get(order(index), 0) + 1
+        people_by_order[order(index)] = people_by_order.get(order(index), 0) + 1
     best, fewest = -1, -1
     for index in islice(free, PLACES_AHEAD):
-        have = filled.get(order(index), 0)
+        have = people_by_order.get(order(index), 0)
         if best < 0 or have < fewest:
             best, fewest = index, have
         if not have:

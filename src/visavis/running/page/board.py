@@ -1,4 +1,4 @@
-"""Who of a study is where: what its sessions on pages say, from the disk."""
+"""The progress of all participants of a served study, read from their sessions on disk."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -25,14 +25,14 @@ STATES: Final = {
     "damaged": "cannot be read",
     "expected": "has not come",
 }
-"""Where somebody can be, and how the board says it."""
+"""States of a participant, and the words that the board shows for them."""
 COUNTING: Final = ("complete", "running")
-"""States of people whose order needs nobody else."""
+"""States in which a participant fills their order."""
 
 
 @dataclass(frozen=True)
 class Place:
-    """Where one participant is: trials done of those planned, minutes at it, flags of trials.
+    """The progress of one participant: trials done and planned, minutes spent, flags of trials.
 
     `minutes` is None before anything was answered.
     """
@@ -49,7 +49,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Board:
-    """Everybody's place, the median time of those who completed, and how many are wanted."""
+    """The progress of all participants, and how many are wanted."""
 
     places: tuple[Place, ...]
     quota: int | None = None
@@ -66,7 +66,7 @@ class Board:
         return median(times) if times else None
 
     def told(self) -> dict[str, Any]:
-        """Return it as JSON can hold it."""
+        """Return the board as JSON data."""
         return {
             "states": dict(STATES),
             "counts": dict(self.counts),
@@ -77,7 +77,7 @@ class Board:
 
 
 def place_of(entry: Participant, session: Path) -> Place:
-    """Return where somebody of the ledger is, from their session's folder."""
+    """Return the progress of a participant in the ledger, read from their session's folder."""
     if entry.status != "active":
         return Place(entry.label, entry.index, entry.group, "deleted")
     if not (session / "manifest.json").exists():
@@ -87,12 +87,12 @@ def place_of(entry: Participant, session: Path) -> Place:
     flags: Counter[str] = Counter()
     done = 0
     if len(trials):
-        counted = trials[~trials["is_practice"].astype(bool)]
-        done = len(counted)
-        for told in counted["flags"].dropna():
-            flags.update(filter(None, str(told).split(";")))
+        main_trials = trials[~trials["is_practice"].astype(bool)]
+        done = len(main_trials)
+        for flag_text in main_trials["flags"].dropna():
+            flags.update(filter(None, str(flag_text).split(";")))
     plan = recording.manifest.plan
-    planned = sum(not t["is_practice"] for b in plan["blocks"] for t in b["trials"])
+    planned_count = sum(not t["is_practice"] for b in plan["blocks"] for t in b["trials"])
     times = events.loc[events["name"] == "page_event", "t_ns"]
     minutes = (int(times.max()) - int(times.min())) / NS_PER_S / 60 if len(times) else None
     return Place(
@@ -101,7 +101,7 @@ def place_of(entry: Participant, session: Path) -> Place:
         entry.group,
         _state(recording, events, session),
         done,
-        planned,
+        planned_count,
         minutes,
         tuple(f"{name} ({n})" for name, n in flags.most_common()),
     )
@@ -111,10 +111,10 @@ def _state(recording: Recording, events: Any, session: Path) -> str:
     if recording.status == "complete":
         return "complete"
     names = events["name"]
-    stopped = list(events.loc[names == "stopped", "payload"])
-    if stopped:
-        return STOPPED if stopped[-1]["keep"] else WITHDRAWN
-    if any(told["agreed"] is False for told in events.loc[names == "consent", "payload"]):
+    stop_payloads = list(events.loc[names == "stopped", "payload"])
+    if stop_payloads:
+        return STOPPED if stop_payloads[-1]["keep"] else WITHDRAWN
+    if any(payload["agreed"] is False for payload in events.loc[names == "consent", "payload"]):
         return DECLINED
     return "running" if is_held(session) else "left"
 
@@ -126,17 +126,17 @@ def board_of(
     quota: int | None = None,
     known: dict[str, Place] | None = None,
 ) -> Board:
-    """Return where everybody of a study is; `known` keeps places that do not change any more."""
-    kept = {} if known is None else known
+    """Return the progress of all participants; `known` caches places that no longer change."""
+    final_places = {} if known is None else known
     places = []
     for entry in entries:
-        place = kept.get(entry.label)
+        place = final_places.get(entry.label)
         if place is None or entry.status != "active":
             try:
                 place = place_of(entry, folder / f"sub-{entry.label}" / "ses-001")
             except LabError:
                 place = Place(entry.label, entry.index, entry.group, "damaged")
         if place.state in ("complete", STOPPED, DECLINED, "deleted"):
-            kept[entry.label] = place
+            final_places[entry.label] = place
         places.append(place)
     return Board(tuple(places), quota)

@@ -15,17 +15,17 @@ TAB: Final = "simulated"
 
 
 async def arrive(base: str, told: Mapping[str, str]) -> str:
-    """Come to a served study; return the address of the session given.
+    """Arrive at a served study; return the address of the new session.
 
     Raises:
-        DataError: there is none, with the reason told.
+        DataError: the server gave no session; says why.
     """
     async with aiohttp.ClientSession(base) as http:
         async with http.post("/api/arrive", json={"told": dict(told)}) as response:
-            said: dict[str, Any] = await response.json()
-    if "key" not in said:
-        raise DataError(f"no session for a simulated page: {said}")
-    return f"{base}/#{said['key']}"
+            answer: dict[str, Any] = await response.json()
+    if "key" not in answer:
+        raise DataError(f"no session for a simulated page: {answer}")
+    return f"{base}/#{answer['key']}"
 
 
 async def visit(
@@ -35,9 +35,9 @@ async def visit(
     *,
     ends: Callable[[PageStep], bool] = lambda step: False,
 ) -> str:
-    """Answer every step of the page at an address (http://…/#KEY) to its end, which is returned.
+    """Answer every step of the page at an address (http://…/#KEY); return the outcome.
 
-    `ends` says before which step the page is closed, as if its battery had run out.
+    `ends` tells whether the page closes before a step, as if its battery had run out.
 
     Raises:
         DataError: the server refused what was sent.
@@ -48,12 +48,12 @@ async def visit(
 
         async def post(path: str, body: Mapping[str, Any]) -> dict[str, Any]:
             async with http.post(path, json=body) as response:
-                told: dict[str, Any] = await response.json()
-                if response.status != 200 or "failed" in told:
-                    raise DataError(f"the server refused a simulated page: {told}")
-                return told
+                message: dict[str, Any] = await response.json()
+                if response.status != 200 or "failed" in message:
+                    raise DataError(f"the server refused a simulated page: {message}")
+                return message
 
-        told = await post(
+        message = await post(
             "/api/hello",
             {
                 "tab": TAB,
@@ -62,19 +62,19 @@ async def visit(
                 "about": {"browser": "simulated"},
             },
         )
-        while told["step"]["kind"] != "end":
-            content = dict(told["step"])
+        while message["step"]["kind"] != "end":
+            content = dict(message["step"])
             step = PageStep(content.pop("kind"), content)
             if ends(step):
                 return ""
             reply = visitor.reply(step)
             clock.sleep_until_ns(begun_ns + round(visitor.now_ms * NS_PER_MS))
             event = {
-                "n": told["ack"] + 1,
+                "n": message["ack"] + 1,
                 "kind": "reply",
                 "at_ms": visitor.now_ms,
-                "step": told["number"],
+                "step": message["number"],
                 "reply": reply,
             }
-            told = await post("/api/events", {"tab": TAB, "events": [event]})
-    return str(told["step"]["outcome"])
+            message = await post("/api/events", {"tab": TAB, "events": [event]})
+    return str(message["step"]["outcome"])

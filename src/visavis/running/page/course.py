@@ -28,7 +28,7 @@ CARD_MM: Final = (85.6, 53.98)
 SCREEN_MEASURED: Final = "screen_measured"
 SOUND_CHECKED: Final = "sound_checked"
 SOUND_STREAM: Final = 0x50D
-"""Of the random numbers of a session: which digits are said."""
+"""Random stream of a session that chooses the spoken digits."""
 STOPPED: Final = "stopped"
 WITHDRAWN: Final = "withdrawn"
 """Stopped, and what was recorded is to be deleted."""
@@ -74,7 +74,7 @@ class Notes:
 class Visit:
     """Everything the course of one participant's session depends on.
 
-    `files` says what a page is told of a film, `now_ns` the session time.
+    `files` returns what a page must know about a film, `now_ns` the session time.
     """
 
     experiment: StudyExperiment
@@ -130,9 +130,9 @@ def course(visit: Visit) -> Course:
                     },
                 )
             )
-            agreed = reply.content.get("agreed") is True
-            yield Event("consent", {"version": version, "agreed": agreed})
-            if not agreed:
+            has_consented = reply.content.get("agreed") is True
+            yield Event("consent", {"version": version, "agreed": has_consented})
+            if not has_consented:
                 return DECLINED
         if "card" in experiment.study.procedure.screening:
             reply = yield from _step(PageStep("card", {"card_mm": CARD_MM}))
@@ -156,19 +156,24 @@ def course(visit: Visit) -> Course:
 
 
 def _sound(visit: Visit) -> Generator[Out, Reply | None, None]:
-    """Say digits; who types others, or hears nothing, is flagged and goes on."""
+    """Play spoken digits; flag a participant who types other digits or none."""
     experiment, plan = visit.experiment, visit.plan
     files = spoken_digits(experiment.language, experiment.settings.folder)
     rng = np.random.default_rng([plan.seed, plan.participant_index, SOUND_STREAM])
     digits = [int(digit) for digit in rng.integers(0, 10, HOW_MANY)]
     wav = base64.b64encode(spoken(digits, files)).decode()
     reply = yield from _step(PageStep("sound", {"wav": wav}))
-    told, said = reply.content["heard"], "".join(map(str, digits))
+    typed_digits, correct_digits = reply.content["heard"], "".join(map(str, digits))
     yield Event(
         SOUND_CHECKED,
-        {"said": said, "heard": told, "is_right": told == said, "played": reply.content["played"]},
+        {
+            "said": correct_digits,
+            "heard": typed_digits,
+            "is_right": typed_digits == correct_digits,
+            "played": reply.content["played"],
+        },
     )
-    if told != said:
+    if typed_digits != correct_digits:
         visit.notes.standing.append(NOT_HEARD)
 
 
@@ -214,13 +219,15 @@ def _trial(visit: Visit, block: Block, trial: Trial) -> Generator[Out, Reply | N
     except StopIteration as end:
         row = end.value or {}
     except FilmFailed as problem:
+        # The row keeps what was done before the film failed.
         row, status, reason = dict(script.row), "skipped", problem.reason
+    # The row counts frames of all films of the trial together.
     films = {
         k: int(v or 0)
         for k, v in row.items()
         if k.startswith("film") and k.endswith(("_frames", "_frames_dropped"))
     }
-    dropped = sum(v for k, v in films.items() if k.endswith("_dropped"))
+    dropped_frames = sum(v for k, v in films.items() if k.endswith("_dropped"))
     yield TrialRow(
         {
             "participant": visit.participant_label,
@@ -240,8 +247,9 @@ def _trial(visit: Visit, block: Block, trial: Trial) -> Generator[Out, Reply | N
             **row,
             "t_start_ns": row.get("t_start_ns", start_ns),
             "t_end_ns": row.get("t_end_ns", visit.now_ns()),
-            "frames": sum(films.values()) - dropped,
-            "frames_dropped": dropped,
+            "frames": sum(films.values()) - dropped_frames,
+            "frames_dropped": dropped_frames,
+            # A page has no eye tracker.
             "gaze_expected": 0,
             "gaze_received": 0,
             "gaze_valid": 0,
@@ -272,14 +280,14 @@ def _questionnaire(
                 },
             )
         )
-        given = mapping(reply.content.get("answers"), "answers")
+        answers = mapping(reply.content.get("answers"), "answers")
         for question in part:
             yield Event(
                 "answer",
                 {
                     "questionnaire": name,
                     "question": question.question_id,
-                    "answer": _read(question, given.get(question.question_id)),
+                    "answer": _read(question, answers.get(question.question_id)),
                 },
             )
     yield Event("questionnaire_complete", {"questionnaire": name})

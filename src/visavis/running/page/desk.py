@@ -21,7 +21,7 @@ from visavis.running.page.steps import (
 )
 
 LEASE_NS: Final = 12 * NS_PER_S
-"""A page that was not heard for so long has gone; another may take its place."""
+"""After this silence a page counts as gone, and another may take its place."""
 MAX_EVENTS: Final = 500
 """How many events a page may send at once."""
 KINDS: Final = ("reply", "visibility", "fullscreen", "resize", "problem")
@@ -30,16 +30,17 @@ RESTARTED: Final = "server restarted"
 RELOADED: Final = "page reloaded"
 ASLEEP: Final = "computer asleep"
 ASLEEP_NS: Final = 5 * NS_PER_S
-"""A page's clock that stood still for so long did so because the computer slept."""
+"""A page's clock that stops for longer than this means that the computer slept."""
 
 
 @dataclass(frozen=True)
 class Past:
-    """What earlier parts of a session hold: page events in order, and what else was written.
+    """Content of the earlier parts of a session: page events in order, and what else was written.
 
-    `events` are (part, session time, payload); `rows` trials whose row is there, `answers`
-    (questionnaire, question), `answered` (trial, question), `complete` whole questionnaires.
-    A trial that goes on in a later part is flagged with `broken_by`; "" where nothing broke it.
+    `events` are (part, session time, payload). `rows` are trials that have a row, `answers` pairs
+    (questionnaire, question), `answered` pairs (trial, question), `complete` finished
+    questionnaires. A trial that continues in a later part is flagged with `broken_by`; "" means
+    that nothing interrupted it.
     """
 
     events: Sequence[tuple[int, int, Mapping[str, Any]]] = ()
@@ -53,19 +54,19 @@ class Past:
 
 @dataclass
 class _Origin:
-    """Where a page's clock lies in session time: the least delay of an event tells it best.
+    """Zero of a page's clock in session time, estimated from the event with the least delay.
 
-    `ahead_ms` is by how much the time of day on that computer is ahead of the page's clock.
+    `ahead_ms` is how far the time of day on that computer is ahead of the page's clock.
     """
 
     least_ns: int | None = None
     ahead_ms: float | None = None
 
     def has_slept(self, at_ms: float, wall_ms: float, t_ns: int) -> bool:
-        """Tell whether a page's clock stood still since it was heard before.
+        """Tell whether a page's clock stood still since its last events.
 
-        A slow network makes what it says late, a clock that is set moves its time of day; a
-        computer that slept does both.
+        A slow network delays events, and setting a clock changes its time of day. A computer
+        that slept does both.
         """
         before_ms, self.ahead_ms = self.ahead_ms, wall_ms - at_ms
         if before_ms is None or self.least_ns is None:
@@ -74,7 +75,7 @@ class _Origin:
         return min(late_ns, ns_of_ms(self.ahead_ms - before_ms)) > ASLEEP_NS
 
     def begin_anew(self, at_ms: float, t_ns: int) -> None:
-        """Forget where the clock lay."""
+        """Start a new estimate."""
         self.least_ns = t_ns - ns_of_ms(at_ms)
 
     def heard(self, at_ms: float, t_ns: int) -> None:
@@ -106,7 +107,7 @@ class PageDesk:
     trials_done: int = 0
     trial_id: str = ""
     trial_steps: list[PageStep] = field(default_factory=list)
-    """What the trial that goes on has shown so far."""
+    """Steps that the current trial has shown so far."""
     on_trial: Callable[[], None] | None = None
 
     def __post_init__(self) -> None:
@@ -131,9 +132,9 @@ class PageDesk:
         about: Mapping[str, Any] | None = None,
         at_ms: float = 0.0,
     ) -> None:
-        """Let a page take the session: the only one, one that comes again, or one that may.
+        """Give the session to a page: the only one, a returning one, or one that may take over.
 
-        `before` is the tab that the same browser had, which its lock says is closed.
+        `before` is the earlier tab of the same browser, which the browser reports as closed.
 
         Raises:
             OpenElsewhereError: another page has it.
@@ -150,14 +151,14 @@ class PageDesk:
     def take(
         self, tab: str, events: Sequence[Any], sent: tuple[float, float] | None = None
     ) -> bool:
-        """Take numbered events of the page that has the session; those known already are passed.
+        """Take numbered events of the page that has the session; skip acknowledged ones.
 
-        `sent` is when they were: by the page's clock, and by the time of day there, both in ms.
-        Returns whether anything may be to write.
+        `sent` is when they were sent: by the page's clock and by the time of day there, in ms.
+        Returns whether there may be something to write.
 
         Raises:
             OpenElsewhereError: another page has it.
-            PageError: they are no events, or one is missing between them.
+            PageError: an event is malformed, or a number is missing.
         """
         if tab != self._tab:
             raise OpenElsewhereError("the study goes on in another tab or browser")
@@ -188,7 +189,7 @@ class PageDesk:
         return slept or bool(events)
 
     def told(self) -> dict[str, Any]:
-        """Return what the page is told: what is on the disk, and the step to show."""
+        """Return the state for the page: the last event on the disk, and the step to show."""
         return {
             "ack": self.acknowledged,
             "number": self.step_number,
@@ -196,7 +197,7 @@ class PageDesk:
         }
 
     def leave(self, tab: str) -> None:
-        """Hear that a page was closed or reloaded; another may come at once."""
+        """Note that a page was closed or reloaded; another may connect at once."""
         if tab == self._tab:
             self._has_left = True
 
@@ -277,7 +278,7 @@ class PageDesk:
             self.recorder.event(out.name, self.clock.now_ns(), **out.payload)
 
     def _replay(self, past: Past) -> None:
-        """Lead the course to where it was; a trial that a restart broke into is flagged."""
+        """Replay the course up to its last reply; flag a trial that a restart interrupted."""
         part = None
         for its_part, t_ns, payload in past.events:
             if part is not None and its_part != part:
@@ -300,15 +301,15 @@ class PageDesk:
 
 def _is_known(event: Event, past: Past) -> bool:
     """Tell whether an event that the course repeats is in an earlier part."""
-    told = event.payload
+    payload = event.payload
     match event.name:
         case "trial_start":
-            return told["trial_id"] in past.started
+            return payload["trial_id"] in past.started
         case "answer":
-            return (told["questionnaire"], told["question"]) in past.answers
+            return (payload["questionnaire"], payload["question"]) in past.answers
         case "answered":
-            return (told["trial_id"], told["question"]) in past.answered
+            return (payload["trial_id"], payload["question"]) in past.answered
         case "questionnaire_complete":
-            return told["questionnaire"] in past.complete
+            return payload["questionnaire"] in past.complete
         case _:
             return True

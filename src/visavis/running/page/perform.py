@@ -49,7 +49,7 @@ ENDINGS: Final = {
 }
 """Why a session ended before its end, by the outcome of its course."""
 LAST_STEP_S: Final = 1.5
-"""How long a page that is over is still answered, so that it can say its thanks."""
+"""How long the server answers after the end, so that the page can show its thanks."""
 
 
 def perform_new(request: Request) -> Path:
@@ -71,14 +71,14 @@ def manifest_of(request: Request, experiment: StudyExperiment) -> Manifest:
     """Return the manifest with which a session on a page begins."""
     cast = use_cast_of(request.config)
     plan = experiment.plan(request.person.index, request.seed, request.person.group)
-    simulated = is_simulated(request.config)
+    is_simulation = is_simulated(request.config)
     consent = consent_of(experiment, plan)
-    folder = study_dir(request.config.data_root, request.study.name, is_simulated=simulated)
+    folder = study_dir(request.config.data_root, request.study.name, is_simulated=is_simulation)
     return Manifest(
         study=request.study.name,
         participant=request.person.label,
         session=request.person.session,
-        is_simulated=simulated,
+        is_simulated=is_simulation,
         plan=plan,
         seed=request.seed,
         configuration={
@@ -120,7 +120,7 @@ def perform_rest(request: Request, session_path: Path) -> Path:
 
 
 def prepared_films(request: Request, told: Callable[[int, int], None] = untold) -> FilmStore:
-    """Return a session's films, built where people will look at them."""
+    """Return a session's films; build them if a person will watch."""
     experiment = experiment_of(request)
     store = film_store(experiment)
     if not request.clock.is_virtual:
@@ -129,31 +129,31 @@ def prepared_films(request: Request, told: Callable[[int, int], None] = untold) 
 
 
 def past_of(recording: Recording) -> Past:
-    """Return what earlier parts of a session hold."""
+    """Return the content of the earlier parts of a session."""
     events = recording.events()
     pages: list[tuple[int, int, Mapping[str, Any]]] = []
-    started, answers, answered, complete = set(), set(), set(), set()
+    started_trials, answers, answered_questions, complete = set(), set(), set(), set()
     for event in events.to_dict("records"):
-        told = event["payload"]
+        payload = event["payload"]
         match event["name"]:
             case "page_event":
-                pages.append((int(event["recording_part"]), int(event["t_ns"]), told))
+                pages.append((int(event["recording_part"]), int(event["t_ns"]), payload))
             case "trial_start":
-                started.add(str(told["trial_id"]))
+                started_trials.add(str(payload["trial_id"]))
             case "answer":
-                answers.add((str(told["questionnaire"]), str(told["question"])))
+                answers.add((str(payload["questionnaire"]), str(payload["question"])))
             case "answered":
-                answered.add((str(told["trial_id"]), str(told["question"])))
+                answered_questions.add((str(payload["trial_id"]), str(payload["question"])))
             case "questionnaire_complete":
-                complete.add(str(told["questionnaire"]))
+                complete.add(str(payload["questionnaire"]))
     trials = recording.trials()
     rows = frozenset(map(str, trials["trial_id"])) if "trial_id" in trials else frozenset()
     return Past(
         pages,
         rows,
-        frozenset(started),
+        frozenset(started_trials),
         frozenset(answers),
-        frozenset(answered),
+        frozenset(answered_questions),
         frozenset(complete),
     )
 
@@ -162,7 +162,7 @@ def simulated_visitor(request: Request, experiment: StudyExperiment, store: Film
     """Return the simulated participant of a session, before a page.
 
     Raises:
-        ConfigError: the study's own simulated person looks at no page.
+        ConfigError: the study's own simulated person cannot use a page.
     """
     person = request.study.participant(
         request.person.index,
@@ -174,7 +174,7 @@ def simulated_visitor(request: Request, experiment: StudyExperiment, store: Film
 
 
 def experiment_of(request: Request) -> StudyExperiment:
-    """Return what is performed; ConfigError where the study is not declared on the kit."""
+    """Return the experiment of a request; ConfigError if it is not declared on the kit."""
     experiment = request.experiment
     if not isinstance(experiment, StudyExperiment):
         raise ConfigError(f"{request.study.name} is not declared on the kit; it shows no page")
@@ -182,21 +182,21 @@ def experiment_of(request: Request) -> StudyExperiment:
 
 
 def key_of(request: Request) -> str:
-    """Return the secret of the address of a session's page: no recording holds it.
+    """Return the secret in the address of a session's page; no recording contains it.
 
-    It comes from the study's salt, which lies apart from the data, so that a page finds its
-    session also when another process serves it.
+    It is derived from the study's salt, which is stored separately from the data, so that a page
+    finds its session again when another process serves it.
     """
     config = request.config
-    kept = KeyFile(config.key_root, request.study.name, [config.data_root])
-    return kept.page_key(request.person.label, request.person.session)
+    key_file = KeyFile(config.key_root, request.study.name, [config.data_root])
+    return key_file.page_key(request.person.label, request.person.session)
 
 
 def port_before(recording: Recording) -> int:
     """Return the port at which a session was served last; 0 where it was not."""
     events = recording.events()
-    found = list(events.loc[events["name"] == SERVED, "payload"])
-    return int(found[-1]["port"]) if found else 0
+    payloads = list(events.loc[events["name"] == SERVED, "payload"])
+    return int(payloads[-1]["port"]) if payloads else 0
 
 
 def held_of(
@@ -218,7 +218,7 @@ def held_of(
         raise ConfigError(f"{study.name} is not declared on the kit; it shows no page")
     config = request.config.model_copy(update={"language": experiment.language})
     notes = Notes()
-    told = lru_cache(maxsize=None)(lambda film: store.told(film, is_simulated=virtual))
+    describe_film = lru_cache(maxsize=None)(lambda film: store.told(film, is_simulated=virtual))
     plan = experiment.plan(request.person.index, request.seed, request.person.group)
     visit_of = Visit(
         experiment,
@@ -227,7 +227,7 @@ def held_of(
         request.person.session,
         folder.manifest.parts[-1].number,
         study.questionnaires(config),
-        told,
+        describe_film,
         request.clock.now_ns,
         notes,
     )
@@ -236,9 +236,9 @@ def held_of(
         {}
         if virtual
         else {
-            told(film)["film"]: found.path
+            describe_film(film)["film"]: film_file.path
             for film in experiment.films
-            if (found := store.file_of(film)) is not None
+            if (film_file := store.file_of(film)) is not None
         }
     )
     about = about_of(experiment, folder.manifest.is_simulated, config.privacy.contact)
@@ -280,31 +280,31 @@ async def _served(
     try:
         recorder.event(SERVED, request.clock.now_ns(), port=0 if virtual else server.port)
         key = "simulated" if virtual else key_of(request)
-        held = held_of(request, experiment, store, folder, recorder, past, key)
-        desk = held.desk
+        session = held_of(request, experiment, store, folder, recorder, past, key)
+        desk = session.desk
         plan = experiment.plan(request.person.index, request.seed, request.person.group)
         desk.on_trial = lambda: _tell(request, desk, len(plan.trials))
-        server.add(held)
+        server.add(session)
         if virtual:
             visitor = simulated_visitor(request, experiment, store)
-            for step in desk.trial_steps[:-1]:  # which somebody whom a crash held up remembers
+            for step in desk.trial_steps[:-1]:  # after a crash the person remembers them
                 if step.kind == "watch":
                     visitor.look(step.content)
-            await visit(server.address_of(held), visitor, request.clock)
+            await visit(server.address_of(session), visitor, request.clock)
         else:
             if address.told is not None:
-                address.told(server.address_of(held))
-            await held.over.wait()
+                address.told(server.address_of(session))
+            await session.over.wait()
             await asyncio.sleep(LAST_STEP_S)
-        if held.failures:
-            raise held.failures[0]
+        if session.failures:
+            raise session.failures[0]
         return desk.outcome
     finally:
         await server.stop()
 
 
 def _tell(request: Request, desk: PageDesk, planned: int) -> None:
-    """Tell the operator, as a session on devices does, that a trial goes on."""
+    """Show the operator the current trial, as a session on devices does."""
     if request.on_trial is not None and desk.trials_done:
         request.on_trial(desk.trial_id, desk.trials_done, planned)
     if request.operator.status_period_ns:
@@ -321,7 +321,7 @@ def _tell(request: Request, desk: PageDesk, planned: int) -> None:
 
 
 def about_of(experiment: StudyExperiment, simulated: bool, contact: str) -> dict[str, Any]:
-    """Return what a page is told once: its words, whom to ask, and whether it is a rehearsal."""
+    """Return the first information for a page: its words, the contact, if it is a rehearsal."""
     return {
         "title": experiment.texts.find("page.title") or experiment.study.title,
         "language": experiment.language,

@@ -1,4 +1,4 @@
-"""Receive the participants of a study: everybody a session of their own, all at the same time."""
+"""Receive the participants of a served study, each in a session of their own, at the same time."""
 
 import asyncio
 import secrets
@@ -44,7 +44,7 @@ from visavis.running.sessions.recorded_part import end_part, recorder_of, refuse
 from visavis.running.sessions.session_request import Request, SessionPerson
 
 IDLE_NS: Final = 30 * 60 * NS_PER_S
-"""A page that was not heard for so long was left; its place is filled again, its session kept."""
+"""After this silence a page counts as left: its place is filled again, its session is kept."""
 ROUND_S: Final = 5.0
 MAX_OPEN: Final = 500
 """Sessions that are open at once."""
@@ -65,7 +65,7 @@ class Rules:
 
 @dataclass
 class Brake:
-    """Lets so many new people in at once, then so many a second; no address is looked at."""
+    """Limits how many new people come at once, then per second; it ignores network addresses."""
 
     at_once: float = 60.0
     a_second: float = 2.0
@@ -85,7 +85,7 @@ class Brake:
 
 @dataclass(eq=False)
 class _Open:
-    """A session that is open: what serves it, and what it is written by."""
+    """An open session: what serves it, and the recorder that writes it."""
 
     entry: Participant
     held: Held
@@ -98,8 +98,8 @@ class _Open:
 class Reception:
     """Own the sessions of everybody who comes to a served study.
 
-    `base` is a request that is completed for each person. `identify` keeps who somebody is apart
-    from the data, `known` returns what was kept; `withdraw` deletes what somebody wants deleted.
+    `base` is a request that is completed for each person. `identify` stores a person's identity
+    separately from the data and `known` returns it; `withdraw` deletes a participant's data.
     """
 
     def __init__(
@@ -134,15 +134,15 @@ class Reception:
         for entry in ledger.list():
             self._read(entry)
         self._states = {place.label: place.state for place in self._board().places}
-        """Where everybody is, without a look at the disk."""
+        """State of every participant, without reading the disk."""
 
     # ---- what the server asks ----------------------------------------------------------------
 
     async def arrive(self, told: Mapping[str, str], before: str = "") -> Mapping[str, Any]:
-        """Return the key of a session for somebody who comes, or why there is none.
+        """Return the key of a session for a person who arrives, or why there is none.
 
-        `before` is the key that their browser remembers: who comes with an identifier that others
-        could guess goes on with a session only in the browser that began it.
+        `before` is the key that their browser remembers. If others could guess the identifier, a
+        session continues only in the browser that began it.
         """
         words = dict(texts_of_page(self._experiment))
         try:
@@ -162,33 +162,33 @@ class Reception:
                     return {"refused": "begun", "text": words.get("begun_elsewhere", "")}
                 return {"key": key}
             busy = sum(state in COUNTING for state in self._states.values())
-            is_open = sum(not opened.held.closed.is_set() for opened in self._open.values())
-            wanted = self._rules.quota
-            if is_open >= MAX_OPEN or (wanted is not None and busy >= wanted):
+            is_open = sum(not session.held.closed.is_set() for session in self._open.values())
+            quota = self._rules.quota
+            if is_open >= MAX_OPEN or (quota is not None and busy >= quota):
                 return {"refused": "full", "text": words.get("full", "")}
             if not self._brake.lets_pass(self._base.clock.now_ns()):
                 return {"refused": "busy", "text": words.get("busy", "")}
             try:
-                opened = await self._run(self._begin, arrival)
+                session = await self._run(self._begin, arrival)
             except LabError as error:
                 self._said(f"somebody came and got no session: {error}")
                 return {"refused": "failed", "text": words.get("failed", "")}
-            self._keep(opened)
-            return {"key": opened.held.desk.key}
+            self._keep(session)
+            return {"key": session.held.desk.key}
 
     async def held(self, key: str) -> Held | Ended | None:
-        """Return the session of a key, gone on with where it was left; None without one.
+        """Return the session of a key, continued where it was left; None if there is none.
 
         Raises:
-            PageError: it cannot go on; whoever serves is told why.
+            PageError: it cannot continue; the operator of the server is told why.
         """
         if key in self._open:
             return self._open[key].held
         await self._notice_withdrawals()
         async with self._turn:
             if key not in self._open and key in self._keys:
-                if (ended := self._ended(key)) is not None:
-                    return ended
+                if (ending := self._ended(key)) is not None:
+                    return ending
                 try:
                     self._keep(await self._run(self._go_on, key))
                 except LabError as error:
@@ -205,9 +205,9 @@ class Reception:
     # ---- what whoever serves asks --------------------------------------------------------------
 
     async def serve(self, server: PageServer, until: asyncio.Event) -> None:
-        """Look after the sessions until the end, then stop the server and close every one.
+        """Look after the sessions until `until` is set, then stop the server and close them all.
 
-        Answers stay. Who wanted everything deleted as an earlier server was killed is deleted now.
+        Answers are kept. Deletions that an earlier server could not finish are done first.
         """
         self._port = server.port
         for label, state in list(self._states.items()):
@@ -222,9 +222,9 @@ class Reception:
                 except TimeoutError:
                     continue
         finally:
-            await server.stop()  # a page that is heard now would open its session again
-            for opened in list(self._open.values()):
-                await self._close(opened, "aborted", ENDED)
+            await server.stop()  # an event that arrives now would reopen its session
+            for session in list(self._open.values()):
+                await self._close(session, "aborted", ENDED)
             if self._closing:
                 await asyncio.gather(*self._closing)
 
@@ -255,7 +255,7 @@ class Reception:
         return self._orders[index]
 
     def _read(self, entry: Participant) -> None:
-        """Learn the key of a session of an earlier time, and whose it is."""
+        """Register the key and the participant of a session that was begun earlier."""
         path = self._path(entry)
         if entry.status != "active" or not (path / "manifest.json").exists():
             return
@@ -282,17 +282,17 @@ class Reception:
             folder = stack.enter_context(
                 create_session(self._root, manifest_of(request, self._experiment))
             )
-            opened = self._part(request, entry, folder, None, key_of(request), arrival)
-            opened.stack = stack.pop_all()
-        self._keys[opened.held.desk.key] = entry.label
+            session = self._part(request, entry, folder, None, key_of(request), arrival)
+            session.stack = stack.pop_all()
+        self._keys[session.held.desk.key] = entry.label
         if arrival.identifier:
-            self._of_panel[arrival.panel, arrival.identifier] = opened.held.desk.key
-        return opened
+            self._of_panel[arrival.panel, arrival.identifier] = session.held.desk.key
+        return session
 
     def _named(self, arrival: Arrival) -> Arrival:
-        """Return who comes, by their label where a link (participant=07) means one of the ledger.
+        """Return the arrival, with the ledger's label if a link (participant=07) names an entry.
 
-        It does so where that one has no session yet, or came by such a link.
+        This holds if that participant has no session yet, or came by such a link before.
         """
         if arrival.panel != LINK:
             return arrival
@@ -307,13 +307,13 @@ class Reception:
         return (self._path(entry) / "manifest.json").exists()
 
     def _registered(self, arrival: Arrival) -> Participant | None:
-        """Return who of the ledger has this label and no session yet."""
+        """Return the participant in the ledger with this label and no session yet."""
         entries = self._ledger.list() if arrival.panel == LINK else ()
-        found = [e for e in entries if e.label == arrival.identifier and e.status == "active"]
-        return found[0] if found and not self._has_session(found[0]) else None
+        matches = [e for e in entries if e.label == arrival.identifier and e.status == "active"]
+        return matches[0] if matches and not self._has_session(matches[0]) else None
 
     def _added(self) -> Participant:
-        """Return somebody new in the ledger, at the place whose order the fewest people have."""
+        """Add a participant to the ledger, at the place whose order the fewest people have."""
         entries = [e for e in self._ledger.list() if not e.has_freed_place]
         counting = [e.index for e in entries if self._states.get(e.label) in COUNTING]
         index = least_filled([e.index for e in entries], counting, self._order)
@@ -331,12 +331,12 @@ class Reception:
             recording = Recording(path)
             plan = self._experiment.plan(entry.index, request.seed, entry.group)
             refuse_other_plan(recording, plan)
-            opened = self._part(request, entry, folder, past_of(recording), key, arrival)
-            opened.stack = stack.pop_all()
-        return opened
+            session = self._part(request, entry, folder, past_of(recording), key, arrival)
+            session.stack = stack.pop_all()
+        return session
 
     def _ended(self, key: str) -> Ended | None:
-        """Return a session that is over, to which nothing may be added; None where it goes on."""
+        """Return a session that is over and takes no more events; None if it continues."""
         label = self._keys[key]
         state = self._states.get(label, "")
         outcome = DONE if state == "complete" else state
@@ -374,14 +374,18 @@ class Reception:
         try:
             recorder = recorder_of(part_dir, clock, is_simulated=self._simulated)
             recorder.event(SERVED, clock.now_ns(), port=self._port)
-            held = held_of(request, self._experiment, self._store, folder, recorder, past, key)
+            served_session = held_of(
+                request, self._experiment, self._store, folder, recorder, past, key
+            )
         except BaseException as error:
             end_part(clock, folder, recorder, "aborted", str(error) or repr(error), error)
             raise
         if self._rules.completion:
             where = completion_of(self._rules.completion, arrival)
-            held = replace(held, about={**held.about, "completion": where})
-        return _Open(entry, held, folder, recorder, clock.now_ns())
+            served_session = replace(
+                served_session, about={**served_session.about, "completion": where}
+            )
+        return _Open(entry, served_session, folder, recorder, clock.now_ns())
 
     def _keep(self, opened: _Open) -> None:
         key = opened.held.desk.key
@@ -395,12 +399,12 @@ class Reception:
 
     async def _end_when_over(self, opened: _Open) -> None:
         over = asyncio.ensure_future(opened.held.over.wait())
-        closed = asyncio.ensure_future(opened.held.closed.wait())
+        closing = asyncio.ensure_future(opened.held.closed.wait())
         try:
-            await asyncio.wait({over, closed}, return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait({over, closing}, return_when=asyncio.FIRST_COMPLETED)
         finally:
             over.cancel()
-            closed.cancel()
+            closing.cancel()
         if opened.held.closed.is_set():
             return
         if opened.held.failures:
@@ -421,44 +425,44 @@ class Reception:
             self._said(f"{label} wants everything deleted: {error}")
 
     def _ledger_changed(self) -> tuple[int, int]:
-        """Return what differs once somebody wrote into the ledger."""
+        """Return the time and size of the ledger's file, which change with every entry."""
         try:
-            found = self._ledger.path.stat()
+            file_status = self._ledger.path.stat()
         except FileNotFoundError:
             return 0, 0
-        return found.st_mtime_ns, found.st_size
+        return file_status.st_mtime_ns, file_status.st_size
 
     async def _notice_withdrawals(self) -> None:
-        """Forget whom the researchers withdrew meanwhile; who is at a page is deleted here."""
-        changed = self._ledger_changed()
-        if changed == self._noticed:
+        """Forget participants who were withdrawn meanwhile; delete those who are at a page."""
+        ledger_state = self._ledger_changed()
+        if ledger_state == self._noticed:
             return
-        self._noticed = changed
+        self._noticed = ledger_state
         for entry in await self._run(self._ledger.list):
             state = self._states.get(entry.label, WITHDRAWN)
-            if entry.status == "active" or state == WITHDRAWN:  # which a page asked for itself
+            if entry.status == "active" or state == WITHDRAWN:  # the page itself asked for it
                 continue
             self._states[entry.label] = WITHDRAWN
             self._places.pop(entry.label, None)
             key = next((key for key, label in self._keys.items() if label == entry.label), "")
             self._keys.pop(key, None)
             self._of_panel = {who: of for who, of in self._of_panel.items() if of != key}
-            opened = self._open.pop(key, None)
-            if opened is not None and not opened.held.closed.is_set():
-                await self._close(opened, "aborted", WITHDRAWN_ELSEWHERE)
+            session = self._open.pop(key, None)
+            if session is not None and not session.held.closed.is_set():
+                await self._close(session, "aborted", WITHDRAWN_ELSEWHERE)
                 await self._delete(entry.label)
                 self._said(f"{entry.label} was at a page, and is withdrawn and deleted")
 
     async def _leave_idle(self) -> None:
         now_ns = self._base.clock.now_ns()
-        for opened in list(self._open.values()):
-            if now_ns - max(opened.held.desk.heard_ns, opened.begun_ns) > IDLE_NS:
-                if not opened.held.desk.is_over:
-                    self._states[opened.entry.label] = "left"
-                    await self._close(opened, "aborted", LEFT)
+        for session in list(self._open.values()):
+            if now_ns - max(session.held.desk.heard_ns, session.begun_ns) > IDLE_NS:
+                if not session.held.desk.is_over:
+                    self._states[session.entry.label] = "left"
+                    await self._close(session, "aborted", LEFT)
 
     async def _close(self, opened: _Open, status: CloseStatus, reason: str) -> None:
-        """Close a recording; its page is told where it stands until it says hello again."""
+        """Close a recording; its page gets the last state until it says hello again."""
         key = opened.held.desk.key
         async with opened.held.lock:
             if opened.held.closed.is_set():
@@ -471,7 +475,7 @@ class Reception:
 
             try:
                 await self._run(end)
-            except (LabError, OSError) as error:  # one session's trouble ends nobody else's
+            except (LabError, OSError) as error:  # a failing session must not end the others
                 self._said(f"{opened.entry.label}: {error}")
         if not opened.held.desk.is_over:
             self._open.pop(key, None)

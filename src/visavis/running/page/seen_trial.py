@@ -1,7 +1,7 @@
 """What a participant saw of a trial on a page, and when: its films, questions and answers.
 
-The recorded replies lead the trial's own script through its steps once more, so what was on the
-page is what the script put there, and times are those that the trial's row was made of.
+The recorded replies run the trial's own script again, so the content of the page is what the script
+put there, and the times are those from which the trial's row was made.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -36,7 +36,7 @@ class Question:
 class SeenStep:
     """One step of a page, in session time: from `shown_ns` to `gone_ns`.
 
-    Films, by where they stood, ran round and round from `films_on_ns` on.
+    `films` holds the films by place on the page; they repeat from `films_on_ns` on.
     """
 
     shown_ns: int
@@ -47,7 +47,7 @@ class SeenStep:
     questions: tuple[Question, ...]
 
     def film_time_s(self, film: Film, t_ns: int) -> float:
-        """Return the moment of a film that stood there at a time."""
+        """Return which second of a film was on the page at a session time."""
         passed_s = max(0, t_ns - self.films_on_ns) / 1e9
         return passed_s % (film.frame_count / film.rate_hz)
 
@@ -62,7 +62,7 @@ class SeenTrial:
 
     @property
     def span_ns(self) -> tuple[int, int]:
-        """When its first step came and its last one went."""
+        """When its first step appeared and its last one disappeared."""
         if not self.steps:
             return int(self.row["t_start_ns"]), int(self.row["t_end_ns"])
         return self.steps[0].shown_ns, self.steps[-1].gone_ns
@@ -78,16 +78,17 @@ def is_on_page(recording: Recording) -> bool:
 
 
 def seen_trial(study: OpenedStudy, recording: Recording, row: Mapping[str, Any]) -> SeenTrial:
-    """Return a trial, by its recorded row, as its page showed it; of one that a restart of the
-    server broke into, what came after.
+    """Return a trial, by its recorded row, as its page showed it.
+
+    If a restart of the server interrupted it, only the steps after the restart are returned.
     """
     plan = recording.manifest.plan
     experiment: StudyExperiment = study.experiment(overrides_of(plan))
-    told = next(
+    trial_content = next(
         t for block in plan["blocks"] for t in block["trials"] if t["trial_id"] == row["trial_id"]
     )
-    script = TrialScript(Trial(**told), experiment.settings)
-    shown: list[Watched | None] = []
+    script = TrialScript(Trial(**trial_content), experiment.settings)
+    watched_steps: list[Watched | None] = []
 
     def watched(t: TrialScript) -> Any:
         """Perform the study's own steps, and note what each puts on the page."""
@@ -95,16 +96,16 @@ def seen_trial(study: OpenedStudy, recording: Recording, row: Mapping[str, Any])
         reply: Any = None
         while True:
             try:
-                wanted = steps.send(reply)
+                action = steps.send(reply)
             except StopIteration as end:
                 return end.value
-            if isinstance(wanted, Action) and wanted.name != "mark":
-                shown.append(wanted.watched)
-            reply = yield wanted
+            if isinstance(action, Action) and action.name != "mark":
+                watched_steps.append(action.watched)
+            reply = yield action
 
     replies = _replies(recording, str(row["trial_id"]))
     performing = perform_on_page(script, watched, lambda film: {"film": "", "sha256": ""})
-    found: list[SeenStep] = []
+    seen_steps: list[SeenStep] = []
     reply: Reply | None = None
     try:
         for part, t_ns, payload, t_ns_of in replies:
@@ -113,10 +114,10 @@ def seen_trial(study: OpenedStudy, recording: Recording, row: Mapping[str, Any])
                 out = performing.send(None)
             reply = Reply(payload["reply"], t_ns, t_ns_of)
             if part == int(row["recording_part"]):
-                found.append(_step(out, shown[-1], reply))
+                seen_steps.append(_step(out, watched_steps[-1], reply))
     except (StopIteration, FilmFailed):
         pass
-    return SeenTrial(row, tuple(found), film_store(experiment))
+    return SeenTrial(row, tuple(seen_steps), film_store(experiment))
 
 
 def _step(step: PageStep, watched: Watched | None, reply: Reply) -> SeenStep:
@@ -125,19 +126,19 @@ def _step(step: PageStep, watched: Watched | None, reply: Reply) -> SeenStep:
     if step.kind == "blank":
         shown_ns = reply.t_ns - round(1e9 * float(step.content.get("seconds", 0.0)))
     films = {} if watched is None or content.get("failed") else films_of(watched.shown)
-    told = content.get("films") or {}
-    first = [float(told[place]["first_ms"]) for place in films if place in told]
+    film_replies = content.get("films") or {}
+    first = [float(film_replies[place]["first_ms"]) for place in films if place in film_replies]
     answers = content.get("answers") or {}
     questions = []
-    for asked in step.content.get("questions", ()):
-        given = answers.get(asked["name"]) or {}
-        at_ms = given.get("at_ms")
+    for question in step.content.get("questions", ()):
+        answer = answers.get(question["name"]) or {}
+        at_ms = answer.get("at_ms")
         questions.append(
             Question(
-                asked["name"],
-                asked["prompt"],
-                tuple((o["value"], o["label"]) for o in asked.get("options") or ()),
-                given.get("option"),
+                question["name"],
+                question["prompt"],
+                tuple((o["value"], o["label"]) for o in question.get("options") or ()),
+                answer.get("option"),
                 None if at_ms is None else reply.t_ns_of(float(at_ms)),
             )
         )
@@ -155,8 +156,8 @@ def _step(step: PageStep, watched: Watched | None, reply: Reply) -> SeenStep:
 def _replies(
     recording: Recording, trial_id: str
 ) -> Iterator[tuple[int, int, Mapping[str, Any], Callable[[float], int]]]:
-    """Yield replies from a trial's beginning on, which may lie in an earlier part than its end:
-    part, session time, payload, and what leads from the page's clock to session time.
+    """Yield the replies of a trial, whose beginning may lie in an earlier part than its end: part,
+    session time, payload, and the conversion from the page's clock to session time.
     """
     is_here = False
     for part in recording.manifest.parts:

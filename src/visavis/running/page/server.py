@@ -28,7 +28,7 @@ KEY: Final = "X-Visavis-Key"
 MAX_REQUEST_BYTES: Final = 1 << 20
 MAX_TOLD: Final = 20
 SHUTDOWN_S: Final = 5.0
-"""How long a film that is on its way is waited for when the server ends."""
+"""How long the server waits for films in transfer when it stops."""
 LOCAL: Final = "127.0.0.1"
 HEADERS: Final = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
@@ -39,14 +39,14 @@ HEADERS: Final = {
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cache-Control": "no-store",
 }
-"""Nothing of anybody else is loaded, and nothing is told to anybody else."""
+"""Nothing is loaded from third parties, and nothing is sent to them."""
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """A session that is being served: its desk, what its page is told once, and its turn."""
+    """A session that is being served: its desk, the page's first information, and its lock."""
 
     desk: PageDesk
     about: Mapping[str, Any]
@@ -66,24 +66,24 @@ class Ended:
     about: Mapping[str, Any]
 
     def told(self) -> dict[str, Any]:
-        """Return what the page is told."""
+        """Return the final state for the page."""
         return {"ack": 0, "number": 0, "step": {"kind": "end", "outcome": self.outcome}}
 
 
 class Reception(Protocol):
-    """What receives people who come with no session yet, and those whose session is not open."""
+    """Opens sessions for people who have none yet, and for those whose session is not open."""
 
     board_key: str
 
     async def arrive(self, told: Mapping[str, str], before: str = "") -> Mapping[str, Any]:
-        """Return the key of a session for somebody who comes, or why there is none.
+        """Return the key of a session for a person who arrives, or why there is none.
 
         `before` is the key that their browser remembers, "" where it remembers none.
         """
         ...
 
     async def held(self, key: str) -> Held | Ended | None:
-        """Return the session of a key, gone on with where it was left."""
+        """Return the session of a key, continued where it was left."""
         ...
 
     async def board(self) -> Mapping[str, Any]:
@@ -92,12 +92,11 @@ class Reception(Protocol):
 
 
 class LocalServer:
-    """Own a server of this computer's pages: the files of a site, and what is posted to it.
+    """Own a server of this computer's pages: the files of a site, and handlers of requests.
 
-    `files` leads from paths to files of the folder `site`, `posts` and `gets` from paths to who
-    answers.
-    `hosts` are the names under which it may be asked for, so that no other site's page can be
-    pointed at it. No address of a visitor is kept or logged.
+    `files` maps paths to files of the folder `site`; `posts` and `gets` map paths to handlers.
+    `hosts` are the host names it accepts, so that no other site's page can send requests here.
+    No address of a visitor is stored or logged.
     """
 
     def __init__(
@@ -144,7 +143,7 @@ class LocalServer:
         await self._runner.cleanup()
 
     def address(self, key: str) -> str:
-        """Return the address of a page with its key, which is in no log: it is a fragment."""
+        """Return the address of a page; its key is a URL fragment, which no log contains."""
         return f"http://{LOCAL}:{self.port}/#{key}"
 
     @web.middleware
@@ -191,7 +190,7 @@ class PageServer(LocalServer):
         self._app.router.add_get("/films/{name}", self._film)
 
     def add(self, held: Held) -> None:
-        """Serve a session; one that is over already is not waited for."""
+        """Serve a session; mark one that is over already, so that nobody waits for it."""
         self._held[held.desk.key] = held
         if held.desk.is_over:
             held.over.set()
@@ -203,24 +202,24 @@ class PageServer(LocalServer):
     # ---- within ------------------------------------------------------------------------------
 
     async def _film(self, request: web.Request) -> web.StreamResponse:
-        held = await self._of(request.headers.get(KEY, ""))
-        if isinstance(held, Ended):
+        session = await self._of(request.headers.get(KEY, ""))
+        if isinstance(session, Ended):
             raise PageError("the session is over")
-        path = held.films.get(request.match_info["name"])
+        path = session.films.get(request.match_info["name"])
         if path is None:
             raise PageError("there is no such film")
         return web.FileResponse(path, headers={"Content-Type": "video/webm"})
 
     async def _hello(self, request: web.Request) -> web.StreamResponse:
         body = await body_of(request)
-        held, tab = await self._of(request.headers.get(KEY, "")), text_of(body, "tab")
-        if isinstance(held, Ended):
-            return web.json_response({**held.about, **held.told()})
+        session, tab = await self._of(request.headers.get(KEY, "")), text_of(body, "tab")
+        if isinstance(session, Ended):
+            return web.json_response({**session.about, **session.told()})
         about = body.get("about")
         at_ms = body.get("at_ms")
 
         def hello() -> None:
-            held.desk.hello(
+            session.desk.hello(
                 tab,
                 before=text_of(body, "before", is_needed=False),
                 takes_over=body.get("takes_over") is True,
@@ -228,48 +227,52 @@ class PageServer(LocalServer):
                 at_ms=float(at_ms) if isinstance(at_ms, int | float) else 0.0,
             )
 
-        return web.json_response({**held.about, **await self._done(held, hello)})
+        return web.json_response({**session.about, **await self._done(session, hello)})
 
     async def _events(self, request: web.Request) -> web.StreamResponse:
         body = await body_of(request)
-        held, tab = await self._of(request.headers.get(KEY, "")), text_of(body, "tab")
-        if isinstance(held, Ended):
-            return web.json_response(held.told())
+        session, tab = await self._of(request.headers.get(KEY, "")), text_of(body, "tab")
+        if isinstance(session, Ended):
+            return web.json_response(session.told())
         events = body.get("events", [])
         if not isinstance(events, list):
             raise PageError("events are a list")
-        sent = body.get("sent_ms"), body.get("wall_ms")
-        times = None if None in sent else (number(sent[0], "sent_ms"), number(sent[1], "wall_ms"))
-        told = await self._done(held, lambda: held.desk.take(tab, events, times))
-        return web.json_response(told)
+        clocks_ms = body.get("sent_ms"), body.get("wall_ms")
+        times = (
+            None
+            if None in clocks_ms
+            else (number(clocks_ms[0], "sent_ms"), number(clocks_ms[1], "wall_ms"))
+        )
+        message = await self._done(session, lambda: session.desk.take(tab, events, times))
+        return web.json_response(message)
 
     async def _arrive(self, request: web.Request) -> web.StreamResponse:
         body = await body_of(request)
-        told, before = body.get("told", {}), text_of(body, "before", is_needed=False)
-        if not isinstance(told, Mapping) or len(told) > MAX_TOLD:
+        content, before = body.get("told", {}), text_of(body, "before", is_needed=False)
+        if not isinstance(content, Mapping) or len(content) > MAX_TOLD:
             raise PageError("told is a few short texts")
-        assert self._reception is not None  # noqa: S101  # the route is there with it alone
-        said = {str(name): text_of(told, str(name), is_needed=False) for name in told}
-        return web.json_response(await self._reception.arrive(said, before))
+        assert self._reception is not None  # noqa: S101  # the route exists only with it
+        parameters = {str(name): text_of(content, str(name), is_needed=False) for name in content}
+        return web.json_response(await self._reception.arrive(parameters, before))
 
     async def _board(self, request: web.Request) -> web.StreamResponse:
         assert self._reception is not None  # noqa: S101  # as above
-        given, wanted = request.headers.get(KEY, ""), self._reception.board_key
-        if not hmac.compare_digest(given.encode(errors="replace"), wanted.encode()):
+        key, board_key = request.headers.get(KEY, ""), self._reception.board_key
+        if not hmac.compare_digest(key.encode(errors="replace"), board_key.encode()):
             raise PageError("this address shows no board; take the one that was printed")
         return web.json_response(await self._reception.board())
 
     async def _leave(self, request: web.Request) -> web.StreamResponse:
         body = await body_of(request)
-        held, tab = await self._of(text_of(body, "key")), text_of(body, "tab")
-        if isinstance(held, Held):
-            held.desk.leave(tab)
+        session, tab = await self._of(text_of(body, "key")), text_of(body, "tab")
+        if isinstance(session, Held):
+            session.desk.leave(tab)
         return web.json_response({})
 
     async def _done(self, held: Held, act: Callable[[], bool | None]) -> dict[str, Any]:
-        """Act, wait until everything is on the disk, and return what the page is told.
+        """Act, wait until everything is on the disk, and return the state for the page.
 
-        What tells that it had nothing to write (False) waits for no disk.
+        If `act` returns False, it wrote nothing and there is no wait.
         """
 
         def whole() -> dict[str, Any]:
@@ -282,9 +285,9 @@ class PageServer(LocalServer):
         async with held.lock:
             try:
                 if held.desk.clock.is_virtual:
-                    told = whole()
+                    message = whole()
                 else:
-                    told = await asyncio.to_thread(whole)
+                    message = await asyncio.to_thread(whole)
             except (PageError, OpenElsewhereError):
                 raise
             except Exception as error:
@@ -296,15 +299,15 @@ class PageServer(LocalServer):
                 return {"failed": reason, "ack": -1}
             if held.desk.is_over:
                 held.over.set()
-            return told
+            return message
 
     async def _of(self, key: str) -> Held | Ended:
-        held: Held | Ended | None = self._held.get(key)
-        if held is None and self._reception is not None:
-            held = await self._reception.held(key)
-        if held is None:
+        session: Held | Ended | None = self._held.get(key)
+        if session is None and self._reception is not None:
+            session = await self._reception.held(key)
+        if session is None:
             raise PageError("this address leads to no session; ask for a new one")
-        return held
+        return session
 
 
 def _refused(status: int, why: str) -> web.Response:
@@ -312,7 +315,7 @@ def _refused(status: int, why: str) -> web.Response:
 
 
 async def body_of(request: web.Request) -> Mapping[str, Any]:
-    """Return what was posted; raises PageError where that is no object."""
+    """Return the posted object; raises PageError if it is not an object."""
     body = await request.json(loads=parse_json)
     if not isinstance(body, Mapping):
         raise PageError("a request is an object")
@@ -320,8 +323,8 @@ async def body_of(request: web.Request) -> Mapping[str, Any]:
 
 
 def text_of(body: Mapping[str, Any], name: str, *, is_needed: bool = True) -> str:
-    """Return a short text of what was posted; raises PageError where it is none."""
-    found = body.get(name, "")
-    if not isinstance(found, str) or len(found) > 200 or (is_needed and not found):
+    """Return a short text from a posted object; raises PageError if it is not one."""
+    text = body.get(name, "")
+    if not isinstance(text, str) or len(text) > 200 or (is_needed and not text):
         raise PageError(f"{name} is a short text")
-    return found
+    return text

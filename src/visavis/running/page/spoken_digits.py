@@ -1,4 +1,4 @@
-"""Digits that a page speaks, so that people show that they hear: of a lab, or ours."""
+"""Recordings of digits for the sound check: a lab's own, or those of Visavis."""
 
 import io
 import wave
@@ -11,7 +11,7 @@ from visavis.lab.errors import DesignError
 
 OURS: Final = Path(__file__).parent / "digits"
 FOLDER: Final = "digits"
-"""Where a lab's own lie, beside its study: digits/LANGUAGE/0.wav to 9.wav."""
+"""Folder of a lab's own digits, beside its study: digits/LANGUAGE/0.wav to 9.wav."""
 HOW_MANY: Final = 3
 PAUSE_S: Final = 0.35
 MAX_BYTES: Final = 40_000
@@ -32,7 +32,7 @@ def spoken_digits(language: str, folder: Path | None) -> tuple[bytes, ...]:
             f"the sound check has no digits in {language!r}: put 0.wav to 9.wav into "
             f"{FOLDER}/{language} beside the study"
         )
-    found, formats = [], set()
+    files, formats = [], set()
     for digit in range(10):
         path = where / f"{digit}.wav"
         try:
@@ -43,41 +43,41 @@ def spoken_digits(language: str, folder: Path | None) -> tuple[bytes, ...]:
             raise DesignError(f"{path}: no digit can be spoken from it ({error})") from error
         if len(content) > MAX_BYTES:
             raise DesignError(f"{path}: {len(content)} bytes; a digit takes at most {MAX_BYTES}")
-        found.append(content)
+        files.append(content)
     if len(formats) > 1:
         raise DesignError(f"{where}: the digits differ in channels, bits or rate")
-    return tuple(found)
+    return tuple(files)
 
 
 def spoken(digits: Sequence[int], files: Sequence[bytes]) -> bytes:
     """Return a WAV file in which digits are said one after another."""
-    made, pieces = io.BytesIO(), []
+    buffer, pieces = io.BytesIO(), []
     for digit in digits:
         with wave.open(io.BytesIO(files[digit])) as read:
-            told = read.getparams()
-            zero = b"\x80" if told.sampwidth == 1 else bytes(told.sampwidth)
+            wave_format = read.getparams()
+            zero = b"\x80" if wave_format.sampwidth == 1 else bytes(wave_format.sampwidth)
             pieces += [
-                read.readframes(told.nframes),
-                zero * told.nchannels * round(PAUSE_S * told.framerate),
+                read.readframes(wave_format.nframes),
+                zero * wave_format.nchannels * round(PAUSE_S * wave_format.framerate),
             ]
-    with wave.open(made, "wb") as written:
-        written.setparams(told)
-        written.writeframes(b"".join(pieces))
-    return made.getvalue()
+    with wave.open(buffer, "wb") as wav:
+        wav.setparams(wave_format)
+        wav.writeframes(b"".join(pieces))
+    return buffer.getvalue()
 
 
 def heard(sound: bytes, files: Sequence[bytes]) -> str:
-    """Return the digits that somebody hears who knows how each sounds; "" where none is known."""
+    """Return the digits in a sound, found by comparison with the files; "" if there are none."""
     with wave.open(io.BytesIO(sound)) as read:
         left = read.readframes(read.getnframes())
-    known = {}
+    samples_by_digit = {}
     for digit, content in enumerate(files):
         with wave.open(io.BytesIO(content)) as read:
-            known[digit] = read.readframes(read.getnframes())
+            samples_by_digit[digit] = read.readframes(read.getnframes())
     places = []
-    for digit, said in known.items():
-        at = left.find(said)
+    for digit, samples in samples_by_digit.items():
+        at = left.find(samples)
         while at >= 0:
             places.append((at, digit))
-            at = left.find(said, at + len(said))
+            at = left.find(samples, at + len(samples))
     return "".join(str(digit) for _, digit in sorted(places))

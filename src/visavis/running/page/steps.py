@@ -1,4 +1,4 @@
-"""Steps that a page shows, and the replies it sends, read with care: anybody can send anything."""
+"""Steps that a page shows, and checks of its replies, which anybody could forge."""
 
 import math
 import re
@@ -14,13 +14,13 @@ WAYS: Final = ("keys", "mouse", "touch", "pen")
 NUMBER: Final = re.compile(r"-?\d{1,12}([.,]\d{1,12})?")
 HEARD: Final = re.compile(r"\d{1,8}")
 MAX_TEXT: Final = 10_000
-"""Characters of an answer in words that are kept."""
+"""Longest answer in words, in characters."""
 MIN_PX_PER_MM: Final = 0.5
 MAX_PX_PER_MM: Final = 40.0
 
 
 class PageError(LabError):
-    """A page sent what no page of ours sends; nothing of it was taken."""
+    """A page sent something invalid; nothing of it was accepted."""
 
 
 class OpenElsewhereError(LabError):
@@ -29,7 +29,7 @@ class OpenElsewhereError(LabError):
 
 @dataclass(frozen=True)
 class PageStep:
-    """One step of a page: what kind, and what it is given, as JSON can hold it."""
+    """One step of a page: its kind, and its content as JSON data."""
 
     kind: str
     content: Mapping[str, Any] = field(default_factory=dict)
@@ -37,7 +37,7 @@ class PageStep:
 
 @dataclass(frozen=True)
 class Reply:
-    """What a page replied to a step; `t_ns_of` leads from the page's clock to session time."""
+    """A page's reply to a step; `t_ns_of` converts the page's clock to session time."""
 
     content: Mapping[str, Any]
     t_ns: int
@@ -46,7 +46,7 @@ class Reply:
 
 @dataclass(frozen=True)
 class Given:
-    """An answer as the page told it: when on its clock, and by what."""
+    """An answer as the page sent it: its time on the page's clock, and the input it came from."""
 
     option: str | None
     at_ms: float
@@ -73,28 +73,28 @@ def put(step: PageStep) -> Generator[PageStep, Reply | None, Reply]:
 
 
 def asked(response: Response, prompt: str, labels: Sequence[str]) -> dict[str, Any]:
-    """Return a question as a page is told it.
+    """Return a question in the form that a page needs.
 
     Raises:
         PageError: pages cannot ask it.
     """
-    said: dict[str, Any] = {"name": response.name, "prompt": prompt}
+    question: dict[str, Any] = {"name": response.name, "prompt": prompt}
     options = [
         {"value": str(v), "label": label} for v, label in zip(response.options, labels, strict=True)
     ]
     match response:
         case Rating():
-            return said | {"kind": "rating", "options": options}
+            return question | {"kind": "rating", "options": options}
         case Choice() | SideBySide():
-            return said | {"kind": "choice", "options": options}
+            return question | {"kind": "choice", "options": options}
         case Text():
-            return said | {"kind": "text"}
+            return question | {"kind": "text"}
         case Number(low=low, high=high, step=step):
             bounds = (
                 {"low": low, "high": high} if math.isfinite(low) and math.isfinite(high) else {}
             )
             kind = "slider" if step else "number"
-            return said | {"kind": kind, "unit": response.unit, "step": step, **bounds}
+            return question | {"kind": kind, "unit": response.unit, "step": step, **bounds}
         case _:
             raise PageError(f"{type(response).__name__} {response.name} cannot be asked on a page")
 
@@ -103,32 +103,32 @@ def read_given(response: Response, content: Any) -> Given:
     """Read an answer to a response.
 
     Raises:
-        PageError: it is none.
+        PageError: the content is not an answer to this response.
     """
-    told = mapping(content, f"the answer to {response.name}")
-    option, by = told.get("option"), told.get("by")
+    answer = mapping(content, f"the answer to {response.name}")
+    option, by = answer.get("option"), answer.get("by")
     if option is not None and not isinstance(option, str):
         raise PageError(f"{response.name}: an answer is a text, not {option!r}")
     if option is not None and response.options and option not in map(str, response.options):
         raise PageError(f"{response.name}: {option!r} is none of its options")
     if by not in WAYS:
         raise PageError(f"{response.name}: answered by {by!r}")
-    return Given(option, number(told.get("at_ms"), "at_ms"), by)
+    return Given(option, number(answer.get("at_ms"), "at_ms"), by)
 
 
 def read_film(content: Any) -> FilmTruth:
-    """Read what a browser says it presented of a film.
+    """Read a browser's report of how it presented a film.
 
     Raises:
-        PageError: it is no such thing.
+        PageError: the content is malformed.
     """
-    told = mapping(content, "what was presented of a film")
-    counts = {n: count(told.get(n), n) for n in ("frames", "dropped", "rounds", "stalls")}
-    return FilmTruth(number(told.get("first_ms"), "first_ms"), **counts)
+    report = mapping(content, "what was presented of a film")
+    counts = {n: count(report.get(n), n) for n in ("frames", "dropped", "rounds", "stalls")}
+    return FilmTruth(number(report.get("first_ms"), "first_ms"), **counts)
 
 
 def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
-    """Refuse a reply that does not answer a step, before any of it is taken.
+    """Refuse a reply that does not answer a step, before any of it is accepted.
 
     Raises:
         PageError: saying what is wrong.
@@ -144,9 +144,9 @@ def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
         _check_size(content.get("px_per_mm", ""))
     if step.kind == "sound":
         count(content.get("played"), "played")
-        told = content.get("heard", "")
-        if told is not None and not (isinstance(told, str) and HEARD.fullmatch(told)):
-            raise PageError(f"heard are digits, not {str(told)[:40]!r}")
+        digits = content.get("heard", "")
+        if digits is not None and not (isinstance(digits, str) and HEARD.fullmatch(digits)):
+            raise PageError(f"heard are digits, not {str(digits)[:40]!r}")
     if step.kind == "preload":
         mapping(content.get("films", {}), "films")
     if step.kind not in ("watch", "questions"):
@@ -159,16 +159,16 @@ def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
         if step.content["films"]:
             number(content.get("off_ms"), "off_ms")
             number(content.get("apart_ms") or 0, "apart_ms")
-            seen = mapping(content.get("films"), "films")
+            film_replies = mapping(content.get("films"), "films")
             for film in step.content["films"]:
-                read_film(seen.get(film["place"]))
+                read_film(film_replies.get(film["place"]))
     answers = mapping(content.get("answers"), "answers")
     for question in step.content["questions"]:
         _check_answer(question, answers.get(question["name"]), is_timed=step.kind == "watch")
 
 
 def _check_size(told: Any) -> None:
-    """Refuse a size of the screen that none has; None is that of somebody without a card."""
+    """Refuse an impossible size of the screen; None means that the participant has no card."""
     if told is not None and not MIN_PX_PER_MM <= number(told, "px_per_mm") <= MAX_PX_PER_MM:
         raise PageError(f"px_per_mm is {told}")
 
@@ -176,11 +176,11 @@ def _check_size(told: Any) -> None:
 def _check_answer(question: Mapping[str, Any], given: Any, *, is_timed: bool) -> None:
     name, option = question["name"], given
     if is_timed:
-        told = mapping(given, f"the answer to {name}")
-        number(told.get("at_ms"), "at_ms")
-        if told.get("by") not in WAYS:
-            raise PageError(f"{name}: answered by {str(told.get('by'))[:40]!r}")
-        option = told.get("option")
+        answer = mapping(given, f"the answer to {name}")
+        number(answer.get("at_ms"), "at_ms")
+        if answer.get("by") not in WAYS:
+            raise PageError(f"{name}: answered by {str(answer.get('by'))[:40]!r}")
+        option = answer.get("option")
     if option is None:
         return
     if not isinstance(option, str) or len(option) > MAX_TEXT:

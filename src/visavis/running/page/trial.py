@@ -26,7 +26,7 @@ from visavis.study.trial import Action, TrialPlan, TrialScript
 
 OnPage: TypeAlias = Generator[PageStep | Mark, Reply | None, Any]
 FilmFiles: TypeAlias = Callable[[Film], Mapping[str, Any]]
-"""What a page is told of a film: its file's name, hash, size."""
+"""Returns what a page must know about a film: its file's name, hash, size."""
 
 
 class FilmFailed(TrialInterrupted):
@@ -44,14 +44,14 @@ def perform_on_page(script: TrialScript, plan: TrialPlan, files: FilmFiles) -> O
     reply: Any = None
     try:
         while True:
-            wanted = steps.send(reply)
-            if isinstance(wanted, Action):
-                reply = yield from _performed(script, wanted, files)
-            elif isinstance(wanted, Mark):
-                reply = yield wanted
+            step = steps.send(reply)
+            if isinstance(step, Action):
+                reply = yield from _performed(script, step, files)
+            elif isinstance(step, Mark):
+                reply = yield step
             else:
                 raise DesignError(
-                    f"{type(wanted).__name__} is a step frame by frame; a page shows t.watch, "
+                    f"{type(step).__name__} is a step frame by frame; a page shows t.watch, "
                     "t.ask, t.wait and t.dark"
                 )
     except StopIteration as end:
@@ -93,9 +93,9 @@ def _asked(script: TrialScript, responses: tuple[Response, ...]) -> OnPage:
 
 def _watched(script: TrialScript, watched: Watched, files: FilmFiles) -> OnPage:
     films = films_of(watched.shown)
-    told = [{"place": place, **files(film)} for place, film in films.items()]
+    film_entries = [{"place": place, **files(film)} for place, film in films.items()]
     step = {
-        "films": told,
+        "films": film_entries,
         "questions": _questions(script, watched.responses),
         "caption": watched.caption,
         "min_rounds": watched.min_rounds,
@@ -103,16 +103,18 @@ def _watched(script: TrialScript, watched: Watched, files: FilmFiles) -> OnPage:
     reply = yield from put(PageStep("watch", step))
     content = reply.content
     if content.get("failed") is not None:
-        failed = mapping(content["failed"], "what failed")
-        raise FilmFailed(f"film {failed.get('film')}: {failed.get('why')}"[:300])
-    seen = mapping(content.get("films"), "films")
-    truth = {place: read_film(seen.get(place)) for place in films}
+        failure = mapping(content["failed"], "what failed")
+        raise FilmFailed(f"film {failure.get('film')}: {failure.get('why')}"[:300])
+    film_replies = mapping(content.get("films"), "films")
+    truth = {place: read_film(film_replies.get(place)) for place in films}
     first_ms = max(t.first_ms for t in truth.values())
     name = script.numbered("film")
     on_ns = reply.t_ns_of(first_ms)
     script.row.setdefault("t_start_ns", on_ns)
     script.row |= _film_columns(name, truth, content, on_ns, first_ms)
-    script.row[f"{name}_sha256"] = ",".join(f["sha256"] for f in told if f["sha256"]) or None
+    script.row[f"{name}_sha256"] = (
+        ",".join(f["sha256"] for f in film_entries if f["sha256"]) or None
+    )
     script.row["t_end_ns"] = script.row[f"{name}_off_ns"]
     return (yield from _answers(script, watched.responses, reply, first_ms))
 
@@ -144,14 +146,14 @@ def _film_columns(
 def _answers(
     script: TrialScript, responses: tuple[Response, ...], reply: Reply, from_ms: float
 ) -> OnPage:
-    told = mapping(reply.content.get("answers"), "answers")
+    contents = mapping(reply.content.get("answers"), "answers")
     answers = {}
     for response in responses:
-        given = read_given(response, told.get(response.name))
+        page_answer = read_given(response, contents.get(response.name))
         asked_ns = reply.t_ns_of(from_ms)
-        answered_ns = asked_ns + ns_of_ms(given.at_ms - from_ms)
+        answered_ns = asked_ns + ns_of_ms(page_answer.at_ms - from_ms)
         script.view = still_view(answered_ns)
-        answer = Answer(given.option, given.by, asked_ns, answered_ns, script.view)
+        answer = Answer(page_answer.option, page_answer.by, asked_ns, answered_ns, script.view)
         script.row.setdefault("t_start_ns", asked_ns)
         script.take(response, answer)
         script.row[f"{response.name}_ms"] = (answered_ns - asked_ns) / NS_PER_MS
@@ -160,8 +162,8 @@ def _answers(
             {
                 "trial_id": script.trial.trial_id,
                 "question": response.name,
-                "answer": given.option,
-                "by": given.by,
+                "answer": page_answer.option,
+                "by": page_answer.by,
                 "asked_ns": asked_ns,
                 "answered_ns": answered_ns,
             },

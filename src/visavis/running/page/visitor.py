@@ -1,6 +1,6 @@
-"""The simulated participant before a page: speaks its protocol, looks at films, answers.
+"""The simulated participant at a page: speaks its protocol, watches films, answers.
 
-They see what the films show and read what is asked, nothing else.
+They see only the films and the questions.
 """
 
 import base64
@@ -25,11 +25,11 @@ from visavis.study.responses import Response
 from visavis.study.scenes import Staging, stage
 
 READING_S: Final = 4.0
-"""How long a page of text is read."""
+"""Time to read a page of text."""
 FIRST_FRAME_MS: Final = 40.0
 """From a step to the first picture that a simulated browser presents."""
 PX_PER_MM: Final = 96 / 25.4
-"""How large a page's pixels are by its standard."""
+"""Size of a CSS pixel by its standard (96 to the inch)."""
 PRACTICE_STRETCH: Final = 100_000
 SHOWN: Final = "keys"
 
@@ -41,8 +41,8 @@ Views = Callable[[Mapping[str, Film]], tuple[SceneFrame, SceneFrame]]
 class Visitor:
     """Answer a page's steps as a person would.
 
-    `films` leads from the names on the wire to what is seen; `responses` from the text of a
-    question to what it asks for; `store` says what a moving camera showed.
+    `films` maps names on the wire to films, `responses` the text of a question to its response;
+    `store` knows what a moving camera showed.
     """
 
     person: StudyPerson
@@ -52,11 +52,11 @@ class Visitor:
     store: FilmStore
     now_ms: float = 0.0
     digits: Sequence[bytes] = ()
-    """How digits sound in the language of the page."""
+    """Recordings of the digits in the language of the page."""
     _trial: tuple[int, bool] = field(default=(0, False), repr=False)
 
     def reply(self, step: PageStep) -> dict[str, Any]:
-        """Return the reply to a step; the visitor's clock goes on by the time it took."""
+        """Return the reply to a step; advance the visitor's clock by the time it took."""
         content = step.content
         match step.kind:
             case "consent":
@@ -86,17 +86,17 @@ class Visitor:
     def look(self, content: Mapping[str, Any]) -> float:
         """Look at a step's films once; return how long a round takes, in milliseconds.
 
-        What was seen since the trial began is kept until another begins.
+        The person remembers what they saw in a trial until the next one begins.
         """
         trial = (content["trial"], content["is_practice"])
         if trial != self._trial:
             self._trial = trial
             self.person.prepare(content["trial"] + PRACTICE_STRETCH * content["is_practice"], 0)
-        told = {f["place"]: f for f in content["films"]}
-        if not told:
+        film_entries = {f["place"]: f for f in content["films"]}
+        if not film_entries:
             return 0.0
-        round_ms = float(max(f["seconds"] for f in told.values()) * 1000)
-        films = {p: self.films[f["film"]] for p, f in told.items()}
+        round_ms = float(max(f["seconds"] for f in film_entries.values()) * 1000)
+        films = {p: self.films[f["film"]] for p, f in film_entries.items()}
         first, last = self.views(films)
         self.person.see(first, 0)
         self.person.see(last, max(1, round(round_ms * NS_PER_MS)))
@@ -106,19 +106,19 @@ class Visitor:
 
     def _watch(self, content: Mapping[str, Any]) -> dict[str, Any]:
         first_ms = shown_ms = self.now_ms
-        told = {f["place"]: f for f in content["films"]}
+        film_entries = {f["place"]: f for f in content["films"]}
         round_ms = self.look(content)
-        first_ms += FIRST_FRAME_MS if told else 0.0
+        first_ms += FIRST_FRAME_MS if film_entries else 0.0
         at_ms = first_ms + content["min_rounds"] * round_ms
         answers = {}
         for question in content["questions"]:
             response = self.responses[question["prompt"]]
             at_ms += self.person.takes_s(response) * 1000
             labels = [o["label"] for o in question.get("options", ())]
-            said = self.person.answer(question["name"], question["prompt"], labels)
-            if said is not None and labels:
-                said = question["options"][labels.index(said)]["value"]
-            answers[question["name"]] = {"option": said, "at_ms": at_ms, "by": SHOWN}
+            answer = self.person.answer(question["name"], question["prompt"], labels)
+            if answer is not None and labels:
+                answer = question["options"][labels.index(answer)]["value"]
+            answers[question["name"]] = {"option": answer, "at_ms": at_ms, "by": SHOWN}
         self.now_ms = at_ms
         rounds = int((at_ms - first_ms) // round_ms) if round_ms else 0
         return {
@@ -135,21 +135,21 @@ class Visitor:
                     "rounds": rounds,
                     "stalls": 0,
                 }
-                for place, f in told.items()
+                for place, f in film_entries.items()
             },
         }
 
     def _question(self, question: Mapping[str, Any]) -> str | None:
         labels = [o["label"] for o in question["options"]]
-        said = self.person.answer(question["name"], question["prompt"], labels)
+        answer = self.person.answer(question["name"], question["prompt"], labels)
         self.now_ms += READING_S * 1000
-        if said is None or not labels:
-            return said
-        return next((str(o["value"]) for o in question["options"] if o["label"] == said), None)
+        if answer is None or not labels:
+            return answer
+        return next((str(o["value"]) for o in question["options"] if o["label"] == answer), None)
 
 
 def scenes_seen(staged_frames: Callable[[Film | Pair], tuple[SceneFrame, SceneFrame]]) -> Views:
-    """Return what is seen of films on a page: a film alone, or two as the pair they are."""
+    """Return the views of films on a page: of a single film, or of two as a pair."""
 
     def views(films: Mapping[str, Film]) -> tuple[SceneFrame, SceneFrame]:
         if "film" in films:
@@ -160,10 +160,10 @@ def scenes_seen(staged_frames: Callable[[Film | Pair], tuple[SceneFrame, SceneFr
 
 
 def visitor_of(person: Any, experiment: StudyExperiment, store: FilmStore) -> Visitor:
-    """Return a simulated participant who sits before a page.
+    """Return a simulated participant at a page.
 
     Raises:
-        ConfigError: the study's own simulated person looks at no page.
+        ConfigError: the study's own simulated person cannot use a page.
     """
     if not isinstance(person, StudyPerson):
         raise ConfigError(
@@ -187,12 +187,12 @@ def _seen_by(store: FilmStore) -> Callable[[Film | Pair], tuple[SceneFrame, Scen
         seconds = seconds_of(shown)
         film = next(iter(films_of(shown).values()))
         staging = Staging(np.random.default_rng(film.seed), seconds, 0, store.study_folder)
-        staged = stage(scene_of(shown), staging, store.makers)
+        staged_scene = stage(scene_of(shown), staging, store.makers)
         end_ns = max(1, round(seconds * NS_PER_S))
-        first = staged.frame(still_view(0), 0)
+        first = staged_scene.frame(still_view(0), 0)
         if first is None:
             raise ConfigError(f"scene {scene_of(shown).name} shows nothing at its onset")
-        last = staged.frame(still_view(end_ns), end_ns) or first
+        last = staged_scene.frame(still_view(end_ns), end_ns) or first
         return first, replace(last, t_ns=end_ns)
 
     return seen

@@ -1,4 +1,4 @@
-"""Refuse or announce damaged recordings before anything is made of them."""
+"""Refuse or report damaged recordings before they are analysed."""
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -19,20 +19,20 @@ def require_intact(sessions: Sequence[Path], *, accept: bool) -> tuple[DamageRep
     """Verify every file of sessions and return what is damaged, where that is accepted.
 
     Raises:
-        DataError: something is, and was not accepted; says per session what is missing.
+        DataError: a recording is damaged and that was not accepted; says what is missing.
     """
     with ThreadPoolExecutor() as pool:  # hashing lets other threads run
         reports = tuple(pool.map(_find_damage, sessions))
-    damaged = tuple(r for r in reports if r.is_damaged)
-    if not damaged:
+    damage_reports = tuple(r for r in reports if r.is_damaged)
+    if not damage_reports:
         return ()
     if not accept:
         raise DataError(
-            f"{counted_damage(damaged, len(sessions))}:\n{describe(damaged)}\n"
+            f"{counted_damage(damage_reports, len(sessions))}:\n{describe(damage_reports)}\n"
             "restore the files from a copy; or add --accept-damage to go on with what is left: "
             "trials that lost samples are then missing, and marked as damaged"
         )
-    return damaged
+    return damage_reports
 
 
 def counted_damage(damaged: Sequence[DamageReport], of: int) -> str:
@@ -52,7 +52,7 @@ def describe(damaged: Sequence[DamageReport]) -> str:
 
 
 def write_damage(damaged: Sequence[DamageReport], out_dir: Path) -> None:
-    """Write which trials are damaged beside the tables made without them; none: no file."""
+    """Write the list of damaged trials beside the tables; without damage there is no file."""
     path = out_dir / TABLE_NAME
     path.unlink(missing_ok=True)
     rows = [

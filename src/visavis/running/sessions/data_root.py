@@ -16,9 +16,9 @@ MIN_FREE_GB = 2.0
 
 @dataclass(frozen=True)
 class DataDisk:
-    """Where a lab records: `free_gb` of space, and why nothing can be recorded there with a remedy.
+    """The disk that a lab records on: its free space, and a problem with its remedy.
 
-    `problem` is empty where a session can be recorded; `free_gb` is None where it cannot be told.
+    `problem` is empty if a session can be recorded; `free_gb` is None if it is unknown.
     """
 
     free_gb: float | None
@@ -41,8 +41,8 @@ def data_disk(lab: LabConfig) -> DataDisk:
         return DataDisk(None, f"{place} keeps no files", another)
     free_gb = size.free / GB
     if free_gb < MIN_FREE_GB:
-        found = f"{free_gb:.1f} GB are free for {lab.data_root}, a session needs {MIN_FREE_GB:g}"
-        return DataDisk(free_gb, found, "free some space before any session")
+        problem = f"{free_gb:.1f} GB are free for {lab.data_root}, a session needs {MIN_FREE_GB:g}"
+        return DataDisk(free_gb, problem, "free some space before any session")
     return DataDisk(free_gb)
 
 

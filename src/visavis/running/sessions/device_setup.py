@@ -49,13 +49,13 @@ def build_rig(
             if isinstance(body, MovingBody)
             else BodyBeforeScreen(body, display.place)
         )
-    made: dict[str, Device] = {}
+    devices: dict[str, Device] = {}
     for role, device in config.devices.items():
-        made[role] = build_device(device, clock, body, seed, stack)
-    tracker = made.pop("eye_tracker", None)
+        devices[role] = build_device(device, clock, body, seed, stack)
+    tracker = devices.pop("eye_tracker", None)
     eyes = None if tracker is None else _as_eye_tracker(tracker)
-    headset = _as_headset(made.pop("headset")) if display is None else display
-    return Rig(headset, eyes, made, without=frozenset(without))
+    headset = _as_headset(devices.pop("headset")) if display is None else display
+    return Rig(headset, eyes, devices, without=frozenset(without))
 
 
 def screen_display(config: LabConfig, clock: Clock) -> ScreenDisplay | None:
@@ -111,27 +111,27 @@ def devices_for(
         ConfigError: a device that the study cannot do without is not configured.
         UsageError: the study cannot go on without one that was to be left out.
     """
-    needed, useful = experiment.needed_roles, experiment.useful_roles
+    needed_roles, useful = experiment.needed_roles, experiment.useful_roles
     spare = [r for r in spare_roles_of(experiment) if r in config.devices]
     for role in without:
         if role not in spare:
             may = f"it can do without {', '.join(spare)}" if spare else "it needs all it has"
             raise UsageError(f"{experiment.name} cannot go on without {role!r}: {may}")
-    missing = [r for r in needed if r not in config.devices]
+    missing = [r for r in needed_roles if r not in config.devices]
     if missing:
         raise ConfigError(
             f"{config.path}: {experiment.name} needs {', '.join(missing)} under devices; add the "
             "role with its driver (see docs/configuration.md)"
         )
-    kept = {"responses", *needed, *useful}
+    roles = {"responses", *needed_roles, *useful}
     if config.display.own_body != "none":
-        kept.add("body_tracker")
+        roles.add("body_tracker")
     if config.display.on_screen is None:
-        kept.add("headset")
+        roles.add("headset")
     else:
-        kept.discard("headset")
-    kept -= set(without)
-    devices = {r: d for r, d in config.devices.items() if r in kept or is_own_role(r)}
+        roles.discard("headset")
+    roles -= set(without)
+    devices = {r: d for r, d in config.devices.items() if r in roles or is_own_role(r)}
     for role in without:
         devices.pop(role, None)
     return config.model_copy(update={"devices": devices})

@@ -72,6 +72,7 @@ def build_drawn_stage(
         )
     if show == "screen":
         return _on_screen(config, experiment, rig, clock, viewers)
+    # The window shows the picture itself, or mirrors what the headset shows.
     window_px = (config.display.window_width_px, config.display.window_height_px)
     if show == "window":
         display = Display(_one_eye(window_px), lambda: window_px, n, rate_hz, hands_over=False)
@@ -96,19 +97,19 @@ def build_drawn_stage(
 
 
 def quality_of(config: LabConfig, *, on_processor: bool) -> Quality:
-    """Return how pictures are drawn: as suits the computer, but for what the lab asks."""
-    usual, asked = ON_PROCESSOR if on_processor else Quality(), config.display.quality
+    """Return how pictures are drawn: as suits the computer, except for the lab's own settings."""
+    usual, settings = ON_PROCESSOR if on_processor else Quality(), config.display.quality
     detail = usual.detail
-    if asked.full_detail_px is not None:
+    if settings.full_detail_px is not None:
         finest, *coarser = detail.faces_px
-        share = asked.full_detail_px / finest
+        share = settings.full_detail_px / finest
         detail = replace(detail, faces_px=(finest * share, *(px * share for px in coarser)))
-    shadows = asked.shadows or usual.shadows
+    shadows = settings.shadows or usual.shadows
     return replace(
         usual,
-        samples=usual.samples if asked.samples is None else asked.samples,
+        samples=usual.samples if settings.samples is None else settings.samples,
         shadows="blobs" if on_processor and shadows in ("maps", "area") else shadows,
-        shadow_map_px=asked.shadow_map_px or usual.shadow_map_px,
+        shadow_map_px=settings.shadow_map_px or usual.shadow_map_px,
         detail=detail,
     )
 
@@ -190,7 +191,7 @@ def window_title(config: LabConfig, experiment: Experiment) -> str:
 
 
 def _show_images(rig: Rig) -> bool:
-    """Tell a headset that has to know beforehand that it will get images; tell whether it does."""
+    """Announce images to a headset that must know in advance; return whether it is one."""
     prepare = getattr(rig.headset, "show_images", None)
     if prepare is not None:
         prepare()

@@ -1,4 +1,4 @@
-"""Look through every file of a study's folder, and put back what has an intact copy."""
+"""Check every file of a study's folder, and restore files that have an intact copy."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -23,7 +23,7 @@ SIMULATED_PREFIX = "S"
 
 
 def is_study(folder: Path) -> bool:
-    """Tell whether a folder is that of a study: it has settings, a ledger, or what is left."""
+    """Tell whether a folder is that of a study: it has settings, a ledger, or a copy of one."""
     names = (SETTINGS_NAME, LEDGER_NAME)
     return any((folder / n).exists() or copy_path(folder / n).exists() for n in names)
 
@@ -61,15 +61,15 @@ def repair_study(folder: Path) -> tuple[str, ...]:
         done += _mended(folder / SETTINGS_NAME, lambda: read_settings(folder))
     for name in (LEDGER_NAME, REGISTER_NAME, PEEKS_NAME):
         try:
-            repaired = repair_lines(folder / name)
+            note = repair_lines(folder / name)
         except ValueError as error:
             raise RecordingError(str(error)) from error
-        done += [repaired] if repaired else []
+        done += [note] if note else []
     if _lock_problems(folder):
         done += _mended(folder / LOCK_NAME, lambda: read_lock(folder))
-    for told in _bodies(folder):
-        if _body_problems(told):
-            done += _mended(told, partial(read_own_body, told.parent))
+    for path in _bodies(folder):
+        if _body_problems(path):
+            done += _mended(path, partial(read_own_body, path.parent))
     for session in session_folders(folder):
         done += recover(session).repaired
     return tuple(done)
@@ -106,18 +106,18 @@ def _lock_problems(folder: Path) -> list[str]:
     """Name what is wrong with the locked plan, its copy, and the record of looks at results."""
     path = folder / LOCK_NAME
     try:
-        locked, _ = read_lock(folder), read_peeks(folder)
+        locked_plan, _ = read_lock(folder), read_peeks(folder)
     except LabError as error:
         return [str(error)]
     state = copy_state(path)
-    renewed = [] if locked is None or state == "same" else [f"{copy_path(path)} is {state}"]
-    return renewed + list(read_lines(folder / PEEKS_NAME).notes)
+    problems = [] if locked_plan is None or state == "same" else [f"{copy_path(path)} is {state}"]
+    return problems + list(read_lines(folder / PEEKS_NAME).notes)
 
 
 def _bodies(folder: Path) -> list[Path]:
-    """Return where people's own bodies are kept, or were: the copy is left."""
-    found = (path for name in FILE_NAMES for path in folder.glob(f"sub-*/{name}"))
-    return sorted({path.with_name(OWN_BODY_NAME) for path in found})
+    """Return the paths of people's own bodies, also those of which only the copy is left."""
+    paths = (path for name in FILE_NAMES for path in folder.glob(f"sub-*/{name}"))
+    return sorted({path.with_name(OWN_BODY_NAME) for path in paths})
 
 
 def _body_problems(path: Path) -> list[str]:

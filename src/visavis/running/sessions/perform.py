@@ -50,9 +50,9 @@ from visavis.study.experiment import StudyExperiment
 from visavis.study.texts import read_texts
 
 REHEARSED_TRIALS, REHEARSED_S = 8, 130.0
-"""So many trials are rehearsed, or so long, beside the first trial of every block.
+"""Limits of the rehearsal, in trials and seconds, beside the first trial of every block.
 
-A level more brings other numbers, seldom other code.
+A further level brings other numbers, seldom other code.
 """
 
 
@@ -64,8 +64,8 @@ def perform_new(request: Request) -> Path:
         SessionAborted, DeviceError: it ended early; what is finished is kept.
     """
     if request.is_on_page:
-        made: Path = _pages().perform_new(request)
-        return made
+        session_path: Path = _pages().perform_new(request)
+        return session_path
     cast = use_cast_of(request.config)
     plan = request.experiment.plan(request.person.index, request.seed, request.person.group)
     config = devices_for(request.config, request.experiment, request.without)
@@ -143,27 +143,27 @@ def _pages() -> ModuleType:
 
 
 def _locked(request: Request, config: LabConfig) -> dict[str, Any]:
-    """Return what a session keeps of its study's locked plan."""
-    simulated = is_simulated(config)
-    folder = study_dir(config.data_root, request.study.name, is_simulated=simulated)
+    """Return the entries about the study's locked plan that a session keeps."""
+    is_simulation = is_simulated(config)
+    folder = study_dir(config.data_root, request.study.name, is_simulated=is_simulation)
     return carried_by_session(folder, request.study, request.experiment, request.seed)
 
 
 def _incidents(config: LabConfig) -> dict[str, Any]:
-    """Return what a session keeps of the lab's own list of reasons; nothing of the usual one."""
+    """Return the entry for the lab's own list of reasons; nothing for the usual list."""
     own = dict(config.incidents)
     return {} if own == dict(INCIDENTS) else {"incidents": own}
 
 
 def _screen(config: LabConfig) -> dict[str, Any]:
-    """Return what a session keeps of the screen participants sit before; nothing of a headset's."""
+    """Return the entry for the screen participants sit before; nothing for a headset."""
     screen = config.display.on_screen
     return {} if screen is None else {"screen": screen.model_dump()}
 
 
 @contextmanager
 def of_no_session() -> Iterator[None]:
-    """Let an interruption be one where what is performed is not kept: nothing could be resumed."""
+    """Raise KeyboardInterrupt for an interrupted session that is not kept for a resumption."""
     try:
         yield
     except SessionAborted as ended:
@@ -178,30 +178,35 @@ class FewTrials(StudyExperiment):
 
     def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
         """Return the plan with those trials alone."""
-        made = super().plan(participant_index, seed, group)
-        first = [block.trials[0] for block in made.blocks if block.trials]
+        whole_plan = super().plan(participant_index, seed, group)
+        first = [block.trials[0] for block in whole_plan.blocks if block.trials]
         most = min(REHEARSED_TRIALS, int(REHEARSED_S / max(self.trial_s, 1.0)))
-        kept = {t.trial_id for t in (*first, *_of_other_levels(made.trials, first, most))}
+        trial_ids = {
+            t.trial_id for t in (*first, *_of_other_levels(whole_plan.trials, first, most))
+        }
         blocks = (
-            replace(b, trials=tuple(t for t in b.trials if t.trial_id in kept)) for b in made.blocks
+            replace(b, trials=tuple(t for t in b.trials if t.trial_id in trial_ids))
+            for b in whole_plan.blocks
         )
-        return replace(made, blocks=tuple(blocks))
+        return replace(whole_plan, blocks=tuple(blocks))
 
 
 def _of_other_levels(trials: Sequence[Trial], met_in: Sequence[Trial], most: int) -> list[Trial]:
     """Return trials in which further levels are met, those of the smallest factors first."""
     everything = {level for trial in trials for level in trial.factors.items()}
     worth = Counter(name for name, _ in everything)
-    met = {level for trial in met_in for level in trial.factors.items()}
-    chosen: list[Trial] = []
-    while len(chosen) < most and met != everything:
+    met_levels = {level for trial in met_in for level in trial.factors.items()}
+    further_trials: list[Trial] = []
+    while len(further_trials) < most and met_levels != everything:
         best = max(
             trials,
-            key=lambda t: sum(1 / worth[k] for k, v in t.factors.items() if (k, v) not in met),
+            key=lambda t: sum(
+                1 / worth[k] for k, v in t.factors.items() if (k, v) not in met_levels
+            ),
         )
-        chosen.append(best)
-        met |= set(best.factors.items())
-    return chosen
+        further_trials.append(best)
+        met_levels |= set(best.factors.items())
+    return further_trials
 
 
 _READY: WeakSet[StudyExperiment] = WeakSet()
@@ -213,12 +218,12 @@ def get_ready(
     config: LabConfig,
     told: Callable[[int, int], None] = untold,
 ) -> str:
-    """Do what would hold up a frame of a session; return why a part was left out, mostly "".
+    """Do in advance what would delay a frame; return why a part was left out, usually "".
 
-    What the study prepares, then a rehearsal of a few trials by a simulated person on simulated
-    devices, unseen and forgotten: code is compiled for what it is called with, so nothing finds
-    all of it but calling it. `told` hears how much of how much is done. Done already, it takes no
-    time.
+    First the study prepares itself. Then a simulated person rehearses a few trials on simulated
+    devices, unseen and without a recording: code is compiled for the types it is called with, so
+    only calls compile all of it. `told` is called with the amount done and the total. A second
+    call takes no time.
     """
     if experiment in _READY:
         return ""
@@ -300,19 +305,21 @@ def _perform_companied(
 ) -> None:
     make = partial(_recorder, request, folder)
     with recorded_part(request.clock, folder, make, "every finished trial is kept") as recorder:
-        with _guarded(devices, request.clock) as guarded:
-            setup = _setup(request, guarded, folder, plan, progress, recorder)
+        with _guarded(devices, request.clock) as guarded_devices:
+            setup = _setup(request, guarded_devices, folder, plan, progress, recorder)
             Session(setup).run()
 
 
 def _recorder(request: Request, folder: SessionFolder, part_dir: Path) -> Recorder:
     """Return the part's recorder; the companion's own where it has one."""
-    clock, simulated = request.clock, folder.manifest.is_simulated
+    clock, is_simulation = request.clock, folder.manifest.is_simulated
     if request.companion is not None and not clock.is_virtual:
-        own = request.companion.recorder(request, part_dir, is_simulated=simulated)
+        own = request.companion.recorder(request, part_dir, is_simulated=is_simulation)
         if own is not None:
             return own
-    return recorder_of(part_dir, clock, is_simulated=simulated, awaits_disk=not clock.is_virtual)
+    return recorder_of(
+        part_dir, clock, is_simulated=is_simulation, awaits_disk=not clock.is_virtual
+    )
 
 
 @contextmanager
@@ -334,7 +341,7 @@ def _setup(
     progress: Progress,
     recorder: Recorder,
 ) -> SessionSetup:
-    # A study in one language alone says nothing; its participants read the lab's.
+    # A study in a single language names none; its participants read the lab's language.
     config = request.config.model_copy(update={"language": request.experiment.language})
     return SessionSetup(
         experiment=request.experiment,
@@ -378,7 +385,7 @@ def _describe(
     recorder: Recorder,
     infos: tuple[DeviceInfo, ...],
 ) -> None:
-    """Keep who the devices are; in real time their own recordings begin and the companion hears."""
+    """Record which devices are used; in real time start their recordings, tell the companion."""
     folder.describe(devices=infos)
     if request.clock.is_virtual:
         return
@@ -425,7 +432,7 @@ def build_stage(
     show, asks = config.display.show, config.display.questions != "terminal"
     if show == "none" or (clock.is_virtual and show != "offscreen"):
         return GeometryStage(viewers, asks=asks)
-    # Saves OpenGL, GLFW and the renderer wherever nothing is drawn: most simulated sessions.
+    # OpenGL, GLFW and the renderer are loaded only to draw; most simulated sessions do not.
     from visavis.running.sessions.drawn_stages import build_drawn_stage
 
     return build_drawn_stage(config, experiment, rig, clock, viewers)
@@ -440,5 +447,5 @@ def _simulated_participant(request: Request) -> SimulatedParticipant | None:
         effect=request.effect,
         experiment=request.experiment,
     )
-    # On a real clock the simulated tracker's thread measures while the session moves the body.
+    # In real time the simulated tracker's thread measures while the session moves the body.
     return participant if request.clock.is_virtual else SharedBody(participant)

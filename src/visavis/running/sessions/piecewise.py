@@ -1,4 +1,4 @@
-"""Measure the trials of a study one by one, on any machines; what was kept is not repeated."""
+"""Measure the trials of a study one by one, on any machines; stored results are not repeated."""
 
 import hashlib
 import json
@@ -32,7 +32,7 @@ class TrialJob:
 Runner: TypeAlias = Callable[
     [Callable[[TrialJob], MeasuredTrial], list[TrialJob]], Iterator[tuple[int, MeasuredTrial]]
 ]
-"""Does a function for every job, anywhere, and yields (job number, result) as they finish."""
+"""Calls a function for every job, on any machine; yields (job number, result) as they finish."""
 
 
 def measure_job(job: TrialJob) -> MeasuredTrial:
@@ -66,60 +66,60 @@ def measure_sessions(
     """Measure every trial that `store` does not hold yet, then take in the sessions.
 
     Each trial is written to `store` as soon as it is measured, so a later call goes on where
-    this one was stopped. `on_trial` is told how many of how many trials are done.
+    this one was stopped. `on_trial` is called with the number of trials done and of all.
     """
     how, reference = pieces.how_with(settings), reference_of(study.study)
     recordings = [Recording(path) for path in sessions]
-    for recording in recordings:  # told before hours of measuring
+    for recording in recordings:  # an error is better now than after hours of measuring
         study.experiment_of(recording)
     jobs: list[tuple[TrialJob, Path]] = []
-    wanted: list[dict[str, Path]] = []
+    paths_by_session: list[dict[str, Path]] = []
     for recording in recordings:
         session = str(recording.path.resolve())
         own = {
             trial: kept_at(store, recording, trial, pieces, how)
             for trial in pieces.trials(recording)
         }
-        wanted.append(own)
+        paths_by_session.append(own)
         jobs += [(TrialJob(reference, session, trial, how), at) for trial, at in own.items()]
     missing = [(job, at) for job, at in jobs if read_kept(at) is None]
     done = len(jobs) - len(missing)
-    told = on_trial or (lambda done, of: None)
-    told(done, len(jobs))
+    report_progress = on_trial or (lambda done, of: None)
+    report_progress(done, len(jobs))
     if missing:
         store.mkdir(parents=True, exist_ok=True)
-        for number, measured in run(measure_job, [job for job, _ in missing]):
-            replace_file(missing[number][1], seal(asdict(measured)))
+        for number, result in run(measure_job, [job for job, _ in missing]):
+            replace_file(missing[number][1], seal(asdict(result)))
             done += 1
-            told(done, len(jobs))
+            report_progress(done, len(jobs))
     return [
         study.measure(recording, settings, {trial: _kept(at) for trial, at in paths.items()})
-        for recording, paths in zip(recordings, wanted, strict=True)
+        for recording, paths in zip(recordings, paths_by_session, strict=True)
     ]
 
 
 def read_kept(path: Path) -> MeasuredTrial | None:
     """Return a trial measured before; None when there is none, or a damaged file."""
     try:
-        kept = read_sealed(path)
-        if not kept.is_sealed:
+        sealed_file = read_sealed(path)
+        if not sealed_file.is_sealed:
             return None
-        row, tables = kept.content["row"], kept.content["tables"]
+        row, tables = sealed_file.content["row"], sealed_file.content["tables"]
         return MeasuredTrial({**row}, {name: [{**r} for r in tables[name]] for name in tables})
     except (OSError, ValueError, KeyError, TypeError, IndexError):
         return None
 
 
 def _kept(path: Path) -> MeasuredTrial:
-    measured = read_kept(path)
-    if measured is None:
+    trial = read_kept(path)
+    if trial is None:
         raise DataError(f"{path} was measured and is gone or damaged; run the analysis again")
-    return measured
+    return trial
 
 
 def kept_at(store: Path, recording: Recording, trial_id: str, pieces: Pieces, how: Any) -> Path:
-    """Return where a trial is kept: the name changes with the recording and with how it is
-    measured, so nothing out of date is ever used.
+    """Return the file of a measured trial. Its name changes with the recording and with the way of
+    measuring, so an outdated result is never used.
     """
     manifest = recording.manifest
     content = [
@@ -131,5 +131,5 @@ def kept_at(store: Path, recording: Recording, trial_id: str, pieces: Pieces, ho
         pieces.marks(how),
     ]
     digest = hashlib.sha256(json.dumps(content, default=str).encode()).hexdigest()[:16]
-    trial = re.sub(r"[^A-Za-z0-9_-]", "_", trial_id)  # which foreign data may make a path
+    trial = re.sub(r"[^A-Za-z0-9_-]", "_", trial_id)  # foreign ones may hold a slash
     return store / f"{recording.path.parent.name}_{recording.path.name}_{trial}_{digest}.json"

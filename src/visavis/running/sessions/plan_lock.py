@@ -63,9 +63,9 @@ def lock_plan(
         "plan": content_now(study, experiment, seed),
     }
     write_sealed(folder / LOCK_NAME, content)
-    made = _locked(content, seal_of(seal(content)))
-    replace_file(folder / PAGE_NAME, markdown(content, made.sha256).encode())
-    return made
+    locked_plan = _locked(content, seal_of(seal(content)))
+    replace_file(folder / PAGE_NAME, markdown(content, locked_plan.sha256).encode())
+    return locked_plan
 
 
 def content_now(
@@ -96,13 +96,13 @@ def read_lock(folder: Path) -> LockedPlan | None:
     if not path.exists() and not copy_path(path).exists():
         return None
     try:
-        found = read_sealed(path)
-        if not found.is_sealed:
+        sealed_file = read_sealed(path)
+        if not sealed_file.is_sealed:
             raise ValueError("it lost its checksum")
-        version = found.content.get("format_version")
+        version = sealed_file.content.get("format_version")
         if not isinstance(version, int) or version > LOCK_VERSION:
             raise ValueError(f"format version {version} is newer than this Visavis")
-        return _locked(found.content, seal_of(seal(found.content)))
+        return _locked(sealed_file.content, seal_of(seal(sealed_file.content)))
     except (OSError, ValueError, KeyError, TypeError, RecordingError) as error:
         raise DataError(
             f"{path} cannot be read ({error}); `visavis recover {folder}` puts its copy in its "
@@ -128,23 +128,28 @@ def carried_by_session(
 ) -> dict[str, Any]:
     """Return what a session's configuration keeps of a locked plan: empty without one.
 
-    Its hash, and everything in which the study deviates from it as the session begins.
+    It keeps the hash of the plan, and all deviations of the study when the session begins.
     """
-    locked = read_lock(folder)
-    if locked is None:
+    locked_plan = read_lock(folder)
+    if locked_plan is None:
         return {}
-    found = deviations_between(locked.plan, content_now(study, experiment, seed))
-    return {CONFIGURATION_KEY: {"sha256": locked.sha256, "deviations": [_kept(d) for d in found]}}
+    deviations = deviations_between(locked_plan.plan, content_now(study, experiment, seed))
+    return {
+        CONFIGURATION_KEY: {
+            "sha256": locked_plan.sha256,
+            "deviations": [_kept(d) for d in deviations],
+        }
+    }
 
 
 def _kept(deviation: Deviation) -> dict[str, str]:
-    kept = asdict(deviation)
-    del kept["since"]
-    return kept
+    fields = asdict(deviation)
+    del fields["since"]
+    return fields
 
 
 def write_deviations(review: PlanReview | None, out_dir: Path) -> None:
-    """Write what deviates from a locked plan beside the tables; without a plan: no file."""
+    """Write the deviations from a locked plan beside the tables; no file without a plan."""
     path = out_dir / DEVIATIONS_NAME
     path.unlink(missing_ok=True)
     if review is not None:
@@ -165,7 +170,7 @@ def refuse_to_peek(
 ) -> tuple[Peek, ...]:
     """Return the looks at results so far; refuse a further one while a blinded study runs.
 
-    Where it is `asked` for, it is recorded before anything is computed.
+    A further look that is `asked` for is recorded before anything is computed.
 
     Raises:
         UsageError: the study is blinded and not complete, and nobody asked to look.
@@ -193,15 +198,15 @@ def read_peeks(folder: Path) -> tuple[Peek, ...]:
         DataError: the record is damaged.
     """
     path = folder / PEEKS_NAME
-    found = read_lines(path)
-    if found.damaged_line is not None:
+    lines = read_lines(path)
+    if lines.damaged_line is not None:
         raise DataError(
-            f"{path}:{found.damaged_line[0]} is damaged; `visavis recover {folder}` puts its copy "
+            f"{path}:{lines.damaged_line[0]} is damaged; `visavis recover {folder}` puts its copy "
             "in its place"
         )
     try:
         return tuple(
-            Peek(str(r["at"]), int(r["sessions"]), str(r["reason"])) for r in found.records
+            Peek(str(r["at"]), int(r["sessions"]), str(r["reason"])) for r in lines.records
         )
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise DataError(

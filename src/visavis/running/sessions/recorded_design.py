@@ -1,7 +1,7 @@
-"""The design that a study's sessions were made with, and what of it is otherwise by now.
+"""The design that a study's sessions were made with, and its changes since then.
 
-Every session carries its design: what is varied, how often, what is shown and asked. What
-participants read may change while a study runs, and how it is analysed; the design may not.
+Every session carries its design: what is varied, how often, what is shown and asked. Texts and the
+analysis may change while a study runs; the design may not.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,16 +20,16 @@ from visavis.study.experiment import StudyExperiment
 DESIGN_KEY: Final = "design"
 """Where a session's configuration keeps the design it was made with."""
 MAX_VALUES: Final = 12
-"""Of an option with more values than this only how many there are is kept."""
+"""For an option with more values than this, only their number is kept."""
 
 
 def design_of(experiment: StudyExperiment) -> dict[str, Any]:
     """Return what a study's sessions show and ask, and in which order, as plain data."""
     study = experiment.study
     factors = study.design_with(experiment.parameters).factors
-    varied = {f.name for f in study.design.factors}  # whose levels may be set like parameters
-    found = {
-        "parameters": {k: v for k, v in experiment.parameters.items() if k not in varied},
+    factor_names = {f.name for f in study.design.factors}  # whose levels may be set like parameters
+    content = {
+        "parameters": {k: v for k, v in experiment.parameters.items() if k not in factor_names},
         "factors": {
             f.name: {"levels": list(f.levels), "between": bool(f.between)} for f in factors
         },
@@ -40,14 +40,14 @@ def design_of(experiment: StudyExperiment) -> dict[str, Any]:
         },
         "questionnaires": [*study.asks.after_block, *study.asks.questionnaires],
         "questions": {
-            name: {"kind": type(asked).__name__, "options": list(map(str, asked.options))}
-            for name, asked in experiment.responses.items()
+            name: {"kind": type(response).__name__, "options": list(map(str, response.options))}
+            for name, response in experiment.responses.items()
         },
         "scenes": _scenes(experiment),
         "trials": _lengths(experiment),
     }
-    kept: dict[str, Any] = as_json(found)
-    return kept
+    design: dict[str, Any] = as_json(content)
+    return design
 
 
 def _lengths(experiment: StudyExperiment) -> dict[str, Any]:
@@ -62,9 +62,9 @@ def _lengths(experiment: StudyExperiment) -> dict[str, Any]:
 
 def _scenes(experiment: StudyExperiment) -> dict[str, dict[str, Any]]:
     """Return every scene that trials show, with the values that each of its options takes."""
-    found: dict[str, dict[str, set[str]]] = {}
+    options_by_scene: dict[str, dict[str, set[str]]] = {}
     for scene in (scene for trial in experiment.read.values() for scene in trial.scenes):
-        options = found.setdefault(scene.name, {})
+        options = options_by_scene.setdefault(scene.name, {})
         for name, value in scene.options.items():
             options.setdefault(name, set()).add(_told(value))
     return {
@@ -72,7 +72,7 @@ def _scenes(experiment: StudyExperiment) -> dict[str, dict[str, Any]]:
             name: sorted(values) if len(values) <= MAX_VALUES else f"{len(values)} values"
             for name, values in options.items()
         }
-        for scene, options in found.items()
+        for scene, options in options_by_scene.items()
     }
 
 
@@ -90,17 +90,17 @@ def _told(value: Any) -> str:
 
 
 def design_of_session(manifest: Manifest) -> dict[str, Any]:
-    """Return the design a session was made with; of one that kept none, what its plan tells."""
-    kept = manifest.configuration.get(DESIGN_KEY)
-    if kept is not None:
-        return dict(kept)
-    told = manifest.plan.get("parameters", {})
-    return {"parameters": {k: v for k, v in told.items() if k != "language"}}
+    """Return the design of a session; if it kept none, the parameters of its plan."""
+    design = manifest.configuration.get(DESIGN_KEY)
+    if design is not None:
+        return dict(design)
+    parameters = manifest.plan.get("parameters", {})
+    return {"parameters": {k: v for k, v in parameters.items() if k != "language"}}
 
 
 def changes_since(begun: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[Deviation, ...]:
-    """Return everything in which a design differs from the one begun with, where both tell."""
-    if "factors" not in begun:  # a plan's parameters, among which factors that were set stand too
+    """Return the differences between a design and the first one, in the parts that both have."""
+    if "factors" not in begun:  # only a plan's parameters, and factors that were set
         now = {"parameters": _as_planned(now["parameters"])}
         begun = {
             "parameters": {k: v for k, v in begun["parameters"].items() if k in now["parameters"]}
@@ -118,7 +118,7 @@ def _as_planned(parameters: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def in_words(changes: Sequence[Deviation]) -> str:
-    """Return changes of a design in words: what, as begun, as it is now."""
+    """Describe changes of a design: what changed, its value at first and its value now."""
 
     def said(c: Deviation) -> str:
         if c.planned == NOTHING:
@@ -138,13 +138,13 @@ def manifests_of(folder: Path) -> Iterator[Manifest]:
 
 
 def changes_of_design(folder: Path, experiment: StudyExperiment) -> tuple[Deviation, ...]:
-    """Return in what a study differs from the design its folder was begun with."""
+    """Return the differences between a study and the design of its first session."""
     first = next(manifests_of(folder), None)
     return () if first is None else changes_since(design_of_session(first), design_of(experiment))
 
 
 def require_same_design(folder: Path, experiment: StudyExperiment, way_out: str) -> None:
-    """Refuse a further session of another design than a folder was begun with.
+    """Refuse a further session whose design differs from that of the first one.
 
     Raises:
         UsageError: naming what differs, and `way_out`.
@@ -159,14 +159,14 @@ def require_same_design(folder: Path, experiment: StudyExperiment, way_out: str)
 
 def as_recorded(chosen: OpenedStudy, manifests: Sequence[Manifest]) -> OpenedStudy:
     """Return a study whose factors have the levels that sessions were made with."""
-    met: dict[str, list[Any]] = {}
+    recorded_levels: dict[str, list[Any]] = {}
     for manifest in manifests:
         for name, factor in design_of_session(manifest).get("factors", {}).items():
-            levels = met.setdefault(name, [])
+            levels = recorded_levels.setdefault(name, [])
             levels += [level for level in factor["levels"] if level not in levels]
     factors = [
-        replace(f, levels=tuple(met[f.name]))
-        if f.name in met and set(met[f.name]) != set(f.levels)
+        replace(f, levels=tuple(recorded_levels[f.name]))
+        if f.name in recorded_levels and set(recorded_levels[f.name]) != set(f.levels)
         else f
         for f in chosen.study.design.factors
     ]
@@ -183,26 +183,26 @@ def require_recorded_factors(
     Raises:
         DataError: naming it, and what to do.
     """
-    met = {
+    old = {
         name
         for manifest in manifests
         for block in manifest.plan.get("blocks", ())
         for trial in block["trials"]
         for name in trial["factors"]
     }
-    new = [name for name in experiment.levels if name not in met]
-    if met and new:
+    new = [name for name in experiment.levels if name not in old]
+    if old and new:
         raise DataError(
             f"no session in {folder} had the factor {', '.join(new)}, which the study has now; "
-            f"they had {', '.join(sorted(met))}. Put the study file back as it was to analyse them"
+            f"they had {', '.join(sorted(old))}. Put the study file back as it was to analyse them"
         )
 
 
 def told_of_designs(
     manifests: Sequence[Manifest], experiment: StudyExperiment
 ) -> tuple[tuple[Deviation, ...], str]:
-    """Return how the sessions' design differs from the study's now, and which differ in it
-    among each other ("" where none do).
+    """Return how the sessions' design differs from the study's now, and a warning of sessions that
+    differ among each other ("" if none do).
     """
     designs = [design_of_session(m) for m in manifests]
     first = designs[0]
@@ -210,11 +210,11 @@ def told_of_designs(
     comparable = ((m, d) for m, d in pairs if d.keys() == first.keys())
     others = {m.participant: changes_since(first, d) for m, d in comparable}
     apart = {who: changes for who, changes in others.items() if changes}
-    said = "; ".join(f"{who}: {in_words(changes)}" for who, changes in apart.items())
-    mixed = (
+    summary = "; ".join(f"{who}: {in_words(changes)}" for who, changes in apart.items())
+    mixture_warning = (
         f"{len(apart)} of {len(manifests)} sessions were made with another design than "
-        f"{manifests[0].participant}'s, and means are taken over all: {said}"
+        f"{manifests[0].participant}'s, and means are taken over all: {summary}"
         if apart
         else ""
     )
-    return changes_since(first, design_of(experiment)), mixed
+    return changes_since(first, design_of(experiment)), mixture_warning

@@ -36,9 +36,9 @@ def recorder_of(
 def recorded_part(
     clock: Clock, folder: SessionFolder, make: Callable[[Path], Recorder], kept: str
 ) -> Iterator[Recorder]:
-    """Record a part of a session; however the block is left, files and manifest say how.
+    """Record a part of a session; files and manifest say how the block ended.
 
-    `make` gets the part's folder, `kept` tells whoever interrupts what is not lost.
+    `make` gets the part's folder; `kept` tells a person who interrupts what is not lost.
 
     Raises:
         SessionAborted: it ended early.
@@ -69,7 +69,7 @@ def end_part(
     reason: str,
     cause: BaseException | None,
 ) -> None:
-    """Close files and manifest; what fails then never hides what went wrong before."""
+    """Close files and manifest; a failure here never hides an earlier error."""
     try:
         summary = recorder.close(status) if recorder is not None else None
         folder.end_part(clock, summary, reason=reason)

@@ -1,4 +1,4 @@
-"""Where recorded gaze fell, evaluated once more by the engine that evaluated it in the session."""
+"""Evaluate recorded gaze again with the engine that evaluated it in the session."""
 
 from typing import Any, Final
 
@@ -23,8 +23,8 @@ TARGETS: Final = "gaze_targets"
 def targets_again(recording: Recording, study: OpenedStudy, part: int) -> Columns:
     """Feed the engine with a part's gaze, head and scenes, frame by frame; return `gaze_targets`.
 
-    Which samples a frame took is as recorded, as is the tracker's clock between trials; in trials
-    it is the trial's own.
+    The samples of each frame are as recorded. The offset of the tracker's clock is the trial's own
+    within a trial, and as recorded between trials.
 
     Raises:
         UsageError: people sat before a screen; its place is not recorded.
@@ -35,44 +35,51 @@ def targets_again(recording: Recording, study: OpenedStudy, part: int) -> Column
             f"{recording.path} was recorded before a screen; only gaze in a headset is evaluated "
             "again"
         )
-    recorded = recording.stream_arrays(TARGETS, part=part)
+    recorded_targets = recording.stream_arrays(TARGETS, part=part)
     gaze, head, frames = (
         recording.stream_arrays(name, part=part) for name in (GAZE.name, "head", "frames")
     )
     schema = recording.stream_schema(TARGETS)
     if schema is None:
         raise DataError(f"{recording.path}: stream {TARGETS} has no schema")
-    made: list[SampleBatch] = []
+    batches: list[SampleBatch] = []
     delay_ns = _delay_ns(recording)
-    targets = RowBuffer(schema, made.append, hold_ns=NS_PER_S)
+    targets = RowBuffer(schema, batches.append, hold_ns=NS_PER_S)
     observer = GazeObserver(targets, delay_ns=delay_ns)
     offsets_ns = _offsets_ns(recording, part)
     scenes = _Scenes(recording, study, part)
     place_of = {int(seq): i for i, seq in enumerate(gaze["seq"])}
-    first_of, last_of = _runs(recorded["frame_index"])
-    taken = 0
+    first_of, last_of = _runs(recorded_targets["frame_index"])
+    pose_index = 0
     frame_count = len(frames["frame_index"])
     for k in range(frame_count):
         until_ns = int(frames["t_host_ns"][k + 1]) if k + 1 < frame_count else None
-        while taken < len(head["valid"]) and (
-            until_ns is None or head["t_host_ns"][taken] < until_ns
+        # The observer knew the head poses that had arrived before the next frame.
+        while pose_index < len(head["valid"]) and (
+            until_ns is None or head["t_host_ns"][pose_index] < until_ns
         ):
-            if head["valid"][taken]:
-                observer.add_pose(int(head["t_host_ns"][taken]), _pose(head, taken))
-            taken += 1
+            if head["valid"][pose_index]:
+                observer.add_pose(int(head["t_host_ns"][pose_index]), _pose(head, pose_index))
+            pose_index += 1
         frame = int(frames["frame_index"][k])
         if frame not in first_of:
             continue
+        # Evaluate the same gaze samples in this frame as the session did.
         rows = slice(first_of[frame], last_of[frame] + 1)
         try:
-            at = [place_of[int(seq)] for seq in recorded["gaze_seq"][rows]]
+            at = [place_of[int(seq)] for seq in recorded_targets["gaze_seq"][rows]]
         except KeyError as error:
             raise DataError(
                 f"{recording.path}: frame {frame} evaluated gaze sample {error}, which is not in "
                 "the stream gaze"
             ) from error
         observer.show(scenes.in_frame(k))
-        seen_ns = int(recorded["t_sample_ns"][rows][0]) + delay_ns - int(gaze["t_device_ns"][at[0]])
+        seen_ns = (
+            int(recorded_targets["t_sample_ns"][rows][0])
+            + delay_ns
+            - int(gaze["t_device_ns"][at[0]])
+        )
+        # Use the clock offset of the trial, or the recorded one between trials.
         trial = int(frames["trial_number"][k])
         t_ns = int(frames["t_host_ns"][k])
         observer.clock_offset_ns = next(
@@ -81,7 +88,7 @@ def targets_again(recording: Recording, study: OpenedStudy, part: int) -> Column
         observer.take(_batch(recording, gaze, at))
         observer.observe(frame, t_ns)
     targets.flush()
-    return _columns(schema, made, part)
+    return _columns(schema, batches, part)
 
 
 class _Scenes:
@@ -100,27 +107,27 @@ class _Scenes:
             # A row tells what was drawn in the frame before.
             frame = int(self._frames["frame_index"][max(0, k - 1)])
             t_ns = int(self._frames["t_host_ns"][max(0, k - 1)])
-            shown = shown_in(self._recording, self._part, frame, t_ns, np.zeros(3))
-            view = next(iter(self._study.views_of(shown)))
+            frame_content = shown_in(self._recording, self._part, frame, t_ns, np.zeros(3))
+            view = next(iter(self._study.views_of(frame_content)))
             self._made[number] = view.scene
         return self._made[number]
 
 
 def _delay_ns(recording: Recording) -> int:
-    """Return how late the tracker's stamps were, as configured."""
-    told = recording.manifest.configuration["devices"].get("eye_tracker", {})
+    """Return the configured delay of the tracker's time stamps, in nanoseconds."""
+    options = recording.manifest.configuration["devices"].get("eye_tracker", {})
     infos = [i for i in recording.manifest.devices if i.get("role") == "eye_tracker"]
-    delays = [i.get("gaze_delay_ms") for i in infos] or [told.get("gaze_delay_ms")]
+    delays = [i.get("gaze_delay_ms") for i in infos] or [options.get("gaze_delay_ms")]
     return round((delays[-1] or 0.0) * NS_PER_MS)
 
 
 def _offsets_ns(recording: Recording, part: int) -> list[tuple[int, int, int, int]]:
     """Return trial number, begin, end and the tracker's clock offset of every trial of a part."""
-    found = []
+    offsets = []
     for entry in recording.trial_entries(part):
         row = entry["row"]
         if row.get("clock_offset_ns") is not None and row.get("t_start_ns") is not None:
-            found.append(
+            offsets.append(
                 (
                     int(row["number"]),
                     int(row["t_start_ns"]),
@@ -128,7 +135,7 @@ def _offsets_ns(recording: Recording, part: int) -> list[tuple[int, int, int, in
                     int(row["clock_offset_ns"]),
                 )
             )
-    return found
+    return offsets
 
 
 def _runs(frame_index: Any) -> tuple[dict[int, int], dict[int, int]]:

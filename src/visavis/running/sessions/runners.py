@@ -29,11 +29,11 @@ def on_this_machine(
 ) -> Iterator[tuple[int, Done]]:
     """Yield (job number, result) as they finish; with one process, here and in order.
 
-    Whatever ends this ends the other processes, too: they hear of no signal themselves.
+    An error or a signal here ends the other processes, which ignore signals themselves.
 
     Raises:
         KeyboardInterrupt: this process was interrupted, or the others were asked to end (SIGTERM).
-        UsageError: one of them was killed, as for the memory it took.
+        UsageError: one of them was killed, for example for lack of memory.
     """
     if processes == 1 or len(jobs) <= 1:
         for number, job in enumerate(jobs):
@@ -53,7 +53,7 @@ def on_this_machine(
                 workers += multiprocessing.active_children()
                 for future in as_completed(numbers):
                     yield numbers[future], future.result()
-            except BrokenProcessPool:  # which ends the others itself, and waits for them
+            except BrokenProcessPool:  # the pool ends the others itself, and waits for them
                 raise
             except BaseException:
                 pool.shutdown(wait=False, cancel_futures=True)
@@ -61,8 +61,8 @@ def on_this_machine(
                     worker.terminate()
                 raise
     except BrokenProcessPool as broken:
-        # A signal to the whole group may be seen here first by what it did to them; the pool ends
-        # the rest by the same signal, so that one killed otherwise is told by its own.
+        # A signal to the whole group may appear here first as a broken pool. The pool ends the
+        # rest by SIGTERM, so a process that was killed otherwise has another exit code.
         if workers and all(worker.exitcode == -signal.SIGTERM for worker in workers):
             raise KeyboardInterrupt from broken
         raise UsageError(
@@ -122,17 +122,17 @@ def versions() -> Versions:
 
 def _versions_of_workers(client: Any, address: str) -> dict[str, Versions]:
     try:
-        found: dict[str, Versions] = client.run(versions)
+        worker_versions: dict[str, Versions] = client.run(versions)
     except ImportError as error:
         raise UsageError(
             f"the workers of {address} cannot import Visavis ({error}); install the same version "
             "there and start them again"
         ) from error
-    if not found:
+    if not worker_versions:
         raise UsageError(
             f"the scheduler at {address} has no workers; start some with `dask worker {address}`"
         )
-    return found
+    return worker_versions
 
 
 def refuse_other_versions(here: Versions, workers: Mapping[str, Versions]) -> None:

@@ -1,4 +1,4 @@
-"""What is asked for when a session is to be performed: whom, which study, on what."""
+"""Requests to perform a session: with whom, which study, on which devices."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -66,7 +66,7 @@ class Request:
     blind: bool = False
     """Whether the operator's screen hides the condition."""
     on_trial: Callable[[str, int, int], None] | None = None
-    """Hears of every trial that is done: its name, how many of how many."""
+    """Called for every trial that is done with its name, the number done and their total."""
     timing: TargetTiming = field(default_factory=TargetTiming)
     """How long targets of a calibration are shown."""
     lost_device_s: float = LOST_DEVICE_S
@@ -74,7 +74,7 @@ class Request:
     stage_for: Callable[[Sequence[Viewer]], Stage] | None = None
     """Makes the stage instead of the configuration."""
     companion: "Companion | None" = None
-    """What goes along with the session in real time."""
+    """Other programs that follow the session in real time."""
     without: tuple[str, ...] = ()
     """Roles of devices that the operator goes on without."""
     on: str = ""
@@ -91,16 +91,16 @@ class Request:
 
 @dataclass(frozen=True)
 class PageAddress:
-    """Where a page is served (port 0: a free one); `told` hears the address to be opened."""
+    """Where a page is served (port 0: a free one); `told` is called with the address to open."""
 
     port: int = 0
     told: Callable[[str], None] | None = None
 
 
 class Companion(Protocol):
-    """What goes along with a session in real time: streams to other programs, a note of the lab.
+    """Follows a session in real time: with streams to other programs, or a note of the lab.
 
-    A simulated study's files depend on its seed alone, so nothing goes along on a virtual clock.
+    A simulated study's files depend on its seed alone, so nothing follows on a virtual clock.
     """
 
     def recorder(self, request: Request, part_dir: Path, *, is_simulated: bool) -> Recorder | None:
@@ -116,11 +116,11 @@ class Companion(Protocol):
         *,
         is_simulated: bool,
     ) -> None:
-        """Hear that the devices are open and their streams declared."""
+        """Called when the devices are open and their streams declared."""
         ...
 
     def closed(self) -> None:
-        """Hear that the session's part has ended, however it did; its files are closed."""
+        """Called when the session's part has ended in any way, and its files are closed."""
         ...
 
 
@@ -163,8 +163,8 @@ def simulated_request(
 def body_of(request: Request) -> str:
     """Return which body the participant sees as their own: "female", "male" or "none".
 
-    What the lab writes is for every study; otherwise a study that wants one gives the participant's
-    own. Who is simulated has one by turns.
+    The lab's setting holds for every study. Otherwise a study that wants a body shows the
+    participant's own; simulated participants take turns.
     """
     if request.config.display.own_body != "none":
         return request.config.display.own_body

@@ -1,6 +1,6 @@
-"""Simulate a whole study, and analyse one: what the commands of these names do, in silence.
+"""Simulate a whole study, and analyse one: the work of the commands with these names.
 
-Whoever calls may listen (`telling`): the command line prints, a script hears warnings alone.
+Messages go to `telling`: the command line prints them, a script gets only warnings.
 """
 
 import warnings
@@ -72,18 +72,18 @@ from visavis.study.pieces import Pieces
 
 
 class Telling(Protocol):
-    """Whoever listens while a study is simulated or analysed."""
+    """Receives messages while a study is simulated or analysed."""
 
     def say(self, text: str) -> None:
-        """Hear what was done."""
+        """Receive a message about what was done."""
         ...
 
     def warn(self, text: str) -> None:
-        """Hear what the result leaves out or rests on."""
+        """Receive a warning about what the result leaves out or rests on."""
         ...
 
     def progress(self, what: str) -> AbstractContextManager[Callable[[int, int], None]]:
-        """Return what is told how much is done, of how much."""
+        """Return a context with a function to call with the amount done and the total."""
         ...
 
 
@@ -127,6 +127,7 @@ def simulate_study(
     folder = data_root / SIMULATED_ROOT / chosen.name
     chosen.experiment(wanted.parameters)
     prepare_data_root(lab)
+    # A folder holds sessions of one design with one set of settings.
     settings = settle(folder, wanted, seed_given=True, way_out="choose another --output")
     experiment = chosen.experiment(settings.parameters)
     require_same_design(
@@ -135,8 +136,8 @@ def simulate_study(
         "Choose another --output; or put the study file back as it was, and "
         "the same command goes on with what is missing",
     )
-    changed = settings.source_sha256 not in ("", wanted.source_sha256)
-    if changed and session_folders(folder):
+    has_changed = settings.source_sha256 not in ("", wanted.source_sha256)
+    if has_changed and session_folders(folder):
         telling.say(
             f"{wanted.source}, or a text beside it, has changed since {folder} was begun: sessions "
             "there stay as they are, further ones are made with it as it is now"
@@ -145,6 +146,7 @@ def simulate_study(
         _entry(folder, number, experiment.plan, settings.seed)
         for number in range(1, participants + 1)
     ]
+    # Simulate only what is neither complete nor being recorded by another process.
     sessions = [p.parent for p in folder.glob("sub-*/ses-001/manifest.json")]
     present = {p.parent.name for p in sessions if Recording(p).status in ("complete", "running")}
     tasks = [
@@ -159,11 +161,11 @@ def simulate_study(
     if len(sessions) > len(present):
         telling.say(f"{len(sessions) - len(present)} broken off before: what is left is simulated")
     watch = StopWatch()
-    with telling.progress("simulating") as told:
-        told(0, len(tasks))
+    with telling.progress("simulating") as report_progress:
+        report_progress(0, len(tasks))
         try:
             for done, _ in enumerate(_run(simulate_one, tasks, processes, scheduler), start=1):
-                told(done, len(tasks))
+                report_progress(done, len(tasks))
         except (KeyboardInterrupt, SessionAborted) as stop:
             raise SessionAborted(
                 f"interrupted; what is finished is kept in {folder}. Give the same command again: "
@@ -203,7 +205,7 @@ def analyse_study(
 
     Raises:
         DataError: a recording is damaged and that was not accepted, kinds or studies are mixed, or
-            the synchronisation test is none for these sessions.
+            the synchronisation test does not fit these sessions.
         UsageError: the study's locked plan keeps results hidden until it is complete.
     """
     folder = folder.resolve()
@@ -214,6 +216,7 @@ def analyse_study(
             "first complete one is analysed"
         )
     manifests = [read_manifest(s) for s in sessions]
+    # An analysis is of one study, and of real or simulated sessions unless a mixture is wanted.
     names = {m.study for m in manifests}
     kinds = {m.is_simulated for m in manifests}
     if len(names) > 1:
@@ -224,55 +227,58 @@ def analyse_study(
             "if you mean it (everything is then marked as simulated)"
         )
     study = names.pop()
-    locked, clock = read_lock(folder), SystemClock()
+    # A blinded study shows no results before it is complete, unless they are asked for.
+    locked_plan, clock = read_lock(folder), SystemClock()
     peeks = refuse_to_peek(
-        folder, locked, manifests, clock, asked=peek is not None, reason=peek or ""
+        folder, locked_plan, manifests, clock, asked=peek is not None, reason=peek or ""
     )
     watch = StopWatch()
-    damaged = require_intact(sessions, accept=accept_damage)
-    if damaged:
+    damage_reports = require_intact(sessions, accept=accept_damage)
+    if damage_reports:
         telling.warn(
-            f"{counted_damage(damaged, len(sessions))}; what cannot be read is missing\n"
-            f"{describe(damaged)}"
+            f"{counted_damage(damage_reports, len(sessions))}; what cannot be read is missing\n"
+            f"{describe(damage_reports)}"
         )
     out_dir = output.resolve() if output is not None else folder / DERIVED
     is_ours = output is None or not out_dir.exists()
     make_folder(out_dir, exist_ok=True)
     use_recorded_cast(Recording(sessions[0]))  # before anything of the study is made
-    chosen, changed = study_of_folder(folder, study)
-    chosen = _with_recorded_design(chosen, changed, folder, manifests, telling)
+    opened_study, change_warning = study_of_folder(folder, study)
+    opened_study = _with_recorded_design(opened_study, change_warning, folder, manifests, telling)
     settings = read_parameters(list(measure))
     if sync is not None:
         test = read_sync_test(sync)
         settings = {**settings, SETTING: required_for(test, kinds)}
         telling.say(f"pictures {test.picture_delay_ms:g} ms late, by {test.name} of {test.made}")
-    chosen.check_settings(settings)  # before anything is measured
+    opened_study.check_settings(settings)  # before anything is measured
     review = None
-    if locked is not None:
-        chosen, review = _reviewed(chosen, locked, manifests, settings, peeks)
+    if locked_plan is not None:
+        opened_study, review = _reviewed(opened_study, locked_plan, manifests, settings, peeks)
         for line in review.lines():
             telling.warn(line) if review.deviations else telling.say(line)
-    pieces = chosen.pieces
+    # Long measurements go trial by trial, so that a stop loses at most one.
+    pieces = opened_study.pieces
     if pieces is not None:
-        ordered = _measured_piecewise(
-            chosen, pieces, sessions, folder, processes, scheduler, settings, telling
+        intakes = _measured_piecewise(
+            opened_study, pieces, sessions, folder, processes, scheduler, settings, telling
         )
     else:
-        ordered = _measured(
-            reference_of(chosen.study), sessions, processes, scheduler, settings, telling
+        intakes = _measured(
+            reference_of(opened_study.study), sessions, processes, scheduler, settings, telling
         )
-    # One manifest of each session is held, not two: of a hundred people it is what takes most.
-    ordered = [replace(one, manifest=m) for one, m in zip(ordered, manifests, strict=True)]
-    halves = _unfinished(ordered)
-    analysis = chosen.analysis_of(ordered, settings)
+    # Keep one manifest per session, not two: with a hundred people they take most memory.
+    intakes = [replace(one, manifest=m) for one, m in zip(intakes, manifests, strict=True)]
+    halves = _unfinished(intakes)
+    analysis = opened_study.analysis_of(intakes, settings)
     counts = analysis.selection.people.set_index("participant")[COUNTED]
-    for who, told in halves.items():
+    for who, summary in halves.items():
         verdict = "it is taken in" if counts.get(who, False) else "they are left out"
-        telling.warn(f"not finished: {told}; {verdict}")
-    ordered = [one.without_tables() for one in ordered]  # the analysis holds everybody's
-    report_path = replace(chosen, tell=telling.warn, make_views=make_views).write(
+        telling.warn(f"not finished: {summary}; {verdict}")
+    intakes = [one.without_tables() for one in intakes]  # the analysis holds everybody's
+    # The report names the command that makes it again, and simulated data how they were made.
+    report_path = replace(opened_study, tell=telling.warn, make_views=make_views).write(
         analysis,
-        ordered,
+        intakes,
         out_dir,
         is_simulated=True in kinds,
         commands=(
@@ -283,22 +289,22 @@ def analyse_study(
                     _from_root(folder),
                     *(f"--set {m}" for m in measure),
                     *([] if sync is None else [f"--sync {sync.name}"]),
-                    *(["--accept-damage"] if damaged else []),
+                    *(["--accept-damage"] if damage_reports else []),
                 ]
             ),
         ),
         example=Recording(sessions[0]),
         folder=_from_root(folder),
     )
-    write_damage(damaged, out_dir)
+    write_damage(damage_reports, out_dir)
     write_deviations(review, out_dir)
     if is_ours:
         protect(out_dir)
     labels = sorted({m.participant for m in manifests})
-    made = made_files(out_dir) if is_ours else ()
+    files = made_files(out_dir) if is_ours else ()
     try:
-        register_export(folder, SystemClock(), ANALYSIS, out_dir, labels, made)
-    except LedgerError as error:  # an archive that only can be read
+        register_export(folder, SystemClock(), ANALYSIS, out_dir, labels, files)
+    except LedgerError as error:  # a read-only archive
         telling.warn(str(error))
     telling.say(f"{count_of(len(sessions), 'session')} analysed in {watch.elapsed_s():.0f} s")
     return report_path
@@ -316,9 +322,9 @@ def _with_recorded_design(
     Raises:
         DataError: it has a factor now that none of its sessions had.
     """
-    begun = read_settings(folder)
-    now = chosen.experiment({} if begun is None else begun.parameters)
-    changes, mixed = told_of_designs(manifests, now)
+    settings = read_settings(folder)
+    now = chosen.experiment({} if settings is None else settings.parameters)
+    changes, mixture_warning = told_of_designs(manifests, now)
     require_recorded_factors(folder, manifests, now)
     if changes:
         telling.warn(
@@ -327,23 +333,23 @@ def _with_recorded_design(
         )
     elif changed:
         telling.warn(f"{changed}. What sessions show and ask is the same")
-    if mixed:
-        telling.warn(mixed)
+    if mixture_warning:
+        telling.warn(mixture_warning)
     return as_recorded(chosen, manifests)
 
 
 def _unfinished(sessions: Sequence[Any]) -> dict[str, str]:
-    """Return in words how far sessions came that were not finished, by participant."""
-    found = {}
+    """Describe how far unfinished sessions came, by participant."""
+    summaries = {}
     for one in sessions:
         parts = one.manifest.parts
         if not parts or parts[-1].status != "complete":
             counts = one.rows[~one.rows["is_practice"].astype(bool)]
             done = counts.loc[counts["status"] == "complete", "trial_id"].nunique()
-            found[str(one.manifest.participant)] = (
+            summaries[str(one.manifest.participant)] = (
                 f"session of {one.manifest.participant}, {done} of {count_of(one.planned, 'trial')}"
             )
-    return found
+    return summaries
 
 
 def _reviewed(
@@ -353,7 +359,7 @@ def _reviewed(
     settings: Mapping[str, Any],
     peeks: Sequence[Peek],
 ) -> tuple[OpenedStudy, PlanReview]:
-    """Hold a study against its locked plan; what the plan does not name becomes exploratory."""
+    """Compare a study with its locked plan; what the plan does not name becomes exploratory."""
     experiment = chosen.experiment(overrides_of(manifests[0].plan))
     done = content_now(chosen, experiment, manifests[0].seed, settings)
     review = review_of(locked, done, manifests, peeks)
@@ -371,13 +377,13 @@ def _measured(
 ) -> list[Any]:
     """Measure session by session, here or on a scheduler."""
     jobs = [(study, s, settings) for s in sessions]
-    measured: dict[int, Any] = {}
-    with telling.progress("measuring") as told:
-        told(0, len(jobs))
+    results: dict[int, Any] = {}
+    with telling.progress("measuring") as report_progress:
+        report_progress(0, len(jobs))
         for number, result in _run(measure_one, jobs, processes, scheduler):
-            measured[number] = result
-            told(len(measured), len(jobs))
-    return [measured[i] for i in range(len(sessions))]
+            results[number] = result
+            report_progress(len(results), len(jobs))
+    return [results[i] for i in range(len(sessions))]
 
 
 def _run(
@@ -402,8 +408,8 @@ def _measured_piecewise(
     """Measure trial by trial, here or on a scheduler; those measured before are kept."""
     run = partial(_run, processes=processes, scheduler=scheduler)
     store = folder / DERIVED / MEASURED
-    with telling.progress("measuring") as told:
-        return measure_sessions(study, pieces, sessions, store, run, settings, told)
+    with telling.progress("measuring") as report_progress:
+        return measure_sessions(study, pieces, sessions, store, run, settings, report_progress)
 
 
 def _from_root(folder: Path) -> str:
@@ -418,7 +424,7 @@ def _from_root(folder: Path) -> str:
 
 
 def _origin(folder: Path, manifests: Sequence[Manifest]) -> tuple[str, ...]:
-    """Return the command that would simulate these sessions again; none performed in real time."""
+    """Return the command that simulates these sessions again; none for sessions in real time."""
     settings = read_settings(folder)
     if settings is None or not settings.is_simulated:
         return ()

@@ -77,10 +77,10 @@ def read_settings(folder: Path) -> StudySettings | None:
     if not path.exists() and not copy_path(path).exists():
         return None
     try:
-        found = read_sealed(path)
-        text = json.dumps(found.content)
+        sealed_file = read_sealed(path)
+        text = json.dumps(sealed_file.content)
         settings: StudySettings = _adapter().validate_json(text, strict=True)
-        if not found.is_sealed and settings.format_version >= SEALED_SINCE:
+        if not sealed_file.is_sealed and settings.format_version >= SEALED_SINCE:
             raise ValueError("it lost its checksum")
     except (OSError, ValueError) as error:
         way_out = (
@@ -121,22 +121,22 @@ def wanted_settings(
 ) -> StudySettings:
     """Return what a command asks for: as typed, else as the study was begun, else the defaults.
 
-    A `language` that is typed holds for what is asked; the lab's usual one for a new study.
+    A typed `language` holds for this command; the lab's usual one is for a new study.
 
     Raises:
         UsageError: an assignment cannot be read.
         DataError: the study's settings are damaged.
     """
-    begun = read_settings(folder)
+    present = read_settings(folder)
     parameters = read_parameters(assignments or [])
     if (language or usual_language) != DEFAULT_LANGUAGE:
         parameters.setdefault("language", language or usual_language)
-    if begun is not None and not assignments:
-        parameters = dict(begun.parameters)
+    if present is not None and not assignments:
+        parameters = dict(present.parameters)
         if language and language != parameters.get("language", DEFAULT_LANGUAGE):
             parameters["language"] = language
     if effect is None:
-        effect = True if begun is None else begun.effect
+        effect = True if present is None else present.effect
     file = study.study.files.path
     return StudySettings(
         study.name,
@@ -159,8 +159,8 @@ def settle(
 ) -> StudySettings:
     """Return the settings in force, writing them when the study is new.
 
-    Until its first session a study may take more parameters than it was begun with, where `fits`
-    tells that everybody registered keeps their group.
+    Before its first session a study may get further parameters, if `fits` tells that everybody
+    registered keeps their group.
 
     Raises:
         UsageError: another seed or other parameters were asked for than the study was begun with.
@@ -175,19 +175,24 @@ def settle(
             f"{folder} was begun with seed {present.seed}; another seed would change every "
             f"order. Leave --seed out, or use another data root"
         )
-    changed = replace(present, parameters=wanted.parameters)
-    if changed != present and may_become(folder, present, wanted) and fits and fits(changed):
-        write_sealed(folder / SETTINGS_NAME, asdict(changed))
-        return changed
+    new_settings = replace(present, parameters=wanted.parameters)
+    if (
+        new_settings != present
+        and may_become(folder, present, wanted)
+        and fits
+        and fits(new_settings)
+    ):
+        write_sealed(folder / SETTINGS_NAME, asdict(new_settings))
+        return new_settings
     refuse_other(folder, present, wanted, way_out)
-    # Who reads another language takes part in the same study.
+    # Participants who read another language take part in the same study.
     return replace(present, parameters={**present.parameters, **wanted.parameters})
 
 
 def may_become(folder: Path, present: StudySettings, wanted: StudySettings) -> bool:
     """Tell whether nothing was recorded yet, and all that was chosen before stays as it was."""
-    kept = present.parameters.items() <= wanted.parameters.items()
-    return kept and present.effect == wanted.effect and not session_folders(folder)
+    keeps_parameters = present.parameters.items() <= wanted.parameters.items()
+    return keeps_parameters and present.effect == wanted.effect and not session_folders(folder)
 
 
 def session_folders(folder: Path) -> tuple[Path, ...]:
@@ -203,13 +208,13 @@ def refuse_other(
     Raises:
         UsageError: naming those it was begun with.
     """
-    before, asked = (
+    before, after = (
         {k: v for k, v in of.parameters.items() if k != "language"} for of in (present, wanted)
     )
-    if present.effect != wanted.effect or before != asked:
-        kept = ", ".join(f"{name}={value}" for name, value in present.parameters.items())
+    if present.effect != wanted.effect or before != after:
+        assignments = ", ".join(f"{name}={value}" for name, value in present.parameters.items())
         raise UsageError(
-            f"{folder} was begun with {kept or 'no --set'}"
+            f"{folder} was begun with {assignments or 'no --set'}"
             f"{'' if present.effect else ' and --no-effect'}, which holds for all of its sessions; "
             f"leave --set out, or {way_out or 'choose another data_root in lab_config.yaml'}"
         )
@@ -221,10 +226,10 @@ def _was_completed(session: Path) -> bool:
 
 
 def made_files(out_dir: Path) -> tuple[Path, ...]:
-    """Return what an analysis made, but for walks kept to be measured once only."""
-    kept = out_dir / MEASURED
+    """Return the files that an analysis made, without measured walks, which are kept for later."""
+    measured_dir = out_dir / MEASURED
     return tuple(
-        p for p in sorted(out_dir.rglob("*")) if p.is_file() and not p.is_relative_to(kept)
+        p for p in sorted(out_dir.rglob("*")) if p.is_file() and not p.is_relative_to(measured_dir)
     )
 
 
@@ -233,17 +238,17 @@ def one_per_participant(
 ) -> tuple[tuple[Path, ...], tuple[Path, ...]]:
     """Return each person's first complete session (their first when none is), and the others.
 
-    Complete is what was closed as such, whatever happened to its files later: a damaged session
-    gives way to no other.
+    A session is complete if it was closed as such, even if its files were damaged later. A damaged
+    session is not replaced by another.
     """
     by_person: dict[str, list[Path]] = {}
     for path in sessions:
         by_person.setdefault(path.parent.name, []).append(path)
-    chosen = []
+    first_sessions = []
     for paths in by_person.values():
         complete = [p for p in paths if len(paths) > 1 and _was_completed(p)]
-        chosen.append((complete or paths)[0])
-    return tuple(chosen), tuple(p for p in sessions if p not in chosen)
+        first_sessions.append((complete or paths)[0])
+    return tuple(first_sessions), tuple(p for p in sessions if p not in first_sessions)
 
 
 def sessions_of(folder: Path) -> tuple[Path, ...]:
@@ -254,14 +259,14 @@ def sessions_of(folder: Path) -> tuple[Path, ...]:
     """
     if not folder.is_dir():
         raise UsageError(f"{folder} does not exist; give the folder of a study")
-    found = session_folders(folder)
-    if not found:
+    sessions = session_folders(folder)
+    if not sessions:
         inner = sorted(p.parent for p in folder.glob(f"*/{SETTINGS_NAME}"))
         inner += sorted(p.parent for p in folder.glob(f"*/*/{SETTINGS_NAME}"))
         begin = f"perform one: visavis run {folder.name} --participant 1, or give another folder"
         hint = f"; did you mean {inner[0]}?" if inner else f"; {begin}"
         raise UsageError(f"{folder} holds no sessions (sub-…/ses-…){hint}")
-    return found
+    return sessions
 
 
 def study_of_folder(folder: Path, name: str) -> tuple[OpenedStudy, str]:
@@ -280,6 +285,6 @@ def study_of_folder(folder: Path, name: str) -> tuple[OpenedStudy, str]:
             f"{folder} was made with the study file {source}, which is no longer there; put it "
             "back, or name it: visavis analyse PATH/OF/STUDY.py"
         )
-    changed = settings is not None and digest_of(path) != settings.source_sha256
+    has_changed = settings is not None and digest_of(path) != settings.source_sha256
     warning = f"{source}, or a text beside it, has changed since {folder} was begun"
-    return find_study(source), warning if changed else ""
+    return find_study(source), warning if has_changed else ""

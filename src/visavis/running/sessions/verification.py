@@ -3,9 +3,9 @@
 A simulated session is its plan, its seed and its devices: the same code performs them again on the
 virtual clock, through the same drivers over the same simulated wires, and every sample, event and
 trial row must come out bit for bit. A part that went on with a session goes on again from the
-earlier parts as recorded, and what an operator did is done again at the same moments. People are
-not performed again, nor is what was simulated in real time, whose every time is another in the next
-run: the samples of the devices are fed to the engine as recorded.
+earlier parts as recorded, and what an operator did is done again at the same moments. Sessions
+with people, and simulations in real time, do not repeat, since their times differ in every run:
+there the recorded samples of the devices are fed to the engine.
 """
 
 import json
@@ -64,7 +64,7 @@ class Difference:
     has_frames: bool = True
 
     def told(self) -> str:
-        """Return it as a sentence."""
+        """Return the difference as a sentence."""
         frame = "before the first frame" if self.frame is None else f"in frame {self.frame}"
         frame = frame if self.has_frames else "on the page"
         frame = f"part {self.part}, {frame}" if self.part > 1 else frame
@@ -77,12 +77,12 @@ class Difference:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What performing a session again found; `compared` counts rows by stream, of whichever of
-    both recordings has more, and `differing` those of them that are not the same in both.
+    """The result of performing a session again.
 
-    `ended_early` are parts that were cut off: what is there of them was compared. `is_fed` where
-    people were recorded, or a simulation in real time: the engine was fed with what the devices
-    measured.
+    `compared` counts rows by stream, in the longer of both recordings, and `differing` those that
+    are not equal. `ended_early` are parts that were cut off, of which the existing rows were
+    compared. `is_fed` means that people, or a simulation in real time, were recorded, and that the
+    engine was fed with the samples of the devices.
     """
 
     first: Difference | None
@@ -96,11 +96,11 @@ class Verdict:
 def verify(recording: Recording, study: OpenedStudy, lab: LabConfig, scratch: Path) -> Verdict:
     """Perform a session again below an empty folder and compare, part by part.
 
-    `lab` gives what a recording does not keep: how its questionnaires are worded.
+    `lab` gives what a recording does not keep: the wording of its questionnaires.
 
     Raises:
         UsageError: it is being recorded, or has nothing that can be performed again.
-        DataError: this version plans it in another way.
+        DataError: this version plans the session in another way.
     """
     if recording.status == "running":
         raise UsageError(f"{recording.path} is being recorded; verify it when it has ended")
@@ -124,18 +124,18 @@ def is_in_real_time(recording: Recording) -> bool:
 
 
 def _require_same_plan(recording: Recording, study: OpenedStudy) -> None:
-    """Refuse a session of which this version plans another; see `verify`."""
+    """Refuse a session that this version would plan otherwise; see `verify`."""
     manifest = recording.manifest
     plan: Mapping[str, Any] = manifest.plan
-    planned = as_json(
+    new_plan = as_json(
         study.experiment(overrides_of(plan)).plan(
             int(plan["participant_index"]), manifest.seed, str(plan.get("group") or "")
         )
     )
-    if planned != plan:
+    if new_plan != plan:
         raise DataError(
             f"{recording.path}: this version of Visavis, or of the study, plans another session "
-            f"({_first_of(plan, planned)}); check out the version named in manifest.json "
+            f"({_first_of(plan, new_plan)}); check out the version named in manifest.json "
             "(provenance)"
         )
 
@@ -153,10 +153,10 @@ def perform_again(
             f"{recording.path} was recorded with people or real devices, whom nothing performs "
             "again; `visavis check` compares it with its plan, `visavis view` shows it"
         )
-    kept: Mapping[str, Any] = manifest.configuration
-    devices = {role: DeviceConfig(**told) for role, told in kept["devices"].items()}
-    on = str(kept.get("on", ""))
-    if on == "browser":  # who is simulated there looks at the page and needs no device
+    configuration: Mapping[str, Any] = manifest.configuration
+    devices = {role: DeviceConfig(**options) for role, options in configuration["devices"].items()}
+    on = str(configuration.get("on", ""))
+    if on == "browser":  # a simulated participant of a page needs no device
         devices = dict(lab.devices)
     config = lab.model_copy(update={"data_root": scratch, "devices": devices})
     _require_same_plan(recording, study)
@@ -176,14 +176,14 @@ def perform_again(
         seed=manifest.seed,
         clock=clock,
         operator=_operator_of(recording, part, clock),
-        effect=bool(kept.get("effect", True)),
+        effect=bool(configuration.get("effect", True)),
         on=on,
     )
     path = session_dir(
         scratch, manifest.study, manifest.participant, manifest.session, is_simulated=True
     )
     before = tuple(p for p in manifest.parts if p.number < part)
-    with suppress(SessionAborted), of_no_session():  # as the recorded part was
+    with suppress(SessionAborted), of_no_session():  # the recorded part may have ended early, too
         if before:
             _put_down(recording, before, path)
             perform_rest(request, path)
@@ -215,7 +215,7 @@ class RecordedOperator:
         return due
 
     def show(self, status: SessionStatus) -> None:
-        """Show nobody."""
+        """Show nothing: nobody watches."""
 
     def waits_for_advance(self, prompt: str) -> bool:
         """Wait for the recorded key."""
@@ -224,11 +224,11 @@ class RecordedOperator:
 
 
 def _operator_of(recording: Recording, part: int, clock: SimClock) -> Operator:
-    """Return who does what the operator of a part did; nobody where nobody did anything."""
+    """Return an operator who repeats the commands of a part's operator, if there were any."""
     commands = [
-        (int(event["t_ns"]), Command(Action(told["action"]), told.get("text") or ""))
+        (int(event["t_ns"]), Command(Action(payload["action"]), payload.get("text") or ""))
         for event in recording.journal(part).events
-        if event["name"] == "operator" and "action" in (told := event["payload"])
+        if event["name"] == "operator" and "action" in (payload := event["payload"])
     ]
     return RecordedOperator(commands, clock) if commands else UnattendedOperator()
 
@@ -248,15 +248,15 @@ def _fed(recording: Recording, study: OpenedStudy) -> Verdict:
         old = recording.stream_arrays(TARGETS, part=part.number)
         new = targets_again(recording, study, part.number)
         first, count = _of_stream(TARGETS, old, new)
-        placed = None if first is None else _placed(first, recording, part.number)
+        difference = None if first is None else _placed(first, recording, part.number)
         differing = {TARGETS: count} if count else {}
         rows = {TARGETS: max(len(old["seq"]), len(new["seq"]))}
-        verdicts.append(Verdict(placed, differing, rows, (), is_fed=True))
+        verdicts.append(Verdict(difference, differing, rows, (), is_fed=True))
     return _joined(verdicts)
 
 
 def _joined(verdicts: Sequence[Verdict]) -> Verdict:
-    """Return what was found in all parts together, and the first difference of the first part."""
+    """Combine the verdicts of all parts; the first difference is that of the earliest part."""
     differing: dict[str, int] = {}
     rows: dict[str, int] = {}
     for verdict in verdicts:
@@ -294,11 +294,11 @@ def _short(value: Any) -> str:
 def compared(recorded: Recording, again: Recording, part: int = 1) -> Verdict:
     """Compare two recordings of one part of a session, bit for bit.
 
-    Of a part that was cut off (killed, or ended from the keyboard) only what is there is compared:
-    performed again it goes on to its end.
+    If a part was cut off (killed, or ended from the keyboard), only its existing rows are compared,
+    because the repetition goes on to the end.
     """
     cut_off = (_closed(recorded, part), _closed(again, part)) == (False, True)
-    found: list[Difference] = []
+    differences: list[Difference] = []
     differing: dict[str, int] = {}
     rows: dict[str, int] = {}
     left_out = []
@@ -317,26 +317,26 @@ def compared(recorded: Recording, again: Recording, part: int = 1) -> Verdict:
         rows[name] = max(len(old.get("seq", ())), len(new.get("seq", ())))
         first, count = _of_stream(name, old, new)
         if first is not None:
-            found.append(first)
+            differences.append(first)
             differing[name] = count
     old_journal, new_journal = recorded.journal(part), again.journal(part)
     for where, old_lines, new_lines in (
         ("events", old_journal.events, new_journal.events),
         ("trial rows", old_journal.trials, new_journal.trials),
     ):
-        kept = new_lines[: len(old_lines)] if cut_off else new_lines
-        rows[where] = max(len(old_lines), len(kept))
-        different = list(_of_lines(where, old_lines, kept))
+        new_part = new_lines[: len(old_lines)] if cut_off else new_lines
+        rows[where] = max(len(old_lines), len(new_part))
+        different = list(_of_lines(where, old_lines, new_part))
         if different:
-            found.append(different[0])
+            differences.append(different[0])
             differing[where] = len(different)
-    first = min(found, key=lambda d: d.t_ns, default=None)
-    placed = None if first is None else _placed(first, again, part)
-    return Verdict(placed, differing, rows, tuple(left_out), (part,) if cut_off else ())
+    first = min(differences, key=lambda d: d.t_ns, default=None)
+    difference = None if first is None else _placed(first, again, part)
+    return Verdict(difference, differing, rows, tuple(left_out), (part,) if cut_off else ())
 
 
 def _last_frame_ns(recording: Recording, part: int) -> int:
-    """Return when the last frame of a part began; what came later was taken as devices closed."""
+    """Return when the last frame of a part began; later samples came while devices closed."""
     if "frames" not in recording.stream_names:
         return int(np.iinfo(np.int64).max)
     return int(recording.stream_arrays("frames", part=part)["t_host_ns"].max(initial=0))
@@ -375,8 +375,8 @@ def _of_stream(name: str, old: Columns, new: Columns) -> tuple[Difference | None
         return Difference(t_ns, name, row, flat, old_value, new_value), count
     if n_old != n_new:
         longer = old if n_old > n_new else new
-        told = ("there", "missing") if n_old > n_new else ("missing", "there")
-        return Difference(int(longer["t_host_ns"][n]), name, n, "the row", *told), count
+        presence = ("there", "missing") if n_old > n_new else ("missing", "there")
+        return Difference(int(longer["t_host_ns"][n]), name, n, "the row", *presence), count
     return None, 0
 
 
@@ -408,8 +408,8 @@ def _of_lines(
     for row in range(max(len(old), len(new))):
         if row >= len(old) or row >= len(new):
             line = (old if row < len(old) else new)[row]
-            told = ("there", "missing") if row < len(old) else ("missing", "there")
-            yield Difference(int(line["t_ns"]), where, row, _what(line), *told)
+            presence = ("there", "missing") if row < len(old) else ("missing", "there")
+            yield Difference(int(line["t_ns"]), where, row, _what(line), *presence)
         elif old[row] != new[row]:
             a, b = old[row], new[row]
             t_ns = min(int(a["t_ns"]), int(b["t_ns"]))
@@ -423,14 +423,14 @@ def _what(line: Mapping[str, Any]) -> str:
 
 
 def _placed(found: Difference, recording: Recording, part: int) -> Difference:
-    """Say in which frame and trial it lies."""
+    """Add the frame and the trial in which a difference lies."""
     has_frames = "frames" in recording.stream_names
     frame = None
     if has_frames:
         frames = recording.stream_arrays("frames", part=part)
         before = np.flatnonzero(frames["t_host_ns"] <= found.t_ns)
         frame = int(frames["frame_index"][before[-1]]) if len(before) else None
-    begun = recording.events_named("trial_start", part)
-    past = begun[begun["t_ns"] <= found.t_ns]
+    trial_starts = recording.events_named("trial_start", part)
+    past = trial_starts[trial_starts["t_ns"] <= found.t_ns]
     trial = str(past.iloc[-1]["payload"]["trial_id"]) if len(past) else None
     return replace(found, frame=frame, trial_id=trial, part=part, has_frames=has_frames)

@@ -1,5 +1,5 @@
-"""Studies on a web host that is not ours: bundles for it, and results that come back.
+"""Studies on other web hosts: bundles for them, and results that come back.
 
-A course is a function of its replies. Where its steps are the same whatever is answered, they can
-be written down beforehand, one list for each place; what people did then leads the course itself.
+A course is a function of its replies. If its steps are the same for all answers, they can be
+written in advance, one list for each place. The replies of people are then fed to the course.
 """

@@ -1,6 +1,6 @@
 """Write a study as files that any web host can serve, or as an archive that JATOS imports.
 
-JATOS 3 (its study archive, format 3, and jatos.js 3.10.4) was read for what the archive holds.
+The archive follows JATOS 3 (its study archive, format 3, and jatos.js 3.10.4).
 """
 
 import hashlib
@@ -29,16 +29,16 @@ from visavis.running.sessions.session_request import Request
 
 FORMAT: Final = 1
 ARCHIVE: Final = ".jzip"
-"""How an archive's name ends that JATOS imports."""
+"""Ending of the file name of an archive that JATOS imports."""
 MAX_PLACES: Final = 10_000
 PROBES: Final = 6
-"""Ways of answering with which is looked whether steps depend on answers."""
+"""Number of ways to answer that test whether steps depend on answers."""
 POLICY: Final = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'{results}; "
     "media-src blob:; img-src data:; base-uri 'none'; form-action 'none'"
 )
 POLICY_OF_JATOS: Final = "default-src 'self' 'unsafe-inline' blob: data:"
-"""jatos.js puts its parts into the page as scripts; nothing of third parties is loaded even so."""
+"""jatos.js inserts scripts into the page; still nothing from third parties is loaded."""
 
 
 @dataclass(frozen=True)
@@ -60,13 +60,13 @@ def write_bundle(
     completion: str = "",
     results: str = "",
 ) -> Bundle:
-    """Write a study for another web host: a folder, or where the name ends so JATOS's archive.
+    """Write a study for another web host: a folder, or JATOS's archive if the name ends in .jzip.
 
-    `results` is an address that takes what is posted to it, line by line.
+    `results` is an address to which each line of results is posted.
 
     Raises:
-        UsageError: the path is there, or the options do not fit.
-        DesignError: its steps depend on what is answered; only a server can perform it.
+        UsageError: the path exists already, or the options do not fit together.
+        DesignError: its steps depend on answers; only a server can perform it.
     """
     is_archive = path.suffix == ARCHIVE
     if not 1 <= places <= MAX_PLACES:
@@ -96,23 +96,25 @@ def steps_of_place(request: Request, store: FilmStore, index: int) -> tuple[Page
         DesignError: the steps depend on what is answered.
     """
     experiment = experiment_of(request)
-    told = _told_by(store)
+    describe_film = _told_by(store)
     plan = experiment.plan(index, request.seed)
-    found: tuple[PageStep, ...] | None = None
+    common_steps: tuple[PageStep, ...] | None = None
     for choose in _ways_to_answer(index):
-        visit = visit_of(request, told, index, plan.group)
+        visit = visit_of(request, describe_film, index, plan.group)
         steps = tuple(_steps(visit, choose))
-        if found is not None and found != steps:
-            differ = next((a for a, b in zip(found, steps, strict=False) if a != b), steps[-1])
+        if common_steps is not None and common_steps != steps:
+            differ = next(
+                (a for a, b in zip(common_steps, steps, strict=False) if a != b), steps[-1]
+            )
             trial = differ.content.get("trial")
             where = f"at trial {trial}" if trial else f"at a step {differ.kind}"
             raise DesignError(
                 f"what {request.study.name} shows depends on answers ({where}), so it cannot be "
                 "written down beforehand; serve it (visavis serve)"
             )
-        found = steps
-    assert found is not None  # noqa: S101  # there is a way to answer
-    return found
+        common_steps = steps
+    assert common_steps is not None  # noqa: S101  # there is a way to answer
+    return common_steps
 
 
 def visit_of(
@@ -155,19 +157,25 @@ def _write(
     config = request.config
     about = about_of(experiment, is_simulated(config), config.privacy.contact)
     head = {"format": FORMAT, "study": request.study.name, "seed": request.seed}
-    told = {**head, "places": places, "about": about, "completion": completion, "results": results}
-    told["id"] = hashlib.sha256(_json([told, digests])).hexdigest()[:12]
-    (folder / "bundle.json").write_bytes(_json(told))
+    bundle = {
+        **head,
+        "places": places,
+        "about": about,
+        "completion": completion,
+        "results": results,
+    }
+    bundle["id"] = hashlib.sha256(_json([bundle, digests])).hexdigest()[:12]
+    (folder / "bundle.json").write_bytes(_json(bundle))
     for name in FILES.values():
         shutil.copyfile(SITE / name, folder / name)
     for name in ("wire.js", "worker.js"):
         shutil.copyfile(SITE / "bundle" / name, folder / name)
     _write_page(folder / "index.html", results, is_archive)
     for film in experiment.films:
-        built = store.file_of(film)
-        assert built is not None  # noqa: S101  # `told` has asked for it
+        film_file = store.file_of(film)
+        assert film_file is not None  # noqa: S101  # `steps_of_place` needed it
         (folder / "films").mkdir(exist_ok=True)
-        shutil.copyfile(built.path, folder / "films" / built.path.name)
+        shutil.copyfile(film_file.path, folder / "films" / film_file.path.name)
     return len({store.name_of(film) for film in experiment.films})
 
 
@@ -189,7 +197,7 @@ def _write_page(path: Path, results: str, is_archive: bool) -> None:
 
 
 def _archive(request: Request, folder: Path, path: Path) -> None:
-    """Write the archive of a JATOS study: its files in one folder, and what it is beside it."""
+    """Write the archive of a JATOS study: a folder with its files, and a description beside it."""
     name = f"visavis_{request.study.name}"
     title = experiment_of(request).study.title
     ours = uuid.uuid5(uuid.NAMESPACE_URL, f"visavis/{request.study.name}")
@@ -245,11 +253,11 @@ def _steps(visit: Visit, choose: "Choose") -> "list[PageStep]":
 
 
 Choose = Callable[[Mapping[str, Any]], str | None]
-"""Returns an answer to a question as a page is told it."""
+"""Returns an answer to a question, which has the form that pages get."""
 
 
 def _ways_to_answer(index: int) -> list[Choose]:
-    """Return ways of answering that differ as widely as can be: ends of scales, and by chance."""
+    """Return very different ways to answer: both ends of the scales, and at random."""
 
     def at(share: Callable[[], float]) -> Choose:
         def choose(question: Mapping[str, Any]) -> str | None:
@@ -283,13 +291,13 @@ def _reply(step: PageStep, choose: Choose) -> dict[str, Any]:
         case "questions":
             return {"answers": {q["name"]: choose(q) for q in content["questions"]}}
         case "watch":
-            seen = {"first_ms": 0.0, "frames": 1, "dropped": 0, "rounds": 1, "stalls": 0}
+            film_reply = {"first_ms": 0.0, "frames": 1, "dropped": 0, "rounds": 1, "stalls": 0}
             return {
                 "shown_ms": 0.0,
                 "off_ms": 0.0,
                 "hidden_ms": 0.0,
                 "apart_ms": 0.0,
-                "films": {film["place"]: seen for film in content["films"]},
+                "films": {film["place"]: film_reply for film in content["films"]},
                 "answers": {
                     q["name"]: {"option": choose(q), "at_ms": 0.0, "by": "keys"}
                     for q in content["questions"]

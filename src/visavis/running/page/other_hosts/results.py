@@ -1,7 +1,7 @@
 """Read what people did with a bundle, and record it as if they had been served.
 
-Every line says whose it is and its number. Lines that were handed over twice count once. Before
-anything is written, the replies lead the study's own course, step by step beside the bundle's.
+Every line names its run and its number. Lines that were sent twice count once. Before anything is
+written, the replies are fed to the study's own course, and its steps compared with the bundle's.
 """
 
 import json
@@ -35,12 +35,12 @@ from visavis.running.sessions.recorded_part import end_part
 from visavis.running.sessions.session_request import Request, SessionPerson
 
 IMPORTED: Final = "imported"
-"""Where a session's configuration says which run of which bundle it was."""
+"""Key in a session's configuration for the run and the bundle that it comes from."""
 ARCHIVES: Final = (".zip", ".jrzip")
 TEXTS: Final = (".jsonl", ".txt", ".json")
 MAX_PLACES_LOOKED_AT: Final = 1000
 ENDED_EARLY: Final = tuple(why.partition(";")[0] for why in ENDINGS.values())
-"""Why sessions ended that nobody comes back to."""
+"""Reasons of an early end after which a session does not continue."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +57,9 @@ class Run:
         return count(self.arrived.get("place"), "place")
 
     def lines_after(self, opened: int, taken: int) -> "tuple[Mapping[str, Any], ...]":
-        """Return the lines after so many openings of the page that hold more than `taken` events.
+        """Return the lines after `opened` openings of the page and after event number `taken`.
 
-        The tab that was open last goes on with its own lines.
+        The tab that was open last continues with its own lines.
         """
         left = opened
         rest = []
@@ -79,25 +79,25 @@ class Run:
 
     @cached_property
     def arrival(self) -> Arrival:
-        """Who they are to a panel."""
-        told = mapping(self.arrived.get("told", {}), "told")
-        return arrival_of({name: str(value) for name, value in told.items()})
+        """The panel they came from, and its identifier for them."""
+        parameters = mapping(self.arrived.get("told", {}), "told")
+        return arrival_of({name: str(value) for name, value in parameters.items()})
 
 
 @dataclass
 class Imported:
-    """What came of files of results: sessions by label, and what was left out and why."""
+    """Outcome of an import: sessions by label, and what was left out and why."""
 
     sessions: dict[str, Path]
     continued: dict[str, Path] = field(default_factory=dict)
-    """Who was recorded before the end, and has gone on since."""
+    """Participants who were imported before they finished, and have continued since."""
     known: int = 0
     unfinished: int = 0
     withdrawn: tuple[str, ...] = ()
     moved: tuple[str, ...] = ()
-    """Who had a place that somebody has, and stands at another one in the ledger."""
+    """Participants whose place was taken, and who have another one in the ledger."""
     twice: tuple[tuple[str, str], ...] = ()
-    """Runs of people who have a session, with their label: they came in another browser, too."""
+    """Further runs of people who have a session, with their label: they used two browsers."""
     refused: tuple[str, ...] = ()
     unreadable: int = 0
 
@@ -113,12 +113,12 @@ def read_runs(paths: Iterable[Path]) -> tuple[list[Run], int]:
     for text in _texts(paths):
         for line in filter(None, map(str.strip, text.splitlines())):
             try:
-                told = parse_json(line)
-                key, its = str(told["run"]), int(told["line"])
+                entry = parse_json(line)
+                key, its = str(entry["run"]), int(entry["line"])
             except (ValueError, TypeError, KeyError, OverflowError):
                 unreadable += 1
                 continue
-            lines.setdefault(key, {}).setdefault(its, told)
+            lines.setdefault(key, {}).setdefault(its, entry)
     runs = []
     for key, of_run in lines.items():
         first = of_run.get(0, {}).get("arrived")
@@ -144,49 +144,52 @@ def import_runs(
     known: Callable[[str], Mapping[str, str] | None] = lambda label: None,
     unfinished_too: bool = False,
 ) -> Imported:
-    """Record every run that is not recorded yet; who is who goes to `identify`, not to the data.
+    """Record every run that is not recorded yet; identities go to `identify`, not to the data.
 
-    `known` returns what was kept of somebody. Who came in two browsers is one participant: the run
-    that went on longest counts. A run that was recorded before its end goes on in its session.
+    `known` returns the stored identity of a participant. A person who came in two browsers is one
+    participant, and the run that got furthest counts. A run that was recorded before its end
+    continues in its session.
     """
-    made = Imported({})
+    summary = Imported({})
     people = _People(base, ledger, known)
-    recorded = _recorded(ledger.path.parent)
+    sessions_by_run = _recorded(ledger.path.parent)
+    # Check every run first: the ledger takes people in order of rank, not of lines in files.
     fit: list[_Fit] = []
     for run in runs:
         try:
-            session = recorded.get(run.key)
+            session = sessions_by_run.get(run.key)
             if session is not None and _is_over(session):
-                made.known += 1
+                summary.known += 1
                 continue
             outcome = _checked(base, store, run)
             one = _Fit(run, people.named(run.arrival), outcome, run.begun_ms)
             if outcome == WITHDRAWN:
-                made.withdrawn += (run.key,)
+                summary.withdrawn += (run.key,)
             elif session is not None:
                 if _goes_on(base, store, one, session):
-                    made.continued[read_manifest(session).participant] = session
+                    summary.continued[read_manifest(session).participant] = session
                 else:
-                    made.known += 1
+                    summary.known += 1
             elif not outcome and not unfinished_too:
-                made.unfinished += 1
+                summary.unfinished += 1
             else:
                 fit.append(one)
         except (PageError, LabError) as error:
-            made.refused += (f"run {run.key[:8]}: {error}",)
+            summary.refused += (f"run {run.key[:8]}: {error}",)
+    # Of several runs of one person, the first in this order is recorded.
     for one in sorted(fit, key=lambda one: one.rank):
         try:
             if label := people.label_of(one.arrival):
-                made.twice += ((one.run.key, label),)
+                summary.twice += ((one.run.key, label),)
                 continue
             entry = people.registered(one.arrival)
             label, path, place = _import(base, store, ledger, one, entry, identify)
             people.add(one.arrival, label)
-            made.sessions[label] = path
-            made.moved += () if place == one.run.place else (label,)
+            summary.sessions[label] = path
+            summary.moved += () if place == one.run.place else (label,)
         except (PageError, LabError) as error:
-            made.refused += (f"run {one.run.key[:8]}: {error}",)
-    return made
+            summary.refused += (f"run {one.run.key[:8]}: {error}",)
+    return summary
 
 
 # ---- within ----------------------------------------------------------------------------------
@@ -219,8 +222,8 @@ def _texts(paths: Iterable[Path]) -> Iterator[str]:
 
 
 def _packed(path: Path) -> list[str]:
-    """Return the texts of results in an archive, no larger together than a file may be."""
-    found, left = [], MAX_UNPACKED_BYTES
+    """Return the texts of results in an archive; together they may be as large as one file."""
+    texts, left = [], MAX_UNPACKED_BYTES
     with zipfile.ZipFile(path) as archive:
         for name in archive.namelist():
             if name.endswith(TEXTS) and not name.endswith("metadata.json"):
@@ -229,8 +232,8 @@ def _packed(path: Path) -> list[str]:
                 left -= len(data)
                 if left < 0:
                     raise ValueError(f"it unpacks to more than {MAX_UNPACKED_BYTES} bytes")
-                found.append(_text(data))
-    return found
+                texts.append(_text(data))
+    return texts
 
 
 def _text(data: bytes) -> str:
@@ -248,15 +251,15 @@ class _Fit:
 
     @property
     def rank(self) -> tuple[bool, bool, float]:
-        """Whole runs first, then ended ones, each in order of time: of one person the first counts.
+        """Order of runs: complete ones, then ended ones, then the others, each in order of time.
 
-        Who came first is first in the ledger only among equals.
+        The ledger gets its entries in this order, and of one person the first run counts.
         """
         return self.outcome != DONE, not self.outcome, self.begun_ms
 
 
 class _People:
-    """Knows who has a session, by what a panel or a link calls them."""
+    """Index of the people who have a session, by their identifier at a panel or in a link."""
 
     def __init__(
         self, base: Request, ledger: Ledger, known: Callable[[str], Mapping[str, str] | None]
@@ -272,7 +275,7 @@ class _People:
                 self._labels[who.get("panel", ""), who["identifier"]] = entry.label
 
     def named(self, arrival: Arrival) -> Arrival:
-        """Return who comes, by their label where a link means one of the ledger."""
+        """Return the arrival, with the ledger's label if a link names an entry."""
         if arrival.panel != LINK:
             return arrival
         try:
@@ -281,13 +284,13 @@ class _People:
             return arrival
 
     def label_of(self, arrival: Arrival) -> str:
-        """Return the label of who has a session; "" where nobody is known to."""
+        """Return the label of a person who has a session; "" if they have none."""
         if not arrival.identifier:
             return ""
         return self._labels.get((arrival.panel, arrival.identifier), "")
 
     def registered(self, arrival: Arrival) -> Participant | None:
-        """Return whom of the ledger a link means; None where they are somebody new."""
+        """Return the ledger's entry that a link names; None for a new person."""
         entries = self._ledger.list() if arrival.panel == LINK else ()
         return next((e for e in entries if e.label == arrival.identifier), None)
 
@@ -303,13 +306,13 @@ class _People:
 
 
 def _recorded(study_folder: Path) -> dict[str, Path]:
-    """Return the sessions of runs that have one already."""
-    found = {}
+    """Return the existing sessions by the key of their run."""
+    sessions = {}
     for manifest in study_folder.glob("sub-*/ses-*/manifest.json"):
-        told = read_manifest(manifest.parent).configuration.get(IMPORTED)
-        if isinstance(told, Mapping):
-            found[str(told.get("run"))] = manifest.parent
-    return found
+        origin = read_manifest(manifest.parent).configuration.get(IMPORTED)
+        if isinstance(origin, Mapping):
+            sessions[str(origin.get("run"))] = manifest.parent
+    return sessions
 
 
 def _is_over(session: Path) -> bool:
@@ -319,11 +322,11 @@ def _is_over(session: Path) -> bool:
 
 
 def _goes_on(base: Request, store: FilmStore, one: _Fit, session: Path) -> bool:
-    """Record what a run did after it was recorded; tells whether there was anything."""
+    """Record the lines of a run that are new since its last import; return whether it had any."""
     past = replace(past_of(Recording(session)), broken_by="")
-    opened = sum(payload["kind"] == "opened" for _, _, payload in past.events)
-    taken = max((int(p["n"]) for _, _, p in past.events if "n" in p), default=0)
-    lines = one.run.lines_after(opened, taken)
+    opening_count = sum(payload["kind"] == "opened" for _, _, payload in past.events)
+    last_event_number = max((int(p["n"]) for _, _, p in past.events if "n" in p), default=0)
+    lines = one.run.lines_after(opening_count, last_event_number)
     if not lines:
         return False
     clock = StampClock(number(lines[0].get("at_ms"), "at_ms"))
@@ -345,7 +348,7 @@ def _goes_on(base: Request, store: FilmStore, one: _Fit, session: Path) -> bool:
 
 
 class _Nobody:
-    """Writes nothing down."""
+    """A recorder that writes nothing."""
 
     def event(self, name: str, t_ns: int, **content: object) -> None: ...
 
@@ -353,17 +356,19 @@ class _Nobody:
 
 
 def _checked(base: Request, store: FilmStore, run: Run) -> str:
-    """Lead the study's course by a run's replies; return how it ended, "" where it did not.
+    """Feed a run's replies to the study's course; return how it ended, "" if it did not.
 
     Raises:
-        PageError: it is of another study or version, or the course would have gone elsewhere.
+        PageError: it is of another study or version, or the course would show other steps.
     """
-    told, ours = run.arrived, {"format": FORMAT, "study": base.study.name, "seed": base.seed}
-    for name, wanted in ours.items():
-        if told.get(name) != wanted:
-            raise PageError(f"it is of {name} {str(told.get(name))[:40]!r}, here is {wanted!r}")
+    header, ours = run.arrived, {"format": FORMAT, "study": base.study.name, "seed": base.seed}
+    for name, our_value in ours.items():
+        if header.get(name) != our_value:
+            raise PageError(
+                f"it is of {name} {str(header.get(name))[:40]!r}, here is {our_value!r}"
+            )
     steps = steps_of_place(base, store, run.place)
-    if digest_of(steps) != told.get("sha256"):
+    if digest_of(steps) != header.get("sha256"):
         raise PageError(
             "what it was shown is not what this study shows now; import it with the study's files "
             "and options (--set, --language) as they were when the bundle was written"
@@ -373,19 +378,19 @@ def _checked(base: Request, store: FilmStore, run: Run) -> str:
     visit = replace(visit_of(base, store.told, run.place, plan.group), now_ns=clock.now_ns)
     recorder: Any = _Nobody()
     desk = PageDesk(course(visit), recorder, clock, visit.notes)
-    shown, number_shown = 0, desk.step_number
+    step_index, number_shown = 0, desk.step_number
     for line in _led(desk, clock, run):
         if desk.is_over:
             continue
         if desk.step_number != number_shown:
-            shown, number_shown = _following(steps, shown, line), desk.step_number
-        if shown >= len(steps) or _plain(desk.step) != _plain(steps[shown]):
+            step_index, number_shown = _following(steps, step_index, line), desk.step_number
+        if step_index >= len(steps) or _plain(desk.step) != _plain(steps[step_index]):
             raise PageError(f"step {desk.step_number} was not what the study would have shown then")
     return desk.outcome
 
 
 def _following(steps: Sequence[PageStep], index: int, line: Mapping[str, Any]) -> int:
-    """Return which step followed; a film that failed ends its trial."""
+    """Return the index of the next step; a film that failed ends its trial."""
     has_failed = line["event"]["reply"].get("failed") is not None
     trial = _trial_of(steps[index])
     index += 1
@@ -403,17 +408,17 @@ def _plain(step: PageStep) -> Any:
 
 
 def _led(desk: PageDesk, clock: StampClock, run: Run) -> Iterator[Mapping[str, Any]]:
-    """Give a desk what a page did, at its times; yields each line after it."""
+    """Pass a run's lines to a desk at their times; yield each line afterwards."""
     for line in run.lines:
         clock.tell(number(line.get("at_ms"), "at_ms"))
         if "opened" in line:
-            opened = mapping(line["opened"], "opened")
-            about = opened.get("about")
+            opening = mapping(line["opened"], "opened")
+            about = opening.get("about")
             desk.hello(
-                str(opened.get("tab", ""))[:200],
+                str(opening.get("tab", ""))[:200],
                 takes_over=True,
                 about=about if isinstance(about, Mapping) else {},
-                at_ms=number(opened.get("at_ms"), "at_ms"),
+                at_ms=number(opening.get("at_ms"), "at_ms"),
             )
         elif "event" in line and not desk.is_over:
             desk.take(str(line.get("tab", ""))[:200], [line["event"]])
@@ -469,8 +474,8 @@ def _record(
             is_simulated=is_simulated(request.config),
         )
         experiment = experiment_of(request)
-        held = held_of(request, experiment, store, folder, recorder, past, run.key)
-        for _ in _led(held.desk, clock, run):
+        session = held_of(request, experiment, store, folder, recorder, past, run.key)
+        for _ in _led(session.desk, clock, run):
             pass
     except BaseException as error:
         end_part(clock, folder, recorder, "aborted", str(error) or repr(error), error)
@@ -487,12 +492,12 @@ def _ending(outcome: str) -> tuple[CloseStatus, str]:
 
 
 def _free_place(base: Request, ledger: Ledger, wanted: int, group: str) -> int:
-    """Return the place, or where somebody has it the next free one of the same group."""
-    taken = {entry.index for entry in ledger.list() if not entry.has_freed_place}
-    if wanted not in taken:
+    """Return the wanted place, or if it is taken the next free one of the same group."""
+    taken_places = {entry.index for entry in ledger.list() if not entry.has_freed_place}
+    if wanted not in taken_places:
         return wanted
     experiment = experiment_of(base)
-    for index in range(max(taken) + 1, max(taken) + 1 + MAX_PLACES_LOOKED_AT):
+    for index in range(max(taken_places) + 1, max(taken_places) + 1 + MAX_PLACES_LOOKED_AT):
         if experiment.plan(index, base.seed).group == group:
             return index
     raise DataError(f"there is no free place of group {group!r}")
