@@ -187,7 +187,7 @@ def _in_shadow(
     n = near.shape[0]
     number = np.full(vertices_m.shape[0], -1, np.int32)
     corners = np.empty((min(3 * n, vertices_m.shape[0]), 3))
-    kept = np.empty((n, 3), np.int32)
+    renumbered = np.empty((n, 3), np.int32)
     m = 0
     for i in range(n):
         for k in range(3):
@@ -197,8 +197,8 @@ def _in_shadow(
                 corners[m, 0], corners[m, 1] = vertices_m[v, 0], vertices_m[v, 1]
                 corners[m, 2] = vertices_m[v, 2]
                 m += 1
-            kept[i, k] = number[v]
-    return corners[:m], kept
+            renumbered[i, k] = number[v]
+    return corners[:m], renumbered
 
 
 @compiled
