@@ -50,7 +50,7 @@ def captures(monkeypatch: pytest.MonkeyPatch) -> list[PupilCoreSimulator]:
             super().__init__(*arguments, **options)
             made.append(self)
 
-    monkeypatch.setattr("visavis.devices.sim.pupil.capture.PupilCoreSimulator", Kept)
+    monkeypatch.setattr("visavis.devices.drivers.pupil.wiring.PupilCoreSimulator", Kept)
     return made
 
 

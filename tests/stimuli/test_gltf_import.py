@@ -315,6 +315,31 @@ def test_file_that_contradicts_itself_is_named(
         import_gltf(path)
 
 
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+@pytest.mark.parametrize("array", ["POSITION", "WEIGHTS_0", "inverseBindMatrices"])
+def test_numbers_that_are_not_finite_are_refused_wherever_they_stand(
+    tmp_path: Path, glb: Path, array: str, value: float
+) -> None:
+    def spoil(tree: dict[str, Any]) -> object:
+        index = tree["skins"][0].get(
+            array, tree["meshes"][0]["primitives"][0]["attributes"].get(array)
+        )
+        accessor = tree["accessors"][index]
+        view = tree["bufferViews"][accessor["bufferView"]]
+        offset.append(view.get("byteOffset", 0) + accessor.get("byteOffset", 0))
+        return tree
+
+    offset: list[int] = []
+    path = tmp_path / "odd_M.glb"
+    _retold(glb, path, spoil)
+    data = bytearray(path.read_bytes())
+    binary = 20 + struct.unpack("<I", data[12:16])[0] + 8
+    struct.pack_into("<f", data, binary + offset[0], value)
+    path.write_bytes(data)
+    with pytest.raises(CharacterError, match=r"odd_M\.glb: .*not finite"):
+        import_gltf(path)
+
+
 def _retold(glb: Path, path: Path, change: Callable[[dict[str, Any]], object]) -> None:
     """Write a file again with its description changed."""
     data = glb.read_bytes()

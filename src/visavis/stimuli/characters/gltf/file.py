@@ -90,7 +90,11 @@ class GltfFile:
         return bytes(whole.tobytes())
 
     def accessor(self, index: int) -> Array:
-        """Return the values (count, width) of an accessor, normalised ones as floats."""
+        """Return the values (count, width) of an accessor, normalised ones as floats.
+
+        Raises:
+            CharacterError: a value is no finite number, which glTF forbids.
+        """
         entry = self.tree["accessors"][index]
         width, dtype = _WIDTH[entry["type"]], np.dtype(_TYPES[entry["componentType"]])
         count = entry["count"]
@@ -123,6 +127,10 @@ class GltfFile:
         if entry.get("normalized") and dtype.kind in "iu":
             top = 2 ** (8 * dtype.itemsize - (dtype.kind == "i")) - 1
             values = np.maximum(values.astype(np.float32) / top, -1.0)
+        if not np.isfinite(values).all():
+            raise CharacterError(
+                f"{self.path}: accessor {index} holds numbers that are not finite; export it again"
+            )
         return values
 
     def _strided_view(
