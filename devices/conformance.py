@@ -359,6 +359,6 @@ def _refuses_value(call: Callable[[], object], what: str) -> None:
     raise AssertionError(f"broken promise: wrong {what} are refused with a DeviceError")
 
 
-def _promise(kept: bool, promise: str) -> None:
-    if not kept:
+def _promise(is_kept: bool, promise: str) -> None:
+    if not is_kept:
         raise AssertionError(f"broken promise: {promise}")

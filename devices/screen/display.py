@@ -135,12 +135,12 @@ class ScreenDisplay(OnSessionClock):
                 self._surface.attend(due_ns)
                 t_ns = self._clock.now_ns()
         if before is None:
-            number, dropped = 0, 0
+            number, dropped_count = 0, 0
         else:
             steps = max(1, round((t_ns - before.t_ns) / self._period_ns))
-            number, dropped = before.index + steps, steps - 1
-            self._tell_timing(before, t_ns, late_by=dropped)
-        self._frame = FrameInfo(number, t_ns, t_ns + self._period_ns, dropped)
+            number, dropped_count = before.index + steps, steps - 1
+            self._tell_timing(before, t_ns, late_by=dropped_count)
+        self._frame = FrameInfo(number, t_ns, t_ns + self._period_ns, dropped_count)
         self._tell_head(t_ns)
         return self._frame
 
@@ -156,11 +156,11 @@ class ScreenDisplay(OnSessionClock):
         if not self.is_tracked:
             return
         values = batch.values[batch.values["valid"]]
-        found = values["origin_m"].astype(np.float64)
-        found = found[np.isfinite(found).all(axis=1)]
-        found = found[np.linalg.norm(found, axis=1) <= MAX_EYES_OFF_M]
-        if len(found):
-            self._eyes = (int(batch.t_host_ns[-1]), found[-1])
+        eyes_m = values["origin_m"].astype(np.float64)
+        eyes_m = eyes_m[np.isfinite(eyes_m).all(axis=1)]
+        eyes_m = eyes_m[np.linalg.norm(eyes_m, axis=1) <= MAX_EYES_OFF_M]
+        if len(eyes_m):
+            self._eyes = (int(batch.t_host_ns[-1]), eyes_m[-1])
 
     def stop(self) -> None:
         """Stop counting frames."""
@@ -172,7 +172,7 @@ class ScreenDisplay(OnSessionClock):
         """Let the window go; whoever draws closes it. Idempotent."""
         self._sink = None
         self._surface = None
-        self._streams.held.clear()
+        self._streams.pending.clear()
         self._life.state = DeviceState.CLOSED
 
     def health(self) -> Health:

@@ -53,9 +53,9 @@ class EyeLinkSimulator(GazePeer):
 
     def to_message(self, shot: Shot) -> Frames:
         """Return one link sample."""
-        return (self.packed(shot) if shot.garbage is None else shot.garbage,)
+        return (self.pack(shot) if shot.garbage is None else shot.garbage,)
 
-    def packed(self, shot: Shot) -> bytes:
+    def pack(self, shot: Shot) -> bytes:
         """Return a sample: time in whole (at 2000 Hz half) milliseconds, pixels, pupil units."""
         step_ns = NS_PER_MS if self.source.rate_hz <= 1000 else NS_PER_MS // 2
         time_ms = shot.t_device_ns // step_ns * step_ns / NS_PER_MS
@@ -111,7 +111,7 @@ class FakePylink:
 
     def EyeLink(self, address: str) -> "FakeTracker":  # noqa: N802 - the library's own name
         """Connect, or raise as the library does when nobody answers."""
-        if self.simulator.source.gone(self.clock.now_ns()):
+        if self.simulator.source.is_away(self.clock.now_ns()):
             raise RuntimeError("link terminated")
         return FakeTracker(self)
 
@@ -132,7 +132,7 @@ class FakeTracker:
 
     def isConnected(self) -> int:  # noqa: N802
         """Return 1 while the link stands."""
-        return 0 if self._library.simulator.source.gone(self._library.clock.now_ns()) else 1
+        return 0 if self._library.simulator.source.is_away(self._library.clock.now_ns()) else 1
 
     def sendCommand(self, command: str) -> int:  # noqa: N802
         """Take a command; pixels and rate hold from the next recording on."""

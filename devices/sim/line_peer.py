@@ -64,7 +64,7 @@ class LinePeer(ABC):
         for number in range(max(first, 0), last + 1):
             t_ns = round(number * NS_PER_S / self.rate_hz)
             if not self._active("silence", t_ns):
-                chunks += self._told(t_ns)
+                chunks += self._line_chunks(t_ns)
         self._told_ns = max(self._told_ns, until_ns)
         return chunks
 
@@ -73,7 +73,7 @@ class LinePeer(ABC):
         number = int((now_ns - WIRE_NS) * self.rate_hz // NS_PER_S) + 1
         return max(now_ns, round(number * NS_PER_S / self.rate_hz) + WIRE_NS)
 
-    def _told(self, t_ns: int) -> list[Chunk]:
+    def _line_chunks(self, t_ns: int) -> list[Chunk]:
         rng = self._noise.rng()
         lost_01, noise_01 = rng.random(2)
         data = self.line(t_ns / NS_PER_S, self._device_ns(t_ns), rng) + b"\r\n"

@@ -40,6 +40,6 @@ class Sensor(Protocol):
         """Return all channels so far, by name, on the session's clock."""
         ...
 
-    def lost(self) -> int:
+    def loss_count(self) -> int:
         """Return how many samples are known to be missing."""
         ...

@@ -208,7 +208,7 @@ class PupilCore(GazeDevice):
             self._next_exchange_ns = now_ns + self._interval_ns
 
     def _own_faults(self) -> Iterable[Fault]:
-        for text in self._parts.stopped.values():
+        for text in self._parts.stop_texts.values():
             yield self._blocking(text, "look at Pupil Capture and start it again")
         if not self._is_calibrated:
             yield self._uncalibrated("not calibrated since it was opened", "calibrate")

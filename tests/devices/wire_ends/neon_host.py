@@ -202,7 +202,7 @@ class NeonHost:
         simulator = self._simulator
         while True:
             now_ns = self._clock.now_ns()
-            gone = simulator.source.gone(now_ns)
+            gone = simulator.source.is_away(now_ns)
             if gone and not self._gone:
                 self._drop_all()
             self._gone = gone
