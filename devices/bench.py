@@ -73,7 +73,8 @@ def capture(
 ) -> tuple[Trial, ...]:
     """Open every device, stream for a while, close; one that fails does not stop the others.
 
-    A headset among them paces the loop. `tick` gets the seconds done, `is_over` ends it early.
+    A headset among them paces the loop. `tick` gets the seconds measured so far; `is_over` ends the
+    capture early.
     """
     trials: dict[str, Trial] = {d.role: Trial(d.role, d.driver, d.simulated) for d in devices}
     body: Any = IdleBody() if clock.is_virtual else SharedBody(IdleBody())

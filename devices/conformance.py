@@ -92,7 +92,7 @@ def check_batches(make: Callable[[], Device], let_pass: LetPass, *, seconds: flo
 
 
 def check_eye_tracker(make: Callable[[], EyeTracker], let_pass: LetPass) -> None:
-    """Check the gaze fields: unit vectors or NaN, validity apart from value, clock pairs."""
+    """Check the gaze fields: unit vectors or NaN, validity separate from value, clock pairs."""
     device = make()
     batches = collect(device, let_pass)
     _promise(device.describe()[0].fields == GAZE.fields, "the first stream has GAZE's fields")

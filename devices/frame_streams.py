@@ -27,7 +27,7 @@ class FrameStreams:
         self.begin()
 
     def begin(self) -> None:
-        """Count rows anew, and forget those held."""
+        """Count rows from 0, and drop the pending ones."""
         self.pending.clear()
         self._meter = StreamMeter(self.head.nominal_rate_hz)
         self._head_seq = self._timing_seq = self._timing_rows = 0
@@ -55,7 +55,7 @@ class FrameStreams:
         self._timing_seq += 1
 
     def deliver(self, sink: Sink | None) -> int:
-        """Pass held rows to the sink, if there is one; return the number of rows."""
+        """Pass the pending rows to the sink, if there is one; return the number of rows."""
         row_count = 0
         while self.pending and sink is not None:
             batch = self.pending.popleft()

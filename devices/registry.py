@@ -2,7 +2,7 @@
 
 Drivers of Visavis are described in the module `spec` of their folder, as `SPECS`; installed
 packages name theirs under the entry-point group `visavis.drivers` (`name = "package.spec:SPEC"`).
-The module `wiring` beside a `spec` imports drivers and simulators and holds `WIRINGS`.
+The module `wiring` next to a `spec` imports drivers and simulators and holds `WIRINGS`.
 """
 
 import difflib

@@ -1,12 +1,12 @@
 """Find tracked segments of a body that repeat their last pose while the others move on.
 
 A tracker that dies may go on reporting its last pose. Its segment then stands in the room while the
-body walks away. A segment counts as frozen when its position or its orientation, which moved
-earlier sample by sample, repeats bit for bit for longer than a limit and in each of these samples
-the same of most other segments changed; until it changes again. Orientations, the trunk's above
-all, may rest in a calm body: they have to repeat for half a second, on no more segments than a limb
-has. Feet and toes stand on the floor, and some trackers hold them there: they are frozen only when
-the hips have gone farther meanwhile than a leg reaches.
+body walks away. A segment counts as frozen when its position, or its orientation, has repeated bit
+for bit for longer than a limit, until it changes again. It must have moved sample by sample before,
+and in each repeated sample most other segments must have changed in the same respect. Orientations,
+above all the trunk's, may rest in a calm body. So they must repeat for half a second, on no more
+segments than a limb has. Feet and toes stand on the floor, and some trackers hold them there. They
+count as frozen only when the hips have meanwhile moved farther than a leg reaches.
 """
 
 from collections.abc import Iterable, Sequence
@@ -37,7 +37,7 @@ class SegmentWatch:
 
     `frozen` (s,) tells which segments are frozen in the last sample, `frozen_ns` (s,) for how long
     each was frozen so far, without the detection time, and `still_ns` (s,) for how long each
-    repeats its pose now. `moved_channels` are the segments that have moved before.
+    repeats its pose now. `moved_channels` are those known to have moved before.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class SegmentWatch:
 
     @property
     def still_ns(self) -> npt.NDArray[np.int64]:
-        """How long each segment has repeated itself while others moved."""
+        """How long each segment has repeated its pose while others moved."""
         longest: npt.NDArray[np.int64] = self._still_ns.max(axis=1)
         return longest
 

@@ -29,9 +29,9 @@ ROLE = "screen"
 BEFORE_FLIP_NS = 2 * NS_PER_MS
 """How long before a refresh the window stops taking events and the picture is handed over."""
 EARLY_NS = NS_PER_MS // 2
-"""A picture taken by so much before its refresh was not waited for: the driver does not."""
+"""A picture taken this much before its refresh means that the graphics driver does not wait."""
 MAX_EYES_AGE_NS = NS_PER_S // 2
-"""Eyes not found for so long are not where they were."""
+"""Eyes not found for this long may be elsewhere; their last place is no longer used."""
 MAX_EYES_OFF_M = 1.0
 """A tracked eye farther than this from the viewing place is a tracker's mistake."""
 REMEDY = "resume the session; it opens the window anew"
@@ -169,7 +169,7 @@ class ScreenDisplay(OnSessionClock):
         self._life.state = DeviceState.OPEN
 
     def close(self) -> None:
-        """Let the window go; whoever draws closes it. Idempotent."""
+        """Let go of the window, which the renderer closes. Idempotent."""
         self._sink = None
         self._surface = None
         self._streams.pending.clear()

@@ -1,8 +1,8 @@
 """A simulated body whose head rests before a screen.
 
 Its own head may turn and sway; in the chin rest it does not, and the eyes do what the head did:
-they converge on the same point of the world. Not modelled: that what lies beside the screen cannot
-be seen, and that eyes turned far look at things by turning the head.
+they converge on the same point of the world. Not modelled: things outside the screen are hidden,
+and people turn the head to look far aside.
 """
 
 from collections.abc import Iterator, Sequence

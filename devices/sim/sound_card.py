@@ -23,7 +23,7 @@ SINCE_BOOT_S: Final = 1000.0
 
 class SimulatedPortAudio:
     """The part of sounddevice that `SoundCard` uses. Faults: late_start, disconnect, loss (blocks
-    that come too late, which the next one tells as an underflow).
+    that come too late; the next block reports an underflow).
     """
 
     class PortAudioError(Exception):

@@ -76,7 +76,7 @@ class SoundCardSensor:
         self._n = self._overflows = 0
 
     @property
-    def told_as(self) -> str:
+    def display_name(self) -> str:
         """Name the input."""
         return f"audio input ({self._device or 'default'})"
 

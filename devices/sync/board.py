@@ -41,12 +41,12 @@ class SyncBoard:
         self.pairs: list[ClockPair] = []
 
     @property
-    def told_as(self) -> str:
+    def display_name(self) -> str:
         """Name the link."""
         return f"board ({self._link.kind})"
 
     def open(self) -> None:
-        """Connect, and wait until the board has told its clock and sent samples."""
+        """Connect, and wait until the board has sent its clock and samples."""
         self._link.open(OPENING_S)
         deadline_ns = self._clock.now_ns() + round(OPENING_S * NS_PER_S)
         while not (self.pairs and self._blocks):

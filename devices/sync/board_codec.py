@@ -3,9 +3,9 @@
 Frames are those of the armband (`visavis.devices.drivers.armband.codec`: COBS, CRC-16, closing
 zero). SAMPLES holds the board's microseconds of its first sample (u32, wrapping), the spacing in
 microseconds (u16) and twelve samples of three channels (u8): light, sound, motion. ASK, from the
-host, is answered by TOLD with the board's microseconds. What the board says ends in a second check,
-CRC-16/ARC of its payload: of a million damaged frames one passes sixteen bits alone. Decoding never
-raises.
+host, is answered by TOLD with the board's microseconds. Messages of the board end with a second
+check, CRC-16/ARC of the payload, because sixteen bits alone let one of a million damaged frames
+pass. Decoding never raises.
 """
 
 import struct

@@ -25,7 +25,7 @@ class RoleSensor:
         self._batches: list[SampleBatch] = []
 
     @property
-    def told_as(self) -> str:
+    def display_name(self) -> str:
         """Name the role and the driver."""
         return f"{self._device.info.role} ({self._device.info.driver})"
 

@@ -20,8 +20,8 @@ class Sensor(Protocol):
     """Something that listens, looks or feels while the test goes on."""
 
     @property
-    def told_as(self) -> str:
-        """What the report calls it."""
+    def display_name(self) -> str:
+        """Name of the sensor in the report."""
         ...
 
     def open(self) -> None:

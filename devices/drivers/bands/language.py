@@ -108,7 +108,7 @@ class JsonReader:
     """Cut JSON objects out of a text stream, however chunked, with the text before each.
 
     A `fence` is text that never occurs inside an object: an object unfinished there is discarded.
-    `unreadable_count` counts texts that look like an object but are none.
+    `unreadable_count` counts texts that begin like an object and are not one.
     """
 
     def __init__(self, fence: str = "") -> None:

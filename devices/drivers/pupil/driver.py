@@ -281,5 +281,5 @@ class PupilCore(GazeDevice):
 
 def _is_gaze(message: Message) -> bool:
     frames = message.frames
-    is_told = message.t_sent_ns is None and len(frames) == 2
-    return is_told and frames[0].startswith(codec.GAZE_TOPIC)
+    is_published = message.t_sent_ns is None and len(frames) == 2
+    return is_published and frames[0].startswith(codec.GAZE_TOPIC)

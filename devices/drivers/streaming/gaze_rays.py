@@ -53,7 +53,7 @@ def unit_triple(x: float, y: float, z: float) -> Triple:
 
 
 def diameter_mm(value: float) -> float:
-    """Return a diameter, or NaN when it is none (zero, negative, beyond an eye's size)."""
+    """Return a pupil diameter; NaN for an impossible one (zero, negative, larger than a pupil)."""
     return value if MIN_PUPIL_MM <= value < MAX_PUPIL_MM else NAN
 
 

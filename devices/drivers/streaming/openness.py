@@ -43,9 +43,9 @@ class GazeAndOpenness(GazeDevice):
         return replace(OPENNESS, nominal_rate_hz=self._schema.nominal_rate_hz)
 
     def _values(self, samples: Sequence[Sample]) -> npt.NDArray[np.void]:
-        untold = (NAN, NAN)
+        unknown = (NAN, NAN)
         self._openness_rows = [
-            s.openness_01 if s.openness_01 is not None else untold for s in samples
+            s.openness_01 if s.openness_01 is not None else unknown for s in samples
         ]
         return super()._values(samples)
 

@@ -203,9 +203,9 @@ class ArmbandFirmware:
             return self._last_ack
         status = self._carry_out(kind, seq, payload, now_us)
         room = self.surroundings
-        told_c = room.skin_c if self.protection.has_skin_sensor else room.temperature_c
+        reported_c = room.skin_c if self.protection.has_skin_sensor else room.temperature_c
         ack = Acknowledgement(
-            kind, seq, now_us % WRAP_US, status, self.granted_duties, room.battery_mv, told_c
+            kind, seq, now_us % WRAP_US, status, self.granted_duties, room.battery_mv, reported_c
         )
         self._last = (kind, seq)
         self._last_ack = codec.encode_acknowledgement(ack)

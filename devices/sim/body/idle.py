@@ -23,7 +23,7 @@ PUPIL_MM = 3.5
 
 
 class IdleBody(OneStretch):
-    """Follow the `MovingBody` contract as plain functions of time; remembers what it last felt."""
+    """Follow the `MovingBody` contract in functions of time; `levels_01` is what it last felt."""
 
     def __init__(self) -> None:
         # Late: it loads scipy and numba, which listing devices does without.

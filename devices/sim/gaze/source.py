@@ -109,7 +109,7 @@ class GazeSource:
             self.faults.active(kind, since_ns) is not None for kind in ("late_start", "disconnect")
         )
 
-    def deaf(self, t_ns: int) -> bool:
+    def is_unresponsive(self, t_ns: int) -> bool:
         """Tell whether requests stay unanswered at this time."""
         return self.is_away(t_ns) or self.faults.active("mute", t_ns - self.origin_ns) is not None
 
@@ -305,7 +305,7 @@ class GazePeer(ABC):
 
     def handle_request(self, frames: Frames, t_ns: int) -> Frames | None:
         """Answer unless a fault keeps the device silent."""
-        return None if self.source.deaf(t_ns) else self.answer(frames, t_ns)
+        return None if self.source.is_unresponsive(t_ns) else self.answer(frames, t_ns)
 
     def accept(self, frames: Frames, t_ns: int) -> None:
         """Take a message that wants no answer."""

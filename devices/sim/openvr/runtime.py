@@ -86,7 +86,7 @@ class SimulatedVrRuntime:
     standby, silence (tracking lost), disconnect (the headset is unplugged), loss and garbage
     (shares of poses), late_start (initialising is refused), version. With `running_start_ms` a
     frame is handed out that long before its vertical sync. Only one such runtime can exist in a
-    process at a time, and no real one beside it.
+    process at a time, and not together with a real one.
     """
 
     def __init__(

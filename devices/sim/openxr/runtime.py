@@ -1,11 +1,12 @@
 """An OpenXR runtime without a headset: the genuine loader finds it, and it tracks a body.
 
 A small C library (`native/openxr_runtime`) is compiled when it is first needed and hands out
-functions that are here, made with pyopenxr's own prototypes. It offers headless sessions and such
-with OpenGL (`images` reads back the images shown), controllers (`hands`), eye gaze, each eye if set
-so (`eyes`), and time conversion; it checks the order of frame calls. A session with graphics gets
-the focus only after its first frames. Not modelled: boundaries, the runtime's smoothing of gaze,
-prediction error. Gaze is sampled at its own rate: locating twice between gives the same sample.
+the functions of this module, made with pyopenxr's own prototypes. It offers headless sessions,
+sessions with OpenGL (`images` reads back the images shown), controllers (`hands`), eye gaze, each
+eye if configured (`eyes`), and time conversion. It checks the order of frame calls. A session with
+graphics gets the focus only after its first frames. Gaze is sampled at its own rate, so locating it
+twice within a period gives the same sample. Not modelled: boundaries, the runtime's smoothing of
+gaze, prediction error.
 """
 
 # ruff: noqa: N802 - the functions bear the names of OpenXR

@@ -111,7 +111,7 @@ class NeonHost:
         return self._simulator.status(rtsp=self._rtsp_port, echo=self._echo_port)
 
     def _is_silent(self) -> bool:
-        return self._simulator.source.deaf(self._clock.now_ns())
+        return self._simulator.source.is_unresponsive(self._clock.now_ns())
 
     async def _status(self, request: Any) -> Any:
         from aiohttp import web

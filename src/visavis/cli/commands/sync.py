@@ -87,7 +87,7 @@ def sync_test(
         "made": clock.wall_iso(),
         "lab": lab.lab,
         "is_simulated": simulated,
-        "sensor": sensor_device.told_as,
+        "sensor": sensor_device.display_name,
         "samples_lost": sensor_device.loss_count(),
         "frames": stimuli.frames,
         "frames_dropped": stimuli.dropped,
