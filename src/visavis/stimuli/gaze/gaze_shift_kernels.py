@@ -6,6 +6,8 @@ along. Every shift starts from the state that earlier ones have left, so that sc
 dense.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -35,6 +37,19 @@ BLINK_MEAN_S = 3.75
 EVOKES_BLINK_RAD = np.radians(33.0)
 """Shifts larger than this mostly come with a blink (Evinger et al. 1994, Exp Brain Res 100:337)."""
 AHEAD: Triple = (0.0, 0.0, -1.0)
+
+
+class Schedule(NamedTuple):
+    """The looks of n people in order of time: those of person r are rows `first[r]:first[r + 1]`.
+
+    A row is the kind of its target, when it starts, and a vector (3,): the place of a point, the
+    number of a person, or yaw and pitch aside.
+    """
+
+    first: npt.NDArray[np.int64]
+    kinds: npt.NDArray[np.int64]
+    start_s: Vector
+    vectors: Vector
 
 
 @compiled
@@ -127,10 +142,7 @@ def _slot_at(t_s: float, person: int) -> int:
 def recent_looks(
     t_s: float,
     r: int,
-    first: npt.NDArray[np.int64],
-    kinds: npt.NDArray[np.int64],
-    start_s: Vector,
-    vectors: Vector,
+    schedule: Schedule,
     eyes_m: Vector,
     front: Vector,
     person: int,
@@ -141,6 +153,7 @@ def recent_looks(
 
     A row of `looks` is start, direction (3,) from the eyes in world, distance.
     """
+    first, kinds, start_s, vectors = schedule
     low, last = first[r], first[r + 1] - 1
     ahead, attend = front[0], front[1:]
     while last > low and start_s[last] > t_s:
@@ -176,10 +189,7 @@ def recent_looks(
 @compiled
 def turn_rows(
     t_s: float,
-    first: npt.NDArray[np.int64],
-    kinds: npt.NDArray[np.int64],
-    start_s: Vector,
-    vectors: Vector,
+    schedule: Schedule,
     eyes_m: Vector,
     head_wxyz: Vector,
     fronts: Vector,
@@ -187,14 +197,12 @@ def turn_rows(
     observer: Vector,
     out: Vector,
 ) -> None:
-    """Write what trunk and head add (n, 3), for rows `first[r]:first[r + 1]` of a schedule."""
+    """Write what trunk and head add (n, 3): yaw of the trunk, yaw and pitch of the head."""
     looks = np.empty(((RECENT + 1) ** 2, 5))
     for r in range(eyes_m.shape[0]):
         person = seeds[r]
         to_head = inverse((head_wxyz[r, 0], head_wxyz[r, 1], head_wxyz[r, 2], head_wxyz[r, 3]))
-        count = recent_looks(
-            t_s, r, first, kinds, start_s, vectors, eyes_m, fronts[r], person, observer, looks
-        )
+        count = recent_looks(t_s, r, schedule, eyes_m, fronts[r], person, observer, looks)
         # Seconds by which the head follows the eyes, and how slowly this person turns.
         lag = 0.03 + 0.05 * chance(person, 213, 0)
         slow = 0.85 + 0.4 * chance(person, 214, 0)
@@ -257,10 +265,7 @@ def openness_01(t_s: float, person: int) -> float:
 @compiled
 def gaze_rows(
     t_s: float,
-    first: npt.NDArray[np.int64],
-    kinds: npt.NDArray[np.int64],
-    start_s: Vector,
-    vectors: Vector,
+    schedule: Schedule,
     eyes_m: Vector,
     fronts: Vector,
     seeds: npt.NDArray[np.int64],
@@ -273,9 +278,7 @@ def gaze_rows(
     looks = np.empty(((RECENT + 1) ** 2, 5))
     for r in range(eyes_m.shape[0]):
         person = seeds[r]
-        count = recent_looks(
-            t_s, r, first, kinds, start_s, vectors, eyes_m, fronts[r], person, observer, looks
-        )
+        count = recent_looks(t_s, r, schedule, eyes_m, fronts[r], person, observer, looks)
         now, nearness = (looks[0, 1], looks[0, 2], looks[0, 3]), 1.0 / max(0.1, looks[0, 4])
         lids = openness_01(t_s, person)
         for i in range(1, count):
