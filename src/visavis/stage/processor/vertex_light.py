@@ -392,6 +392,7 @@ def _faces_an_eye(
     a: np.uint64, b: np.uint64, c: np.uint64, position: Floats, eyes_m: Floats
 ) -> bool:
     """Tell whether a triangle faces an eye, by its normal in space."""
+    # Without pixels every eye is asked; what faces one of them may be seen by it.
     ax, ay, az = position[a, 0], position[a, 1], position[a, 2]
     ux, uy, uz = position[b, 0] - ax, position[b, 1] - ay, position[b, 2] - az
     wx, wy, wz = position[c, 0] - ax, position[c, 1] - ay, position[c, 2] - az

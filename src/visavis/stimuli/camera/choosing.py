@@ -81,6 +81,7 @@ def _stands_in(place: Vector, people: Vector, clear_m: float) -> bool:
         p = people[j]
         ax, ay, az = p[3] - p[0], p[4] - p[1], p[5] - p[2]
         sx, sy, sz = place[0] - p[0], place[1] - p[1], place[2] - p[2]
+        # The nearest point of the person's axis decides.
         length2 = ax * ax + ay * ay + az * az
         share = 0.0
         if length2 > 0.0:
@@ -250,6 +251,8 @@ def _cutting_score(
     score = _view_score(place, edge, share, subject, network, around, weights)
     if score < 0.0:
         return score
+    # A cut that turns the view by less than 30° looks like a jump, and one that reverses the way
+    # the subject crosses the picture confuses; more than 30° is no better.
     is_first = np.isnan(before[0])
     if weights[ANGLE] > 0.0:
         angle = 30.0 if is_first else view_angle_deg(subject.centre, before, place)

@@ -97,6 +97,7 @@ def ray_hit_m(
         depth -= 1
         node = stack[depth]
         # Slab test: the ray is inside the box between t0 and t1 on all three axes, if at all.
+        # `nearest` shrinks with every hit, so that boxes beyond it are skipped, too.
         t0, t1 = 0.0, nearest
         if dx != 0.0:
             a, b = (boxes[node, 0] - ox) * ix, (boxes[node, 3] - ox) * ix

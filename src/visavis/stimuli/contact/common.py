@@ -62,6 +62,7 @@ def _stretch(a: Vector, b: Vector, r: float, x: float, z: float) -> tuple[float,
 @compiled
 def _merge(lows: Vector, highs: Vector, n: int) -> int:
     """Merge overlapping stretches in place, rising; return how many are left."""
+    # Insertion sort: a column meets a handful of capsules, often in order already.
     for i in range(1, n):
         low, high = lows[i], highs[i]
         j = i - 1

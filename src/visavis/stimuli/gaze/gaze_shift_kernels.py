@@ -95,6 +95,7 @@ def _target(
     """Return the direction from the eyes to a target and its distance, infinite if it has none."""
     if kind == ASIDE:
         return _along(front + vector[0], vector[1]), np.inf
+    # People are looked at in the eyes, wherever these are by now.
     goal = vector[0], vector[1], vector[2]
     if kind == PERSON:
         other = int(vector[0])
@@ -227,6 +228,7 @@ def turn_rows(
 
 @compiled
 def _slerp(a: Triple, b: Triple, angle: float, share: float) -> Triple:
+    # No arc is given between equal or opposite directions; the sine below would be 0.
     if angle < 1e-7 or np.pi - angle < 1e-7:
         return b if share > 0.5 else a
     s = np.sin(angle)
@@ -253,6 +255,8 @@ def _lids(t_s: float, start_s: float, lasting_s: float) -> float:
 @compiled
 def openness_01(t_s: float, person: int) -> float:
     """Return how open somebody's lids are who blinks about 16 times a minute."""
+    # One blink a slot, at a random time in it: any instant is known without its past. A blink that
+    # began late in the slot before may still go on.
     slot = int(np.floor(t_s / BLINK_MEAN_S))
     least = 1.0
     for k in range(slot - 1, slot + 1):

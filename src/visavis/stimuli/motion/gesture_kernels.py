@@ -54,6 +54,7 @@ def _at_ease(
     if seat_m > 0.0:
         sit(c, t_s, b, seat_m, person, lively, 0.0, 0.0)
         lap_arms(c, b, 0, person)
+        # A hand that is about to do something else must no longer be held to the lap.
         for side in range(2):
             if hand == BOTH or hand == side:
                 arm_of(c, side)[p.HOLD : p.HOLD + p.HOLDS * p.HOLD_SIZE] = 0.0
@@ -94,12 +95,15 @@ def wave_rows(
             if hand != BOTH and hand != side:
                 continue
             a = arm_of(c, side)
+            # Nobody waves like a clock: tempo and width wander. Both hands wave against each other.
             uneven = 0.22 * drift(t, 0.35, person, 311 + side)
             phase = 2.0 * np.pi * rate * t + uneven + (np.pi * side if hand == BOTH else 0.0)
             size = 0.5 * swing * (1.0 + 0.12 * drift(t, 0.3, person, 313 + side))
             forearm = size * np.sin(phase) - 0.10
             # The hand trails behind the forearm and swings a little farther.
             palm_swing = 1.25 * size * np.sin(phase - 0.55) - 0.10
+            # The upper arm sets the elbow's height; the hand's place follows along the forearm, so
+            # that the arm is as long as it is.
             out = np.radians(28.0 + 58.0 * height)
             forward = np.radians(34.0 - 14.0 * height)
             ex, ey, ez = (
@@ -199,6 +203,7 @@ def phone_rows(
         lively, side = numbers[r, 0], int(numbers[r, 1])
         phone_but_fingers(c, t, builds[r], person, lively, side)
         stir_fingers(c, t, person, lively)
+        # The hand at the ear closes last: its grip replaces what stirs its fingers.
         a = arm_of(c, side)
         grip(a, builds[r])
         speak(c, t, person, numbers[r, 2])

@@ -83,6 +83,7 @@ def _seen_by_case(
         rotate_vector(q, (0.0, 1.0, 0.0)),
         rotate_vector(q, (0.0, 0.0, 1.0)),
     )
+    # A point p at rest goes to q (p − joint) + at; what of that is constant is the shift.
     shift = minus(minus(at, rotate_vector(q, joint)), middle)
     for i in range(3):
         axis = (axes[i, 0], axes[i, 1], axes[i, 2])

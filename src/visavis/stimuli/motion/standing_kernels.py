@@ -144,6 +144,7 @@ def fold_arms(c: Vector, b: Vector, weight: float, person: int) -> None:
     upper_side = 1 if chance(person, 72, 0) < 0.5 else 0
     for side in range(2):
         a = c[p.ARM + side * p.ARM_SIZE : p.ARM + (side + 1) * p.ARM_SIZE]
+        # The upper forearm lies higher and before the other.
         over = side == upper_side
         place = (
             0.52 * b[p.B_SHOULDER_X],
@@ -226,6 +227,7 @@ def idle_but_fingers(
     c: Vector, t_s: float, b: Vector, person: int, lively: float, way: int
 ) -> None:
     """Write the posture of somebody who stands idle, but for how the fingers stir."""
+    # Stirring and breath add to the posture, so that they come last.
     c[:] = 0.0
     stand(c, t_s, b, person, lively)
     arms_of(c, b, way, person)
