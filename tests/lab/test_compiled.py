@@ -72,6 +72,45 @@ def test_cached_code_is_used_until_a_kernel_or_number_it_takes_in_changes(tmp_pa
     assert {tmp_path / "cache" / "visavis" / "kernels"} == machine_code  # nothing beside modules
 
 
+PAIR = """
+from typing import NamedTuple
+
+
+class {}(NamedTuple):
+    {}: float
+    {}: float
+"""
+OF_PAIR = """
+import pairs
+from visavis.lab.compiled import compiled
+
+
+@compiled
+def left_of(pair):
+    return pair.left
+
+
+print(left_of(pairs.{}(left=1.0, right=2.0)))
+"""
+
+
+def test_cached_code_is_not_used_when_a_tuple_has_other_fields_or_another_name(
+    tmp_path: Path,
+) -> None:
+    path_line = f"import sys; sys.path[:0] = [{str(tmp_path)!r}, {str(ROOT)!r}]"
+    for name, *fields in ("A", "left", "right"), ("A", "right", "left"), ("B", "right", "left"):
+        (tmp_path / "pairs.py").write_text(PAIR.format(name, *fields))
+        (tmp_path / "of_pair.py").write_text(OF_PAIR.format(name))
+        done = subprocess.run(
+            [sys.executable, "-B", "-c", f"{path_line}; import of_pair"],
+            env=without_numbas_own(tmp_path / "cache"),
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        assert "1.0" == done.stdout.strip()
+
+
 MATRICES = """
 import sys
 
