@@ -30,8 +30,9 @@ from visavis.analysis.gaze.looks import (
     LookParameters,
     measure_trial,
 )
-from visavis.analysis.gaze.movements.detect import AUTO, MovementParameters, detect_movements
+from visavis.analysis.gaze.movements.detect import detect_movements
 from visavis.analysis.gaze.movements.kinds import Movement, Movements, fixations_of
+from visavis.analysis.gaze.movements.parameters import AUTO, MovementParameters
 from visavis.analysis.gaze.sensitivity import SENSITIVITY_MINIMA_MS, sensitivity_of_trial
 from visavis.analysis.gaze.stamps import order_of
 from visavis.analysis.gaze.targets import GazeTargets
