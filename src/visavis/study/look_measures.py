@@ -15,6 +15,7 @@ import numpy.typing as npt
 from visavis.analysis.gaze.aoi import (
     DEFAULT_PAD_DEG,
     SENSITIVITY_PADS_DEG,
+    aoi_by_pad,
 )
 from visavis.analysis.gaze.events import (
     IDT_HEADSET,
@@ -284,16 +285,19 @@ def sensitivity_rows(
     """Yield the six measures for every padding and minimum fixation duration."""
     span = _span(row)
     samples = targets.between(span.start_ns, span.end_ns)
-    results = sensitivity_of_trial(
-        samples.t_ns,
+    areas = aoi_by_pad(
         samples.angle_deg,
         samples.radius_deg,
         samples.pad_limit_deg,
         samples.hit,
+        pads_deg=pads_deg,
+    )
+    results = sensitivity_of_trial(
+        samples.t_ns,
+        areas,
         span.active,
         span.start_ns,
         span.end_ns,
-        pads_deg=pads_deg,
         minima_ms=minima_ms,
         params=params.looks,
     )
