@@ -74,10 +74,10 @@ class GazeTemplate:
         write_datums(values, self.pattern, datums)
         return self.messages(datums)
 
-    def messages(self, packed: npt.NDArray[np.uint8]) -> list[tuple[bytes, bytes]]:
+    def messages(self, datums: npt.NDArray[np.uint8]) -> list[tuple[bytes, bytes]]:
         """Return [topic, datum] messages for the bytes that `write_datums` wrote."""
         size = self.pattern.bytes.size
-        data = packed.tobytes()
+        data = datums.tobytes()
         if len(data) == size:
             return [(self.topic, data)]
         return [(self.topic, data[at : at + size]) for at in range(0, len(data), size)]
@@ -87,17 +87,17 @@ class GazeTemplate:
 def write_datums(
     values: Floats,
     pattern: DatumPattern,
-    packed: npt.NDArray[np.uint8],
+    datums: npt.NDArray[np.uint8],
 ) -> None:
     """Write one datum per row of values: the pattern, and every number big-endian in its place."""
     columns, places = pattern.columns, pattern.places
     for i in range(values.shape[0]):
         little = values[i].view(np.uint8)
-        packed[i] = pattern.bytes
+        datums[i] = pattern.bytes
         for j in range(columns.shape[0]):
             first = 8 * columns[j]
             for k in range(8):
-                packed[i, places[j] + k] = little[first + 7 - k]
+                datums[i, places[j] + k] = little[first + 7 - k]
 
 
 def pack_notification(subject: str, **fields: Any) -> tuple[bytes, bytes]:
