@@ -23,7 +23,7 @@ from visavis.experiments.crowd.surfaces import (
     own_surfaces,
     person_surface,
 )
-from visavis.experiments.crowd.walk_kernel import volumes_of_walk
+from visavis.experiments.crowd.walk_kernel import Measuring, volumes_of_walk
 from visavis.experiments.crowd.walks import Walk
 from visavis.lab.geometry import Vector
 from visavis.stimuli.contact.body import CAPSULE_JOINTS, capsule_body
@@ -78,11 +78,13 @@ def walk_volumes(
         walk.people,
         crowd_figures(),
         crowd_surfaces(surface),
-        SURFACE_REACH_M,
-        _FINE_ENOUGH.cell_m,
-        _FINE_ENOUGH.refine_below_m3,
-        _FINE_ENOUGH.fine_columns,
-        rule != "volume",
+        Measuring(
+            SURFACE_REACH_M,
+            _FINE_ENOUGH.cell_m,
+            _FINE_ENOUGH.refine_below_m3,
+            _FINE_ENOUGH.fine_columns,
+            only_near=rule != "volume",
+        ),
         volumes,
     )
     if rule != "volume":

@@ -142,6 +142,8 @@ def _taken_in(names: dict[str, Any], prefix: str = "") -> Iterator[str]:
             continue
         if isinstance(value, CPUDispatcher):
             yield f"{prefix}{name}={getattr(value, _STAMP, None)}"
+        elif isinstance(value, type) and issubclass(value, tuple) and hasattr(value, "_fields"):
+            yield f"{prefix}{name}={value._fields!r}"  # kernels read a named tuple by place
         elif _is_plain(value):
             yield f"{prefix}{name}={value!r}"
         elif isinstance(value, type) and hasattr(value, "_fields"):
