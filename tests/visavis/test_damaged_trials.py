@@ -28,7 +28,7 @@ def selection(*statuses: str):
         STANDARD_RULES,
         limits_in_force(STANDARD_RULES, {}),
         cells=("side",),
-        planned={"07H": len(statuses)},
+        planned_counts={"07H": len(statuses)},
         cell_count=1,
     )
 

@@ -11,7 +11,7 @@ from visavis.lab.body_joints import BODY_JOINTS
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DataError
 from visavis.lab.geometry import Vector, quat_conjugate, rotate, unit
-from visavis.people.resting_pose import at_ease, posed
+from visavis.people.resting_pose import pose_joints, resting_pose
 from visavis.protocol.session.boards import ALONG_FINGERS, HAND
 from visavis.stimuli.motion.blending import smootherstep
 
@@ -73,7 +73,7 @@ def segments_of(
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """Return positions (t, n, 3) and orientations (t, n, 4) of a pointing person's segments.
 
-    The person sits or stands at ease with the eyes at `at_m` (3,) and the feet on the floor; low
+    The person sits or stands at rest with the eyes at `at_m` (3,) and the feet on the floor; low
     eyes mean sitting. The trunk follows the head: `eyes_m` (t, 3) is the middle between the eyes
     and `head_wxyz` (t, 4) the turn. The right hand is at `hand_m` (t, 3) and its fingers point to
     `pointed_m` (t, 3).
@@ -88,9 +88,9 @@ def segments_of(
             f"it has {', '.join(BODY_JOINTS)}"
         )
     hand_wxyz = fingers_to(unit(pointed_m - hand_m))
-    ease = at_ease(*(round(float(v), 3) for v in at_m))
-    all_m, all_wxyz = posed(ease, eyes_m, head_wxyz, hand_m, hand_wxyz)
-    indices = [ease.skeleton.index(name) for name in names]
+    rest = resting_pose(*(round(float(v), 3) for v in at_m))
+    all_m, all_wxyz = pose_joints(rest, eyes_m, head_wxyz, hand_m, hand_wxyz)
+    indices = [rest.skeleton.index(name) for name in names]
     return all_m[:, indices], all_wxyz[:, indices]
 
 
@@ -134,7 +134,7 @@ class StandingBody:
         """Begin a new stretch of behaviour at this session time: look ahead, the hand down."""
         self._stretch, self._origin_ns = stretch, t_ns
         self._looks: list[tuple[float, Vector]] = [(-10.0, self._ahead)]
-        self._aimed = np.zeros((0, 2))
+        self._aim_cache = np.zeros((0, 2))
         self.hand = PointingHand(self._rest)
 
     def wear(self, fit: int) -> None:
@@ -204,7 +204,7 @@ class StandingBody:
 
     def look(self, t_s: float, point_m: Vector) -> None:
         """Look at a point from a time on; later planned looks are dropped."""
-        self._aimed = np.zeros((0, 2))
+        self._aim_cache = np.zeros((0, 2))
         self._looks = [look for look in self._looks if look[0] < t_s]
         self._looks.append((t_s, point_m))
 
@@ -236,10 +236,10 @@ class StandingBody:
     @property
     def _aims(self) -> Vector:
         """Yaw and pitch (n, 2) in radians of the points looked at, in order."""
-        if len(self._aimed) != len(self._looks):
+        if len(self._aim_cache) != len(self._looks):
             x, y, z = (np.array([point for _, point in self._looks]) - self._eye).T
-            self._aimed = np.stack([np.arctan2(-x, -z), np.arctan2(y, np.hypot(x, z))], axis=1)
-        return self._aimed
+            self._aim_cache = np.stack([np.arctan2(-x, -z), np.arctan2(y, np.hypot(x, z))], axis=1)
+        return self._aim_cache
 
     def _targets(self, t_s: Vector) -> Vector:
         starts = np.array([start for start, _ in self._looks])

@@ -52,9 +52,9 @@ def judge_validation(points: Sequence[ValidationPoint], rate_hz: float) -> Valid
     )
 
 
-def _why_not(accuracy_deg: float, worst_deg: float, turned: TurnedGaze | None) -> str:
+def _why_not(accuracy_deg: float, worst_deg: float, gaze_turn: TurnedGaze | None) -> str:
     if not np.isfinite(accuracy_deg):
         return "too little valid gaze at every target"
-    if turned is not None:
-        return f"mean error {accuracy_deg:.2f}°, {turned.sentence()}"
+    if gaze_turn is not None:
+        return f"mean error {accuracy_deg:.2f}°, {gaze_turn.sentence()}"
     return f"mean error {accuracy_deg:.2f}°, worst target {worst_deg:.2f}°, or too little gaze"

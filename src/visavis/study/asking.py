@@ -68,13 +68,13 @@ def asked_on_board(
         return Answer(option, by, board_answer.asked_ns, t_ns, board_answer.view, board_answer.pose)
     view, asked_ns = board_answer.view, board_answer.asked_ns
     return (
-        yield from asked_elsewhere(
+        yield from ask_at_terminal(
             question_id, panel.text, options, panel.choices, view, "operator", asked_ns
         )
     )
 
 
-def asked_elsewhere(
+def ask_at_terminal(
     question_id: str,
     prompt: str,
     options: tuple[str, ...],
@@ -94,7 +94,7 @@ def asked_elsewhere(
     return Answer(option, by, began_ns, view.t_ns, view)
 
 
-def pressed(
+def await_press(
     controls: tuple[str, ...],
     limit_s: float,
     view: FrameView,
@@ -117,7 +117,7 @@ def pressed(
         view = yield from frame()
 
 
-def pointed(
+def await_pointing(
     limit_s: float, view: FrameView, each_frame: Callable[[FrameView], Show | None]
 ) -> Asking:
     """Wait until a direction is pointed at and confirmed."""

@@ -38,7 +38,7 @@ def test_no_camera_of_the_study_goes_through_a_wall_and_all_of_them_see_the_walk
         if film.scene.options["walk"] == walk:
             seen = films[1].seen(film)
             assert seen.sheet.collisions == 0, film.lens
-            assert seen.seen.mean() > 0.9, film.lens
+            assert seen.is_visible.mean() > 0.9, film.lens
             assert seen.t_s[-1] == pytest.approx(timed_walk(walk).seconds, abs=0.05)
 
 

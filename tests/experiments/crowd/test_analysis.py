@@ -51,8 +51,8 @@ def test_the_published_pattern_is_found_where_it_was_put_in(study):
 
 def test_published_differences_and_absences_are_counted_apart(study):
     def agreeing(analysis, published_as_different):
-        found = [c.agreement for f in analysis.findings for c in f.contrasts if c.printed]
-        return [a.agrees for a in found if a.published == published_as_different]
+        found = [c.agreement for f in analysis.findings for c in f.contrasts if c.published_result]
+        return [a.agrees for a in found if a.published_significant == published_as_different]
 
     assert 7 == len(agreeing(study, True))
     assert sum(agreeing(study, True)) >= 5

@@ -49,7 +49,7 @@ def column_type(column: Column) -> str:
     return "boolean" if name in _FLAGS or name.startswith("is_") else "string"
 
 
-def typed(table: pd.DataFrame, columns: Mapping[str, Column]) -> pd.DataFrame:
+def with_column_types(table: pd.DataFrame, columns: Mapping[str, Column]) -> pd.DataFrame:
     """Return a table with the types of its dictionary; columns it does not name stay.
 
     Raises DataError naming a column whose values do not fit its type.
