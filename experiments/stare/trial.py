@@ -18,7 +18,7 @@ from visavis.experiments.stare.scene import active_index_of, opening_eyes, scene
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import (
-    Answered,
+    AskReply,
     FrameView,
     GazeView,
     Mark,
@@ -139,7 +139,7 @@ class _Training:
     start_ns: int
     is_waiting: bool = False
 
-    def end_ns(self, view: FrameView) -> Generator[Step, FrameView | Answered | None, int | None]:
+    def end_ns(self, view: FrameView) -> Generator[Step, FrameView | AskReply | None, int | None]:
         """Return when the training ended; None while it goes on."""
         elapsed_ns = view.t_ns - self.start_ns
         shortest_ns = round(self.params.practice_s * NS_PER_S)
@@ -156,7 +156,7 @@ class _Training:
                 return None
             else:
                 reply = yield Prompt(TRAINING_PROMPT)
-                self.is_waiting = not isinstance(reply, Answered)
+                self.is_waiting = not isinstance(reply, AskReply)
                 if self.is_waiting:
                     return None
                 end_ns = self.start_ns + shortest_ns

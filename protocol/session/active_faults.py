@@ -27,13 +27,13 @@ class _Standing:
 class StandingFaults:
     """Record faults when they come and when they are over.
 
-    `present` are those of the last look; `done_without` the roles whose absence the operator
+    `present` are those of the last look; `accepted_absences` the roles whose absence the operator
     accepted, until they are back.
     """
 
     def __init__(self, recorder: Recorder) -> None:
         self.present: tuple[Fault, ...] = ()
-        self.done_without: set[str] = set()
+        self.accepted_absences: set[str] = set()
         self._recorder = recorder
         self._standing: dict[tuple[str, str], _Standing] = {}
 
@@ -73,12 +73,14 @@ class StandingFaults:
                     lasted_ms=round((t_ns - over.since_ns) / NS_PER_MS),
                 )
         # one blocking fault may give way to another: silent first, then known to be gone
-        self.done_without &= {f.role for f in self.present if f.severity == "blocking"}
+        self.accepted_absences &= {f.role for f in self.present if f.severity == "blocking"}
 
     def blocking(self) -> tuple[Fault, ...]:
         """Return the faults that keep a trial from running."""
         return tuple(
-            f for f in self.present if f.severity == "blocking" and f.role not in self.done_without
+            f
+            for f in self.present
+            if f.severity == "blocking" and f.role not in self.accepted_absences
         )
 
     def since_ns(self, fault: Fault) -> int:
@@ -90,10 +92,10 @@ class StandingFaults:
         is_count = fault.severity == "warning" and _FIGURES.search(fault.message)
         return not is_count or self._standing[_key(fault)].changed_ns > start_ns
 
-    def shown(self, t_ns: int) -> tuple[Fault, ...]:
+    def for_screen(self, t_ns: int) -> tuple[Fault, ...]:
         """Return the faults for the operator's screen; accepted absences become warnings."""
         return tuple(
-            replace(f, severity="warning") if f.role in self.done_without else f
+            replace(f, severity="warning") if f.role in self.accepted_absences else f
             for f in self.present
             if self._is_fresh(f, t_ns)
         )

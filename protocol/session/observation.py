@@ -31,7 +31,7 @@ _DIRECTION_AT, _ORIGIN_AT, _VALID_AT = (
     _GAZE_FIELDS[name][1] for name in ("direction_head", "origin_m", "valid")
 )
 
-RECORDED = (
+TARGET_COLUMNS = (
     "gaze_seq",
     "frame_index",
     "t_sample_ns",
@@ -131,7 +131,7 @@ def _evaluate(
     t_ns: npt.NDArray[np.int64],
     valid: npt.NDArray[np.bool_],
     rays: npt.NDArray[np.float64],
-    seen: npt.NDArray[np.float64],
+    per_head: npt.NDArray[np.float64],
     hit: npt.NDArray[np.int16],
     row: int,
     gaze_seq: npt.NDArray[np.int64],
@@ -182,7 +182,7 @@ def _evaluate(
         direction,
         origin,
     )
-    observe_rays(origin, direction, valid, heads, capsules, is_lit, seen, hit)
+    observe_rays(origin, direction, valid, heads, capsules, is_lit, per_head, hit)
     # The dark scene of calibrations and breaks has no agents, so gaze meets nobody in it.
     width = angle_deg.shape[1]
     has_agents = m == width or 0 < m < width  # one film may show fewer than another
@@ -200,9 +200,9 @@ def _evaluate(
             origin_world_m[j, k] = origin[i, k]
         if has_agents:
             for k in range(m):
-                angle_deg[j, k] = seen[0, i, k]
-                radius_deg[j, k] = seen[1, i, k]
-                pad_limit_deg[j, k] = seen[2, i, k]
+                angle_deg[j, k] = per_head[0, i, k]
+                radius_deg[j, k] = per_head[1, i, k]
+                pad_limit_deg[j, k] = per_head[2, i, k]
             for k in range(m, width):
                 angle_deg[j, k] = np.nan
                 radius_deg[j, k] = np.nan
@@ -236,18 +236,18 @@ class LateGaze:
 
     def __init__(self, catch_up: Callable[[], None]) -> None:
         self._catch_up = catch_up
-        self._found: tuple[GazeView, int, int] | None = None
+        self._samples: tuple[GazeView, int, int] | None = None
 
-    def found(self, gaze: GazeView, first: int, end: int) -> None:
+    def set_samples(self, gaze: GazeView, first: int, end: int) -> None:
         """Take the samples `first` to `end` of what was evaluated together."""
-        self._found = gaze, first, end
+        self._samples = gaze, first, end
 
     def __getattr__(self, name: str) -> Any:
-        if self._found is None:
+        if self._samples is None:
             self._catch_up()
-        if self._found is None or name not in GazeView._fields:
+        if self._samples is None or name not in GazeView._fields:
             raise AttributeError(f"gaze has no {name!r}")
-        gaze, first, end = self._found
+        gaze, first, end = self._samples
         values = getattr(gaze, name)
         return values if gaze.t_ns.shape[0] == end - first else values[first:end]
 
@@ -266,7 +266,7 @@ class GazeObserver:
         self._delay_ns = delay_ns
         self._targets = targets
         self._source = targets.columns
-        self._columns = tuple(targets.columns[name] for name in RECORDED)
+        self._columns = tuple(targets.columns[name] for name in TARGET_COLUMNS)
         self._inbox: deque[SampleBatch] = deque()
         self._delays_ns: deque[int] = deque(maxlen=DELAYS_KEPT)
         capacity = POSES_KEPT + MAX_WAITING
@@ -279,8 +279,8 @@ class GazeObserver:
         self._scene: Scene | None = None
         self._geometry: SceneGeometry | None = None
         self._empty = _no_gaze(0)
-        self.received = 0
-        self.valid = 0
+        self.received_count = 0
+        self.valid_count = 0
 
     def take(self, batch: SampleBatch) -> None:
         """Accept a batch of the gaze stream; may be called from the device's thread."""
@@ -340,12 +340,12 @@ class GazeObserver:
         batch = self._gather() if self._inbox else None
         if batch is None or self._geometry is None:
             for one in waiting:
-                one.gaze.found(self._empty, 0, 0)
+                one.gaze.set_samples(self._empty, 0, 0)
             return [0] * len(waiting)
         if len(waiting) == 1:
             one, n = waiting[0], batch.seq.shape[0]
             frames = np.array([(n, one.frame_index, one.newest, one.poses)], np.int64)
-            one.gaze.found(self._evaluated(batch, self._geometry, frames), 0, n)
+            one.gaze.set_samples(self._evaluated(batch, self._geometry, frames), 0, n)
             self._targets.commit(n, one.t_ns)
             return [n]
         # Messages arrive in order, and a frame takes those that have arrived by its time.
@@ -361,7 +361,7 @@ class GazeObserver:
         self._targets.commit_stamped(np.repeat([one.t_ns for one in waiting], counts))
         first = 0
         for one, end in zip(waiting, ends.tolist(), strict=True):
-            one.gaze.found(gaze, first, end)
+            one.gaze.set_samples(gaze, first, end)
             first = end
         sample_counts: list[int] = counts.tolist()
         return sample_counts
@@ -375,7 +375,7 @@ class GazeObserver:
         at = targets.room(n)
         if targets.columns is not self._source:
             self._source = targets.columns
-            self._columns = tuple(targets.columns[name] for name in RECORDED)
+            self._columns = tuple(targets.columns[name] for name in TARGET_COLUMNS)
         t_ns = np.empty(n, np.int64)
         valid = np.empty(n, np.bool_)
         rays = np.empty((2, n, 3))
@@ -401,8 +401,8 @@ class GazeObserver:
             at,
             *self._columns,
         )
-        self.received += n
-        self.valid += valid_count
+        self.received_count += n
+        self.valid_count += valid_count
         return GazeView(t_ns, valid, rays[0], rays[1], per_head[0], per_head[1], per_head[2], hit)
 
     def drain(self) -> list[SampleBatch]:

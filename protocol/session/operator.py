@@ -83,11 +83,11 @@ def nothing_drawn() -> None:
 class TrialCounts:
     """How far a session has come, in trials."""
 
-    done: int
+    done_count: int
     """Trials that are finished."""
-    planned: int
+    planned_count: int
     """Trials that the plan holds."""
-    skipped: int = 0
+    skipped_count: int = 0
     """Trials that the operator left out."""
     left_s: float = 0.0
     """How long the rest takes, in seconds."""
@@ -143,7 +143,7 @@ class SessionStatus:
     """Flags of the trial that runs."""
     frame: FrameView | None = None
     """What the last frame brought; copy its arrays to keep them."""
-    shown: SceneFrame | None = None
+    scene_frame: SceneFrame | None = None
     """What the participant was shown in it; copy its arrays to keep them."""
     contacts: tuple[BodyContact, ...] = ()
     """What is touched now."""

@@ -106,7 +106,7 @@ def test_a_lost_sample_hits_nothing_and_counts_as_received_only() -> None:
     view = seen.observe(1, 1)
 
     assert view.hit.tolist() == [-2, -2]
-    assert (2, 0) == (seen.received, seen.valid)
+    assert (2, 0) == (seen.received_count, seen.valid_count)
 
 
 def test_a_frame_without_samples_brings_an_empty_view() -> None:

@@ -19,7 +19,7 @@ from visavis.protocol.plan.questionnaires import (
     load_questionnaire,
     read_answers,
     score,
-    unanswered,
+    unanswered_questions,
 )
 from visavis.protocol.session.gaze_setup import TARGETS
 from visavis.recording.integrity import analysed_trials, damage_of
@@ -236,7 +236,7 @@ def person_of(recording: Recording, questionnaires: Sequence[Questionnaire]) -> 
     for form in questionnaires:
         answers = read_answers(form, answers_by_name.get(form.name, {}))
         required_count += sum(q.item.required for q in form.questions())
-        missing += len(unanswered(form, answers))
+        missing += len(unanswered_questions(form, answers))
         person |= answers
         person |= {f"{form.name}_{name}": value for name, value in score(form, answers).items()}
     if required_count:

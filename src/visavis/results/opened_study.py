@@ -17,7 +17,7 @@ from visavis.people.person import StudyPerson
 from visavis.protocol.people.simulated_participant import SimulatedParticipant
 from visavis.protocol.plan.experiment import ValidationPoint, ValidationVerdict
 from visavis.protocol.plan.questionnaires import Questionnaire
-from visavis.protocol.plan.shown_scene import Shown
+from visavis.protocol.plan.shown_scene import RecordedScene
 from visavis.recording.reader import Recording
 from visavis.results.analysis import StudyAnalysis, analyse_rows, measures_of
 from visavis.results.family_tests import DEFAULT_TEST_RULES, TestRules
@@ -200,7 +200,7 @@ class OpenedStudy:
             for n in (*self.study.asks.after_block, *self.study.asks.questionnaires)
         )
 
-    def views_of(self, shown: Shown) -> Iterator[SceneFrame]:
+    def views_of(self, shown: RecordedScene) -> Iterator[SceneFrame]:
         """Yield the views that a recorded frame may have shown, the likeliest first."""
         if self.study.procedure.views_of is not None:
             plan = shown.recording.manifest.plan

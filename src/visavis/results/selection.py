@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from visavis.analysis.report.notation import count_of
-from visavis.recording.integrity import DAMAGED, LOST
+from visavis.recording.integrity import DAMAGED_STATUS, LOST_STATUS
 from visavis.study.exclusions import Exclusion, Level
 
 REASON: Final = "left_out_because"
@@ -147,7 +147,7 @@ def select(
         )
 
     exclude(table["is_practice"].astype(bool), "practice", "trial", PRACTICE)
-    unreadable = table["status"].isin((DAMAGED, LOST))
+    unreadable = table["status"].isin((DAMAGED_STATUS, LOST_STATUS))
     exclude(unreadable, "damaged", "trial", UNREADABLE)
     exclude(table["status"] != "complete", "unfinished", "trial", NOT_FINISHED)
     trial_rules = [r for r in rules if r.level == "trial" and r.column in table]
@@ -262,7 +262,9 @@ def _smallest_share(
 
 def _damaged_trials(rows: pd.DataFrame, name: str) -> pd.DataFrame:
     """Return a participant's trials that were lost to a damaged recording, each once."""
-    is_damaged = rows["status"].isin((DAMAGED, LOST)) & ~rows["is_practice"].astype(bool)
+    is_damaged = rows["status"].isin((DAMAGED_STATUS, LOST_STATUS)) & ~rows["is_practice"].astype(
+        bool
+    )
     mine = rows["participant"].astype(str) == name
     return rows[is_damaged & mine].drop_duplicates("trial_id")
 

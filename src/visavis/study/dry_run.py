@@ -16,8 +16,8 @@ from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Pose
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import (
-    Answered,
     Ask,
+    AskReply,
     FrameView,
     GazeView,
     Mark,
@@ -166,9 +166,9 @@ def read_trial(
                 if lit_frame is None and step.view.scene.brightness_01 > 0:
                     lit_frame = step.view
             elif isinstance(step, Ask):
-                reply = Answered(step.options[0] if step.options else "", 0)
+                reply = AskReply(step.options[0] if step.options else "", 0)
             elif isinstance(step, Prompt):
-                reply = Answered(None, 0)
+                reply = AskReply(None, 0)
             if stops_when_lit and lit_frame is not None:
                 break
         else:

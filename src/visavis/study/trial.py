@@ -20,7 +20,7 @@ from visavis.lab.errors import DataError, DesignError
 from visavis.lab.geometry import Pose, Vector
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import (
-    Answered,
+    AskReply,
     FrameView,
     Hush,
     Mark,
@@ -31,7 +31,7 @@ from visavis.protocol.plan.steps import (
     Scalar,
     Show,
     Silence,
-    Sounded,
+    SoundOnset,
     Step,
     TrialInterrupted,
 )
@@ -66,7 +66,7 @@ MAX_GAIN_DB: Final = 20.0
 STAMP_LIMIT_S: Final = 1.0
 """How long a trial waits for the report that a sound began."""
 Wait: TypeAlias = Literal["onset", "end", "no"]
-Performing: TypeAlias = Generator[Step, FrameView | Answered | None, Any]
+Performing: TypeAlias = Generator[Step, FrameView | AskReply | None, Any]
 
 
 @dataclass(frozen=True)
@@ -639,7 +639,7 @@ class TrialScript:
         x, y, z = (float(v) for v in heads[at].head_centre_m)
         return x, y, z
 
-    def store_onsets(self, sounds: tuple[Sounded, ...]) -> None:
+    def store_onsets(self, sounds: tuple[SoundOnset, ...]) -> None:
         """Store the onsets of sounds."""
         for sound in sounds:
             self.row[sound.key] = sound.on_ns
@@ -709,7 +709,7 @@ def perform(script: TrialScript, plan: TrialPlan) -> Plan:
                 reply = yield step
                 if isinstance(step, NextFrame):
                     script.view = reply
-                    script.store_onsets(reply.sounded)
+                    script.store_onsets(reply.sound_onsets)
     except StopIteration as end:
         return {**script.row, **(end.value or {})}
     except TrialInterrupted as stop:
@@ -733,8 +733,8 @@ def _listening(script: TrialScript, steps: Performing) -> Performing:
             go_on, value = steps.throw, stop
         else:
             go_on = steps.send
-            if isinstance(value, FrameView) and value.sounded:
-                script.store_onsets(value.sounded)
+            if isinstance(value, FrameView) and value.sound_onsets:
+                script.store_onsets(value.sound_onsets)
 
 
 def _unwound(steps: Any, stop: TrialInterrupted) -> Performing:

@@ -13,7 +13,7 @@ from visavis.experiments.crowd.measures import MeasureParameters
 from visavis.experiments.crowd.measuring import narrow_gaps
 from visavis.experiments.crowd.sections import collision_facts
 from visavis.lab.errors import ConfigError, DataError, UsageError
-from visavis.recording.integrity import DAMAGED, LOST
+from visavis.recording.integrity import DAMAGED_STATUS, LOST_STATUS
 
 
 @pytest.fixture(scope="module")
@@ -99,8 +99,8 @@ def test_walks_not_tracked_or_not_finished_are_left_out_with_the_reason():
 @pytest.mark.parametrize(
     ("status", "why"),
     [
-        (DAMAGED, "the recording is damaged"),
-        (LOST, "the recording is damaged"),
+        (DAMAGED_STATUS, "the recording is damaged"),
+        (LOST_STATUS, "the recording is damaged"),
         ("interrupted", "not finished"),
     ],
 )
