@@ -232,7 +232,7 @@ class LateGaze:
     Has the attributes of a `GazeView` and stands for one in a `FrameView`.
     """
 
-    __slots__ = ("_catch_up", "_found")
+    __slots__ = ("_catch_up", "_samples")
 
     def __init__(self, catch_up: Callable[[], None]) -> None:
         self._catch_up = catch_up

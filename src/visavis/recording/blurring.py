@@ -50,7 +50,7 @@ _LENGTH = re.compile(
 
 
 def kind_of(schema: StreamSchema) -> str | None:
-    """Return how a stream is shown: as one of `BLURRED_STREAMS`, "as_it_is", or None for not at all.
+    """Return how to show a stream: as one of `BLURRED_STREAMS`, "as_it_is", or None for not at all.
 
     An unknown stream that holds lengths or rotations may show a body and is left out; so are those
     of the session that repeat the head's poses (`pointer`, `drawn_views`).

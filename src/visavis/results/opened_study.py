@@ -200,16 +200,16 @@ class OpenedStudy:
             for n in (*self.study.asks.after_block, *self.study.asks.questionnaires)
         )
 
-    def views_of(self, shown: RecordedScene) -> Iterator[SceneFrame]:
+    def views_of(self, record: RecordedScene) -> Iterator[SceneFrame]:
         """Yield the views that a recorded frame may have shown, the likeliest first."""
         if self.study.procedure.views_of is not None:
-            plan = shown.recording.manifest.plan
-            experiment = shown.once("experiment", lambda: self.experiment(overrides_of(plan)))
-            yield from self.study.procedure.views_of(shown, experiment)
+            plan = record.recording.manifest.plan
+            experiment = record.once("experiment", lambda: self.experiment(overrides_of(plan)))
+            yield from self.study.procedure.views_of(record, experiment)
             return
-        bare = shown.view
-        latest = shown.latest("shown")
-        if latest is None or not shown.scene.agents:
+        bare = record.view
+        latest = record.latest("shown")
+        if latest is None or not record.scene.agents:
             yield replace(
                 bare, scene=replace(bare.scene, dressed_by=self.study.procedure.dressed_by)
             )
@@ -225,7 +225,7 @@ class OpenedStudy:
             Scene(payload["scene"], **options), staging, self.study.procedure.makers
         )
         scene = replace(
-            staged_scene.scene, agents=shown.scene.agents, brightness_01=shown.scene.brightness_01
+            staged_scene.scene, agents=record.scene.agents, brightness_01=record.scene.brightness_01
         )
         yield replace(bare, scene=scene)
 

@@ -289,7 +289,7 @@ class StudyExperiment:
 
     def _asked_after_blocks(self) -> tuple[str, ...]:
         asks = self.study.asks
-        omissions = () if asks.unasked is None else asks.unasked(self.parameters)
+        omissions = () if asks.skip_after_block is None else asks.skip_after_block(self.parameters)
         return tuple(name for name in asks.after_block if name not in omissions)
 
     def values_of(self, plan: SessionPlan) -> dict[str, Any]:

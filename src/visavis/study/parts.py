@@ -40,7 +40,7 @@ from visavis.study.study_functions import (
 )
 from visavis.study.trial import TrialPlan, TrialScript
 
-RESERVED: Final = frozenset(name for name in dir(TrialScript) if not name.startswith("_")) | {
+RESERVED_NAMES: Final = frozenset(name for name in dir(TrialScript) if not name.startswith("_")) | {
     "trial",
     "settings",
     "row",
@@ -108,7 +108,7 @@ class StudyDesign:
             *(
                 f"nothing can be called {name!r}: a trial uses that name itself"
                 for name in (*names, *self.parameters, *self.derived)
-                if name in RESERVED or not name.isidentifier()
+                if name in RESERVED_NAMES or not name.isidentifier()
             ),
             *(f"{n!r} is a factor and a parameter" for n in names if n in self.parameters),
             *(f"{n!r} is a parameter of every study" for n in self.parameters if n in SETTABLE),
@@ -161,8 +161,8 @@ class Asks:
     """Questionnaires at the end, by name."""
     after_block: Sequence[str] = ()
     """Questionnaires after every block that counts, by name."""
-    unasked: RolesOf | None = None
-    """Returns those of `after_block` that make no sense with the parameters in force."""
+    skip_after_block: RolesOf | None = None
+    """Returns the questionnaires of `after_block` to skip with the parameters in force."""
     answer_by: AnswerBy = "board"
     """How questions are answered: on boards by hand, gaze or head; by hand or head; at the
     terminal."""
