@@ -124,7 +124,7 @@ def _module_of(path: Path) -> ModuleType:
     name = f"{MODULE_OF_STUDY}{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
-        raise DesignError(f"{path} is no Python file")
+        raise DesignError(f"{path} is not a Python file")
     module = importlib.util.module_from_spec(spec)
     sys.path.insert(0, str(path.parent))
     sys.modules[name] = module

@@ -50,7 +50,9 @@ class Lens:
 
     def __post_init__(self) -> None:
         if self.eye_m == self.aim_m or not 0.01 <= self.half_height_01 <= 3.0:
-            raise DesignError(f"{self} sees nothing; let it aim elsewhere, with 0.01 to 3")
+            raise DesignError(
+                f"{self} sees nothing; aim_m must not be eye_m, half_height_01 is 0.01 to 3"
+            )
 
     @property
     def turn_wxyz(self) -> Vector:
@@ -78,7 +80,7 @@ class Directed:
     def __post_init__(self) -> None:
         _check_view(self.fov_v_deg)
         if self.over not in ("tracks", "scattered"):
-            raise DesignError(f"a director films over {self.over!r}; it is tracks or scattered")
+            raise DesignError(f"a director films over {self.over!r}; give tracks or scattered")
 
 
 @dataclass(frozen=True)

@@ -273,8 +273,8 @@ def value_of(measure: Measure, record: TrialRecord) -> Scalar | None:
     except (KeyError, ValueError, IndexError) as error:
         raise DataError(
             f"{record.name}: {measure.column} could not be measured "
-            f"({type(error).__name__}: {error}); mend its function in the study file, or look at "
-            "the trial: visavis check, visavis view"
+            f"({type(error).__name__}: {error}); correct its function in the study file, or "
+            "look at the trial: visavis check, visavis view"
         ) from error
 
 

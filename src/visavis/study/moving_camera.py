@@ -72,7 +72,7 @@ class _Subject:
         if role not in staged_scene.roles:
             roles = ", ".join(staged_scene.roles)
             raise DesignError(
-                f"scene {film.scene.name} has nobody who is {role!r} to be filmed"
+                f"scene {film.scene.name} has nobody who is {role!r} to film"
                 f"{did_you_mean(role, tuple(staged_scene.roles))}; it has {roles}"
             )
         self._frame, self.index = first, staged_scene.roles[role]

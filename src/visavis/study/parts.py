@@ -106,12 +106,16 @@ class StudyDesign:
         return [
             *([] if names else ["there is no factor; add one, if need be with one level"]),
             *(
-                f"nothing can be called {name!r}: a trial uses that name itself"
+                f"{name!r} cannot be a name: a trial uses that name itself, or it is no identifier"
                 for name in (*names, *self.parameters, *self.derived)
                 if name in RESERVED_NAMES or not name.isidentifier()
             ),
             *(f"{n!r} is a factor and a parameter" for n in names if n in self.parameters),
-            *(f"{n!r} is a parameter of every study" for n in self.parameters if n in SETTABLE),
+            *(
+                f"{n!r} is a parameter of every study; name yours otherwise"
+                for n in self.parameters
+                if n in SETTABLE
+            ),
         ]
 
 

@@ -174,7 +174,7 @@ def _read(path: Path) -> tuple[tuple[str, str], ...]:
         raise ConfigError(f"{path}: {'; '.join(str(p) for p in document.problems)}")
     raw = document.data
     if not isinstance(raw, Mapping):
-        raise ConfigError(f"{path} holds no names with texts")
+        raise ConfigError(f"{path} has no texts; write NAME: TEXT on each line")
     return tuple(_flat(raw, path))
 
 
