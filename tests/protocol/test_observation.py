@@ -149,7 +149,7 @@ def test_frames_that_wait_see_what_each_would_have_seen_at_once() -> None:
         rows.flush()
         columns = [[getattr(v, f).tolist() for f in GazeView._fields] for v in views]
         (batch,) = recorded
-        return columns, batch.t_host_ns.tobytes() + batch.values.tobytes(), seen.valid
+        return columns, batch.t_host_ns.tobytes() + batch.values.tobytes(), seen.valid_count
 
     at_once, later = performed(later=False), performed(later=True)
 
