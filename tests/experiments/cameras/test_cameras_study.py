@@ -45,7 +45,7 @@ def test_no_camera_of_the_study_goes_through_a_wall_and_all_of_them_see_the_walk
 def clear(film: FilmSeen, share: float) -> FilmSeen:
     """Return a film in which the walker is seen for a share of it, from the beginning on."""
     n = len(film.t_s)
-    return replace(film, seen=np.arange(n) < share * n, height_01=np.full(n, 0.5))
+    return replace(film, is_visible=np.arange(n) < share * n, height_01=np.full(n, 0.5))
 
 
 def test_a_viewer_sees_what_was_done_only_where_film_and_size_show_it(
