@@ -21,7 +21,7 @@ class _Standing:
     since_ns: int
     message: str
     changed_ns: int
-    is_told: bool = False
+    is_reported: bool = False
 
 
 class StandingFaults:
@@ -45,8 +45,8 @@ class StandingFaults:
             standing = self._standing[key] = _Standing(t_ns, fault.message, t_ns)
         elif standing.message != fault.message:
             standing.message, standing.changed_ns = fault.message, t_ns
-        if not standing.is_told and (is_set_up or fault.severity == "blocking"):
-            standing.is_told = True
+        if not standing.is_reported and (is_set_up or fault.severity == "blocking"):
+            standing.is_reported = True
             self._recorder.event(
                 "fault",
                 t_ns,
@@ -64,7 +64,7 @@ class StandingFaults:
         holding = {_key(f) for f in self.present}
         for key in [k for k in self._standing if k not in holding]:
             over = self._standing.pop(key)
-            if over.is_told:
+            if over.is_reported:
                 self._recorder.event(
                     "fault_over",
                     t_ns,
@@ -84,7 +84,7 @@ class StandingFaults:
         )
 
     def since_ns(self, fault: Fault) -> int:
-        """Since when a present fault has held."""
+        """Return the session time since which a present fault has been active."""
         return self._standing[_key(fault)].since_ns
 
     def concerns(self, fault: Fault, start_ns: int) -> bool:
@@ -102,7 +102,7 @@ class StandingFaults:
 
     def _is_fresh(self, fault: Fault, t_ns: int) -> bool:
         standing = self._standing[_key(fault)]
-        if not standing.is_told:
+        if not standing.is_reported:
             return False
         if fault.severity == "blocking" or not _FIGURES.search(fault.message):
             return True

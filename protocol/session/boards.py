@@ -63,7 +63,7 @@ class Ways:
 QUESTIONNAIRE: Final = Ways(
     hand_points=False, head_points=False, gaze_beside_hand=True, beside_01=0.0, can_leave_out=True
 )
-"""Between trials, where hands hang down and controllers lie about."""
+"""Ways of answering between trials, when hands hang down and controllers are put aside."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -250,7 +250,7 @@ class OperatorDesk:
 
     @property
     def blocking_since_ns(self) -> int:
-        """Since when some fault has kept trials from running; now, when none does."""
+        """Session time since which a fault has blocked trials; the present time if none does."""
         since = [self._faults.since_ns(f) for f in self._faults.blocking()]
         return min(since, default=self._loop.t_ns)
 

@@ -163,7 +163,7 @@ class SeenMonitor:
     """A monitor on a virtual clock, at whose corner a simulated photodiode looks.
 
     It is what a screen display shows its pictures on: each waits for the monitor's next refresh,
-    at `k / rate_hz` by the clock, and the photodiode is told how bright the corner is from then on.
+    at `k / rate_hz` by the clock, and the photodiode gets the corner's brightness from then on.
     """
 
     closed = False

@@ -67,7 +67,7 @@ class TrialRunner:
         self._rig = rig
         self._gaze_rate_hz = rig.gaze_rate_hz or 0.0
         self._attempts = dict(setup.progress.attempts)
-        self._exchanges_told_ns: dict[str, int] = {}
+        self._last_exchange_ns: dict[str, int] = {}
         self._align_gaze()
         self.memory = dict(setup.progress.memory)
         """What a simulated participant had learned at the end of the last trial."""
@@ -261,10 +261,10 @@ class TrialRunner:
     def record_exchanges(self) -> None:
         """Note the time exchanges with each device since the last call, as events."""
         for role, pairs in self._rig.clock_pairs().items():
-            told_ns = self._exchanges_told_ns.get(role, -1)
-            new = [pair for pair in pairs if pair.host_receive_ns > told_ns]
+            last_ns = self._last_exchange_ns.get(role, -1)
+            new = [pair for pair in pairs if pair.host_receive_ns > last_ns]
             if new:
-                self._exchanges_told_ns[role] = new[-1].host_receive_ns
+                self._last_exchange_ns[role] = new[-1].host_receive_ns
                 self._setup.recorder.event(
                     "clock_exchanges",
                     self._loop.t_ns,

@@ -30,7 +30,7 @@ LOST_STATUS = "lost"
 class StreamDamage:
     """What one stream of a part lost; `rows_lost` None where nothing says how many.
 
-    `is_untrusted`: no row can be told from what was written, as the whole file is another.
+    `is_untrusted`: no row can be trusted, because the whole file was replaced by another.
     """
 
     part: int

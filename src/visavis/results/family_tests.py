@@ -285,7 +285,7 @@ Test = PairTest | CorrelationTest
 
 @dataclass(frozen=True)
 class Agreement:
-    """One published verdict beside ours.
+    """A published verdict compared with ours.
 
     `ours` None: not tested. `is_decidable` False: with so few participants the test could not
     reach its threshold, so it neither agrees nor disagrees. Verdicts agree when both are not

@@ -1,4 +1,4 @@
-"""One type per column of a table, whatever the data of a study are.
+"""One fixed type for each column of a table, independent of the data.
 
 Inferred types change with the data: an integer column becomes a float with its first missing
 value, a flag nobody set becomes an object. Fixed types let two studies' tables be concatenated.
