@@ -18,7 +18,7 @@ class Column:
     levels: Mapping[str, str] = field(default_factory=dict, hash=False)
 
 
-IDENTITY: Final = (
+IDENTITY_COLUMNS: Final = (
     Column("is_simulated", "", "nobody took part: simulated participant or devices"),
     Column("recording_part", "", "part of the recording; session time begins anew in each"),
     Column("participant", "", "label from the ledger"),
@@ -36,7 +36,7 @@ IDENTITY: Final = (
     Column("flags", "", "what the operator or a device flagged, separated by semicolons"),
 )
 """Columns that say whose trial a row is and how it ended."""
-DELIVERED: Final = (
+DELIVERY_COLUMNS: Final = (
     Column(
         "t_start_ns",
         "ns",
@@ -72,5 +72,5 @@ DELIVERED: Final = (
     Column("clock_offset_ns", "ns", "session time minus tracker time, constant in the trial"),
 )
 """The last columns of every trial row: what was delivered while the trial ran."""
-ENGINE_COLUMNS: Final = (*IDENTITY, *DELIVERED)
+ENGINE_COLUMNS: Final = (*IDENTITY_COLUMNS, *DELIVERY_COLUMNS)
 """Every column that the session writes in any study."""

@@ -14,7 +14,7 @@ def unmet(
 ) -> Iterator[Fault]:
     """Yield a blocking fault for everything the open devices cannot do.
 
-    Nothing is asked of devices the operator goes on `without`.
+    Devices that the operator goes on `without` are not checked.
     """
     missing = [name for name in demands.segments if name not in segments]
     if missing and "body_tracker" not in without:

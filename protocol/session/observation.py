@@ -172,7 +172,7 @@ def _evaluate(
     index, the index of the newest head pose, and how many poses to search.
     One call for all of it, because a frame brings one or two samples.
     """
-    t_ns, valid, rays, seen, hit = gaze.t_ns, gaze.valid, gaze.rays, gaze.per_head, gaze.hit
+    t_ns, valid, rays, per_head, hit = gaze.t_ns, gaze.valid, gaze.rays, gaze.per_head, gaze.hit
     rows = samples.rows
     n = samples.seq.shape[0]
     m = heads.shape[0]
@@ -202,7 +202,7 @@ def _evaluate(
         direction,
         origin,
     )
-    observe_rays(origin, direction, valid, heads, capsules, is_lit, seen, hit)
+    observe_rays(origin, direction, valid, heads, capsules, is_lit, per_head, hit)
     # The dark scene of calibrations and breaks has no agents, so gaze meets nobody in it.
     angle_deg, radius_deg = columns.angle_deg, columns.radius_deg
     pad_limit_deg = columns.pad_limit_deg
@@ -222,9 +222,9 @@ def _evaluate(
             columns.origin_world_m[j, k] = origin[i, k]
         if has_agents:
             for k in range(m):
-                angle_deg[j, k] = seen[0, i, k]
-                radius_deg[j, k] = seen[1, i, k]
-                pad_limit_deg[j, k] = seen[2, i, k]
+                angle_deg[j, k] = per_head[0, i, k]
+                radius_deg[j, k] = per_head[1, i, k]
+                pad_limit_deg[j, k] = per_head[2, i, k]
             for k in range(m, width):
                 angle_deg[j, k] = np.nan
                 radius_deg[j, k] = np.nan
@@ -254,22 +254,22 @@ class LateGaze:
     Has the attributes of a `GazeView` and stands for one in a `FrameView`.
     """
 
-    __slots__ = ("_catch_up", "_found")
+    __slots__ = ("_catch_up", "_samples")
 
     def __init__(self, catch_up: Callable[[], None]) -> None:
         self._catch_up = catch_up
-        self._found: tuple[GazeView, int, int] | None = None
+        self._samples: tuple[GazeView, int, int] | None = None
 
-    def found(self, gaze: GazeView, first: int, end: int) -> None:
+    def set_samples(self, gaze: GazeView, first: int, end: int) -> None:
         """Take the samples `first` to `end` of what was evaluated together."""
-        self._found = gaze, first, end
+        self._samples = gaze, first, end
 
     def __getattr__(self, name: str) -> Any:
-        if self._found is None:
+        if self._samples is None:
             self._catch_up()
-        if self._found is None or name not in GazeView._fields:
+        if self._samples is None or name not in GazeView._fields:
             raise AttributeError(f"gaze has no {name!r}")
-        gaze, first, end = self._found
+        gaze, first, end = self._samples
         values = getattr(gaze, name)
         return values if gaze.t_ns.shape[0] == end - first else values[first:end]
 
@@ -303,8 +303,8 @@ class GazeObserver:
         self._scene: Scene | None = None
         self._geometry: SceneGeometry | None = None
         self._empty = _no_gaze(0)
-        self.received = 0
-        self.valid = 0
+        self.received_count = 0
+        self.valid_count = 0
 
     def take(self, batch: SampleBatch) -> None:
         """Accept a batch of the gaze stream; may be called from the device's thread."""
@@ -366,12 +366,12 @@ class GazeObserver:
         batch = self._gather() if self._inbox else None
         if batch is None or self._geometry is None:
             for one in waiting:
-                one.gaze.found(self._empty, 0, 0)
+                one.gaze.set_samples(self._empty, 0, 0)
             return [0] * len(waiting)
         if len(waiting) == 1:
             one, n = waiting[0], batch.seq.shape[0]
             frames = np.array([(n, one.frame_index, one.newest, one.poses)], np.int64)
-            one.gaze.found(self._evaluated(batch, self._geometry, frames), 0, n)
+            one.gaze.set_samples(self._evaluated(batch, self._geometry, frames), 0, n)
             self._targets.commit(n, one.t_ns)
             return [n]
         # Messages arrive in order, and a frame takes those that have arrived by its time.
@@ -387,7 +387,7 @@ class GazeObserver:
         self._targets.commit_stamped(np.repeat([one.t_ns for one in waiting], counts))
         first = 0
         for one, end in zip(waiting, ends.tolist(), strict=True):
-            one.gaze.found(gaze, first, end)
+            one.gaze.set_samples(gaze, first, end)
             first = end
         sample_counts: list[int] = counts.tolist()
         return sample_counts
@@ -421,8 +421,8 @@ class GazeObserver:
             self._columns,
             at,
         )
-        self.received += n
-        self.valid += valid_count
+        self.received_count += n
+        self.valid_count += valid_count
         rays, per_head = gaze.rays, gaze.per_head
         return GazeView(
             gaze.t_ns, gaze.valid, rays[0], rays[1], per_head[0], per_head[1], per_head[2], gaze.hit

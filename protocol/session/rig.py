@@ -152,13 +152,13 @@ class RunningRig:
             return lambda batch: sink(role, batch)
         own: dict[str, StreamSchema] = {}
 
-        def renamed(batch: SampleBatch) -> None:
+        def rename(batch: SampleBatch) -> None:
             name = batch.schema.name
             if name not in own:
                 own[name] = _of_band(role, batch.schema)
             sink(role, replace(batch, schema=own[name]))
 
-        return renamed
+        return rename
 
     def __enter__(self) -> "RunningRig":
         try:

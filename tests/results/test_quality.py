@@ -9,7 +9,7 @@ from visavis.results.analysis import AnalysisInForce, analyse_rows
 from visavis.results.quality import quality_of as quality_of_study
 from visavis.results.quality import quality_of_trials, quality_table
 from visavis.results.report.reporting_list import FILL_IN, OPEN, WHY_NOT, reporting_table
-from visavis.results.report.study_report import kept_of
+from visavis.results.report.study_report import exclusion_counts_of
 from visavis.results.selection import select
 from visavis.study.exclusions import limits_in_force
 from visavis.study.measures import Measure
@@ -36,7 +36,7 @@ def quality_of(analysis, answers, **options):
 
 def listed(analysis, quality, setup=None):
     provenance = ReportProvenance("stare", "1", "", setup=setup or {})
-    table = reporting_table(kept_of(analysis), quality, provenance)
+    table = reporting_table(exclusion_counts_of(analysis), quality, provenance)
     cells = {str(r[0]): r[1] for r in table.rows}
     return {k: c if isinstance(c, str) else c.text for k, c in cells.items()}, table.note
 
@@ -116,7 +116,7 @@ def duel_of(rows):
     study = opened("duel").study
     limits = limits_in_force(study.analysis.exclusions, {})
     selection = select(
-        rows, study.analysis.exclusions, limits, cells=["gaze"], planned={}, cell_count=2
+        rows, study.analysis.exclusions, limits, cells=["gaze"], planned_counts={}, cell_count=2
     )
     measures = [Measure("dwell_ms", "ms", "Dwell time", needs_gaze=True)]
     levels = {"gaze": ("averted", "directed")}

@@ -202,7 +202,7 @@ def told(status: SessionStatus) -> str:
     if status.state in (SessionState.IDLE, SessionState.INTERTRIAL) and not status.prompt:
         return ""
     what = f"trial {status.trial_id}" if status.state is SessionState.TRIAL else status.state.value
-    done = f"{status.trials.done} of {status.trials.planned} done"
+    done = f"{status.trials.done_count} of {status.trials.planned_count} done"
     waits = f"; waiting for you (space): {' '.join(status.prompt.split())}" if status.prompt else ""
     blocking = "".join(
         f"; {f.role}: {f.message} → {f.remedy}" for f in status.faults if f.severity == "blocking"
@@ -249,8 +249,8 @@ def _headline(status: SessionStatus) -> Group:
         f"trial  [b]{status.trial_id or '–'}[/b]",
     )
     grid.add_row(
-        f"done  {status.trials.done}/{status.trials.planned}"
-        + (f", {status.trials.skipped} skipped" if status.trials.skipped else ""),
+        f"done  {status.trials.done_count}/{status.trials.planned_count}"
+        + (f", {status.trials.skipped_count} skipped" if status.trials.skipped_count else ""),
         f"trial ends in  [b]{left}[/b]",
         f"session left  ~{status.trials.left_s / 60:.0f} min",
     )
@@ -263,8 +263,8 @@ def _progress(status: SessionStatus) -> Table:
     grid.add_column(ratio=1)
     grid.add_row(
         ProgressBar(
-            total=max(status.trials.planned, 1),
-            completed=status.trials.done + status.trials.skipped,
+            total=max(status.trials.planned_count, 1),
+            completed=status.trials.done_count + status.trials.skipped_count,
         )
     )
     return grid

@@ -13,7 +13,7 @@ from visavis.lab.errors import DataError, UsageError
 from visavis.lab.frame import FrameInfo
 from visavis.lab.geometry import Pose
 from visavis.protocol.plan.session_plan import Trial
-from visavis.protocol.plan.shown_scene import Shown, of_part, shown_in
+from visavis.protocol.plan.shown_scene import RecordedScene, of_part, recorded_scene
 from visavis.recording.cached import CachedRecording
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy, overrides_of
@@ -76,9 +76,11 @@ def recorded_frame(recording: Recording, frame: int, *, part: int | None = None)
     views = of_part(recording, "drawn_views", part_number)
     latest = int(np.flatnonzero(views["t_host_ns"] <= drawn_rows["t_host_ns"][at[0]])[-1])
 
-    def shown(i: int) -> Shown:
+    def shown(i: int) -> RecordedScene:
         place, t_scene_ns = drawn_rows["head_position_m"][i], int(drawn_rows["t_scene_ns"][i])
-        return shown_in(recording, part_number, int(drawn_rows["frame"][i]), t_scene_ns, place)
+        return recorded_scene(
+            recording, part_number, int(drawn_rows["frame"][i]), t_scene_ns, place
+        )
 
     here = shown(int(at[0]))
     drawn_ns = int(drawn_rows["t_host_ns"][at[0]])
@@ -96,8 +98,8 @@ def recorded_frame(recording: Recording, frame: int, *, part: int | None = None)
 
 
 def _last_lit(
-    brightness_01: npt.NDArray[np.float32], at: int, shown: Callable[[int], Shown]
-) -> Shown | None:
+    brightness_01: npt.NDArray[np.float32], at: int, shown: Callable[[int], RecordedScene]
+) -> RecordedScene | None:
     """Return what was shown in the last lit frame before one whose light is going."""
     first = at
     while first > 0 and brightness_01[first - 1] >= brightness_01[first]:
@@ -153,7 +155,7 @@ def _drawn_now(recording: Recording, frame: int, part: int | None) -> list[Image
         raise UsageError(f"part {part_number} has no frame {frame}; it has {span}")
     t_ns = int(frames["t_host_ns"][at[0]])
     head = _head_at(recording, part_number, t_ns)
-    moment = shown_in(recording, part_number, frame, t_ns, head.position_m)
+    moment = recorded_scene(recording, part_number, frame, t_ns, head.position_m)
     view = next(iter(study.views_of(moment)))
     board = next(iter(boards_at(recording, study, part_number, t_ns)), None)
     if board is not None:

@@ -28,7 +28,7 @@ from visavis.running.sessions.study_folder import (
     settle,
     wanted_settings,
 )
-from visavis.study.catalogue import SHIPPED, is_file
+from visavis.study.catalogue import SHIPPED_STUDIES, is_file
 
 DRY_RUNS = "dry_runs"
 """Folder below the data root with a data root for each study that `simulate` made."""
@@ -165,7 +165,7 @@ def check_wording(lab: LabConfig) -> None:
     plain = lab.model_copy(update={"wording": {}})
     names_in_studies = {
         questionnaire.name
-        for name in (*SHIPPED, *lab.studies)
+        for name in (*SHIPPED_STUDIES, *lab.studies)
         for questionnaire in find_study(name, lab.studies).questionnaires(plain)
     }
     names = {*available(), *names_in_studies}

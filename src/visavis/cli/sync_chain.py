@@ -21,11 +21,11 @@ from visavis.lab.clock import NS_PER_MS, Clock, SimClock
 from visavis.lab.config import DeviceConfig, LabConfig
 from visavis.lab.errors import DeviceError, UsageError
 from visavis.protocol.session.sync_test import (
-    Asked,
     Patch,
     SeenHeadset,
     SeenMonitor,
     Speaker,
+    StimulusTimes,
     perform,
 )
 from visavis.running.sessions.device_setup import screen_display
@@ -93,7 +93,7 @@ def real_speaker(name: str, stack: ExitStack) -> Speaker:
 
 
 def analysed(
-    asked: Asked,
+    asked: StimulusTimes,
     traces: Mapping[str, Trace],
     channels: Mapping[str, str],
     display_role: str,
@@ -139,7 +139,7 @@ def perform_real(
     channels: Mapping[str, str],
     repeats: int,
     progress: Callable[[int], None],
-) -> tuple[list[Delays], Asked, Sensor]:
+) -> tuple[list[Delays], StimulusTimes, Sensor]:
     """Test the display of this lab, and its speaker and band where they are named.
 
     Before a screen the participant's window is opened as in a session.
@@ -218,7 +218,7 @@ def perform_simulated(
     rise_ms: float = 30.0,
     loss_01: float = 0.0,
     progress: Callable[[int], None] = lambda done: None,
-) -> tuple[list[Delays], Asked, Sensor, dict[str, Float]]:
+) -> tuple[list[Delays], StimulusTimes, Sensor, dict[str, Float]]:
     """Test the simulated room on the virtual clock; return its true delays (ms), too.
 
     The display is a simulated headset, or the screen that `lab` describes, on a simulated monitor.

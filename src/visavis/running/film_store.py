@@ -34,7 +34,7 @@ from visavis.stimuli.scene import SceneFrame
 from visavis.study.dry_run import still_view
 from visavis.study.experiment import StudyExperiment
 from visavis.study.films import MIME, Film, Lens
-from visavis.study.scenes import Maker, Staged, Staging, stage
+from visavis.study.scenes import Maker, StagedScene, Staging, stage
 
 if TYPE_CHECKING:
     from visavis.stage.renderer import Renderer
@@ -74,7 +74,7 @@ class FilmStore:
     study_folder: Path
     folder: Path = field(default_factory=lambda: cache_folder())
 
-    def staged(self, film: Film) -> Staged:
+    def staged(self, film: Film) -> StagedScene:
         """Return the scene of a film."""
         return _staged(film, tuple(self.makers.items()), self.study_folder)
 
@@ -293,7 +293,7 @@ def camera_of(lens: Lens, size_px: tuple[int, int]) -> Camera:
     return Camera(pose, -width, width, -height, height)
 
 
-def _staged(film: Film, makers: tuple[tuple[str, Maker], ...], folder: Path) -> Staged:
+def _staged(film: Film, makers: tuple[tuple[str, Maker], ...], folder: Path) -> StagedScene:
     staging = Staging(np.random.default_rng(film.seed), film.seconds, 0, folder)
     return stage(film.scene, staging, dict(makers))
 
@@ -301,9 +301,9 @@ def _staged(film: Film, makers: tuple[tuple[str, Maker], ...], folder: Path) -> 
 @lru_cache(maxsize=128)
 def _seen(film: Film, makers: tuple[tuple[str, Maker], ...], folder: Path) -> "FilmSeen":
     # The director of films, with its geometry, is loaded only where a camera moves.
-    from visavis.study.moving_camera import filmed
+    from visavis.study.moving_camera import film_scene
 
-    return filmed(film, _staged(film, makers, folder))
+    return film_scene(film, _staged(film, makers, folder))
 
 
 @contextmanager

@@ -24,8 +24,8 @@ from visavis.protocol.people.simulated_participant import SimulatedParticipant
 from visavis.protocol.plan.questionnaires import Questionnaire, read_answers, score
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import (
-    Answered,
     Ask,
+    AskReply,
     BodyView,
     FrameView,
     Mark,
@@ -34,7 +34,7 @@ from visavis.protocol.plan.steps import (
     PlaySound,
     Prompt,
     Show,
-    Sounded,
+    SoundOnset,
 )
 from visavis.protocol.session.boards import HAND
 from visavis.protocol.session.observation import GazeObserver
@@ -251,12 +251,12 @@ class _Frames:
         self._index = 0
         self._samples = 0
         self._view: SceneFrame | None = None
-        self._sounded: list[Sounded] = []
+        self._sounded: list[SoundOnset] = []
         person.prepare(stretch, 0)
 
     def run(self, plan: Plan) -> dict[str, Any]:
         """Perform a plan to its end; return its row."""
-        reply: FrameView | Answered | None = None
+        reply: FrameView | AskReply | None = None
         try:
             while True:
                 step = plan.send(reply)
@@ -267,12 +267,12 @@ class _Frames:
                     self._view = step.view
                     self._observer.show(step.view.scene)
                 elif isinstance(step, PlaySound):
-                    self._sounded.append(Sounded(step.key, self._t_ns))
+                    self._sounded.append(SoundOnset(step.key, self._t_ns))
                 elif isinstance(step, Ask):
                     answer = self._person.answer(step.question_id, step.prompt, step.options)
-                    reply = Answered(answer, self._t_ns)
+                    reply = AskReply(answer, self._t_ns)
                 elif isinstance(step, Prompt):
-                    reply = Answered(None, self._t_ns)
+                    reply = AskReply(None, self._t_ns)
         except StopIteration as end:
             return dict(end.value or {})
 
@@ -318,7 +318,7 @@ class _Frames:
             tuple(c for _, c in downs),
             self._hand(t_ns),
             pressed_ns=tuple(at_ns for at_ns, _ in downs),
-            sounded=sounds,
+            sound_onsets=sounds,
         )
 
     def _hand(self, t_ns: int) -> BodyView | None:

@@ -24,7 +24,7 @@ from visavis.protocol.plan.orders import Cell, Constraint
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.protocol.plan.steps import Scalar
 from visavis.results.opened_study import OpenedStudy, find_study
-from visavis.results.tables.dictionary import trial_columns, undescribed
+from visavis.results.tables.dictionary import trial_columns, undescribed_columns
 from visavis.running.quick import quick_rows
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.study.declaration import Study
@@ -167,7 +167,7 @@ def performing_problems(opened: OpenedStudy, experiment: StudyExperiment) -> lis
     described_columns = trial_columns(experiment, measures)
     problems = [
         f"column {name!r} of the trials is not described; name it in columns or measures"
-        for name in undescribed(rows.columns, described_columns)
+        for name in undescribed_columns(rows.columns, described_columns)
     ]
     other = OpenedStudy(renamed(opened.study))
     same = renamed_parameters(opened.study, experiment.overrides)

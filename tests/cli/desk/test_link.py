@@ -359,7 +359,7 @@ def seen(valid: bool, *, brightness_01: float = 1.0) -> SessionStatus:
     agent = Agent("a1", "anna", "right_close", at, 0.11, np.array([0.0, 0.0, 1.0]), at)
     scene = Scene("rows", (agent,), brightness_01=brightness_01)
     shown = SceneFrame(scene, 0, np.array([[0.0, 0.0, 1.0]]), np.ones(1))
-    return replace(STATUS, frame=FrameView(0, 0, head, True, gaze), shown=shown)
+    return replace(STATUS, frame=FrameView(0, 0, head, True, gaze), scene_frame=shown)
 
 
 def above_of(link: SessionLink, status: SessionStatus) -> Any:
@@ -396,7 +396,7 @@ def test_areas_of_interest_are_as_wide_as_looks_are_counted(link: SessionLink) -
 def test_areas_stay_while_gaze_is_lost_and_go_with_their_scene(link: SessionLink) -> None:
     status = seen(True)
     link.show(status)
-    lost = replace(seen(False), shown=status.shown)
+    lost = replace(seen(False), scene_frame=status.scene_frame)
     assert 1 == len([above_of(link, lost) for _ in range(2 * GAZE_KEPT)][-1]["areas"])
     assert [] == above_of(link, seen(False))["areas"]
 
@@ -430,7 +430,7 @@ def test_a_crowd_is_seen_and_who_is_touched_is_told(link: SessionLink) -> None:
     scene = CrowdScene("crowd_1", (), crowd=crowd)
     shown = CrowdFrame(scene, 0, np.empty((0, 3)), np.empty(0))
     contact = BodyContact("armband_left_forearm", "left_hand", 7, vibrates=True)
-    status = replace(seen(True), shown=shown, contacts=(contact,), contacts_begun=3)
+    status = replace(seen(True), scene_frame=shown, contacts=(contact,), contacts_begun=3)
     above = above_of(link, status)
     places = [[x, z] for _, x, z, _ in above["people"]]
     assert crowd.position_m.tolist() == places

@@ -38,14 +38,14 @@ def test_no_camera_of_the_study_goes_through_a_wall_and_all_of_them_see_the_walk
         if film.scene.options["walk"] == walk:
             seen = films[1].seen(film)
             assert seen.sheet.collisions == 0, film.lens
-            assert seen.seen.mean() > 0.9, film.lens
+            assert seen.is_visible.mean() > 0.9, film.lens
             assert seen.t_s[-1] == pytest.approx(timed_walk(walk).seconds, abs=0.05)
 
 
 def clear(film: FilmSeen, share: float) -> FilmSeen:
     """Return a film in which the walker is seen for a share of it, from the beginning on."""
     n = len(film.t_s)
-    return replace(film, seen=np.arange(n) < share * n, height_01=np.full(n, 0.5))
+    return replace(film, is_visible=np.arange(n) < share * n, height_01=np.full(n, 0.5))
 
 
 def test_a_viewer_sees_what_was_done_only_where_film_and_size_show_it(

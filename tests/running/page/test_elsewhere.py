@@ -19,7 +19,7 @@ from tests.running.page.pages import config
 from visavis.lab.clock import StopWatch, SystemClock
 from visavis.lab.errors import DesignError, UsageError
 from visavis.protocol.people.ledger import Ledger
-from visavis.protocol.plan.experiment import untold
+from visavis.protocol.plan.experiment import no_progress
 from visavis.protocol.session.operator import UnattendedOperator
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
@@ -546,7 +546,7 @@ def test_a_page_that_is_reloaded_without_a_network_goes_on_with_its_films(
 ) -> None:
     host = Host(tmp_path, FILMS)
     host.store = FilmStore(host.store.makers, host.store.study_folder, tmp_path / "films")
-    host.store.build(host.base.experiment.films, untold)
+    host.store.build(host.base.experiment.films, no_progress)
     page = browser.new_context(accept_downloads=True).new_page()
     with served_files(host.exported()) as address:
         page.goto(f"{address}?place=1")

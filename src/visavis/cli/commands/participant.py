@@ -147,7 +147,7 @@ def withdraw(
         console.print(f"[yellow]made with this person's data, make it again: {verbatim(path)}[/]")
     for path in removal.unreadable:
         console.print(f"[yellow]could not be read, look yourself: {verbatim(path)}[/]")
-    for line in removal.unreached:
+    for line in removal.unreached_exports:
         say(f"[yellow]not reached: {verbatim(line)}[/]")
     exports = [e for e in registered_exports(folder) if label in e.labels]
     for export in exports:

@@ -90,7 +90,7 @@ def sync_test(
         "sensor": sensor_device.display_name,
         "samples_lost": sensor_device.loss_count(),
         "frames": stimuli.frames,
-        "frames_dropped": stimuli.dropped,
+        "frames_dropped": stimuli.dropped_frames,
         "frame_ms": stimuli.frame_ns / 1e6,
         "offsets_ms": offsets_ms(delays),
         "delays": [one.as_record() for one in delays],

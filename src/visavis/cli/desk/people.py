@@ -19,7 +19,7 @@ from visavis.recording.manifest import PartStatus, read_manifest
 from visavis.recording.reader import Recording
 from visavis.running.sessions.device_setup import is_simulated
 from visavis.running.sessions.folder_check import SIMULATED_PREFIX, is_study
-from visavis.study.catalogue import SHIPPED
+from visavis.study.catalogue import SHIPPED_STUDIES
 
 
 class Verdicts:
@@ -58,7 +58,7 @@ def people_today(
     prefix = SIMULATED_PREFIX if is_simulated(lab) else ""
     studies = []
     for folder in sorted(path for path in root.glob("*") if is_study(path)):
-        is_known = folder.name in SHIPPED or folder.name in lab.studies
+        is_known = folder.name in SHIPPED_STUDIES or folder.name in lab.studies
         study = folder.name if is_known else f"./{folder.name}.py"
         summary: dict[str, Any] = {"study": folder.name, "people": [], "before": 0, "problem": ""}
         try:

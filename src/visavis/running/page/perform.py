@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from visavis.lab.errors import ConfigError, SessionAborted
 from visavis.protocol.people.key_file import KeyFile
-from visavis.protocol.plan.experiment import untold
+from visavis.protocol.plan.experiment import no_progress
 from visavis.protocol.session.operator import SessionStatus, TrialCounts
 from visavis.protocol.session.states import SessionState
 from visavis.recording.folder import SessionFolder, create_session, open_session, study_dir
@@ -119,7 +119,7 @@ def perform_rest(request: Request, session_path: Path) -> Path:
         return folder.path
 
 
-def prepared_films(request: Request, told: Callable[[int, int], None] = untold) -> FilmStore:
+def prepared_films(request: Request, told: Callable[[int, int], None] = no_progress) -> FilmStore:
     """Return a session's films; build them if a person will watch."""
     experiment = experiment_of(request)
     store = film_store(experiment)

@@ -20,7 +20,7 @@ from visavis.running.page.steps import (
 )
 from visavis.study.asking import Answer
 from visavis.study.dry_run import still_view
-from visavis.study.films import Film, Watched, films_of
+from visavis.study.films import Film, Viewing, films_of
 from visavis.study.responses import Response
 from visavis.study.trial import Action, TrialPlan, TrialScript
 
@@ -60,8 +60,8 @@ def perform_on_page(script: TrialScript, plan: TrialPlan, files: FilmFiles) -> O
 
 
 def _performed(script: TrialScript, wanted: Action, files: FilmFiles) -> OnPage:
-    if wanted.watched is not None:
-        return (yield from _watched(script, wanted.watched, files))
+    if wanted.viewing is not None:
+        return (yield from _watched(script, wanted.viewing, files))
     if wanted.name == "ask" and wanted.response is not None:
         answers = yield from _asked(script, (wanted.response,))
         return answers[wanted.response.name]
@@ -91,8 +91,8 @@ def _asked(script: TrialScript, responses: tuple[Response, ...]) -> OnPage:
     )
 
 
-def _watched(script: TrialScript, watched: Watched, files: FilmFiles) -> OnPage:
-    films = films_of(watched.shown)
+def _watched(script: TrialScript, watched: Viewing, files: FilmFiles) -> OnPage:
+    films = films_of(watched.stimulus)
     film_entries = [{"place": place, **files(film)} for place, film in films.items()]
     step = {
         "films": film_entries,
@@ -108,7 +108,7 @@ def _watched(script: TrialScript, watched: Watched, files: FilmFiles) -> OnPage:
     film_replies = mapping(content.get("films"), "films")
     truth = {place: read_film(film_replies.get(place)) for place in films}
     first_ms = max(t.first_ms for t in truth.values())
-    name = script.numbered("film")
+    name = script.next_prefix("film")
     on_ns = reply.t_ns_of(first_ms)
     script.row.setdefault("t_start_ns", on_ns)
     script.row |= _film_columns(name, truth, content, on_ns, first_ms)

@@ -19,7 +19,7 @@ from visavis.lab.compiled import forget_old_kernels
 from visavis.lab.config import INCIDENTS, LabConfig, with_devices
 from visavis.lab.errors import ConfigError, LabError, SessionAborted
 from visavis.protocol.people.simulated_participant import SimulatedParticipant
-from visavis.protocol.plan.experiment import Experiment, Respondent, untold
+from visavis.protocol.plan.experiment import Experiment, Respondent, no_progress
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.protocol.session.progress import Progress, progress_of_recording
 from visavis.protocol.session.rig import Rig
@@ -216,7 +216,7 @@ def get_ready(
     study: OpenedStudy,
     experiment: StudyExperiment,
     config: LabConfig,
-    told: Callable[[int, int], None] = untold,
+    told: Callable[[int, int], None] = no_progress,
 ) -> str:
     """Do in advance what would delay a frame; return why a part was left out, usually "".
 

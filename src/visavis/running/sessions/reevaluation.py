@@ -9,7 +9,7 @@ from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import DataError, UsageError
 from visavis.lab.geometry import Pose
 from visavis.lab.schema import SampleBatch, StreamSchema, empty_values
-from visavis.protocol.plan.shown_scene import shown_in
+from visavis.protocol.plan.shown_scene import recorded_scene
 from visavis.protocol.session.observation import GazeObserver
 from visavis.protocol.session.row_buffer import RowBuffer
 from visavis.recording.reader import PART_COLUMN, Recording
@@ -107,7 +107,7 @@ class _Scenes:
             # A row tells what was drawn in the frame before.
             frame = int(self._frames["frame_index"][max(0, k - 1)])
             t_ns = int(self._frames["t_host_ns"][max(0, k - 1)])
-            frame_content = shown_in(self._recording, self._part, frame, t_ns, np.zeros(3))
+            frame_content = recorded_scene(self._recording, self._part, frame, t_ns, np.zeros(3))
             view = next(iter(self._study.views_of(frame_content)))
             self._made[number] = view.scene
         return self._made[number]

@@ -23,12 +23,12 @@ from visavis.recording.durable import make_folder, protect
 from visavis.recording.folder import SIMULATED_ROOT
 from visavis.recording.manifest import Manifest, read_manifest
 from visavis.recording.reader import Recording
-from visavis.results.locked_plan.deviations import marked
+from visavis.results.locked_plan.deviations import mark_exploratory
 from visavis.results.locked_plan.review import LockedPlan, Peek, PlanReview, review_of
 from visavis.results.opened_study import OpenedStudy, overrides_of
 from visavis.results.picture_delay import SETTING, read_sync_test, required_for
-from visavis.results.selection import COUNTED
-from visavis.results.unusual import Striking
+from visavis.results.selection import IS_ANALYSED
+from visavis.results.unusual import UnusualTrial
 from visavis.running.sessions.damage import counted_damage, describe, require_intact, write_damage
 from visavis.running.sessions.data_root import prepare_data_root
 from visavis.running.sessions.folder_check import SIMULATED_PREFIX
@@ -195,7 +195,7 @@ def analyse_study(
     accept_damage: bool = False,
     peek: str | None = None,
     sync: Path | None = None,
-    make_views: Callable[[Path, Sequence[Striking]], None] | None = None,
+    make_views: Callable[[Path, Sequence[UnusualTrial]], None] | None = None,
     telling: Telling = QUIET,
 ) -> Path:
     """Measure every session of a study and analyse them together; return the report's path.
@@ -249,7 +249,7 @@ def analyse_study(
     if sync is not None:
         test = read_sync_test(sync)
         settings = {**settings, SETTING: required_for(test, kinds)}
-        telling.say(f"pictures {test.picture_delay_ms:g} ms late, by {test.name} of {test.made}")
+        telling.say(f"pictures {test.picture_delay_ms:g} ms late, by {test.name} of {test.made_at}")
     opened_study.check_settings(settings)  # before anything is measured
     review = None
     if locked_plan is not None:
@@ -270,7 +270,7 @@ def analyse_study(
     intakes = [replace(one, manifest=m) for one, m in zip(intakes, manifests, strict=True)]
     halves = _unfinished(intakes)
     analysis = opened_study.analysis_of(intakes, settings)
-    counts = analysis.selection.people.set_index("participant")[COUNTED]
+    counts = analysis.selection.people.set_index("participant")[IS_ANALYSED]
     for who, summary in halves.items():
         verdict = "it is taken in" if counts.get(who, False) else "they are left out"
         telling.warn(f"not finished: {summary}; {verdict}")
@@ -363,7 +363,7 @@ def _reviewed(
     experiment = chosen.experiment(overrides_of(manifests[0].plan))
     done = content_now(chosen, experiment, manifests[0].seed, settings)
     review = review_of(locked, done, manifests, peeks)
-    compare = marked(chosen.study.analysis.compare, locked.plan)
+    compare = mark_exploratory(chosen.study.analysis.compare, locked.plan)
     return replace(chosen, study=chosen.study.with_changes(compare=compare), plan=review), review
 
 
