@@ -20,7 +20,7 @@ from visavis.cli.film.cameras import FromViewpoint
 from visavis.cli.film.film import FilmedTrial, pictures_of
 from visavis.cli.film.on_page import FilmPictures, film_share, page_picture
 from visavis.cli.film.stand_in import StandIn
-from visavis.cli.preview.pictures import Viewpoint, labelled
+from visavis.cli.preview.pictures import Viewpoint, add_label
 from visavis.cli.recorded_trial import recorded_trial, trial_row
 from visavis.cli.redraw import board_at
 from visavis.cli.session_lanes import lanes_of
@@ -96,7 +96,7 @@ def test_every_picture_says_that_nobody_took_part_and_the_verb_how_long_it_takes
 
     def keep(image: npt.NDArray[np.uint8], text: str) -> Image.Image:
         written.append(text)
-        return labelled(image, text)
+        return add_label(image, text)
 
     monkeypatch.setattr("visavis.cli.film.film.labelled", keep)
     monkeypatch.setattr(Forecast, "told", lambda _, done, of: f"{of} take long" * (done == 1))

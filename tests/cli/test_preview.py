@@ -16,8 +16,8 @@ from tests.visavis.sessions import STUDIES
 from visavis.cli.app import load_lab
 from visavis.cli.film.on_page import BACK
 from visavis.cli.main import app
-from visavis.cli.preview.capture import Capture, Meanwhile, Seen, has_board, is_lit, spread
-from visavis.cli.preview.pictures import Viewpoint, camera_of, labelled
+from visavis.cli.preview.capture import Capture, CapturedFrame, Meanwhile, has_board, is_lit, spread
+from visavis.cli.preview.pictures import Viewpoint, add_label, camera_of
 from visavis.cli.telling import Forecast
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import LabError, UsageError
@@ -61,7 +61,7 @@ def test_picture_of_a_trial_shows_a_lit_scene_marked_as_simulated(
 
     def keep(image: np.ndarray, text: str) -> Image.Image:
         written.append(text)
-        return labelled(image, text)
+        return add_label(image, text)
 
     monkeypatch.setattr("visavis.cli.commands.preview.labelled", keep)
     path = tmp_path / "one.png"
@@ -88,7 +88,7 @@ def test_preview_shows_the_trial_that_plan_lists(
     )
     shown: list[Capture] = []
 
-    def keep(capture: Capture, *_: object) -> list[Seen]:
+    def keep(capture: Capture, *_: object) -> list[CapturedFrame]:
         shown.append(capture)
         raise UsageError("seen")
 
@@ -107,7 +107,7 @@ def test_film_has_as_many_pictures_as_its_seconds_say_all_marked_and_says_how_lo
 
     def keep(image: np.ndarray, text: str) -> Image.Image:
         written.append(text)
-        return labelled(image, text)
+        return add_label(image, text)
 
     monkeypatch.setattr("visavis.cli.commands.preview.labelled", keep)
     monkeypatch.setattr(Forecast, "told", lambda _, done, of: f"{of} take long" * (done == 1))
@@ -179,7 +179,7 @@ def test_a_trial_performed_meanwhile_ends_when_its_window_closes() -> None:
 def test_what_fails_meanwhile_is_raised_where_it_is_shown(
     captured: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fail(until_s: float | None = None) -> list[Seen]:
+    def fail(until_s: float | None = None) -> list[CapturedFrame]:
         raise UsageError("broken")
 
     fresh = Capture(
@@ -252,7 +252,7 @@ def test_a_picture_of_a_short_trial_shows_its_scene(
 
     def keep(image: np.ndarray, text: str) -> Image.Image:
         written.append(text)
-        return labelled(image, text)
+        return add_label(image, text)
 
     monkeypatch.setattr("visavis.cli.commands.preview.labelled", keep)
     preview(tmp_path / "short.py", "--png", tmp_path / "one.png", "--size", "240x150")

@@ -33,7 +33,7 @@ from visavis.running.study_check import (
     first_view,
     performing_problems,
     plan_problems,
-    renamed,
+    rename_levels,
     renamed_parameters,
     text_problems,
 )
@@ -259,7 +259,7 @@ def test_names_of_conditions_change_nothing_that_is_recorded(
     reference: str, tmp_path: Path
 ) -> None:
     study = on_kit(reference)
-    other = OpenedStudy(renamed(study.study))
+    other = OpenedStudy(rename_levels(study.study))
 
     def streams(of: OpenedStudy, root: Path, set_to: dict[str, Any]) -> dict[str, str]:
         made = Recording(perform_new(request_for(of, reference, root, 0, set_to)))

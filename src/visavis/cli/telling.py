@@ -64,7 +64,9 @@ class TerminalTelling:
         with counting(console) as bar:
             line = bar.add_task(what, total=None)
             # Show no bar when there is nothing to do.
-            yield lambda done, of: bar.update(line, completed=done, total=of, visible=of > 0)
+            yield lambda count, total: bar.update(
+                line, completed=count, total=total, visible=total > 0
+            )
 
 
 TELLING = TerminalTelling()
@@ -96,17 +98,17 @@ class Forecast:
         self._elapsed_s = elapsed_s or StopWatch().elapsed_s
         self._first_s = 0.0
 
-    def told(self, done: int, of: int) -> str:
+    def line_after(self, count: int, total: int) -> str:
         """Take how many pictures of how many are drawn; return a line to say, mostly ''."""
-        if done == 1:
+        if count == 1:
             self._first_s = self._elapsed_s()
-        if done != MEASURED_PICTURES + 1:
+        if count != MEASURED_PICTURES + 1:
             return ""
-        left_s = (self._elapsed_s() - self._first_s) / MEASURED_PICTURES * (of - done)
+        left_s = (self._elapsed_s() - self._first_s) / MEASURED_PICTURES * (total - count)
         if left_s < SOON_S:
             return ""
         about = f"{left_s:.0f} s" if left_s < 90 else f"{left_s / 60:.0f} min"
         return (
-            f"{of} pictures, about {about} more; --seconds, --rate and --size make it fewer and "
+            f"{total} pictures, about {about} more; --seconds, --rate and --size make it fewer and "
             "smaller ones, --png draws one"
         )

@@ -58,7 +58,7 @@ class Page:
 
     def event(self) -> dict[str, Any]:
         """Return the reply to the step that is told."""
-        told = self.desk.told()
+        told = self.desk.state()
         step = dict(told["step"])
         content = self.visitor.reply(PageStep(step.pop("kind"), step))
         self.clock.sleep_until_ns(round(self.visitor.now_ms * 1e6))
@@ -119,7 +119,7 @@ def page_of(folder: SessionFolder, past: Past | None) -> Page:
         1,
         folder.manifest.parts[-1].number,
         study().questionnaires(config(folder.path)),
-        lambda film: store.told(film, is_simulated=True),
+        lambda film: store.describe(film, is_simulated=True),
         clock.now_ns,
         notes,
     )

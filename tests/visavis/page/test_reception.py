@@ -71,7 +71,7 @@ class Place:
             self.ledger,
             self.rules,
             identify=self.who.__setitem__,
-            known=self.who.get,
+            identity_of=self.who.get,
             withdraw=lambda label: void(self.ledger.withdraw(label, [self.folder])),
         )
 

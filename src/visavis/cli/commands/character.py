@@ -42,7 +42,7 @@ app.add_typer(characters, name="character")
 SHEET_TILE_PX = (480, 300)
 VALID_ADDRESS = "https://github.com/c-frame/valid-avatars-glb"
 VALID_LICENCE = "MIT, T. Do 2022"
-VALID_TOLD = f"""VALID: 210 adults of seven ethnicities in five outfits, whose labels people from
+VALID_NOTE = f"""VALID: 210 adults of seven ethnicities in five outfits, whose labels people from
 33 countries validated (Do, Zelenty, Gonzalez-Franco and McMahan, 2023, Frontiers in Virtual
 Reality 4:1248915, doi 10.3389/frvir.2023.1248915). Licence: {VALID_LICENCE}; cite the article.
 
@@ -201,7 +201,7 @@ def import_command(
         raise UsageError(f"--gender takes female or male, not {gender!r}")
     folder = library or library_of(load_lab(config, quiet=as_json, with_cast=False))
     checked_gender = cast("Literal['female', 'male'] | None", gender)
-    joints = None if joint_map is None else _joints_said(joint_map)
+    joints = None if joint_map is None else _read_joint_map(joint_map)
     _import(source, folder, checked_gender, joints, as_json=as_json)
 
 
@@ -228,7 +228,7 @@ def fetch_command(
         if as_json:
             say_json({"name": which, "address": VALID_ADDRESS, "licence": VALID_LICENCE})
         else:
-            say_plainly(VALID_TOLD)
+            say_plainly(VALID_NOTE)
         return
     folder = library or library_of(load_lab(config, quiet=as_json, with_cast=False))
     with people_in(download, only) as people:
@@ -250,7 +250,7 @@ def _distances_m(text: str) -> tuple[float, ...]:
     return distances_m
 
 
-def _joints_said(path: Path) -> dict[str, str]:
+def _read_joint_map(path: Path) -> dict[str, str]:
     """Read which bone of a character file stands for which of our joints.
 
     Raises:

@@ -54,8 +54,8 @@ def add(
     """
     lab = load_lab(config, devices)
     here = study_here(study, lab)
-    requested_settings = here.wanted(seed=seed, assignments=assignments)
-    settings = here.settled(requested_settings, seed_given=seed is not None)
+    requested_settings = here.requested_settings(seed=seed, assignments=assignments)
+    settings = here.settle(requested_settings, seed_given=seed is not None)
     entry = here.ledger.add(
         None if number is None else here.ledger.number_of(number),
         group=here.group_of(settings),

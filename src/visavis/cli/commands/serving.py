@@ -111,9 +111,11 @@ def page_study(
     if devices != "sim":
         lab = lab.model_copy(update={"devices": {}})
     here = StudyHere(lab, opened_study)
-    requested_settings = here.wanted(seed=seed, assignments=assignments, language=language)
+    requested_settings = here.requested_settings(
+        seed=seed, assignments=assignments, language=language
+    )
     require_space(lab)
-    settings = here.settled(requested_settings, seed_given=seed is not None)
+    settings = here.settle(requested_settings, seed_given=seed is not None)
     note = here.require_same_design(settings, requested_settings)
     if note:
         TELLING.warn(note)
@@ -170,9 +172,9 @@ async def _serve(
         here.ledger,
         Rules(quota, completion),
         identify=lambda label, who: None if key_file is None else key_file.identify(label, who),
-        known=lambda label: None if key_file is None else key_file.identity(label),
+        identity_of=lambda label: None if key_file is None else key_file.identity(label),
         withdraw=withdraw,
-        said=lambda text: errors.print(f"[yellow]{verbatim(text)}[/]", soft_wrap=True),
+        say=lambda text: errors.print(f"[yellow]{verbatim(text)}[/]", soft_wrap=True),
     )
     hosts = dict.fromkeys((LOCAL, "localhost", host, urlsplit(public).hostname or LOCAL))
     server = PageServer(tuple(hosts), reception)
@@ -212,7 +214,7 @@ def board(
     here = study_here(study, load_lab(config, devices, quiet=as_json))
     study_board = board_of(here.ledger.list(), here.folder)
     if as_json:
-        say_json(study_board.told())
+        say_json(study_board.as_data())
         return
     if not study_board.places:
         console.print(f"Nobody has come to {verbatim(here.study.name)} yet.")

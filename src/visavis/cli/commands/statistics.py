@@ -288,12 +288,12 @@ def read_levels(texts: Sequence[str]) -> dict[str, list[str]]:
     return read
 
 
-def print_outcome(outcome: Outcome, chosen: Sequence[str] = ()) -> None:
-    """Print an outcome on the terminal; the lines of `chosen` say which rows were tested."""
+def print_outcome(outcome: Outcome, row_notes: Sequence[str] = ()) -> None:
+    """Print an outcome on the terminal; the lines of `row_notes` say which rows were tested."""
     mark = "[magenta]SIMULATED[/]  " if outcome.is_simulated else ""
     of = outcome.question.dv or "the items"
     console.print(f"{mark}[b]{verbatim(outcome.title)}[/] of {verbatim(of)}")
-    _print_lines("", chosen)
+    _print_lines("", row_notes)
     if outcome.cells:
         _print_rows("", outcome.cells, tuple(outcome.cells[0]))
     if "term" in outcome.rows[0]:
@@ -312,7 +312,7 @@ def print_outcome(outcome: Outcome, chosen: Sequence[str] = ()) -> None:
     if outcome.error_rates:
         title = "\n[b]Found where it is not, in simulated studies like this one[/]"
         _print_rows(title, outcome.error_rates, ERROR_RATE_COLUMNS)
-    _print_lines("Notes", [f"- {note}" for note in outcome.notes if note not in chosen])
+    _print_lines("Notes", [f"- {note}" for note in outcome.notes if note not in row_notes])
 
 
 def _print_lines(heading: str, lines: Sequence[str]) -> None:

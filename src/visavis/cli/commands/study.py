@@ -11,7 +11,7 @@ from visavis.cli.app import ConfigOption, StudyArgument, app, console, load_lab,
 from visavis.cli.commands.session import LanguageOption
 from visavis.cli.studies import DRY_RUNS, folder_of, study_of_lab
 from visavis.cli.telling import TELLING
-from visavis.cli.viewer.beside_report import write_views
+from visavis.cli.viewer.report_views import write_views
 from visavis.lab.clock import StopWatch
 from visavis.recording.folder import SIMULATED_ROOT
 from visavis.running.sessions.data_root import require_space

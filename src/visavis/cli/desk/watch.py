@@ -24,7 +24,7 @@ class Live:
     about: Mapping[str, Any]
     writer: asyncio.StreamWriter
     status: Mapping[str, Any] | None = None
-    seen: Mapping[str, Any] | None = None
+    last_view: Mapping[str, Any] | None = None
     """The last picture of what the participant saw; None where none came."""
 
 
@@ -32,15 +32,15 @@ class SessionWatch:
     """Own the connections to the sessions that record under a data root.
 
     `live` are those that go on, by a name of their own, in the order in which they were met;
-    `number` counts changes; `ended` is the session that ended last while this desk looked on.
+    `number` counts changes; `last_ended` is the session that ended last while this desk looked on.
     """
 
     def __init__(self, data_root: Path) -> None:
         self._name = meeting_name(data_root)
         self._changed = asyncio.Condition()
-        self._followed: dict[Path, asyncio.Task[None]] = {}
+        self._followers: dict[Path, asyncio.Task[None]] = {}
         self.live: dict[str, Live] = {}
-        self.ended: Mapping[str, Any] | None = None
+        self.last_ended: Mapping[str, Any] | None = None
         self.number = 0
 
     @property
@@ -64,13 +64,13 @@ class SessionWatch:
         try:
             while True:
                 for meeting in sorted(meeting_folder().glob(f"{self._name}-*.json")):
-                    if meeting not in self._followed:
-                        self._followed[meeting] = asyncio.create_task(self._follow(meeting))
-                for meeting in [m for m, following in self._followed.items() if following.done()]:
-                    del self._followed[meeting]
+                    if meeting not in self._followers:
+                        self._followers[meeting] = asyncio.create_task(self._follow(meeting))
+                for meeting in [m for m, following in self._followers.items() if following.done()]:
+                    del self._followers[meeting]
                 await asyncio.sleep(LOOK_AGAIN_S)
         finally:
-            following_all = list(self._followed.values())
+            following_all = list(self._followers.values())
             for following in following_all:
                 following.cancel()
             await asyncio.gather(*following_all, return_exceptions=True)
@@ -129,7 +129,7 @@ class SessionWatch:
             while line := await reader.readline():
                 message = json.loads(line)
                 if "seen" in message:
-                    session.seen = message["seen"]
+                    session.last_view = message["seen"]
                 else:
                     session.status = message
                 await self.wake()
@@ -141,7 +141,7 @@ class SessionWatch:
             writer.close()
             if session is not None:
                 del self.live[meeting.stem]
-                self.ended = session.about
+                self.last_ended = session.about
                 await self.wake()
 
 

@@ -34,17 +34,17 @@ from visavis.running.sessions.data_root import prepare_data_root
 from visavis.running.sessions.folder_check import SIMULATED_PREFIX
 from visavis.running.sessions.piecewise import measure_sessions
 from visavis.running.sessions.plan_lock import (
+    check_interim_analysis,
     content_now,
     read_lock,
-    refuse_to_peek,
     write_deviations,
 )
 from visavis.running.sessions.recorded_design import (
     as_recorded,
+    compare_designs,
     in_words,
     require_recorded_factors,
     require_same_design,
-    told_of_designs,
 )
 from visavis.running.sessions.runners import on_scheduler, on_this_machine
 from visavis.running.sessions.simulation import (
@@ -54,8 +54,8 @@ from visavis.running.sessions.simulation import (
     worker_count,
 )
 from visavis.running.sessions.study_folder import (
-    DERIVED,
-    MEASURED,
+    DERIVED_FOLDER,
+    MEASURED_FOLDER,
     StudySettings,
     made_files,
     one_per_participant,
@@ -99,7 +99,7 @@ class Quiet:
 
     def progress(self, what: str) -> AbstractContextManager[Callable[[int, int], None]]:
         """Keep quiet."""
-        return nullcontext(lambda done, of: None)
+        return nullcontext(lambda count, total: None)
 
 
 QUIET: Final = Quiet()
@@ -107,8 +107,8 @@ QUIET: Final = Quiet()
 
 def simulate_study(
     lab: LabConfig,
-    chosen: OpenedStudy,
-    wanted: StudySettings,
+    opened_study: OpenedStudy,
+    requested_settings: StudySettings,
     participants: int,
     data_root: Path,
     *,
@@ -121,26 +121,28 @@ def simulate_study(
     Raises:
         UsageError: the folder was begun with other settings, or with another design.
     """
-    study, effect = reference_of(chosen.study), wanted.effect
+    study, effect = reference_of(opened_study.study), requested_settings.effect
     data_root = data_root.resolve()
     lab = lab.model_copy(update={"data_root": data_root})
-    folder = data_root / SIMULATED_ROOT / chosen.name
-    chosen.experiment(wanted.parameters)
+    folder = data_root / SIMULATED_ROOT / opened_study.name
+    opened_study.experiment(requested_settings.parameters)
     prepare_data_root(lab)
     # A folder holds sessions of one design with one set of settings.
-    settings = settle(folder, wanted, seed_given=True, way_out="choose another --output")
-    experiment = chosen.experiment(settings.parameters)
+    settings = settle(
+        folder, requested_settings, seed_given=True, way_out="choose another --output"
+    )
+    experiment = opened_study.experiment(settings.parameters)
     require_same_design(
         folder,
         experiment,
         "Choose another --output; or put the study file back as it was, and "
         "the same command goes on with what is missing",
     )
-    has_changed = settings.source_sha256 not in ("", wanted.source_sha256)
+    has_changed = settings.source_sha256 not in ("", requested_settings.source_sha256)
     if has_changed and session_folders(folder):
         telling.say(
-            f"{wanted.source}, or a text beside it, has changed since {folder} was begun: sessions "
-            "there stay as they are, further ones are made with it as it is now"
+            f"{requested_settings.source}, or a text beside it, has changed since {folder} was "
+            "begun: sessions there stay as they are, further ones are made with it as it is now"
         )
     entries = [
         _entry(folder, number, experiment.plan, settings.seed)
@@ -164,8 +166,8 @@ def simulate_study(
     with telling.progress("simulating") as report_progress:
         report_progress(0, len(tasks))
         try:
-            for done, _ in enumerate(_run(simulate_one, tasks, processes, scheduler), start=1):
-                report_progress(done, len(tasks))
+            for number, _ in enumerate(_run(simulate_one, tasks, processes, scheduler), start=1):
+                report_progress(number, len(tasks))
         except (KeyboardInterrupt, SessionAborted) as stop:
             raise SessionAborted(
                 f"interrupted; what is finished is kept in {folder}. Give the same command again: "
@@ -229,8 +231,8 @@ def analyse_study(
     study = names.pop()
     # A blinded study shows no results before it is complete, unless they are asked for.
     locked_plan, clock = read_lock(folder), SystemClock()
-    peeks = refuse_to_peek(
-        folder, locked_plan, manifests, clock, asked=peek is not None, reason=peek or ""
+    peeks = check_interim_analysis(
+        folder, locked_plan, manifests, clock, is_requested=peek is not None, reason=peek or ""
     )
     watch = StopWatch()
     damage_reports = require_intact(sessions, accept=accept_damage)
@@ -239,7 +241,7 @@ def analyse_study(
             f"{counted_damage(damage_reports, len(sessions))}; what cannot be read is missing\n"
             f"{describe(damage_reports)}"
         )
-    out_dir = output.resolve() if output is not None else folder / DERIVED
+    out_dir = output.resolve() if output is not None else folder / DERIVED_FOLDER
     is_ours = output is None or not out_dir.exists()
     make_folder(out_dir, exist_ok=True)
     use_recorded_cast(Recording(sessions[0]))  # before anything of the study is made
@@ -253,17 +255,17 @@ def analyse_study(
     opened_study.check_settings(settings)  # before anything is measured
     review = None
     if locked_plan is not None:
-        opened_study, review = _reviewed(opened_study, locked_plan, manifests, settings, peeks)
+        opened_study, review = _review(opened_study, locked_plan, manifests, settings, peeks)
         for line in review.lines():
             telling.warn(line) if review.deviations else telling.say(line)
     # Long measurements go trial by trial, so that a stop loses at most one.
     pieces = opened_study.pieces
     if pieces is not None:
-        intakes = _measured_piecewise(
+        intakes = _measure_piecewise(
             opened_study, pieces, sessions, folder, processes, scheduler, settings, telling
         )
     else:
-        intakes = _measured(
+        intakes = _measure_sessions(
             reference_of(opened_study.study), sessions, processes, scheduler, settings, telling
         )
     # Keep one manifest per session, not two: with a hundred people they take most memory.
@@ -311,7 +313,7 @@ def analyse_study(
 
 
 def _with_recorded_design(
-    chosen: OpenedStudy,
+    opened_study: OpenedStudy,
     changed: str,
     folder: Path,
     manifests: Sequence[Manifest],
@@ -323,8 +325,8 @@ def _with_recorded_design(
         DataError: it has a factor now that none of its sessions had.
     """
     settings = read_settings(folder)
-    now = chosen.experiment({} if settings is None else settings.parameters)
-    changes, mixture_warning = told_of_designs(manifests, now)
+    now = opened_study.experiment({} if settings is None else settings.parameters)
+    changes, mixture_warning = compare_designs(manifests, now)
     require_recorded_factors(folder, manifests, now)
     if changes:
         telling.warn(
@@ -335,7 +337,7 @@ def _with_recorded_design(
         telling.warn(f"{changed}. What sessions show and ask is the same")
     if mixture_warning:
         telling.warn(mixture_warning)
-    return as_recorded(chosen, manifests)
+    return as_recorded(opened_study, manifests)
 
 
 def _unfinished(sessions: Sequence[Any]) -> dict[str, str]:
@@ -345,29 +347,32 @@ def _unfinished(sessions: Sequence[Any]) -> dict[str, str]:
         parts = one.manifest.parts
         if not parts or parts[-1].status != "complete":
             counts = one.rows[~one.rows["is_practice"].astype(bool)]
-            done = counts.loc[counts["status"] == "complete", "trial_id"].nunique()
+            trials_done = counts.loc[counts["status"] == "complete", "trial_id"].nunique()
             summaries[str(one.manifest.participant)] = (
-                f"session of {one.manifest.participant}, {done} of {count_of(one.planned, 'trial')}"
+                f"session of {one.manifest.participant}, {trials_done} of "
+                f"{count_of(one.planned, 'trial')}"
             )
     return summaries
 
 
-def _reviewed(
-    chosen: OpenedStudy,
+def _review(
+    opened_study: OpenedStudy,
     locked: LockedPlan,
     manifests: Sequence[Manifest],
     settings: Mapping[str, Any],
     peeks: Sequence[Peek],
 ) -> tuple[OpenedStudy, PlanReview]:
     """Compare a study with its locked plan; what the plan does not name becomes exploratory."""
-    experiment = chosen.experiment(overrides_of(manifests[0].plan))
-    done = content_now(chosen, experiment, manifests[0].seed, settings)
-    review = review_of(locked, done, manifests, peeks)
-    compare = marked(chosen.study.analysis.compare, locked.plan)
-    return replace(chosen, study=chosen.study.with_changes(compare=compare), plan=review), review
+    experiment = opened_study.experiment(overrides_of(manifests[0].plan))
+    content = content_now(opened_study, experiment, manifests[0].seed, settings)
+    review = review_of(locked, content, manifests, peeks)
+    compare = marked(opened_study.study.analysis.compare, locked.plan)
+    return replace(
+        opened_study, study=opened_study.study.with_changes(compare=compare), plan=review
+    ), review
 
 
-def _measured(
+def _measure_sessions(
     study: str,
     sessions: Sequence[Path],
     processes: int | None,
@@ -395,7 +400,7 @@ def _run(
     return on_this_machine(work, jobs, processes=worker_count(processes))
 
 
-def _measured_piecewise(
+def _measure_piecewise(
     study: OpenedStudy,
     pieces: Pieces,
     sessions: Sequence[Path],
@@ -407,7 +412,7 @@ def _measured_piecewise(
 ) -> list[Any]:
     """Measure trial by trial, here or on a scheduler; those measured before are kept."""
     run = partial(_run, processes=processes, scheduler=scheduler)
-    store = folder / DERIVED / MEASURED
+    store = folder / DERIVED_FOLDER / MEASURED_FOLDER
     with telling.progress("measuring") as report_progress:
         return measure_sessions(study, pieces, sessions, store, run, settings, report_progress)
 
