@@ -98,8 +98,8 @@ def test_every_picture_says_that_nobody_took_part_and_the_verb_how_long_it_takes
         written.append(text)
         return add_label(image, text)
 
-    monkeypatch.setattr("visavis.cli.film.film.labelled", keep)
-    monkeypatch.setattr(Forecast, "told", lambda _, done, of: f"{of} take long" * (done == 1))
+    monkeypatch.setattr("visavis.cli.film.film.add_label", keep)
+    monkeypatch.setattr(Forecast, "line_after", lambda _, done, of: f"{of} take long" * (done == 1))
     for name, is_simulated in (("simulated", True), ("duel", False)):
         monkeypatch.setattr(CachedRecording, "is_simulated", is_simulated)
         written.clear()

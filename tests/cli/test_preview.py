@@ -63,7 +63,7 @@ def test_picture_of_a_trial_shows_a_lit_scene_marked_as_simulated(
         written.append(text)
         return add_label(image, text)
 
-    monkeypatch.setattr("visavis.cli.commands.preview.labelled", keep)
+    monkeypatch.setattr("visavis.cli.commands.preview.add_label", keep)
     path = tmp_path / "one.png"
     preview(study, "--png", path, "--at", 0.2, "--size", "240x150")
 
@@ -109,8 +109,8 @@ def test_film_has_as_many_pictures_as_its_seconds_say_all_marked_and_says_how_lo
         written.append(text)
         return add_label(image, text)
 
-    monkeypatch.setattr("visavis.cli.commands.preview.labelled", keep)
-    monkeypatch.setattr(Forecast, "told", lambda _, done, of: f"{of} take long" * (done == 1))
+    monkeypatch.setattr("visavis.cli.commands.preview.add_label", keep)
+    monkeypatch.setattr(Forecast, "line_after", lambda _, done, of: f"{of} take long" * (done == 1))
     said = preview("stare", "--video", path, "--seconds", 0.2, "--rate", 10, "--size", "96x64")
 
     assert 1 == said.count("3 take long")
@@ -254,7 +254,7 @@ def test_a_picture_of_a_short_trial_shows_its_scene(
         written.append(text)
         return add_label(image, text)
 
-    monkeypatch.setattr("visavis.cli.commands.preview.labelled", keep)
+    monkeypatch.setattr("visavis.cli.commands.preview.add_label", keep)
     preview(tmp_path / "short.py", "--png", tmp_path / "one.png", "--size", "240x150")
     with Image.open(tmp_path / "one.png") as image:
         assert np.asarray(image)[:120].mean() > 40

@@ -124,7 +124,7 @@ def test_a_file_that_was_damaged_differs_from_where_its_damage_begins(
     found = compare_recordings(Recording(folder), duel).first
     assert found is not None
     assert ("gaze", "seq") == (found.where, found.column)
-    assert found.row == int(found.again) < int(found.recorded)
+    assert found.row == int(found.new_value) < int(found.old_value)
 
 
 @pytest.mark.parametrize("study", ["interpolation", "hybrid", "cameras"])

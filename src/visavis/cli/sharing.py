@@ -1,4 +1,4 @@
-"""Who may see what of a recording that leaves the lab."""
+"""What a recording contains when it is shared outside the lab."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -49,10 +49,11 @@ class SimulateStudy(Protocol):
 
     def __call__(
         self,
-        opened: OpenedStudy,
+        opened_study: OpenedStudy,
         experiment: StudyExperiment,
         make_tracker: MakeTracker,
         indices: Iterable[int],
+        /,
         *,
         seed: int,
         effect: float,

@@ -176,7 +176,7 @@ def performing_problems(opened_study: OpenedStudy, experiment: StudyExperiment) 
     again = _perform_conditions(other, other.experiment(same), measures)
     names = {f.name for f in opened_study.study.design.factors}
     problems += [
-        f"{column!r} changes when the conditions are called otherwise: somebody is told them"
+        f"{column!r} changes when the levels are renamed: a person or measure sees their names"
         for column in rows.columns
         if column not in names and not (column in again and rows[column].equals(again[column]))
     ]

@@ -367,7 +367,7 @@ def test_the_secret_of_a_page_lies_with_no_data_and_is_the_same_of_another_serve
         assert not (path.is_file() and key.encode() in path.read_bytes()), path
 
     async def again(base: str, reception: Reception) -> bool:
-        return await reception.held(key) is not None
+        return await reception.session_of(key) is not None
 
     assert served(place, again)
 

@@ -123,15 +123,15 @@ def sheet_command(
     ] = 12.0,
     gaze: Annotated[
         bool,
-        typer.Option("--gaze", help="With --at: say how well it is told at whom they look."),
+        typer.Option("--gaze", help="With --at: how well one sees whether they look at one."),
     ] = False,
     config: ConfigOption = None,
     library: LibraryOption = None,
 ) -> None:
     """Draw people's faces at conversation distance: look at people before you use them.
 
-    With --gaze a simulated observer tells, from the pixels, eyes on it from eyes 10° aside; half of
-    its answers are right by chance. That takes some seconds a face.
+    With --gaze a simulated observer judges from the pixels whether eyes look at it or 10° aside;
+    half of its answers are right by chance. This takes some seconds for each face.
 
     Example: visavis character sheet imported.png
     """
@@ -169,9 +169,9 @@ def sheet_command(
 def _tell_gaze(
     people: Sequence[Character], distances_m: Sequence[float], px_per_deg: float
 ) -> None:
-    """Say for each person how often a direct gaze is told from one 10° aside."""
+    """Print for each person how often direct gaze is told apart from gaze 10° aside."""
     for person, distance_m, right_01 in readable_at(people, distances_m, px_per_deg):
-        line = f"{person.name}: gaze told at {distance_m:g} m in {right_01:.0%} of looks"
+        line = f"{person.name}: gaze recognised at {distance_m:g} m in {right_01:.0%} of looks"
         if right_01 < LIMIT_01:
             line += f"  [yellow]below {LIMIT_01:.0%}: let them look from nearer[/]"
         say(line)
@@ -187,9 +187,7 @@ def import_command(
     ] = None,
     joint_map: Annotated[
         Path | None,
-        typer.Option(
-            help="YAML file of joints of ours and the file's bones, where names tell not."
-        ),
+        typer.Option(help="YAML file of joints of ours and the file's bones, where names differ."),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

@@ -56,7 +56,7 @@ def check(
 ) -> None:
     """Can they leave? Compare what was planned with what was recorded.
 
-    Of a study's folder, every file of every session is verified, settings and ledger too.
+    Given a study's folder, it verifies every file of every session, the settings and the ledger.
 
     Recordings made elsewhere (an XDF file, a BIDS data set) are judged by their times: missing
     clock offsets, stamps that go back, gaps, rates, streams apart from the others.

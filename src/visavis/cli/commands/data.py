@@ -149,7 +149,7 @@ def export(
 ) -> None:
     """Copy a session into files that other programs read; the recording is not touched.
 
-    Of a study every session is copied, or --participant's.
+    Given a study, it copies every session, or the one of --participant.
 
     People bear a pseudonym that only the study's key file links to their label. With --tier
     public the measures are computed before and after the blur, which takes as long as analyse.

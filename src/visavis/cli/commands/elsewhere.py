@@ -116,7 +116,7 @@ def import_web(
         f"{mark}{len(summary.sessions)} recorded, {summary.recorded_before} were recorded already"
     )
     for label, path in summary.sessions.items():
-        place_note = "; the place was somebody else's, the next one counts" * (
+        place_note = "; its place was taken, so it has the next free one" * (
             label in summary.moved_labels
         )
         console.print(

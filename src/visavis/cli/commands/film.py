@@ -40,7 +40,7 @@ def film(
     shot: Annotated[str, typer.Option(help="extreme-long, long, full, medium or close.")] = "long",
     cuts: Annotated[str, typer.Option(help="auto, none or static.")] = "auto",
     overlay: Annotated[
-        str, typer.Option(help="Of gaze, contacts and clock, with commas; none for none.")
+        str, typer.Option(help="Any of gaze, contacts and clock, with commas; or none.")
     ] = "gaze,contacts,clock",
     seed: Annotated[int, typer.Option(help="Draws the lengths of shots.")] = 0,
     sheet: Annotated[

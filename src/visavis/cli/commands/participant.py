@@ -134,7 +134,7 @@ def withdraw(
         console.print(
             f"[yellow]{label} is at a page now.[/] `visavis serve` ends it and deletes everything "
             "within seconds; a page of `visavis run` is yours to end (Ctrl-C). Give this command "
-            "again afterwards: it tells whether it is done"
+            "again afterwards to see whether it is done"
         )
         return
     key_file = None if here.is_simulated else here.key_file

@@ -60,7 +60,11 @@ def serve(
     port: Annotated[int, typer.Option("--port", min=0, max=65535, help="0: a free one.")] = 8080,
     participants: Annotated[
         int | None,
-        typer.Option("--participants", min=1, help="How many people are wanted; more are told."),
+        typer.Option(
+            "--participants",
+            min=1,
+            help="How many people may take part; then it is full.",
+        ),
     ] = None,
     completion: CompletionOption = "",
     seed: SeedOption = None,
@@ -191,7 +195,7 @@ async def _serve(
     console.print(f"{mark}For participants:", soft_wrap=True)
     for line in (address, f"{address}/?PROLIFIC_PID={{{{%PROLIFIC_PID%}}}}"):
         console.print(f"  [b]{verbatim(line)}[/]", soft_wrap=True, highlight=False)
-    console.print("For you, to nobody else:", soft_wrap=True)
+    console.print("For you alone; do not share it:", soft_wrap=True)
     console.print(f"  [b]{own}/board#{reception.board_key}[/]", soft_wrap=True, highlight=False)
     console.print("Ctrl-C ends it; every answer is kept, and people go on when it is back.")
     try:
@@ -217,7 +221,7 @@ def board(
         say_json(study_board.as_data())
         return
     if not study_board.places:
-        console.print(f"Nobody has come to {verbatim(here.study.name)} yet.")
+        console.print(f"No participants of {verbatim(here.study.name)} yet.")
         return
     mark = "SIMULATED  " if here.is_simulated else ""
     table = Table(title=f"{mark}{here.study.name}", title_justify="left", box=None)

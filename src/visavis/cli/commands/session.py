@@ -299,7 +299,7 @@ def run(
 ) -> None:
     """Perform one session on the devices of lab_config.yaml, or on a page in a browser.
 
-    A page needs no device; with --devices sim it is a rehearsal, with --fast somebody simulated.
+    A page needs no device; with --devices sim it is a rehearsal, with --fast a simulation.
 
     Example: visavis run stare --participant 07
     """
@@ -616,7 +616,7 @@ def ask_body(
         body = {"1": BODIES[0], "2": BODIES[1]}.get(answer, answer)
     while requested_body is None and stature_m is None:
         stature_text = console.input(
-            "How tall are they with shoes, in m (Enter: not told)? > "
+            "How tall are they with shoes, in m (Enter: unknown)? > "
         ).strip()
         if not stature_text:
             break

@@ -40,7 +40,7 @@ def sync_test(
     simulated: Annotated[
         bool, typer.Option("--simulated", help="Rehearse in a simulated room.")
     ] = False,
-    seed: Annotated[int, typer.Option(help="Of the simulated room.")] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of the simulated room.")] = 1,
     config: ConfigOption = None,
     as_json: JsonOption = False,
 ) -> None:

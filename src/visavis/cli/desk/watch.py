@@ -90,7 +90,7 @@ class SessionWatch:
             self._changed.notify_all()
 
     async def tell(self, command: Command, which: str = "") -> bool:
-        """Send a command to a session (the first, where none is named); tell whether it was there.
+        """Send a command to a session (by default the first); return whether it was there.
 
         A session that has ended takes no command, and no other takes it instead.
         """

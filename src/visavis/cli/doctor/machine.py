@@ -27,7 +27,7 @@ from visavis.running.sessions.device_setup import (
 
 COMPUTER, LIBRARIES = "computer", "libraries"
 GB_PER_HOUR = 0.3
-"""Of a session with gaze at 120 Hz and a tracked body; an eye tracker at 1 kHz doubles it."""
+"""Size of a session with gaze at 120 Hz and a tracked body; gaze at 1 kHz doubles it."""
 FEW_GB = 20.0
 NAPS = 20
 NAP_NS = NS_PER_MS

@@ -29,7 +29,7 @@ FACE_AWAY_M = 1.1
 ORBIT_START_DEG = 40.0
 ORBIT_DEG_PER_S = 12.0
 SIMULATED = "simulated"
-"""What stands on every picture."""
+"""The word on every picture."""
 TITLE_PX = 40
 TITLE_LEFT_PX = 10
 CUT_AT_M = 2.75
@@ -86,7 +86,7 @@ def simulated_panel(camera: Camera) -> Panel:
 
 
 def add_label(image: npt.NDArray[np.uint8], text: str) -> Image.Image:
-    """Write a line along the lower edge."""
+    """Return a picture with a line of text along its lower edge."""
     picture = Image.fromarray(image)
     draw = ImageDraw.Draw(picture, "RGBA")
     size_px = max(11, picture.height // 44)

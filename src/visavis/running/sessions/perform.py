@@ -50,9 +50,9 @@ from visavis.study.experiment import StudyExperiment
 from visavis.study.texts import read_texts
 
 REHEARSED_TRIALS, REHEARSED_S = 8, 130.0
-"""Limits of the rehearsal, in trials and seconds, beside the first trial of every block.
+"""Limits of the rehearsal, in trials and seconds, besides the first trial of every block.
 
-A further level brings other numbers, seldom other code.
+Further levels bring other numbers, but rarely run other code.
 """
 
 
@@ -174,7 +174,7 @@ def of_no_session() -> Iterator[None]:
 
 @dataclass(frozen=True, eq=False)
 class FewTrials(StudyExperiment):
-    """An experiment whose plan holds the first trial of every block, and levels not met there."""
+    """An experiment with the first trial of every block, and trials with further levels."""
 
     def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
         """Return the plan with those trials alone."""
@@ -192,7 +192,7 @@ class FewTrials(StudyExperiment):
 
 
 def _of_other_levels(trials: Sequence[Trial], met_in: Sequence[Trial], most: int) -> list[Trial]:
-    """Return trials in which further levels are met, those of the smallest factors first."""
+    """Return trials with levels that `met_in` lacks, those of the smallest factors first."""
     everything = {level for trial in trials for level in trial.factors.items()}
     worth = Counter(name for name, _ in everything)
     met_levels = {level for trial in met_in for level in trial.factors.items()}
@@ -290,13 +290,13 @@ def _perform_part(
     progress: Progress,
 ) -> None:
     try:
-        _perform_companied(request, devices, folder, plan, progress)
+        _perform_recorded(request, devices, folder, plan, progress)
     finally:
         if request.companion is not None and not request.clock.is_virtual:
             request.companion.on_close()
 
 
-def _perform_companied(
+def _perform_recorded(
     request: Request,
     devices: _Devices,
     folder: SessionFolder,
@@ -324,7 +324,7 @@ def _recorder(request: Request, folder: SessionFolder, part_dir: Path) -> Record
 
 @contextmanager
 def _guard_armbands(devices: _Devices, clock: Clock) -> Iterator[_Devices]:
-    """Watch over the armbands from here on: they are silent however this block is left."""
+    """Guard the armbands in this block; they are silent after it, however it ends."""
     bands = {r: d for r, d in devices.rig.others.items() if isinstance(d, Armband)}
     if not bands:
         yield devices

@@ -38,7 +38,7 @@ def recorded_part(
 ) -> Iterator[Recorder]:
     """Record a part of a session; files and manifest say how the block ended.
 
-    `make` gets the part's folder; `what_is_kept` tells a person who interrupts what is not lost.
+    `make` gets the part's folder; `what_is_kept` ends the message after an interruption.
 
     Raises:
         SessionAborted: it ended early.

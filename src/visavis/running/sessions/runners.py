@@ -66,7 +66,7 @@ def on_this_machine(
         if workers and all(worker.exitcode == -signal.SIGTERM for worker in workers):
             raise KeyboardInterrupt from pool_error
         raise UsageError(
-            "a process that computed was killed from outside, mostly for want of memory; give "
+            "a worker process was killed from outside, mostly for lack of memory; give "
             "the command again with a smaller --processes"
         ) from pool_error
 

@@ -161,7 +161,7 @@ def simulate_study(
     if present:
         telling.say(f"{len(present)} sessions are there already and are kept")
     if len(sessions) > len(present):
-        telling.say(f"{len(sessions) - len(present)} broken off before: what is left is simulated")
+        telling.say(f"{len(sessions) - len(present)} were interrupted; their rest is simulated")
     watch = StopWatch()
     with telling.progress("simulating") as report_progress:
         report_progress(0, len(tasks))
@@ -274,7 +274,7 @@ def analyse_study(
     analysis = opened_study.analysis_of(intakes, settings)
     counts = analysis.selection.people.set_index("participant")[COUNTED]
     for who, summary in halves.items():
-        verdict = "it is taken in" if counts.get(who, False) else "they are left out"
+        verdict = "it is included" if counts.get(who, False) else "they are left out"
         telling.warn(f"not finished: {summary}; {verdict}")
     intakes = [one.without_tables() for one in intakes]  # the analysis holds everybody's
     # The report names the command that makes it again, and simulated data how they were made.

@@ -1,11 +1,11 @@
 """Perform a recorded session again, and find the first thing in which the two differ.
 
-A simulated session is its plan, its seed and its devices: the same code performs them again on the
-virtual clock, through the same drivers over the same simulated wires, and every sample, event and
-trial row must come out bit for bit. A part that went on with a session goes on again from the
-earlier parts as recorded, and what an operator did is done again at the same moments. Sessions
-with people, and simulations in real time, do not repeat, since their times differ in every run:
-there the recorded samples of the devices are fed to the engine.
+Plan, seed and devices determine a simulated session. The same code performs it again on the virtual
+clock, through the same drivers and simulated wires, and every sample, event and trial row must be
+equal bit for bit. A resumed part starts again from the earlier parts as recorded, and commands of
+the operator are repeated at the same times. Sessions with people, and simulations in real time,
+cannot be repeated, since their times differ in every run; there the engine is fed with the recorded
+samples of the devices.
 """
 
 import json
@@ -185,22 +185,22 @@ def perform_again(
     before = tuple(p for p in manifest.parts if p.number < part)
     with suppress(SessionAborted), of_no_session():  # the recorded part may have ended early, too
         if before:
-            _put_down(recording, before, path)
+            _copy_parts(recording, before, path)
             perform_rest(request, path)
         else:
             perform_new(request)
     return path
 
 
-def _put_down(recording: Recording, parts: Sequence[Part], path: Path) -> None:
-    """Lay parts of a session into a folder as if nothing had followed them."""
+def _copy_parts(recording: Recording, parts: Sequence[Part], path: Path) -> None:
+    """Copy parts of a session into a folder, without the parts after them."""
     for part in parts:
         shutil.copytree(recording.path / part.folder, path / part.folder)
     write_manifest(path, replace(recording.manifest, parts=tuple(parts)))
 
 
 class RecordedOperator:
-    """Do again, at the same moments of a part, what its operator did."""
+    """Repeat the commands of a part's operator at the same times."""
 
     status_period_ns = 1
 

@@ -173,7 +173,7 @@ def import_runs(
             if outcome == WITHDRAWN:
                 summary.withdrawn_runs += (run.key,)
             elif session is not None:
-                if _goes_on(base, store, one, session):
+                if _record_rest(base, store, one, session):
                     summary.continued_sessions[read_manifest(session).participant] = session
                 else:
                     summary.recorded_before += 1
@@ -323,12 +323,12 @@ def _sessions_by_run(study_folder: Path) -> dict[str, Path]:
 
 
 def _is_over(session: Path) -> bool:
-    """Tell whether a session ended: not merely left before its end."""
+    """Return whether a session has ended, and was not only left before its end."""
     part = read_manifest(session).parts[-1]
     return part.status == "complete" or part.reason in ENDED_EARLY
 
 
-def _goes_on(base: Request, store: FilmStore, one: _Fit, session: Path) -> bool:
+def _record_rest(base: Request, store: FilmStore, one: _Fit, session: Path) -> bool:
     """Record the lines of a run that are new since its last import; return whether it had any."""
     past = replace(past_of(Recording(session)), broken_by="")
     opening_count = sum(payload["kind"] == "opened" for _, _, payload in past.events)
@@ -354,7 +354,7 @@ def _goes_on(base: Request, store: FilmStore, one: _Fit, session: Path) -> bool:
     return True
 
 
-class _Nobody:
+class _NullRecorder:
     """A recorder that writes nothing."""
 
     def event(self, name: str, t_ns: int, **content: object) -> None: ...
@@ -372,7 +372,7 @@ def _check_run(base: Request, store: FilmStore, run: Run) -> str:
     for name, our_value in ours.items():
         if header.get(name) != our_value:
             raise PageError(
-                f"it is of {name} {str(header.get(name))[:40]!r}, here is {our_value!r}"
+                f"its {name} is {str(header.get(name))[:40]!r}, but here it is {our_value!r}"
             )
     steps = steps_of_place(base, store, run.place)
     if digest_of(steps) != header.get("sha256"):
@@ -383,10 +383,10 @@ def _check_run(base: Request, store: FilmStore, run: Run) -> str:
     clock = StampClock(run.begun_ms)
     plan = experiment_of(base).plan(run.place, base.seed)
     visit = replace(visit_of(base, store.describe, run.place, plan.group), now_ns=clock.now_ns)
-    recorder: Any = _Nobody()
+    recorder: Any = _NullRecorder()
     desk = PageDesk(course(visit), recorder, clock, visit.notes)
     step_index, number_shown = 0, desk.step_number
-    for line in _led(desk, clock, run):
+    for line in _replay_lines(desk, clock, run):
         if desk.is_over:
             continue
         if desk.step_number != number_shown:
@@ -414,7 +414,7 @@ def _plain(step: PageStep) -> Any:
     return step.kind, json.loads(json.dumps(dict(step.content)))
 
 
-def _led(desk: PageDesk, clock: StampClock, run: Run) -> Iterator[Mapping[str, Any]]:
+def _replay_lines(desk: PageDesk, clock: StampClock, run: Run) -> Iterator[Mapping[str, Any]]:
     """Pass a run's lines to a desk at their times; yield each line afterwards."""
     for line in run.lines:
         clock.tell(number(line.get("at_ms"), "at_ms"))
@@ -482,7 +482,7 @@ def _record(
         )
         experiment = experiment_of(request)
         session = page_session_of(request, experiment, store, folder, recorder, past, run.key)
-        for _ in _led(session.desk, clock, run):
+        for _ in _replay_lines(session.desk, clock, run):
             pass
     except BaseException as error:
         end_part(clock, folder, recorder, "aborted", str(error) or repr(error), error)
