@@ -12,7 +12,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from tests.stage import figures
-from tests.visavis.sessions import STUDIES
+from tests.studies.sessions import STUDIES
 from visavis.cli.app import load_lab
 from visavis.cli.film.on_page import BACK
 from visavis.cli.main import app

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from tests.visavis.test_every_study import SMALL, config_for, name_of
+from tests.running.test_every_study import SMALL, config_for, name_of
 from visavis.cli.app import app
 from visavis.cli.film.on_page import FilmPictures
 from visavis.cli.redraw import UNDRAWN_PX

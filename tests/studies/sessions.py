@@ -1,0 +1,44 @@
+"""Studies of the tests, simulated at low rates on the virtual clock."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from tests.faults.sessions import lab
+from visavis.protocol.session.operator import Operator
+from visavis.recording.reader import Recording
+from visavis.results.opened_study import OpenedStudy, find_study
+from visavis.running.sessions.perform import perform_new
+from visavis.running.sessions.session_request import simulated_request
+
+STUDIES = Path(__file__).parent
+
+
+def opened(name: str) -> OpenedStudy:
+    """Return a study of the tests by name, or any by the path of its file."""
+    found = find_study(name if name.endswith(".py") else str(STUDIES / f"{name}.py"))
+    assert isinstance(found, OpenedStudy)
+    return found
+
+
+def perform(
+    name: str,
+    data_root: Path,
+    index: int = 0,
+    *,
+    effect: bool = True,
+    operator: Operator | None = None,
+    **parameters: Any,
+) -> Recording:
+    """Simulate one participant of a study and return what was recorded."""
+    study = opened(name)
+    request = simulated_request(
+        study,
+        study.experiment(parameters),
+        lab(data_root),
+        label=f"S{index + 1:02d}",
+        index=index,
+        seed=1,
+        effect=effect,
+    )
+    return Recording(perform_new(replace(request, operator=operator or request.operator)))
