@@ -270,7 +270,7 @@ def test_a_session_that_cannot_be_gone_on_with_is_refused_in_words(
     said: list[str] = []
 
     async def again(base: str, reception: Reception) -> tuple[int, str]:
-        monkeypatch.setattr(reception, "_said", said.append)
+        monkeypatch.setattr(reception, "_say", said.append)
         path = place.sessions()[0] / "manifest.json"
         path.write_text(path.read_text("utf-8").replace('"seed"', '"sown"'), "utf-8")
         async with aiohttp.ClientSession(base, headers={KEY: key}) as http:
