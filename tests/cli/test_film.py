@@ -16,15 +16,15 @@ from typer.testing import CliRunner
 
 from tests.studies.sessions import opened, perform
 from visavis.cli.app import app
-from visavis.cli.film.cameras import FromViewpoint
+from visavis.cli.film.cameras import ViewpointCamera
 from visavis.cli.film.film import FilmedTrial, pictures_of
 from visavis.cli.film.on_page import FilmPictures, film_share, page_picture
 from visavis.cli.film.stand_in import StandIn
+from visavis.cli.notifier import Forecast
 from visavis.cli.preview.pictures import Viewpoint, add_label
 from visavis.cli.recorded_trial import recorded_trial, trial_row
 from visavis.cli.redraw import board_at
 from visavis.cli.session_lanes import lanes_of
-from visavis.cli.telling import Forecast
 from visavis.lab.errors import DesignError, UsageError
 from visavis.lab.geometry import Pose
 from visavis.protocol.people.exports_register import registered_exports
@@ -174,7 +174,7 @@ def test_a_question_in_the_dark_is_in_the_film_by_any_camera(session: Path) -> N
         scene = FilmedTrial(
             trial,
             pictures_of(study, trial),
-            FromViewpoint(Viewpoint.ABOVE, 16 / 9, 0),
+            ViewpointCamera(Viewpoint.ABOVE, 16 / 9, 0),
             (),
             (160, 90),
             FilmLog(None),

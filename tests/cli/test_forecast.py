@@ -2,7 +2,7 @@
 
 import pytest
 
-from visavis.cli.telling import MEASURED_PICTURES, Forecast
+from visavis.cli.notifier import MEASURED_PICTURES, Forecast
 
 
 @pytest.mark.parametrize(

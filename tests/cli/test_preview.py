@@ -16,9 +16,16 @@ from tests.studies.sessions import STUDIES
 from visavis.cli.app import load_lab
 from visavis.cli.film.on_page import BACK
 from visavis.cli.main import app
-from visavis.cli.preview.capture import Capture, CapturedFrame, Meanwhile, has_board, is_lit, spread
+from visavis.cli.notifier import Forecast
+from visavis.cli.preview.capture import (
+    BackgroundPerformance,
+    Capture,
+    CapturedFrame,
+    has_board,
+    is_lit,
+    spread,
+)
 from visavis.cli.preview.pictures import Viewpoint, add_label, camera_of
-from visavis.cli.telling import Forecast
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import LabError, UsageError
 from visavis.lab.geometry import Pose, rotate
@@ -170,7 +177,7 @@ def test_a_trial_performed_meanwhile_ends_when_its_window_closes() -> None:
     capture = Capture(
         find_study("stare"), load_lab(EXAMPLE, "sim", quiet=True), number=2, index=1, seed=1
     )
-    with Meanwhile(capture) as meanwhile:
+    with BackgroundPerformance(capture) as meanwhile:
         assert capture.frames
         meanwhile.check()
     assert "preview" not in {thread.name for thread in threading.enumerate()}
@@ -186,7 +193,7 @@ def test_what_fails_meanwhile_is_raised_where_it_is_shown(
         find_study("stare"), load_lab(EXAMPLE, "sim", quiet=True), number=1, index=1, seed=1
     )
     monkeypatch.setattr(fresh, "perform", fail)
-    with pytest.raises(UsageError, match="broken"), Meanwhile(fresh):
+    with pytest.raises(UsageError, match="broken"), BackgroundPerformance(fresh):
         pass
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from visavis.cli.app import load_lab
-from visavis.cli.telling import say_when_compiling
+from visavis.cli.notifier import say_when_compiling
 from visavis.lab.clock import SystemClock
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import ConfigError, UsageError

@@ -30,7 +30,7 @@ from visavis.cli.desk.link import (
     meeting_name,
     status_message,
 )
-from visavis.cli.desk.seen import GAZE_KEPT, Looking
+from visavis.cli.desk.scene_view import GAZE_KEPT, LastGaze
 from visavis.cli.desk.watch import SessionWatch
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, StopWatch
 from visavis.lab.geometry import Pose
@@ -334,7 +334,7 @@ def test_what_is_not_known_is_nothing_never_a_number() -> None:
         trial_left_s=math.nan,
         calibration=replace(STATUS.calibration, accuracy_deg=None),
     )
-    found = json.loads(line_of(status_message(1, unknown, Looking())))
+    found = json.loads(line_of(status_message(1, unknown, LastGaze())))
     assert (None, None) == (found["trial_left_s"], found["accuracy_deg"])
     assert None is found["above"]
 
@@ -435,7 +435,7 @@ def test_a_crowd_is_seen_and_who_is_touched_is_told(link: SessionLink) -> None:
     places = [[x, z] for _, x, z, _ in above["people"]]
     assert crowd.position_m.tolist() == places
     assert ([7], []) == (above["touched"], above["areas"])
-    said = status_message(1, status, Looking())
+    said = status_message(1, status, LastGaze())
     assert ("left_hand", 3) == (said["contacts"][0]["segment"], said["contacts_begun"])
     assert 0 < len(view_of(link, status)["heads"]) < len(crowd)
 

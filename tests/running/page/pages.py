@@ -18,7 +18,7 @@ from visavis.recording.writer import VIRTUAL_TIME_BATCH_NS, Recorder
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.running.film_store import film_store
 from visavis.running.page.course import Notes, Visit, course
-from visavis.running.page.desk import PageDesk, Past
+from visavis.running.page.desk import EarlierParts, PageDesk
 from visavis.running.page.perform import past_of
 from visavis.running.page.steps import PageStep
 from visavis.running.page.visitor import Visitor, visitor_of
@@ -103,7 +103,7 @@ def gone_on(path: Path) -> Iterator[Page]:
         yield page_of(folder, past_of(Recording(path)))
 
 
-def page_of(folder: SessionFolder, past: Past | None) -> Page:
+def page_of(folder: SessionFolder, past: EarlierParts | None) -> Page:
     """Return a page with a desk that records into a new part of a session."""
     clock = SimClock()
     part = folder.begin_part(clock)

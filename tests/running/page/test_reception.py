@@ -23,7 +23,7 @@ from visavis.running.film_store import film_store
 from visavis.running.page.arrivals import arrival_of, check_completion, completion_of, least_filled
 from visavis.running.page.client import arrive, visit
 from visavis.running.page.perform import about_of
-from visavis.running.page.reception import IDLE_NS, Brake, Reception, Rules
+from visavis.running.page.reception import IDLE_NS, RateLimit, Reception, Rules
 from visavis.running.page.server import KEY, PageServer
 from visavis.running.page.steps import PageError, PageStep
 from visavis.running.page.visitor import Visitor, visitor_of
@@ -492,7 +492,7 @@ def test_a_placeholder_that_no_panel_filled_is_refused_in_words(place: Place) ->
 
 
 def test_a_flood_of_arrivals_is_held_up_and_lets_people_in_again() -> None:
-    brake = Brake(at_once=3, a_second=2, _left=3)
+    brake = RateLimit(at_once=3, a_second=2, _left=3)
     assert [True] * 3 + [False] == [brake.lets_pass(0) for _ in range(4)]
     assert [False, True] == [brake.lets_pass(ns) for ns in (400_000_000, 1_000_000_000)]
     assert [True] * 3 + [False] == [brake.lets_pass(10**12) for _ in range(4)]

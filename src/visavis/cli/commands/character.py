@@ -20,10 +20,10 @@ from visavis.cli.app import (
     say_written,
     verbatim,
 )
+from visavis.cli.notifier import say_when_compiling
 from visavis.cli.preview.people import distance_sheet, people_sheet
 from visavis.cli.preview.pictures import check_picture_name
 from visavis.cli.preview.readable_gaze import LIMIT_01, readable_at
-from visavis.cli.telling import say_when_compiling
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import UsageError
 from visavis.lab.yaml_lines import ProblemsError, read_document

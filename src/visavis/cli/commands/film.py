@@ -19,9 +19,9 @@ from visavis.cli.app import (
 from visavis.cli.commands.preview import picture_size
 from visavis.cli.film.cameras import CameraKind, Cuts
 from visavis.cli.film.film import Overlay, write_film
+from visavis.cli.notifier import NOTIFIER, Forecast
 from visavis.cli.personal_copies import protect_and_register, require_whole
 from visavis.cli.studies import session_of
-from visavis.cli.telling import TELLING, Forecast
 from visavis.lab.errors import UsageError
 from visavis.recording.cached import CachedRecording
 from visavis.running.sessions.study_folder import study_of_folder
@@ -95,7 +95,7 @@ def film(
         def report_frame(count: int, total: int) -> None:
             bar.update(line, completed=count, total=total)
             if forecast_text := forecast.line_after(count, total):
-                TELLING.say(forecast_text.removesuffix(", --png draws one"))
+                NOTIFIER.say(forecast_text.removesuffix(", --png draws one"))
 
         result = write_film(
             study,

@@ -40,8 +40,8 @@ from visavis.cli.app import (
     verbatim,
 )
 from visavis.cli.commands.study import ProcessesOption
+from visavis.cli.notifier import counting, say_when_compiling
 from visavis.cli.quick_tracker import tracker_of
-from visavis.cli.telling import counting, say_when_compiling
 from visavis.lab.clock import StopWatch
 from visavis.lab.errors import UsageError
 from visavis.recording.csv_file import write_csv

@@ -2,8 +2,8 @@
 
 from visavis.cli.app import ConfigOption, StudyArgument, app, console, load_lab, verbatim
 from visavis.cli.commands.session import SetOption
+from visavis.cli.notifier import make_ready
 from visavis.cli.studies import study_here
-from visavis.cli.telling import make_ready
 from visavis.lab.clock import StopWatch
 
 

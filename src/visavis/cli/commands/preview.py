@@ -23,7 +23,15 @@ from visavis.cli.app import (
 )
 from visavis.cli.commands.session import LanguageOption, SeedOption, SetOption, plan_inputs_of
 from visavis.cli.film.renderer import film_renderer
-from visavis.cli.preview.capture import Capture, CapturedFrame, Meanwhile, has_board, is_lit, spread
+from visavis.cli.notifier import NOTIFIER, Forecast
+from visavis.cli.preview.capture import (
+    BackgroundPerformance,
+    Capture,
+    CapturedFrame,
+    has_board,
+    is_lit,
+    spread,
+)
 from visavis.cli.preview.on_page import preview_page
 from visavis.cli.preview.pictures import (
     SIMULATED,
@@ -35,7 +43,6 @@ from visavis.cli.preview.pictures import (
     simulated_panel,
 )
 from visavis.cli.studies import study_here
-from visavis.cli.telling import TELLING, Forecast
 from visavis.lab.clock import NS_PER_S, SystemClock
 from visavis.lab.errors import UsageError
 from visavis.stage.card.context import draws_on_processor
@@ -127,7 +134,7 @@ def preview(
     if on_page:
         preview_page(capture, here.study, label, size_px, png, sheet, video, at, seconds, rate)
         return
-    showing = _Showing(capture, picture_of, view, size_px, label)
+    showing = _TrialPreview(capture, picture_of, view, size_px, label)
     if png is not None:
         _write_picture(showing, png, at)
     elif sheet is not None:
@@ -154,7 +161,7 @@ def _refuse_on_page(study: str, view: Viewpoint, path: Path | None) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class _Showing:
+class _TrialPreview:
     """A trial to preview: how it looks, from which viewpoint and at which size."""
 
     capture: Capture
@@ -190,7 +197,7 @@ class _Showing:
         return frames
 
 
-def _write_picture(showing: _Showing, path: Path, at_s: float | None) -> None:
+def _write_picture(showing: _TrialPreview, path: Path, at_s: float | None) -> None:
     frames = showing.frames(USUAL_AT_S if at_s is None else at_s)
     frame = frames[-1]
     length_s = showing.passed_s(frame)
@@ -206,7 +213,7 @@ def _write_picture(showing: _Showing, path: Path, at_s: float | None) -> None:
     say_written(path)
 
 
-def _write_sheet(showing: _Showing, path: Path) -> None:
+def _write_sheet(showing: _TrialPreview, path: Path) -> None:
     frames = showing.frames()
     width, height = showing.size_px[0] // 2, showing.size_px[1] // 2
     frame_positions = np.linspace(0.0, 1.0, SHEET_COLUMNS * SHEET_ROWS) * (len(frames) - 1)
@@ -219,7 +226,7 @@ def _write_sheet(showing: _Showing, path: Path) -> None:
     say_written(path)
 
 
-def _write_film(showing: _Showing, path: Path, rate_hz: int, most_s: float) -> None:
+def _write_film(showing: _TrialPreview, path: Path, rate_hz: int, most_s: float) -> None:
     frames = spread(showing.frames(most_s), rate_hz, most_s)
     label = f"{SIMULATED}  ·  from {showing.label} on"
     with (
@@ -232,11 +239,11 @@ def _write_film(showing: _Showing, path: Path, rate_hz: int, most_s: float) -> N
             image: npt.NDArray[np.uint8] = renderer.image(*showing.at(frame), showing.size_px)
             film.add(np.asarray(add_label(image, label)))
             if forecast_text := forecast.line_after(number, len(frames)):
-                TELLING.say(forecast_text)
+                NOTIFIER.say(forecast_text)
     say_written(path, f", {len(frames) / rate_hz:.1f} s")
 
 
-def _play(showing: _Showing) -> None:
+def _play(showing: _TrialPreview) -> None:
     """Show the trial in a window at its own speed, again and again, until it is closed."""
     from visavis.stage.window import Window  # late: GLFW, which not every server has
 
@@ -245,7 +252,7 @@ def _play(showing: _Showing) -> None:
     try:
         quality = ON_PROCESSOR if draws_on_processor(display.context) else Quality()
         with (
-            Meanwhile(showing.capture) as meanwhile,
+            BackgroundPerformance(showing.capture) as meanwhile,
             Renderer(display.context, quality=quality) as renderer,
         ):
             mirror = Mirror(display)

@@ -23,8 +23,8 @@ from visavis.cli.app import (
     verbatim,
 )
 from visavis.cli.commands.session import ENDING_SIGNALS, LanguageOption, SeedOption, SetOption
+from visavis.cli.notifier import NOTIFIER
 from visavis.cli.studies import StudyHere, study_here, study_of_lab
-from visavis.cli.telling import TELLING
 from visavis.lab.clock import SystemClock
 from visavis.lab.errors import UsageError
 from visavis.protocol.session.operator import UnattendedOperator
@@ -122,7 +122,7 @@ def page_study(
     settings = here.settle(requested_settings, seed_given=seed is not None)
     note = here.require_same_design(settings, requested_settings)
     if note:
-        TELLING.warn(note)
+        NOTIFIER.warn(note)
     experiment = opened_study.experiment(settings.parameters)
     if not isinstance(experiment, StudyExperiment):
         raise UsageError(f"{opened_study.name} is not declared on the kit; it shows no page")
@@ -146,7 +146,7 @@ def built_films(base: Request) -> "FilmStore":
     assert isinstance(experiment, StudyExperiment)  # noqa: S101  # page_study has checked it
     store = film_store(experiment)
     if experiment.films:
-        with TELLING.progress("building films") as on_progress:
+        with NOTIFIER.progress("building films") as on_progress:
             store.build(experiment.films, on_progress)
     return store
 

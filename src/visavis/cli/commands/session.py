@@ -33,10 +33,10 @@ from visavis.cli.desk.link import ACTIONS, About, SessionLink
 from visavis.cli.doctor.findings import Finding
 from visavis.cli.doctor.station import station_findings
 from visavis.cli.lab_companion import LabCompanion
+from visavis.cli.notifier import NOTIFIER, counting, make_ready
 from visavis.cli.operator_screen import TerminalOperator
 from visavis.cli.questions import TerminalRespondent
 from visavis.cli.studies import StudyHere, require_session, study_here, study_of_lab
-from visavis.cli.telling import TELLING, counting, make_ready
 from visavis.lab.clock import SimClock, SystemClock
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import DeviceError, RecordingError, SessionAborted, UsageError
@@ -485,7 +485,7 @@ def _perform(
     is_rehearsal = here.is_simulated
     experiment = here.study.experiment(settings.parameters)
     if not fast and on == "browser" and isinstance(experiment, StudyExperiment):
-        with TELLING.progress("building films") as on_progress:
+        with NOTIFIER.progress("building films") as on_progress:
             film_store(experiment).build(experiment.films, on_progress)
     # Compute and compile before the operator's screen opens, which would stay empty meanwhile.
     if not fast and on == "lab":

@@ -20,7 +20,7 @@ import numpy as np
 import platformdirs
 
 from visavis.analysis.gaze.aoi import DEFAULT_PAD_DEG
-from visavis.cli.desk.seen import Looking, above, from_head, jpeg_of
+from visavis.cli.desk.scene_view import LastGaze, above, from_head, jpeg_of
 from visavis.cli.operator_screen import needs_look
 from visavis.devices.contracts import Health
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
@@ -86,9 +86,9 @@ class SessionLink:
         self._status_number = 0
         self._token = secrets.token_urlsafe(24)
         self._commands: deque[Command] = deque()
-        self._latest: tuple[int, SessionStatus, Looking] | None = None
-        self._looking = Looking()
-        self._latest_glance: tuple[int, SessionStatus, Looking, Glance] | None = None
+        self._latest: tuple[int, SessionStatus, LastGaze] | None = None
+        self._looking = LastGaze()
+        self._latest_glance: tuple[int, SessionStatus, LastGaze, Glance] | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._over: asyncio.Event | None = None
         self._listens = threading.Event()
@@ -230,7 +230,7 @@ def command_of(
     return Command(action, plain, code)
 
 
-def status_message(number: int, status: SessionStatus, looking: Looking) -> dict[str, Any]:
+def status_message(number: int, status: SessionStatus, looking: LastGaze) -> dict[str, Any]:
     """Return a status as a message to a desk; NaN and unknown values are None."""
     return {
         "number": number,

@@ -18,7 +18,7 @@ MAX_LINE_BYTES: Final = 1 << 20
 
 
 @dataclass(eq=False)
-class Live:
+class LiveSession:
     """A session that goes on: its description of itself, its status, and the connection."""
 
     about: Mapping[str, Any]
@@ -39,7 +39,7 @@ class SessionWatch:
         self._name = meeting_name(data_root)
         self._changed = asyncio.Condition()
         self._followers: dict[Path, asyncio.Task[None]] = {}
-        self.live: dict[str, Live] = {}
+        self.live: dict[str, LiveSession] = {}
         self.last_ended: Mapping[str, Any] | None = None
         self.number = 0
 
@@ -55,7 +55,7 @@ class SessionWatch:
         session = self.of()
         return None if session is None else session.status
 
-    def of(self, which: str = "") -> Live | None:
+    def of(self, which: str = "") -> LiveSession | None:
         """Return a session by its name, the first where it has ended or none is named."""
         return self.live.get(which) or next(iter(self.live.values()), None)
 
@@ -117,14 +117,14 @@ class SessionWatch:
         except (OSError, ValueError, KeyError, TypeError):
             meeting.unlink(missing_ok=True)  # of a process that was killed
             return
-        session: Live | None = None
+        session: LiveSession | None = None
         try:
             writer.write(str(how["token"]).encode() + b"\n")
             about = _about(await asyncio.wait_for(reader.readline(), HELLO_S))
             if about is None:
                 meeting.unlink(missing_ok=True)  # another program has that port now
                 return
-            session = self.live[meeting.stem] = Live(about, writer)
+            session = self.live[meeting.stem] = LiveSession(about, writer)
             await self.wake()
             while line := await reader.readline():
                 message = json.loads(line)

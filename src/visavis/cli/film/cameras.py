@@ -64,7 +64,7 @@ class FilmCamera(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class FromViewpoint:
+class ViewpointCamera:
     """A camera at the participant's eyes, above the scene, or around it."""
 
     view: Viewpoint
@@ -78,7 +78,7 @@ class FromViewpoint:
 
 
 @dataclass(frozen=True, eq=False)
-class Behind:
+class FollowCamera:
     """Over the shoulder, always behind where the participant faces."""
 
     aspect: float
@@ -113,7 +113,7 @@ class Decisions:
         path.write_text(json.dumps(head)[:-1] + f', "views": [\n{lines}\n]}}\n', encoding="utf-8")
 
 
-class ByTopology:
+class TopologyCamera:
     """A director who knows the place films the participant, wherever they go.
 
     `people_at` returns what stands about at a time, `head_at` where the participant's head is.
@@ -207,7 +207,7 @@ def _place_of(room: Room) -> FilmedPlace:
     return _PLACES[id(room)][1]
 
 
-class AsDecided:
+class RecordedCamera:
     """The camera of an earlier film, from the file of its decisions."""
 
     def __init__(self, path: Path, aspect: float) -> None:

@@ -18,14 +18,14 @@ import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
 from visavis.cli.film.cameras import (
-    AsDecided,
-    Behind,
-    ByTopology,
     CameraKind,
     Cuts,
     Decisions,
     FilmCamera,
-    FromViewpoint,
+    FollowCamera,
+    RecordedCamera,
+    TopologyCamera,
+    ViewpointCamera,
     films_by_topology,
     style_of,
 )
@@ -159,7 +159,7 @@ def write_film(
             film.add(np.asarray(add_label(image, caption if Overlay.CLOCK in overlays else label)))
             if on_frame is not None:
                 on_frame(k + 1, len(times))
-    decisions = looks.decisions() if isinstance(looks, ByTopology) else None
+    decisions = looks.decisions() if isinstance(looks, TopologyCamera) else None
     cut_ns = None if decisions is None else np.array([cut["t_ns"] for cut in decisions.cuts])
     return FilmResult(len(times), camera, decisions, log.sheet(cut_ns))
 
@@ -186,12 +186,12 @@ def _camera(
     shown_at: Callable[[int], Picture],
 ) -> FilmCamera:
     if isinstance(camera, Path):
-        return AsDecided(camera, aspect)
+        return RecordedCamera(camera, aspect)
     if camera is CameraKind.TOPOLOGY:
-        return ByTopology(style_of(shot, cuts), aspect, shown_at, trial.head_at, seed)
+        return TopologyCamera(style_of(shot, cuts), aspect, shown_at, trial.head_at, seed)
     if camera is CameraKind.FOLLOW:
-        return Behind(aspect)
-    return FromViewpoint(Viewpoint(camera.value), aspect, start_ns)
+        return FollowCamera(aspect)
+    return ViewpointCamera(Viewpoint(camera.value), aspect, start_ns)
 
 
 class FilmedTrial:
@@ -211,8 +211,8 @@ class FilmedTrial:
         self._looked_ns = -LOOK_EVERY_NS
         self._trial, self._shown_at, self._looks = trial, shown_at, looks
         self._overlays, self._size_px = overlays, size_px
-        self._from_eyes = isinstance(looks, FromViewpoint) and looks.view is Viewpoint.EYES
-        self._eyes = FromViewpoint(Viewpoint.EYES, size_px[0] / size_px[1], trial.span_ns[0])
+        self._from_eyes = isinstance(looks, ViewpointCamera) and looks.view is Viewpoint.EYES
+        self._eyes = ViewpointCamera(Viewpoint.EYES, size_px[0] / size_px[1], trial.span_ns[0])
         self._stand_in = None if self._from_eyes else StandIn(trial)
         wants = Overlay.CONTACTS in overlays
         self._lanes = lanes_of(trial.recording, trial.part) if wants else []

@@ -50,7 +50,7 @@ class _EnoughError(Exception):
     """Ends a performance when enough frames are there."""
 
 
-class _Watching(GeometryStage):
+class _CapturingStage(GeometryStage):
     """A stage that draws nothing and keeps what it was asked to show, from light to darkness."""
 
     def __init__(
@@ -152,7 +152,7 @@ class Capture:
         with tempfile.TemporaryDirectory(prefix="preview") as folder:
 
             def stage_for(viewers: Sequence[Viewer]) -> Stage:
-                return _Watching(viewers, self.frames, enough)
+                return _CapturingStage(viewers, self.frames, enough)
 
             try:
                 request = self._request(Path(folder))
@@ -186,7 +186,7 @@ class Capture:
         self._is_stopped.set()
 
 
-class Meanwhile:
+class BackgroundPerformance:
     """Performs a trial in a thread of its own while the frames that exist are shown."""
 
     def __init__(self, capture: Capture) -> None:
@@ -195,7 +195,7 @@ class Meanwhile:
         self._news = threading.Event()
         self._thread = threading.Thread(target=self._run, name="preview", daemon=True)
 
-    def __enter__(self) -> "Meanwhile":
+    def __enter__(self) -> "BackgroundPerformance":
         """Begin, and wait for the first frame."""
         self._thread.start()
         while not self.capture.frames and self._thread.is_alive():

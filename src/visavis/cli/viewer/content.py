@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.analysis.session_check import check_session
-from visavis.cli.film.cameras import ByTopology, Cuts, style_of
+from visavis.cli.film.cameras import Cuts, TopologyCamera, style_of
 from visavis.cli.recorded_trial import RecordedTrial, factors_of, recorded_trial
 from visavis.cli.session_lanes import lanes_of
 from visavis.cli.viewer.bundle import Bundle
@@ -404,7 +404,7 @@ def _topology(trial: RecordedTrial, samples: list[Sample], bundle: Bundle) -> di
         k = (t_ns - start_ns) * SAMPLES_PER_S // NS_PER_S
         return samples[min(max(k, 0), len(samples) - 1)].picture
 
-    camera = ByTopology(style_of(ShotSize.LONG, Cuts.AUTO), 16 / 9, shown_at, trial.head_at)
+    camera = TopologyCamera(style_of(ShotSize.LONG, Cuts.AUTO), 16 / 9, shown_at, trial.head_at)
     try:
         for sample in samples:
             camera.at(sample.t_ns, sample.picture, trial.head_at(sample.t_ns))

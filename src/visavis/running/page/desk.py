@@ -34,7 +34,7 @@ ASLEEP_NS: Final = 5 * NS_PER_S
 
 
 @dataclass(frozen=True)
-class Past:
+class EarlierParts:
     """Content of the earlier parts of a session: page events in order, and what else was written.
 
     `events` are (part, session time, payload). `rows` are trials that have a row, `answers` pairs
@@ -98,7 +98,7 @@ class PageDesk:
     recorder: Recorder
     clock: Clock
     notes: Notes
-    past: Past | None = None
+    past: EarlierParts | None = None
     key: str = field(default_factory=lambda: secrets.token_urlsafe(24))
     last_event_number: int = 0
     step_number: int = 0
@@ -277,7 +277,7 @@ class PageDesk:
         elif not (self._is_replaying and self.past is not None and _is_known(out, self.past)):
             self.recorder.event(out.name, self.clock.now_ns(), **out.payload)
 
-    def _replay(self, past: Past) -> None:
+    def _replay(self, past: EarlierParts) -> None:
         """Replay the course up to its last reply; flag a trial that a restart interrupted."""
         part = None
         for its_part, t_ns, payload in past.events:
@@ -294,12 +294,12 @@ class PageDesk:
         self._has_left = False
         self._heard_ns = self.clock.now_ns()
 
-    def _flag_interruption(self, past: Past) -> None:
+    def _flag_interruption(self, past: EarlierParts) -> None:
         if past.broken_by:
             self.notes.add(past.broken_by)
 
 
-def _is_known(event: Event, past: Past) -> bool:
+def _is_known(event: Event, past: EarlierParts) -> bool:
     """Tell whether an event that the course repeats is in an earlier part."""
     payload = event.payload
     match event.name:

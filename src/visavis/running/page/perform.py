@@ -29,7 +29,7 @@ from visavis.running.page.course import (
     course,
     texts_of_page,
 )
-from visavis.running.page.desk import PageDesk, Past
+from visavis.running.page.desk import EarlierParts, PageDesk
 from visavis.running.page.server import PageServer, PageSession
 from visavis.running.page.visitor import Visitor, visitor_of
 from visavis.running.sessions.device_setup import is_simulated
@@ -130,7 +130,7 @@ def prepared_films(
     return store
 
 
-def past_of(recording: Recording) -> Past:
+def past_of(recording: Recording) -> EarlierParts:
     """Return the content of the earlier parts of a session."""
     events = recording.events()
     pages: list[tuple[int, int, Mapping[str, Any]]] = []
@@ -150,7 +150,7 @@ def past_of(recording: Recording) -> Past:
                 complete.add(str(payload["questionnaire"]))
     trials = recording.trials()
     rows = frozenset(map(str, trials["trial_id"])) if "trial_id" in trials else frozenset()
-    return Past(
+    return EarlierParts(
         pages,
         rows,
         frozenset(started_trials),
@@ -207,7 +207,7 @@ def page_session_of(
     store: FilmStore,
     folder: SessionFolder,
     recorder: Recorder,
-    past: Past | None,
+    past: EarlierParts | None,
     key: str,
 ) -> PageSession:
     """Return a session ready to be served: its desk, where it was left, and its films.
@@ -252,7 +252,7 @@ def _perform_part(
     experiment: StudyExperiment,
     store: FilmStore,
     folder: SessionFolder,
-    past: Past | None,
+    past: EarlierParts | None,
     port: int,
 ) -> None:
     make = partial(recorder_of, clock=request.clock, is_simulated=folder.manifest.is_simulated)
@@ -272,7 +272,7 @@ async def _serve(
     store: FilmStore,
     folder: SessionFolder,
     recorder: Recorder,
-    past: Past | None,
+    past: EarlierParts | None,
     port: int,
 ) -> str:
     virtual = request.clock.is_virtual

@@ -64,7 +64,7 @@ class Rules:
 
 
 @dataclass
-class Brake:
+class RateLimit:
     """Limits how many new people come at once, then per second; it ignores network addresses."""
 
     at_once: float = 60.0
@@ -84,7 +84,7 @@ class Brake:
 
 
 @dataclass(eq=False)
-class _Open:
+class _OpenSession:
     """An open session: what serves it, and the recorder that writes it."""
 
     entry: Participant
@@ -126,7 +126,7 @@ class Reception:
         self._simulated = is_simulated(base.config)
         self._contact = base.config.privacy.contact
         self._root = base.config.data_root
-        self._open: dict[str, _Open] = {}
+        self._open: dict[str, _OpenSession] = {}
         self._keys: dict[str, str] = {}
         self._of_panel: dict[tuple[str, str], str] = {}
         self._orders: dict[int, Order] = {}
@@ -135,7 +135,7 @@ class Reception:
         self._closing: set[asyncio.Task[None]] = set()
         self._port = 0
         self._ledger_state = self._read_ledger_state()
-        self._brake = Brake()
+        self._rate_limit = RateLimit()
         for entry in ledger.list():
             self._read(entry)
         self._states = {place.label: place.state for place in self._board().places}
@@ -171,7 +171,7 @@ class Reception:
             quota = self._rules.quota
             if is_open >= MAX_OPEN or (quota is not None and busy >= quota):
                 return {"refused": "full", "text": words.get("full", "")}
-            if not self._brake.lets_pass(self._base.clock.now_ns()):
+            if not self._rate_limit.lets_pass(self._base.clock.now_ns()):
                 return {"refused": "busy", "text": words.get("busy", "")}
             try:
                 session = await self._run(self._begin, arrival)
@@ -279,7 +279,7 @@ class Reception:
         if who and who.get("identifier"):
             self._of_panel[who.get("panel", ""), who["identifier"]] = key
 
-    def _begin(self, arrival: Arrival) -> _Open:
+    def _begin(self, arrival: Arrival) -> _OpenSession:
         entry = self._registered(arrival) or self._add_to_ledger()
         if arrival.identifier:
             self._identify(entry.label, arrival.identity)
@@ -327,7 +327,7 @@ class Reception:
         plan = self._experiment.plan(index, self._base.seed)
         return self._ledger.add(index=index, group=plan.group)
 
-    def _go_on(self, key: str) -> _Open:
+    def _go_on(self, key: str) -> _OpenSession:
         entry = self._ledger.resolve(self._keys[key])
         path, request = self._path(entry), self._request(entry)
         arrival = self._arrival(entry.label)
@@ -374,7 +374,7 @@ class Reception:
         past: Any,
         key: str,
         arrival: Arrival,
-    ) -> _Open:
+    ) -> _OpenSession:
         clock = request.clock
         part_dir = folder.begin_part(clock)
         recorder: Recorder | None = None
@@ -390,9 +390,9 @@ class Reception:
         if self._rules.completion:
             where = completion_of(self._rules.completion, arrival)
             page_session = replace(page_session, about={**page_session.about, "completion": where})
-        return _Open(entry, page_session, folder, recorder, clock.now_ns())
+        return _OpenSession(entry, page_session, folder, recorder, clock.now_ns())
 
-    def _keep(self, session: _Open) -> None:
+    def _keep(self, session: _OpenSession) -> None:
         key = session.page.desk.key
         self._states[session.entry.label] = "running"
         self._open[key] = session
@@ -402,7 +402,7 @@ class Reception:
         if session.page.desk.is_over:
             session.page.over.set()
 
-    async def _end_when_over(self, session: _Open) -> None:
+    async def _end_when_over(self, session: _OpenSession) -> None:
         over = asyncio.ensure_future(session.page.over.wait())
         closing = asyncio.ensure_future(session.page.closed.wait())
         try:
@@ -466,7 +466,7 @@ class Reception:
                     self._states[session.entry.label] = "left"
                     await self._close(session, "aborted", LEFT)
 
-    async def _close(self, session: _Open, status: CloseStatus, reason: str) -> None:
+    async def _close(self, session: _OpenSession, status: CloseStatus, reason: str) -> None:
         """Close a recording; its page gets the last state until it says hello again."""
         key = session.page.desk.key
         async with session.page.lock:

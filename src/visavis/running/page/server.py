@@ -26,7 +26,7 @@ FILES: Final = {
 BOARD_FILES: Final = {"/board": "board.html", "/board.js": "board.js"}
 KEY: Final = "X-Visavis-Key"
 MAX_REQUEST_BYTES: Final = 1 << 20
-MAX_TOLD: Final = 20
+MAX_PARAMETERS: Final = 20
 SHUTDOWN_S: Final = 5.0
 """How long the server waits for films in transfer when it stops."""
 LOCAL: Final = "127.0.0.1"
@@ -249,7 +249,7 @@ class PageServer(LocalServer):
     async def _arrive(self, request: web.Request) -> web.StreamResponse:
         body = await body_of(request)
         content, before = body.get("told", {}), text_of(body, "before", is_needed=False)
-        if not isinstance(content, Mapping) or len(content) > MAX_TOLD:
+        if not isinstance(content, Mapping) or len(content) > MAX_PARAMETERS:
             raise PageError("told is a few short texts")
         assert self._reception is not None  # noqa: S101  # the route exists only with it
         parameters = {str(name): text_of(content, str(name), is_needed=False) for name in content}

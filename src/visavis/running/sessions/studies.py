@@ -1,6 +1,6 @@
 """Simulate a whole study, and analyse one: the work of the commands with these names.
 
-Messages go to `telling`: the command line prints them, a script gets only warnings.
+Messages go to `notifier`: the command line prints them, a script gets only warnings.
 """
 
 import warnings
@@ -71,7 +71,7 @@ from visavis.study.catalogue import reference_of
 from visavis.study.pieces import Pieces
 
 
-class Telling(Protocol):
+class Notifier(Protocol):
     """Receives messages while a study is simulated or analysed."""
 
     def say(self, text: str) -> None:
@@ -87,7 +87,7 @@ class Telling(Protocol):
         ...
 
 
-class Quiet:
+class QuietNotifier:
     """Says nothing but warnings, as Python's."""
 
     def say(self, text: str) -> None:
@@ -102,7 +102,7 @@ class Quiet:
         return nullcontext(lambda count, total: None)
 
 
-QUIET: Final = Quiet()
+QUIET: Final = QuietNotifier()
 
 
 def simulate_study(
@@ -114,7 +114,7 @@ def simulate_study(
     *,
     processes: int | None = None,
     scheduler: str | None = None,
-    telling: Telling = QUIET,
+    notifier: Notifier = QUIET,
 ) -> Path:
     """Simulate what is missing of a study; sessions already there are kept.
 
@@ -140,7 +140,7 @@ def simulate_study(
     )
     has_changed = settings.source_sha256 not in ("", requested_settings.source_sha256)
     if has_changed and session_folders(folder):
-        telling.say(
+        notifier.say(
             f"{requested_settings.source}, or a text beside it, has changed since {folder} was "
             "begun: sessions there stay as they are, further ones are made with it as it is now"
         )
@@ -159,11 +159,11 @@ def simulate_study(
         if f"sub-{e.label}" not in present
     ]
     if present:
-        telling.say(f"{len(present)} sessions are there already and are kept")
+        notifier.say(f"{len(present)} sessions are there already and are kept")
     if len(sessions) > len(present):
-        telling.say(f"{len(sessions) - len(present)} were interrupted; their rest is simulated")
+        notifier.say(f"{len(sessions) - len(present)} were interrupted; their rest is simulated")
     watch = StopWatch()
-    with telling.progress("simulating") as report_progress:
+    with notifier.progress("simulating") as report_progress:
         report_progress(0, len(tasks))
         try:
             for number, _ in enumerate(_run(simulate_one, tasks, processes, scheduler), start=1):
@@ -174,7 +174,9 @@ def simulate_study(
                 "it goes on from there"
             ) from stop
     if tasks:
-        telling.say(f"{count_of(len(tasks), 'participant')} simulated in {watch.elapsed_s():.0f} s")
+        notifier.say(
+            f"{count_of(len(tasks), 'participant')} simulated in {watch.elapsed_s():.0f} s"
+        )
     return folder
 
 
@@ -198,7 +200,7 @@ def analyse_study(
     peek: str | None = None,
     sync: Path | None = None,
     make_views: Callable[[Path, Sequence[Striking]], None] | None = None,
-    telling: Telling = QUIET,
+    notifier: Notifier = QUIET,
 ) -> Path:
     """Measure every session of a study and analyse them together; return the report's path.
 
@@ -213,7 +215,7 @@ def analyse_study(
     folder = folder.resolve()
     sessions, left_out = one_per_participant(sessions_of(folder))
     for path in left_out:
-        telling.warn(
+        notifier.warn(
             f"left out: {path.parent.name}/{path.name}; of several sessions of one person the "
             "first complete one is analysed"
         )
@@ -237,7 +239,7 @@ def analyse_study(
     watch = StopWatch()
     damage_reports = require_intact(sessions, accept=accept_damage)
     if damage_reports:
-        telling.warn(
+        notifier.warn(
             f"{counted_damage(damage_reports, len(sessions))}; what cannot be read is missing\n"
             f"{describe(damage_reports)}"
         )
@@ -246,27 +248,27 @@ def analyse_study(
     make_folder(out_dir, exist_ok=True)
     use_recorded_cast(Recording(sessions[0]))  # before anything of the study is made
     opened_study, change_warning = study_of_folder(folder, study)
-    opened_study = _with_recorded_design(opened_study, change_warning, folder, manifests, telling)
+    opened_study = _with_recorded_design(opened_study, change_warning, folder, manifests, notifier)
     settings = read_parameters(list(measure))
     if sync is not None:
         test = read_sync_test(sync)
         settings = {**settings, SETTING: required_for(test, kinds)}
-        telling.say(f"pictures {test.picture_delay_ms:g} ms late, by {test.name} of {test.made}")
+        notifier.say(f"pictures {test.picture_delay_ms:g} ms late, by {test.name} of {test.made}")
     opened_study.check_settings(settings)  # before anything is measured
     review = None
     if locked_plan is not None:
         opened_study, review = _review(opened_study, locked_plan, manifests, settings, peeks)
         for line in review.lines():
-            telling.warn(line) if review.deviations else telling.say(line)
+            notifier.warn(line) if review.deviations else notifier.say(line)
     # Long measurements go trial by trial, so that a stop loses at most one.
     pieces = opened_study.pieces
     if pieces is not None:
         intakes = _measure_piecewise(
-            opened_study, pieces, sessions, folder, processes, scheduler, settings, telling
+            opened_study, pieces, sessions, folder, processes, scheduler, settings, notifier
         )
     else:
         intakes = _measure_sessions(
-            reference_of(opened_study.study), sessions, processes, scheduler, settings, telling
+            reference_of(opened_study.study), sessions, processes, scheduler, settings, notifier
         )
     # Keep one manifest per session, not two: with a hundred people they take most memory.
     intakes = [replace(one, manifest=m) for one, m in zip(intakes, manifests, strict=True)]
@@ -275,10 +277,10 @@ def analyse_study(
     counts = analysis.selection.people.set_index("participant")[COUNTED]
     for who, summary in halves.items():
         verdict = "it is included" if counts.get(who, False) else "they are left out"
-        telling.warn(f"not finished: {summary}; {verdict}")
+        notifier.warn(f"not finished: {summary}; {verdict}")
     intakes = [one.without_tables() for one in intakes]  # the analysis holds everybody's
     # The report names the command that makes it again, and simulated data how they were made.
-    report_path = replace(opened_study, tell=telling.warn, make_views=make_views).write(
+    report_path = replace(opened_study, tell=notifier.warn, make_views=make_views).write(
         analysis,
         intakes,
         out_dir,
@@ -307,8 +309,8 @@ def analyse_study(
     try:
         register_export(folder, SystemClock(), ANALYSIS, out_dir, labels, files)
     except LedgerError as error:  # a read-only archive
-        telling.warn(str(error))
-    telling.say(f"{count_of(len(sessions), 'session')} analysed in {watch.elapsed_s():.0f} s")
+        notifier.warn(str(error))
+    notifier.say(f"{count_of(len(sessions), 'session')} analysed in {watch.elapsed_s():.0f} s")
     return report_path
 
 
@@ -317,7 +319,7 @@ def _with_recorded_design(
     changed: str,
     folder: Path,
     manifests: Sequence[Manifest],
-    telling: Telling,
+    notifier: Notifier,
 ) -> OpenedStudy:
     """Return a study with the levels its sessions had; warn of what was changed since, by name.
 
@@ -329,14 +331,14 @@ def _with_recorded_design(
     changes, mixture_warning = compare_designs(manifests, now)
     require_recorded_factors(folder, manifests, now)
     if changes:
-        telling.warn(
+        notifier.warn(
             f"the study has changed since {folder} was begun: {in_words(changes)}. Analysed is "
             "what the sessions had"
         )
     elif changed:
-        telling.warn(f"{changed}. What sessions show and ask is the same")
+        notifier.warn(f"{changed}. What sessions show and ask is the same")
     if mixture_warning:
-        telling.warn(mixture_warning)
+        notifier.warn(mixture_warning)
     return as_recorded(opened_study, manifests)
 
 
@@ -378,12 +380,12 @@ def _measure_sessions(
     processes: int | None,
     scheduler: str | None,
     settings: Mapping[str, Any],
-    telling: Telling,
+    notifier: Notifier,
 ) -> list[Any]:
     """Measure session by session, here or on a scheduler."""
     jobs = [(study, s, settings) for s in sessions]
     results: dict[int, Any] = {}
-    with telling.progress("measuring") as report_progress:
+    with notifier.progress("measuring") as report_progress:
         report_progress(0, len(jobs))
         for number, result in _run(measure_one, jobs, processes, scheduler):
             results[number] = result
@@ -408,12 +410,12 @@ def _measure_piecewise(
     processes: int | None,
     scheduler: str | None,
     settings: Mapping[str, Any],
-    telling: Telling,
+    notifier: Notifier,
 ) -> list[Any]:
     """Measure trial by trial, here or on a scheduler; those measured before are kept."""
     run = partial(_run, processes=processes, scheduler=scheduler)
     store = folder / DERIVED_FOLDER / MEASURED_FOLDER
-    with telling.progress("measuring") as report_progress:
+    with notifier.progress("measuring") as report_progress:
         return measure_sessions(study, pieces, sessions, store, run, settings, report_progress)
 
 

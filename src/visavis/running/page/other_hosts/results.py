@@ -25,7 +25,7 @@ from visavis.recording.writer import REAL_TIME_BATCH_NS, CloseStatus, Recorder
 from visavis.running.film_store import FilmStore
 from visavis.running.page.arrivals import LINK, Arrival, arrival_of
 from visavis.running.page.course import DONE, WITHDRAWN, course
-from visavis.running.page.desk import PageDesk, Past
+from visavis.running.page.desk import EarlierParts, PageDesk
 from visavis.running.page.other_hosts.bundle import FORMAT, digest_of, steps_of_place, visit_of
 from visavis.running.page.perform import (
     ENDINGS,
@@ -161,7 +161,7 @@ def import_runs(
     people = _People(base, ledger, identity_of)
     sessions_by_run = _sessions_by_run(ledger.path.parent)
     # Check every run first: the ledger takes people in order of rank, not of lines in files.
-    fit: list[_Fit] = []
+    fit: list[_ReadyRun] = []
     for run in runs:
         try:
             session = sessions_by_run.get(run.key)
@@ -169,7 +169,7 @@ def import_runs(
                 summary.recorded_before += 1
                 continue
             outcome = _check_run(base, store, run)
-            one = _Fit(run, people.with_label(run.arrival), outcome, run.begun_ms)
+            one = _ReadyRun(run, people.with_label(run.arrival), outcome, run.begun_ms)
             if outcome == WITHDRAWN:
                 summary.withdrawn_runs += (run.key,)
             elif session is not None:
@@ -248,7 +248,7 @@ def _text(data: bytes) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class _Fit:
+class _ReadyRun:
     """A run that can be recorded: whose it is, how it ended ("" where it did not)."""
 
     run: Run
@@ -328,7 +328,7 @@ def _is_over(session: Path) -> bool:
     return part.status == "complete" or part.reason in ENDED_EARLY
 
 
-def _record_rest(base: Request, store: FilmStore, one: _Fit, session: Path) -> bool:
+def _record_rest(base: Request, store: FilmStore, one: _ReadyRun, session: Path) -> bool:
     """Record the lines of a run that are new since its last import; return whether it had any."""
     past = replace(past_of(Recording(session)), broken_by="")
     opening_count = sum(payload["kind"] == "opened" for _, _, payload in past.events)
@@ -436,7 +436,7 @@ def _import(
     base: Request,
     store: FilmStore,
     ledger: Ledger,
-    one: _Fit,
+    one: _ReadyRun,
     registered: Participant | None,
     identify: Callable[[str, Mapping[str, str]], None],
 ) -> tuple[str, Path, int]:
@@ -464,7 +464,7 @@ def _record(
     store: FilmStore,
     folder: SessionFolder,
     run: Run,
-    past: Past | None,
+    past: EarlierParts | None,
     outcome: str,
 ) -> None:
     """Record a part of a session from lines of a run, by their own times."""

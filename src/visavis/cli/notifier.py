@@ -47,8 +47,8 @@ def counting(shown_on: Console, *, quiet: bool = False) -> Progress:
     return Progress(*columns, console=shown_on, disable=quiet)
 
 
-class TerminalTelling:
-    """Follow `visavis.running.sessions.studies.Telling` on the terminal."""
+class TerminalNotifier:
+    """Follow `visavis.running.sessions.studies.Notifier` on the terminal."""
 
     def say(self, text: str) -> None:
         """Print it."""
@@ -69,7 +69,7 @@ class TerminalTelling:
             )
 
 
-TELLING = TerminalTelling()
+NOTIFIER = TerminalNotifier()
 
 
 @cache
@@ -85,10 +85,10 @@ def make_ready(study: "OpenedStudy", experiment: "StudyExperiment", config: "Lab
     # Late: verbs that run no session load neither devices nor pumps.
     from visavis.running.sessions.perform import get_ready
 
-    with TELLING.progress(f"getting {experiment.name} ready") as on_progress:
+    with NOTIFIER.progress(f"getting {experiment.name} ready") as on_progress:
         trouble = get_ready(study, experiment, config, on_progress)
     if trouble:
-        TELLING.warn(trouble)
+        NOTIFIER.warn(trouble)
 
 
 class Forecast:
