@@ -5,8 +5,9 @@ import pytest
 
 from visavis.lab.body_joints import BODY_JOINTS
 from visavis.lab.errors import DataError
-from visavis.lab.geometry import quat_from_yaw_pitch_deg, rotate
-from visavis.people.body import segments_of
+from visavis.lab.geometry import quat_from_yaw_pitch_deg, rotate, unit
+from visavis.people.body import StandingBody, segments_of
+from visavis.people.body_kernels import HALF_IPD_M
 from visavis.people.person import StudyPerson
 from visavis.stimuli.motion.skeleton import canonical_skeleton
 
@@ -105,6 +106,47 @@ def test_the_body_of_a_study_s_person_follows_their_head():
     assert gap.max() - gap.min() < 0.01
     eyes = np.array([position for position, _ in heads])
     assert np.linalg.norm(eyes - at[:, 0], axis=1).max() < 0.15
+
+
+def test_a_standing_body_answers_the_same_about_one_instant_and_about_many():
+    eye_m = np.array([0.0, STANDING_EYE_M, 0.0])
+    body = StandingBody(
+        eye_m,
+        np.array([0.3, 1.0, 2.0]),
+        ahead_m=eye_m - [0.0, 0.0, 2.0],
+        hand_m=eye_m + np.array([0.26, -0.42, -0.3]),
+        rest_m=eye_m - [0.0, 0.6, 1.0],
+    )
+    for begin_s, x_m in ((0.2, 0.5), (0.7, -0.6), (1.9, 0.1)):
+        body.look(begin_s, eye_m + np.array([x_m, 0.1, -2.0]))
+        body.hand.point(begin_s, eye_m + np.array([x_m, -0.1, -2.0]))
+    t_ns = np.arange(0, 3_000_000_000, 50_000_000, dtype=np.int64)
+
+    eyes = body.eyes(t_ns)
+    at, turns = body.segments(("head", "right_hand"), t_ns)
+
+    for i, one in enumerate(t_ns):
+        assert eyes[i] == body.eyes(t_ns[i : i + 1])[0]
+        at_once, turned_once = body.segments(("head", "right_hand"), t_ns[i : i + 1])
+        np.testing.assert_array_equal(at[i], at_once[0])
+        np.testing.assert_array_equal(turns[i], turned_once[0])
+        np.testing.assert_array_equal(turns[i, 0], body.head(int(one))[1])
+
+
+def test_both_eyes_of_a_standing_body_meet_at_the_point_they_look_at():
+    eye_m = np.array([0.0, STANDING_EYE_M, 0.0])
+    goal_m = np.array([0.7, 1.3, -2.0])
+    body = StandingBody(eye_m, np.zeros(3), ahead_m=goal_m, hand_m=eye_m, rest_m=goal_m)
+    t_ns = np.arange(0, 2_000_000_000, 100_000_000, dtype=np.int64)
+
+    eyes = body.eyes(t_ns)
+
+    for i, t in enumerate(t_ns):
+        middle_m, turn = body.head(int(t))
+        for side, way in (("left", -1.0), ("right", 1.0)):
+            from_m = middle_m + rotate(turn, np.array([way * HALF_IPD_M, 0.0, 0.0]))
+            looks = rotate(turn, eyes[f"{side}_direction_head"][i])
+            np.testing.assert_allclose(looks, unit(goal_m - from_m), atol=1e-7)
 
 
 def test_a_segment_that_the_body_lacks_is_refused():
