@@ -1,4 +1,4 @@
-"""Put a synchronisation test together: a display, a speaker, a band and a sensor, real or not."""
+"""Put a synchronisation test together from display, speaker, band and sensor, real or not."""
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack

@@ -162,7 +162,7 @@ def _refuse_on_page(study: str, view: Viewpoint, path: Path | None) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _TrialPreview:
-    """A trial to preview: how it looks, from which viewpoint and at which size."""
+    """A trial to preview, with its viewpoint, the size of pictures and a label."""
 
     capture: Capture
     dress: Callable[[SceneFrame], Picture]

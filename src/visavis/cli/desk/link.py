@@ -1,4 +1,4 @@
-"""The session's side of the desk: say how it goes, take commands; both outside the frame loop."""
+"""The session's side of the desk: send its status, take commands, outside the frame loop."""
 
 import asyncio
 import contextlib

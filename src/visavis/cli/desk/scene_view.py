@@ -1,4 +1,4 @@
-"""What a desk draws of a session's scene: from above, and from the participant's head."""
+"""Views of a session's scene for the desk: from above, and from the participant's head."""
 
 import base64
 import io
@@ -61,7 +61,7 @@ class LastGaze:
     areas: Areas | None = None
 
     def after(self, status: SessionStatus, pad_deg: float) -> Self:
-        """Return what is known after a status; heads' areas are `pad_deg` wider than heads."""
+        """Return the last gaze after a status; areas of interest are `pad_deg` wider than heads."""
         ray, areas = _last_ray(status), _last_areas(status, pad_deg)
         scene = None if status.shown is None else status.shown.scene
         if areas is None and self.areas is not None and self.areas.scene is scene:

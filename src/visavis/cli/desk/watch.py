@@ -1,4 +1,4 @@
-"""The desk's side of the link: find the sessions that go on, hear of them, and command them."""
+"""The desk's side of the link: find running sessions, read their status, send commands."""
 
 import asyncio
 import contextlib
@@ -84,7 +84,7 @@ class SessionWatch:
                 )
 
     async def wake(self) -> None:
-        """End everybody's waiting, though nothing has changed."""
+        """End every wait, although nothing has changed."""
         async with self._changed:
             self.number += 1
             self._changed.notify_all()

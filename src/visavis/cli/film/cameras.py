@@ -79,7 +79,7 @@ class ViewpointCamera:
 
 @dataclass(frozen=True, eq=False)
 class FollowCamera:
-    """Over the shoulder, always behind where the participant faces."""
+    """A camera over the participant's shoulder, behind the direction in which they face."""
 
     aspect: float
 
@@ -114,7 +114,7 @@ class Decisions:
 
 
 class TopologyCamera:
-    """A director who knows the place films the participant, wherever they go.
+    """A camera whose director knows the room and follows the participant wherever they go.
 
     `people_at` returns what stands about at a time, `head_at` where the participant's head is.
     """

@@ -51,7 +51,7 @@ class _EnoughError(Exception):
 
 
 class _CapturingStage(GeometryStage):
-    """A stage that draws nothing and keeps what it was asked to show, from light to darkness."""
+    """A stage that draws nothing; it stores the frames to show, from light to darkness."""
 
     def __init__(
         self, viewers: Sequence[Viewer], frames: list[CapturedFrame], enough: Callable[[], bool]
@@ -187,7 +187,7 @@ class Capture:
 
 
 class BackgroundPerformance:
-    """Performs a trial in a thread of its own while the frames that exist are shown."""
+    """Perform a trial in a thread of its own, while its first frames are shown already."""
 
     def __init__(self, capture: Capture) -> None:
         self.capture = capture
