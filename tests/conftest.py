@@ -11,6 +11,7 @@ from hypothesis import settings
 from platformdirs import user_cache_path
 
 from tests import tiers
+from tests.store import STORE
 
 # Tests give processes of their own another cache folder; kernels need not be compiled again for it.
 os.environ.setdefault(
@@ -32,6 +33,14 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Let costs choose the tier of each test."""
     tiers.install(config)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def store(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Let all workers of this run store sessions in one folder."""
+    base = tmp_path_factory.getbasetemp()
+    is_worker = "PYTEST_XDIST_WORKER" in os.environ
+    STORE.folder = (base.parent if is_worker else base) / "sessions"
 
 
 @pytest.fixture

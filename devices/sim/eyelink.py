@@ -28,8 +28,8 @@ VERSION = "EYELINK CL 5.15"
 class EyeLinkSimulator(GazePeer):
     """Send link samples of a body that looks at a screen; `verdict` is the host's code.
 
-    `told_px` are the display pixels that were sent to the host; on a memory wire, without a library
-    that sends them, those of the options.
+    `display_px` is the display size that was sent to the host. On a memory wire no library sends
+    it, so it is that of the options.
     """
 
     usual_rate_hz = 1000.0
@@ -49,13 +49,13 @@ class EyeLinkSimulator(GazePeer):
         self.messages: list[str] = []
         self.verdict = verdict
         self._screen = screen or Screen()
-        self.told_px = screen_px
+        self.display_px = screen_px
 
     def to_message(self, shot: Shot) -> Frames:
         """Return one link sample."""
-        return (self.packed(shot) if shot.garbage is None else shot.garbage,)
+        return (self.pack(shot) if shot.garbage is None else shot.garbage,)
 
-    def packed(self, shot: Shot) -> bytes:
+    def pack(self, shot: Shot) -> bytes:
         """Return a sample: time in whole (at 2000 Hz half) milliseconds, pixels, pupil units."""
         step_ns = NS_PER_MS if self.source.rate_hz <= 1000 else NS_PER_MS // 2
         time_ms = shot.t_device_ns // step_ns * step_ns / NS_PER_MS
@@ -67,7 +67,7 @@ class EyeLinkSimulator(GazePeer):
             x, y = self._screen.shares_of((x_m, 0.0, 0.0), ray)
             if is_seen and x == x:
                 pupil = shot.pupil_mm * PUPIL_UNITS_PER_MM
-                numbers += [x * self.told_px[0], y * self.told_px[1], pupil]
+                numbers += [x * self.display_px[0], y * self.display_px[1], pupil]
             else:
                 numbers += [MISSING, MISSING, 0.0]
         return SAMPLE.pack(time_ms, 3, *numbers)
@@ -111,7 +111,7 @@ class FakePylink:
 
     def EyeLink(self, address: str) -> "FakeTracker":  # noqa: N802 - the library's own name
         """Connect, or raise as the library does when nobody answers."""
-        if self.simulator.source.gone(self.clock.now_ns()):
+        if self.simulator.source.is_away(self.clock.now_ns()):
             raise RuntimeError("link terminated")
         return FakeTracker(self)
 
@@ -128,18 +128,18 @@ class FakeTracker:
         self._is_offline = False
         self._open: str | None = None
         self._answer_ns: int | None = None
-        library.simulator.told_px = DEFAULT_PX
+        library.simulator.display_px = DEFAULT_PX
 
     def isConnected(self) -> int:  # noqa: N802
         """Return 1 while the link stands."""
-        return 0 if self._library.simulator.source.gone(self._library.clock.now_ns()) else 1
+        return 0 if self._library.simulator.source.is_away(self._library.clock.now_ns()) else 1
 
     def sendCommand(self, command: str) -> int:  # noqa: N802
         """Take a command; pixels and rate hold from the next recording on."""
         self.commands.append(command)
         if not self.recording and command.startswith("screen_pixel_coords"):
             left, top, right, bottom = map(int, command.partition("=")[2].split())
-            self._library.simulator.told_px = (right - left + 1, bottom - top + 1)
+            self._library.simulator.display_px = (right - left + 1, bottom - top + 1)
         return 0
 
     def setOfflineMode(self) -> None:  # noqa: N802
@@ -200,7 +200,7 @@ class FakeTracker:
     def requestTime(self) -> int:  # noqa: N802
         """Ask the host for its time; the answer is read later."""
         simulator, now_ns = self._library.simulator, self._library.clock.now_ns()
-        if not simulator.source.deaf(now_ns):
+        if not simulator.source.is_unresponsive(now_ns):
             self._asked_ns = now_ns + simulator.leg_ns()
             self._answer_ns = self._asked_ns + simulator.leg_ns()
         return 0

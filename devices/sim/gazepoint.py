@@ -62,7 +62,7 @@ class GazepointSimulator(GazePeer):
 
     def advance(self, t_ns: int) -> None:
         """Take samples; a server that was gone starts with everything off."""
-        if self.source.gone(t_ns):
+        if self.source.is_away(t_ns):
             self._enabled.clear()
         super().advance(t_ns)
         if self._calibration_ns is not None:
@@ -240,7 +240,7 @@ class GazepointHost:
 
     def _turn(self) -> None:
         now_ns = self._clock.now_ns()
-        if self._simulator.source.gone(now_ns):
+        if self._simulator.source.is_away(now_ns):
             for one in (self._client, self._listener):
                 if one is not None:
                     one.close()

@@ -1,7 +1,7 @@
 """A HID eye tracker of usage page 0x12: descriptor, reports, features; also as a fake of hidapi.
 
 Written from the HID usage tables and Microsoft's public driver. Not modelled: head position,
-capabilities, changes of mode. Linux' own hidraw is tried apart, with umockdev.
+capabilities, changes of mode. Linux's own hidraw is tested separately, with umockdev.
 """
 
 import struct
@@ -141,7 +141,7 @@ class FakeHidapi:
             "serial_number": SERIAL,
             "product_string": "Simulated eye tracker",
         }
-        is_gone = self.simulator.source.gone(self.clock.now_ns())
+        is_gone = self.simulator.source.is_away(self.clock.now_ns())
         return [
             {"usage_page": 1, "usage": 6, "path": b"/dev/keyboard"},
             *([] if is_gone else [tracker]),
@@ -201,5 +201,5 @@ class FakeHidDevice:
             clock.sleep_until_ns(min(until_ns, now_ns + 1_000_000))
 
     def _check(self) -> None:
-        if self._library.simulator.source.gone(self._library.clock.now_ns()):
+        if self._library.simulator.source.is_away(self._library.clock.now_ns()):
             raise OSError("read error")

@@ -1,5 +1,6 @@
 """new: the files of a study to begin with, which are sound as they are written."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from tests.studies.sessions import STUDIES
+from tests.sessions import STUDIES
 from visavis.cli.main import app
 from visavis.lab.errors import LabError, UsageError
 from visavis.results.opened_study import find_study
@@ -47,7 +48,7 @@ def test_test_that_is_written_passes_with_pytest(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-W", "error", "-p", "no:cacheprovider", "."],
         cwd=tmp_path,
-        env={"PYTHONPATH": str(ROOT)},
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
         timeout=110,

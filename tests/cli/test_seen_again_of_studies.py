@@ -13,7 +13,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from tests.running.test_every_study import SMALL, config_for, name_of
-from tests.studies.sessions import STUDIES
+from tests.sessions import STUDIES
 from visavis.cli.app import app
 from visavis.cli.film.on_page import FilmPictures
 from visavis.cli.redraw import UNDRAWN_PX

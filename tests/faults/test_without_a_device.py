@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from tests.experiments.crowd.sessions import request as crowd_request
 from tests.experiments.crowd.tables import measured
 from tests.faults.sessions import CONFIG, ScriptedOperator, lab
-from tests.studies.sessions import STUDIES, opened
+from tests.sessions import STUDIES, opened
 from visavis import Choice, Factor, Keys, Rating, Study
 from visavis.analysis.session_check import check_session
 from visavis.cli.main import app

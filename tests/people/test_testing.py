@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from tests.studies.sessions import STUDIES
+from tests.sessions import STUDIES
 from visavis.lab.errors import DesignError
 from visavis.people.person import StudyPerson
 from visavis.results.opened_study import OpenedStudy

@@ -6,7 +6,7 @@ import pytest
 
 from tests.cli.test_operator_screen import drawn
 from tests.faults.sessions import ScriptedOperator
-from tests.studies.sessions import STUDIES, perform
+from tests.sessions import STUDIES, perform
 from visavis.analysis.session_check import check_session
 from visavis.analysis.session_verdict import Level
 from visavis.recording.reader import Recording

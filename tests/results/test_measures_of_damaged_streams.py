@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from tests.studies.sessions import opened, perform
+from tests.sessions import opened, perform
 from visavis.recording.integrity import DAMAGED, damage_of
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 import visavis
-from tests.studies.sessions import opened, perform
+from tests.sessions import opened, perform
 from visavis.lab.errors import DataError, UsageError
 from visavis.results.locked_plan.deviations import deviations_between
 from visavis.results.picture_delay import LATE, read_sync_test, required_for

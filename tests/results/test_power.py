@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tests.studies.sessions import STUDIES, opened
+from tests.sessions import STUDIES, opened
 from visavis.analysis.power import PowerRequest, jobs_of, run_job, summarise
 from visavis.cli.quick_tracker import tracker_of
 from visavis.lab.errors import DataError, UsageError

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from tests.experiments.stare.synthetic_rows import analysed, anxiety_answers, study_rows
-from tests.studies.sessions import opened
+from tests.sessions import opened
 from visavis.analysis.report import ReportProvenance
 from visavis.experiments.stare.scene import distances
 from visavis.results.analysis import analyse_rows

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.studies.sessions import opened, perform
+from tests.sessions import opened, perform
 from visavis.results.analysis import measures_of
 from visavis.results.report.methods import own_methods
 from visavis.study.measures import dwell_on

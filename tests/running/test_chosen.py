@@ -5,7 +5,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from tests.studies.sessions import opened, perform
+from tests.sessions import opened, perform
 from visavis.recording.folder import study_dir
 from visavis.running.sessions.studies import analyse_study
 from visavis.running.sessions.study_folder import settle, wanted_settings

@@ -14,6 +14,7 @@ import pandas as pd
 import pytest
 
 from tests.faults.sessions import CONFIG, TIMING, lab
+from tests.store import STORE
 from visavis.cli.preview.pictures import Viewpoint, camera_of
 from visavis.cli.quick_tracker import tracker_of
 from visavis.lab.config import LabConfig, load_config
@@ -122,6 +123,15 @@ def request_for(
     return replace(made, timing=TIMING)
 
 
+def recorded(study: OpenedStudy, reference: str, root: Path, index: int) -> Path:
+    """Return the short session of one simulated person, shared with other tests."""
+    return STORE.copy(
+        f"short {name_of(reference)} {index}",
+        lambda at: perform_new(request_for(study, reference, at, index)),
+        root,
+    )
+
+
 @pytest.mark.parametrize("reference", EVERY, ids=name_of)
 def test_plan_is_the_same_whenever_it_is_made(reference: str) -> None:
     made = found(reference).experiment(small(reference))
@@ -222,7 +232,7 @@ def killed(request: Request) -> bool:
 @pytest.mark.parametrize("reference", EVERY, ids=name_of)
 def test_three_people_one_killed_and_resumed_are_analysed(reference: str, tmp_path: Path) -> None:
     study = on_kit(reference)
-    paths = [perform_new(request_for(study, reference, tmp_path, i)) for i in range(PEOPLE - 1)]
+    paths = [recorded(study, reference, tmp_path, i) for i in range(PEOPLE - 1)]
     last = request_for(study, reference, tmp_path, PEOPLE - 1)
     assert killed(last)
     path = session_dir(tmp_path, study.name, last.person.label, 1, is_simulated=True)
@@ -261,12 +271,12 @@ def test_names_of_conditions_change_nothing_that_is_recorded(
     study = on_kit(reference)
     other = OpenedStudy(rename_levels(study.study))
 
-    def streams(of: OpenedStudy, root: Path, set_to: dict[str, Any]) -> dict[str, str]:
-        made = Recording(perform_new(request_for(of, reference, root, 0, set_to)))
-        return {s.name: s.sha256 for s in made.manifest.parts[0].streams}
+    def streams(session: Path) -> dict[str, str]:
+        return {s.name: s.sha256 for s in Recording(session).manifest.parts[0].streams}
 
     same = renamed_parameters(study.study, small(reference))
-    assert streams(study, tmp_path / "a", small(reference)) == streams(other, tmp_path / "b", same)
+    renamed_session = perform_new(request_for(other, reference, tmp_path / "b", 0, same))
+    assert streams(recorded(study, reference, tmp_path / "a", 0)) == streams(renamed_session)
 
 
 def without_effect(study: OpenedStudy, experiment: StudyExperiment, people: int) -> pd.DataFrame:

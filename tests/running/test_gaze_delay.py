@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.faults.sessions import lab
-from tests.studies.sessions import opened
+from tests.sessions import opened
 from visavis.lab.clock import NS_PER_MS
 from visavis.recording.reader import Recording
 from visavis.running.sessions.perform import perform_new

@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import pytest
 
-from tests.studies.sessions import opened
+from tests.sessions import opened
 from visavis.lab.clock import SIMULATED_EPOCH_ISO
 from visavis.recording.folder import study_dir
 from visavis.recording.manifest import Manifest

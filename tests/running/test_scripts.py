@@ -3,7 +3,7 @@
 import pytest
 
 import visavis
-from tests.studies.sessions import STUDIES
+from tests.sessions import STUDIES
 from visavis.lab.errors import UsageError
 
 

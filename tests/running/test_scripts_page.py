@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.studies.sessions import STUDIES
+from tests.sessions import STUDIES
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "scripts.md"
 BLOCK = re.compile(r"```(python|r)\n(.*?)```\n\n```text\n(.*?)```", re.DOTALL)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.faults.sessions import CONFIG, ScriptedOperator, lab
-from tests.studies.sessions import opened, perform
+from tests.sessions import opened, perform
 from visavis.devices.registry import OPTION_MODELS
 from visavis.lab.clock import SimClock
 from visavis.lab.config import LabConfig, load_config

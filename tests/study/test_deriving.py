@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.studies.sessions import STUDIES, opened
+from tests.sessions import STUDIES, opened
 from visavis import Exclusion, derive
 from visavis.lab.errors import ConfigError, DesignError
 from visavis.results.opened_study import OpenedStudy, find_study

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from tests.faults.sessions import CONFIG, events
-from tests.studies.sessions import perform
+from tests.sessions import perform
 from visavis.cli.studies import check_wording
 from visavis.lab.config import LabConfig, load_config
 from visavis.lab.errors import ConfigError

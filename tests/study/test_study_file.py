@@ -6,7 +6,7 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from tests.studies.sessions import opened, perform
+from tests.sessions import opened, perform
 from visavis.lab.errors import ConfigError, DesignError, UsageError
 from visavis.results.opened_study import find_study
 from visavis.results.selection import COUNTED, REASON

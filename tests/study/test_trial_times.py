@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.studies.sessions import perform
+from tests.sessions import perform
 from visavis.lab.clock import NS_PER_MS
 from visavis.protocol.plan.columns import DELIVERED
 from visavis.recording.reader import Recording

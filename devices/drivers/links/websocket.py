@@ -23,7 +23,7 @@ class WebSocketLink:
         self._clock = clock
         self._remedy = remedy
         self._socket: Any = None
-        self._held = contextlib.ExitStack()
+        self._exit_stack = contextlib.ExitStack()
         self._library: Any = None
         self._writing = threading.RLock()
 
@@ -37,7 +37,7 @@ class WebSocketLink:
         self.close()
         self._library = library = _websockets()
         try:
-            self._socket = self._held.enter_context(
+            self._socket = self._exit_stack.enter_context(
                 library.sync.client.connect(
                     self._url,
                     open_timeout=max(0.05, deadline_s),
@@ -88,7 +88,7 @@ class WebSocketLink:
         connection, self._socket = self._socket, None
         if connection is not None:
             with contextlib.suppress(OSError, self._library.exceptions.WebSocketException):
-                self._held.close()
+                self._exit_stack.close()
 
 
 def _websockets() -> Any:

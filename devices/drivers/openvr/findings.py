@@ -26,15 +26,15 @@ class Findings:
 
     standby: bool = False
     taken_off: bool = False
-    unfocused: bool = False
+    has_lost_focus: bool = False
     untracked: bool = False
     submit_problem: str = ""
 
-    def faults(self, role: str, lost: str, moved_m: Mapping[str, float]) -> tuple[Fault, ...]:
-        """Return the faults; `lost` says why the runtime is gone, `moved_m` is per base station."""
+    def faults(self, role: str, loss: str, moved_m: Mapping[str, float]) -> tuple[Fault, ...]:
+        """Return the faults; `loss` says why the runtime is gone, `moved_m` is per base station."""
         faults = []
-        if lost:
-            faults.append(Fault(role, "blocking", lost, OPENVR_HEADSET.remedy))
+        if loss:
+            faults.append(Fault(role, "blocking", loss, OPENVR_HEADSET.remedy))
         if self.standby:
             remedy = "ask the participant to put the headset on; wake it by moving it"
             faults.append(Fault(role, "blocking", "no head tracking: in standby", remedy))
@@ -44,7 +44,7 @@ class Findings:
         if self.untracked:
             remedy = "check that the base stations see the headset, and that it is connected"
             faults.append(Fault(role, "blocking", "the headset is not tracked", remedy))
-        if self.unfocused:
+        if self.has_lost_focus:
             remedy = COMPOSITOR_REMEDIES[FOCUS_LOST]
             faults.append(Fault(role, "blocking", "another VR program has the display", remedy))
         if self.submit_problem:

@@ -208,7 +208,7 @@ class PupilCore(GazeDevice):
             self._next_exchange_ns = now_ns + self._interval_ns
 
     def _own_faults(self) -> Iterable[Fault]:
-        for text in self._parts.stopped.values():
+        for text in self._parts.stop_texts.values():
             yield self._blocking(text, "look at Pupil Capture and start it again")
         if not self._is_calibrated:
             yield self._uncalibrated("not calibrated since it was opened", "calibrate")
@@ -281,5 +281,5 @@ class PupilCore(GazeDevice):
 
 def _is_gaze(message: Message) -> bool:
     frames = message.frames
-    is_told = message.t_sent_ns is None and len(frames) == 2
-    return is_told and frames[0].startswith(codec.GAZE_TOPIC)
+    is_published = message.t_sent_ns is None and len(frames) == 2
+    return is_published and frames[0].startswith(codec.GAZE_TOPIC)

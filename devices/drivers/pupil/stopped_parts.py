@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-STOPPED = {
+STOP_TEXTS = {
     "eye_process.stopped": "the eye camera's process stopped",
     "world_process.stopped": "Pupil Capture's main process stopped",
     "service_process.stopped": "Pupil Service stopped",
@@ -17,12 +17,14 @@ EYE_NAMES = {0: "right", 1: "left"}
 class StoppedParts:
     """Parts that stopped since start and have not started again, by part and eye."""
 
-    stopped: dict[str, str] = field(default_factory=dict)
+    stop_texts: dict[str, str] = field(default_factory=dict)
 
     def note(self, subject: str, eye_id: object = None) -> None:
         """Remember a notification about a part that stopped, or started again."""
         eye = EYE_NAMES.get(eye_id, "") if isinstance(eye_id, int) else ""
-        if subject in STOPPED:
-            self.stopped[f"{subject} {eye}"] = f"{STOPPED[subject]}{f' ({eye})' if eye else ''}"
+        if subject in STOP_TEXTS:
+            self.stop_texts[f"{subject} {eye}"] = (
+                f"{STOP_TEXTS[subject]}{f' ({eye})' if eye else ''}"
+            )
         elif subject in STARTED_AGAIN:
-            self.stopped.pop(f"{STARTED_AGAIN[subject]} {eye}", None)
+            self.stop_texts.pop(f"{STARTED_AGAIN[subject]} {eye}", None)

@@ -106,7 +106,7 @@ class GazeDevice(StreamDevice[Sample]):
                 self.info.role,
                 self._meter,
                 malformed=self._malformed,
-                lost=self._numbers.lost,
+                lost_count=self._numbers.lost_count,
                 jumps_ms=self._one_way.jumps_ms if one_way else self._jumps_ms,
                 unanswered_s=waited_ns / NS_PER_S,
                 remedy=self._spec.remedy,
@@ -158,10 +158,10 @@ class GazeDevice(StreamDevice[Sample]):
         return t_host_ns - cache[1]
 
     def _wait_until(
-        self, reached: Callable[[], bool], deadline_ns: int, what: str, remedy: str = ""
+        self, is_reached: Callable[[], bool], deadline_ns: int, what: str, remedy: str = ""
     ) -> None:
         """Keep polling until something is reached; raises DeviceTimeout at the deadline."""
-        while not reached():
+        while not is_reached():
             now_ns = self._clock.now_ns()
             if now_ns >= deadline_ns:
                 remedy = remedy or self._spec.remedy
@@ -229,5 +229,5 @@ class GazeDevice(StreamDevice[Sample]):
             self._ask_time(now_ns)
 
     def _came_back(self) -> None:
-        self._numbers.reconnected()
+        self._numbers.forget_counter()
         self._next_exchange_ns = self._clock.now_ns()

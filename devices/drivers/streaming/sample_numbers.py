@@ -2,7 +2,7 @@
 
 
 class SampleNumbers:
-    """Turn a counter, which may restart or be missing, into `seq`; `lost` counts the holes.
+    """Turn a counter, which may restart or be missing, into `seq`; `lost_count` counts the holes.
 
     A step of more than `most_lost` is a restarted counter, not a loss.
     """
@@ -11,9 +11,9 @@ class SampleNumbers:
         self._most_lost = most_lost
         self._seq = -1
         self._counter: int | None = None
-        self.lost = 0
+        self.lost_count = 0
 
-    def reconnected(self) -> None:
+    def forget_counter(self) -> None:
         """Accept any next counter: samples missed meanwhile are a gap, not a loss."""
         self._counter = None
 
@@ -23,7 +23,7 @@ class SampleNumbers:
         if counter is not None:
             if before is not None and 1 < counter - before <= most:
                 step = counter - before
-                self.lost += step - 1
+                self.lost_count += step - 1
             if before is None or not -most < counter - before <= 0:
                 self._counter = counter
         self._seq += step

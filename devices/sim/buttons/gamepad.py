@@ -1,4 +1,4 @@
-"""A gamepad as hidapi tells it: ten buttons, a hat switch and a stick, without report numbers.
+"""A gamepad as hidapi presents it: ten buttons, a hat switch and a stick, without report numbers.
 
 Not modelled: triggers, rumble, a stick that does not come back to its middle.
 """

@@ -11,7 +11,7 @@ from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.session_request import simulated_request
 
-STUDIES = Path(__file__).parent
+STUDIES = Path(__file__).parent / "studies"
 
 
 def opened(name: str) -> OpenedStudy:
