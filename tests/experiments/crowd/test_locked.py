@@ -13,10 +13,10 @@ from visavis.lab.clock import SimClock
 from visavis.lab.config_files import EXAMPLE
 from visavis.results.locked_plan.deviations import deviations_between
 from visavis.running.sessions.plan_lock import content_now, lock_plan, read_lock
-from visavis.running.sessions.studies import Quiet, analyse_study
+from visavis.running.sessions.studies import QuietNotifier, analyse_study
 
 
-class Silent(Quiet):
+class Silent(QuietNotifier):
     """Hears of deviations, and keeps them."""
 
     def warn(self, text: str) -> None:
