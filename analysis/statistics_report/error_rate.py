@@ -11,7 +11,7 @@ from scipy import special
 from visavis.analysis.statistics.art import normal_scores
 from visavis.analysis.statistics.design import Design, read_design
 from visavis.analysis.statistics.errors import StatisticsError
-from visavis.analysis.statistics.power import proportion_interval
+from visavis.analysis.statistics.power_estimates import proportion_interval
 from visavis.analysis.statistics.results import Array, Row
 from visavis.analysis.statistics_report.outcome import Outcome, Question
 from visavis.analysis.statistics_report.prepare import prepare

@@ -34,7 +34,7 @@ from visavis.running.study_check import (
     first_view,
     performing_problems,
     plan_problems,
-    renamed,
+    rename_levels,
     renamed_parameters,
     text_problems,
 )
@@ -269,7 +269,7 @@ def test_names_of_conditions_change_nothing_that_is_recorded(
     reference: str, tmp_path: Path
 ) -> None:
     study = on_kit(reference)
-    other = OpenedStudy(renamed(study.study))
+    other = OpenedStudy(rename_levels(study.study))
 
     def streams(session: Path) -> dict[str, str]:
         return {s.name: s.sha256 for s in Recording(session).manifest.parts[0].streams}

@@ -12,13 +12,13 @@ class KeyReader:
     """Put the terminal in single-key mode while open; a no-op when stdin is no terminal."""
 
     def __init__(self) -> None:
-        self._saved: list[Any] | None = None
+        self._saved_mode: list[Any] | None = None
         self._active = sys.stdin.isatty()
 
     def __enter__(self) -> "KeyReader":
         if self._active and os.name == "posix":
             termios, tty = importlib.import_module("termios"), importlib.import_module("tty")
-            self._saved = termios.tcgetattr(sys.stdin)
+            self._saved_mode = termios.tcgetattr(sys.stdin)
             tty.setcbreak(sys.stdin)
         return self
 
@@ -28,10 +28,10 @@ class KeyReader:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if self._saved is not None:
+        if self._saved_mode is not None:
             termios = importlib.import_module("termios")
-            termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._saved)
-            self._saved = None
+            termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._saved_mode)
+            self._saved_mode = None
 
     def keys(self) -> str:
         """Return the keys pressed since the last call; arrow and function keys are left out."""

@@ -48,7 +48,7 @@ class KeyInterpreter:
         self._incidents = dict(incidents)
         self._collecting: Action | None = None
         self._text = self._code = ""
-        self._done: Action | None = None
+        self._explainable_action: Action | None = None
         self._asking_to_end = False
 
     @property
@@ -66,8 +66,8 @@ class KeyInterpreter:
                 f"{number} {words}" for number, words in enumerate(self._incidents.values(), 1)
             )
             return f"{prompt}{self._text}▏" + ("" if self._text else f"\n{choices}")
-        if self._done is not None:
-            return f"{MAY_HAVE_REASON[self._done]}. W says why"
+        if self._explainable_action is not None:
+            return f"{MAY_HAVE_REASON[self._explainable_action]}. W says why"
         return ""
 
     def feed(self, keys: str) -> list[Command]:
@@ -85,14 +85,14 @@ class KeyInterpreter:
         return commands
 
     def _begin(self, key: str) -> list[Command]:
-        self._done = None
+        self._explainable_action = None
         if key in DIGITS:
             return [Command(Action.ANSWER, key)]
         action = KEYS.get(key.lower())
         if action is None:
             return []
         if action in MAY_HAVE_REASON:
-            self._done = action
+            self._explainable_action = action
         if action is Action.ABORT:
             self._asking_to_end = True
             return []
@@ -146,7 +146,7 @@ class TerminalOperator:
         self._live: Live | None = None
         self.abort_requested = False
         self.is_suspended = False
-        self._told = ""
+        self._last_line = ""
 
     def __enter__(self) -> "TerminalOperator":
         self._keys.__enter__()
@@ -188,8 +188,11 @@ class TerminalOperator:
                 render(status, self._interpreter.entry_line, is_simulated=self._is_simulated),
                 refresh=True,
             )
-        elif not self._console.is_terminal and (line := told(status)) not in ("", self._told):
-            self._told = line
+        elif not self._console.is_terminal and (line := status_line(status)) not in (
+            "",
+            self._last_line,
+        ):
+            self._last_line = line
             self._console.print(line, markup=False, highlight=False, soft_wrap=True)
 
     def waits_for_advance(self, prompt: str) -> bool:
@@ -197,17 +200,17 @@ class TerminalOperator:
         return self._confirm_waits
 
 
-def told(status: SessionStatus) -> str:
+def status_line(status: SessionStatus) -> str:
     """Return a line on what the session is doing; "" in the moments between trials."""
     if status.state in (SessionState.IDLE, SessionState.INTERTRIAL) and not status.prompt:
         return ""
     what = f"trial {status.trial_id}" if status.state is SessionState.TRIAL else status.state.value
-    done = f"{status.trials.done_count} of {status.trials.planned_count} done"
+    progress = f"{status.trials.done_count} of {status.trials.planned_count} done"
     waits = f"; waiting for you (space): {' '.join(status.prompt.split())}" if status.prompt else ""
     blocking = "".join(
         f"; {f.role}: {f.message} → {f.remedy}" for f in status.faults if f.severity == "blocking"
     )
-    return f"{what}, {done}{waits}{blocking}"
+    return f"{what}, {progress}{waits}{blocking}"
 
 
 def render(status: SessionStatus, entry_line: str, *, is_simulated: bool) -> Panel:

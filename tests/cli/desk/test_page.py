@@ -61,7 +61,7 @@ pytestmark = [
 def address(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """Serve a desk beside the test, as a terminal of its own would."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(desk_server, "_examined", lambda lab: DOCTOR)
+    monkeypatch.setattr(desk_server, "_run_doctor", lambda lab: DOCTOR)
     found: list[str] = []
     stops: list[Any] = []
     listens = threading.Event()

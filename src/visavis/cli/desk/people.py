@@ -26,7 +26,7 @@ class Verdicts:
     """Status and verdict of sessions, read once for each state of a session's files."""
 
     def __init__(self) -> None:
-        self._kept: dict[Path, tuple[int, PartStatus, SessionCheck]] = {}
+        self._by_session: dict[Path, tuple[int, PartStatus, SessionCheck]] = {}
 
     def of(self, session: Path) -> tuple[PartStatus, SessionCheck]:
         """Return a session's status and the verdict on it.
@@ -38,11 +38,11 @@ class Verdicts:
             LabError: the session cannot be read.
         """
         changed_ns = (session / "manifest.json").stat().st_mtime_ns
-        entry = self._kept.get(session)
+        entry = self._by_session.get(session)
         if entry is None or entry[0] != changed_ns or entry[1] == "running":
             recording = Recording(session)
             entry = (changed_ns, recording.status, check_session(recording))
-            self._kept[session] = entry
+            self._by_session[session] = entry
         return entry[1:]
 
 

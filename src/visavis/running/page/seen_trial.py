@@ -90,7 +90,7 @@ def seen_trial(study: OpenedStudy, recording: Recording, row: Mapping[str, Any])
     script = TrialScript(Trial(**trial_content), experiment.settings)
     watched_steps: list[Viewing | None] = []
 
-    def watched(t: TrialScript) -> Any:
+    def note_steps(t: TrialScript) -> Any:
         """Perform the study's own steps, and note what each puts on the page."""
         steps: Any = experiment.study.trial_plan(t)
         reply: Any = None
@@ -104,7 +104,7 @@ def seen_trial(study: OpenedStudy, recording: Recording, row: Mapping[str, Any])
             reply = yield action
 
     replies = _replies(recording, str(row["trial_id"]))
-    performing = perform_on_page(script, watched, lambda film: {"film": "", "sha256": ""})
+    performing = perform_on_page(script, note_steps, lambda film: {"film": "", "sha256": ""})
     seen_steps: list[SeenStep] = []
     reply: Reply | None = None
     try:
@@ -120,12 +120,12 @@ def seen_trial(study: OpenedStudy, recording: Recording, row: Mapping[str, Any])
     return SeenTrial(row, tuple(seen_steps), film_store(experiment))
 
 
-def _step(step: PageStep, watched: Viewing | None, reply: Reply) -> SeenStep:
+def _step(step: PageStep, watch: Viewing | None, reply: Reply) -> SeenStep:
     content = reply.content
     shown_ns = reply.t_ns_of(float(content.get("shown_ms") or 0.0))
     if step.kind == "blank":
         shown_ns = reply.t_ns - round(1e9 * float(step.content.get("seconds", 0.0)))
-    films = {} if watched is None or content.get("failed") else films_of(watched.stimulus)
+    films = {} if watch is None or content.get("failed") else films_of(watch.stimulus)
     film_replies = content.get("films") or {}
     first = [float(film_replies[place]["first_ms"]) for place in films if place in film_replies]
     answers = content.get("answers") or {}

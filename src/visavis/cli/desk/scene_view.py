@@ -1,4 +1,4 @@
-"""What a desk draws of a session's scene: from above, and from the participant's head."""
+"""Views of a session's scene for the desk: from above, and from the participant's head."""
 
 import base64
 import io
@@ -53,7 +53,7 @@ class Areas:
 
 
 @dataclass(frozen=True, eq=False)
-class Looking:
+class LastGaze:
     """The last gaze, kept between statuses that may bring none."""
 
     ray: Ray | None = None
@@ -61,7 +61,7 @@ class Looking:
     areas: Areas | None = None
 
     def after(self, status: SessionStatus, pad_deg: float) -> Self:
-        """Return what is known after a status; heads' areas are `pad_deg` wider than heads."""
+        """Return the last gaze after a status; areas of interest are `pad_deg` wider than heads."""
         ray, areas = _last_ray(status), _last_areas(status, pad_deg)
         scene = None if status.scene_frame is None else status.scene_frame.scene
         if areas is None and self.areas is not None and self.areas.scene is scene:
@@ -72,7 +72,7 @@ class Looking:
         return type(self)(self.ray if age <= GAZE_KEPT else None, age, areas)
 
 
-def above(status: SessionStatus, looking: Looking) -> dict[str, Any] | None:
+def above(status: SessionStatus, looking: LastGaze) -> dict[str, Any] | None:
     """Return where everybody is, seen from above: metres to the right (x) and backwards (z).
 
     `people` have name, x, z and radius; `areas` the radii of areas of interest round as many of
@@ -102,7 +102,7 @@ def above(status: SessionStatus, looking: Looking) -> dict[str, Any] | None:
 
 
 def from_head(
-    status: SessionStatus, looking: Looking, glance: Glance | None = None
+    status: SessionStatus, looking: LastGaze, glance: Glance | None = None
 ) -> dict[str, Any] | None:
     """Return what is before the participant, in tangents to the right and up of straight ahead.
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
 
-from visavis.cli.telling import TELLING
+from visavis.cli.notifier import NOTIFIER
 from visavis.cli.viewer.content import page_content, trial_lengths_ns
 from visavis.cli.viewer.page import page_of
 from visavis.recording.cached import CachedRecording
@@ -21,9 +21,9 @@ def write_views(folder: Path, out_dir: Path, striking: Sequence[UnusualTrial]) -
     """
     of_session = groupby(sorted(striking, key=_session), key=_session)
     trials_by_session = {key: tuple(one.trial_id for one in trials) for key, trials in of_session}
-    with TELLING.progress("making pages of trials") as on_progress:
-        for done, ((participant, session), names) in enumerate(trials_by_session.items()):
-            on_progress(done, len(trials_by_session))
+    with NOTIFIER.progress("making pages of trials") as on_progress:
+        for number, ((participant, session), names) in enumerate(trials_by_session.items()):
+            on_progress(number, len(trials_by_session))
             recording = CachedRecording(folder / f"sub-{participant}" / session)
             use_recorded_cast(recording)
             study, _ = study_of_folder(folder, recording.manifest.study)
