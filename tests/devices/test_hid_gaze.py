@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from tests.devices import gaze_rigs
 from tests.devices.bodies import FixatingBody
 from tests.devices.gaze_rigs import PERFECT, GazeRig
+from tests.devices.wire_ends.hid_tracker import FakeHidapi
 from visavis.devices.contracts import DeviceState
 from visavis.devices.drivers.hid_gaze import codec
 from visavis.devices.drivers.hid_gaze.driver import HidGaze
@@ -17,7 +18,7 @@ from visavis.devices.drivers.hid_gaze.reports import HidReports
 from visavis.devices.drivers.streaming.gaze_rays import rows_to_values
 from visavis.devices.drivers.streaming.screen import Screen
 from visavis.devices.pump import Pump
-from visavis.devices.sim.hid_gaze import DESCRIPTOR, REPORT, SERIAL, FakeHidapi, HidGazeSimulator
+from visavis.devices.sim.hid_gaze import DESCRIPTOR, REPORT, SERIAL, HidGazeSimulator
 from visavis.lab.clock import NS_PER_S, SimClock
 from visavis.lab.errors import DeviceNotFound, ProtocolViolation
 
