@@ -162,18 +162,11 @@ class ScreenDisplay(OnSessionClock):
         if len(found):
             self._eyes = (int(batch.t_host_ns[-1]), found[-1])
 
-    def stop(self) -> None:
-        """Stop counting frames."""
-        self._life.require("stop", DeviceState.STREAMING)
-        self._sink = None
-        self._life.state = DeviceState.OPEN
-
     def close(self) -> None:
         """Let the window go; whoever draws closes it. Idempotent."""
-        self._sink = None
         self._surface = None
         self._streams.held.clear()
-        self._life.state = DeviceState.CLOSED
+        super().close()
 
     def health(self) -> Health:
         """Report the rows of both streams; rate and gaps are the head's (dropped frames: holes)."""

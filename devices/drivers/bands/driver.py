@@ -18,7 +18,6 @@ from visavis.devices.contracts import (
     BAND_EVENTS,
     HAPTICS,
     NO_DEVICE_TIME,
-    ClockPair,
     DeviceState,
     Fault,
     Health,
@@ -209,10 +208,6 @@ class HostTimedBand(HasLife):
             text = f"{self._language.damaged} messages could not be read"
             faults.append(Fault(role, "warning", text, "keep the .wire log and report it"))
         return tuple(faults)
-
-    def clock_pairs(self) -> Sequence[ClockPair]:
-        """Return nothing: these bands have no clock to ask."""
-        return ()
 
     # ---- commands ---------------------------------------------------------------------------
 

@@ -4,7 +4,6 @@ The link's own protocol is private, so the library's functions serve as the wire
 become messages that can be copied to a `.wire` log and replayed without the library.
 """
 
-import importlib
 import string
 import struct
 from collections.abc import Sequence
@@ -19,6 +18,7 @@ from visavis.devices.drivers.eyelink.codec import (
     message_text,
     screen_coordinates,
 )
+from visavis.devices.libraries import PYLINK
 from visavis.devices.transports import Exchange, Frames, Message
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, DeviceTimeout
@@ -32,13 +32,7 @@ VERDICT = struct.Struct("<i")
 
 def eyelink_library() -> Any:
     """Return SR Research's pylink; raises DeviceNotFound with the command that installs it."""
-    try:
-        library = importlib.import_module("pylink")
-    except ImportError as cause:
-        raise DeviceNotFound(
-            "the library pylink of SR Research is not installed",
-            remedy="run: pip install visavis[eyelink]",
-        ) from cause
+    library = PYLINK.imported()
     if not hasattr(library, "EyeLink"):
         raise DeviceNotFound(
             "the module 'pylink' belongs to another package than SR Research's",

@@ -15,6 +15,7 @@ from typing import Any
 
 from visavis.devices.arrivals import Arrivals
 from visavis.devices.drivers.neon.codec import STAMP
+from visavis.devices.libraries import NEON
 from visavis.devices.transports import Exchange, Frames, Message
 from visavis.lab.clock import NS_PER_MS, Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, DeviceTimeout
@@ -59,13 +60,7 @@ class NeonNetwork:
     def open(self, deadline_s: float) -> None:
         """Start the loop, read the status, begin the gaze stream and the status updates."""
         self.close()
-        try:
-            from pupil_labs.realtime_api.device import Device
-        except ImportError as cause:
-            raise DeviceNotFound(
-                "the library pupil-labs-realtime-api is not installed",
-                remedy="run: pip install visavis[neon]",
-            ) from cause
+        library = NEON.imported("device")
         for name in WIRE_LOGGERS:
             logging.getLogger(name).setLevel(logging.CRITICAL)
         self._arrivals = Arrivals()
@@ -73,7 +68,7 @@ class NeonNetwork:
         self._thread = threading.Thread(target=loop.run_forever, name="neon-network", daemon=True)
         self._thread.start()
         try:
-            self._run(self._begin(Device), deadline_s)
+            self._run(self._begin(library.device.Device), deadline_s)
         except DeviceError:
             self.close()
             raise

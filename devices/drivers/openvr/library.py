@@ -20,6 +20,7 @@ import msgpack
 
 from visavis.devices.drivers.openvr.codec import MAX_DEVICES, VSYNC
 from visavis.devices.drivers.runtimes.loader_output import loader_output_logged
+from visavis.devices.libraries import OPENVR
 from visavis.devices.transports import Exchange, Frames, Message
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 from visavis.lab.errors import DeviceError, DeviceNotFound
@@ -129,12 +130,7 @@ class OpenVrLibrary:
     # ---- connection -----------------------------------------------------------------------
 
     def _connect(self) -> None:
-        try:
-            import openvr
-        except ImportError as cause:
-            raise DeviceNotFound(
-                "the library openvr is not installed", remedy="run: pip install openvr"
-            ) from cause
+        openvr = OPENVR.imported()
         try:
             with loader_output_logged("OpenVR"):
                 system = openvr.init(APPLICATIONS[self._application])

@@ -17,7 +17,6 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -26,13 +25,14 @@ import numpy.typing as npt
 from visavis.devices.contracts import Body
 from visavis.devices.drivers.openvr.library import OpenVrLibrary
 from visavis.devices.faults import FaultSchedule
+from visavis.devices.libraries import OPENVR
 from visavis.devices.sim.image_reader import ImageReader
 from visavis.devices.sim.native_build import build_library
 from visavis.devices.sim.openvr.events import button_of, packed_event
 from visavis.devices.sim.openvr.tables import FunctionTables, table_header
 from visavis.devices.sim.openvr.world import CONTROLLER, POSE_BYTES, SimulatedVrWorld
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
-from visavis.lab.errors import DeviceError, DeviceNotFound
+from visavis.lab.errors import DeviceError
 from visavis.lab.geometry import Vector
 
 MILLI_HZ = 1000
@@ -129,13 +129,7 @@ class SimulatedVrRuntime:
     # ---- life ------------------------------------------------------------------------------
 
     def __enter__(self) -> "SimulatedVrRuntime":
-        try:
-            import openvr
-        except ImportError as cause:
-            raise DeviceNotFound(
-                "the library openvr is not installed", remedy="run: pip install openvr"
-            ) from cause
-        self._openvr = openvr
+        self._openvr = OPENVR.imported()
         client_library = build_library(
             "vrclient/vrclient.c", {"tables.h": table_header()}, "vrclient.so"
         )
@@ -154,12 +148,7 @@ class SimulatedVrRuntime:
         self._fill_tables()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        problem: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, problem: object, trace: object) -> None:
         for name, value in self._environment.items():
             if value is None:
                 os.environ.pop(name, None)

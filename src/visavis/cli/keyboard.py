@@ -4,7 +4,6 @@ import importlib
 import os
 import select
 import sys
-from types import TracebackType
 from typing import Any
 
 
@@ -22,12 +21,7 @@ class KeyReader:
             tty.setcbreak(sys.stdin)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         if self._saved is not None:
             termios = importlib.import_module("termios")
             termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._saved)
