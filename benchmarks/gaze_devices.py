@@ -39,8 +39,8 @@ from visavis.devices.drivers.lsl.gaze import LslGaze
 from visavis.devices.drivers.neon import codec as neon_codec
 from visavis.devices.drivers.neon.driver import Neon
 from visavis.devices.drivers.streaming.gaze_rays import rows_to_values
-from visavis.devices.drivers.streaming.one_way_clock import OneWayClock
 from visavis.devices.drivers.streaming.screen import Screen
+from visavis.devices.drivers.streaming.stream_device import OneWayClock
 from visavis.devices.faults import FaultSchedule, WireFault
 from visavis.devices.pump import Pump
 from visavis.devices.sim.eyelink import EyeLinkSimulator

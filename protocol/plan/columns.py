@@ -1,7 +1,9 @@
 """Columns of tables, first those that the session writes into every trial row."""
 
+import csv
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Final
 
 
@@ -16,6 +18,16 @@ class Column:
     unit: str
     description: str
     levels: Mapping[str, str] = field(default_factory=dict, hash=False)
+
+
+def read_columns(path: Path) -> dict[str, tuple[Column, ...]]:
+    """Return the columns that a CSV file describes, by table: table, name, unit, description."""
+    columns: dict[str, tuple[Column, ...]] = {}
+    with path.open(encoding="utf-8", newline="") as lines:
+        for row in csv.DictReader(lines):
+            table = row.pop("table")
+            columns[table] = (*columns.get(table, ()), Column(**row))
+    return columns
 
 
 IDENTITY: Final = (

@@ -3,7 +3,10 @@
 It receives what the display shows and what the armbands do, and nothing else. What it does not
 model: hesitating, stepping back, changing the way after a contact, headset weight; tiredness and
 practice only as a form that wanders by chance. What it has learned from vibrations stays from
-trial to trial, and is recorded with each, so that a resumed session goes on with it.
+trial to trial, and is recorded with each, so that a resumed session goes on with it. No answer
+depends on vibration: presence and embodiment are drawn round the person's own level, with a spread
+per answer, so that the published means come out without any effect of the block (Berton et al. 2020
+found none).
 """
 
 import zlib
@@ -14,7 +17,6 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.devices.contracts import EYES_DTYPE, PressesNothing
-from visavis.experiments.crowd.participant.answers import answer_question
 from visavis.experiments.crowd.participant.route import (
     STEP_M,
     Way,
@@ -25,6 +27,7 @@ from visavis.experiments.crowd.participant.route import (
 from visavis.experiments.crowd.participant.traits import (
     DEFAULT_POPULATION,
     SPREAD,
+    Person,
     Population,
     draw_person,
     in_form,
@@ -47,6 +50,7 @@ from visavis.lab.body_joints import BODY_JOINTS
 from visavis.lab.chance import generator
 from visavis.lab.errors import DataError
 from visavis.lab.geometry import Vector, quat_conjugate, rotate, unit
+from visavis.people.person import plain_answer
 from visavis.stimuli.contact.body import REFERENCE_STATURE_M, bones
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.station_crowd import READING_M, START_M, CrowdFrame, CrowdScene
@@ -60,6 +64,26 @@ _N_PERSON, _N_TASTE, _N_WALK, _N_ANSWER, _N_FORM = range(5)
 _JOINTS = frozenset(BODY_JOINTS)
 _STANDING, _OUT, _READING, _BACK, _HOME = range(5)
 _ARRIVED_M = 0.06
+
+_SUBSCALES = ("agency", "change", "ownership")
+_NOISE = 0.6
+
+
+def answer_question(
+    person: Person, question_id: str, options: Sequence[str], rng: np.random.Generator
+) -> str | None:
+    """Return an answer in the words of the options, or a number; None to leave it out."""
+    if question_id.startswith("presence"):
+        return _rating(person.presence, options, rng)
+    for subscale, level in zip(_SUBSCALES, person.embodiment, strict=True):
+        if question_id.startswith(subscale):
+            return _rating(float(level), options, rng)
+    return plain_answer(person.age, person.sex, question_id, options, rng)
+
+
+def _rating(level: float, options: Sequence[str], rng: np.random.Generator) -> str:
+    category = round(level + _NOISE * rng.standard_normal())
+    return options[min(max(category, 1), len(options)) - 1]
 
 
 class CrowdParticipant(PressesNothing):
