@@ -295,7 +295,7 @@ def fuzz_python(count: int) -> tuple[int, int]:
             else codec.encode_ping((seq + 1) % 256, None)
         )
         firmware.feed(codec.encode_arm(seq, True) + refresh, now_us)
-        if any(bool(duty) != bool(wanted) for duty in firmware.granted):
+        if any(bool(duty) != bool(wanted) for duty in firmware.granted_duties):
             survived += 1
         if any(duty and not LOWEST_DUTY <= duty <= HIGHEST_DUTY for duty in firmware.duties):
             survived += 1

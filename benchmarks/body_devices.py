@@ -108,7 +108,7 @@ def parse_rows() -> list[Row]:
         assert isinstance(datagram, xsens_codec.Datagram)
         assembler.add(datagram)
 
-    payload = natnet_codec.split(motive)[1]
+    payload = natnet_codec.split_message(motive)[1]
     plain = struct.Struct(">" + "i7f" * 23)
     return [
         Row("MVN: decode 23 segments", cost_us(decode_mvn), "µs"),
@@ -214,7 +214,7 @@ def damage_rows(frames: int) -> list[Row]:
                     assembler.add(found)
                     accepted += 1
             elif source is motive:
-                natnet_codec.decode_frame(natnet_codec.split(data)[1], (4, 1))
+                natnet_codec.decode_frame(natnet_codec.split_message(data)[1], (4, 1))
                 accepted += 1
             else:
                 for pose in openvr_codec.decode_poses(data)[:2]:

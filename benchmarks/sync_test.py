@@ -16,22 +16,22 @@ import numpy as np
 from visavis.analysis.sync_test import Delays
 from visavis.cli.sync_chain import perform_simulated
 from visavis.devices.drivers.armband.codec import FrameReader
-from visavis.devices.sim.sync_room import Planted
+from visavis.devices.sim.sync_room import PlantedDelay
 from visavis.devices.sync.board_codec import (
     BLOCK,
+    BoardTime,
     Samples,
-    Told,
     decode,
     encode_samples,
-    encode_told,
+    encode_time,
 )
 from visavis.lab.errors import LabError
 
 LIMIT_MS = 0.2
 PLANTED = (
-    (Planted(3.0, 0.0), Planted(8.0, 0.0)),
-    (Planted(9.0, 2.0), Planted(24.0, 6.0)),
-    (Planted(21.0, 4.0, 1.5), Planted(65.0, 12.0, -2.0)),
+    (PlantedDelay(3.0, 0.0), PlantedDelay(8.0, 0.0)),
+    (PlantedDelay(9.0, 2.0), PlantedDelay(24.0, 6.0)),
+    (PlantedDelay(21.0, 4.0, 1.5), PlantedDelay(65.0, 12.0, -2.0)),
 )
 
 
@@ -50,7 +50,7 @@ def fuzz(count: int) -> tuple[int, int]:
             levels = rng.integers(0, 256, (BLOCK, 3)).astype(np.uint8)
             intact = encode_samples(Samples(i % 256, i * 37 % 2**32, 250, levels))
         else:
-            intact = encode_told(Told(i % 256, i * 91 % 2**32))
+            intact = encode_time(BoardTime(i % 256, i * 91 % 2**32))
         broken = bytearray(intact)
         at = int(rng.integers(len(broken) - 1))
         kind = i // 2 % 4

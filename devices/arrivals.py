@@ -17,7 +17,7 @@ class Arrivals:
     def __init__(self, most: int | None = None) -> None:
         self._something = threading.Condition()
         self._messages: deque[Message] = deque(maxlen=most)
-        self._gone = ""
+        self._end_reason = ""
 
     def add(self, *messages: Message) -> None:
         """Add messages, if any, and wake whoever waits for them."""
@@ -25,20 +25,20 @@ class Arrivals:
             self._messages.extend(messages)
             self._something.notify_all()
 
-    def end(self, gone: str) -> None:
+    def end(self, reason: str) -> None:
         """Set the reason why nothing more comes; "" when messages come again."""
         with self._something:
-            self._gone = gone
+            self._end_reason = reason
             self._something.notify_all()
 
     def take(self, timeout_s: float, remedy: str) -> Sequence[Message]:
         """Return all messages, waiting for a first one; raises DeviceDisconnected when ended."""
         with self._something:
-            if not self._messages and not self._gone and timeout_s > 0:
+            if not self._messages and not self._end_reason and timeout_s > 0:
                 self._something.wait(timeout_s)
             messages = list(self._messages)
             self._messages.clear()
-            reason = self._gone
+            reason = self._end_reason
         if reason and not messages:
             raise DeviceDisconnected(reason, remedy=remedy)
         return messages

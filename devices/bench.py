@@ -73,20 +73,21 @@ def capture(
 ) -> tuple[Trial, ...]:
     """Open every device, stream for a while, close; one that fails does not stop the others.
 
-    A headset among them paces the loop. `tick` gets the seconds done, `is_over` ends it early.
+    A headset among them paces the loop. `tick` gets the seconds measured so far; `is_over` ends the
+    capture early.
     """
-    done: dict[str, Trial] = {d.role: Trial(d.role, d.driver, d.simulated) for d in devices}
+    trials: dict[str, Trial] = {d.role: Trial(d.role, d.driver, d.simulated) for d in devices}
     body: Any = IdleBody() if clock.is_virtual else SharedBody(IdleBody())
     with ExitStack() as stack:
-        running = _start(devices, clock, body, stack, wires, done)
+        running = _start(devices, clock, body, stack, wires, trials)
         bands = {r: one.device for r, one in running.items() if isinstance(one.device, Armband)}
         with HapticGuard(bands, clock, handle_signals=not clock.is_virtual) as guard:
             _stream(running, clock, seconds, guard, tick, is_over)
         for role, one in running.items():
             one.pump.stop()
-            done[role] = _measured(done[role], one)
+            trials[role] = _with_figures(trials[role], one)
             one.device.close()
-    return tuple(done.values())
+    return tuple(trials.values())
 
 
 def _start(
@@ -95,7 +96,7 @@ def _start(
     body: Body,
     stack: ExitStack,
     wires: Wires,
-    done: dict[str, Trial],
+    trials: dict[str, Trial],
 ) -> dict[str, _Running]:
     running: dict[str, _Running] = {}
     for config in devices:
@@ -107,7 +108,7 @@ def _start(
             text = str(problem).removesuffix(f"; {remedy}").removeprefix(f"{config.role}: ")
             if config.simulated and isinstance(problem, DeviceTimeout):
                 remedy = BUSY_REMEDY
-            done[config.role] = replace(done[config.role], error=text, remedy=remedy)
+            trials[config.role] = replace(trials[config.role], error=text, remedy=remedy)
             continue
         stack.callback(device.close)
         batches: list[SampleBatch] = []
@@ -155,7 +156,7 @@ def _stream(
             return
 
 
-def _measured(trial: Trial, one: _Running) -> Trial:
+def _with_figures(trial: Trial, one: _Running) -> Trial:
     device = one.device
     pairs = device.clock_pairs()
     return replace(

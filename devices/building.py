@@ -14,7 +14,7 @@ from visavis.lab.clock import Clock
 from visavis.lab.config import DeviceConfig
 from visavis.lab.errors import ConfigError, DeviceNotFound
 
-_SHARED: WeakKeyDictionary[ExitStack, dict[str, Any]] = WeakKeyDictionary()
+_SHARED_OBJECTS: WeakKeyDictionary[ExitStack, dict[str, Any]] = WeakKeyDictionary()
 """What the devices of one rig share: its runtimes and libraries, by name."""
 
 
@@ -38,8 +38,8 @@ def build_device(
     if device.simulated and body is None:
         raise ConfigError(f"{role}: a simulated device needs a simulated participant")
     options, faults = checked_device(device)
-    shared = _SHARED.setdefault(stack, {})
-    site = Site(spec, role, clock, options, body, faults, seed, shared, stack)
+    shared_objects = _SHARED_OBJECTS.setdefault(stack, {})
+    site = Site(spec, role, clock, options, body, faults, seed, shared_objects, stack)
     try:
         wiring = driver_wiring(device.driver)
         return wiring.make(site, _wire(wiring, site, wires, is_simulated=device.simulated))

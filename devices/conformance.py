@@ -92,7 +92,7 @@ def check_batches(make: Callable[[], Device], let_pass: LetPass, *, seconds: flo
 
 
 def check_eye_tracker(make: Callable[[], EyeTracker], let_pass: LetPass) -> None:
-    """Check the gaze fields: unit vectors or NaN, validity apart from value, clock pairs."""
+    """Check the gaze fields: unit vectors or NaN, validity separate from value, clock pairs."""
     device = make()
     batches = collect(device, let_pass)
     _promise(device.describe()[0].fields == GAZE.fields, "the first stream has GAZE's fields")
@@ -359,6 +359,6 @@ def _refuses_value(call: Callable[[], object], what: str) -> None:
     raise AssertionError(f"broken promise: wrong {what} are refused with a DeviceError")
 
 
-def _promise(kept: bool, promise: str) -> None:
-    if not kept:
+def _promise(is_kept: bool, promise: str) -> None:
+    if not is_kept:
         raise AssertionError(f"broken promise: {promise}")

@@ -18,17 +18,17 @@ HEAD_ROW = struct.Struct("<3f4f?")
 
 
 class FrameStreams:
-    """Rows of `HEAD` and `FRAME_TIMING` at a display's rate, `held` until they are delivered."""
+    """Rows of `HEAD` and `FRAME_TIMING` at a display's rate, `pending` until they are delivered."""
 
     def __init__(self, rate_hz: float) -> None:
         self.head = replace(HEAD, nominal_rate_hz=rate_hz)
         self.timing = replace(FRAME_TIMING, nominal_rate_hz=rate_hz)
-        self.held: deque[SampleBatch] = deque()
+        self.pending: deque[SampleBatch] = deque()
         self.begin()
 
     def begin(self) -> None:
-        """Count rows anew, and forget those held."""
-        self.held.clear()
+        """Count rows from 0, and drop the pending ones."""
+        self.pending.clear()
         self._meter = StreamMeter(self.head.nominal_rate_hz)
         self._head_seq = self._timing_seq = self._timing_rows = 0
 
@@ -55,10 +55,10 @@ class FrameStreams:
         self._timing_seq += 1
 
     def deliver(self, sink: Sink | None) -> int:
-        """Pass held rows to the sink, if there is one; return the number of rows."""
+        """Pass the pending rows to the sink, if there is one; return the number of rows."""
         row_count = 0
-        while self.held and sink is not None:
-            batch = self.held.popleft()
+        while self.pending and sink is not None:
+            batch = self.pending.popleft()
             if batch.schema is self.head:
                 self._meter.update(batch.t_device_ns.tolist(), int(batch.t_host_ns[-1]))
             else:
@@ -77,4 +77,4 @@ class FrameStreams:
     ) -> None:
         stamps = np.array([seq, t_device_ns, t_host_ns], np.int64)
         values = np.frombuffer(row, schema.dtype)
-        self.held.append(SampleBatch(schema, stamps[0:1], stamps[1:2], stamps[2:3], values))
+        self.pending.append(SampleBatch(schema, stamps[0:1], stamps[1:2], stamps[2:3], values))

@@ -25,7 +25,7 @@ class Lifecycle:
 
 
 class HasLife:
-    """A device whose state is that of its `Lifecycle`."""
+    """The common part of devices that keep their state in a `Lifecycle`."""
 
     _life: Lifecycle
 

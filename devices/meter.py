@@ -19,10 +19,10 @@ class StreamMeter:
     def __init__(self, nominal_rate_hz: float) -> None:
         self._nominal_rate_hz = nominal_rate_hz
         self._gap_ns = round(GAP_PERIODS * NS_PER_S / nominal_rate_hz) if nominal_rate_hz else 0
-        self.received = 0
+        self.sample_count = 0
         self.gaps = 0
         self.longest_gap_ns = 0
-        self.repeated = 0
+        self.repeat_count = 0
         self.backward = 0
         self.last_host_ns: int | None = None
         self._last_device_ns: int | None = None
@@ -32,7 +32,7 @@ class StreamMeter:
     def update(self, t_device_ns: Iterable[int], t_host_ns: int) -> None:
         """Take the device stamps of a batch and the arrival of its last sample."""
         last = self._last_device_ns
-        count = self.received
+        count = self.sample_count
         for stamp in t_device_ns:
             if last is not None:
                 step = stamp - last
@@ -40,13 +40,13 @@ class StreamMeter:
                     self.gaps += 1
                     self.longest_gap_ns = max(self.longest_gap_ns, step)
                 elif step == 0:
-                    self.repeated += 1
+                    self.repeat_count += 1
                 elif step < 0:
                     self.backward += 1
             last = stamp
             count += 1
         self._last_device_ns = last
-        self.received = count
+        self.sample_count = count
         self.last_host_ns = t_host_ns
         if t_host_ns >= self._next_mark_ns:
             self._marks.append((t_host_ns, count))
@@ -59,7 +59,7 @@ class StreamMeter:
             age_ms = max(0, now_ns - self.last_host_ns) / NS_PER_MS
         return Health(
             state=state,
-            received=self.received,
+            received=self.sample_count,
             rate_hz=self._rate_hz(now_ns),
             gaps=self.gaps,
             longest_gap_ms=self.longest_gap_ns / NS_PER_MS,
@@ -72,4 +72,4 @@ class StreamMeter:
             return 0.0
         since_ns, count_then = self._marks[0]
         elapsed_ns = now_ns - since_ns
-        return (self.received - count_then) * NS_PER_S / elapsed_ns if elapsed_ns > 0 else 0.0
+        return (self.sample_count - count_then) * NS_PER_S / elapsed_ns if elapsed_ns > 0 else 0.0

@@ -1,6 +1,6 @@
 """What a driver's options have in common, as they stand in `lab_config.yaml`.
 
-Options are what stands beside `driver` and `simulated`; they are checked before anything runs and
+Options are the keys next to `driver` and `simulated`. They are checked before anything runs, and
 their names carry their units.
 """
 
@@ -21,12 +21,12 @@ class Options(BaseModel):
     """Options that are for the wire and not for the driver on it."""
 
     def for_driver(self) -> dict[str, Any]:
-        """Return what the driver is constructed with, beside role, wire and clock."""
+        """Return the driver's arguments besides role, wire and clock."""
         of_session = {"faults", "drift_ppm", "gaze_delay_ms"}
         return self.model_dump(exclude={*of_session, *self.of_wire})
 
     def for_simulator(self) -> dict[str, Any]:
-        """Return what a simulator is constructed with, beside body, clock, seed and faults."""
+        """Return a simulator's arguments besides body, clock, seed and faults."""
         return {}
 
 

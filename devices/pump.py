@@ -101,20 +101,20 @@ class Pump:
         self._silence_ns: int | None = None
         self._quiet: Literal["", "silent", "stalled"] = ""
         self._last_ns = 0
-        self._dropped = 0
-        self._dropped_told = 0
+        self._dropped_count = 0
+        self._reported_count = 0
         self._reconnects = 0
         self._back_off_ns = 0
         self._retry_ns = 0
         self._lost_ns: int | None = None
         self._failure: Fault | None = None
 
-    def start(self, *, threaded: bool | None = None) -> None:
+    def start(self, *, in_thread: bool | None = None) -> None:
         """Start the device and, on a real clock, its thread.
 
         A device that paces the session (it has `wait_frame`) gets none: its poses must be there
         in the same frame. Nor does one simulated in this process: the body it measures belongs
-        to the session's thread. `threaded` overrides these rules.
+        to the session's thread. `in_thread` overrides these rules.
         """
         if self._running:
             raise RuntimeError(f"pump of {self._role}: start() while already running")
@@ -131,12 +131,12 @@ class Pump:
         self._stopping.clear()
         self.device.start(self._take)
         self._running = True
-        if threaded is None:
+        if in_thread is None:
             info = self.device.info
             lives_here = info.is_simulated and info.transport in IN_PROCESS_TRANSPORTS
             paces = hasattr(self.device, "wait_frame")
-            threaded = not (self._clock.is_virtual or paces or lives_here)
-        if threaded:
+            in_thread = not (self._clock.is_virtual or paces or lives_here)
+        if in_thread:
             self._thread = threading.Thread(
                 target=self._run, name=f"device-{self._role}", daemon=True
             )
@@ -189,12 +189,12 @@ class Pump:
             faults.append(
                 Fault(self._role, severity, f"no data for {quiet_ms:.0f} ms", _SILENCE_REMEDY)
             )
-        if self._dropped:
+        if self._dropped_count:
             faults.append(
                 Fault(
                     self._role,
                     "warning",
-                    f"{self._dropped} samples dropped because the session did not take them",
+                    f"{self._dropped_count} samples dropped because the session did not take them",
                     "close other programs on this computer",
                 )
             )
@@ -210,7 +210,7 @@ class Pump:
     def health(self) -> Health:
         """Return the device's health with this pump's reconnects and drops."""
         health = self.device.health()
-        return replace(health, reconnects=self._reconnects, dropped=self._dropped)
+        return replace(health, reconnects=self._reconnects, dropped=self._dropped_count)
 
     @property
     def is_threaded(self) -> bool:
@@ -221,7 +221,7 @@ class Pump:
         if self.tap is not None:
             self.tap(batch)
         if len(self._queue) >= QUEUE_BATCHES:
-            self._dropped += len(batch)
+            self._dropped_count += len(batch)
             return
         self._queue.append(batch)
 
@@ -232,8 +232,11 @@ class Pump:
             batch = queue.popleft()
             sink(batch)
             sample_count += batch.seq.shape[0]
-        if self._dropped > self._dropped_told:
-            count, self._dropped_told = self._dropped - self._dropped_told, self._dropped
+        if self._dropped_count > self._reported_count:
+            count, self._reported_count = (
+                self._dropped_count - self._reported_count,
+                self._dropped_count,
+            )
             self._tell("dropped", "warning", f"{count} samples dropped: the session was too slow")
         return sample_count
 
@@ -252,8 +255,8 @@ class Pump:
             return
         try:
             sample_count = self.device.poll(timeout_s)
-        except DeviceDisconnected as gone:
-            self._lose(gone)
+        except DeviceDisconnected as disconnection:
+            self._lose(disconnection)
             return
         except Exception as failure:  # top of a thread: the operator must see any error
             self._failure = Fault(
@@ -269,12 +272,12 @@ class Pump:
         if sample_count:
             self._last_ns = self._clock.now_ns()
 
-    def _lose(self, gone: DeviceDisconnected) -> None:
+    def _lose(self, disconnection: DeviceDisconnected) -> None:
         now_ns = self._clock.now_ns()
         if self._lost_ns is None:
             self._lost_ns = self._last_ns
             self._back_off_ns = FIRST_BACK_OFF_NS
-            self._tell("disconnected", "blocking", str(gone), gone.remedy)
+            self._tell("disconnected", "blocking", str(disconnection), disconnection.remedy)
         else:
             self._back_off_ns = min(2 * self._back_off_ns, LAST_BACK_OFF_NS)
         self._retry_ns = now_ns + self._back_off_ns

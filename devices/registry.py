@@ -2,7 +2,7 @@
 
 Drivers of Visavis are described in the module `spec` of their folder, as `SPECS`; installed
 packages name theirs under the entry-point group `visavis.drivers` (`name = "package.spec:SPEC"`).
-The module `wiring` beside a `spec` imports drivers and simulators and holds `WIRINGS`.
+The module `wiring` next to a `spec` imports drivers and simulators and holds `WIRINGS`.
 """
 
 import difflib
@@ -29,7 +29,7 @@ FOLDERS = ("visavis.devices.drivers", "visavis.devices.sim")
 @cache
 def built_in() -> Mapping[str, AnySpec]:
     """Return the drivers that ship with Visavis, by name."""
-    return {name: spec for name, (spec, _) in _described().items()}
+    return {name: spec for name, (spec, _) in _specs_and_modules().items()}
 
 
 def driver_names() -> tuple[str, ...]:
@@ -61,7 +61,7 @@ def driver_wiring(name: str) -> "AnyWiring":
     driver, ImportError where that module imports a library which is not installed.
     """
     spec = driver_spec(name)
-    spec_module = _described()[name][1] if name in built_in() else _others()[name].module
+    spec_module = _specs_and_modules()[name][1] if name in built_in() else _others()[name].module
     module = f"{spec_module.rpartition('.')[0]}.wiring".removeprefix(".")
     try:
         wirings: tuple[AnyWiring, ...] = importlib.import_module(module).WIRINGS
@@ -110,7 +110,7 @@ OPTION_MODELS: Mapping[str, type[BaseModel]] = _OptionModels()
 
 
 @cache
-def _described() -> Mapping[str, tuple[AnySpec, str]]:
+def _specs_and_modules() -> Mapping[str, tuple[AnySpec, str]]:
     """Return the descriptions that ship with Visavis, by name, each with its module's name."""
     by_name: dict[str, tuple[AnySpec, str]] = {}
     for folder in FOLDERS:

@@ -1,12 +1,12 @@
 """Find tracked segments of a body that repeat their last pose while the others move on.
 
 A tracker that dies may go on reporting its last pose. Its segment then stands in the room while the
-body walks away. A segment counts as frozen when its position or its orientation, which moved
-earlier sample by sample, repeats bit for bit for longer than a limit and in each of these samples
-the same of most other segments changed; until it changes again. Orientations, the trunk's above
-all, may rest in a calm body: they have to repeat for half a second, on no more segments than a limb
-has. Feet and toes stand on the floor, and some trackers hold them there: they are frozen only when
-the hips have gone farther meanwhile than a leg reaches.
+body walks away. A segment counts as frozen when its position, or its orientation, has repeated bit
+for bit for longer than a limit, until it changes again. It must have moved sample by sample before,
+and in each repeated sample most other segments must have changed in the same respect. Orientations,
+above all the trunk's, may rest in a calm body. So they must repeat for half a second, on no more
+segments than a limb has. Feet and toes stand on the floor, and some trackers hold them there. They
+count as frozen only when the hips have meanwhile moved farther than a leg reaches.
 """
 
 from collections.abc import Iterable, Sequence
@@ -21,7 +21,7 @@ from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 
 Flags = npt.NDArray[np.bool_]
-Moved = frozenset[tuple[str, int]]
+MovedChannels = frozenset[tuple[str, int]]
 """Segments that moved, each with 0 (its position) or 1 (its orientation)."""
 
 MAX_REPEAT_NS: Final = 150 * NS_PER_MS
@@ -37,7 +37,7 @@ class SegmentWatch:
 
     `frozen` (s,) tells which segments are frozen in the last sample, `frozen_ns` (s,) for how long
     each was frozen so far, without the detection time, and `still_ns` (s,) for how long each
-    repeats its pose now. `moved` are the segments that have moved before.
+    repeats its pose now. `moved_channels` are those known to have moved before.
     """
 
     def __init__(
@@ -45,16 +45,16 @@ class SegmentWatch:
         segments: Sequence[str],
         *,
         limit_ns: int = MAX_REPEAT_NS,
-        moved: Iterable[tuple[str, int]] = (),
+        moved_channels: Iterable[tuple[str, int]] = (),
     ) -> None:
         n = len(segments)
         self.segments = tuple(segments)
         self.frozen_ns = np.zeros(n, np.int64)
         self._still_ns = np.zeros((n, 2), np.int64)
-        self._moved, self._frozen = np.zeros((n, 2), bool), np.zeros((n, 2), bool)
-        for name, channel in moved:
+        self._has_moved, self._frozen = np.zeros((n, 2), bool), np.zeros((n, 2), bool)
+        for name, channel in moved_channels:
             if name in self.segments:
-                self._moved[self.segments.index(name), channel] = True
+                self._has_moved[self.segments.index(name), channel] = True
         self._state = (  # of `_look`, by its parameters
             limit_ns,
             self.segments.index("hips") if "hips" in segments else -1,
@@ -62,7 +62,7 @@ class SegmentWatch:
             np.full((n, 7), np.nan),
             np.zeros((n, 2), np.int64),
             self._still_ns,
-            self._moved,
+            self._has_moved,
             np.full((n, 2, 2), np.nan),
             np.zeros((n, 2), np.int8),
             self._frozen,
@@ -84,14 +84,16 @@ class SegmentWatch:
 
     @property
     def still_ns(self) -> npt.NDArray[np.int64]:
-        """How long each segment has repeated itself while others moved."""
+        """How long each segment has repeated its pose while others moved."""
         longest: npt.NDArray[np.int64] = self._still_ns.max(axis=1)
         return longest
 
     @property
-    def moved(self) -> Moved:
+    def moved_channels(self) -> MovedChannels:
         """Which segments and channels have moved on their own so far."""
-        return frozenset((self.segments[s], int(c)) for s, c in np.argwhere(self._moved).tolist())
+        return frozenset(
+            (self.segments[s], int(c)) for s, c in np.argwhere(self._has_moved).tolist()
+        )
 
     def look(self, position_m: Vector, orientation_wxyz: Vector, gap_ns: int) -> bool:
         """Take in the next sample, (s, 3) and (s, 4), NaN where lost; tell whether any is frozen.
@@ -142,7 +144,7 @@ def _look(
     last: Vector,
     changed_ns: npt.NDArray[np.int64],
     still_ns: npt.NDArray[np.int64],
-    moved: Flags,
+    has_moved: Flags,
     hips_m: Vector,
     how: npt.NDArray[np.int8],
     frozen: Flags,
@@ -181,7 +183,7 @@ def _look(
                 hips_m[s, c, 0], hips_m[s, c, 1] = hips_x, hips_z
                 changed_ns[s, c] = changed_ns[s, c] + gap_ns if how[s, c] == _CHANGED else 0
                 if changed_ns[s, c] > limit_ns:
-                    moved[s, c] = True
+                    has_moved[s, c] = True
                 continue
             if changed_count > 0:
                 changed_ns[s, c] = 0
@@ -196,7 +198,7 @@ def _look(
                     hips_m[s, c, 0], hips_m[s, c, 1] = hips_x, hips_z
             # Feet may rest on the floor until the hips are farther away than a leg reaches.
             longest_ns = limit_ns if c == 0 else max(limit_ns, _CALM_NS)
-            if moved[s, c] and still_ns[s, c] > longest_ns and not frozen[s, c]:
+            if has_moved[s, c] and still_ns[s, c] > longest_ns and not frozen[s, c]:
                 away = np.hypot(hips_x - hips_m[s, c, 0], hips_z - hips_m[s, c, 1])
                 frozen[s, c] = not floor[s] or away > _STRIDE_M
             is_any = is_any or frozen[s, c]
@@ -208,14 +210,14 @@ def _look_at_all(
     t_ns: npt.NDArray[np.int64],
     position: Vector,
     turn: Vector,
-    found: Flags,
+    repeats: Flags,
     limit_ns: int,
     hips: int,
     floor: Flags,
     last: Vector,
     changed_ns: npt.NDArray[np.int64],
     still_ns: npt.NDArray[np.int64],
-    moved: Flags,
+    has_moved: Flags,
     hips_m: Vector,
     how: npt.NDArray[np.int8],
     frozen: Flags,
@@ -235,7 +237,7 @@ def _look_at_all(
             last,
             changed_ns,
             still_ns,
-            moved,
+            has_moved,
             hips_m,
             how,
             frozen,
@@ -246,7 +248,7 @@ def _look_at_all(
                     true_one[s, c] = i
                 elif frozen[s, c]:
                     for k in range(true_one[s, c] + 1, i + 1):
-                        found[k, s] = True
+                        repeats[k, s] = True
                     true_one[s, c] = i
                 elif still_ns[s, c] == 0 and _changed_in(how, c):
                     true_one[s, c] = i

@@ -2,7 +2,7 @@
 
 A driver is described once, by a `DriverSpec` in the module `spec` of its package, whoever made it.
 That module imports no driver, simulator or vendor library, so that a lab's configuration is checked
-without loading any. What is constructed stands beside it, in `wiring` (`visavis.devices.wiring`).
+without loading any. The module `wiring` next to it constructs drivers (`visavis.devices.wiring`).
 """
 
 from collections.abc import Mapping
@@ -55,7 +55,7 @@ class Wire:
     library: Library | None = None
     """The package that has to be installed for it."""
     runtime: Literal["", "openvr", "openxr", "fove"] = ""
-    """A program or vendor library that runs beside ours."""
+    """A program or vendor library that runs next to ours."""
     hears_window: bool = False
     """It is the participant's window: without one the device hears nothing."""
     dials: bool = False
@@ -63,17 +63,17 @@ class Wire:
     listens: tuple[str, ...] = ()
     """What the firewall must let in, such as "UDP {port}"; names in braces are options."""
     binds: str = ""
-    """The option whose UDP port nobody else may hold."""
+    """The option with the UDP port that no other program may use."""
 
 
 @dataclass(frozen=True)
 class Claims:
-    """What docs/devices.md says of a driver; empty for one of simulation alone."""
+    """What docs/devices.md says of a driver; empty for one that only exists simulated."""
 
     stands_for: str = ""
     """The devices it drives; vendor and model when left out."""
     checked: str = ""
-    """Against what its bytes were held, "our reading" of a document too, and on which boundary."""
+    """What its bytes were compared with, "our reading" of a document too; on which boundary."""
     unproven: str = ""
     """What only the real unit can show."""
 
@@ -85,7 +85,7 @@ class Dialect:
     options: Mapping[str, Any] = field(default_factory=dict)
     """The options that its simulator understands, where it knows one dialect only."""
     driver: str = ""
-    """Of a device of simulation alone: the driver of the real one whose protocol it speaks."""
+    """For a device that only exists simulated: the real driver whose protocol it speaks."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class DriverSpec(Generic[O]):
     kind: Kind
     """Which contract of `visavis.devices.contracts` it follows."""
     options: type[O]
-    """What may stand beside `driver`, with its limits and defaults."""
+    """The options allowed next to `driver`, with their limits and defaults."""
     product: Product = Product()
     """What is driven."""
     wire: Wire = Wire()

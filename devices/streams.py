@@ -21,7 +21,7 @@ GAZE = StreamSchema(
         Field("right_pupil_mm", "f4", "mm", description="diameter; NaN if unknown"),
     ),
 )
-"""Canonical gaze: head frame, metres, right-handed, y up, −z forward; validity apart from value.
+"""Canonical gaze: head frame, metres, right-handed, y up, −z forward; validity separate from value.
 
 A driver whose device runs at another rate replaces `nominal_rate_hz` and keeps the fields.
 """

@@ -167,13 +167,13 @@ class MemoryTransport:
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return the messages that have arrived, in order of arrival."""
-        messages = self._arrived(self._clock.now_ns())
+        messages = self._take_arrived(self._clock.now_ns())
         if messages or timeout_s <= 0:
             return messages
         deadline_ns = self._clock.now_ns() + round(timeout_s * NS_PER_S)
         while not messages and (now_ns := self._clock.now_ns()) < deadline_ns:
             self._clock.sleep_until_ns(min(now_ns + REAL_TIME_STEP_NS, deadline_ns))
-            messages = self._arrived(self._clock.now_ns())
+            messages = self._take_arrived(self._clock.now_ns())
         return messages
 
     def put_off(self) -> bool:
@@ -203,7 +203,7 @@ class MemoryTransport:
             return None
         return Message(reached_ns + self._peer.leg_ns(), answer, sent_ns)
 
-    def _arrived(self, now_ns: int) -> Sequence[Message]:
+    def _take_arrived(self, now_ns: int) -> Sequence[Message]:
         self._peer.advance(now_ns)
         all_messages = self._peer.outgoing(now_ns)
         topics = self._topics

@@ -24,7 +24,7 @@ from visavis.lab.errors import DataError, DeviceNotFound, DeviceTimeout
 FORMAT = "visavis-wire"
 VERSION = 1
 
-_MESSAGE, _EXCHANGE, _SENT = 0, 1, 2
+_MESSAGE, _EXCHANGE, _SENT_MESSAGE = 0, 1, 2
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class WireLog:
     is_simulated: bool
     messages: tuple[Message, ...]
     exchanges: tuple[tuple[Frames, Exchange], ...]
-    sent: tuple[Message, ...]
+    sent_messages: tuple[Message, ...]
     note: Mapping[str, Any] = field(default_factory=dict)
 
 
@@ -71,7 +71,7 @@ def read_wire_log(path: Path) -> WireLog:
                 elif kind == _EXCHANGE:
                     send_ns, receive_ns, request, answer = fields
                     exchanges.append((request, Exchange(answer, send_ns, receive_ns)))
-                elif kind == _SENT:
+                elif kind == _SENT_MESSAGE:
                     t_host_ns, frames = fields
                     sent_messages.append(Message(t_host_ns, frames))
             except (TypeError, ValueError) as cause:
@@ -167,7 +167,7 @@ class TeeTransport(_Tee[MessageTransport]):
         try:
             exchange = self._inner.request(frames, timeout_s)
         except DeviceTimeout:
-            self._write((_SENT, self._clock.now_ns(), frames))
+            self._write((_SENT_MESSAGE, self._clock.now_ns(), frames))
             raise
         record = (_EXCHANGE, exchange.t_send_ns, exchange.t_receive_ns, frames, exchange.frames)
         self._write(record)
@@ -175,7 +175,7 @@ class TeeTransport(_Tee[MessageTransport]):
 
     def post(self, frames: Frames) -> None:
         """Pass on and log as sent; the answer is logged when it is received."""
-        self._write((_SENT, self._clock.now_ns(), frames))
+        self._write((_SENT_MESSAGE, self._clock.now_ns(), frames))
         self._inner.post(frames)
 
     def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
@@ -190,7 +190,7 @@ class TeeTransport(_Tee[MessageTransport]):
 
     def send(self, port: int, frames: Frames) -> None:
         """Pass on and log as sent."""
-        self._write((_SENT, self._clock.now_ns(), frames))
+        self._write((_SENT_MESSAGE, self._clock.now_ns(), frames))
         self._inner.send(port, frames)
 
     def close(self) -> None:
@@ -207,7 +207,7 @@ class TeeLink(_Tee[ByteLink]):
 
     def write(self, data: bytes) -> int:
         """Pass on and log."""
-        self._write((_SENT, self._clock.now_ns(), (data,)))
+        self._write((_SENT_MESSAGE, self._clock.now_ns(), (data,)))
         return self._inner.write(data)
 
     def read(self, timeout_s: float) -> Sequence[Chunk]:
@@ -245,12 +245,12 @@ class _Replay:
             raise DeviceNotFound(
                 f"cannot read {self._path}: {cause.strerror}", remedy="check the path"
             ) from cause
-        first_messages = log.messages + (log.sent[:1] if self.begins_when_asked else ())
+        first_messages = log.messages + (log.sent_messages[:1] if self.begins_when_asked else ())
         starts = [e.t_send_ns for _, e in log.exchanges] + [m.t_host_ns for m in first_messages]
         self._shift_ns = self._clock.now_ns() - min(starts, default=0)
         return log
 
-    def _awaited(self, due: Callable[[], list[T]], timeout_s: float) -> list[T]:
+    def _wait_for(self, due: Callable[[], list[T]], timeout_s: float) -> list[T]:
         """Return the items that are due; wait for them for at most `timeout_s`."""
         items = due()
         deadline_ns = self._clock.now_ns() + round(timeout_s * NS_PER_S)
@@ -304,7 +304,7 @@ class ReplayTransport(_Replay):
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return the messages whose moved time has come."""
-        return self._awaited(self._due, timeout_s)
+        return self._wait_for(self._due, timeout_s)
 
     def send(self, port: int, frames: Frames) -> None:
         """Do nothing: nobody listens."""
@@ -343,7 +343,7 @@ class ReplayLink(_Replay):
     def open(self, deadline_s: float) -> None:
         """Read the file."""
         log = self._log()
-        sent_ns = [message.t_host_ns for message in log.sent]
+        sent_ns = [message.t_host_ns for message in log.sent_messages]
         self._written_ns = []
         self._last_ns = 0
         self._chunks.clear()
@@ -366,7 +366,7 @@ class ReplayLink(_Replay):
 
     def read(self, timeout_s: float) -> Sequence[Chunk]:
         """Return the chunks that are due."""
-        return self._awaited(self._due, timeout_s)
+        return self._wait_for(self._due, timeout_s)
 
     def close(self) -> None:
         """Forget the file; idempotent."""

@@ -1,8 +1,8 @@
 """How a device is put together: its driver, on its real wire or on a simulated one.
 
 The module `wiring` of a driver's package holds a `Wiring` for each description (`DriverSpec`) of
-the module `spec` beside it. It imports driver and simulator like any module, and is imported itself
-when a device is built, by `visavis.devices.registry.driver_wiring` and nobody else.
+the module `spec` next to it. It imports driver and simulator like any module. Only
+`visavis.devices.registry.driver_wiring` imports it, when a device is built.
 """
 
 import zlib

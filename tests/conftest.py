@@ -10,6 +10,9 @@ import pytest
 from hypothesis import settings
 from platformdirs import user_cache_path
 
+from tests import tiers
+from tests.store import STORE
+
 # Tests give processes of their own another cache folder; kernels need not be compiled again for it.
 os.environ.setdefault(
     "NUMBA_CACHE_DIR", str(user_cache_path("visavis", appauthor=False) / "kernels" / "tests")
@@ -20,6 +23,24 @@ os.environ.setdefault(
 settings.register_profile("ci", derandomize=True, deadline=None)
 settings.register_profile("exploring", deadline=None)
 settings.load_profile("ci" if os.environ.get("CI") else "exploring")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the option that measures tests."""
+    parser.addoption(tiers.RECORD, action="store_true", help="measure tests: tests/costs.txt")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let costs choose the tier of each test."""
+    tiers.install(config)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def store(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Let all workers of this run store sessions in one folder."""
+    base = tmp_path_factory.getbasetemp()
+    is_worker = "PYTEST_XDIST_WORKER" in os.environ
+    STORE.folder = (base.parent if is_worker else base) / "sessions"
 
 
 @pytest.fixture

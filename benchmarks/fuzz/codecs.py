@@ -89,11 +89,11 @@ def _board(data: bytes) -> list[tuple[object, ...]]:
     return [_board_said(board.decode(frame)) for frame in FrameReader().feed(data)]
 
 
-def _board_said(found: board.Samples | board.Told | None) -> tuple[object, ...]:
+def _board_said(found: board.Samples | board.BoardTime | None) -> tuple[object, ...]:
     match found:
         case board.Samples():
             return (found.seq, found.device_us, found.period_us, found.levels.tobytes())
-        case board.Told():
+        case board.BoardTime():
             return (found.seq, found.device_us)
         case _:
             return ()
@@ -106,7 +106,7 @@ def _labjack(data: bytes) -> list[int]:
 def _boards_frames() -> tuple[bytes, ...]:
     """Return frames of the board, each between two zeros, as its firmware sends them."""
     rng = np.random.default_rng(16)
-    found = [board.encode_told(board.Told(k, k * 9_999_991 % 2**32)) for k in range(32)]
+    found = [board.encode_time(board.BoardTime(k, k * 9_999_991 % 2**32)) for k in range(32)]
     for k in range(96):
         levels = rng.integers(0, 256, (board.BLOCK, len(board.CHANNELS))).astype(np.uint8)
         told = board.Samples(k, k * 44_444_443 % 2**32, 250, levels)
@@ -179,7 +179,7 @@ def _lsl_gaze(samples: Sequence[bytes]) -> Callable[[bytes], object]:
 
 
 def _natnet(data: bytes) -> None:
-    _, payload = natnet.split(natnet.encode(7, data[4:]))
+    _, payload = natnet.split_message(natnet.encode(7, data[4:]))
     for decode in (natnet.decode_server, *_NATNET):
         try:
             decode(payload)

@@ -29,9 +29,9 @@ ROLE = "screen"
 BEFORE_FLIP_NS = 2 * NS_PER_MS
 """How long before a refresh the window stops taking events and the picture is handed over."""
 EARLY_NS = NS_PER_MS // 2
-"""A picture taken by so much before its refresh was not waited for: the driver does not."""
+"""A picture taken this much before its refresh means that the graphics driver does not wait."""
 MAX_EYES_AGE_NS = NS_PER_S // 2
-"""Eyes not found for so long are not where they were."""
+"""Eyes not found for this long may be elsewhere; their last place is no longer used."""
 MAX_EYES_OFF_M = 1.0
 """A tracked eye farther than this from the viewing place is a tracker's mistake."""
 REMEDY = "resume the session; it opens the window anew"
@@ -135,12 +135,12 @@ class ScreenDisplay(OnSessionClock):
                 self._surface.attend(due_ns)
                 t_ns = self._clock.now_ns()
         if before is None:
-            number, dropped = 0, 0
+            number, dropped_count = 0, 0
         else:
             steps = max(1, round((t_ns - before.t_ns) / self._period_ns))
-            number, dropped = before.index + steps, steps - 1
-            self._tell_timing(before, t_ns, late_by=dropped)
-        self._frame = FrameInfo(number, t_ns, t_ns + self._period_ns, dropped)
+            number, dropped_count = before.index + steps, steps - 1
+            self._tell_timing(before, t_ns, late_by=dropped_count)
+        self._frame = FrameInfo(number, t_ns, t_ns + self._period_ns, dropped_count)
         self._tell_head(t_ns)
         return self._frame
 
@@ -156,16 +156,16 @@ class ScreenDisplay(OnSessionClock):
         if not self.is_tracked:
             return
         values = batch.values[batch.values["valid"]]
-        found = values["origin_m"].astype(np.float64)
-        found = found[np.isfinite(found).all(axis=1)]
-        found = found[np.linalg.norm(found, axis=1) <= MAX_EYES_OFF_M]
-        if len(found):
-            self._eyes = (int(batch.t_host_ns[-1]), found[-1])
+        eyes_m = values["origin_m"].astype(np.float64)
+        eyes_m = eyes_m[np.isfinite(eyes_m).all(axis=1)]
+        eyes_m = eyes_m[np.linalg.norm(eyes_m, axis=1) <= MAX_EYES_OFF_M]
+        if len(eyes_m):
+            self._eyes = (int(batch.t_host_ns[-1]), eyes_m[-1])
 
     def close(self) -> None:
-        """Let the window go; whoever draws closes it. Idempotent."""
+        """Let go of the window, which the renderer closes. Idempotent."""
         self._surface = None
-        self._streams.held.clear()
+        self._streams.pending.clear()
         super().close()
 
     def health(self) -> Health:

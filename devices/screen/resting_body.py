@@ -1,8 +1,8 @@
 """A simulated body whose head rests before a screen.
 
 Its own head may turn and sway; in the chin rest it does not, and the eyes do what the head did:
-they converge on the same point of the world. Not modelled: that what lies beside the screen cannot
-be seen, and that eyes turned far look at things by turning the head.
+they converge on the same point of the world. Not modelled: things outside the screen are hidden,
+and people turn the head to look far aside.
 """
 
 from collections.abc import Iterator, Sequence
@@ -34,7 +34,7 @@ class BodyBeforeScreen:
         poses = [self._body.head(int(t)) for t in t_ns]
         place_m = np.array([position for position, _ in poses])
         turn = np.array([orientation for _, orientation in poses])
-        point_m = _met(place_m, turn, own)
+        point_m = _convergence_points(place_m, turn, own)
         back = quat_conjugate(self._place.orientation_wxyz)
         in_head = rotate(back, point_m - self._place.position_m)
         for name, side in (("left", -EYE_X_M), ("right", EYE_X_M)):
@@ -77,7 +77,7 @@ class MovingBodyBeforeScreen(BodyBeforeScreen):
         self._limbs.feel(role, amplitudes_01, t_ns)
 
 
-def _met(place_m: Vector, turn: Vector, eyes: npt.NDArray[np.void]) -> Vector:
+def _convergence_points(place_m: Vector, turn: Vector, eyes: npt.NDArray[np.void]) -> Vector:
     """Return the points of the world (n, 3) on which both eyes converge."""
     assert eyes.dtype == EYES_DTYPE  # noqa: S101 - the contract of a body
     side = rotate(turn, np.array([EYE_X_M, 0.0, 0.0]))
@@ -92,5 +92,5 @@ def _met(place_m: Vector, turn: Vector, eyes: npt.NDArray[np.void]) -> Vector:
     with np.errstate(divide="ignore", invalid="ignore"):
         reach = np.where(spread > PARALLEL, across / spread, FAR_M)
     reach = np.where(np.isfinite(reach) & (reach > 0), np.minimum(reach, FAR_M), FAR_M)
-    met: Vector = place_m - side + reach[:, None] * left
-    return met
+    points_m: Vector = place_m - side + reach[:, None] * left
+    return points_m

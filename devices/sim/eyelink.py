@@ -23,8 +23,8 @@ VERSION = "EYELINK CL 5.15"
 class EyeLinkSimulator(GazePeer):
     """Send link samples of a body that looks at a screen; `verdict` is the host's code.
 
-    `told_px` are the display pixels that were sent to the host; on a memory wire, without a library
-    that sends them, those of the options.
+    `display_px` is the display size that was sent to the host. On a memory wire no library sends
+    it, so it is that of the options.
     """
 
     usual_rate_hz = 1000.0
@@ -44,13 +44,13 @@ class EyeLinkSimulator(GazePeer):
         self.messages: list[str] = []
         self.verdict = verdict
         self._screen = screen or Screen()
-        self.told_px = screen_px
+        self.display_px = screen_px
 
     def to_message(self, shot: Shot) -> Frames:
         """Return one link sample."""
-        return (self.packed(shot) if shot.garbage is None else shot.garbage,)
+        return (self.pack(shot) if shot.garbage is None else shot.garbage,)
 
-    def packed(self, shot: Shot) -> bytes:
+    def pack(self, shot: Shot) -> bytes:
         """Return a sample: time in whole (at 2000 Hz half) milliseconds, pixels, pupil units."""
         step_ns = NS_PER_MS if self.source.rate_hz <= 1000 else NS_PER_MS // 2
         time_ms = shot.t_device_ns // step_ns * step_ns / NS_PER_MS
@@ -62,7 +62,7 @@ class EyeLinkSimulator(GazePeer):
             x, y = self._screen.shares_of((x_m, 0.0, 0.0), ray)
             if is_seen and x == x:
                 pupil = shot.pupil_mm * PUPIL_UNITS_PER_MM
-                numbers += [x * self.told_px[0], y * self.told_px[1], pupil]
+                numbers += [x * self.display_px[0], y * self.display_px[1], pupil]
             else:
                 numbers += [MISSING, MISSING, 0.0]
         return SAMPLE.pack(time_ms, 3, *numbers)

@@ -59,7 +59,7 @@ class GazepointSimulator(GazePeer):
 
     def advance(self, t_ns: int) -> None:
         """Take samples; a server that was gone starts with everything off."""
-        if self.source.gone(t_ns):
+        if self.source.is_away(t_ns):
             self._enabled.clear()
         super().advance(t_ns)
         if self._calibration_ns is not None:

@@ -1,7 +1,7 @@
 """A HID eye tracker of usage page 0x12: descriptor, reports, features.
 
 Written from the HID usage tables and Microsoft's public driver. Not modelled: head position,
-capabilities, changes of mode. Linux' own hidraw is tried apart, with umockdev.
+capabilities, changes of mode. Linux's own hidraw is tested separately, with umockdev.
 """
 
 import struct

@@ -39,7 +39,7 @@ class LinePeer(ABC):
         self._role = role
         self._faults = faults if faults is not None else FaultSchedule()
         self._noise = WireNoise(seed, body)
-        self._origin_ns = self._told_ns = clock.now_ns()
+        self._origin_ns = self._sent_until_ns = clock.now_ns()
 
     @abstractmethod
     def line(self, t_s: float, t_device_ns: int, rng: np.random.Generator) -> bytes:
@@ -49,7 +49,7 @@ class LinePeer(ABC):
         """Take a connection; earlier lines are lost."""
         if self._active("disconnect", t_ns) or self._active("late_start", t_ns):
             raise DeviceNotFound(f"the simulated {self._role} is not there", remedy="wait for it")
-        self._told_ns = t_ns
+        self._sent_until_ns = t_ns
 
     def accept(self, data: bytes, t_ns: int) -> None:  # noqa: B027 - most are told nothing
         """Ignore bytes of the host."""
@@ -59,13 +59,13 @@ class LinePeer(ABC):
         if self._active("disconnect", until_ns):
             raise DeviceDisconnected(f"the simulated {self._role} is gone", remedy="wait for it")
         chunks = []
-        first = int((self._told_ns - WIRE_NS) * self.rate_hz // NS_PER_S) + 1
+        first = int((self._sent_until_ns - WIRE_NS) * self.rate_hz // NS_PER_S) + 1
         last = int((until_ns - WIRE_NS) * self.rate_hz // NS_PER_S)
         for number in range(max(first, 0), last + 1):
             t_ns = round(number * NS_PER_S / self.rate_hz)
             if not self._active("silence", t_ns):
-                chunks += self._told(t_ns)
-        self._told_ns = max(self._told_ns, until_ns)
+                chunks += self._line_chunks(t_ns)
+        self._sent_until_ns = max(self._sent_until_ns, until_ns)
         return chunks
 
     def quiet_until_ns(self, now_ns: int) -> int:
@@ -73,7 +73,7 @@ class LinePeer(ABC):
         number = int((now_ns - WIRE_NS) * self.rate_hz // NS_PER_S) + 1
         return max(now_ns, round(number * NS_PER_S / self.rate_hz) + WIRE_NS)
 
-    def _told(self, t_ns: int) -> list[Chunk]:
+    def _line_chunks(self, t_ns: int) -> list[Chunk]:
         rng = self._noise.rng()
         lost_01, noise_01 = rng.random(2)
         data = self.line(t_ns / NS_PER_S, self._device_ns(t_ns), rng) + b"\r\n"

@@ -26,7 +26,7 @@ def find_compiler() -> str | None:
     return next((path for name in COMPILERS if (path := shutil.which(name))), None)
 
 
-def build_library(source: str, generated: dict[str, str], library: str) -> Path:
+def build_library(source: str, headers: dict[str, str], library: str) -> Path:
     """Compile `native/<source>` with generated headers beside it; return the library's path.
 
     The result is kept in the temporary folder under the hash of everything that went in. Raises
@@ -36,7 +36,7 @@ def build_library(source: str, generated: dict[str, str], library: str) -> Path:
     if compiler is None:
         raise DeviceNotFound("this simulator needs a C compiler", remedy=_remedy())
     code = (SOURCES / source).read_bytes()
-    texts = [*FLAGS, *(f"{name}={text}" for name, text in sorted(generated.items()))]
+    texts = [*FLAGS, *(f"{name}={text}" for name, text in sorted(headers.items()))]
     digest = hashlib.sha256(code + "\0".join(texts).encode()).hexdigest()[:16]
     folder = Path(tempfile.gettempdir()) / f"visavis-native-{digest}"
     target = folder / library
@@ -44,7 +44,7 @@ def build_library(source: str, generated: dict[str, str], library: str) -> Path:
         return target
     folder.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder) as work:
-        for name, text in generated.items():
+        for name, text in headers.items():
             (Path(work) / name).write_text(text)
         new_library = Path(work) / "built"
         command = [compiler, *FLAGS, f"-I{work}", str(SOURCES / source), "-o", str(new_library)]

@@ -1,7 +1,7 @@
 """A sound card behind sounddevice's interface: requests and stamps blocks by its own clock.
 
-`played` holds the latest output with the card's own times. Not modelled: a card's filters, the air,
-and a system that requests blocks late.
+`played_blocks` holds the latest output with the card's own times. Not modelled: a card's filters,
+the air, and a system that requests blocks late.
 """
 
 from collections import deque
@@ -23,7 +23,7 @@ SINCE_BOOT_S: Final = 1000.0
 
 class SimulatedPortAudio:
     """The part of sounddevice that `SoundCard` uses. Faults: late_start, disconnect, loss (blocks
-    that come too late, which the next one tells as an underflow).
+    that come too late; the next block reports an underflow).
     """
 
     class PortAudioError(Exception):
@@ -42,9 +42,9 @@ class SimulatedPortAudio:
         self.latency_s = latency_ms * NS_PER_MS / NS_PER_S
         self.rate = 1.0 + drift_ppm * 1e-6
         self.origin_ns = clock.now_ns()
-        self.played: deque[tuple[float, npt.NDArray[np.float32]]] = deque(maxlen=KEPT_BLOCKS)
+        self.played_blocks: deque[tuple[float, npt.NDArray[np.float32]]] = deque(maxlen=KEPT_BLOCKS)
 
-    def described(self, device: str | None) -> str:
+    def device_name(self, device: str | None) -> str:
         """Return the name of the card."""
         return "simulated sound card"
 
@@ -56,11 +56,11 @@ class SimulatedPortAudio:
         """Return what the card's clock shows at a session time."""
         return SINCE_BOOT_S + t_ns * self.rate / NS_PER_S
 
-    def OutputStream(self, **given: Any) -> "SimulatedStream":  # noqa: N802 - sounddevice's name
+    def OutputStream(self, **options: Any) -> "SimulatedStream":  # noqa: N802 - sounddevice's name
         """Open the output."""
         if self.is_active("late_start") or self.is_active("disconnect"):
             raise self.PortAudioError("Device unavailable")
-        return SimulatedStream(self, given["callback"])
+        return SimulatedStream(self, options["callback"])
 
 
 class SimulatedStream:
@@ -71,9 +71,9 @@ class SimulatedStream:
     def __init__(self, card: SimulatedPortAudio, callback: Callable[..., None]) -> None:
         self._card = card
         self._callback = callback
-        self._runs = self._gone = False
+        self._runs = self._is_gone = False
         self._block = 0
-        self._missed = False
+        self._misses_block = False
 
     @property
     def latency(self) -> float:
@@ -83,8 +83,8 @@ class SimulatedStream:
     @property
     def active(self) -> bool:
         """Whether the card still requests blocks."""
-        self._gone = self._gone or self._card.is_active("disconnect")
-        return self._runs and not self._gone
+        self._is_gone = self._is_gone or self._card.is_active("disconnect")
+        return self._runs and not self._is_gone
 
     @property
     def time(self) -> float:
@@ -114,10 +114,10 @@ class SimulatedStream:
             asked_s = self._block * BLOCK / RATE_HZ
             comes_s = asked_s + self._card.latency_s
             times = SimpleNamespace(currentTime=asked_s, outputBufferDacTime=comes_s)
-            status = SimpleNamespace(output_underflow=self._missed)
+            status = SimpleNamespace(output_underflow=self._misses_block)
             block = np.zeros((BLOCK, 2), np.float32)
             self._callback(block, BLOCK, times, status)
-            self._missed = self._card.is_active("loss")
-            if block.any() and not self._missed:
-                self._card.played.append((comes_s, block))
+            self._misses_block = self._card.is_active("loss")
+            if block.any() and not self._misses_block:
+                self._card.played_blocks.append((comes_s, block))
             self._block += 1

@@ -30,17 +30,17 @@ class SranipalSimulator(GazePeer):
 
 def eye_data(shot: Shot) -> bytes:
     """Return `EyeData_v2` of a shot, member by member as the header lists them."""
-    left = _eye(shot.left, -EYE_X_M, shot, seen=shot.left_seen)
-    right = _eye(shot.right, EYE_X_M, shot, seen=shot.right_seen)
+    left = _eye(shot.left, -EYE_X_M, shot, is_seen=shot.left_seen)
+    right = _eye(shot.right, EYE_X_M, shot, is_seen=shot.right_seen)
     middle = tuple((a + b) / 2 for a, b in zip(shot.left, shot.right, strict=True))
-    both = _eye(middle, 0.0, shot, seen=shot.left_seen and shot.right_seen)
+    both = _eye(middle, 0.0, shot, is_seen=shot.left_seen and shot.right_seen)
     head = struct.pack("<?3xii4x", False, shot.number, shot.t_device_ns // NS_PER_MS)
     convergence, advice, expressions = bytes(8), bytes(48), bytes(24)
     return head + left + right + both + convergence + advice + expressions
 
 
-def _eye(ray: tuple[float, ...], x_m: float, shot: Shot, *, seen: bool) -> bytes:
-    if not seen:
+def _eye(ray: tuple[float, ...], x_m: float, shot: Shot, *, is_seen: bool) -> bytes:
+    if not is_seen:
         return ONE_EYE.pack(ONLY_OPENNESS, *(0.0,) * 7, shot.openness_01, 0.0, 0.0)
     x, y, z = ray
     place = (-1e3 * x_m, 0.0, 0.0)

@@ -2,7 +2,7 @@
 
 The room is the body that simulated bands are worn on, the eyepiece a photodiode looks into and the
 air before a loudspeaker. The board samples it by its own clock and speaks on the real board's wire.
-`happened` holds the true onset of each event, for a comparison with the test's result.
+`true_onsets_ns` holds the true onset of each event, for a comparison with the test's result.
 
 Not modelled: how a panel's light rises and fades within a frame, echoes, what a strap swallows.
 """
@@ -17,7 +17,14 @@ import numpy.typing as npt
 from visavis.devices.byte_links import Chunk
 from visavis.devices.contracts import EYES_DTYPE, OneStretch
 from visavis.devices.drivers.armband.codec import FrameReader
-from visavis.devices.sync.board_codec import ASK, BLOCK, Samples, Told, encode_samples, encode_told
+from visavis.devices.sync.board_codec import (
+    ASK,
+    BLOCK,
+    BoardTime,
+    Samples,
+    encode_samples,
+    encode_time,
+)
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 from visavis.lab.geometry import Vector
 
@@ -31,7 +38,7 @@ PITCH_HZ = 900.0
 
 
 @dataclass(frozen=True)
-class Planted:
+class PlantedDelay:
     """How late a thing is in the simulated room: at least `latency_ms`, and evenly up to
     `jitter_ms` more; `drift_ms_per_min` is added as the test goes on.
     """
@@ -52,32 +59,32 @@ class SimulatedRoom(OneStretch):
 
     clock: Clock
     rng: np.random.Generator
-    picture: Planted = field(default_factory=lambda: Planted(9.0, 1.0))
-    sound: Planted = field(default_factory=lambda: Planted(22.0, 3.0))
+    picture: PlantedDelay = field(default_factory=lambda: PlantedDelay(9.0, 1.0))
+    sound: PlantedDelay = field(default_factory=lambda: PlantedDelay(22.0, 3.0))
 
     def __post_init__(self) -> None:
         self.start_ns = self.clock.now_ns()
-        self.happened: dict[str, list[int]] = {"picture": [], "sound": [], "vibration": []}
+        self.true_onsets_ns: dict[str, list[int]] = {"picture": [], "sound": [], "vibration": []}
         self._light: list[tuple[int, bool]] = []
         self._clicks: list[int] = []
         self._buzz: list[tuple[int, float]] = [(self.start_ns, 0.0)]
         self._is_lit = False
 
-    def show(self, lit: bool, t_display_ns: int) -> None:
+    def show(self, is_lit: bool, t_display_ns: int) -> None:
         """Take the corner of a frame whose light should leave at this time."""
-        if lit == self._is_lit:
+        if is_lit == self._is_lit:
             return
-        self._is_lit = lit
+        self._is_lit = is_lit
         at_ns = t_display_ns + self.picture.late_ns(t_display_ns - self.start_ns, self.rng)
-        self._light.append((at_ns, lit))
-        if lit:
-            self.happened["picture"].append(at_ns)
+        self._light.append((at_ns, is_lit))
+        if is_lit:
+            self.true_onsets_ns["picture"].append(at_ns)
 
     def click(self, t_ns: int) -> None:
         """Take a click that was handed to the sound card."""
         at_ns = t_ns + self.sound.late_ns(t_ns - self.start_ns, self.rng)
         self._clicks.append(at_ns)
-        self.happened["sound"].append(at_ns)
+        self.true_onsets_ns["sound"].append(at_ns)
 
     def levels(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.uint8]:
         """Return light, sound and motion (n, 3) as the board's inputs read them."""
@@ -85,8 +92,8 @@ class SimulatedRoom(OneStretch):
         switch_ns = np.array([at for at, _ in self._light], np.int64)
         if switch_ns.size:
             last = np.searchsorted(switch_ns, t_ns, side="right") - 1
-            lit = np.array([on for _, on in self._light])
-            levels[:, 0] += FLASH * np.where(last >= 0, lit[last], False)
+            light_states = np.array([on for _, on in self._light])
+            levels[:, 0] += FLASH * np.where(last >= 0, light_states[last], False)
         for at_ns in self._clicks[-2:]:
             since_s = (t_ns - at_ns) / NS_PER_S
             sounding = (t_ns >= at_ns) & (t_ns < at_ns + CLICK_NS)
@@ -103,7 +110,7 @@ class SimulatedRoom(OneStretch):
         """Receive the levels of a band's motors."""
         strength = max(amplitudes_01)
         if strength > 0 and self._buzz[-1][1] == 0:
-            self.happened["vibration"].append(t_ns)
+            self.true_onsets_ns["vibration"].append(t_ns)
         self._buzz.append((t_ns, strength))
 
     def eyes(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.void]:
@@ -169,8 +176,8 @@ class SyncBoardSimulator:
         there_ns = t_ns + round(len(data) * self._byte_ns + self._delay_ns())
         for frame in self._reader.feed(data):
             if frame.kind == ASK:
-                answer = Told(frame.seq, self._device_us(there_ns) % 2**32)
-                self._send(encode_told(answer), there_ns)
+                answer = BoardTime(frame.seq, self._device_us(there_ns) % 2**32)
+                self._send(encode_time(answer), there_ns)
 
     def outgoing(self, until_ns: int) -> Sequence[Chunk]:
         """Sample up to this time and return the chunks that have arrived."""

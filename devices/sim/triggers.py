@@ -43,9 +43,9 @@ class LinesPeer:
         """Show the bytes on the lines, one after another."""
         if self.is_active("disconnect", t_ns):
             raise DeviceDisconnected(f"the simulated {self._role} is gone", remedy="wait for it")
-        self.received(data, t_ns)
+        self.receive(data, t_ns)
 
-    def received(self, data: bytes, t_ns: int) -> None:
+    def receive(self, data: bytes, t_ns: int) -> None:
         """Take bytes from the host."""
         self.log += [(t_ns, byte) for byte in data]
 
@@ -67,7 +67,7 @@ class LabJackPeer(LinesPeer):
 
     directions = 0
 
-    def received(self, data: bytes, t_ns: int) -> None:
+    def receive(self, data: bytes, t_ns: int) -> None:
         """Carry a packet out and answer it; one with a wrong checksum with `B8 B8`."""
         head, body = data[:6], data[6:]
         is_intact = sum(body) == head[4] + 256 * head[5] and head[0] == _sum8(head[1:])

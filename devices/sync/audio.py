@@ -76,7 +76,7 @@ class SoundCardSensor:
         self._n = self._overflows = 0
 
     @property
-    def told_as(self) -> str:
+    def display_name(self) -> str:
         """Name the input."""
         return f"audio input ({self._device or 'default'})"
 
@@ -101,7 +101,7 @@ class SoundCardSensor:
         if self._stream is not None:
             self._stream.close()
 
-    def lost(self) -> int:
+    def loss_count(self) -> int:
         """Return how often blocks were lost."""
         return self._overflows
 
@@ -110,8 +110,8 @@ class SoundCardSensor:
         if len(self._ends) < 2:
             raise DeviceError("the audio input delivered nothing", remedy="choose another input")
         period_ns = NS_PER_S / self._stream.samplerate
-        counted, ends_ns = np.array(self._ends, np.int64).T
-        card_ns = np.rint(counted * period_ns).astype(np.int64)
+        sample_counts, ends_ns = np.array(self._ends, np.int64).T
+        card_ns = np.rint(sample_counts * period_ns).astype(np.int64)
         levels = np.concatenate(self._blocks).astype(np.float64)
         samples_ns = np.rint(np.arange(1, len(levels) + 1) * period_ns).astype(np.int64)
         t_ns = fit_one_way(card_ns, ends_ns).to_host_ns(samples_ns)

@@ -12,7 +12,7 @@ from visavis.devices.byte_links import ByteLink
 from visavis.devices.contracts import ClockPair
 from visavis.devices.drivers.armband.codec import FrameReader
 from visavis.devices.drivers.armband.ledger import DeviceMicros
-from visavis.devices.sync.board_codec import BLOCK, CHANNELS, Samples, Told, decode, encode_ask
+from visavis.devices.sync.board_codec import BLOCK, CHANNELS, BoardTime, Samples, decode, encode_ask
 from visavis.devices.sync.sensing import Trace
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 from visavis.lab.clock_fit import fit_clock
@@ -32,21 +32,21 @@ class SyncBoard:
         self._clock = clock
         self._reader = FrameReader()
         self._micros = DeviceMicros()
-        self._asked: dict[int, int] = {}
+        self._asked_ns: dict[int, int] = {}
         self._seq = 0
         self._ask_ns = 0
         self._expected: int | None = None
-        self._lost = 0
+        self._lost_blocks = 0
         self._blocks: list[tuple[int, int, Samples]] = []
         self.pairs: list[ClockPair] = []
 
     @property
-    def told_as(self) -> str:
+    def display_name(self) -> str:
         """Name the link."""
         return f"board ({self._link.kind})"
 
     def open(self) -> None:
-        """Connect, and wait until the board has told its clock and sent samples."""
+        """Connect, and wait until the board has sent its clock and samples."""
         self._link.open(OPENING_S)
         deadline_ns = self._clock.now_ns() + round(OPENING_S * NS_PER_S)
         while not (self.pairs and self._blocks):
@@ -63,9 +63,9 @@ class SyncBoard:
         """Release the link."""
         self._link.close()
 
-    def lost(self) -> int:
+    def loss_count(self) -> int:
         """Return the samples of blocks that never came or came damaged."""
-        return self._lost * BLOCK
+        return self._lost_blocks * BLOCK
 
     def traces(self) -> Mapping[str, Trace]:
         """Return light, sound and motion in 1/255 of the input's range."""
@@ -82,20 +82,20 @@ class SyncBoard:
         if now_ns >= self._ask_ns:
             self._ask_ns = now_ns + ASK_EVERY_NS
             self._seq = (self._seq + 1) % 256
-            self._asked[self._seq] = now_ns
+            self._asked_ns[self._seq] = now_ns
             self._link.write(encode_ask(self._seq))
         for chunk in self._link.read(timeout_s):
             for frame in self._reader.feed(chunk.data):
-                said = decode(frame)
-                if said is None:
+                message = decode(frame)
+                if message is None:
                     continue
-                at_ns = self._micros.unwrap_ns(said.device_us)
-                if isinstance(said, Told):
-                    sent_ns = self._asked.pop(said.seq, None)
+                at_ns = self._micros.unwrap_ns(message.device_us)
+                if isinstance(message, BoardTime):
+                    sent_ns = self._asked_ns.pop(message.seq, None)
                     if sent_ns is not None:
                         self.pairs.append(ClockPair(sent_ns, at_ns, chunk.t_host_ns))
                     continue
                 if self._expected is not None:
-                    self._lost += (said.seq - self._expected) % 256
-                self._expected = (said.seq + 1) % 256
-                self._blocks.append((at_ns, said.period_us * 1000, said))
+                    self._lost_blocks += (message.seq - self._expected) % 256
+                self._expected = (message.seq + 1) % 256
+                self._blocks.append((at_ns, message.period_us * 1000, message))

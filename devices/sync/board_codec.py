@@ -3,9 +3,9 @@
 Frames are those of the armband (`visavis.devices.drivers.armband.codec`: COBS, CRC-16, closing
 zero). SAMPLES holds the board's microseconds of its first sample (u32, wrapping), the spacing in
 microseconds (u16) and twelve samples of three channels (u8): light, sound, motion. ASK, from the
-host, is answered by TOLD with the board's microseconds. What the board says ends in a second check,
-CRC-16/ARC of its payload: of a million damaged frames one passes sixteen bits alone. Decoding never
-raises.
+host, is answered by TOLD with the board's microseconds. Messages of the board end with a second
+check, CRC-16/ARC of the payload, because sixteen bits alone let one of a million damaged frames
+pass. Decoding never raises.
 """
 
 import struct
@@ -46,7 +46,7 @@ class Samples:
 
 
 @dataclass(frozen=True)
-class Told:
+class BoardTime:
     """The board's clock when it answered the question with this number."""
 
     seq: int
@@ -58,24 +58,24 @@ def encode_ask(seq: int) -> bytes:
     return b"\0" + encode_frame(ASK, seq)
 
 
-def encode_told(told: Told) -> bytes:
+def encode_time(board_time: BoardTime) -> bytes:
     """Return the answer to ASK; for the board's side."""
-    return encode_frame(TOLD, told.seq, _checked(_TIME.pack(told.device_us)))
+    return encode_frame(TOLD, board_time.seq, _with_check(_TIME.pack(board_time.device_us)))
 
 
 def encode_samples(samples: Samples) -> bytes:
     """Return a block of samples; for the board's side."""
     head = _HEAD.pack(samples.device_us, samples.period_us)
-    return encode_frame(SAMPLES, samples.seq, _checked(head + samples.levels.tobytes()))
+    return encode_frame(SAMPLES, samples.seq, _with_check(head + samples.levels.tobytes()))
 
 
-def decode(frame: Frame) -> Samples | Told | None:
+def decode(frame: Frame) -> Samples | BoardTime | None:
     """Return what the board says; None for a type, length or spacing that it does not use."""
     payload = frame.payload[:-CHECK_BYTES]
-    if _checked(payload) != frame.payload:
+    if _with_check(payload) != frame.payload:
         return None
     if frame.kind == TOLD and len(payload) == _TIME.size:
-        return Told(frame.seq, *_TIME.unpack(payload))
+        return BoardTime(frame.seq, *_TIME.unpack(payload))
     if frame.kind != SAMPLES or len(payload) != _SAMPLES_BYTES:
         return None
     device_us, period_us = _HEAD.unpack_from(payload)
@@ -85,7 +85,7 @@ def decode(frame: Frame) -> Samples | Told | None:
     return Samples(frame.seq, device_us, period_us, levels.reshape(BLOCK, len(CHANNELS)))
 
 
-def _checked(payload: bytes) -> bytes:
+def _with_check(payload: bytes) -> bytes:
     """Return the payload with its second check."""
     check = 0
     for byte in payload:

@@ -25,7 +25,7 @@ class RoleSensor:
         self._batches: list[SampleBatch] = []
 
     @property
-    def told_as(self) -> str:
+    def display_name(self) -> str:
         """Name the role and the driver."""
         return f"{self._device.info.role} ({self._device.info.driver})"
 
@@ -42,7 +42,7 @@ class RoleSensor:
         """Close the device."""
         self._device.close()
 
-    def lost(self) -> int:
+    def loss_count(self) -> int:
         """Return the gaps that the device's meter counted."""
         return self._device.health().gaps
 
@@ -61,9 +61,9 @@ class RoleSensor:
             t_ns = fit_clock(pairs).to_host_ns(t_ns)
         values = np.concatenate([b.values for b in batches])
         order = np.argsort(t_ns, kind="stable")
-        found = {}
+        traces = {}
         for column in batches[0].schema.fields:
             level = values[column.name]
             if level.ndim == 1 and np.issubdtype(level.dtype, np.number):
-                found[column.name] = Trace(t_ns[order], level[order].astype(np.float64))
-        return found
+                traces[column.name] = Trace(t_ns[order], level[order].astype(np.float64))
+        return traces

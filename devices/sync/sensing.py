@@ -20,8 +20,8 @@ class Sensor(Protocol):
     """Something that listens, looks or feels while the test goes on."""
 
     @property
-    def told_as(self) -> str:
-        """What the report calls it."""
+    def display_name(self) -> str:
+        """Name of the sensor in the report."""
         ...
 
     def open(self) -> None:
@@ -40,6 +40,6 @@ class Sensor(Protocol):
         """Return all channels so far, by name, on the session's clock."""
         ...
 
-    def lost(self) -> int:
+    def loss_count(self) -> int:
         """Return how many samples are known to be missing."""
         ...

@@ -50,7 +50,9 @@ class TrackingWatch:
         self.last_ns = self._still_since_ns = self.start_ns
         self._arms = np.array([self.segments.index(name) for name in ARM_JOINTS])
         self._hips = self.segments.index("hips")
-        self._parts = SegmentWatch(self.segments, limit_ns=self.quiet_ns, moved=self.moved_segments)
+        self._parts = SegmentWatch(
+            self.segments, limit_ns=self.quiet_ns, moved_channels=self.moved_segments
+        )
 
     def believes(self, body: BodyView, i: int, t_ns: int) -> bool:
         """Take note of sample i, at `t_ns`; tell whether it is of a moving, live body."""
@@ -88,7 +90,7 @@ class TrackingWatch:
 
     def end(self, t_ns: int) -> None:
         """Count the silence that lasted until the walk's end; remember what moved."""
-        self.moved_segments |= self._parts.moved
+        self.moved_segments |= self._parts.moved_channels
         if self.is_silent(t_ns):
             self.silent_ns += t_ns - self.last_ns
 

@@ -278,12 +278,12 @@ def frozen_parts(
     """
     frozen_names = {text.partition("=")[0] for text in str(seen_live or "").split(";")}
     moving_joints = frozen_names & set(BODY_JOINTS)
-    is_frozen = SegmentWatch(BODY_JOINTS, moved={(name, 0) for name in moving_joints}).repeats(
-        t_ns, position_m, orientation_wxyz
-    )
+    is_frozen = SegmentWatch(
+        BODY_JOINTS, moved_channels={(name, 0) for name in moving_joints}
+    ).repeats(t_ns, position_m, orientation_wxyz)
     turning_joints = {(n, 1) for n in moving_joints if not is_frozen[:, BODY_JOINTS.index(n)].any()}
     if turning_joints:
-        again = SegmentWatch(BODY_JOINTS, moved=turning_joints)
+        again = SegmentWatch(BODY_JOINTS, moved_channels=turning_joints)
         is_frozen |= again.repeats(t_ns, position_m, orientation_wxyz)
     return is_frozen
 

@@ -22,7 +22,8 @@ from visavis.experiments.waving.perception import Evidence, evidence_of
 from visavis.lab.chance import generator
 from visavis.lab.errors import DataError
 from visavis.lab.geometry import Vector
-from visavis.people.body import POINT_S, StandingBody
+from visavis.people.body import StandingBody
+from visavis.people.body_kernels import POINT_S
 from visavis.people.person import plain_answer
 from visavis.stimuli.motion.warping.track import WarpTrack
 from visavis.stimuli.panels import choice_centre_m

@@ -15,7 +15,7 @@ import numpy as np
 from visavis.cli import sync_chain
 from visavis.devices.byte_links import MemoryLink
 from visavis.devices.registry import OPTION_MODELS
-from visavis.devices.sim.sync_room import Planted, SimulatedRoom, SyncBoardSimulator
+from visavis.devices.sim.sync_room import PlantedDelay, SimulatedRoom, SyncBoardSimulator
 from visavis.devices.sync.board import SyncBoard
 from visavis.lab.clock import SystemClock
 from visavis.lab.config import parse_config
@@ -31,7 +31,7 @@ def main(latency_ms: float) -> None:
         text = text.replace(was, now)
     lab = parse_config(text, Path("lab_config.yaml"), OPTION_MODELS)
     clock = SystemClock()
-    room = SimulatedRoom(clock, np.random.default_rng(1), picture=Planted(latency_ms))
+    room = SimulatedRoom(clock, np.random.default_rng(1), picture=PlantedDelay(latency_ms))
     board = SyncBoardSimulator(room, clock, np.random.default_rng(2))
     present = window.Window.present
     windows = []
@@ -57,7 +57,7 @@ def main(latency_ms: float) -> None:
         progress=lambda done: None,
     )
     (one,) = found
-    true_ms = (np.array(room.happened["picture"]) - np.array(asked.picture_ns)) / 1e6
+    true_ms = (np.array(room.true_onsets_ns["picture"]) - np.array(asked.picture_ns)) / 1e6
     print(
         json.dumps(
             {

@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from tests.visavis.sessions import opened, perform
+from tests.sessions import opened, perform
 from visavis.cli.app import app
 from visavis.cli.film.cameras import FromViewpoint
 from visavis.cli.film.film import FilmedTrial, pictures_of

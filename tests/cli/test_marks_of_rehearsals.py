@@ -10,7 +10,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from tests.faults.sessions import CONFIG
-from tests.visavis.sessions import perform
+from tests.sessions import perform
 from visavis.cli.app import app, load_lab
 from visavis.cli.film.on_page import page_label
 from visavis.cli.preview.pictures import TITLE_PX, write_below

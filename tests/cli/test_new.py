@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from tests.visavis.sessions import STUDIES
+from tests.sessions import STUDIES
 from visavis.cli.main import app
 from visavis.lab.errors import LabError, UsageError
 from visavis.results.opened_study import find_study

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from tests.faults.sessions import lab
-from tests.visavis.sessions import STUDIES
+from tests.sessions import STUDIES
 from visavis.analysis.session_check import check_session
 from visavis.cli.main import app
 from visavis.cli.preview.capture import Capture

@@ -11,8 +11,8 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
+from tests.sessions import STUDIES
 from tests.stage import figures
-from tests.visavis.sessions import STUDIES
 from visavis.cli.app import load_lab
 from visavis.cli.film.on_page import BACK
 from visavis.cli.main import app

@@ -12,7 +12,8 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from tests.visavis.test_every_study import SMALL, config_for, name_of
+from tests.running.test_every_study import SMALL, config_for, name_of
+from tests.sessions import STUDIES
 from visavis.cli.app import app
 from visavis.cli.film.on_page import FilmPictures
 from visavis.cli.redraw import UNDRAWN_PX
@@ -27,7 +28,7 @@ from visavis.stage.renderer import LIGHTEST, Quality, Renderer
 from visavis.stage.stills import still_quality
 
 CORE = ("stare", "crowd", "waving")
-ON_PAGE = str(Path(__file__).parents[1] / "visavis" / "studies" / "films.py")
+ON_PAGE = str(STUDIES / "films.py")
 SHORT: dict[str, dict[str, Any]] = {
     **SMALL,
     "crowd": {**SMALL["crowd"], "limit_s": 1.5},

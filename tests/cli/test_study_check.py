@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from tests.recording.sessions import record_session
-from tests.visavis.sessions import perform
+from tests.sessions import perform
 from visavis.cli.main import app
 from visavis.lab.clock import SimClock
 from visavis.lab.config_files import EXAMPLE

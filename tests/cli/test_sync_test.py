@@ -17,7 +17,7 @@ from visavis.cli.doctor import report
 from visavis.cli.main import app
 from visavis.cli.sync_chain import perform_real, perform_simulated
 from visavis.devices.registry import OPTION_MODELS
-from visavis.devices.sim.sync_room import Planted
+from visavis.devices.sim.sync_room import PlantedDelay
 from visavis.lab.clock import SimClock, SystemClock
 from visavis.lab.config import load_config, parse_config
 from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
@@ -44,7 +44,11 @@ def lab_file(tmp_path, monkeypatch):
 
 def test_planted_delays_and_jitter_are_recovered_through_the_whole_chain():
     found, _, _, true_ms = perform_simulated(
-        seed=3, repeats=20, picture=Planted(12.0, 3.0), sound=Planted(40.0, 8.0), rise_ms=0.0
+        seed=3,
+        repeats=20,
+        picture=PlantedDelay(12.0, 3.0),
+        sound=PlantedDelay(40.0, 8.0),
+        rise_ms=0.0,
     )
 
     assert ["picture", "sound", "vibration"] == [one.modality for one in found]
@@ -61,8 +65,8 @@ def test_planted_delay_of_a_monitor_is_recovered_in_its_own_rhythm(rate_hz):
     found, asked, _, true_ms = perform_simulated(
         seed=4,
         repeats=10,
-        picture=Planted(12.0),
-        sound=Planted(40.0),
+        picture=PlantedDelay(12.0),
+        sound=PlantedDelay(40.0),
         lab=parse_config(text, Path("lab_config.yaml"), OPTION_MODELS),
     )
     picture = found[0]
@@ -114,7 +118,7 @@ def test_delay_before_a_monitor_is_measured_in_its_window():
 def test_same_seed_gives_the_same_test():
     def again():
         found, _, _, _ = perform_simulated(
-            seed=8, repeats=10, picture=Planted(9.0, 1.0), sound=Planted(22.0, 3.0)
+            seed=8, repeats=10, picture=PlantedDelay(9.0, 1.0), sound=PlantedDelay(22.0, 3.0)
         )
         return [one.delays_ms for one in found]
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from tests.visavis.sessions import opened, perform
+from tests.sessions import opened, perform
 from visavis.cli.app import app
 from visavis.cli.viewer.bundle import MISSING, Bundle
 from visavis.cli.viewer.models import LEVEL_OF_MANY, Models

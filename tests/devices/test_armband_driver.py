@@ -450,7 +450,7 @@ def test_serial_driver_drives_a_band_on_a_pseudo_terminal():
         deadline_ns = clock.now_ns() + 5 * NS_PER_S
         while not batches and clock.now_ns() < deadline_ns:
             driver.poll(0.05)
-        granted = peer.firmware.granted
+        granted = peer.firmware.granted_duties
         driver.close()
         silent = peer.firmware.duties
 

@@ -126,7 +126,7 @@ def test_band_behind_a_socket_url_is_driven_and_its_end_is_noticed():
     def serve():
         connection, _ = server.accept()
         with connection:
-            while firmware.granted != (255,) * 4:
+            while firmware.granted_duties != (255,) * 4:
                 connection.sendall(firmware.feed(connection.recv(4096), 0))
 
     thread = threading.Thread(target=serve, daemon=True)

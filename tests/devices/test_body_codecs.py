@@ -90,7 +90,7 @@ def test_natnet_frame_is_read_in_every_layout(version, sized):
 
 def test_natnet_header_with_a_wrong_size_is_refused():
     with pytest.raises(DataError, match="says 5 bytes and has 1"):
-        natnet.split(bytes.fromhex("0700050000"))
+        natnet.split_message(bytes.fromhex("0700050000"))
 
 
 @given(st.binary(max_size=400), st.sampled_from([(3, 0), (4, 0), (4, 1), (4, 2)]))

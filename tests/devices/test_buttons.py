@@ -113,14 +113,14 @@ def test_lines_may_be_cut_anywhere(pressed, data):
     cut = data.draw(st.integers(0, len(whole)))
     found = [*keyboard._read(whole[:cut]), *keyboard._read(whole[cut:])]
     assert [(p.button, p.value_01) for p in found] == [(k, float(d)) for k, d in pressed]
-    assert keyboard.damaged == 0
+    assert keyboard.unreadable_count == 0
 
 
 @given(st.binary(max_size=200))
 def test_noise_on_the_wire_is_counted_and_raises_nothing(noise):
     keyboard = window_keyboard(SimClock())
     tuple(keyboard._read(noise))
-    assert keyboard.damaged >= 0
+    assert keyboard.unreadable_count >= 0
 
 
 def test_simulated_presses_arrive_through_the_keyboards_own_wire():
@@ -180,7 +180,7 @@ def test_a_pads_bytes_may_be_cut_anywhere(presses, data):
     cut = data.draw(st.integers(0, len(whole)))
     reader = XidReader()
     assert reader.feed(whole[:cut]) + reader.feed(whole[cut:]) == XidReader().feed(whole)
-    assert reader.damaged == 0
+    assert reader.unreadable_count == 0
 
 
 @given(st.binary(max_size=60))
@@ -231,7 +231,7 @@ def test_a_box_on_a_serial_port_is_read_through_a_real_terminal():
         os.close(ours)
         os.close(theirs)
     assert [device.controls[b.values["control"][0]] for b in batches] == ["right"]
-    assert device.damaged == 1
+    assert device.unreadable_count == 1
 
 
 def gamepad(presses, clock, stack, **options):
@@ -313,7 +313,7 @@ def test_values_of_no_bits_are_none_however_many_are_described():
 def test_a_short_report_is_counted():
     reader = ReportReader(layout_of(DESCRIPTOR))
     reader.feed(b"\x01")
-    assert reader.damaged == 1
+    assert reader.unreadable_count == 1
 
 
 class Hidapi:

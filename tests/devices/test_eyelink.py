@@ -154,7 +154,7 @@ def test_gaze_is_in_the_pixels_the_tracker_was_told():
 
     expected = FixatingBody(5.0, 3.0).direction
     assert angle_deg(batches[0].values["direction_head"][0].astype("f8"), expected) < 0.2
-    assert lab.simulator.told_px == (1920, 1080)
+    assert lab.simulator.display_px == (1920, 1080)
 
 
 def test_time_is_asked_of_the_tracker_itself():

@@ -154,12 +154,12 @@ def test_a_refused_image_is_an_error_and_a_fault_until_one_is_taken(context, bro
             wrong = [textures[0], gone]
             gone.release()
         else:
-            runtime.images.refused = -23
+            runtime.images.forced_error = -23
         with pytest.raises(DeviceError, match="refused the images") as refusal:
             headset.submit(one_frame(headset), wrong)
         assert refusal.value.remedy
         assert "images were refused" in headset.check()[0].message
-        runtime.images.refused = 0
+        runtime.images.forced_error = 0
         headset.submit(one_frame(headset), textures)
         assert not headset.check()
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tests.devices.other_band_rigs import COMMANDS
 from visavis.devices.drivers.bands import bhaptics_codec, buzz_codec, vhp_codec
 from visavis.devices.drivers.bands.ascii_codec import AsciiLanguage, AsciiTemplates
-from visavis.devices.drivers.bands.language import Condition, JsonReader, Ready, Refused, level
+from visavis.devices.drivers.bands.language import Condition, JsonReader, Ready, Refusal, level
 from visavis.devices.drivers.bands.report_codec import ReportLanguage, ReportLayout
 from visavis.devices.sim.bands import vhp as vhp_sim
 
@@ -52,9 +52,9 @@ def test_buzz_answers_read_alike_in_any_chunks(cuts):
     notices = [n for piece in chunked(BUZZ_SAYS, cuts) for n in language.feed(piece)]
 
     kinds = [type(notice) for notice in notices]
-    assert kinds == [Condition, Ready, Refused]
+    assert kinds == [Condition, Ready, Refusal]
     assert notices[0].battery_01 == 0.57
-    assert language.damaged == 0
+    assert language.unreadable_count == 0
 
 
 @given(noise=st.binary(max_size=400))
@@ -62,7 +62,7 @@ def test_buzz_recovers_at_the_next_prompt_after_noise(noise):
     language = buzz_codec.BuzzLanguage()
     language.feed(noise + b"\r\nble_cli:~$ ")
 
-    assert [type(n) for n in language.feed(BUZZ_SAYS)] == [Condition, Ready, Refused]
+    assert [type(n) for n in language.feed(BUZZ_SAYS)] == [Condition, Ready, Refusal]
 
 
 def test_object_without_end_is_given_up_at_the_limit():
@@ -70,7 +70,7 @@ def test_object_without_end_is_given_up_at_the_limit():
 
     for _ in range(40):
         assert reader.feed(b'{"a": [' * 100) == []
-    assert reader.damaged > 0
+    assert reader.unreadable_count > 0
     reader.reset()
     assert reader.feed(b'x{"a": 1}') == [("x", {"a": 1})]
 
@@ -144,7 +144,7 @@ def test_vhp_messages_come_back_in_any_chunks(has_checksum, messages, cuts):
     read = [m for piece in chunked(data, cuts) for m in reader.feed(piece)]
 
     assert messages == [(m.kind, m.payload) for m in read]
-    assert reader.damaged == 0
+    assert reader.unreadable_count == 0
 
 
 @settings(max_examples=200)

@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 from tests.devices.test_add_a_device_page import ROOT, package
-from tests.visavis.sessions import STUDIES
+from tests.sessions import STUDIES
 from visavis.lab.config_files import EXAMPLE
 from visavis.recording.reader import Recording
 

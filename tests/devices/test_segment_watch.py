@@ -81,7 +81,7 @@ def test_a_segment_that_never_moved_is_not_frozen_and_one_known_to_move_is():
     freeze(HAND, position, turn, 0, 80)
     assert {} == found(t_ns, position, turn)
     known = {("left_hand", 0)}
-    assert {"left_hand": list(range(1, 80))} == found(t_ns, position, turn, moved=known)
+    assert {"left_hand": list(range(1, 80))} == found(t_ns, position, turn, moved_channels=known)
 
 
 def test_a_segment_that_is_renewed_less_often_is_not_frozen():
@@ -145,4 +145,4 @@ def test_what_moved_is_remembered_for_the_next_walk():
     watch = SegmentWatch(SEGMENTS)
     watch.repeats(t_ns, position, turn)
     everything = {(name, channel) for name in SEGMENTS for channel in (0, 1)}
-    assert everything - {("left_hand", 1)} == watch.moved
+    assert everything - {("left_hand", 1)} == watch.moved_channels

@@ -49,8 +49,8 @@ class Played:
 
     def heard(self):
         """What came out, from the first block that was not silent: (n, 2), and when it began."""
-        t_s = self.library.played[0][0]
-        return np.concatenate([block for _, block in self.library.played]), t_s
+        t_s = self.library.played_blocks[0][0]
+        return np.concatenate([block for _, block in self.library.played_blocks]), t_s
 
 
 @pytest.mark.parametrize("drift_ppm", [0.0, 80.0, -300.0])

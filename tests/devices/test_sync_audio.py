@@ -59,7 +59,7 @@ def test_input_stands_on_the_sessions_clock_although_blocks_are_called_late():
     on_ns = trace.t_ns[np.flatnonzero(trace.level > 0.2)[0]]
     expected_ns = (1.0 + (200 * n + 241) / rate) * NS_PER_S
     assert expected_ns == pytest.approx(on_ns, abs=100_000)
-    assert 0 == sensor.lost()
+    assert 0 == sensor.loss_count()
 
 
 def test_click_begins_with_the_next_block_and_ends():

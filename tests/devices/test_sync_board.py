@@ -11,16 +11,16 @@ from hypothesis import strategies as st
 
 from visavis.devices.byte_links import MemoryLink
 from visavis.devices.drivers.armband.codec import FrameReader
-from visavis.devices.sim.sync_room import Planted, SimulatedRoom, SyncBoardSimulator
+from visavis.devices.sim.sync_room import PlantedDelay, SimulatedRoom, SyncBoardSimulator
 from visavis.devices.sync.board import SyncBoard
 from visavis.devices.sync.board_codec import (
     BLOCK,
+    BoardTime,
     Samples,
-    Told,
     decode,
     encode_ask,
     encode_samples,
-    encode_told,
+    encode_time,
 )
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, SimClock
 from visavis.lab.errors import DeviceTimeout
@@ -38,14 +38,14 @@ def samples(seq=3, device_us=2**31, levels=None):
 @given(st.binary(min_size=36, max_size=36), US, st.integers(0, 255), st.integers(1, 7))
 def test_samples_survive_the_wire_however_it_is_cut(raw, device_us, seq, cut):
     levels = np.frombuffer(raw, np.uint8).reshape(BLOCK, 3)
-    data = encode_samples(samples(seq, device_us, levels)) + encode_told(Told(seq, device_us))
+    data = encode_samples(samples(seq, device_us, levels)) + encode_time(BoardTime(seq, device_us))
     reader = FrameReader()
     frames = [f for i in range(0, len(data), cut) for f in reader.feed(data[i : i + cut])]
     block, told = (decode(frame) for frame in frames)
 
     assert (seq, device_us, 250) == (block.seq, block.device_us, block.period_us)
     np.testing.assert_array_equal(levels, block.levels)
-    assert Told(seq, device_us) == told
+    assert BoardTime(seq, device_us) == told
 
 
 @settings(max_examples=300)
@@ -56,13 +56,13 @@ def test_damaged_frames_are_no_samples_and_raise_nothing(at, noise, inserts):
     said = [decode(frame) for frame in FrameReader().feed(b"\0" + broken + b"\0")]
 
     if intact.strip(b"\0") not in broken.split(b"\0"):
-        assert not any(isinstance(one, Samples | Told) for one in said)
+        assert not any(isinstance(one, Samples | BoardTime) for one in said)
 
 
 def a_board(*, loss_01=0.0, drift_ppm=80.0):
     clock = SimClock(5 * NS_PER_S)
     rng = np.random.default_rng(1)
-    room = SimulatedRoom(clock, rng, Planted(10.0), Planted())
+    room = SimulatedRoom(clock, rng, PlantedDelay(10.0), PlantedDelay())
     peer = SyncBoardSimulator(room, clock, rng, drift_ppm=drift_ppm, loss_01=loss_01)
     return clock, room, SyncBoard(MemoryLink(peer, clock), clock)
 
@@ -85,7 +85,7 @@ def test_what_the_board_saw_stands_on_the_sessions_clock():
 
     first_ns = light.t_ns[np.flatnonzero(light.level > 0.5)[0]]
     assert first_ns - shown_ns == pytest.approx(10.125 * NS_PER_MS, abs=0.2 * NS_PER_MS)
-    assert 0 == board.lost()
+    assert 0 == board.loss_count()
 
 
 def test_lost_blocks_are_counted_and_leave_a_gap():
@@ -95,8 +95,8 @@ def test_lost_blocks_are_counted_and_leave_a_gap():
     t_ns = board.traces()["light"].t_ns
 
     in_gaps = np.sum(np.round(np.diff(t_ns) / 250_000) - 1)
-    assert board.lost() > 0
-    assert board.lost() == pytest.approx(in_gaps, abs=BLOCK)
+    assert board.loss_count() > 0
+    assert board.loss_count() == pytest.approx(in_gaps, abs=BLOCK)
 
 
 class Mute:
@@ -131,10 +131,10 @@ def test_boards_own_firmware_speaks_this_protocol(tmp_path):
     heard = [decode(f) for f in reader.feed(bytes(int(w[2], 16) for w in said if w[0] == "X"))]
     blocks = [one for one in heard if isinstance(one, Samples)]
 
-    assert 0 == reader.damaged
+    assert 0 == reader.damaged_frame_count
     assert [250 + 3000 * i for i in range(len(blocks))] == [b.device_us for b in blocks]
     assert 32 == len(blocks)
-    told = [one for one in heard if isinstance(one, Told)]
+    told = [one for one in heard if isinstance(one, BoardTime)]
     assert [7] == [one.seq for one in told]
     assert told[0].device_us == pytest.approx(30_350, abs=250)
     inputs_v = np.array((3.9 / 4, 3.3 / 4, 3.3 * 512 / 1023))

@@ -149,7 +149,7 @@ def test_every_code_stands_once_in_order_never_shorter_than_asked(asked, width_m
             t_ns += NS_PER_MS
             while (step := train.step(t_ns)) is not None:
                 written.append((t_ns, step.pulse.code if step.begins else 0))
-                train.written(step, t_ns)
+                train.note_written(step, t_ns)
         train.ask(code, t_ns)
     ups, downs = written[::2], written[1::2]
     assert [code for _, code in ups] == [code for _, code in asked]
@@ -189,7 +189,7 @@ def test_the_answer_printed_in_labjackpython_is_read_wherever_it_is_cut():
     for cut in range(len(answer)):
         reader = labjack_codec.AnswerReader()
         assert [*reader.feed(answer[:cut]), *reader.feed(answer[cut:])] == [0]
-        assert reader.damaged == 0
+        assert reader.unreadable_count == 0
 
 
 @given(st.binary(max_size=80))

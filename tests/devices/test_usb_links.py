@@ -56,7 +56,7 @@ def test_band_is_found_vibrates_and_is_left_silent(bench):
     peer.advance(CLOCK.now_ns())
 
     assert not any(peer.levels_01)
-    assert peer.refused == 0
+    assert peer.refused_count == 0
 
 
 @either

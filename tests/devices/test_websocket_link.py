@@ -54,7 +54,7 @@ def test_player_plays_frames_for_as_long_as_they_are_sent(serve):
 
     assert (1.0, 0.0, 0.5, 0.0, 0.0, 0.25) in [levels for _, levels in peer.log]
     assert host.paths == ["/v2/feedbacks?app_id=visavis&app_name=Visavis"]
-    assert peer.refused == []
+    assert peer.refusals == []
 
 
 def test_player_that_leaves_is_found_again(serve):

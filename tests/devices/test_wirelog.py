@@ -42,7 +42,7 @@ def test_log_says_that_its_wire_was_simulated(tmp_path):
 
     assert log.is_simulated
     assert log.transport == "memory"
-    assert log.sent
+    assert log.sent_messages
 
 
 def test_log_cut_anywhere_reads_up_to_its_last_whole_record(tmp_path):

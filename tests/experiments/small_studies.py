@@ -28,6 +28,7 @@ from tests.experiments.former_tables import FORMER, fingerprint_as_pinned
 from tests.experiments.stare.synthetic_rows import analysed
 from tests.experiments.waving.quick_sessions import quick_analysis
 from tests.experiments.waving.quick_sessions import quick_study as quick_waving
+from tests.store import STORE
 from visavis.cli.main import app
 from visavis.cli.quick_tracker import tracker_of
 from visavis.experiments.crowd.design import CONTROL_GROUP, HAPTICS_GROUP
@@ -76,13 +77,23 @@ SESSIONS: Final = {
 """Two simulated people of each study, as `visavis simulate` and `visavis analyse` treat them."""
 
 
-def sessions(name: str, root: Path) -> dict[str, Any]:
-    """Simulate and analyse two people of a study; return the fingerprint."""
+def simulated(name: str, root: Path) -> Path:
+    """Return the folder of a small study, simulated below `root`."""
     small = SESSIONS[name]
     given = [f"--set={key}={value}" for key, value in small.parameters.items()]
     few = ["--participants", "2", "--seed", str(SEED), "--processes", "1"]
-    _visavis("simulate", small.study, *few, *given, "--output", root, "--config", EXAMPLE)
-    folder = root / SIMULATED_ROOT / small.study
+
+    def simulate(at: Path) -> Path:
+        _visavis("simulate", small.study, *few, *given, "--output", at, "--config", EXAMPLE)
+        return at / SIMULATED_ROOT / small.study
+
+    return STORE.copy(f"small {name}", simulate, root)
+
+
+def sessions(name: str, root: Path) -> dict[str, Any]:
+    """Simulate and analyse two people of a study; return the fingerprint."""
+    small = SESSIONS[name]
+    folder = simulated(name, root)
     how = [f"--set={setting}" for setting in small.measure]
     _visavis("analyse", folder, "--processes", "1", *how)
     if name in FORMER:

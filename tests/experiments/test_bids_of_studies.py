@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from tests.experiments.crowd.sessions import session as crowd_session
-from tests.experiments.small_studies import SESSIONS
+from tests.experiments.small_studies import SESSIONS, simulated
 from tests.faults.sessions import lab, perform
 from tests.recording.test_export import ABOUT, issues_of
 from visavis.devices.registry import OPTION_MODELS
@@ -18,6 +18,7 @@ from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
 from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.session_request import simulated_request
+from visavis.running.sessions.study_folder import sessions_of
 
 
 def recording_of(study: str, root: Path) -> Recording:
@@ -25,6 +26,8 @@ def recording_of(study: str, root: Path) -> Recording:
         return perform(lab(root), trial_s=1.0)
     if study == "crowd":
         return crowd_session(root)
+    if study in SESSIONS:
+        return Recording(sessions_of(simulated(study, root))[0])
     name, _, screen = study.partition(" ")
     found = find_study(name)
     config = load_config(SCREEN_EXAMPLE if screen else EXAMPLE, OPTION_MODELS)

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from tests.experiments.crowd.sessions import request as crowd_request
 from tests.experiments.crowd.tables import measured
 from tests.faults.sessions import CONFIG, ScriptedOperator, lab
-from tests.visavis.sessions import opened
+from tests.sessions import STUDIES, opened
 from visavis import Choice, Factor, Keys, Rating, Study
 from visavis.analysis.session_check import check_session
 from visavis.cli.main import app
@@ -134,7 +134,7 @@ def test_the_way_on_without_a_device_is_printed_and_works(tmp_path: Path) -> Non
     def visavis(*arguments: str) -> Any:
         return CliRunner().invoke(app, [*arguments, "--config", str(config)])
 
-    study = str(Path(__file__).parents[1] / "visavis" / "studies" / "asking.py")
+    study = str(STUDIES / "asking.py")
     first = visavis("run", study, "--participant", "1", "--fast")
     assert isinstance(first.exception, DeviceError)
     way_on = next(li for li in first.output.splitlines() if "--without" in li).split()

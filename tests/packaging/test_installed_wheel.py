@@ -17,7 +17,7 @@ import pytest
 from tests.packaging.lab_folder import fill_lab_folder
 from tests.packaging.test_fresh_install import absent_without, brought
 from tests.product_files import PACKAGE, ROOMS_AT_THE_TOP
-from tests.visavis.sessions import STUDIES
+from tests.sessions import STUDIES
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import LIGHTEST, Renderer
 

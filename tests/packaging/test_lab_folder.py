@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.packaging.lab_folder import fill_lab_folder
-from tests.visavis.sessions import STUDIES
+from tests.sessions import STUDIES
 
 
 @pytest.fixture(scope="module")

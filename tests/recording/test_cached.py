@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.visavis.sessions import perform
+from tests.sessions import perform
 from visavis.recording.cached import CachedRecording
 
 

@@ -8,8 +8,8 @@ import pytest
 
 import visavis.running.sessions.perform
 from tests.faults.sessions import CONFIG
+from tests.sessions import opened, perform
 from tests.stage.sessions import NowAndThen
-from tests.visavis.sessions import opened, perform
 from visavis.cli.redraw import redraw
 from visavis.devices.registry import OPTION_MODELS
 from visavis.lab.config import load_config

@@ -121,13 +121,13 @@ def encode_frame(kind: int, seq: int, payload: bytes = b"") -> bytes:
     return bytes(frame)
 
 
-def decode_frame(stuffed: bytes) -> Frame | None:
+def decode_frame(stuffed_bytes: bytes) -> Frame | None:
     """Return the frame in the bytes between two zeros; None when it is damaged."""
     raw = bytearray()
-    at, end = 0, len(stuffed)
+    at, end = 0, len(stuffed_bytes)
     while at < end:
-        skip = stuffed[at]
-        block = stuffed[at + 1 : at + skip]
+        skip = stuffed_bytes[at]
+        block = stuffed_bytes[at + 1 : at + skip]
         if skip == 0 or at + skip > end or 0 in block:
             return None
         raw += block
@@ -144,7 +144,7 @@ class FrameReader:
 
     def __init__(self) -> None:
         self._tail = b""
-        self.damaged = 0
+        self.damaged_frame_count = 0
 
     def feed(self, data: bytes) -> list[Frame]:
         """Return the frames completed by these bytes."""
@@ -156,7 +156,7 @@ class FrameReader:
                 continue
             frame = decode_frame(piece)
             if frame is None:
-                self.damaged += 1
+                self.damaged_frame_count += 1
             else:
                 frames.append(frame)
         return frames
@@ -176,9 +176,11 @@ def encode_command(kind: int, seq: int, payload: bytes = b"") -> bytes:
 
 def is_command(frame: Frame) -> bool:
     """Tell whether a frame is a command: known type, exact length, zeros for padding."""
-    used = _MEANINGFUL_BYTES.get(frame.kind)
+    byte_count = _MEANINGFUL_BYTES.get(frame.kind)
     return (
-        used is not None and len(frame.payload) == COMMAND_BYTES and not any(frame.payload[used:])
+        byte_count is not None
+        and len(frame.payload) == COMMAND_BYTES
+        and not any(frame.payload[byte_count:])
     )
 
 

@@ -36,9 +36,9 @@ class FramedDialect:
         self._unknown = 0
 
     @property
-    def damaged(self) -> int:
+    def unreadable_count(self) -> int:
         """Frames that failed their check or are unknown."""
-        return self._reader.damaged + self._unknown
+        return self._reader.damaged_frame_count + self._unknown
 
     def greeting(self, seq: int) -> bytes:
         """Return HELLO."""

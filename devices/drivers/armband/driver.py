@@ -99,7 +99,7 @@ class ArmbandDriver(HasLife):
         traffic.restart()
         try:
             self._link.open(deadline_s)
-            traffic.reconnected()
+            traffic.reset_connection()
             traffic.wait(traffic.greet, self._is_welcome, GREETING_NS, deadline_ns)
             for _ in range(OPENING_PINGS):
                 traffic.confirm(lambda seq: self._dialect.ping(seq, None), deadline_ns)
@@ -141,12 +141,14 @@ class ArmbandDriver(HasLife):
         try:
             self._traffic.read(timeout_s)
             self._traffic.keep_up()
-        except DeviceDisconnected as gone:
+        except DeviceDisconnected as disconnection:
             life.state = DeviceState.FAULT
             self._traffic.lose()
             self._link.close()
             self._deliver()
-            raise DeviceDisconnected(str(gone), role=self._role, remedy=REMEDY) from gone
+            raise DeviceDisconnected(
+                str(disconnection), role=self._role, remedy=REMEDY
+            ) from disconnection
         return self._deliver()
 
     def stop(self) -> None:
@@ -178,7 +180,7 @@ class ArmbandDriver(HasLife):
 
     def check(self) -> tuple[Fault, ...]:
         """Name what is wrong with band, link and loop."""
-        return self._traffic.band.faults(self._dialect.damaged)
+        return self._traffic.band.faults(self._dialect.unreadable_count)
 
     def clock_pairs(self) -> Sequence[ClockPair]:
         """Return the time exchanges since open: every command that was answered is one."""
@@ -283,7 +285,7 @@ class ArmbandDriver(HasLife):
                 self._attempt_ends_ns = self._clock.now_ns() + GREETING_NS
                 self._link.open(RECONNECT_S)
                 self._attempt_ends_ns = self._clock.now_ns() + GREETING_NS
-                traffic.reconnected()
+                traffic.reset_connection()
                 traffic.greet()
             traffic.read(timeout_s)
             if self._is_welcome():

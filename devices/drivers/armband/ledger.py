@@ -36,17 +36,17 @@ class Command:
     tries: int = 0
     t_host_ns: int = 0
     t_device_ns: int = NO_DEVICE_TIME
-    acknowledged: bool = False
+    is_acknowledged: bool = False
 
 
 @dataclass(slots=True)
-class Asked:
+class PendingRequest:
     """A command without a row of its own, whose answer is waited for."""
 
     seq: int
     t_write_ns: int = 0
     tries: int = 0
-    answered: bool = False
+    is_answered: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +89,7 @@ def command_batch(rows: Sequence[Command], first_seq: int) -> SampleBatch:
         values["kind"][i] = row.kind
         values["t_commanded_ns"][i] = row.t_commanded_ns
         values["t_sent_ns"][i] = row.t_sent_ns
-        values["acknowledged"][i] = row.acknowledged
+        values["acknowledged"][i] = row.is_acknowledged
         n = min(COLUMNS, len(row.amplitudes_01))
         values["amplitudes_01"][i, :n] = row.amplitudes_01[:n]
         if row.rates_hz is not None:

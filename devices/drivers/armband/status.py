@@ -30,7 +30,7 @@ REMEDIES = {
 }
 
 
-UNANSWERED = "commands were not acknowledged"
+UNANSWERED_TEXT = "commands were not acknowledged"
 """Fault text for commands given up; a replay has some, as its last commands differ."""
 
 
@@ -47,7 +47,7 @@ class BandStatus:
     battery_is_low: bool = False
     is_hot: bool = False
     loop_stalled: bool = False
-    unanswered: int = 0
+    unanswered_count: int = 0
     dead_man_fired: int = 0
     refusals: dict[int, int] = field(default_factory=dict)
 
@@ -70,11 +70,11 @@ class BandStatus:
         elif event.code in (MOTORS_REST, MOTORS_RESTED):
             self.resting = event.value
 
-    def refused(self, status: int) -> None:
+    def count_refusal(self, status: int) -> None:
         """Count a command that the band did not carry out."""
         self.refusals[status] = self.refusals.get(status, 0) + 1
 
-    def faults(self, damaged: int) -> tuple[Fault, ...]:
+    def faults(self, unreadable_count: int) -> tuple[Fault, ...]:
         """Return the faults that the operator must know."""
         role, faults = self.role, []
         if self.is_hot:
@@ -92,16 +92,16 @@ class BandStatus:
         if self.dead_man_fired:
             text = f"silenced itself {self.dead_man_fired} times because no command came"
             faults.append(Fault(role, "warning", text, "bring the band nearer, check its cable"))
-        if self.unanswered:
-            text = f"{self.unanswered} {UNANSWERED}"
+        if self.unanswered_count:
+            text = f"{self.unanswered_count} {UNANSWERED_TEXT}"
             faults.append(Fault(role, "warning", text, "bring the band nearer, check its cable"))
         for status, count in sorted(self.refusals.items()):
             status_text = STATUS_TEXTS[status] if status < len(STATUS_TEXTS) else f"status {status}"
             if status != TOO_HOT:
                 remedy = REMEDIES.get(status, "report this")
                 faults.append(Fault(role, "warning", f"{count} commands {status_text}", remedy))
-        if damaged:
-            text = f"{damaged} messages could not be read"
+        if unreadable_count:
+            text = f"{unreadable_count} messages could not be read"
             faults.append(Fault(role, "warning", text, "keep the .wire log and report it"))
         return tuple(faults)
 

@@ -18,10 +18,10 @@ from visavis.devices.drivers.armband.ledger import (
     PATTERN,
     SET,
     SILENCE,
-    Asked,
     BandRow,
     Command,
     DeviceMicros,
+    PendingRequest,
 )
 from visavis.devices.drivers.armband.status import BandStatus
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
@@ -78,7 +78,7 @@ class Traffic:
         now_ns = self._clock.now_ns()
         self._under_way: dict[int, Command] = {}
         self._finished: list[Command] = []
-        self._told: list[BandRow] = []
+        self._band_rows: list[BandRow] = []
         self._waiting: tuple[Command, Drive, int] | None = None
         self._drive: Drive | None = None
         self._running_seq: int | None = None
@@ -90,11 +90,11 @@ class Traffic:
         self._spoke_ns = self._set_ns = now_ns - NS_PER_S
         self._next_report_ns = now_ns
         self._failure: DeviceError | None = None
-        self._asked: Asked | None = None
-        self._heard()
+        self._pending_request: PendingRequest | None = None
+        self._reset_silence()
         self.is_away = False
 
-    def reconnected(self) -> None:
+    def reset_connection(self) -> None:
         """Start again with a band that has lost its state; the rows go on."""
         with self._wire:
             self._dialect.reset()
@@ -103,7 +103,7 @@ class Traffic:
             self._failure = None
             self._seq = 0
             self.welcome = None
-            self._heard()
+            self._reset_silence()
 
     # ---- commands ---------------------------------------------------------------------------
 
@@ -179,7 +179,7 @@ class Traffic:
                     self._send(command)
                 elif waited_ns >= GIVE_UP_NS:
                     del self._under_way[command.seq]
-                    self.band.unanswered += 1
+                    self.band.unanswered_count += 1
                     self._finish(command, now_ns)
             quiet_ns = now_ns - self._unheard_since_ns
             if self._unheard_writes >= LOST_AFTER_WRITES and quiet_ns > LOST_NS:
@@ -211,14 +211,14 @@ class Traffic:
         """Take commands again."""
         self._failure = None
         self._alive_ns = self._clock.now_ns()
-        self._heard()
+        self._reset_silence()
         self.is_away = False
 
     def collect(self) -> tuple[list[Command], list[BandRow]]:
         """Return the finished commands and the band's reports, once, in order of arrival."""
         with self._wire:
             commands, self._finished = self._finished, []
-            band_rows, self._told = self._told, []
+            band_rows, self._band_rows = self._band_rows, []
         return commands, band_rows
 
     def read(self, timeout_s: float) -> None:
@@ -237,7 +237,7 @@ class Traffic:
     def confirm(self, encode: Callable[[int], bytes], deadline_ns: int) -> None:
         """Send one command again and again until it is answered; raises DeviceTimeout."""
         with self._wire:
-            request = self._asked = Asked(self._next_seq())
+            request = self._pending_request = PendingRequest(self._next_seq())
         data = encode(request.seq)
 
         def send() -> None:
@@ -245,7 +245,7 @@ class Traffic:
             request.t_write_ns = self._clock.now_ns()
             self._link.write(data)
 
-        self.wait(send, lambda: request.answered, TRY_NS, deadline_ns)
+        self.wait(send, lambda: request.is_answered, TRY_NS, deadline_ns)
 
     def wait(
         self,
@@ -349,12 +349,12 @@ class Traffic:
 
     # ---- receiving --------------------------------------------------------------------------
 
-    def _heard(self) -> None:
+    def _reset_silence(self) -> None:
         self._unheard_writes = 0
         self._unheard_since_ns = self._clock.now_ns()
 
     def _take(self, answer: Answer, t_host_ns: int) -> None:
-        self._heard()
+        self._reset_silence()
         if isinstance(answer, codec.Welcome):
             self.welcome = answer
             self.band.tells_skin = bool(answer.capabilities & codec.SKIN_IS_TOLD)
@@ -371,10 +371,10 @@ class Traffic:
         if t_host_ns >= self._next_report_ns:
             self._next_report_ns = t_host_ns + REPORT_NS
             self._tell(0, t_host_ns, device_ns)
-        request = self._asked
+        request = self._pending_request
         if request is not None and answer.seq == request.seq:
-            request.answered = True
-            self._asked = None
+            request.is_answered = True
+            self._pending_request = None
             if request.tries == 1:
                 self._add_pair(request.t_write_ns, device_ns, t_host_ns)
             return
@@ -383,9 +383,9 @@ class Traffic:
             return
         if command.tries == 1:  # after a second try it is unknown which one was answered
             self._add_pair(command.t_write_ns, device_ns, t_host_ns)
-        command.acknowledged = answer.status == codec.OK
-        if not command.acknowledged:
-            self.band.refused(answer.status)
+        command.is_acknowledged = answer.status == codec.OK
+        if not command.is_acknowledged:
+            self.band.count_refusal(answer.status)
         if answer.status == codec.NOT_ARMED:
             self._failure = DeviceDisconnected("the band is no longer armed")
         command.t_device_ns = device_ns
@@ -393,9 +393,9 @@ class Traffic:
 
     def _tell(self, event: int, t_host_ns: int, device_ns: int) -> None:
         battery = math.nan if self.band.battery_01 is None else self.band.battery_01
-        told_c = math.nan if self.band.temperature_c is None else self.band.temperature_c
-        heat_c = (math.nan, told_c) if self.band.tells_skin else (told_c, math.nan)
-        self._told.append(BandRow(t_host_ns, device_ns, event, battery, *heat_c))
+        reported_c = math.nan if self.band.temperature_c is None else self.band.temperature_c
+        heat_c = (math.nan, reported_c) if self.band.tells_skin else (reported_c, math.nan)
+        self._band_rows.append(BandRow(t_host_ns, device_ns, event, battery, *heat_c))
 
     def _add_pair(self, send_ns: int, device_ns: int, receive_ns: int) -> None:
         if send_ns <= receive_ns:  # an answer cannot come before its question

@@ -35,10 +35,10 @@ def _bluetooth_serial(site: Site[SppArmbandOptions]) -> ByteLink:
     return RfcommLink(site.clock, address=options.address, channel=options.channel)
 
 
-_WORN = worn_as(ArmbandSimulator)
+_SIMULATOR = worn_as(ArmbandSimulator)
 WIRINGS = (
-    Wiring(SERIAL_ARMBAND, make=_armband, real=serial_port(), simulated=_WORN),
-    Wiring(BLE_ARMBAND, make=_armband, real=ble_band, simulated=_WORN),
-    Wiring(SPP_ARMBAND, make=_armband, real=_bluetooth_serial, simulated=_WORN),
-    Wiring(SIMULATED_ARMBAND, make=_armband, simulated=_WORN),
+    Wiring(SERIAL_ARMBAND, make=_armband, real=serial_port(), simulated=_SIMULATOR),
+    Wiring(BLE_ARMBAND, make=_armband, real=ble_band, simulated=_SIMULATOR),
+    Wiring(SPP_ARMBAND, make=_armband, real=_bluetooth_serial, simulated=_SIMULATOR),
+    Wiring(SIMULATED_ARMBAND, make=_armband, simulated=_SIMULATOR),
 )

@@ -11,7 +11,7 @@ import string
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from visavis.devices.drivers.bands.language import Condition, Notice, Refused, level
+from visavis.devices.drivers.bands.language import Condition, Notice, Refusal, level
 
 MAX_LINE = 1024
 
@@ -47,7 +47,7 @@ class AsciiTemplates:
         if self.set_one and not {"motor", "amplitude"} <= _names(self.set_one):
             problems.append("set_one needs {motor} and {amplitude}")
         if self.set_all and not self._all_names() <= _names(self.set_all):
-            problems.append(f"set_all needs {_listed(self._all_names())}")
+            problems.append(f"set_all needs {_format_fields(self._all_names())}")
         for name in ("battery_answer", "refusal_answer"):
             try:
                 groups = re.compile(getattr(self, name)).groups
@@ -75,7 +75,7 @@ class AsciiLanguage:
         self._battery = re.compile(templates.battery_answer) if templates.battery_answer else None
         self._refusal = re.compile(templates.refusal_answer) if templates.refusal_answer else None
         self._tail = b""
-        self.damaged = 0
+        self.unreadable_count = 0
         self.motor_count = templates.motor_count
 
     def lasts_ms(self, ttl_ms: int) -> int | None:
@@ -111,7 +111,7 @@ class AsciiLanguage:
         *lines, self._tail = (self._tail + data).replace(b"\r", b"\n").split(b"\n")
         if len(self._tail) > MAX_LINE:
             self._tail = b""
-            self.damaged += 1
+            self.unreadable_count += 1
         notices: list[Notice] = []
         for line in lines:
             notices += self._read(line.decode("ascii", "replace"))
@@ -128,12 +128,12 @@ class AsciiLanguage:
             try:
                 percent = float(match[1])
             except (TypeError, ValueError):
-                self.damaged += 1
+                self.unreadable_count += 1
             else:
                 if 0 <= percent <= 100:
                     notices.append(Condition(battery_01=percent / 100))
         if self._refusal is not None and self._refusal.search(line):
-            notices.append(Refused(f"said {line[:80]!r}", "check the templates"))
+            notices.append(Refusal(f"said {line[:80]!r}", "check the templates"))
         return notices
 
     def _set(self, levels: Sequence[int], ttl_ms: int) -> bytes:
@@ -156,17 +156,17 @@ def _names(template: str) -> set[str]:
     return {name for _, name, _, _ in parts if name is not None}
 
 
-def _misfits(label: str, template: str, known: set[str]) -> list[str]:
+def _misfits(label: str, template: str, field_names: set[str]) -> list[str]:
     try:
-        unknown = _names(template) - known
-        template.format(**dict.fromkeys(known, 1)).encode("ascii")
+        unknown = _names(template) - field_names
+        template.format(**dict.fromkeys(field_names, 1)).encode("ascii")
     except KeyError:
         pass  # reported below, with every unknown name
     except (ValueError, IndexError, UnicodeEncodeError, AttributeError) as cause:
         return [f"{label} is no template: {cause}"]
-    fields = _listed(known) or "no field"
+    fields = _format_fields(field_names) or "no field"
     return [f"{label}: unknown field {{{name}}}; it may hold {fields}" for name in sorted(unknown)]
 
 
-def _listed(names: set[str]) -> str:
+def _format_fields(names: set[str]) -> str:
     return " ".join(f"{{{name}}}" for name in sorted(names))

@@ -45,9 +45,9 @@ class BhapticsLanguage:
         self.motor_count = len(self._points)
 
     @property
-    def damaged(self) -> int:
+    def unreadable_count(self) -> int:
         """Messages that could not be read."""
-        return self._reader.damaged
+        return self._reader.unreadable_count
 
     def lasts_ms(self, ttl_ms: int) -> int | None:
         """Return the length of a frame, or less."""

@@ -16,7 +16,7 @@ from visavis.devices.drivers.bands.language import (
     JsonReader,
     Notice,
     Ready,
-    Refused,
+    Refusal,
     level,
 )
 
@@ -47,13 +47,13 @@ class BuzzLanguage:
 
     def __init__(self) -> None:
         self._reader = JsonReader(PROMPT)
-        self._known = Ready()
-        self._confirmed = 0
+        self._identity = Ready()
+        self._confirmed_count = 0
 
     @property
-    def damaged(self) -> int:
+    def unreadable_count(self) -> int:
         """Answers that could not be read."""
-        return self._reader.damaged
+        return self._reader.unreadable_count
 
     def lasts_ms(self, ttl_ms: int) -> int | None:
         """Return None: no source says that the motors stop by themselves."""
@@ -99,7 +99,7 @@ class BuzzLanguage:
     def reset(self) -> None:
         """Discard an answer that is only partly received."""
         self._reader.reset()
-        self._confirmed = 0
+        self._confirmed_count = 0
 
     def _read(self, echo: str, answer: dict[str, Any]) -> list[Notice]:
         data = answer.get("data")
@@ -107,7 +107,7 @@ class BuzzLanguage:
         status = answer.get("status_code")
         if isinstance(status, int) and status != OK:
             message = str(answer.get("message", ""))[:80]
-            return [Refused(f"refused {echo or 'a command'!r}: {message}", DEVELOPER_REMEDY)]
+            return [Refusal(f"refused {echo or 'a command'!r}: {message}", DEVELOPER_REMEDY)]
         notices: list[Notice] = []
         charge = fields.get("battery_soc")
         if isinstance(charge, int | float) and 0 <= charge <= 100:
@@ -115,10 +115,10 @@ class BuzzLanguage:
         if echo.endswith("device info"):
             version = f"{fields.get('major', '?')}.{fields.get('minor', '?')}"
             serial = str(fields.get("serial_number", ""))
-            self._known = Ready(f"Buzz (firmware {version})", serial)
+            self._identity = Ready(f"Buzz (firmware {version})", serial)
         if status == OK:
-            self._confirmed += 1
-            is_opening_done = not echo and self._confirmed >= len(self.opening())
+            self._confirmed_count += 1
+            is_opening_done = not echo and self._confirmed_count >= len(self.opening())
             if is_opening_done or echo.endswith("motors start"):
-                notices.append(self._known)
+                notices.append(self._identity)
         return notices

@@ -32,7 +32,7 @@ from visavis.devices.drivers.armband.ledger import (
     band_batch,
     command_batch,
 )
-from visavis.devices.drivers.bands.language import BandLanguage, Condition, Notice, Ready, Refused
+from visavis.devices.drivers.bands.language import BandLanguage, Condition, Notice, Ready, Refusal
 from visavis.devices.drivers.bands.limits import MAX_TTL_MS, Limits
 from visavis.devices.drivers.bands.traffic import BandTraffic
 from visavis.devices.lifecycle import HasLife, Lifecycle
@@ -47,7 +47,7 @@ RETRY_NS = 250 * NS_PER_MS
 WATCH_S = 0.05
 WATCH_GRACE_NS = 50 * NS_PER_MS
 LOW_BATTERY_01 = 0.2
-REPORT, EXPIRED = BAND_EVENTS.index("report"), BAND_EVENTS.index("expired")
+REPORT_EVENT, EXPIRED_EVENT = BAND_EVENTS.index("report"), BAND_EVENTS.index("expired")
 REMEDY = "check that the band is switched on, charged and plugged in or paired"
 
 HOST_SIDE_ONLY = "host_side_safety_only"
@@ -164,10 +164,10 @@ class HostTimedBand(HasLife):
             for chunk in self._link.read(self._traffic.patience_s(timeout_s)):
                 self._take(chunk.data, chunk.t_host_ns)
             self._traffic.keep_up(self._clock.now_ns())
-        except (DeviceDisconnected, DeviceTimeout) as gone:
+        except (DeviceDisconnected, DeviceTimeout) as problem:
             self._lose()
             self._deliver()
-            raise DeviceDisconnected(str(gone), role=self._role, remedy=REMEDY) from gone
+            raise DeviceDisconnected(str(problem), role=self._role, remedy=REMEDY) from problem
         return self._deliver()
 
     def stop(self) -> None:
@@ -218,8 +218,8 @@ class HostTimedBand(HasLife):
             faults.append(Fault(role, "warning", text, "close other programs on this computer"))
         for text, remedy in self._refusals.items():
             faults.append(Fault(role, "warning", text, remedy))
-        if self._language.damaged:
-            text = f"{self._language.damaged} messages could not be read"
+        if self._language.unreadable_count:
+            text = f"{self._language.unreadable_count} messages could not be read"
             faults.append(Fault(role, "warning", text, "keep the .wire log and report it"))
         return tuple(faults)
 
@@ -291,7 +291,7 @@ class HostTimedBand(HasLife):
                 model=notice.model or self.info.model,
                 serial=notice.serial or self.info.serial,
             )
-        elif isinstance(notice, Refused):
+        elif isinstance(notice, Refusal):
             if not self._ready:
                 raise ProtocolViolation(notice.message, role=self._role, remedy=notice.remedy)
             self._refusals[notice.message] = notice.remedy
@@ -303,7 +303,7 @@ class HostTimedBand(HasLife):
                 previous.is_worn if notice.is_worn is None else notice.is_worn,
             )
             if notice.battery_01 is not None or notice.temperature_c is not None:
-                self._tell_band(REPORT, t_host_ns)
+                self._tell_band(REPORT_EVENT, t_host_ns)
 
     def _tell_band(self, event: int, t_host_ns: int) -> None:
         condition = self._condition
@@ -316,7 +316,7 @@ class HostTimedBand(HasLife):
     def _deliver(self) -> int:
         rows = self._traffic.take_rows()
         while self._traffic.expired_ns:
-            self._tell_band(EXPIRED, self._traffic.expired_ns.pop(0))
+            self._tell_band(EXPIRED_EVENT, self._traffic.expired_ns.pop(0))
         band_rows, self._band_rows = self._band_rows, []
         sink = self._sink
         if sink is None:
@@ -328,7 +328,7 @@ class HostTimedBand(HasLife):
         if band_rows:
             sink(band_batch(band_rows, self._band_seq))
             self._band_seq += len(band_rows)
-        self._meter.received += len(rows) + len(band_rows)
+        self._meter.sample_count += len(rows) + len(band_rows)
         return len(rows) + len(band_rows)
 
     # ---- connection -------------------------------------------------------------------------

@@ -22,7 +22,7 @@ class Ready:
 
 
 @dataclass(frozen=True)
-class Refused:
+class Refusal:
     """The band will not do what it was asked."""
 
     message: str
@@ -38,7 +38,7 @@ class Condition:
     is_worn: bool | None = None
 
 
-Notice = Ready | Refused | Condition
+Notice = Ready | Refusal | Condition
 
 
 class BandLanguage(Protocol):
@@ -94,7 +94,7 @@ class BandLanguage(Protocol):
         ...
 
     @property
-    def damaged(self) -> int:
+    def unreadable_count(self) -> int:
         """Messages that could not be read."""
         ...
 
@@ -108,14 +108,14 @@ class JsonReader:
     """Cut JSON objects out of a text stream, however chunked, with the text before each.
 
     A `fence` is text that never occurs inside an object: an object unfinished there is discarded.
-    `damaged` counts texts that look like an object but are none.
+    `unreadable_count` counts texts that begin like an object and are not one.
     """
 
     def __init__(self, fence: str = "") -> None:
         self._fence = fence
         self._buffer = ""
         self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
-        self.damaged = 0
+        self.unreadable_count = 0
 
     def feed(self, data: bytes) -> list[tuple[str, dict[str, Any]]]:
         """Return (text before it, object) for every object completed by these bytes."""
@@ -124,10 +124,10 @@ class JsonReader:
         while self._fence and self._fence in self._buffer:
             piece, _, self._buffer = self._buffer.partition(self._fence)
             rest = self._cut(piece, objects)
-            self.damaged += "{" in rest
+            self.unreadable_count += "{" in rest
         self._buffer = self._cut(self._buffer, objects)
         if len(self._buffer) > MAX_JSON:
-            self.damaged += "{" in self._buffer
+            self.unreadable_count += "{" in self._buffer
             self._buffer = self._buffer[-len(self._fence) :] if self._fence else ""
         return objects
 
@@ -136,16 +136,16 @@ class JsonReader:
         self._buffer = ""
         self._decoder.reset()
 
-    def _cut(self, text: str, found: list[tuple[str, dict[str, Any]]]) -> str:
+    def _cut(self, text: str, objects: list[tuple[str, dict[str, Any]]]) -> str:
         while (start := text.find("{")) >= 0:
             end = _closing_brace(text, start)
             if end is None:
                 return text
             before, piece, text = text[:start], text[start : end + 1], text[end + 1 :]
             try:
-                found.append((before, json.loads(piece)))
+                objects.append((before, json.loads(piece)))
             except (ValueError, RecursionError):
-                self.damaged += 1
+                self.unreadable_count += 1
         return text
 
 

@@ -59,7 +59,7 @@ class ReportLanguage:
         if problems := layout.problems():
             raise ValueError("; ".join(problems))
         self._layout = layout
-        self.damaged = 0
+        self.unreadable_count = 0
         self.motor_count = layout.motor_count
 
     def lasts_ms(self, ttl_ms: int) -> int | None:
@@ -102,7 +102,7 @@ class ReportLanguage:
         if at is None:
             return ()
         if at >= len(data) or data[at] > 100:
-            self.damaged += 1
+            self.unreadable_count += 1
             return ()
         return (Condition(battery_01=data[at] / 100),)
 

@@ -125,7 +125,7 @@ class VhpReader:
     def __init__(self, *, has_checksum: bool) -> None:
         self._has_checksum = has_checksum
         self._buffer = bytearray()
-        self.damaged = 0
+        self.unreadable_count = 0
 
     def feed(self, data: bytes) -> list[VhpMessage]:
         """Return the messages completed by these bytes."""
@@ -176,7 +176,7 @@ class VhpReader:
 
     def _skip(self) -> None:
         del self._buffer[0]
-        self.damaged += 1
+        self.unreadable_count += 1
 
 
 class _VhpLanguage:
@@ -190,9 +190,9 @@ class _VhpLanguage:
         self.motor_count = len(self._channels)
 
     @property
-    def damaged(self) -> int:
+    def unreadable_count(self) -> int:
         """Bytes that fitted no message."""
-        return self._reader.damaged
+        return self._reader.unreadable_count
 
     def inquiry(self) -> Sequence[bytes]:
         """Return nothing: the board reports every few seconds by itself."""

@@ -25,22 +25,22 @@ class ByteButtons(ButtonDevice):
         ignored: str,
         keys: Mapping[str, str],
     ) -> None:
-        self._known = {ord(button): button for button in buttons}
-        self._ignored = set(ignored.encode("latin-1")) - set(self._known)
-        self._damaged = 0
+        self._button_of = {ord(button): button for button in buttons}
+        self._ignored_codes = set(ignored.encode("latin-1")) - set(self._button_of)
+        self._unreadable_count = 0
         super().__init__(role, link, clock, BYTES, buttons=tuple(buttons), keys=keys)
 
     @property
-    def damaged(self) -> int:
+    def unreadable_count(self) -> int:
         """How many bytes belonged to no button."""
-        return self._damaged
+        return self._unreadable_count
 
     def _fresh(self) -> None:
-        self._damaged = 0
+        self._unreadable_count = 0
 
     def _read(self, data: bytes) -> Iterable[Press]:
         for code in data:
-            if code in self._known:
-                yield Press(self._known[code], 1.0)
-            elif code not in self._ignored:
-                self._damaged += 1
+            if code in self._button_of:
+                yield Press(self._button_of[code], 1.0)
+            elif code not in self._ignored_codes:
+                self._unreadable_count += 1

@@ -70,7 +70,7 @@ class ButtonDevice(HasLife):
 
     @abstractmethod
     def _read(self, data: bytes) -> Iterable[Press]:
-        """Return what these bytes complete; counts what cannot be read in `damaged`."""
+        """Return what these bytes complete; counts what cannot be read in `unreadable_count`."""
 
     @abstractmethod
     def _fresh(self) -> None:
@@ -78,7 +78,7 @@ class ButtonDevice(HasLife):
 
     @property
     @abstractmethod
-    def damaged(self) -> int:
+    def unreadable_count(self) -> int:
         """How much could not be read since the start."""
 
     def _greet(self, deadline_ns: int) -> None:
@@ -112,12 +112,14 @@ class ButtonDevice(HasLife):
             return self._reconnect(timeout_s)
         try:
             chunks = self._link.read(timeout_s)
-        except DeviceDisconnected as gone:
+        except DeviceDisconnected as disconnection:
             self._link.close()
             self._life.state = DeviceState.FAULT
             self._retry_ns = self._clock.now_ns()
-            what = str(gone).removesuffix(f"; {gone.remedy}")
-            raise DeviceDisconnected(what, role=self.info.role, remedy=self._spec.remedy) from gone
+            what = str(disconnection).removesuffix(f"; {disconnection.remedy}")
+            raise DeviceDisconnected(
+                what, role=self.info.role, remedy=self._spec.remedy
+            ) from disconnection
         return self._deliver(chunks)
 
     def stop(self) -> None:
@@ -140,8 +142,8 @@ class ButtonDevice(HasLife):
     def check(self) -> tuple[Fault, ...]:
         """Report messages that could not be read, and buttons without a name."""
         faults = []
-        if self.damaged:
-            text = f"{self.damaged} messages could not be read"
+        if self.unreadable_count:
+            text = f"{self.unreadable_count} messages could not be read"
             faults.append(Fault(self.info.role, "warning", text, self._spec.remedy))
         if self._unknown:
             text = f"pressed, but unknown here: {', '.join(sorted(self._unknown))}"

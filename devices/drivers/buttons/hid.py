@@ -46,16 +46,16 @@ class HidButtonLink:
     ) -> None:
         self.is_simulated = False
         self._clock = clock
-        self._wanted = (vid, pid, serial_number)
+        self._criteria = (vid, pid, serial_number)
         self._library = library
         self._device: Any = None
         self._answers: deque[Chunk] = deque()
-        self._found = ""
+        self._usb_id = ""
 
     @property
     def kind(self) -> str:
         """Name vendor and product."""
-        return f"hid {self._found}".strip()
+        return f"hid {self._usb_id}".strip()
 
     def open(self, deadline_s: float) -> None:
         """Find and open the device."""
@@ -74,7 +74,7 @@ class HidButtonLink:
                 remedy="on Linux: visavis devices rules says who may use it",
             ) from cause
         self._device = device
-        self._found = f"{row['vendor_id']:04x}:{row['product_id']:04x}"
+        self._usb_id = f"{row['vendor_id']:04x}:{row['product_id']:04x}"
 
     def write(self, data: bytes) -> int:
         """Ask for the descriptor."""
@@ -85,7 +85,7 @@ class HidButtonLink:
             try:
                 descriptor = bytes(self._device.get_report_descriptor())
             except (OSError, ValueError) as cause:
-                raise self._gone(cause) from cause
+                raise self._disconnection(cause) from cause
             self._answers.append(Chunk(now_ns, DESCRIPTOR + descriptor))
         return now_ns
 
@@ -105,7 +105,7 @@ class HidButtonLink:
                 wait_ms = 1
         except (OSError, ValueError) as cause:
             if not chunks:  # earlier reports count; the next call raises
-                raise self._gone(cause) from cause
+                raise self._disconnection(cause) from cause
         return chunks
 
     def close(self) -> None:
@@ -116,7 +116,7 @@ class HidButtonLink:
             device.close()
 
     def _fits(self, row: Mapping[str, Any]) -> bool:
-        vid, pid, serial_number = self._wanted
+        vid, pid, serial_number = self._criteria
         if vid is None and pid is None and not serial_number:
             usages = (JOYSTICK, GAMEPAD)
             return row.get("usage_page") == DESKTOP_PAGE and row.get("usage") in usages
@@ -126,7 +126,7 @@ class HidButtonLink:
             and (not serial_number or row.get("serial_number") == serial_number)
         )
 
-    def _gone(self, cause: Exception) -> DeviceDisconnected:
+    def _disconnection(self, cause: Exception) -> DeviceDisconnected:
         return DeviceDisconnected(f"{self.kind} is gone: {cause}", remedy=HID_BUTTONS.remedy)
 
 
@@ -138,9 +138,9 @@ class HidButtons(ButtonDevice):
         super().__init__(role, link, clock, HID_BUTTONS, buttons=tuple(keys), keys=keys)
 
     @property
-    def damaged(self) -> int:
+    def unreadable_count(self) -> int:
         """How many reports were too short."""
-        return self._reader.damaged
+        return self._reader.unreadable_count
 
     def _fresh(self) -> None:
         """Keep the buttons that are held down: every report carries the whole state."""

@@ -144,7 +144,7 @@ class ReportReader:
     """Turn reports into changes of buttons and axes; counts reports that are too short."""
 
     def __init__(self, layout: Layout) -> None:
-        self.damaged = 0
+        self.unreadable_count = 0
         self._layout = layout
         self._last: dict[str, float] = {}
 
@@ -159,7 +159,7 @@ class ReportReader:
             if control.report != number:
                 continue
             if control.bit + control.bits > 8 * len(body):
-                self.damaged += 1
+                self.unreadable_count += 1
                 return presses
             raw = value >> control.bit & ((1 << control.bits) - 1)
             if control.low < 0 and raw >> (control.bits - 1):

@@ -34,18 +34,18 @@ class KeyLink:
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
-        self._heard: deque[Chunk] = deque()
+        self._chunks: deque[Chunk] = deque()
         self._something = threading.Event()
 
     def put(self, key: str, is_down: bool) -> None:
         """Take a press or release, now."""
         line = (DOWN if is_down else UP) + key.encode() + b"\n"
-        self._heard.append(Chunk(self._clock.now_ns(), line))
+        self._chunks.append(Chunk(self._clock.now_ns(), line))
         self._something.set()
 
     def open(self, deadline_s: float) -> None:
         """Forget what was heard before."""
-        self._heard.clear()
+        self._chunks.clear()
 
     def write(self, data: bytes) -> int:
         """Do nothing: a keyboard takes no messages."""
@@ -53,15 +53,15 @@ class KeyLink:
 
     def read(self, timeout_s: float) -> Sequence[Chunk]:
         """Return what was heard; see `ByteLink`."""
-        if not self._heard and timeout_s > 0:
+        if not self._chunks and timeout_s > 0:
             if self._clock.is_virtual:
                 self._clock.sleep_until_ns(self._clock.now_ns() + round(timeout_s * NS_PER_S))
             else:
                 self._something.wait(timeout_s)
         self._something.clear()
         chunks = []
-        while self._heard:
-            chunks.append(self._heard.popleft())
+        while self._chunks:
+            chunks.append(self._chunks.popleft())
         return chunks
 
     def close(self) -> None:
@@ -77,7 +77,7 @@ class Keyboard(ButtonDevice):
 
     def __init__(self, role: str, link: ByteLink, clock: Clock, *, keys: Mapping[str, str]) -> None:
         self._rest = b""
-        self._damaged = 0
+        self._unreadable_count = 0
         super().__init__(role, link, clock, KEYBOARD, buttons=KEYS, keys=keys)
 
     def hear(self, key: str, is_down: bool) -> None:
@@ -86,21 +86,21 @@ class Keyboard(ButtonDevice):
             self._link.put(key, is_down)
 
     @property
-    def damaged(self) -> int:
+    def unreadable_count(self) -> int:
         """How many lines could not be read."""
-        return self._damaged
+        return self._unreadable_count
 
     def _fresh(self) -> None:
-        self._rest, self._damaged = b"", 0
+        self._rest, self._unreadable_count = b"", 0
 
     def _read(self, data: bytes) -> Iterable[Press]:
         *lines, self._rest = (self._rest + data).split(b"\n")
         if len(self._rest) > MAX_LINE:
             self._rest = b""
-            self._damaged += 1
+            self._unreadable_count += 1
         for line in lines:
             name = line[1:].decode("utf-8", "replace")
             if line[:1] in (DOWN, UP) and 0 < len(name) <= MAX_LINE:
                 yield Press(name, float(line[:1] == DOWN))
             elif line:
-                self._damaged += 1
+                self._unreadable_count += 1

@@ -8,7 +8,7 @@ from visavis.devices.libraries import HID, SERIAL
 from visavis.devices.options import SimulatedOptions
 from visavis.devices.spec import Claims, DriverSpec, Product, Wire
 
-Called = Annotated[dict[str, str], Field(json_schema_extra={"any_magnitude": True})]
+ButtonNames = Annotated[dict[str, str], Field(json_schema_extra={"any_magnitude": True})]
 """What studies call some of a device's buttons, by the device's own names."""
 KEYBOARD_REMEDY = (
     "click into the participant's window: keys go to the window in front "
@@ -19,13 +19,13 @@ KEYBOARD_REMEDY = (
 class ButtonOptions(SimulatedOptions):
     """Options of everything with buttons: what studies call them."""
 
-    keys: Called = Field(default_factory=dict)
+    keys: ButtonNames = Field(default_factory=dict)
 
 
 class KeyboardOptions(ButtonOptions):
     """Options of `keyboard`."""
 
-    keys: Called = Field(default_factory=lambda: {"space": "trigger", "enter": "select"})
+    keys: ButtonNames = Field(default_factory=lambda: {"space": "trigger", "enter": "select"})
 
 
 KEYBOARD = DriverSpec(
@@ -58,7 +58,7 @@ class SerialButtonOptions(ButtonOptions):
 class XidOptions(SerialButtonOptions):
     """Options of `xid_buttons`; buttons are called by their numbers on the pad."""
 
-    keys: Called = Field(default_factory=lambda: {"1": "trigger"})
+    keys: ButtonNames = Field(default_factory=lambda: {"1": "trigger"})
 
 
 class ByteOptions(SerialButtonOptions):
@@ -69,7 +69,7 @@ class ByteOptions(SerialButtonOptions):
 
     buttons: str = Field(default="1234", min_length=1, max_length=64)
     ignored: str = "\r\n"
-    keys: Called = Field(default_factory=lambda: {"1": "trigger"})
+    keys: ButtonNames = Field(default_factory=lambda: {"1": "trigger"})
 
 
 BOX_REMEDY = "plug the box in; `visavis doctor` lists serial ports with vid, pid and serial_number"
@@ -111,7 +111,7 @@ class HidButtonOptions(ButtonOptions):
     vid: int | None = Field(default=None, ge=0, le=0xFFFF)
     pid: int | None = Field(default=None, ge=0, le=0xFFFF)
     serial_number: str = ""
-    keys: Called = Field(default_factory=lambda: {"button_1": "trigger"})
+    keys: ButtonNames = Field(default_factory=lambda: {"button_1": "trigger"})
 
 
 HID_BUTTONS = DriverSpec(

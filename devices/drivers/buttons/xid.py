@@ -33,7 +33,7 @@ class XidReader:
     """Cut bytes into presses; other bytes are skipped up to the next possible start of one."""
 
     def __init__(self) -> None:
-        self.damaged = 0
+        self.unreadable_count = 0
         self._rest = b""
 
     def feed(self, data: bytes) -> list[Press]:
@@ -46,7 +46,7 @@ class XidReader:
                 start = at
                 at = data.find(b"k", at + 1)
                 at = len(data) if at < 0 else at
-                self.damaged += at - start
+                self.unreadable_count += at - start
             elif len(data) - at < PRESS.size:
                 break
             else:
@@ -69,9 +69,9 @@ class XidButtons(ButtonDevice):
         super().__init__(role, link, clock, XID, buttons=BUTTONS, keys=keys)
 
     @property
-    def damaged(self) -> int:
+    def unreadable_count(self) -> int:
         """How many bytes belonged to no press."""
-        return self._reader.damaged
+        return self._reader.unreadable_count
 
     def _fresh(self) -> None:
         self._reader = XidReader()
@@ -81,10 +81,10 @@ class XidButtons(ButtonDevice):
 
     def _greet(self, deadline_ns: int) -> None:
         """Ask for the mode, and switch a pad in another mode to XID."""
-        answer = self._asked(deadline_ns)
+        answer = self._ask_mode(deadline_ns)
         if answer != IN_XID_MODE:
             self._link.write(TO_XID_MODE)
-            answer = self._asked(deadline_ns)
+            answer = self._ask_mode(deadline_ns)
         if answer != IN_XID_MODE:
             raise ProtocolViolation(
                 f"the pad stays in the mode {answer.decode('latin-1')!r}",
@@ -92,7 +92,7 @@ class XidButtons(ButtonDevice):
                 remedy="set its switches to XID mode, as its manual says",
             )
 
-    def _asked(self, deadline_ns: int) -> bytes:
+    def _ask_mode(self, deadline_ns: int) -> bytes:
         data = b""
         while self._clock.now_ns() < deadline_ns:
             self._link.write(WHO)

@@ -143,7 +143,7 @@ class FullScreen:
             )
         glfw.make_context_current(self._window)
         self._gl = moderngl.create_context()
-        self._pressed: deque[int] = deque()
+        self._pressed_keys: deque[int] = deque()
         glfw.set_key_callback(self._window, self._take_key)
 
     def show(self, target_px: tuple[float, float] | None) -> None:
@@ -162,8 +162,8 @@ class FullScreen:
     def keys(self) -> Sequence[int]:
         """Return the keys pressed since the last call, as the host knows them."""
         self._glfw.poll_events()
-        key_codes = tuple(self._pressed)
-        self._pressed.clear()
+        key_codes = tuple(self._pressed_keys)
+        self._pressed_keys.clear()
         return key_codes
 
     def close(self) -> None:
@@ -176,4 +176,4 @@ class FullScreen:
             letter = ord(chr(key).lower()) if 65 <= key <= 90 else None
             host_key = KEYS.get(key, letter)
             if host_key is not None:
-                self._pressed.append(host_key)
+                self._pressed_keys.append(host_key)

@@ -10,7 +10,7 @@ import struct
 
 from visavis.devices.contracts import SessionName
 from visavis.devices.drivers.streaming.gaze_rays import (
-    LOST,
+    NO_VECTOR,
     Eye,
     Sample,
     diameter_mm,
@@ -49,7 +49,7 @@ def decode_sample(
     ):
         at = (x_m, 0.0, 0.0)
         has_gaze = bool(eyes & bit) and abs(x) < MISSING_BEYOND and abs(y) < MISSING_BEYOND
-        point = screen.point_m(x / screen_px[0], y / screen_px[1]) if has_gaze else LOST
+        point = screen.point_m(x / screen_px[0], y / screen_px[1]) if has_gaze else NO_VECTOR
         ray = ray_between(at, point)
         size = diameter_mm(pupil * pupil_mm_per_unit) if has_gaze and math.isfinite(pupil) else NAN
         rows.append(Eye(ray, at, ray[0] == ray[0], size))

@@ -65,7 +65,7 @@ class EyeLinkLibrary:
         self._rate_hz = rate_hz
         self._file: tuple[str, Path] | None = None
         self._breaks = 0
-        self._given = library
+        self._injected_library = library
         self._tracker: Any = None
 
     @property
@@ -76,7 +76,9 @@ class EyeLinkLibrary:
     def open(self, deadline_s: float) -> None:
         """Connect and begin to record samples to the link."""
         self.close()
-        library = self._given if self._given is not None else eyelink_library()
+        library = (
+            self._injected_library if self._injected_library is not None else eyelink_library()
+        )
         try:
             tracker = library.EyeLink(self._address)
         except RuntimeError as cause:
@@ -214,7 +216,7 @@ class EyeLinkLibrary:
             now_ns = self._clock.now_ns()
             sample = tracker.getFloatData()
             if sample is not None:
-                messages.append(Message(now_ns, (_packed(sample),)))
+                messages.append(Message(now_ns, (_pack_sample(sample),)))
         return messages
 
     def _must_be_there(self) -> None:
@@ -222,7 +224,7 @@ class EyeLinkLibrary:
             raise DeviceDisconnected(f"the EyeLink at {self._address} is not connected")
 
 
-def _packed(sample: Any) -> bytes:
+def _pack_sample(sample: Any) -> bytes:
     eyes = 0
     numbers: list[float] = []
     for bit, present, eye in (

@@ -9,7 +9,13 @@ import math
 import struct
 from collections.abc import Mapping
 
-from visavis.devices.drivers.streaming.gaze_rays import LOST, Eye, Sample, gaze_row, unit_triple
+from visavis.devices.drivers.streaming.gaze_rays import (
+    NO_VECTOR,
+    Eye,
+    Sample,
+    gaze_row,
+    unit_triple,
+)
 from visavis.devices.drivers.streaming.screen import NAN, Triple
 
 EYE_FRAME = struct.Struct("<QQ" + 2 * "i3fiiif" + "i3f3f")
@@ -20,7 +26,7 @@ OK, NOT_CONNECTED, NOT_REGISTERED, TIMED_OUT = 0, 7, 104, 130
 NO_UPDATE, UNCALIBRATED, UNRELIABLE, LOW_ACCURACY, HARDWARE_GONE = 1003, 1004, 1006, 1007, 2006
 VALUE_COMES_WITH = frozenset({OK, UNRELIABLE, LOW_ACCURACY, UNCALIBRATED})
 VALID_WITH = frozenset({OK, LOW_ACCURACY})
-GONE = frozenset({NOT_CONNECTED, HARDWARE_GONE})
+DISCONNECTED_WITH = frozenset({NOT_CONNECTED, HARDWARE_GONE})
 
 EYE_OPEN = 1
 
@@ -49,7 +55,7 @@ CALIBRATION_STATES = (
     "succeeded, medium quality",
     "succeeded, low quality",
 )
-SUCCEEDED = frozenset({5, 6, 7})
+SUCCESS_STATES = frozenset({5, 6, 7})
 FIRST_FAILED = 8
 
 
@@ -81,7 +87,7 @@ def decode_eye_frame(payload: bytes, eye_distance_m: float) -> tuple[Sample, fro
     valid: bool | None = None
     if code in VALUE_COMES_WITH:
         ray = unit_triple(v[22], v[23], -v[24])
-        origin = (v[19], v[20], -v[21]) if all(map(math.isfinite, v[19:22])) else LOST
+        origin = (v[19], v[20], -v[21]) if all(map(math.isfinite, v[19:22])) else NO_VECTOR
         valid = code in VALID_WITH and (left.valid or right.valid)
         if ray[0] != ray[0]:
             ray = origin = valid = None
@@ -93,7 +99,7 @@ def decode_eye_frame(payload: bytes, eye_distance_m: float) -> tuple[Sample, fro
 def _eye(v: tuple[float, ...], x_m: float) -> Eye:
     code, x, y, z, state_code, state, radius_code, radius_m = v
     has_gaze = code in VALUE_COMES_WITH and state_code in VALUE_COMES_WITH and state != 0
-    ray = unit_triple(x, y, -z) if has_gaze else LOST
+    ray = unit_triple(x, y, -z) if has_gaze else NO_VECTOR
     valid = code in VALID_WITH and state == EYE_OPEN and ray[0] == ray[0]
     has_pupil = radius_code in VALUE_COMES_WITH and 0.0 < radius_m < 0.01
     return Eye(ray, (x_m, 0.0, 0.0), valid, 2e3 * radius_m if has_pupil else NAN)

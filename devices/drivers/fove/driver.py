@@ -38,7 +38,7 @@ class Fove(GazeDevice):
         eye_distance_mm: float = 64.0,
     ) -> None:
         self._eye_distance_m = eye_distance_mm * 1e-3
-        self._flagged: dict[int, int] = {}
+        self._error_counts: dict[int, int] = {}
         self._calibration_state = 0
         self._calibrating = False
         self._state_asked_ns = 0
@@ -92,7 +92,7 @@ class Fove(GazeDevice):
         self._note_calibrated(code == codec.OK and bool(is_calibrated))
 
     def _begin_stream(self, earlier: Sequence[Message]) -> None:
-        self._flagged = {}
+        self._error_counts = {}
         self._state_asked_ns = self._clock.now_ns()
 
     def poll(self, timeout_s: float) -> int:
@@ -119,7 +119,7 @@ class Fove(GazeDevice):
             return
         sample, codes = eye_frame
         for code in codes:
-            self._flagged[code] = self._flagged.get(code, 0) + 1
+            self._error_counts[code] = self._error_counts.get(code, 0) + 1
         yield sample
 
     def _take_answer(self, frames: Frames) -> None:
@@ -132,7 +132,7 @@ class Fove(GazeDevice):
         elif question == b"calibrated":
             self._note_calibrated(code == codec.OK and bool(value))
         elif question == b"hardware":
-            is_missing = code in codec.GONE or (code == codec.OK and not value)
+            is_missing = code in codec.DISCONNECTED_WITH or (code == codec.OK and not value)
             fault = self._blocking("the headset is not connected", SERVICE_REMEDY)
             self._note("hardware", fault if is_missing else None)
 
@@ -140,7 +140,7 @@ class Fove(GazeDevice):
         if code != codec.OK or not self._calibrating:
             return
         self._calibration_state = state
-        is_success = state in codec.SUCCEEDED
+        is_success = state in codec.SUCCESS_STATES
         if is_success or state >= codec.FIRST_FAILED:
             self._calibrating = False
             self._calibration = CalibrationOutcome(is_success, codec.calibration_text(state))
@@ -152,9 +152,9 @@ class Fove(GazeDevice):
         self._note("calibrated", None if calibrated else fault)
 
     def _own_faults(self) -> Iterable[Fault]:
-        for code, count in sorted(self._flagged.items()):
-            if code != codec.UNCALIBRATED and count > self._meter.received // 10:
-                text = f"{codec.error_text(code)} in {count} of {self._meter.received} samples"
+        for code, count in sorted(self._error_counts.items()):
+            if code != codec.UNCALIBRATED and count > self._meter.sample_count // 10:
+                text = f"{codec.error_text(code)} in {count} of {self._meter.sample_count} samples"
                 yield self._warning(text, "adjust the headset, then calibrate again")
 
     def _must_be_ok(self, question: bytes, what: str) -> None:

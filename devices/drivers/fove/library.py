@@ -12,7 +12,14 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from visavis.devices.arrivals import Arrivals
-from visavis.devices.drivers.fove.codec import EYE_FRAME, GONE, NO_UPDATE, OK, TIMED_OUT, error_text
+from visavis.devices.drivers.fove.codec import (
+    DISCONNECTED_WITH,
+    EYE_FRAME,
+    NO_UPDATE,
+    OK,
+    TIMED_OUT,
+    error_text,
+)
 from visavis.devices.transports import Exchange, Frames, Message
 from visavis.lab.clock import Clock
 from visavis.lab.errors import DeviceNotFound, ProtocolViolation
@@ -143,7 +150,7 @@ class FoveLibrary:
                     code, frame = self._fetch()
             if frame is not None:
                 self._arrivals.add(Message(now_ns, (frame,)))
-            elif code in GONE:
+            elif code in DISCONNECTED_WITH:
                 self._arrivals.end(error_text(code))
                 return
             else:  # refused at once: do not spin

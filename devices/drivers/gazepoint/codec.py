@@ -13,7 +13,7 @@ from typing import NamedTuple
 from xml.sax.saxutils import escape, unescape
 
 from visavis.devices.drivers.streaming.gaze_rays import (
-    LOST,
+    NO_VECTOR,
     Eye,
     Sample,
     diameter_mm,
@@ -175,7 +175,7 @@ def _eye(values: Attributes, eye: str, side: float, place: Place) -> Eye | None:
     at = _eye_place(values, eye, side, place)
     x, y = number(values, f"{eye}POGX"), number(values, f"{eye}POGY")
     is_valid = values.get(f"{eye}POGV") == "1"
-    ray = ray_between(at, place.screen.point_m(x, y)) if is_valid else LOST
+    ray = ray_between(at, place.screen.point_m(x, y)) if is_valid else NO_VECTOR
     pupil = number(values, f"{eye}PUPILD") if values.get(f"{eye}PUPILV") != "0" else NAN
     return Eye(ray, at, ray[0] == ray[0], diameter_mm(pupil * 1e3))
 
@@ -194,8 +194,8 @@ def _best_only(values: Attributes, place: Place) -> bytes:
             x, y = number(values, f"{prefix}X"), number(values, f"{prefix}Y")
             is_valid = values.get(f"{prefix}V") == "1"
             origin = (0.0, 0.0, 0.0)
-            ray = ray_between(origin, place.screen.point_m(x, y)) if is_valid else LOST
+            ray = ray_between(origin, place.screen.point_m(x, y)) if is_valid else NO_VECTOR
             return gaze_row(
-                Eye(), Eye(), ray=ray, origin=origin, valid=is_valid, used=3 if is_valid else 0
+                Eye(), Eye(), ray=ray, origin=origin, valid=is_valid, used_eyes=3 if is_valid else 0
             )
     return gaze_row(Eye(), Eye())

@@ -8,7 +8,7 @@ down, z toward the viewer); the largest value means unavailable. Never raises on
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from visavis.devices.drivers.streaming.gaze_rays import LOST, NO_EYE, gaze_row, ray_between
+from visavis.devices.drivers.streaming.gaze_rays import NO_EYE, NO_VECTOR, gaze_row, ray_between
 from visavis.devices.drivers.streaming.screen import Screen, Triple
 
 USAGE_PAGE = 0x12
@@ -158,14 +158,14 @@ def decode_report(
     """
     if len(raw) != layout.size:
         return None
-    ticks = _unsigned(raw, layout.timestamp)
+    ticks = _unsigned_int(raw, layout.timestamp)
     eyes = [
         None if places is None else _eye_m(raw, places, screen)
         for places in (layout.left, layout.right)
     ]
     half_m = eye_distance_mm * 5e-4
     eye_places = [at for at in eyes if at is not None]
-    used = (1 if eyes[0] is not None else 0) | (2 if eyes[1] is not None else 0)
+    used_eyes = (1 if eyes[0] is not None else 0) | (2 if eyes[1] is not None else 0)
     if len(eye_places) == 2:
         origin = tuple((a + b) / 2 for a, b in zip(*eye_places, strict=True))
     elif eyes[0] is not None:
@@ -174,8 +174,8 @@ def decode_report(
         origin = (eyes[1][0] - half_m, *eyes[1][1:])
     else:
         origin = (0.0, 0.0, 0.0)
-    gx, gy = (_signed(raw, place) for place in layout.gaze)
-    ray: Triple = LOST
+    gx, gy = (_signed_int(raw, place) for place in layout.gaze)
+    ray: Triple = NO_VECTOR
     if gx != UNAVAILABLE and gy != UNAVAILABLE:
         x, y, z = origin
         ray = ray_between((x, y, z), screen.from_top_left_m(gx * 1e-6, gy * 1e-6))
@@ -186,8 +186,8 @@ def decode_report(
         NO_EYE,
         ray=ray,
         origin=(origin[0], origin[1], origin[2]),
-        valid=has_gaze and (used > 0 or blind),
-        used=3 if has_gaze and blind else used if has_gaze else 0,
+        valid=has_gaze and (used_eyes > 0 or blind),
+        used_eyes=3 if has_gaze and blind else used_eyes if has_gaze else 0,
     )
     return ticks, row
 
@@ -229,15 +229,15 @@ def _triple(
 
 
 def _eye_m(raw: bytes, places: tuple[Place, Place, Place], screen: Screen) -> Triple | None:
-    x, y, z = (_signed(raw, place) for place in places)
+    x, y, z = (_signed_int(raw, place) for place in places)
     if UNAVAILABLE in (x, y, z):
         return None
     return screen.from_top_left_m(x * 1e-6, y * 1e-6, z * 1e-6)
 
 
-def _signed(raw: bytes, place: Place) -> int:
+def _signed_int(raw: bytes, place: Place) -> int:
     return int.from_bytes(raw[place.at : place.at + place.size], "little", signed=True)
 
 
-def _unsigned(raw: bytes, place: Place) -> int:
+def _unsigned_int(raw: bytes, place: Place) -> int:
     return int.from_bytes(raw[place.at : place.at + place.size], "little")

@@ -47,7 +47,7 @@ class HidReports:
         self.is_simulated = is_simulated
         self._serial = serial
         self._clock = clock
-        self._given = library
+        self._injected_library = library
         self._device: Any = None
         self._row: Mapping[str, Any] = {}
         self._size = 64
@@ -63,7 +63,7 @@ class HidReports:
     def open(self, deadline_s: float) -> None:
         """Find and open the tracker, and learn the size of its report."""
         self.close()
-        library = self._given if self._given is not None else hid_library()
+        library = self._injected_library if self._injected_library is not None else hid_library()
         rows = found_trackers(library)
         matches = [r for r in rows if not self._serial or r.get("serial_number") == self._serial]
         if not matches:
@@ -106,7 +106,7 @@ class HidReports:
         try:
             self._device.send_feature_report(frames[1])
         except (OSError, ValueError) as cause:
-            raise self._gone(cause) from cause
+            raise self._lose(cause) from cause
 
     def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
         """Do nothing: reports come by themselves."""
@@ -130,7 +130,7 @@ class HidReports:
                 wait_ms = 0
         except (OSError, ValueError) as cause:
             if not messages:
-                raise self._gone(cause) from cause
+                raise self._lose(cause) from cause
         finally:
             if self._device is not None:
                 self._device.set_nonblocking(0)
@@ -150,7 +150,7 @@ class HidReports:
         try:
             return bytes(self._device.get_report_descriptor())
         except (OSError, ValueError) as cause:
-            raise self._gone(cause) from cause
+            raise self._lose(cause) from cause
 
     def _feature(self, number: int) -> bytes:
         try:
@@ -158,6 +158,6 @@ class HidReports:
         except (OSError, ValueError):
             return b""  # optional: the driver uses its options instead
 
-    def _gone(self, cause: Exception) -> DeviceError:
+    def _lose(self, cause: Exception) -> DeviceError:
         self.close()
         return DeviceDisconnected(f"the eye tracker is gone ({cause})")

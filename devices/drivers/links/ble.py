@@ -36,7 +36,7 @@ REMEDY = "switch the band on and bring it near; disconnect it from phones; switc
 
 
 class BleThread:
-    """A thread with an event loop; links share `SHARED` unless given one of their own."""
+    """A thread with an event loop; links share `SHARED_THREAD` unless given one of their own."""
 
     def __init__(self) -> None:
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -69,7 +69,7 @@ class BleThread:
         loop.close()
 
 
-SHARED = BleThread()
+SHARED_THREAD = BleThread()
 
 
 class BleLink:
@@ -102,7 +102,7 @@ class BleLink:
         self._name = name
         self._splits = splits
         self._uuids = (write_uuid, notify_uuid)
-        self._thread = thread if thread is not None else SHARED
+        self._thread = thread if thread is not None else SHARED_THREAD
         self._bleak: Any = None
         self._client: Any = None
         self._characteristic: Any = None

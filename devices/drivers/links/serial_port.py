@@ -51,7 +51,7 @@ class SerialLink:
         self.is_simulated = is_simulated
         self._clock = clock
         self._port = port
-        self._wanted = (vid, pid, serial_number)
+        self._criteria = (vid, pid, serial_number)
         self._baud = baud
         self._opened_as = port
         self._serial: Any = None
@@ -67,7 +67,7 @@ class SerialLink:
         """Find and open the port."""
         self.close()
         self._library = serial = SERIAL.imported()
-        name = self._opened_as = self._port or find_port(*self._wanted)
+        name = self._opened_as = self._port or find_port(*self._criteria)
         try:
             port = serial.serial_for_url(
                 name,

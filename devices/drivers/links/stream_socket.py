@@ -68,7 +68,7 @@ class StreamSocket:
                 f"{self.kind} takes no more bytes: a write timed out", remedy=self._remedy
             ) from cause
         except OSError as cause:
-            raise self._gone(cause) from cause
+            raise self._lose(cause) from cause
 
     def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
         """Do nothing: a stream has no topics."""
@@ -83,10 +83,10 @@ class StreamSocket:
         try:
             chunk = self._socket.recv(CHUNK_BYTES)
         except OSError as cause:
-            raise self._gone(cause) from cause
+            raise self._lose(cause) from cause
         now_ns = self._clock.now_ns()
         if not chunk:
-            raise self._gone(None)
+            raise self._lose(None)
         return (Message(now_ns, (chunk,)),)
 
     def send(self, port: int, frames: Frames) -> None:
@@ -99,7 +99,7 @@ class StreamSocket:
             self._socket.close()
             self._socket = None
 
-    def _gone(self, cause: OSError | None) -> DeviceDisconnected:
+    def _lose(self, cause: OSError | None) -> DeviceDisconnected:
         self.close()
         reason = "closed the connection" if cause is None else f"is gone ({cause.strerror})"
         return DeviceDisconnected(f"{self.kind} {reason}", remedy=self._remedy)

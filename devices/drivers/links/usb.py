@@ -36,7 +36,7 @@ class HidLink:
     ) -> None:
         self.is_simulated = is_simulated
         self._clock = clock
-        self._wanted = (vid, pid, serial_number)
+        self._criteria = (vid, pid, serial_number)
         self._library = library
         self._device: Any = None
         self._writing = threading.RLock()
@@ -44,13 +44,13 @@ class HidLink:
     @property
     def kind(self) -> str:
         """Name vendor and product."""
-        return f"hid {self._wanted[0]:04x}:{self._wanted[1]:04x}"
+        return f"hid {self._criteria[0]:04x}:{self._criteria[1]:04x}"
 
     def open(self, deadline_s: float) -> None:
         """Open the first band that fits."""
         self.close()
         library = self._library if self._library is not None else _hidapi()
-        vid, pid, serial_number = self._wanted
+        vid, pid, serial_number = self._criteria
         entries = [
             entry
             for entry in library.enumerate(vid, pid)
@@ -127,7 +127,7 @@ class UsbLink:
     ) -> None:
         self.is_simulated = is_simulated
         self._clock = clock
-        self._wanted = (vid, pid, serial_number)
+        self._criteria = (vid, pid, serial_number)
         self._backend = backend
         self._device: Any = None
         self._out: Any = None
@@ -138,13 +138,13 @@ class UsbLink:
     @property
     def kind(self) -> str:
         """Name vendor and product."""
-        return f"usb {self._wanted[0]:04x}:{self._wanted[1]:04x}"
+        return f"usb {self._criteria[0]:04x}:{self._criteria[1]:04x}"
 
     def open(self, deadline_s: float) -> None:
         """Find the band, take its configuration and endpoints."""
         self.close()
         usb = self._usb = USB.imported("core", "util")
-        vid, pid, serial_number = self._wanted
+        vid, pid, serial_number = self._criteria
         try:
             candidates = usb.core.find(
                 find_all=True,

@@ -24,7 +24,7 @@ class WebSocketLink:
         self._clock = clock
         self._remedy = remedy
         self._socket: Any = None
-        self._held = contextlib.ExitStack()
+        self._exit_stack = contextlib.ExitStack()
         self._library: Any = None
         self._writing = threading.RLock()
 
@@ -38,7 +38,7 @@ class WebSocketLink:
         self.close()
         self._library = library = WEBSOCKETS.imported("sync.client")
         try:
-            self._socket = self._held.enter_context(
+            self._socket = self._exit_stack.enter_context(
                 library.sync.client.connect(
                     self._url,
                     open_timeout=max(0.05, deadline_s),
@@ -89,4 +89,4 @@ class WebSocketLink:
         connection, self._socket = self._socket, None
         if connection is not None:
             with contextlib.suppress(OSError, self._library.exceptions.WebSocketException):
-                self._held.close()
+                self._exit_stack.close()

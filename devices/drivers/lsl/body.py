@@ -61,7 +61,7 @@ class LslBody(BodyDevice):
             raise ConfigError(f"{role}: map each object of the stream to a segment of its own")
         self._objects = dict(objects)
         self._places: list[tuple[list[int], list[int], int | None]] = []
-        self._needed = 0
+        self._min_channels = 0
         super().__init__(
             role,
             transport,
@@ -91,11 +91,11 @@ class LslBody(BodyDevice):
                     layout.get((name, VALID)),
                 )
             )
-        self._needed = 1 + max(layout.values())
+        self._min_channels = 1 + max(layout.values())
 
     def _decode(self, message: Message) -> Iterable[BodySample]:
         raw = message.frames[-1]
-        if len(raw) % 8 or len(raw) < 8 * (1 + self._needed):
+        if len(raw) % 8 or len(raw) < 8 * (1 + self._min_channels):
             self._malformed += 1
             return ()
         stamp_s, *numbers = struct.unpack(f"<{len(raw) // 8}d", raw)

@@ -13,8 +13,8 @@ from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
 from visavis.devices.drivers.streaming.gaze_rays import (
-    LOST,
     NO_EYE,
+    NO_VECTOR,
     Eye,
     Sample,
     diameter_mm,
@@ -113,9 +113,15 @@ def decode_sample(raw: bytes, layout: GazeLayout, screen: Screen, half_m: float)
             if validity == validity
             else (left.valid or right.valid or not layout.per_eye)
         )
-        used = None if left.valid or right.valid else 3 if valid else 0
+        used_eyes = None if left.valid or right.valid else 3 if valid else 0
         row = gaze_row(
-            left, right, ray=ray, origin=origin, valid=valid, used=used, confidence_01=confidence
+            left,
+            right,
+            ray=ray,
+            origin=origin,
+            valid=valid,
+            used_eyes=used_eyes,
+            confidence_01=confidence,
         )
     else:
         row = gaze_row(left, right, confidence_01=confidence)
@@ -159,7 +165,7 @@ class _Reading:
             return ray_between((place[0], place[1], place[2]), (point[0], point[1], point[2])), at
         if shares is not None:
             return ray_between(at, screen.point_m(*shares)), at
-        return LOST, at
+        return NO_VECTOR, at
 
     def eye(self, eye: str, x_m: float) -> Eye:
         ray, at = self.ray(eye, x_m)

@@ -58,19 +58,19 @@ class LslInlet:
         self._clock = clock
         self._configuration = configuration
         criteria = {"name": name, "type": content_type, "source_id": source_id}
-        self._wanted = " and ".join(f"{k}='{_plain(v)}'" for k, v in criteria.items() if v)
+        self._predicate = " and ".join(f"{k}='{_plain(v)}'" for k, v in criteria.items() if v)
         self._lsl: Any = None
         self._inlet: Any = None
         self._info = b""
         self._answers: deque[Message] = deque()
-        self._asked = threading.Event()
+        self._offset_request = threading.Event()
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
 
     @property
     def kind(self) -> str:
         """Name the stream that is searched for."""
-        return f"lsl {self._wanted}"
+        return f"lsl {self._predicate}"
 
     def open(self, deadline_s: float) -> None:
         """Resolve the stream and subscribe to it."""
@@ -79,9 +79,9 @@ class LslInlet:
         if self._configuration:
             pylsl.set_config_content(self._configuration)
             self._configuration = ""
-        streams = pylsl.resolve_bypred(self._wanted or "true()", 1, max(0.1, deadline_s * 0.5))
+        streams = pylsl.resolve_bypred(self._predicate or "true()", 1, max(0.1, deadline_s * 0.5))
         if not streams:
-            raise DeviceTimeout(f"no stream with {self._wanted} was found on the network")
+            raise DeviceTimeout(f"no stream with {self._predicate} was found on the network")
         inlet = pylsl.StreamInlet(streams[0], max_buflen=60, recover=True)
         try:
             inlet.open_stream(timeout=max(0.1, deadline_s * 0.5))
@@ -92,7 +92,7 @@ class LslInlet:
         self._inlet = inlet
         self._answers.clear()
         self._stopping.clear()
-        self._asked.clear()
+        self._offset_request.clear()
         self._thread = threading.Thread(target=self._measure, name="lsl-offset", daemon=True)
         self._thread.start()
 
@@ -108,7 +108,7 @@ class LslInlet:
 
     def post(self, frames: Frames) -> None:
         """Ask the measuring thread for an offset."""
-        self._asked.set()
+        self._offset_request.set()
 
     def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
         """Do nothing: the stream has been open since `open()`."""
@@ -145,7 +145,7 @@ class LslInlet:
     def close(self) -> None:
         """Close the stream and end the thread; idempotent."""
         self._stopping.set()
-        self._asked.set()
+        self._offset_request.set()
         if self._thread is not None:
             self._thread.join(3.0)
             self._thread = None
@@ -155,10 +155,10 @@ class LslInlet:
 
     def _measure(self) -> None:
         while True:
-            self._asked.wait()
+            self._offset_request.wait()
             if self._stopping.is_set():
                 return
-            self._asked.clear()
+            self._offset_request.clear()
             sent_ns = self._clock.now_ns()
             measurement = self._offset(2.0)
             if measurement is not None:

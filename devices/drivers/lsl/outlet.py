@@ -69,7 +69,7 @@ class LslOutlets:
             self._lsl.set_config_content(configuration)
         self.clock_difference_ns = self._measure_difference()
         self._outlets: dict[tuple[str, str], Any] = {}
-        self.pushed = 0
+        self.pushed_count = 0
         for role, schemas in streams.items():
             for schema in schemas:
                 info = self._lsl.StreamInfo(
@@ -100,7 +100,7 @@ class LslOutlets:
         stamps_s = (stamps_ns + self.clock_difference_ns) / NS_PER_S
         for row, stamp_s in zip(flat_values(batch).tolist(), stamps_s.tolist(), strict=True):
             outlet.push_sample(row, stamp_s)
-        self.pushed += len(batch)
+        self.pushed_count += len(batch)
 
     def event(self, name: str, t_ns: int, **payload: Any) -> None:
         """Push an event as JSON text, stamped with its session time."""

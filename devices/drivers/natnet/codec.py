@@ -13,7 +13,15 @@ from typing import Any
 
 from visavis.lab.errors import DataError
 
-CONNECT, SERVER_INFO, REQUEST_MODEL, MODEL, FRAME, KEEP_ALIVE, UNRECOGNISED = 0, 1, 4, 5, 7, 10, 100
+CONNECT, SERVER_INFO, REQUEST_MODEL, MODEL, FRAME, KEEP_ALIVE, UNRECOGNISED_REQUEST = (
+    0,
+    1,
+    4,
+    5,
+    7,
+    10,
+    100,
+)
 OLDEST, NEWEST_KNOWN = (3, 0), (4, 2)
 SIZED_FROM, ASSETS_FROM, OFFSET_TURN_FROM, MARKER_NAMES_FROM = (4, 1), (4, 1), (4, 2), (4, 0)
 RIGID_BODY = struct.Struct("<i3f4ffh")
@@ -118,7 +126,7 @@ def encode(message: int, payload: bytes = b"") -> bytes:
     return _HEADER.pack(message, len(payload)) + payload
 
 
-def split(data: bytes) -> tuple[int, bytes]:
+def split_message(data: bytes) -> tuple[int, bytes]:
     """Return message number and payload; raises DataError when the size does not fit."""
     if len(data) < _HEADER.size:
         raise DataError(f"NatNet message of {len(data)} bytes")
@@ -135,10 +143,10 @@ def decode_server(payload: bytes) -> Server:
     program = name.partition(b"\0")[0].decode("utf-8", "replace")
     version = (int(numbers[4]), int(numbers[5]))
     if version < OLDEST:
-        return Server(program, _dotted(numbers[:4]), version, 0, 0, "")
+        return Server(program, _dotted_text(numbers[:4]), version, 0, 0, "")
     clock_hz, port, multicast, *group = reader.take(_SERVER_CLOCK)
-    address = _dotted(group) if multicast else ""
-    return Server(program, _dotted(numbers[:4]), version, int(clock_hz), int(port), address)
+    address = _dotted_text(group) if multicast else ""
+    return Server(program, _dotted_text(numbers[:4]), version, int(clock_hz), int(port), address)
 
 
 def decode_models(payload: bytes, version: Version) -> Models:
@@ -242,5 +250,5 @@ def _description(reader: _Reader, version: Version) -> tuple[str, int]:
     return name, number
 
 
-def _dotted(numbers: Sequence[int]) -> str:
+def _dotted_text(numbers: Sequence[int]) -> str:
     return ".".join(str(n) for n in numbers)

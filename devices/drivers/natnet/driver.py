@@ -110,7 +110,7 @@ class NatNet(BodyDevice):
 
     def _decode(self, message: Message) -> Iterable[BodySample]:
         try:
-            kind, payload = codec.split(message.frames[0])
+            kind, payload = codec.split_message(message.frames[0])
             if kind == codec.SERVER_INFO:
                 self._server = codec.decode_server(payload)
             elif self._server is None or self._server.version < codec.OLDEST:

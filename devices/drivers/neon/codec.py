@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from visavis.devices.drivers.streaming.gaze_rays import (
-    LOST,
+    NO_VECTOR,
     Eye,
     Sample,
     diameter_mm,
@@ -35,7 +35,7 @@ LAYOUTS = {
 }
 """Length of a payload -> what it holds beyond x, y and worn."""
 
-WORN = 255
+WORN_CODE = 255
 CLOSED_BELOW_MM = 1.0
 """A lid aperture below this counts as a closed eye; a choice of this driver."""
 
@@ -63,21 +63,21 @@ class SceneCamera:
     def ray(self, x: float, y: float) -> Triple:
         """Return the head-frame direction of a pixel; NaN for a missing one."""
         if not (abs(x) < 1e5 and abs(y) < 1e5):
-            return LOST
-        u, v = self._undistorted((x - self.cx) / self.fx, (y - self.cy) / self.fy)
-        return self.turned(u, v, 1.0)
+            return NO_VECTOR
+        u, v = self._undistort((x - self.cx) / self.fx, (y - self.cy) / self.fy)
+        return self.to_head_direction(u, v, 1.0)
 
-    def turned(self, x: float, y: float, z: float) -> Triple:
+    def to_head_direction(self, x: float, y: float, z: float) -> Triple:
         """Return a camera-frame direction in the head frame, as a unit vector."""
-        return unit_triple(*self.placed(x, y, z))
+        return unit_triple(*self.to_head_vector(x, y, z))
 
-    def placed(self, x: float, y: float, z: float) -> Triple:
+    def to_head_vector(self, x: float, y: float, z: float) -> Triple:
         """Return a camera-frame vector in the head frame."""
         c, s = math.cos(math.radians(self.pitch_deg)), math.sin(math.radians(self.pitch_deg))
         up, back = -y, -z
         return x, c * up - s * back, s * up + c * back
 
-    def _undistorted(self, u: float, v: float) -> tuple[float, float]:
+    def _undistort(self, u: float, v: float) -> tuple[float, float]:
         if not any(self.distortion):
             return u, v
         k1, k2, p1, p2, k3, k4, k5, k6 = self.distortion
@@ -127,7 +127,7 @@ def decode_gaze(stamp_ns: int, counter: int, payload: bytes, camera: SceneCamera
         left_px, right_px = (x, y), (floats[0], floats[1])
     elif "dual" in parts:
         left_px, right_px = (floats[0], floats[1]), (floats[2], floats[3])
-    is_worn = worn_code == WORN
+    is_worn = worn_code == WORN_CODE
     left = _eye(left_px, state[:7], lids[:3], camera, is_worn)
     right = _eye(right_px, state[7:], lids[3:], camera, is_worn)
     if parts == "dual":
@@ -139,7 +139,7 @@ def decode_gaze(stamp_ns: int, counter: int, payload: bytes, camera: SceneCamera
         ray=camera.ray(x, y),
         origin=(0.0, 0.0, 0.0),
         valid=is_worn and (open_left or open_right),
-        used=(open_left | open_right << 1) if is_worn else 0,
+        used_eyes=(open_left | open_right << 1) if is_worn else 0,
     )
     return Sample(stamp_ns, counter, both)
 
@@ -153,7 +153,7 @@ def unwrapped(number: int, last: int | None) -> int:
 
 
 def _eye(
-    pixel: tuple[float, float], state: Floats, lids: Floats, camera: SceneCamera, worn: bool
+    pixel: tuple[float, float], state: Floats, lids: Floats, camera: SceneCamera, is_worn: bool
 ) -> Eye:
     ray = camera.ray(*pixel)
     at: Triple = (0.0, 0.0, 0.0)
@@ -161,9 +161,9 @@ def _eye(
     if state:
         pupil = diameter_mm(state[0])
         if all(map(math.isfinite, state[1:4])):
-            mx, my, mz = camera.placed(*state[1:4])
+            mx, my, mz = camera.to_head_vector(*state[1:4])
             at = (mx * 1e-3, my * 1e-3, mz * 1e-3)
-    valid = worn and ray[0] == ray[0] and _is_open(lids)
+    valid = is_worn and ray[0] == ray[0] and _is_open(lids)
     return Eye(ray, at, valid, pupil)
 
 

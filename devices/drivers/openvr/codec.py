@@ -84,8 +84,8 @@ class FrameTiming:
 
     frame: int
     presents: int
-    mispresented: int
-    dropped: int
+    mispresented_count: int
+    dropped_count: int
     reprojection_flags: int
     render_gpu_ms: float
 
@@ -157,8 +157,8 @@ def decode_frame_timing(raw: bytes) -> FrameTiming | None:
     return FrameTiming(
         frame=numbers[1],
         presents=numbers[2],
-        mispresented=numbers[3],
-        dropped=numbers[4],
+        mispresented_count=numbers[3],
+        dropped_count=numbers[4],
         reprojection_flags=numbers[5],
         render_gpu_ms=numbers[9],
     )

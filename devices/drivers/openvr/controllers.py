@@ -51,7 +51,7 @@ class OpenVrControllers(RuntimeControllers):
     ) -> None:
         spec = OPENVR_CONTROLLERS
         super().__init__(role, transport, clock, spec, controls=controls, rays=rays)
-        self._has_axes = any(part in AXES for _, part in self._wanted)
+        self._has_axes = any(part in AXES for _, part in self._hands_and_parts)
         self._hand_of: dict[int, str] = {}
         self._batteries: dict[str, float] = {}
 
@@ -125,7 +125,7 @@ class OpenVrControllers(RuntimeControllers):
         elif event.kind in ("press", "release") and event.slot in self._hand_of:
             side, is_down = self._hand_of[event.slot], float(event.kind == "press")
             t_ns = message.t_host_ns - round(event.age_s * NS_PER_S)
-            for control, (hand, button) in enumerate(self._wanted):
+            for control, (hand, button) in enumerate(self._hands_and_parts):
                 if button == event.button and hand in ("any", side):
                     changes.append((t_ns, message.t_host_ns, control, is_down))
 
@@ -143,7 +143,7 @@ class OpenVrControllers(RuntimeControllers):
         except UNREADABLE:
             self._malformed += 1
             return
-        for control, (hand, part) in enumerate(self._wanted):
+        for control, (hand, part) in enumerate(self._hands_and_parts):
             levels = [
                 axes[part]
                 for side, axes in hand_axes

@@ -69,8 +69,8 @@ def add_timing(row: np.void, timing_raw: bytes) -> None:
     if timing is not None:
         row["timing_known"] = True
         row["presents"] = timing.presents
-        row["mispresented"] = timing.mispresented
-        row["runtime_dropped"] = timing.dropped
+        row["mispresented"] = timing.mispresented_count
+        row["runtime_dropped"] = timing.dropped_count
         row["reprojection_flags"] = timing.reprojection_flags
         row["render_gpu_ms"] = timing.render_gpu_ms
 

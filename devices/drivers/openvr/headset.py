@@ -54,15 +54,15 @@ class Findings:
 
     standby: bool = False
     taken_off: bool = False
-    unfocused: bool = False
+    has_lost_focus: bool = False
     untracked: bool = False
     submit_problem: str = ""
 
-    def faults(self, role: str, lost: str, moved_m: Mapping[str, float]) -> tuple[Fault, ...]:
-        """Return the faults; `lost` says why the runtime is gone, `moved_m` is per base station."""
+    def faults(self, role: str, loss: str, moved_m: Mapping[str, float]) -> tuple[Fault, ...]:
+        """Return the faults; `loss` says why the runtime is gone, `moved_m` is per base station."""
         faults = []
-        if lost:
-            faults.append(Fault(role, "blocking", lost, OPENVR_HEADSET.remedy))
+        if loss:
+            faults.append(Fault(role, "blocking", loss, OPENVR_HEADSET.remedy))
         if self.standby:
             remedy = "ask the participant to put the headset on; wake it by moving it"
             faults.append(Fault(role, "blocking", "no head tracking: in standby", remedy))
@@ -72,7 +72,7 @@ class Findings:
         if self.untracked:
             remedy = "check that the base stations see the headset, and that it is connected"
             faults.append(Fault(role, "blocking", "the headset is not tracked", remedy))
-        if self.unfocused:
+        if self.has_lost_focus:
             remedy = COMPOSITOR_REMEDIES[FOCUS_LOST]
             faults.append(Fault(role, "blocking", "another VR program has the display", remedy))
         if self.submit_problem:
@@ -94,7 +94,7 @@ class OpenVrHeadset(RuntimeHeadset):
     def __init__(self, role: str, transport: MessageTransport, clock: Clock) -> None:
         self._photons_ns = 0
         self._midpoint = np.zeros(3)
-        self._found = Findings()
+        self._findings = Findings()
         self._bases = BaseStations()
         self._base_due_ns = 0
         self._last_count: int | None = None
@@ -117,8 +117,8 @@ class OpenVrHeadset(RuntimeHeadset):
         exchange = self._transport.request((b"wait_poses",), CALL_TIMEOUT_S)
         self._clock.sleep_until_ns(exchange.t_receive_ns)  # on a replay that time is still to come
         error = exchange.frames[0].decode("ascii", "replace")
-        self._found.unfocused = error == FOCUS_LOST
-        if error and not self._found.unfocused:
+        self._findings.has_lost_focus = error == FOCUS_LOST
+        if error and not self._findings.has_lost_focus:
             self._lose(error)
             return self._wait_without_runtime()
         t_ns = max(exchange.t_receive_ns, self._last_t_ns + 1)
@@ -126,7 +126,7 @@ class OpenVrHeadset(RuntimeHeadset):
         remaining_ns = self._remaining_ns(exchange)
         if remaining_ns is None:
             predicted_ns = t_ns - since_ns + self._period_ns + self._photons_ns
-            skipped_count = self._skipped(has_vsync, count, t_ns)
+            skipped_count = self._count_skipped(has_vsync, count, t_ns)
         else:
             predicted_ns = t_ns + remaining_ns + self._photons_ns
             skipped_count = self._skipped_to(predicted_ns)
@@ -173,22 +173,22 @@ class OpenVrHeadset(RuntimeHeadset):
                 self._transport.request(frames, CALL_TIMEOUT_S).frames[0].decode("ascii", "replace")
             )
             if error == FOCUS_LOST:
-                self._found.unfocused = True
+                self._findings.has_lost_focus = True
             elif error:
-                self._found.submit_problem = error
+                self._findings.submit_problem = error
                 raise DeviceError(
                     f"the runtime refused the {('left', 'right')[eye]} image: {error}",
                     role=self.info.role,
                     remedy=COMPOSITOR_REMEDIES.get(error, OPENVR_HEADSET.remedy),
                 )
-        self._found.submit_problem = ""
+        self._findings.submit_problem = ""
         self._submitted_ns = self._clock.now_ns()
 
     def check(self) -> tuple[Fault, ...]:
         """Report standby, a headset not worn, lost tracking, moved base stations, lost focus."""
-        loss = self._gone if self.state is DeviceState.FAULT else ""
-        self._found.untracked = self._untracked
-        return self._found.faults(self.info.role, loss, self._bases.moved_m)
+        loss = self._loss if self.state is DeviceState.FAULT else ""
+        self._findings.untracked = self._untracked
+        return self._findings.faults(self.info.role, loss, self._bases.moved_m)
 
     # ---- private --------------------------------------------------------------------------
 
@@ -251,15 +251,17 @@ class OpenVrHeadset(RuntimeHeadset):
         step_ns = predicted_ns - self._frame.predicted_display_ns
         return max(0, round(step_ns / self._period_ns) - 1)
 
-    def _skipped(self, known: bool, count: int, t_ns: int) -> int:
-        before, self._last_count = self._last_count, count if known else None
+    def _count_skipped(self, has_vsync: bool, count: int, t_ns: int) -> int:
+        before, self._last_count = self._last_count, count if has_vsync else None
         if self._frame is None:
             return 0
-        if known and before is not None and 0 < count - before < 2**31:
+        if has_vsync and before is not None and 0 < count - before < 2**31:
             return count - before - 1
         return max(0, round((t_ns - self._last_t_ns) / self._period_ns) - 1)
 
-    def _begin_with(self, t_ns: int, predicted_ns: int, skipped: int, poses: Array) -> FrameInfo:
+    def _begin_with(
+        self, t_ns: int, predicted_ns: int, skipped_count: int, poses: Array
+    ) -> FrameInfo:
         head_pose = codec.decode_pose(poses[0]) if len(poses) else None
         if head_pose is not None:
             x, y, z = self._between_eyes(head_pose).position_m
@@ -268,12 +270,12 @@ class OpenVrHeadset(RuntimeHeadset):
         if t_ns >= self._base_due_ns:
             self._base_due_ns = t_ns + BASE_STATIONS_EVERY_NS
             self._bases.look(poses)
-        return self._begin_frame(t_ns, predicted_ns, skipped, head_pose)
+        return self._begin_frame(t_ns, predicted_ns, skipped_count, head_pose)
 
-    def _between_eyes(self, found: tuple[codec.Triple, codec.Quadruple]) -> Pose:
+    def _between_eyes(self, headset_pose: tuple[codec.Triple, codec.Quadruple]) -> Pose:
         """Return the pose of the midpoint between the eyes from that of the headset."""
-        turn = np.array(found[1])
-        return Pose(np.array(found[0]) + rotate(turn, self._midpoint), turn)
+        turn = np.array(headset_pose[1])
+        return Pose(np.array(headset_pose[0]) + rotate(turn, self._midpoint), turn)
 
     def _add_timing(self, row: np.void) -> None:
         add_timing(row, self._timing_raw)
@@ -292,11 +294,11 @@ class OpenVrHeadset(RuntimeHeadset):
         if event.kind == "quit":
             self._lose("the runtime was closed")
         elif event.kind in ("standby", "awake"):
-            self._found.standby = event.kind == "standby"
+            self._findings.standby = event.kind == "standby"
         elif event.slot == 0 and event.kind in ("worn", "taken_off"):
-            self._found.taken_off = event.kind == "taken_off"
+            self._findings.taken_off = event.kind == "taken_off"
         elif event.slot == 0 and event.button == "worn":
-            self._found.taken_off = event.kind == "release"
+            self._findings.taken_off = event.kind == "release"
         elif event.kind in ("activated", "deactivated") and self.state is DeviceState.STREAMING:
             try:
                 self._learn_devices()

@@ -47,7 +47,7 @@ class OpenVrTrackers(BodyDevice):
     ) -> None:
         if not worn or len(set(worn.values())) != len(worn):
             raise ConfigError(f"{role}: map each tracker's serial number to a segment of its own")
-        self._worn = dict(worn)
+        self._segment_of = dict(worn)
         self._mounts = dict(mounts or {})
         self._slot_of: dict[str, int] = {}
         self._learn_ns = 0
@@ -56,7 +56,7 @@ class OpenVrTrackers(BodyDevice):
             PolledPoses(transport, clock, rate_hz),
             clock,
             OPENVR_TRACKERS,
-            segments=tuple(self._worn.values()),
+            segments=tuple(self._segment_of.values()),
             rate_hz=rate_hz,
             lost_after_s=lost_after_s,
         )
@@ -68,7 +68,7 @@ class OpenVrTrackers(BodyDevice):
         self._learn()
 
     def _tick(self, now_ns: int) -> None:
-        if now_ns >= self._learn_ns and len(self._slot_of) < len(self._worn):
+        if now_ns >= self._learn_ns and len(self._slot_of) < len(self._segment_of):
             self._learn()
 
     def _learn(self) -> None:
@@ -77,9 +77,9 @@ class OpenVrTrackers(BodyDevice):
         if frames[0] or len(frames) < 2:
             raise ProtocolViolation("the runtime lists no devices", remedy=OPENVR_TRACKERS.remedy)
         slots = {row[3]: row[0] for row in msgpack.unpackb(frames[1])}
-        self._slot_of = {serial: slots[serial] for serial in self._worn if serial in slots}
-        missing = [s for s in self._worn if s not in slots]
-        others = ", ".join(sorted(set(slots) - set(self._worn))) or "nothing else"
+        self._slot_of = {serial: slots[serial] for serial in self._segment_of if serial in slots}
+        missing = [s for s in self._segment_of if s not in slots]
+        others = ", ".join(sorted(set(slots) - set(self._segment_of))) or "nothing else"
         text = f"trackers not there: {', '.join(missing)}; the runtime has {others}"
         fault = self._warning(text, OPENVR_TRACKERS.remedy)
         self._note("missing", fault if missing else None)
@@ -90,10 +90,10 @@ class OpenVrTrackers(BodyDevice):
             self._malformed += 1
             return ()
         poses = codec.decode_poses(rest[0])
-        n = len(self._worn)
+        n = len(self._segment_of)
         position, turn = np.full((n, 3), np.nan), np.full((n, 4), np.nan)
         valid = np.zeros(n, np.bool_)
-        for row, serial in enumerate(self._worn):
+        for row, serial in enumerate(self._segment_of):
             slot = self._slot_of.get(serial)
             pose = (
                 codec.decode_pose(poses[slot]) if slot is not None and slot < len(poses) else None

@@ -38,8 +38,8 @@ def _runtime(site: Site[Any], body: Body) -> SimulatedVrRuntime:
             display_rate_hz=rate_hz,
         )
         site.shared["openvr runtime"] = site.stack.enter_context(runtime)
-    shared: SimulatedVrRuntime = site.shared["openvr runtime"]
-    return shared
+    rig_runtime: SimulatedVrRuntime = site.shared["openvr runtime"]
+    return rig_runtime
 
 
 def _wire(site: Site[Any]) -> MessageTransport:

@@ -113,7 +113,7 @@ class OpenXrControllers(RuntimeControllers):
             rays.append(pose_of(int(numbers[5]), numbers[6:], fully_tracked=False))
         self._is_there = (rays[0] is not None, rays[1] is not None)
         changes: list[Change] = []
-        for control, (wanted_hand, part) in enumerate(self._wanted):
+        for control, (wanted_hand, part) in enumerate(self._hands_and_parts):
             sides = zip(HANDS, states, strict=True)
             level = max(state[part] for side, state in sides if wanted_hand in ("any", side))
             level = min(level, 1.0)

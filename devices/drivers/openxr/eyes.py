@@ -44,18 +44,18 @@ class EyesOfRuntime(Protocol):
         ...
 
 
-def extension_for_eyes(offered: Iterable[str]) -> str:
+def extension_for_eyes(offered_extensions: Iterable[str]) -> str:
     """Return the best extension with rays per eye; empty where a runtime has none."""
-    names = set(offered)
+    names = set(offered_extensions)
     return next((name for name in PER_EYE if name in names), "")
 
 
-def packed_eyes(host_ns: int, now: int, sampled: int, eyes: Iterable[EyeReading]) -> bytes:
+def packed_eyes(host_ns: int, now: int, sample_time: int, eyes: Iterable[EyeReading]) -> bytes:
     """Return both eyes for the wire."""
     values: list[Any] = []
     for eye in eyes:
         values += [eye.valid, *eye.pose, eye.confidence_01, eye.pupil_mm, eye.openness_01]
-    return EYES.pack(host_ns, now, sampled, *values)
+    return EYES.pack(host_ns, now, sample_time, *values)
 
 
 # ---- Meta -----------------------------------------------------------------------------------
@@ -219,8 +219,8 @@ def supports_htc(xr: Any, instance: Any, system: Any) -> bool:
 SUPPORTED: dict[str, Callable[[Any, Any, Any], bool]] = {HTC: supports_htc, FB: supports_fb}
 
 
-def _system_properties(xr: Any, instance: Any, system: Any, chained: Any) -> None:
-    properties = xr.SystemProperties(next=ctypes.cast(ctypes.pointer(chained), ctypes.c_void_p))
+def _system_properties(xr: Any, instance: Any, system: Any, next_struct: Any) -> None:
+    properties = xr.SystemProperties(next=ctypes.cast(ctypes.pointer(next_struct), ctypes.c_void_p))
     result = xr.raw_functions.xrGetSystemProperties(instance, system, ctypes.byref(properties))
     problem = xr.check_result(xr.Result(result))
     if problem.is_exception():

@@ -17,11 +17,11 @@ import msgpack
 from visavis.devices.contracts import ClockPair
 from visavis.devices.drivers.openvr.trackers import PolledPoses
 from visavis.devices.drivers.openxr.eyes import EYES, FB, HTC
-from visavis.devices.drivers.openxr.packing import LOCATED
+from visavis.devices.drivers.openxr.packing import LOCATION
 from visavis.devices.drivers.openxr.spec import OPENXR_GAZE
 from visavis.devices.drivers.streaming.gaze_rays import (
-    LOST,
     NO_EYE,
+    NO_VECTOR,
     Eye,
     Sample,
     diameter_mm,
@@ -56,11 +56,11 @@ class OpenXrGaze(GazeAndOpenness):
         lost_after_s: float = 2.0,
         eyes: Literal["auto", "combined"] = "auto",
     ) -> None:
-        self._polled = PolledPoses(transport, clock, rate_hz, ask=b"gaze")
+        self._poses = PolledPoses(transport, clock, rate_hz, ask=b"gaze")
         self._takes_each = eyes == "auto"
         self.tells_openness = False
         super().__init__(
-            role, self._polled, clock, OPENXR_GAZE, rate_hz=rate_hz, lost_after_s=lost_after_s
+            role, self._poses, clock, OPENXR_GAZE, rate_hz=rate_hz, lost_after_s=lost_after_s
         )
         self._last_sample: int | None = None
 
@@ -73,7 +73,7 @@ class OpenXrGaze(GazeAndOpenness):
                 f"the OpenXR runtime {name!r} offers no eye gaze", remedy=OPENXR_GAZE.remedy
             )
         self._last_sample = None
-        self._polled.ask = b"eyes" if per_eye else b"gaze"
+        self._poses.ask = b"eyes" if per_eye else b"gaze"
         self.tells_openness = per_eye == HTC
         self.info = replace(
             self.info,
@@ -84,7 +84,7 @@ class OpenXrGaze(GazeAndOpenness):
 
     def _decode(self, message: Message) -> Iterable[Sample]:
         question, error, *rest = message.frames
-        layout = EYES if question == b"eyes" else LOCATED
+        layout = EYES if question == b"eyes" else LOCATION
         if error or not rest or len(rest[0]) != layout.size:
             self._malformed += 1
             return ()
@@ -95,7 +95,7 @@ class OpenXrGaze(GazeAndOpenness):
         if stamp == self._last_sample:
             return ()
         self._last_sample = stamp
-        if layout is LOCATED:
+        if layout is LOCATION:
             return (Sample(stamp, None, _row(int(values[0]), values[1:])),)
         return (_sample(stamp, values[:EYE_VALUES], values[EYE_VALUES:]),)
 
@@ -107,24 +107,26 @@ def _sample(stamp: int, left: Sequence[float], right: Sequence[float]) -> Sample
     return Sample(stamp, None, row, (_open_01(left), _open_01(right)))
 
 
-def _eye(told: Sequence[float]) -> Eye:
-    ray = _ray(told[4:8])
-    at: Triple = (told[1], told[2], told[3])
-    has_gaze = bool(told[0]) and ray[0] == ray[0]
+def _eye(reading: Sequence[float]) -> Eye:
+    ray = _ray(reading[4:8])
+    at: Triple = (reading[1], reading[2], reading[3])
+    has_gaze = bool(reading[0]) and ray[0] == ray[0]
     return (
-        Eye(ray, at, True, diameter_mm(told[9])) if has_gaze else Eye(pupil_mm=diameter_mm(told[9]))
+        Eye(ray, at, True, diameter_mm(reading[9]))
+        if has_gaze
+        else Eye(pupil_mm=diameter_mm(reading[9]))
     )
 
 
-def _open_01(told: Sequence[float]) -> float:
-    return told[10] if 0 <= told[10] <= 1 else NAN
+def _open_01(reading: Sequence[float]) -> float:
+    return reading[10] if 0 <= reading[10] <= 1 else NAN
 
 
 def _ray(turn: Sequence[float]) -> Triple:
     """Return the direction of −z after a rotation (x, y, z, w); NaN if it is no rotation."""
     i, j, k, w = turn
     if not 0.9 < w * w + i * i + j * j + k * k < 1.1:
-        return LOST
+        return NO_VECTOR
     ray = (-2 * (i * k + w * j), -2 * (j * k - w * i), -1 + 2 * (i * i + j * j))
     norm = sum(v * v for v in ray) ** 0.5
     return ray[0] / norm, ray[1] / norm, ray[2] / norm
@@ -135,7 +137,7 @@ def _row(flags: int, numbers: Sequence[float]) -> bytes:
     x, y, z, *turn = numbers
     ray = _ray(turn)
     if not flags & ORIENTATION_VALID or ray[0] != ray[0]:
-        return gaze_row(NO_EYE, NO_EYE, ray=LOST, valid=False, used=0)
+        return gaze_row(NO_EYE, NO_EYE, ray=NO_VECTOR, valid=False, used_eyes=0)
     at = (x, y, z) if flags & POSITION_VALID else (NAN, NAN, NAN)
     return gaze_row(
         NO_EYE,
@@ -143,5 +145,5 @@ def _row(flags: int, numbers: Sequence[float]) -> bytes:
         ray=ray,
         origin=at,
         valid=bool(flags & ORIENTATION_TRACKED),
-        used=3,
+        used_eyes=3,
     )

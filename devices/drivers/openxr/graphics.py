@@ -23,7 +23,7 @@ VISIBILITY_MASK = "XR_KHR_visibility_mask"
 BINDING_TYPES = {"egl": 1000048004, "glx": 1000023001, "wgl": 1000023000}
 """`XrStructureType` of the bindings."""
 
-SHOWN = struct.Struct("<4I 22f")
+IMAGE_PAIR = struct.Struct("<4I 22f")
 """Names of the two textures (left first), width, height; then per eye the place it was drawn
 from, its orientation (x, y, z, w), and the angles left, right, down, up."""
 
@@ -68,10 +68,10 @@ class GraphicsBinding:
         DeviceError: no context is current.
     """
 
-    def __init__(self, offered: Iterable[str]) -> None:
+    def __init__(self, offered_extensions: Iterable[str]) -> None:
         self.context = current_context()
         self.extensions = (OPENGL, EGL) if self.context.system == "egl" else (OPENGL,)
-        missing = [name for name in self.extensions if name not in offered]
+        missing = [name for name in self.extensions if name not in offered_extensions]
         if missing:
             raise DeviceNotFound(
                 f"the OpenXR runtime does not offer {', '.join(missing)}, so it shows no images "
@@ -79,12 +79,12 @@ class GraphicsBinding:
                 remedy="use SteamVR or Monado as the OpenXR runtime, on an X11 desktop if it is "
                 "Linux; or the driver openvr_headset",
             )
-        self._made = _binding(self.context)
+        self._binding_struct = _binding(self.context)
 
     @property
     def link(self) -> ctypes.c_void_p:
         """Pointer for the session's create info; valid as long as this object lives."""
-        return ctypes.cast(ctypes.pointer(self._made), _p)
+        return ctypes.cast(ctypes.pointer(self._binding_struct), _p)
 
 
 def _binding(context: GlContext) -> ctypes.Structure:
@@ -128,19 +128,19 @@ def hidden_area(xr: Any, ask: Any, session: Any, eye: int) -> list[tuple[float, 
     mask_type = xr.VisibilityMaskTypeKHR.HIDDEN_TRIANGLE_MESH.value
     mask = xr.VisibilityMaskKHR()
 
-    def told() -> None:
+    def fill_mask() -> None:
         problem = xr.check_result(xr.Result(ask(session, kind, eye, mask_type, ctypes.byref(mask))))
         if problem.is_exception():
             raise problem
 
-    told()
+    fill_mask()
     vertices = (xr.Vector2f * mask.vertex_count_output)()
     indices = (ctypes.c_uint32 * mask.index_count_output)()
     if not len(vertices) or not len(indices):
         return []
     mask.vertices, mask.vertex_capacity_input = vertices, len(vertices)
     mask.indices, mask.index_capacity_input = indices, len(indices)
-    told()
+    fill_mask()
     return [(float(vertices[i].x), float(vertices[i].y)) for i in indices if i < len(vertices)]
 
 
@@ -150,12 +150,12 @@ def packed_images(
     poses: Sequence[tuple[Sequence[float], Sequence[float]]],
     views: Sequence[EyeView],
 ) -> bytes:
-    """Return `SHOWN` of two images; `poses` are position and orientation (w, x, y, z) per eye."""
+    """Return `IMAGE_PAIR` of two images; `poses` are place and orientation (w, x, y, z) per eye."""
     numbers: list[float] = []
     for (place, (w, x, y, z)), view in zip(poses, views, strict=True):
         bounds = (view.tangent_left, view.tangent_right, view.tangent_bottom, view.tangent_top)
         numbers += [*place, x, y, z, w, *(math.atan(tangent) for tangent in bounds)]
-    return SHOWN.pack(*names, *size_px, *numbers)
+    return IMAGE_PAIR.pack(*names, *size_px, *numbers)
 
 
 class EyeImages:
@@ -177,7 +177,7 @@ class EyeImages:
 
     def take(self, raw: bytes) -> str:
         """Copy two images and make them the layer; return what went wrong, or nothing."""
-        left, right, width, height, *numbers = SHOWN.unpack(raw)
+        left, right, width, height, *numbers = IMAGE_PAIR.unpack(raw)
         if (width, height) != self._size_px:
             problem = self._make_chains((width, height))
             if problem:

@@ -42,8 +42,8 @@ class OpenXrHeadset(RuntimeHeadset):
     def __init__(
         self, role: str, transport: MessageTransport, clock: Clock, *, display_rate_hz: float = 90
     ) -> None:
-        self._refused = ""
-        self._shows_images = self._unfocused = self._tells_hidden = False
+        self._image_refusal = ""
+        self._shows_images = self._has_lost_focus = self._tells_hidden = False
         self._drawn_from: tuple[Vector, Vector] = (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
         self._last_display: int | None = None
         super().__init__(
@@ -71,7 +71,7 @@ class OpenXrHeadset(RuntimeHeadset):
             )  # on a replay that time is still to come
             error, *rest = exchange.frames
             if not error and rest and len(rest[0]) == FRAME.size:
-                self._unfocused = rest[1:] == [b"0"]
+                self._has_lost_focus = rest[1:] == [b"0"]
                 return self._begin(FRAME.unpack(rest[0]), exchange.t_receive_ns)
             self._lose(error.decode("ascii", "replace") or "an unreadable answer")
         self._life.require("wait_frame", DeviceState.STREAMING, DeviceState.FAULT)
@@ -106,12 +106,12 @@ class OpenXrHeadset(RuntimeHeadset):
             return
         if self._life.state is DeviceState.FAULT:
             return
-        request = (b"show", self._packed(images)) if images else (b"show",)
+        request = (b"show", self._pack_images(images)) if images else (b"show",)
         error = (
             self._transport.request(request, CALL_TIMEOUT_S).frames[0].decode("ascii", "replace")
         )
         if error and images:
-            self._refused = error
+            self._image_refusal = error
             raise DeviceError(
                 f"the runtime refused the images: {error}",
                 role=self.info.role,
@@ -119,22 +119,22 @@ class OpenXrHeadset(RuntimeHeadset):
                 f"session was opened; {OPENXR_HEADSET.remedy}",
             )
         if images:
-            self._refused = ""
+            self._image_refusal = ""
             self._submitted_ns = self._clock.now_ns()
 
     def check(self) -> tuple[Fault, ...]:
         """Report a lost session, lost tracking, a lost focus and refused images."""
         role = self.info.role
         if self.state is DeviceState.FAULT:
-            return (Fault(role, "blocking", self._gone, OPENXR_HEADSET.remedy),)
-        if self._refused:
-            text = f"images were refused: {self._refused}"
+            return (Fault(role, "blocking", self._loss, OPENXR_HEADSET.remedy),)
+        if self._image_refusal:
+            text = f"images were refused: {self._image_refusal}"
             return (Fault(role, "blocking", text, OPENXR_HEADSET.remedy),)
         faults = []
         if self._untracked:
             remedy = "put the headset on and check its tracking"
             faults.append(Fault(role, "blocking", "the headset is not tracked", remedy))
-        if self._unfocused:
+        if self._has_lost_focus:
             remedy = "close the runtime's menu and other VR programs; put the headset on"
             text = "the session has not got the focus: participants see something else"
             faults.append(Fault(role, "blocking", text, remedy))
@@ -219,7 +219,7 @@ class OpenXrHeadset(RuntimeHeadset):
             drawn_from = np.array((*pose[0], *pose[1]), np.float32).astype(np.float64)
             self._drawn_from = (drawn_from[:3], drawn_from[3:])
 
-    def _packed(self, images: Sequence[object]) -> bytes:
+    def _pack_images(self, images: Sequence[object]) -> bytes:
         """Return two images with the place and the view each was drawn from."""
         views = self.eye_views()
         names = [int(getattr(image, "glo", image)) for image in images]  # type: ignore[call-overload]  # int or texture

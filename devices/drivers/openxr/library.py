@@ -45,7 +45,7 @@ from visavis.devices.drivers.openxr.packing import (
     FRAME,
     INSTANT,
     LATE,
-    LOCATED,
+    LOCATION,
     number,
     numbers,
     packed_views,
@@ -109,7 +109,7 @@ class OpenXrLibrary:
         self._shows_images = False
         self._binding: GraphicsBinding | None = None
         self._images: EyeImages | None = None
-        self._begun: Any = None
+        self._display_time: Any = None
         self._running = False
         self._calls: dict[str, Callable[[Frames], Frames]] = {
             "runtime": self._runtime,
@@ -159,7 +159,7 @@ class OpenXrLibrary:
             if not self._running:
                 return (b"SessionNotRunning",)
             return (b"", *self._calls[frames[0].decode("ascii")](frames))
-        except _Refused as problem:
+        except _CallRefusal as problem:
             return (str(problem).encode(),)
         except self._xr.exception.XrException as problem:
             return (type(problem).__name__.encode(),)
@@ -299,7 +299,7 @@ class OpenXrLibrary:
     def _disconnect(self) -> None:
         """Release everything; destroying the instance destroys its children."""
         instance, self._instance = self._instance, None
-        images, self._images, self._begun = self._images, None, None
+        images, self._images, self._display_time = self._images, None, None
         if images is not None:
             images.close()
         self._session, self._actions, self._binding, self._time = None, None, None, None
@@ -313,7 +313,7 @@ class OpenXrLibrary:
     def _now(self) -> tuple[int, int]:
         """Return one instant on the session's clock and on the runtime's."""
         if self._time is None:
-            raise _Refused("NotConnected")
+            raise _CallRefusal("NotConnected")
         return self._time.now()
 
     def _runtime(self, _: Frames) -> Frames:
@@ -321,9 +321,13 @@ class OpenXrLibrary:
         payload: bytes = msgpack.packb(facts)
         return (payload,)
 
-    def _locate(self, space: str, base: str, at: int, chained: Any = None) -> tuple[int, Any]:
+    def _locate(self, space: str, base: str, at: int, next_struct: Any = None) -> tuple[int, Any]:
         xr = self._xr
-        link = None if chained is None else ctypes.cast(ctypes.pointer(chained), ctypes.c_void_p)
+        link = (
+            None
+            if next_struct is None
+            else ctypes.cast(ctypes.pointer(next_struct), ctypes.c_void_p)
+        )
         location = xr.SpaceLocation(next=link)
         result = xr.raw_functions.xrLocateSpace(
             self._spaces[space], self._spaces[base], xr.Time(at), ctypes.byref(location)
@@ -344,7 +348,7 @@ class OpenXrLibrary:
         host_ns, now = self._now()
         sample_time = self._xr.EyeGazeSampleTimeEXT()
         flags, pose = self._locate("gaze", "view", now, sample_time)
-        payload = LOCATED.pack(host_ns, now, int(number(sample_time.time)), flags, *numbers(pose))
+        payload = LOCATION.pack(host_ns, now, int(number(sample_time.time)), flags, *numbers(pose))
         return (payload,)
 
     def _both_eyes(self, _: Frames) -> Frames:
@@ -377,15 +381,15 @@ class OpenXrLibrary:
 
     def _begin_frame(self) -> tuple[int, int]:
         """Wait for a frame and begin it; return its predicted display time and its period."""
-        if self._begun is not None:
+        if self._display_time is not None:
             self._end_frame()
         state = self._xr.wait_frame(self._session)
         self._xr.begin_frame(self._session)
-        self._begun = state.predicted_display_time
-        return int(number(self._begun)), int(number(state.predicted_display_period))
+        self._display_time = state.predicted_display_time
+        return int(number(self._display_time)), int(number(state.predicted_display_period))
 
     def _end_frame(self, layers: Sequence[Any] = ()) -> None:
-        xr, display_time, self._begun = self._xr, self._begun, None
+        xr, display_time, self._display_time = self._xr, self._display_time, None
         xr.end_frame(
             self._session,
             xr.FrameEndInfo(
@@ -409,17 +413,17 @@ class OpenXrLibrary:
 
     def _late(self, _: Frames) -> Frames:
         """Predict the head once more for the frame that has begun."""
-        if self._begun is None:
-            raise _Refused("NoFrameBegun")
-        flags, pose = self._locate("view", "stage", int(number(self._begun)))
+        if self._display_time is None:
+            raise _CallRefusal("NoFrameBegun")
+        flags, pose = self._locate("view", "stage", int(number(self._display_time)))
         return (LATE.pack(flags, *numbers(pose)),)
 
     def _show(self, frames: Frames) -> Frames:
         """End the frame with two new images, or with the last ones."""
-        if self._images is None or self._begun is None:
-            raise _Refused("NoFrameToShowImagesIn")
+        if self._images is None or self._display_time is None:
+            raise _CallRefusal("NoFrameToShowImagesIn")
         if len(frames) > 1 and (problem := self._images.take(frames[1])):
-            raise _Refused(problem)
+            raise _CallRefusal(problem)
         self._end_frame(self._images.layers)
         return ()
 
@@ -435,7 +439,7 @@ class OpenXrLibrary:
     def _hidden(self, _: Frames) -> Frames:
         """Return the areas hidden by the lenses: corners (tangents), three per triangle."""
         if not self.tells_hidden or self._session is None:
-            raise _Refused("NothingToldOfHiddenAreas")
+            raise _CallRefusal("NothingToldOfHiddenAreas")
         xr = self._xr
         address = xr.get_instance_proc_addr(self._instance, "xrGetVisibilityMaskKHR")
         ask = ctypes.cast(address, xr.PFN_xrGetVisibilityMaskKHR)
@@ -457,5 +461,5 @@ class OpenXrLibrary:
         return (packed_views(views),)
 
 
-class _Refused(Exception):
+class _CallRefusal(Exception):
     """A call refused here, before it reaches the runtime."""

@@ -46,10 +46,10 @@ def ask(manifest: Path) -> Offer | None:
     environment: Mapping[str, str] = {**os.environ, "XR_RUNTIME_JSON": str(manifest)}
     command = [sys.executable, "-m", "visavis.devices.drivers.openxr.offer"]
     try:
-        done = subprocess.run(  # noqa: S603 - ourselves
+        process = subprocess.run(  # noqa: S603 - ourselves
             command, capture_output=True, text=True, timeout=PATIENCE_S, env=environment, check=True
         )
-        return Offer(**json.loads(done.stdout.strip().splitlines()[-1]))
+        return Offer(**json.loads(process.stdout.strip().splitlines()[-1]))
     except (OSError, subprocess.SubprocessError, ValueError, TypeError, IndexError):
         return None  # not fully installed, crashed, or silent
 
@@ -83,5 +83,5 @@ def offer() -> Offer:
 
 if __name__ == "__main__":
     with contextlib.redirect_stdout(io.StringIO()):  # keep the package's own output apart
-        found = offer()
-    print(json.dumps(asdict(found)))  # noqa: T201 - the parent reads it
+        own_offer = offer()
+    print(json.dumps(asdict(own_offer)))  # noqa: T201 - the parent reads it

@@ -13,7 +13,7 @@ Quadruple = tuple[float, float, float, float]
 VALID, TRACKED, ORIENTATION_TRACKED = 0b0011, 0b1100, 0b0100
 """Flags of a location: both valid, both tracked, orientation tracked."""
 
-LOCATED = struct.Struct("<qqqQ7f")
+LOCATION = struct.Struct("<qqqQ7f")
 """Host ns and XrTime of one instant, XrTime of the sample (0: unknown), location flags, position,
 quaternion (x, y, z, w)."""
 

@@ -23,14 +23,14 @@ FROM_COUNTER = ctypes.CFUNCTYPE(
 """xrConvertWin32PerformanceCounterToTimeKHR, which pyopenxr declares on Windows alone."""
 
 
-def time_extension(offered: Iterable[str]) -> str:
+def time_extension(offered_extensions: Iterable[str]) -> str:
     """Return the extension that converts this computer's clock.
 
     Raises:
         DeviceNotFound: the runtime offers none.
     """
     names = (TIMESPEC, PERFORMANCE_COUNTER)
-    extensions = [name for name in names if name in offered]
+    extensions = [name for name in names if name in offered_extensions]
     if extensions:
         return extensions[-1] if platform.system() == "Windows" else extensions[0]
     raise DeviceNotFound(

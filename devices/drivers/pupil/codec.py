@@ -28,7 +28,7 @@ _ROW = struct.Struct(
 )
 _MALFORMED = (ValueError, TypeError, KeyError, IndexError, OverflowError, struct.error)
 _NAN = math.nan
-_LOST = (_NAN, _NAN, _NAN)
+_NO_VECTOR = (_NAN, _NAN, _NAN)
 _EYE_0_KEYS: tuple[Any, ...] = (b"0", 0)
 _EYE_1_KEYS: tuple[Any, ...] = (b"1", 1)
 
@@ -67,7 +67,7 @@ def decode_gaze(payload: bytes, threshold_01: float) -> tuple[int, bytes] | None
         else:
             direction = _direction(datum[b"gaze_normal_3d"])
             at = _position(datum[b"eye_center_3d"])
-            right = left = right_at = left_at = _LOST
+            right = left = right_at = left_at = _NO_VECTOR
             if _single_eye(datum) == 0:
                 right, right_at = direction, at
             else:
@@ -82,24 +82,24 @@ def decode_gaze(payload: bytes, threshold_01: float) -> tuple[int, bytes] | None
             rx, ry, rz = right
             x, y, z = lx + rx, ly + ry, lz + rz
             length = math.sqrt(x * x + y * y + z * z)
-            ray = (x / length, y / length, z / length) if length > 1e-6 else _LOST
+            ray = (x / length, y / length, z / length) if length > 1e-6 else _NO_VECTOR
             ax, ay, az = left_at
             bx, by, bz = right_at
-            at, used = ((ax + bx) / 2, (ay + by) / 2, (az + bz) / 2), 3
+            at, used_eyes = ((ax + bx) / 2, (ay + by) / 2, (az + bz) / 2), 3
         elif left_valid or (left_seen and not right_valid):
-            ray, at, used = left, left_at, 1
+            ray, at, used_eyes = left, left_at, 1
         elif right_seen:
-            ray, at, used = right, right_at, 2
+            ray, at, used_eyes = right, right_at, 2
         else:
-            ray, at, used = _LOST, _LOST, 0
+            ray, at, used_eyes = _NO_VECTOR, _NO_VECTOR, 0
         valid = confidence >= threshold_01 and (left_valid or right_valid) and ray[0] == ray[0]
         if at[0] == at[0] and not is_place(*at):
-            at, valid = _LOST, False
+            at, valid = _NO_VECTOR, False
         row = _ROW.pack(
             *ray,
             *at,
             valid,
-            used,
+            used_eyes,
             confidence,
             *left,
             left_valid,
@@ -183,7 +183,7 @@ def _of_eye(normals: Any, centers: Any, keys: tuple[Any, ...]) -> tuple[Triple, 
     normal = normals.get(number_key)
     if normal is not None:
         return _direction(normal), _position(centers[number_key])
-    return _LOST, _LOST
+    return _NO_VECTOR, _NO_VECTOR
 
 
 def _direction(camera: Any) -> Triple:
@@ -191,7 +191,7 @@ def _direction(camera: Any) -> Triple:
     x, y, z = camera
     length = math.sqrt(x * x + y * y + z * z)
     if not 1e-6 < length < math.inf:
-        return _LOST
+        return _NO_VECTOR
     return x / length, -y / length, -z / length
 
 

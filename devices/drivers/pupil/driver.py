@@ -39,7 +39,7 @@ COMMAND_TIMEOUT_S = 1.0
 MIN_RUN = 4
 """With at least so many messages it is faster to decode gaze together."""
 
-STOPPED = {
+STOP_TEXTS = {
     "eye_process.stopped": "the eye camera's process stopped",
     "world_process.stopped": "Pupil Capture's main process stopped",
     "service_process.stopped": "Pupil Service stopped",
@@ -87,15 +87,17 @@ def eyes_seen(rows: bytes) -> tuple[int, int]:
 class StoppedParts:
     """Parts that stopped since start and have not started again, by part and eye."""
 
-    stopped: dict[str, str] = field(default_factory=dict)
+    stop_texts: dict[str, str] = field(default_factory=dict)
 
     def note(self, subject: str, eye_id: object = None) -> None:
         """Remember a notification about a part that stopped, or started again."""
         eye = EYE_NAMES.get(eye_id, "") if isinstance(eye_id, int) else ""
-        if subject in STOPPED:
-            self.stopped[f"{subject} {eye}"] = f"{STOPPED[subject]}{f' ({eye})' if eye else ''}"
+        if subject in STOP_TEXTS:
+            self.stop_texts[f"{subject} {eye}"] = (
+                f"{STOP_TEXTS[subject]}{f' ({eye})' if eye else ''}"
+            )
         elif subject in STARTED_AGAIN:
-            self.stopped.pop(f"{STARTED_AGAIN[subject]} {eye}", None)
+            self.stop_texts.pop(f"{STARTED_AGAIN[subject]} {eye}", None)
 
 
 class PupilCore(GazeDevice):
@@ -264,7 +266,7 @@ class PupilCore(GazeDevice):
             self._next_exchange_ns = now_ns + self._interval_ns
 
     def _own_faults(self) -> Iterable[Fault]:
-        for text in self._parts.stopped.values():
+        for text in self._parts.stop_texts.values():
             yield self._blocking(text, "look at Pupil Capture and start it again")
         if not self._is_calibrated:
             yield self._uncalibrated("not calibrated since it was opened", "calibrate")
@@ -337,5 +339,5 @@ class PupilCore(GazeDevice):
 
 def _is_gaze(message: Message) -> bool:
     frames = message.frames
-    is_told = message.t_sent_ns is None and len(frames) == 2
-    return is_told and frames[0].startswith(codec.GAZE_TOPIC)
+    is_published = message.t_sent_ns is None and len(frames) == 2
+    return is_published and frames[0].startswith(codec.GAZE_TOPIC)

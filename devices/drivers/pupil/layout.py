@@ -57,11 +57,11 @@ def learn_layout(payload: bytes) -> Layout | None:
         if msgpack.packb(datum) != payload:
             return None
         count = [0]
-        marked_datum = _marked(datum, count)
+        marked_datum = _with_marks(datum, count)
         marked_bytes: bytes = msgpack.packb(marked_datum)
         marks = [_FIRST_MARK * (1 + i / 65536) for i in range(count[0])]
         at = {mark: marked_bytes.index(msgpack.packb(mark)) + 1 for mark in marks}
-        places = [at[mark] for mark in _wanted(marked_datum)]
+        places = [at[mark] for mark in _sample_marks(marked_datum)]
     except (ValueError, TypeError, KeyError, IndexError, msgpack.UnpackException):
         return None
     return Layout(payload, list(at.values()), places)
@@ -127,26 +127,26 @@ class GazeDecoder:
         return True
 
 
-def _marked(value: Any, count: list[int]) -> Any:
+def _with_marks(value: Any, count: list[int]) -> Any:
     """Return the value with every float replaced by a mark of its own."""
     if isinstance(value, float):
         count[0] += 1
         return _FIRST_MARK * (1 + (count[0] - 1) / 65536)
     if isinstance(value, dict):
-        return {key: _marked(item, count) for key, item in value.items()}
+        return {key: _with_marks(item, count) for key, item in value.items()}
     if isinstance(value, list):
-        return [_marked(item, count) for item in value]
+        return [_with_marks(item, count) for item in value]
     return value
 
 
-def _wanted(marked: dict[str, Any]) -> list[float]:
+def _sample_marks(marked_datum: dict[str, Any]) -> list[float]:
     """Return the marks of the numbers that make a sample; KeyError when one is no float."""
-    normals, centers = marked["gaze_normals_3d"], marked["eye_centers_3d"]
-    pupils = {pupil["id"]: pupil for pupil in marked["base_data"]}
-    if len(marked["base_data"]) != 2 or pupils.keys() != {0, 1}:
+    normals, centers = marked_datum["gaze_normals_3d"], marked_datum["eye_centers_3d"]
+    pupils = {pupil["id"]: pupil for pupil in marked_datum["base_data"]}
+    if len(marked_datum["base_data"]) != 2 or pupils.keys() != {0, 1}:
         raise KeyError("base_data")
     keys = ["0", "1"] if "0" in normals else [0, 1]
-    marks = [marked["timestamp"], marked["confidence"]]
+    marks = [marked_datum["timestamp"], marked_datum["confidence"]]
     for vectors in (normals, centers):
         for key in keys:
             x, y, z = vectors[key]
@@ -205,7 +205,7 @@ def _read(
     single = np.empty(15, np.float32)
     both = np.empty(3)
     origin = np.empty(3)
-    used = 0
+    used_eyes = 0
     if left_valid == right_valid and has_ray[0] and has_ray[1]:
         x, y, z = ray[1, 0] + ray[0, 0], ray[1, 1] + ray[0, 1], ray[1, 2] + ray[0, 2]
         length = np.sqrt(x * x + y * y + z * z)
@@ -215,15 +215,15 @@ def _read(
             both[:] = np.nan
         for k in range(3):
             origin[k] = (at_m[1, k] + at_m[0, k]) / 2
-        used = 3
+        used_eyes = 3
     elif left_valid or (has_ray[1] and not right_valid):
         both[:] = ray[1]
         origin[:] = at_m[1]
-        used = 1
+        used_eyes = 1
     elif has_ray[0]:
         both[:] = ray[0]
         origin[:] = at_m[0]
-        used = 2
+        used_eyes = 2
     else:
         both[:] = np.nan
         origin[:] = np.nan
@@ -250,7 +250,7 @@ def _read(
     for k in range(24):
         rows[row + k] = bits[k]
     rows[row + 24] = 1 if valid else 0
-    rows[row + 25] = used
+    rows[row + 25] = used_eyes
     for k in range(4):
         rows[row + 26 + k] = bits[24 + k]
     for k in range(12):

@@ -35,16 +35,16 @@ class Levels:
     """Remember the value of every control, and find changes."""
 
     def __init__(self) -> None:
-        self._told: dict[int, float] = {}
+        self._reported_01: dict[int, float] = {}
 
     def changed(self, control: int, value_01: float, *, axis: bool) -> bool:
         """Tell whether a value differs enough to be reported; if so, remember it."""
-        before = self._told.get(control, 0.0)
+        before = self._reported_01.get(control, 0.0)
         change = abs(value_01 - before)
         at_end = axis and value_01 in (0.0, 1.0) and change > 0.0
         if change < MIN_STEP_01 and not at_end:
             return False
-        self._told[control] = value_01
+        self._reported_01[control] = value_01
         return True
 
 
@@ -102,7 +102,9 @@ class RuntimeControllers(MessageDevice):
     ) -> None:
         control_map = dict(controls or self.usual_controls)
         self.controls = tuple(control_map)
-        self._wanted = [self._parsed(role, name, text) for name, text in control_map.items()]
+        self._hands_and_parts = [
+            self._parsed(role, name, text) for name, text in control_map.items()
+        ]
         super().__init__(role, transport, clock, spec)
         self._rays = rays
         self._reset(clock.now_ns())

@@ -49,7 +49,7 @@ class RuntimeHeadset(MessageDevice):
         self.display_rate_hz = display_rate_hz
         self.render_size_px = render_size_px
         self._views: tuple[EyeView, EyeView] | None = None
-        self._gone = ""
+        self._loss = ""
         self._frame: FrameInfo | None = None
         self._reset(clock.now_ns())
 
@@ -94,12 +94,12 @@ class RuntimeHeadset(MessageDevice):
             self._reconnect()
         self._take_events()
         if self.state is DeviceState.FAULT and not row_count:
-            raise DeviceDisconnected(self._gone, role=self.info.role, remedy=self._spec.remedy)
+            raise DeviceDisconnected(self._loss, role=self.info.role, remedy=self._spec.remedy)
         return row_count
 
     def close(self) -> None:
         """Leave the runtime; idempotent."""
-        self._streams.held.clear()
+        self._streams.pending.clear()
         super().close()
 
     def health(self) -> Health:
@@ -132,7 +132,7 @@ class RuntimeHeadset(MessageDevice):
         return answer[1] if not answer[0] and len(answer) > 1 else b""
 
     def _lose(self, reason: str) -> None:
-        self._gone = f"lost the {self.runtime}: {reason}"
+        self._loss = f"lost the {self.runtime}: {reason}"
         self._life.state = DeviceState.FAULT
 
     def _wait_alone(self) -> FrameInfo:
@@ -144,16 +144,18 @@ class RuntimeHeadset(MessageDevice):
         self._clock.sleep_until_ns(t_ns)
         return self._begin_frame(t_ns, t_ns + self._period_ns, skipped_count, None)
 
-    def _begin_frame(self, t_ns: int, predicted_ns: int, skipped: int, pose: HeadPose) -> FrameInfo:
+    def _begin_frame(
+        self, t_ns: int, predicted_ns: int, skipped_count: int, pose: HeadPose
+    ) -> FrameInfo:
         if pose is None or not is_place(*pose[0]):
             row, self._untracked = _LOST_ROW, True
         else:
             row, self._untracked = HEAD_ROW.pack(*pose[0], *pose[1], True), False
-        self._index += 1 + skipped
+        self._index += 1 + skipped_count
         self._last_t_ns = t_ns
         self._submitted_ns = -1
         self._streams.add_head(row, predicted_ns, t_ns)
-        self._frame = FrameInfo(self._index, t_ns, predicted_ns, skipped)
+        self._frame = FrameInfo(self._index, t_ns, predicted_ns, skipped_count)
         return self._frame
 
     def _close_frame(self) -> None:
@@ -194,6 +196,6 @@ class RuntimeHeadset(MessageDevice):
             with legible("what it answered when it came back", self._spec.remedy):
                 self._connect_again()
         except DeviceError as problem:
-            self._gone = f"lost the {self.runtime}: {problem}"
+            self._loss = f"lost the {self.runtime}: {problem}"
             return
         self._life.state = DeviceState.STREAMING

@@ -28,7 +28,7 @@ from visavis.lab.geometry import Pose, Vector
 from visavis.lab.schema import SampleBatch, empty_values
 from visavis.stimuli.sound import Sound
 
-BEGAN, ENDED, STOPPED, UNDERFLOW = (
+SOUND_BEGAN, SOUND_ENDED, SOUND_STOPPED, UNDERFLOW = (
     SOUND_EVENTS.index(name) for name in ("began", "ended", "stopped", "underflow")
 )
 NOBODY: Final = -1
@@ -63,13 +63,13 @@ class SoundCard(HasLife):
         self._life = Lifecycle(role)
         self._stream: Any = None
         self._mixer = Mixer(48_000)
-        self._wanted: deque[Voice | int] = deque()
-        self._told: deque[tuple[int, int, float, bool]] = deque()
+        self._commands: deque[Voice | int] = deque()
+        self._card_events: deque[tuple[int, int, float, bool]] = deque()
         """From the card's thread: number, event, the card's own time (s), whether stamped."""
         self._resampled: dict[tuple[str, int], Sound] = {}
         self._pairs: deque[ClockPair] = deque(maxlen=KEPT_PAIRS)
         self._sink: Sink | None = None
-        self._number = self._lost = 0
+        self._number = self._unheard_count = 0
         self._begin()
         self.info = replace(
             spec.info(role, None),
@@ -83,7 +83,7 @@ class SoundCard(HasLife):
         self._life.require("open", DeviceState.CLOSED)
         self._library = self._load()
         self._connect()
-        host = getattr(self._library, "described", _nobody)(self._device)
+        host = getattr(self._library, "device_name", _nobody)(self._device)
         self.info = replace(self.info, model=host or self.info.model)
         self._life.state = DeviceState.OPEN
 
@@ -112,7 +112,7 @@ class SoundCard(HasLife):
         number, self._number = self._number, self._number + 1
         self._commanded_ns[number] = self._clock.now_ns()
         if self._life.state is DeviceState.FAULT:
-            self._lost += 1
+            self._unheard_count += 1
             return number
         rate_hz = int(self._stream.samplerate)
         key = (sound.sha256, rate_hz)
@@ -120,7 +120,7 @@ class SoundCard(HasLife):
             self._resampled[key] = sound.at_rate(rate_hz)
         gain = self._volume_01 * 10.0 ** (gain_db / 20.0)
         place = None if at_m is None else np.array(at_m, np.float64)
-        self._wanted.append(Voice(number, self._resampled[key].samples, gain, place, loops))
+        self._commands.append(Voice(number, self._resampled[key].samples, gain, place, loops))
         return number
 
     def prepare(self, sound: Sound) -> None:
@@ -131,7 +131,7 @@ class SoundCard(HasLife):
 
     def hush(self, number: int | None = None) -> None:
         """End one sound, or all, with the next block; never raises."""
-        self._wanted.append(NOBODY if number is None else number)
+        self._commands.append(NOBODY if number is None else number)
 
     def hear_from(self, head: Pose) -> None:
         """Set the pose of the participant's head, from which sources with a place are heard."""
@@ -185,11 +185,11 @@ class SoundCard(HasLife):
                 "close other programs, or raise latency_ms",
             ),
             (
-                self._mixer.clipped,
+                self._mixer.clipped_blocks,
                 "blocks were louder than the card can play, and were cut",
                 "lower gain_db of the sounds, or volume_01",
             ),
-            (self._lost, "sounds were not heard: the card was away", self._spec.remedy),
+            (self._unheard_count, "sounds were not heard: the card was away", self._spec.remedy),
         ):
             if count:
                 faults.append(Fault(self.info.role, "warning", f"{count} {text}", remedy))
@@ -204,11 +204,11 @@ class SoundCard(HasLife):
     def _begin(self) -> None:
         self._meter = StreamMeter(0.0)
         self._commanded_ns: dict[int, int] = {}
-        self._number = self._lost = self._seq = self._underflows = self._retry_ns = 0
-        self._wanted.clear()
-        self._told.clear()
+        self._number = self._unheard_count = self._seq = self._underflows = self._retry_ns = 0
+        self._commands.clear()
+        self._card_events.clear()
         self._mixer.voices = []
-        self._mixer.clipped = 0
+        self._mixer.clipped_blocks = 0
 
     def _connect(self) -> None:
         try:
@@ -243,9 +243,9 @@ class SoundCard(HasLife):
         with contextlib.suppress(self._library.PortAudioError):  # it is gone
             self._stream.close()
         self._stream = None
-        self._lost += len(self._mixer.voices)
+        self._unheard_count += len(self._mixer.voices)
         self._mixer.voices = []
-        self._wanted.clear()
+        self._commands.clear()
 
     def _reconnect(self) -> None:
         if self._clock.now_ns() < self._retry_ns:
@@ -262,26 +262,26 @@ class SoundCard(HasLife):
         at_s, is_stamped = float(times.outputBufferDacTime), True
         if at_s <= 0.0:  # some audio interfaces of operating systems give no stamp
             at_s, is_stamped = float(times.currentTime) + float(self._stream.latency), False
-        while self._wanted:
-            self._take(self._wanted.popleft(), at_s, is_stamped)
+        while self._commands:
+            self._take(self._commands.popleft(), at_s, is_stamped)
         if getattr(status, "output_underflow", False):
-            self._told.append((NOBODY, UNDERFLOW, at_s, is_stamped))
+            self._card_events.append((NOBODY, UNDERFLOW, at_s, is_stamped))
         out[:], over = self._mixer.block(n)
         for voice, sample in over:
-            kind = STOPPED if voice.ends else ENDED
+            kind = SOUND_STOPPED if voice.ends else SOUND_ENDED
             end_s = at_s + sample / self._mixer.rate_hz
-            self._told.append((voice.number, kind, end_s, is_stamped))
+            self._card_events.append((voice.number, kind, end_s, is_stamped))
 
-    def _take(self, wanted: Voice | int, at_s: float, is_stamped: bool) -> None:
-        if isinstance(wanted, Voice):
-            self._mixer.voices.append(wanted)
-            self._told.append((wanted.number, BEGAN, at_s, is_stamped))
+    def _take(self, command: Voice | int, at_s: float, is_stamped: bool) -> None:
+        if isinstance(command, Voice):
+            self._mixer.voices.append(command)
+            self._card_events.append((command.number, SOUND_BEGAN, at_s, is_stamped))
             return
         for voice in self._mixer.voices:
-            voice.ends = voice.ends or wanted in (NOBODY, voice.number)
+            voice.ends = voice.ends or command in (NOBODY, voice.number)
 
     def _deliver(self) -> int:
-        rows = [self._told.popleft() for _ in range(len(self._told))]
+        rows = [self._card_events.popleft() for _ in range(len(self._card_events))]
         if not rows or self._sink is None:
             return 0
         offset = offset_ns(latest_quick(tuple(self._pairs)[-RECENT_PAIRS:]))

@@ -43,7 +43,7 @@ class Voice:
     gain: float
     at_m: Vector | None
     loops: bool
-    done: int = 0
+    next_sample: int = 0
     ends: bool = False
     late: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
     loud: npt.NDArray[np.float64] | None = None
@@ -57,7 +57,7 @@ class Mixer:
         self.rate_hz = rate_hz
         self.head: Pose | None = None
         self.voices: list[Voice] = []
-        self.clipped = 0
+        self.clipped_blocks = 0
         """Number of blocks in which the sounds together were louder than the card can play."""
 
     def block(self, n: int) -> tuple[Samples, list[tuple[Voice, int]]]:
@@ -68,11 +68,11 @@ class Mixer:
             mix += self._of(voice, n)
             if voice.ends:
                 over.append((voice, n))
-            elif not voice.loops and voice.done >= len(voice.samples) + self._tail(voice):
-                over.append((voice, max(0, n - (voice.done - len(voice.samples)))))
+            elif not voice.loops and voice.next_sample >= len(voice.samples) + self._tail(voice):
+                over.append((voice, max(0, n - (voice.next_sample - len(voice.samples)))))
         ended_ids = {id(voice) for voice, _ in over}
         self.voices = [voice for voice in self.voices if id(voice) not in ended_ids]
-        self.clipped += bool(np.abs(mix).max(initial=0.0) > 1.0)
+        self.clipped_blocks += bool(np.abs(mix).max(initial=0.0) > 1.0)
         return np.clip(mix, -1.0, 1.0).astype(np.float32), over
 
     def _tail(self, voice: Voice) -> int:
@@ -89,12 +89,12 @@ class Mixer:
             before_late, before_loud = late, loud
         target = np.zeros(2) if voice.ends else loud
         ramp = np.arange(1, n + 1)[:, None] / n
-        at = voice.done + np.arange(n)[:, None] - (before_late + (late - before_late) * ramp)
+        at = voice.next_sample + np.arange(n)[:, None] - (before_late + (late - before_late) * ramp)
         out = self._read(voice, at) * (before_loud + (target - before_loud) * ramp)
         if voice.at_m is not None:
             for ear, (b, a) in enumerate(self._shadows(voice.at_m)):
                 out[:, ear], voice.memory[ear] = lfilter(b, a, out[:, ear], zi=voice.memory[ear])
-        voice.late, voice.loud, voice.done = late, target, voice.done + n
+        voice.late, voice.loud, voice.next_sample = late, target, voice.next_sample + n
         return out
 
     def _read(self, voice: Voice, at: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

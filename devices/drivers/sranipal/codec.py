@@ -10,7 +10,7 @@ import struct
 from typing import NamedTuple
 
 from visavis.devices.drivers.streaming.gaze_rays import (
-    LOST,
+    NO_VECTOR,
     Eye,
     Sample,
     diameter_mm,
@@ -57,8 +57,8 @@ def decode_eye_data(payload: bytes) -> EyeFrame | None:
 
 def _eye(v: list[float]) -> Eye:
     valid = int(v[0])
-    ray: Triple = unit_triple(-v[4], v[5], -v[6]) if valid & DIRECTION else LOST
-    at: Triple = LOST
+    ray: Triple = unit_triple(-v[4], v[5], -v[6]) if valid & DIRECTION else NO_VECTOR
+    at: Triple = NO_VECTOR
     if valid & ORIGIN and all(map(math.isfinite, v[1:4])):
         at = (-v[1] * 1e-3, v[2] * 1e-3, -v[3] * 1e-3)
     pupil_mm = diameter_mm(v[7]) if valid & PUPIL else NAN

@@ -69,17 +69,25 @@ class BodyDevice(StreamDevice[BodySample]):
         jumps_ms = self._one_way.jumps_ms
         for count, text, remedy in (
             (self._malformed, "messages could not be read", "keep the .wire log and report it"),
-            (self._lost, "samples were lost on the way", "use a cable; check network and load"),
+            (
+                self._lost_count,
+                "samples were lost on the way",
+                "use a cable; check network and load",
+            ),
             (self._late, "samples came late or twice and were left out", "check the network"),
-            (self._refused, "positions that can be none were refused", "calibrate the tracker"),
+            (
+                self._refused_count,
+                "positions that can be none were refused",
+                "calibrate the tracker",
+            ),
             (self._restarts, "times the stream began anew", "stop other recordings of this body"),
             (len(jumps_ms), "jumps of the tracker's clock", "let nobody set its clock"),
         ):
             if count:
                 faults.append(Fault(role, "warning", f"{count} {text}", remedy))
-        if self._seen is not None and not self._seen.all():
+        if self._is_tracked is not None and not self._is_tracked.all():
             lost_segments = [
-                s for s, is_seen in zip(self.segments, self._seen, strict=True) if not is_seen
+                s for s, is_seen in zip(self.segments, self._is_tracked, strict=True) if not is_seen
             ]
             text = f"not tracked now: {', '.join(lost_segments)}"
             remedy = "check markers, sensors and line of sight"
@@ -97,10 +105,10 @@ class BodyDevice(StreamDevice[BodySample]):
     def _reset(self, now_ns: int) -> None:
         super()._reset(now_ns)
         self._far = round(RESTART_AFTER_S * self._schema.nominal_rate_hz)
-        self._lost = self._late = self._restarts = self._refused = 0
+        self._lost_count = self._late = self._restarts = self._refused_count = 0
         self._seq = -1
         self._counter: int | None = None
-        self._seen: Flags | None = None
+        self._is_tracked: Flags | None = None
         self._watch = SegmentWatch(self.segments)
         self._looked_ns: int | None = None
 
@@ -114,7 +122,7 @@ class BodyDevice(StreamDevice[BodySample]):
             since_ns = 0 if self._looked_ns is None else sample.t_device_ns - self._looked_ns
             self._watch.look(sample.position_m, sample.orientation_wxyz, max(since_ns, 0))
             self._looked_ns = sample.t_device_ns
-        self._seen = values["valid"][-1].copy()
+        self._is_tracked = values["valid"][-1].copy()
         return values
 
     def _with_places(self, sample: BodySample) -> BodySample:
@@ -123,7 +131,7 @@ class BodyDevice(StreamDevice[BodySample]):
         bad = sample.valid & ~(are_places(position_m) & np.isfinite(turn).all(axis=-1))
         if not bad.any():
             return sample
-        self._refused += int((bad & ~np.isnan(position_m).any(axis=-1)).sum())
+        self._refused_count += int((bad & ~np.isnan(position_m).any(axis=-1)).sum())
         return replace(
             sample,
             position_m=np.where(bad[:, None], np.nan, position_m),
@@ -145,7 +153,7 @@ class BodyDevice(StreamDevice[BodySample]):
                 return None
             if 0 < ahead <= self._far:
                 step = ahead
-                self._lost += ahead - 1
+                self._lost_count += ahead - 1
             else:
                 self._restarts += 1
         self._counter = counter

@@ -28,7 +28,7 @@ RECENT_BATCHES = 90
 
 
 class SampleNumbers:
-    """Turn a counter, which may restart or be missing, into `seq`; `lost` counts the holes.
+    """Turn a counter, which may restart or be missing, into `seq`; `lost_count` counts the holes.
 
     A step of more than `most_lost` is a restarted counter, not a loss.
     """
@@ -37,9 +37,9 @@ class SampleNumbers:
         self._most_lost = most_lost
         self._seq = -1
         self._counter: int | None = None
-        self.lost = 0
+        self.lost_count = 0
 
-    def reconnected(self) -> None:
+    def forget_counter(self) -> None:
         """Accept any next counter: samples missed meanwhile are a gap, not a loss."""
         self._counter = None
 
@@ -49,7 +49,7 @@ class SampleNumbers:
         if counter is not None:
             if before is not None and 1 < counter - before <= most:
                 step = counter - before
-                self.lost += step - 1
+                self.lost_count += step - 1
             if before is None or not -most < counter - before <= 0:
                 self._counter = counter
         self._seq += step
@@ -134,7 +134,7 @@ class GazeDevice(StreamDevice[Sample]):
                 self.info.role,
                 self._meter,
                 malformed=self._malformed,
-                lost=self._numbers.lost,
+                lost_count=self._numbers.lost_count,
                 jumps_ms=self._one_way.jumps_ms if one_way else self._jumps_ms,
                 unanswered_s=waited_ns / NS_PER_S,
                 remedy=self._spec.remedy,
@@ -186,10 +186,10 @@ class GazeDevice(StreamDevice[Sample]):
         return t_host_ns - cache[1]
 
     def _wait_until(
-        self, reached: Callable[[], bool], deadline_ns: int, what: str, remedy: str = ""
+        self, is_reached: Callable[[], bool], deadline_ns: int, what: str, remedy: str = ""
     ) -> None:
         """Keep polling until something is reached; raises DeviceTimeout at the deadline."""
-        while not reached():
+        while not is_reached():
             now_ns = self._clock.now_ns()
             if now_ns >= deadline_ns:
                 remedy = remedy or self._spec.remedy
@@ -257,5 +257,5 @@ class GazeDevice(StreamDevice[Sample]):
             self._ask_time(now_ns)
 
     def _came_back(self) -> None:
-        self._numbers.reconnected()
+        self._numbers.forget_counter()
         self._next_exchange_ns = self._clock.now_ns()

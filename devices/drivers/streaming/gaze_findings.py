@@ -37,7 +37,7 @@ def stream_faults(
     meter: StreamMeter,
     *,
     malformed: int,
-    lost: int,
+    lost_count: int,
     jumps_ms: Sequence[float],
     unanswered_s: float,
     remedy: str,
@@ -51,12 +51,12 @@ def stream_faults(
     if malformed:
         text = f"{malformed} messages could not be read"
         warn(text, "keep the .wire log and report it")
-    if lost:
-        warn(f"{lost} samples were lost on the way", "check cable, network and load")
+    if lost_count:
+        warn(f"{lost_count} samples were lost on the way", "check cable, network and load")
     if jumps_ms:
         text = f"the tracker's clock jumped {len(jumps_ms)} times, last by {jumps_ms[-1]:.0f} ms"
         warn(text, "stop other programs that set the tracker's clock")
-    for count, what in ((meter.repeated, "repeated"), (meter.backward, "backward")):
+    for count, what in ((meter.repeat_count, "repeated"), (meter.backward, "backward")):
         if count:
             warn(f"{count} {what} time stamps", "restart the tracker if they go on")
     if unanswered_s > ANSWERS_MISSED_S:
@@ -64,12 +64,12 @@ def stream_faults(
     return faults
 
 
-def eye_faults(role: str, seen: SeenEyes) -> list[Fault]:
+def eye_faults(role: str, seen_eyes: SeenEyes) -> list[Fault]:
     """Return faults for eyes that were hardly seen lately."""
-    if seen.samples < MIN_SAMPLES:
+    if seen_eyes.samples < MIN_SAMPLES:
         return []
-    counts = {"left": seen.left, "right": seen.right}
-    lost_eyes = [eye for eye, n in counts.items() if n / seen.samples < EYES_LOST_BELOW_01]
+    counts = {"left": seen_eyes.left, "right": seen_eyes.right}
+    lost_eyes = [eye for eye, n in counts.items() if n / seen_eyes.samples < EYES_LOST_BELOW_01]
     remedy = "adjust the tracker and its wearer, then calibrate again"
     if len(lost_eyes) == len(counts):
         return [Fault(role, "blocking", "neither eye is seen", remedy)]

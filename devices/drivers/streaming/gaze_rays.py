@@ -12,7 +12,7 @@ from visavis.devices.contracts import GAZE
 from visavis.devices.drivers.streaming.screen import NAN, Triple
 from visavis.devices.plausible import is_place
 
-LOST: Triple = (NAN, NAN, NAN)
+NO_VECTOR: Triple = (NAN, NAN, NAN)
 MAX_F4 = 3.4e38
 MIN_PUPIL_MM, MAX_PUPIL_MM = 0.5, 20.0
 """Far outside the range of pupils (1.5 to 9 mm): other numbers are no diameter."""
@@ -24,8 +24,8 @@ _ROW = struct.Struct("<" + "".join(_CODES[f.dtype] * math.prod(f.shape) for f in
 class Eye(NamedTuple):
     """One eye in the head frame: a unit ray or NaN, where it starts (m), pupil diameter."""
 
-    ray: Triple = LOST
-    at: Triple = LOST
+    ray: Triple = NO_VECTOR
+    at: Triple = NO_VECTOR
     valid: bool = False
     pupil_mm: float = NAN
 
@@ -48,12 +48,12 @@ def unit_triple(x: float, y: float, z: float) -> Triple:
     """Scale to length one; NaN if there is no direction."""
     length = math.sqrt(x * x + y * y + z * z) if abs(x) + abs(y) + abs(z) < 1e150 else math.inf
     if not 1e-9 < length < math.inf:
-        return LOST
+        return NO_VECTOR
     return x / length, y / length, z / length
 
 
 def diameter_mm(value: float) -> float:
-    """Return a diameter, or NaN when it is none (zero, negative, beyond an eye's size)."""
+    """Return a pupil diameter; NaN for an impossible one (zero, negative, larger than a pupil)."""
     return value if MIN_PUPIL_MM <= value < MAX_PUPIL_MM else NAN
 
 
@@ -65,7 +65,7 @@ def gaze_row(
     ray: Triple | None = None,
     origin: Triple | None = None,
     valid: bool | None = None,
-    used: int | None = None,
+    used_eyes: int | None = None,
 ) -> bytes:
     """Return one packed row of `GAZE.dtype`.
 
@@ -75,19 +75,19 @@ def gaze_row(
     if ray is None:
         ray, mean_at, mean_used = combine(left, right)
         origin = mean_at if origin is None else origin
-        used = mean_used if used is None else used
+        used_eyes = mean_used if used_eyes is None else used_eyes
     if valid is None:
         valid = left.valid or right.valid
     valid = valid and ray[0] == ray[0]
-    if used is None:
-        used = (1 if left.valid else 0) | (2 if right.valid else 0)
-    at = LOST if origin is None else origin
+    if used_eyes is None:
+        used_eyes = (1 if left.valid else 0) | (2 if right.valid else 0)
+    at = NO_VECTOR if origin is None else origin
     if at[0] == at[0] and not is_place(*at):
-        at, valid = LOST, False
+        at, valid = NO_VECTOR, False
     return _ROW.pack(
         *map(_single, (*ray, *at)),
         valid,
-        used,
+        used_eyes,
         _single(confidence_01),
         *left.ray,
         left.valid and left.ray[0] == left.ray[0],
@@ -110,7 +110,7 @@ def combine(left: Eye, right: Eye) -> tuple[Triple, Triple, int]:
         return left.ray, left.at, 1
     if right_seen:
         return right.ray, right.at, 2
-    return LOST, LOST, 0
+    return NO_VECTOR, NO_VECTOR, 0
 
 
 def rows_to_values(rows: Iterable[bytes]) -> npt.NDArray[np.void]:

@@ -39,7 +39,7 @@ def legible(what: str, remedy: str) -> Iterator[None]:
         raise ProtocolViolation(f"cannot read {what}: {cause}", remedy=remedy) from cause
 
 
-def named(problem: DeviceError, role: str, remedy: str) -> DeviceError:
+def with_role(problem: DeviceError, role: str, remedy: str) -> DeviceError:
     """Return the problem with the role's name, and with `remedy` where it has none."""
     if problem.role and problem.remedy:
         return problem
@@ -101,7 +101,7 @@ class MessageDevice(HasLife, ABC):
                 self._connect(deadline_ns)
         except DeviceError as problem:
             self._transport.close()
-            raise named(problem, self.info.role, self._spec.remedy) from problem
+            raise with_role(problem, self.info.role, self._spec.remedy) from problem
         self._life.state = DeviceState.OPEN
 
     def start(self, sink: Sink) -> None:

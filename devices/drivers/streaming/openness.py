@@ -43,8 +43,10 @@ class GazeAndOpenness(GazeDevice):
         return replace(OPENNESS, nominal_rate_hz=self._schema.nominal_rate_hz)
 
     def _values(self, samples: Sequence[Sample]) -> npt.NDArray[np.void]:
-        untold = (NAN, NAN)
-        self._opened = [s.openness_01 if s.openness_01 is not None else untold for s in samples]
+        unknown = (NAN, NAN)
+        self._openness_rows = [
+            s.openness_01 if s.openness_01 is not None else unknown for s in samples
+        ]
         return super()._values(samples)
 
     def _deliver(self, seqs: Any, stamps: Any, arrivals: Any, values: npt.NDArray[np.void]) -> int:
@@ -52,7 +54,7 @@ class GazeAndOpenness(GazeDevice):
         if not row_count or self._sink is None or not self.tells_openness:
             return row_count
         schema = self._of_openness
-        rows = np.array(self._opened, schema.dtype)
+        rows = np.array(self._openness_rows, schema.dtype)
         seq, device, host = (np.asarray(column, np.int64) for column in (seqs, stamps, arrivals))
         self._sink(SampleBatch(schema, seq, device, host, rows))
         return 2 * row_count

@@ -9,7 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.devices.contracts import DeviceState, Fault, Health
-from visavis.devices.drivers.streaming.message_device import ATTEMPT_EVERY_NS, MessageDevice, named
+from visavis.devices.drivers.streaming.message_device import (
+    ATTEMPT_EVERY_NS,
+    MessageDevice,
+    with_role,
+)
 from visavis.devices.meter import StreamMeter
 from visavis.devices.spec import AnySpec
 from visavis.devices.transports import Message, MessageTransport
@@ -75,7 +79,7 @@ class OneWayClock:
             self._best[-1] = (device, host)
 
 
-class Stamped(Protocol):
+class StampedSample(Protocol):
     """A decoded sample with the device's own time (ns)."""
 
     @property
@@ -84,7 +88,7 @@ class Stamped(Protocol):
         ...
 
 
-S = TypeVar("S", bound=Stamped)
+S = TypeVar("S", bound=StampedSample)
 
 
 class StreamDevice(MessageDevice, Generic[S]):
@@ -156,8 +160,8 @@ class StreamDevice(MessageDevice, Generic[S]):
             return self._reconnect(timeout_s)
         try:
             messages = self._transport.receive(timeout_s)
-        except DeviceDisconnected as gone:
-            raise self._lose(gone) from gone
+        except DeviceDisconnected as disconnection:
+            raise self._lose(disconnection) from disconnection
         row_count = self._take(messages) if messages else 0
         now_ns = self._clock.now_ns()
         if now_ns - self._heard_ns > self._lost_after_ns:
@@ -226,11 +230,11 @@ class StreamDevice(MessageDevice, Generic[S]):
         self._sink(SampleBatch(self._schema, seq, device, host, values))
         return len(values)
 
-    def _lose(self, gone: DeviceError) -> DeviceError:
+    def _lose(self, problem: DeviceError) -> DeviceError:
         """Mark the peer as lost and return the error to raise."""
         self._life.state = DeviceState.FAULT
         self._attempt_ns = self._clock.now_ns()
-        return named(gone, self.info.role, self._spec.remedy)
+        return with_role(problem, self.info.role, self._spec.remedy)
 
     def _reconnect(self, timeout_s: float) -> int:
         """Try to reach the peer; its loss has been reported, so a failed attempt raises nothing."""

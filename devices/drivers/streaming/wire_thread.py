@@ -28,27 +28,27 @@ class WireThread:
         """Take the wire for this thread and run the commands of other threads."""
         self._owner = threading.get_ident()
         while self._mailbox:
-            command, done = self._mailbox.popleft()
+            command, completion = self._mailbox.popleft()
             try:
                 command()
             except DeviceError as problem:
-                done.set_exception(problem)
+                completion.set_exception(problem)
             else:
-                done.set_result(None)
+                completion.set_result(None)
 
     def later(self, command: Callable[[], None], failed: Callable[[DeviceError], None]) -> None:
         """Run a command in the thread that polls without waiting; `failed` gets its error."""
 
-        def tried() -> None:
+        def attempt() -> None:
             try:
                 command()
             except DeviceError as problem:
                 failed(problem)
 
         if self.is_elsewhere:
-            self._mailbox.append((tried, Future()))
+            self._mailbox.append((attempt, Future()))
         else:
-            tried()
+            attempt()
 
     def release(self) -> None:
         """Let any thread use the wire: nobody polls it."""
@@ -62,10 +62,10 @@ class WireThread:
         if not self.is_elsewhere:
             command()
             return
-        done: Future[None] = Future()
-        self._mailbox.append((command, done))
+        completion: Future[None] = Future()
+        self._mailbox.append((command, completion))
         try:
-            done.result(timeout=self._timeout_s)
+            completion.result(timeout=self._timeout_s)
         except NoAnswerInTime as cause:
             raise DeviceTimeout(
                 "the device thread did not take a command", role=self._role, remedy=self._remedy

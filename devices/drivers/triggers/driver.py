@@ -69,7 +69,7 @@ class TriggerOut(HasLife):
         self._lock = threading.RLock()
         self._wake = threading.Event()
         self._sink: Sink | None = None
-        self._gone: DeviceError | None = None
+        self._loss: DeviceError | None = None
         self._begin()
         self.info = spec.info(role, link)
 
@@ -115,7 +115,7 @@ class TriggerOut(HasLife):
     def poll(self, timeout_s: float) -> int:
         """End pulses that are due, and deliver the ended ones; see the contract."""
         self._life.require("poll", DeviceState.STREAMING, DeviceState.FAULT)
-        if self._life.state is DeviceState.FAULT and self._gone is None:
+        if self._life.state is DeviceState.FAULT and self._loss is None:
             self._reconnect(timeout_s)
         else:
             self._wait(timeout_s)
@@ -124,7 +124,7 @@ class TriggerOut(HasLife):
                 self._write_what_is_due()
                 self._hear()
             row_count = self._deliver()
-            problem, self._gone = self._gone, None
+            problem, self._loss = self._loss, None
         if problem is not None:
             raise DeviceDisconnected(
                 str(problem), role=self.info.role, remedy=self._spec.remedy
@@ -157,9 +157,9 @@ class TriggerOut(HasLife):
         """Report marks that never reached the lines, and answers with errors."""
         faults = []
         for count, text in (
-            (self._lost, "marks never reached the lines"),
-            (self._refused, "codes were refused by the device"),
-            (self._reader.damaged, "bytes of answers could not be read"),
+            (self._lost_count, "marks never reached the lines"),
+            (self._refused_count, "codes were refused by the device"),
+            (self._reader.unreadable_count, "bytes of answers could not be read"),
         ):
             if count:
                 fault = Fault(self.info.role, "warning", f"{count} {text}", self._spec.remedy)
@@ -172,10 +172,10 @@ class TriggerOut(HasLife):
         self._train = PulseTrain(*self._times)
         self._meter = StreamMeter(0.0)
         self._reader = AnswerReader()
-        self._begun: dict[int, tuple[int, int]] = {}
+        self._begin_times_ns: dict[int, tuple[int, int]] = {}
         self._rows: list[tuple[int, ...]] = []
-        self._seq = self._lost = self._refused = self._retry_ns = 0
-        self._gone = None
+        self._seq = self._lost_count = self._refused_count = self._retry_ns = 0
+        self._loss = None
 
     def _connect(self, deadline_s: float) -> None:
         deadline_ns = self._clock.now_ns() + round(deadline_s * NS_PER_S)
@@ -216,14 +216,14 @@ class TriggerOut(HasLife):
             except DeviceError as problem:
                 self._lose(problem)
                 return
-            self._train.written(step, after_ns)
+            self._train.note_written(step, after_ns)
             self._note(step, before_ns, after_ns)
 
     def _note(self, step: Step, before_ns: int, after_ns: int) -> None:
         if step.begins:
-            self._begun[step.pulse.number] = (before_ns, after_ns)
+            self._begin_times_ns[step.pulse.number] = (before_ns, after_ns)
         else:
-            self._row(step.pulse, *self._begun.pop(step.pulse.number), after_ns)
+            self._row(step.pulse, *self._begin_times_ns.pop(step.pulse.number), after_ns)
 
     def _row(self, pulse: Pulse, before_ns: int, after_ns: int, released_ns: int) -> None:
         row = (pulse.number, pulse.code, pulse.t_commanded_ns, before_ns, after_ns, released_ns)
@@ -234,14 +234,14 @@ class TriggerOut(HasLife):
             return
         try:
             for chunk in self._link.read(0.0):
-                self._refused += sum(error != 0 for error in self._reader.feed(chunk.data))
+                self._refused_count += sum(error != 0 for error in self._reader.feed(chunk.data))
         except DeviceError as problem:
             self._lose(problem)
 
     def _lose(self, problem: DeviceError) -> None:
         self._link.close()
         self._life.state = DeviceState.FAULT
-        self._gone = problem
+        self._loss = problem
         self._retry_ns = self._clock.now_ns() + AGAIN_NS
         self._drop()
 
@@ -249,9 +249,9 @@ class TriggerOut(HasLife):
         """Record the pulse on the lines, and the waiting marks as never sent."""
         active_pulse, never = self._train.forget()
         if active_pulse is not None:
-            self._row(active_pulse, *self._begun.pop(active_pulse.number), released_ns)
+            self._row(active_pulse, *self._begin_times_ns.pop(active_pulse.number), released_ns)
         for pulse in never:
-            self._lost += 1
+            self._lost_count += 1
             self._row(pulse, NO_DEVICE_TIME, NO_DEVICE_TIME, NO_DEVICE_TIME)
 
     def _reconnect(self, timeout_s: float) -> None:

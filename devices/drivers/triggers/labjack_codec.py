@@ -18,7 +18,7 @@ def feedback(commands: bytes) -> bytes:
     body += b"\0" * (len(body) % 2)
     total = sum(body) & 0xFFFF
     head = bytes((COMMAND, len(body) // 2, 0, total & 0xFF, total >> 8))
-    return bytes((_folded(head),)) + head + body
+    return bytes((_checksum8(head),)) + head + body
 
 
 def lines_out() -> bytes:
@@ -33,11 +33,11 @@ def set_lines(code: int) -> bytes:
 
 
 class AnswerReader:
-    """Find answers to Feedback, however chunked; `damaged` counts bytes outside of them."""
+    """Find answers to Feedback, however chunked; `unreadable_count` is of bytes outside of them."""
 
     def __init__(self) -> None:
         self._rest = b""
-        self.damaged = 0
+        self.unreadable_count = 0
 
     def feed(self, data: bytes) -> Iterator[int]:
         """Yield the error code of every answer, 0 where it was carried out."""
@@ -45,7 +45,7 @@ class AnswerReader:
         while len(self._rest) >= HEADER:
             answer_length = _answer(self._rest)
             if answer_length is None:
-                self.damaged += 1
+                self.unreadable_count += 1
                 self._rest = self._rest[1:]
             elif len(self._rest) < answer_length:
                 return
@@ -55,17 +55,17 @@ class AnswerReader:
                 if packet[4] | packet[5] << 8 == total:
                     yield packet[6]
                 else:
-                    self.damaged += len(packet)
+                    self.unreadable_count += len(packet)
 
 
 def _answer(data: bytes) -> int | None:
     """Return the length of the answer that begins here; None if none does."""
     if data[1] != COMMAND or data[3] != 0 or not 0 < data[2] <= 29:
         return None
-    return HEADER + 2 * data[2] if data[0] == _folded(data[1:HEADER]) else None
+    return HEADER + 2 * data[2] if data[0] == _checksum8(data[1:HEADER]) else None
 
 
-def _folded(data: bytes) -> int:
+def _checksum8(data: bytes) -> int:
     total = sum(data)
     total = (total & 0xFF) + (total >> 8)
     return (total & 0xFF) + (total >> 8)

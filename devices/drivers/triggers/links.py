@@ -75,7 +75,7 @@ class ParallelLink(_Lines):
             self._library = self._library if self._library is not None else _inpout()
             self._handle = int(self._port, 16)
             return
-        self._handle = _claimed(self._port)
+        self._handle = _claim(self._port)
 
     def write(self, data: bytes) -> int:
         """Put every byte on the lines, one after another."""
@@ -102,7 +102,7 @@ class ParallelLink(_Lines):
             raise DeviceDisconnected(text, remedy=PARALLEL_REMEDY) from cause
 
 
-def _claimed(port: str) -> int:
+def _claim(port: str) -> int:
     handle = -1
     try:
         handle = os.open(port, os.O_RDWR)
@@ -148,7 +148,7 @@ class MarkerLink(_Lines):
 
     def __init__(self, clock: Clock, name: str, source_id: str, library: Any = None) -> None:
         super().__init__(clock)
-        self._called = (name, source_id)
+        self._stream_names = (name, source_id)
         self._lsl = library
         self._outlet: Any = None
 
@@ -156,7 +156,7 @@ class MarkerLink(_Lines):
         """Announce the stream."""
         if self._lsl is None:
             self._lsl = lsl_library()
-        name, source_id = self._called
+        name, source_id = self._stream_names
         info = self._lsl.StreamInfo(name, "Markers", 1, 0.0, self._lsl.cf_int32, source_id)
         self._outlet = self._lsl.StreamOutlet(info)
 

@@ -51,7 +51,7 @@ class PulseTrain:
         return self._since_ns + self._settle_ns if self._waiting else None
 
     def step(self, t_ns: int) -> Step | None:
-        """Return the step that is due, if any; call `written` when it was done."""
+        """Return the step that is due, if any; call `note_written` when it was done."""
         due_ns = self.due_ns()
         if due_ns is None or t_ns < due_ns:
             return None
@@ -59,7 +59,7 @@ class PulseTrain:
             return Step(self._standing, begins=False)
         return Step(self._waiting[0], begins=True)
 
-    def written(self, step: Step, t_ns: int) -> None:
+    def note_written(self, step: Step, t_ns: int) -> None:
         """Note that a step was written at this time."""
         self._since_ns = t_ns
         if step.begins:

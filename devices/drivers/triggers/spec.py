@@ -29,7 +29,7 @@ class TriggerOptions(SimulatedOptions):
         return codes
 
     def for_trigger(self) -> dict[str, Any]:
-        """Return what the driver is constructed with, beside role, wire and clock."""
+        """Return the driver's arguments besides role, wire and clock."""
         return {"codes": self.codes, "width_ms": self.width_ms, "settle_ms": self.settle_ms}
 
 

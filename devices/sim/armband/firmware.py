@@ -134,13 +134,13 @@ class ArmbandFirmware:
         self._event_seq = 0
         self._is_low = self._is_hot = self._is_blind = self._is_held = False
         self._held_since_us = self._counted_us = self._last_start_us = now_us
-        self._asked: tuple[tuple[int, ...], ...] = ()
+        self._last_setting: tuple[tuple[int, ...], ...] = ()
         self._resting = [False] * codec.MOTORS
         self._stands = [True] * codec.MOTORS
         self._off_since_us = [now_us] * codec.MOTORS
         self._starting_us: dict[int, int] = {}
         self.duties = (0,) * codec.MOTORS
-        self.granted = self.duties
+        self.granted_duties = self.duties
         """The duty of each motor once its turn to start has come."""
         return self._event(BOOT, now_us, 0)
 
@@ -203,9 +203,9 @@ class ArmbandFirmware:
             return self._last_ack
         status = self._carry_out(kind, seq, payload, now_us)
         room = self.surroundings
-        told_c = room.skin_c if self.protection.has_skin_sensor else room.temperature_c
+        reported_c = room.skin_c if self.protection.has_skin_sensor else room.temperature_c
         ack = Acknowledgement(
-            kind, seq, now_us % WRAP_US, status, self.granted, room.battery_mv, told_c
+            kind, seq, now_us % WRAP_US, status, self.granted_duties, room.battery_mv, reported_c
         )
         self._last = (kind, seq)
         self._last_ack = codec.encode_acknowledgement(ack)
@@ -235,7 +235,7 @@ class ArmbandFirmware:
             if status != codec.OK:
                 return status
             held_us = 0
-            if (amplitudes, rates_hz) == self._asked:
+            if (amplitudes, rates_hz) == self._last_setting:
                 if self._is_held:
                     return codec.HELD
                 if self._course is not None:
@@ -245,7 +245,7 @@ class ArmbandFirmware:
             left_us = self.protection.hold_max_ms * 1000 - held_us
             if left_us <= 0:
                 return codec.HELD
-            self._asked, self._is_held = (amplitudes, rates_hz), False
+            self._last_setting, self._is_held = (amplitudes, rates_hz), False
             until_us = now_us + min(ttl_ms * 1000, left_us)
             return self._run(_Course(seq, until_us, amplitudes, rates_hz), now_us)
         elif kind == codec.PATTERN:
@@ -263,7 +263,7 @@ class ArmbandFirmware:
             status = self._refusal([mask >> motor & 1 for motor in ALL_MOTORS])
             if status != codec.OK:
                 return status
-            self._asked, self._is_held = (), False
+            self._last_setting, self._is_held = (), False
             until_us = now_us + duration_ms * 1000
             return self._run(_Course(seq, until_us, pattern=pattern, started_us=now_us), now_us)
         return codec.OK
@@ -289,7 +289,7 @@ class ArmbandFirmware:
 
     def _silence(self) -> None:
         self._course = None
-        self.duties = self.granted = (0,) * codec.MOTORS
+        self.duties = self.granted_duties = (0,) * codec.MOTORS
 
     def _release(self) -> None:
         """Silence on request of the host: the same setting may come again."""
@@ -329,7 +329,7 @@ class ArmbandFirmware:
             0 if rests else min(duty, highest)
             for duty, rests in zip(_duties(course, now_us), self._resting, strict=True)
         ]
-        self.granted = tuple(duties)
+        self.granted_duties = tuple(duties)
         self._take_turns(duties, now_us)
         full_ma = [
             protection.motor_start_ma if motor in self._starting_us else protection.motor_run_ma

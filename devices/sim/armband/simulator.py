@@ -114,7 +114,9 @@ class ArmbandSimulator:
         if self._is_away(t_ns):
             raise DeviceDisconnected("the simulated band is away", remedy="wait for it")
         rng = self._noise.rng()
-        for arrival_ns, piece in self._towards_band.carry(self._damaged(data, t_ns), t_ns, rng):
+        for arrival_ns, piece in self._towards_band.carry(
+            self._travelling_pieces(data, t_ns), t_ns, rng
+        ):
             self._inbound.append((arrival_ns, piece))
 
     def outgoing(self, until_ns: int) -> Sequence[Chunk]:
@@ -190,10 +192,12 @@ class ArmbandSimulator:
         if not data or self._faults.active("mute", t_ns):
             return
         rng = self._noise.rng()
-        for arrival_ns, piece in self._towards_host.carry(self._damaged(data, t_ns), t_ns, rng):
+        for arrival_ns, piece in self._towards_host.carry(
+            self._travelling_pieces(data, t_ns), t_ns, rng
+        ):
             self._outbound.append(Chunk(arrival_ns, piece))
 
-    def _damaged(self, data: bytes, t_ns: int) -> list[bytes]:
+    def _travelling_pieces(self, data: bytes, t_ns: int) -> list[bytes]:
         """Return the pieces of these bytes that travel on: none, one, damaged, or twice."""
         rng, faults = self._noise.rng(), self._faults
         if not self._is_sound:

@@ -25,7 +25,7 @@ class BhapticsPlayerSimulator(BandPeer):
         self._position = position
         self._frames: dict[str, tuple[int, tuple[float, ...]]] = {}
         self._status_ns = self._origin_ns + STATUS_NS
-        self.refused: list[str] = []
+        self.refusals: list[str] = []
 
     def due_ns(self) -> int | None:
         """Return the end of the first frame, or the next status."""
@@ -39,14 +39,14 @@ class BhapticsPlayerSimulator(BandPeer):
             self._status_ns = t_ns + STATUS_NS
             self._tell(t_ns)
 
-    def received(self, data: bytes, t_ns: int) -> None:
+    def receive(self, data: bytes, t_ns: int) -> None:
         """Take one request; one message is one JSON text."""
         try:
             requests = json.loads(data)["Submit"]
             for request in requests:
                 self._submit(request, t_ns)
         except (ValueError, KeyError, TypeError, IndexError) as problem:
-            self.refused.append(f"{type(problem).__name__}: {problem}")
+            self.refusals.append(f"{type(problem).__name__}: {problem}")
         self._vibrate(t_ns)
         self._tell(t_ns)
 

@@ -30,15 +30,15 @@ class BuzzSimulator(BandPeer):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self._line = b""
-        self._asked_to_accept = self._authorised = self._motors_on = False
+        self._asked_to_accept = self._is_authorised = self._motors_on = False
         self.commands: list[str] = []
 
     def restart(self, t_ns: int) -> None:
         """Authorisation belongs to a connection."""
         self._line = b""
-        self._asked_to_accept = self._authorised = False
+        self._asked_to_accept = self._is_authorised = False
 
-    def received(self, data: bytes, t_ns: int) -> None:
+    def receive(self, data: bytes, t_ns: int) -> None:
         """Obey whole lines."""
         *lines, self._line = LINE.split(self._line + data)
         for line in lines:
@@ -59,14 +59,14 @@ class BuzzSimulator(BandPeer):
             else:
                 self._refuse(text, t_ns, "Not available")
         elif text == "accept":
-            self._authorised = self._asked_to_accept
-            if self._authorised:
+            self._is_authorised = self._asked_to_accept
+            if self._is_authorised:
                 self._answer(text, t_ns)
             else:
                 self._refuse(text, t_ns, "Nothing to accept")
         elif not text.startswith(("audio ", "motors ")):
             self._refuse(text, t_ns, "Unknown command")
-        elif not self._authorised:
+        elif not self._is_authorised:
             self._refuse(text, t_ns, "Not authorized")
         else:
             self._command_motors(text, t_ns)

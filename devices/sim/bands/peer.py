@@ -52,7 +52,7 @@ class BandPeer(ABC):
         self.log: list[tuple[int, tuple[float, ...]]] = []
 
     @abstractmethod
-    def received(self, data: bytes, t_ns: int) -> None:
+    def receive(self, data: bytes, t_ns: int) -> None:
         """Take bytes that reached the band; for the subclass."""
 
     def due_ns(self) -> int | None:
@@ -78,7 +78,7 @@ class BandPeer(ABC):
         """Send bytes to the band, with delay and faults."""
         if self._is_away(t_ns):
             raise DeviceDisconnected("the simulated band is away", remedy="wait for it")
-        for piece in self._damaged(data, t_ns):
+        for piece in self._travelling_pieces(data, t_ns):
             self._inbound.append((t_ns + self._latency_ns, piece))
 
     def outgoing(self, until_ns: int) -> Sequence[Chunk]:
@@ -99,7 +99,7 @@ class BandPeer(ABC):
             arrives_ns = self._inbound[0][0] if self._inbound else None
             acts_ns = self.due_ns()
             if arrives_ns is not None and arrives_ns <= t_ns and arrives_ns <= (acts_ns or t_ns):
-                self.received(self._inbound.popleft()[1], arrives_ns)
+                self.receive(self._inbound.popleft()[1], arrives_ns)
             elif acts_ns is not None and acts_ns <= t_ns:
                 self.act(acts_ns)
             else:
@@ -122,7 +122,7 @@ class BandPeer(ABC):
         if self._body is not None:
             self._body.feel(self._role, [levels[i] for i in self._places], t_ns)
 
-    def _damaged(self, data: bytes, t_ns: int) -> list[bytes]:
+    def _travelling_pieces(self, data: bytes, t_ns: int) -> list[bytes]:
         rng = self._noise.rng()
         if (fault := self._active("loss", t_ns)) and rng.random() < fault.amount:
             return []

@@ -26,7 +26,7 @@ class TextBandSimulator(BandPeer):
         """Forget half a line."""
         self._line = b""
 
-    def received(self, data: bytes, t_ns: int) -> None:
+    def receive(self, data: bytes, t_ns: int) -> None:
         """Obey whole lines."""
         *lines, self._line = (self._line + data).split(b"\n")
         for line in lines:
@@ -53,17 +53,17 @@ class ReportBandSimulator(BandPeer):
         super().__init__(*args, **kwargs)
         self._number = number
         self._reports: list[bytes] = []
-        self.refused = 0
+        self.refused_count = 0
 
-    def received(self, data: bytes, t_ns: int) -> None:
+    def receive(self, data: bytes, t_ns: int) -> None:
         """Obey one report."""
         if self._number is not None:
             if not data or data[0] != self._number:
-                self.refused += 1
+                self.refused_count += 1
                 return
             data = data[1:]
         if len(data) != 8 or data[:2] != b"\xa5\x01":
-            self.refused += 1
+            self.refused_count += 1
             return
         self.set_levels([value / 255 for value in data[2:6]], t_ns)
 

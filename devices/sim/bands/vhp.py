@@ -44,7 +44,7 @@ class SleeveSimulator(BandPeer):
         self._next_ns = t_ns + FRAME_NS
         self.say(bytes((23,)), t_ns)
 
-    def received(self, data: bytes, t_ns: int) -> None:
+    def receive(self, data: bytes, t_ns: int) -> None:
         """Take whole messages for the sleeve; other bytes are dropped."""
         self._buffer += data
         while self._buffer:
@@ -83,7 +83,7 @@ class SleeveSimulator(BandPeer):
 
 
 class SlimBoardSimulator(BandPeer):
-    """The slim board over Bluetooth LE; each `received` is one packet, as its firmware wants.
+    """The slim board over Bluetooth LE; each `receive` is one packet, as its firmware wants.
 
     `log` follows the pattern; `tones_hz` is what every channel plays (0 none). Battery and
     temperature come every 2.5 s.
@@ -113,7 +113,7 @@ class SlimBoardSimulator(BandPeer):
             self._tell(28, struct.pack("<f", self.battery_v), t_ns)
             self._tell(16, struct.pack("<f", self.temperature_c), t_ns)
 
-    def received(self, data: bytes, t_ns: int) -> None:
+    def receive(self, data: bytes, t_ns: int) -> None:
         """Take one packet if size and checksum are right; drop it otherwise."""
         if len(data) < 4 or len(data) < 4 + data[3] or data[3] > 128 or data[2] < 1:
             self.invalid += 1

@@ -23,7 +23,7 @@ PUPIL_MM = 3.5
 
 
 class IdleBody(OneStretch):
-    """Follow the `MovingBody` contract as plain functions of time; remembers what it last felt."""
+    """Follow the `MovingBody` contract in functions of time; `levels_01` is what it last felt."""
 
     def __init__(self) -> None:
         # Late: it loads scipy and numba, which listing devices does without.
@@ -32,7 +32,7 @@ class IdleBody(OneStretch):
         skeleton = canonical_skeleton()
         self._rest_m = skeleton.rest_m
         self._index = skeleton.index_of
-        self.felt: dict[str, tuple[float, ...]] = {}
+        self.levels_01: dict[str, tuple[float, ...]] = {}
 
     def eyes(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.void]:
         """Return eyes that follow a point two metres away on a slow ellipse."""
@@ -67,7 +67,7 @@ class IdleBody(OneStretch):
 
     def feel(self, role: str, amplitudes_01: Sequence[float], t_ns: int) -> None:
         """Remember the levels of the motors."""
-        self.felt[role] = tuple(amplitudes_01)
+        self.levels_01[role] = tuple(amplitudes_01)
 
     def _sway_m(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
         sway: npt.NDArray[np.float64] = SWAY_M * np.sin(2 * np.pi * t_ns * 1e-9 / SWAY_S)

@@ -59,7 +59,7 @@ class SimulatedResponses(OnSessionClock):
         self._faults = faults if faults is not None else FaultSchedule()
         self._origin_ns = clock.now_ns()
         self._noise = WireNoise(seed, body)
-        self._held: list[Press] = []
+        self._held_presses: list[Press] = []
         self._hand = body if isinstance(body, ForeseeableHand) and _foresees(type(body)) else None
         self.info = SIMULATED_RESPONSES.info(role, None)
 
@@ -79,7 +79,7 @@ class SimulatedResponses(OnSessionClock):
         self._life.require("start", DeviceState.OPEN)
         for _ in self._body.presses(self._clock.now_ns()):
             pass
-        self._held = []
+        self._held_presses = []
         self._sink = sink
         self._seq = 0
         self._meter = StreamMeter(RESPONSES.nominal_rate_hz)
@@ -89,10 +89,10 @@ class SimulatedResponses(OnSessionClock):
         """Deliver the body's presses; without any it waits `timeout_s` on the clock."""
         if self._life.state is not DeviceState.STREAMING:
             self._life.require("poll", DeviceState.STREAMING)
-        rows = self._arrived()
+        rows = self._take_arrived()
         if not rows and timeout_s > 0:
             self._clock.sleep_until_ns(self._clock.now_ns() + round(timeout_s * NS_PER_S))
-            rows = self._arrived()
+            rows = self._take_arrived()
         if not rows or self._sink is None:
             return 0
         values = np.empty(len(rows), RESPONSES.dtype)
@@ -127,23 +127,23 @@ class SimulatedResponses(OnSessionClock):
         since_ns = self._clock.now_ns() - self._origin_ns
         return any(self._faults.active(kind, since_ns) for kind in ("late_start", "disconnect"))
 
-    def _arrived(self) -> list[Press]:
+    def _take_arrived(self) -> list[Press]:
         """Return the presses that have arrived; raises DeviceDisconnected while it is away."""
         rows = list(self._body.presses(self._clock.now_ns()))
         if not self._faults.faults:
             return rows
         if self._is_away():
-            self._held = []
+            self._held_presses = []
             raise DeviceDisconnected(AWAY, role=self.info.role, remedy=REMEDY)
         since_ns = self._clock.now_ns() - self._origin_ns
-        rows = [press for row in rows for press in self._spoiled(row)]
+        rows = [press for row in rows for press in self._spoil(row)]
         if self._faults.active("burst", since_ns):
-            self._held += rows
+            self._held_presses += rows
             return []
-        rows, self._held = [*self._held, *rows], []
+        rows, self._held_presses = [*self._held_presses, *rows], []
         return rows
 
-    def _spoiled(self, press: Press) -> list[Press]:
+    def _spoil(self, press: Press) -> list[Press]:
         since_ns = press[0] - self._origin_ns
         if self._faults.active("silence", since_ns):
             return []

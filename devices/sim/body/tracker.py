@@ -56,7 +56,7 @@ class SimulatedBodyTracker(OnSessionClock):
         self._meter = StreamMeter(rate_hz)
         self._sink: Sink | None = None
         self._next = 0
-        self._lost: tuple[str, ...] = ()
+        self._lost_segments: tuple[str, ...] = ()
         self._frozen = False
         self._watch = SegmentWatch(self.segments)
         self._looked_ns = -1
@@ -118,10 +118,10 @@ class SimulatedBodyTracker(OnSessionClock):
         """Report segments that are not tracked and frozen poses."""
         role = self.info.role
         faults = []
-        if self._lost:
-            text = f"not tracked now: {', '.join(self._lost)}"
+        if self._lost_segments:
+            text = f"not tracked now: {', '.join(self._lost_segments)}"
             remedy = "check markers, sensors and line of sight"
-            everything = len(self._lost) == len(self.segments)
+            everything = len(self._lost_segments) == len(self.segments)
             faults.append(Fault(role, "blocking" if everything else "warning", text, remedy))
         if self._frozen:
             remedy = "look at the tracker's program; restart its stream"
@@ -135,7 +135,7 @@ class SimulatedBodyTracker(OnSessionClock):
         self, values: npt.NDArray[np.void], since_ns: npt.NDArray[np.int64]
     ) -> npt.NDArray[np.bool_]:
         keep = np.ones(len(values), bool)
-        self._lost, self._frozen = (), False
+        self._lost_segments, self._frozen = (), False
         for i, t_ns in enumerate(since_ns.tolist()):
             if self._faults.active("silence", t_ns):
                 keep[i] = False
@@ -151,8 +151,8 @@ class SimulatedBodyTracker(OnSessionClock):
             part = self._faults.active("part_lost", t_ns)
             standby = self._faults.active("standby", t_ns)
             if part or standby:
-                self._lost = self.segments if part is None else (part.text,)
-                lost_segments = [self.segments.index(name) for name in self._lost]
+                self._lost_segments = self.segments if part is None else (part.text,)
+                lost_segments = [self.segments.index(name) for name in self._lost_segments]
                 for name in ("position_m", "orientation_wxyz"):
                     values[name][i, lost_segments] = np.nan
                 values["valid"][i, lost_segments] = False

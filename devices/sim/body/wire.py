@@ -63,7 +63,7 @@ class BodyWire(ABC):
                 f"fault 'part_frozen': this tracker has no segment {', '.join(sorted(unknown))}; "
                 f"it has {', '.join(self.segments)}"
             )
-        self._shown = np.full((len(self.segments), 7), np.nan)
+        self._last_poses = np.full((len(self.segments), 7), np.nan)
 
     @abstractmethod
     def encode(
@@ -136,9 +136,9 @@ class BodyWire(ABC):
             if self._faults.active("frozen", t_ns):
                 frozen_segments = list(range(len(self.segments)))
             for s in frozen_segments:
-                if np.isfinite(self._shown[s]).all():
-                    positions[i, s], turns[i, s] = self._shown[s, :3], self._shown[s, 3:]
-            self._shown[:, :3], self._shown[:, 3:] = positions[i], turns[i]
+                if np.isfinite(self._last_poses[s]).all():
+                    positions[i, s], turns[i, s] = self._last_poses[s, :3], self._last_poses[s, 3:]
+            self._last_poses[:, :3], self._last_poses[:, 3:] = positions[i], turns[i]
 
     def _sample(
         self,

@@ -1,6 +1,6 @@
 """Button boxes on a serial port, and a gamepad, whose buttons a simulated body presses.
 
-The gamepad is as hidapi gives it: ten buttons, a hat switch and a stick, without report numbers.
+The gamepad is as hidapi presents it: ten buttons, a hat switch and a stick, without report numbers.
 Not modelled: the voice key and light sensors of a Cedrus pad, its lines out; triggers and rumble of
 a gamepad, a stick that does not come back to its middle.
 """

@@ -1,4 +1,4 @@
-"""A keyboard whose keys a simulated body presses, as the participant's window would tell them."""
+"""A keyboard whose keys a simulated body presses, as the participant's window reports them."""
 
 from visavis.devices.sim.buttons.presses import PressingPeer
 

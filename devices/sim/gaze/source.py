@@ -99,19 +99,19 @@ class GazeSource:
         self._arrived_ns = -(2**62)
         self._stretch: int | None = None
         self._noise: StretchNoise | None = None
-        self._worn: tuple[int, int | None] | None = None
+        self._fit_pair: tuple[int, int | None] | None = None
         self._systematic: SystematicError | None = None
 
-    def gone(self, t_ns: int) -> bool:
+    def is_away(self, t_ns: int) -> bool:
         """Tell whether the device is away at this time."""
         since_ns = t_ns - self.origin_ns
         return any(
             self.faults.active(kind, since_ns) is not None for kind in ("late_start", "disconnect")
         )
 
-    def deaf(self, t_ns: int) -> bool:
+    def is_unresponsive(self, t_ns: int) -> bool:
         """Tell whether requests stay unanswered at this time."""
-        return self.gone(t_ns) or self.faults.active("mute", t_ns - self.origin_ns) is not None
+        return self.is_away(t_ns) or self.faults.active("mute", t_ns - self.origin_ns) is not None
 
     def claimed_version(self, t_ns: int, version: str) -> str:
         """Return the version to claim: the fault's, else its own."""
@@ -154,7 +154,7 @@ class GazeSource:
                 None,
             )
             if self.faults.faults:
-                shots += self._befallen(shot, noise[i])
+                shots += self._with_faults(shot, noise[i])
             else:
                 shots.append(shot)
         return shots
@@ -165,8 +165,8 @@ class GazeSource:
             self._stretch = stretch
             self._noise = StretchNoise(self._error, self._seed, stretch, self.rate_hz)
         fit_pair = (self.body.fit(), self.calibrated_fit)
-        if fit_pair != self._worn or self._systematic is None:
-            self._worn = fit_pair
+        if fit_pair != self._fit_pair or self._systematic is None:
+            self._fit_pair = fit_pair
             self._systematic = draw_systematic(
                 self._error, self._seed, fit=fit_pair[0], calibrated_fit=fit_pair[1]
             )
@@ -182,14 +182,14 @@ class GazeSource:
         )
         return directions, noise
 
-    def _befallen(self, shot: Shot, drawn: Floats) -> Sequence[Shot]:
+    def _with_faults(self, shot: Shot, draws: Floats) -> Sequence[Shot]:
         since_ns = shot.t_ns - self.origin_ns
         active = {f.kind: f for f in self.faults.faults if f.start_ns <= since_ns < f.end_ns}
         if active.keys() & {"late_start", "silence", "disconnect"}:
             return ()
 
         def happens(kind: str, column: int) -> bool:
-            return kind in active and drawn[column] < active[kind].amount
+            return kind in active and draws[column] < active[kind].amount
 
         if happens("loss", _LOSS):
             return ()
@@ -264,7 +264,7 @@ class GazePeer(ABC):
             self.source.calibrated_fit = body.fit()
         self._legs = np.random.default_rng([seed, _LEG_STREAM])
         self._outbox: deque[Message] = deque()
-        self._unsorted = False
+        self._needs_sorting = False
 
     @abstractmethod
     def to_message(self, shot: Shot) -> Frames | None:
@@ -284,14 +284,14 @@ class GazePeer(ABC):
     def push(self, arrival_ns: int, frames: Frames) -> None:
         """Send frames that arrive at the host at this time."""
         if self._outbox and arrival_ns < self._outbox[-1].t_host_ns:
-            self._unsorted = True
+            self._needs_sorting = True
         self._outbox.append(Message(arrival_ns, frames))
 
     def outgoing(self, until_ns: int) -> Sequence[Message]:
         """Return the messages that have arrived at the host by this time, in order of arrival."""
-        if self._unsorted:
+        if self._needs_sorting:
             self._outbox = deque(sorted(self._outbox, key=lambda m: m.t_host_ns))
-            self._unsorted = False
+            self._needs_sorting = False
         messages = []
         while self._outbox and self._outbox[0].t_host_ns <= until_ns:
             messages.append(self._outbox.popleft())
@@ -305,7 +305,7 @@ class GazePeer(ABC):
 
     def handle_request(self, frames: Frames, t_ns: int) -> Frames | None:
         """Answer unless a fault keeps the device silent."""
-        return None if self.source.deaf(t_ns) else self.answer(frames, t_ns)
+        return None if self.source.is_unresponsive(t_ns) else self.answer(frames, t_ns)
 
     def accept(self, frames: Frames, t_ns: int) -> None:
         """Take a message that wants no answer."""

@@ -69,10 +69,10 @@ def draw_systematic(
         factor = model.uncalibrated_factor
     elif calibrated_fit != fit:
         factor = model.slipped_factor
-    shared = rng.normal(0.0, model.offset_deg, 2)
+    shared_deg = rng.normal(0.0, model.offset_deg, 2)
     own = rng.normal(0.0, model.eye_offset_deg, (2, 2))
     gain = rng.normal(0.0, model.gain_sd_01, (2, 2))
-    return SystematicError(np.radians(factor * (shared + own)), factor * gain)
+    return SystematicError(np.radians(factor * (shared_deg + own)), factor * gain)
 
 
 class StretchNoise:

@@ -142,12 +142,12 @@ class LslGazeSimulator(GazePeer):
         length = sum(v * v for v in mean) ** 0.5
         direction = [v / length for v in mean]
         origin = [0.0, 0.0, 0.0] if seen_rays else [NAN] * 3
-        used = shot.left_seen + 2 * shot.right_seen
+        used_eyes = shot.left_seen + 2 * shot.right_seen
         values = [
             *direction,
             *origin,
             float(bool(seen_rays)),
-            float(used),
+            float(used_eyes),
             0.9 if seen_rays else 0.0,
         ]
         for ray, is_seen in zip(rays, (shot.left_seen, shot.right_seen), strict=True):

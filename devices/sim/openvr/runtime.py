@@ -106,8 +106,8 @@ class Submission:
 @dataclass
 class _Counts:
     presents: int = 1
-    mispresented: int = 0
-    dropped: int = 0
+    mispresented_count: int = 0
+    dropped_count: int = 0
 
 
 @dataclass
@@ -123,7 +123,7 @@ class SimulatedVrRuntime:
     standby, silence (tracking lost), disconnect (the headset is unplugged), loss and garbage
     (shares of poses), late_start (initialising is refused), version. With `running_start_ms` a
     frame is handed out that long before its vertical sync. Only one such runtime can exist in a
-    process at a time, and no real one beside it.
+    process at a time, and not together with a real one.
     """
 
     def __init__(
@@ -152,7 +152,7 @@ class SimulatedVrRuntime:
         self._events: deque[tuple[int, str, int, str]] = deque()
         self._refusals = _Refusals()
         self._counts = _Counts()
-        self._in_standby = self._unplugged = False
+        self._in_standby = self._is_unplugged = False
         self._submitted_eyes: set[int] = set()
         self._reader = ImageReader()
         self._world = SimulatedVrWorld(body, trackers or {}, self._faults, seed=seed)
@@ -254,8 +254,8 @@ class SimulatedVrRuntime:
             self._in_standby = standby
             self._push("standby" if standby else "awake", 0)
         is_unplugged = self._faults.active("disconnect", since_ns) is not None
-        if is_unplugged != self._unplugged:
-            self._unplugged = is_unplugged
+        if is_unplugged != self._is_unplugged:
+            self._is_unplugged = is_unplugged
             self.devices[0].is_connected = not is_unplugged
             self._push("deactivated" if is_unplugged else "activated", 0)
 
@@ -272,8 +272,8 @@ class SimulatedVrRuntime:
         vsync = max(due, following)
         self._counts = _Counts(
             presents=vsync - self._vsync if self._vsync >= 0 else 1,
-            mispresented=int(vsync > following),
-            dropped=vsync - following,
+            mispresented_count=int(vsync > following),
+            dropped_count=vsync - following,
         )
         self._vsync = vsync
         self._clock.sleep_until_ns(self._vsync_at_ns(vsync) - self._running_start_ns)
@@ -346,8 +346,8 @@ class SimulatedVrRuntime:
         row = timing.contents
         row.m_nFrameIndex = max(0, self._vsync - ago)
         row.m_nNumFramePresents = self._counts.presents
-        row.m_nNumMisPresented = self._counts.mispresented
-        row.m_nNumDroppedFrames = self._counts.dropped
+        row.m_nNumMisPresented = self._counts.mispresented_count
+        row.m_nNumDroppedFrames = self._counts.dropped_count
         row.m_flTotalRenderGpuMs = 2.0
         return True
 

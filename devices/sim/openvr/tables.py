@@ -17,12 +17,12 @@ class FunctionTables:
         """Put functions into the table of an interface, by the names of its slots."""
         for slot, (name, prototype) in enumerate(table._fields_):
             if name in functions:
-                callback = prototype(self._guarded(functions[name], prototype))
+                callback = prototype(self._guard(functions[name], prototype))
                 self._keep.append(callback)
                 pointer = ctypes.cast(callback, ctypes.c_void_p)
                 self._native.visavis_vr_set_function(number, slot, pointer)
 
-    def _guarded(self, function: Callable[..., Any], prototype: Any) -> Callable[..., Any]:
+    def _guard(self, function: Callable[..., Any], prototype: Any) -> Callable[..., Any]:
         """Store the error of a callback: C cannot pass it on, so it is raised at the end."""
 
         def call(*args: Any) -> Any:

@@ -76,7 +76,9 @@ class SimulatedVrWorld:
     def wear(self, trackers: Mapping[str, str]) -> None:
         """Put more trackers on segments of the body: serial number -> segment."""
         for serial, segment in trackers.items():
-            device = SimulatedVrDevice(TRACKER, serial, "Simulated tracker", self._worn(segment))
+            device = SimulatedVrDevice(
+                TRACKER, serial, "Simulated tracker", self._segment_pose(segment)
+            )
             self.devices.append(device)
 
     def _make_devices(self, trackers: dict[str, str]) -> list[SimulatedVrDevice]:
@@ -104,7 +106,11 @@ class SimulatedVrWorld:
         for serial, segment in trackers.items():
             devices.append(
                 SimulatedVrDevice(
-                    TRACKER, serial, "Simulated tracker", self._worn(segment), battery_01=0.9
+                    TRACKER,
+                    serial,
+                    "Simulated tracker",
+                    self._segment_pose(segment),
+                    battery_01=0.9,
                 )
             )
         return devices
@@ -123,7 +129,7 @@ class SimulatedVrWorld:
 
         return at
 
-    def _worn(self, segment: str) -> PoseAt:
+    def _segment_pose(self, segment: str) -> PoseAt:
         return lambda t_ns: self._segment(segment, t_ns)
 
     def _base(self, i: int, place: Sequence[float]) -> PoseAt:

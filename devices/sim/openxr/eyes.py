@@ -104,14 +104,14 @@ class SimulatedEyes:
     def _xr_GetEyePupilDataHTC(self, tracker: int, info: int, data: int) -> int:
         if (self._type(info), self._type(data)) != NUMBERS["pupil"]:
             return VALIDATION_FAILURE
-        is_seen, eyes = self._seen()
+        is_seen, eyes = self._sample_eyes()
         self._write(data, 2 * struct.pack("<IIfff", is_seen, is_seen, eyes["pupil_mm"], 0.5, 0.5))
         return SUCCESS
 
     def _xr_GetEyeGeometricDataHTC(self, tracker: int, info: int, data: int) -> int:
         if (self._type(info), self._type(data)) != NUMBERS["geometric"]:
             return VALIDATION_FAILURE
-        _, eyes = self._seen()
+        _, eyes = self._sample_eyes()
         is_known = not self._is_lost()
         self._write(data, 2 * struct.pack("<Ifff", is_known, eyes["openness_01"], 0.0, 0.0))
         return SUCCESS
@@ -146,17 +146,17 @@ class SimulatedEyes:
     def _type(self, address: int) -> int:
         return int(ctypes.c_int32.from_address(address).value)
 
-    def _write(self, address: int, told: bytes) -> None:
+    def _write(self, address: int, content: bytes) -> None:
         stamp = struct.pack("<q", self._epoch_ns + self._sampled_ns(self._now_ns))
-        ctypes.memmove(address + AFTER_HEAD, stamp + told, len(stamp) + len(told))
+        ctypes.memmove(address + AFTER_HEAD, stamp + content, len(stamp) + len(content))
 
-    def _seen(self) -> tuple[bool, Any]:
+    def _sample_eyes(self) -> tuple[bool, Any]:
         sampled_ns = max(0, self._sampled_ns(self._now_ns))
         eyes = self._body.eyes(np.array((sampled_ns,), np.int64))[0]
         return not self._is_lost() and bool(eyes["openness_01"] >= OPEN_01), eyes
 
     def _poses(self) -> tuple[Pose | None, Pose | None]:
-        is_seen, eyes = self._seen()
+        is_seen, eyes = self._sample_eyes()
         if not is_seen:
             return None, None
         left, right = (

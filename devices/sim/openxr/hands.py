@@ -58,7 +58,7 @@ class SimulatedHands:
     ) -> None:
         self.off: set[int] = set()
         self.pulses: list[tuple[int, int]] = []
-        self.attached = False
+        self.is_attached = False
         self._body = body
         self._now_ns = now_ns
         self._has_focus = has_focus
@@ -73,7 +73,7 @@ class SimulatedHands:
 
     def forget(self) -> None:
         """Forget actions and their attachment, as at the end of an instance."""
-        self.attached = False
+        self.is_attached = False
         self._names.clear()
         self._down.clear()
 
@@ -113,10 +113,10 @@ class SimulatedHands:
         )
         return SUCCESS
 
-    def _xr_SuggestInteractionProfileBindings(self, instance: Any, suggested: Any) -> int:
-        if self.attached:
+    def _xr_SuggestInteractionProfileBindings(self, instance: Any, bindings: Any) -> int:
+        if self.is_attached:
             return ACTIONSETS_NOT_ATTACHED
-        suggestion = suggested.contents
+        suggestion = bindings.contents
         profile = self._paths[int(suggestion.interaction_profile)]
         if profile not in VALID_PATHS:
             return PATH_UNSUPPORTED
@@ -128,9 +128,9 @@ class SimulatedHands:
         return SUCCESS
 
     def _xr_AttachSessionActionSets(self, session: Any, info: Any) -> int:
-        if self.attached:
+        if self.is_attached:
             return ACTIONSETS_NOT_ATTACHED
-        self.attached = True
+        self.is_attached = True
         return SUCCESS
 
     def _xr_SyncActions(self, session: Any, info: Any) -> int:
@@ -141,13 +141,13 @@ class SimulatedHands:
         return SUCCESS if self._has_focus() else SESSION_NOT_FOCUSED
 
     def _xr_GetActionStateBoolean(self, session: Any, info: Any, state: Any) -> int:
-        hand, name = self._asked(info.contents)
+        hand, name = self._hand_and_name(info.contents)
         state.contents.is_active = self._is_on(hand)
         state.contents.current_state = (hand, name) in self._down and self._is_on(hand)
         return SUCCESS
 
     def _xr_GetActionStateFloat(self, session: Any, info: Any, state: Any) -> int:
-        hand, _ = self._asked(info.contents)
+        hand, _ = self._hand_and_name(info.contents)
         state.contents.is_active = self._is_on(hand)
         is_pulled = (hand, "select") in self._down and self._is_on(hand)
         state.contents.current_state = float(is_pulled)
@@ -163,7 +163,7 @@ class SimulatedHands:
 
     # ---- inside -----------------------------------------------------------------------------
 
-    def _asked(self, info: Any) -> tuple[int, str]:
+    def _hand_and_name(self, info: Any) -> tuple[int, str]:
         handle = int(ctypes.cast(info.action, ctypes.c_void_p).value or 0)
         hand = int(self._paths[int(info.subaction_path)].endswith("right"))
         return hand, self._names[handle]

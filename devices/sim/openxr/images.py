@@ -52,19 +52,19 @@ class ShownFrame:
 class _Chain:
     textures: list[int]
     size_px: tuple[int, int]
-    acquired: deque[int] = field(default_factory=deque)
-    waited: bool = False
+    acquired_indices: deque[int] = field(default_factory=deque)
+    has_waited: bool = False
     following: int = 0
     released: int | None = None
     image: npt.NDArray[np.uint8] | None = None
 
 
 class SimulatedImages:
-    """The functions of a runtime that concern images; `refused` answers the end of a frame."""
+    """The functions of a runtime that concern images; `forced_error` answers the end of a frame."""
 
     def __init__(self, new_handle: Callable[[Any], int]) -> None:
         self.on_frame: Callable[[ShownFrame], None] | None = None
-        self.refused = 0
+        self.forced_error = 0
         self.frames_shown = 0
         self._new_handle = new_handle
         self._reader = ImageReader()
@@ -87,8 +87,8 @@ class SimulatedImages:
 
     def layers_result(self, info: Any) -> int:
         """Check the layers of a frame; show them, or return the error."""
-        if self.refused:
-            return self.refused
+        if self.forced_error:
+            return self.forced_error
         if info.layer_count == 0:
             return SUCCESS
         raw = ctypes.cast(info._layers, ctypes.POINTER(ctypes.c_void_p))[0]  # noqa: SLF001 - the package's field
@@ -127,7 +127,9 @@ class SimulatedImages:
 
     # ---- the runtime's functions -------------------------------------------------------------
 
-    def _xr_GetOpenGLGraphicsRequirementsKHR(self, instance: Any, system: Any, found: Any) -> int:
+    def _xr_GetOpenGLGraphicsRequirementsKHR(
+        self, instance: Any, system: Any, requirements: Any
+    ) -> int:
         self._asked_requirements = True
         return SUCCESS
 
@@ -171,25 +173,25 @@ class SimulatedImages:
 
     def _xr_AcquireSwapchainImage(self, chain: Any, info: Any, index: Any) -> int:
         swapchain = self._chains[_handle(chain)]
-        if len(swapchain.acquired) == len(swapchain.textures):
+        if len(swapchain.acquired_indices) == len(swapchain.textures):
             return CALL_ORDER_INVALID
-        swapchain.acquired.append(swapchain.following)
+        swapchain.acquired_indices.append(swapchain.following)
         index[0] = swapchain.following
         swapchain.following = (swapchain.following + 1) % len(swapchain.textures)
         return SUCCESS
 
     def _xr_WaitSwapchainImage(self, chain: Any, info: Any) -> int:
         swapchain = self._chains[_handle(chain)]
-        if not swapchain.acquired or swapchain.waited:
+        if not swapchain.acquired_indices or swapchain.has_waited:
             return CALL_ORDER_INVALID
-        swapchain.waited = True
+        swapchain.has_waited = True
         return SUCCESS
 
     def _xr_ReleaseSwapchainImage(self, chain: Any, info: Any) -> int:
         swapchain = self._chains[_handle(chain)]
-        if not swapchain.waited:
+        if not swapchain.has_waited:
             return CALL_ORDER_INVALID
-        swapchain.waited, swapchain.released = False, swapchain.acquired.popleft()
+        swapchain.has_waited, swapchain.released = False, swapchain.acquired_indices.popleft()
         swapchain.image = None
         return SUCCESS
 

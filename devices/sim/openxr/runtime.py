@@ -1,11 +1,12 @@
 """An OpenXR runtime without a headset: the genuine loader finds it, and it tracks a body.
 
 A small C library (`native/openxr_runtime`) is compiled when it is first needed and hands out
-functions that are here, made with pyopenxr's own prototypes. It offers headless sessions and such
-with OpenGL (`images` reads back the images shown), controllers (`hands`), eye gaze, each eye if set
-so (`eyes`), and time conversion; it checks the order of frame calls. A session with graphics gets
-the focus only after its first frames. Not modelled: boundaries, the runtime's smoothing of gaze,
-prediction error. Gaze is sampled at its own rate: locating twice between gives the same sample.
+the functions of this module, made with pyopenxr's own prototypes. It offers headless sessions,
+sessions with OpenGL (`images` reads back the images shown), controllers (`hands`), eye gaze, each
+eye if configured (`eyes`), and time conversion. It checks the order of frame calls. A session with
+graphics gets the focus only after its first frames. Gaze is sampled at its own rate, so locating it
+twice within a period gives the same sample. Not modelled: boundaries, the runtime's smoothing of
+gaze, prediction error.
 """
 
 # ruff: noqa: N802 - the functions bear the names of OpenXR
@@ -94,8 +95,8 @@ class SimulatedXrRuntime:
         self._states: deque[int] = deque()
         self._spaces: dict[int, int] = {}
         self._handles = FIRST_HANDLE
-        self._running = self._lost = self._is_headless = False
-        self._waited = self._begun = self._away = False
+        self._running = self._is_lost = self._is_headless = False
+        self._has_waited = self._is_in_frame = self._away = False
         self._display_time = self._frames_ended = 0
         self.images = SimulatedImages(self._new_handle)
         self.hands = SimulatedHands(body, clock.now_ns, self._has_focus)
@@ -176,7 +177,7 @@ class SimulatedXrRuntime:
     def _xr_DestroyInstance(self, instance: Any) -> int:
         self._states.clear()
         self._spaces.clear()
-        self._running = self._lost = self._waited = self._begun = False
+        self._running = self._is_lost = self._has_waited = self._is_in_frame = False
         self._frames_ended = 0
         self.images.forget()
         self.hands.forget()
@@ -193,10 +194,10 @@ class SimulatedXrRuntime:
         return SUCCESS
 
     def _xr_GetSystemProperties(self, instance: Any, system: Any, properties: Any) -> int:
-        gaze = self._chained(properties, self._xr.SystemEyeGazeInteractionPropertiesEXT)
+        gaze = self._next_struct(properties, self._xr.SystemEyeGazeInteractionPropertiesEXT)
         if gaze is not None:
             gaze.supports_eye_gaze_interaction = self._supports_gaze
-        each = self._chained(properties, self._xr.SystemEyeTrackingPropertiesFB)
+        each = self._next_struct(properties, self._xr.SystemEyeTrackingPropertiesFB)
         if each is not None:
             each.supports_eye_tracking = self.eyes.supported
         address = self._link_of(properties, SUPPORTS_HTC)
@@ -224,8 +225,8 @@ class SimulatedXrRuntime:
         return SUCCESS
 
     def _xr_PollEvent(self, instance: Any, event: Any) -> int:
-        if self._active("disconnect") and not self._lost:
-            self._lost = True
+        if self._active("disconnect") and not self._is_lost:
+            self._is_lost = True
             self._states.append(LOSS_PENDING)
         away = self._running and self._active("standby")
         if away != self._away and not self._states:
@@ -243,7 +244,7 @@ class SimulatedXrRuntime:
     # ---- spaces, frames, times ------------------------------------------------------------------
 
     def _xr_CreateActionSpace(self, session: Any, info: Any, space: Any) -> int:
-        if not self.hands.attached:
+        if not self.hands.is_attached:
             return ACTIONSETS_NOT_ATTACHED
         hand = self.hands.hand_of(info.contents)
         return self._new_space(space, GAZE if hand is None else FIRST_HAND + hand)
@@ -295,7 +296,7 @@ class SimulatedXrRuntime:
         return SUCCESS
 
     def _xr_GetVisibilityMaskKHR(
-        self, session: Any, kind: Any, eye: int, wanted: Any, mask: Any
+        self, session: Any, kind: Any, eye: int, mask_type: Any, mask: Any
     ) -> int:
         """Tell the triangles that cut off the four corners; the left eye's wind the other way."""
         left, right, down, up = np.tan(VIEW_ANGLES_RAD)
@@ -332,21 +333,21 @@ class SimulatedXrRuntime:
         self._clock.sleep_until_ns(due)
         numbers = ctypes.cast(ctypes.byref(state.contents, 16), ctypes.POINTER(ctypes.c_int64))
         numbers[0], numbers[1] = due + 2 * period + EPOCH_NS, period
-        self._waited, self._display_time = True, int(numbers[0])
+        self._has_waited, self._display_time = True, int(numbers[0])
         return SUCCESS
 
     def _xr_BeginFrame(self, session: Any, info: Any) -> int:
-        if not self._waited:
+        if not self._has_waited:
             return CALL_ORDER_INVALID
-        self._waited, self._begun = False, True
+        self._has_waited, self._is_in_frame = False, True
         return SUCCESS
 
     def _xr_EndFrame(self, session: Any, info: Any) -> int:
-        if not self._begun:
+        if not self._is_in_frame:
             return CALL_ORDER_INVALID
         if int(info.contents.display_time) != self._display_time:
             return TIME_INVALID
-        self._begun = False
+        self._is_in_frame = False
         self._frames_ended += 1
         if not self._is_headless and self._frames_ended <= 2:
             self._states.extend(((SYNCHRONIZED,), (VISIBLE, FOCUSED))[self._frames_ended - 1])
@@ -367,7 +368,7 @@ class SimulatedXrRuntime:
 
     def _gaze_at(self, at_ns: int, location: Any) -> tuple[list[float], list[float]] | None:
         sampled_ns = at_ns // self._gaze_period_ns * self._gaze_period_ns
-        sample_time = self._chained(location, self._xr.EyeGazeSampleTimeEXT)
+        sample_time = self._next_struct(location, self._xr.EyeGazeSampleTimeEXT)
         eyes = self._body.eyes(np.array((max(0, sampled_ns),), np.int64))[0]
         is_lost = self._eyes_are_lost()
         if sample_time is not None and self._tells_sample_time:
@@ -382,24 +383,24 @@ class SimulatedXrRuntime:
     def _eyes_are_lost(self) -> bool:
         return any(map(self._active, ("silence", "standby", "eyes_lost")))
 
-    def _write(self, location: Any, found: tuple[list[float], list[float]] | None) -> None:
+    def _write(self, location: Any, place_and_turn: tuple[list[float], list[float]] | None) -> None:
         flags = ctypes.cast(ctypes.byref(location.contents, 16), ctypes.POINTER(ctypes.c_uint64))
-        flags[0] = 0 if found is None else ALL_VALID_AND_TRACKED
-        position, (w, x, y, z) = found if found is not None else ([0.0] * 3, [0.0] * 4)
+        flags[0] = 0 if place_and_turn is None else ALL_VALID_AND_TRACKED
+        position, (w, x, y, z) = place_and_turn or ([0.0] * 3, [0.0] * 4)
         pose = location.contents.pose
         pose.position.x, pose.position.y, pose.position.z = position
         pose.orientation.x, pose.orientation.y = x, y
         pose.orientation.z, pose.orientation.w = z, w
 
-    def _chained(self, head: Any, kind: Any) -> Any:
+    def _next_struct(self, head: Any, kind: Any) -> Any:
         """Return the structure of this kind in a `next` chain, or None."""
         link = self._link_of(head, int(kind().type.value))
         return ctypes.cast(link, ctypes.POINTER(kind)).contents if link else None
 
-    def _link_of(self, head: Any, wanted: int) -> int:
+    def _link_of(self, head: Any, type_number: int) -> int:
         """Return where the structure of this type lies in a `next` chain, or 0."""
         link = self._next_of(head)
-        while link and ctypes.cast(link, ctypes.POINTER(ctypes.c_int32))[0] != wanted:
+        while link and ctypes.cast(link, ctypes.POINTER(ctypes.c_int32))[0] != type_number:
             link = ctypes.cast(link + 8, ctypes.POINTER(ctypes.c_void_p))[0]
         return int(link or 0)
 

@@ -114,15 +114,15 @@ class PupilCoreSimulator:
         self._extra: list[Message] = []
         self._stretch: int | None = None
         self._noise: StretchNoise | None = None
-        self._worn: tuple[int, int | None] | None = None
+        self._fit_pair: tuple[int, int | None] | None = None
         self._systematic: SystematicError | None = None
         self._calibrated_fit: int | None = None
         self._judge: CalibrationJudge | None = None
         self._turn: Vector | None = None
         self._room = self._made_room(16)
-        self._held: list[Floats] = []
-        self._held_ns: list[int] = []
-        self._held_as: tuple[int, int] | None = None
+        self._queued_eyes: list[Floats] = []
+        self._queued_ns: list[int] = []
+        self._queue_key: tuple[int, int] | None = None
 
     def may_wait(self, t_ns: int) -> bool:
         """Tell whether messages may be read later than they arrive, which faults forbid.
@@ -152,8 +152,8 @@ class PupilCoreSimulator:
 
     def outgoing(self, until_ns: int) -> Sequence[Message]:
         """Return the messages that have arrived at the host by this time."""
-        if self._held:
-            self._publish_held()
+        if self._queued_eyes:
+            self._publish_queue()
         outbox = self._outbox
         messages = []
         while outbox and outbox[0].t_host_ns <= until_ns:
@@ -177,7 +177,7 @@ class PupilCoreSimulator:
         for kind in ("late_start", "disconnect", "mute"):
             if self._faults.active(kind, since_ns) is not None:
                 return None
-        self._publish_held()  # with the calibration in force when they were measured
+        self._publish_queue()  # with the calibration in force when they were measured
         command = frames[0]
         if command.startswith(b"notify.") and len(frames) > 1:
             self._take_notification(frames[1], t_ns)
@@ -187,7 +187,7 @@ class PupilCoreSimulator:
     def accept(self, frames: Frames, t_ns: int) -> None:
         """Take an annotation published to PUB_PORT; other topics are ignored."""
         if len(frames) == 2 and frames[0].startswith(b"annotation"):
-            payload = _unpacked(frames[1])
+            payload = _unpack(frames[1])
             if payload is not None:
                 self.annotations.append(payload)
                 if self._recording is not None and self._captures_annotations:
@@ -235,10 +235,10 @@ class PupilCoreSimulator:
     def _sample(self, t: Times, t_list: list[int]) -> None:
         """Sample the body's eyes now; their messages are made when they are read."""
         eyes = self._body.eyes(t)
-        held_as = (self._body.stretch(), self._body.fit())
-        if held_as != self._held_as:
-            self._publish_held()
-            self._held_as = held_as
+        queue_key = (self._body.stretch(), self._body.fit())
+        if queue_key != self._queue_key:
+            self._publish_queue()
+            self._queue_key = queue_key
         if self._judge is not None:
             stamps_s = [self.device_ns(t_ns) / NS_PER_S for t_ns in t_list]
             left, right = eyes["left_direction_head"], eyes["right_direction_head"]
@@ -247,25 +247,27 @@ class PupilCoreSimulator:
             eyes = eyes.copy()
             for side in ("left_direction_head", "right_direction_head"):
                 eyes[side] = eyes[side] @ self._turn.T
-        self._held.append(np.ndarray((len(t_list), 8), np.float64, np.ascontiguousarray(eyes)))
-        self._held_ns += t_list
+        self._queued_eyes.append(
+            np.ndarray((len(t_list), 8), np.float64, np.ascontiguousarray(eyes))
+        )
+        self._queued_ns += t_list
         if self._faults.faults:
-            self._publish_held()
+            self._publish_queue()
 
-    def _publish_held(self) -> None:
+    def _publish_queue(self) -> None:
         """Measure the eyes sampled since the last call and send the results."""
-        batches, t_list = self._held, self._held_ns
-        if not batches or self._held_as is None:
+        batches, t_list = self._queued_eyes, self._queued_ns
+        if not batches or self._queue_key is None:
             return
-        self._held, self._held_ns = [], []
+        self._queued_eyes, self._queued_ns = [], []
         eyes = batches[0] if len(batches) == 1 else np.concatenate(batches)
-        stretch, fit = self._held_as
+        stretch, fit = self._queue_key
         if stretch != self._stretch or self._noise is None:
             self._stretch = stretch
             self._noise = StretchNoise(self._error, self._seed, stretch, self._rate_hz)
         fit_pair = (fit, self._calibrated_fit)
-        if fit_pair != self._worn or self._systematic is None:
-            self._worn = fit_pair
+        if fit_pair != self._fit_pair or self._systematic is None:
+            self._fit_pair = fit_pair
             self._systematic = draw_systematic(
                 self._error, self._seed, fit=fit_pair[0], calibrated_fit=fit_pair[1]
             )
@@ -353,7 +355,7 @@ class PupilCoreSimulator:
         self._extra.append(Message(t_ns + LEG_FLOOR_NS, frames))
 
     def _take_notification(self, payload: bytes, t_ns: int) -> None:
-        notification = _unpacked(payload)
+        notification = _unpack(payload)
         if notification is None:
             return
         subject = notification.get("subject")
@@ -377,11 +379,11 @@ class PupilCoreSimulator:
                 self._notify("calibration.failed", t_ns + VERDICT_AFTER_NS, reason=verdict.reason)
 
 
-def _happens(active: dict[str, WireFault], kind: str, drawn: float) -> bool:
-    return kind in active and drawn < active[kind].amount
+def _happens(active: dict[str, WireFault], kind: str, draw: float) -> bool:
+    return kind in active and draw < active[kind].amount
 
 
-def _unpacked(payload: bytes) -> dict[str, Any] | None:
+def _unpack(payload: bytes) -> dict[str, Any] | None:
     try:
         content = msgpack.unpackb(payload, strict_map_key=False)
     except (ValueError, msgpack.UnpackException):
@@ -404,7 +406,7 @@ def _measure(
     columns: Times,
     places: Times,
     values: Floats,
-    packed: npt.NDArray[np.uint8],
+    datums: npt.NDArray[np.uint8],
     delay_ns: Times,
 ) -> None:
     """Measure `eyes` (n, 8), rows of `EYES_DTYPE`: values, datums as bytes, and travel times.
@@ -420,21 +422,21 @@ def _measure(
         values[i, 0] = (t_ns[i] + ahead_ns) / 1e9
         jitter_ms = (2.0 * noise[i, _LATENCY] - 1.0) * latency_jitter_ms
         delay_ns[i] = np.int64((jitter_ms + latency_ms) * 1e6)
-    write_datums(values, template, columns, places, packed)
+    write_datums(values, template, columns, places, datums)
 
 
 @compiled
 def fill_values(
-    seen: Floats, openness_01: Floats, pupil_mm: Floats, half_mm: float, values: Floats
+    directions: Floats, openness_01: Floats, pupil_mm: Floats, half_mm: float, values: Floats
 ) -> None:
     """Write the columns of `GAZE_VALUES`, except the time, from the measured eyes.
 
-    `seen` (n, 2, 3) is in the head frame, left eye first; an eye closed by half or more loses
+    `directions` (n, 2, 3) is in the head frame, left eye first; an eye closed by half or more loses
     confidence. The gaze point is the closest approach of both lines, at most 10 m away.
     """
-    for i in range(seen.shape[0]):
-        lx, ly, lz = seen[i, 0, 0], -seen[i, 0, 1], -seen[i, 0, 2]
-        rx, ry, rz = seen[i, 1, 0], -seen[i, 1, 1], -seen[i, 1, 2]
+    for i in range(directions.shape[0]):
+        lx, ly, lz = directions[i, 0, 0], -directions[i, 0, 1], -directions[i, 0, 2]
+        rx, ry, rz = directions[i, 1, 0], -directions[i, 1, 1], -directions[i, 1, 2]
         confidence = min(1.0, max(0.0, openness_01[i] * 1.2 - 0.1)) * 0.99
         closing = lx - rx
         depth_mm = 10_000.0

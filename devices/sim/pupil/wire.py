@@ -64,10 +64,10 @@ class GazeTemplate:
         write_datums(values, self.bytes, self.columns, self.places, datums)
         return self.messages(datums)
 
-    def messages(self, packed: npt.NDArray[np.uint8]) -> list[tuple[bytes, bytes]]:
+    def messages(self, datums: npt.NDArray[np.uint8]) -> list[tuple[bytes, bytes]]:
         """Return [topic, datum] messages for the bytes that `write_datums` wrote."""
         size = self.bytes.size
-        data = packed.tobytes()
+        data = datums.tobytes()
         if len(data) == size:
             return [(self.topic, data)]
         return [(self.topic, data[at : at + size]) for at in range(0, len(data), size)]
@@ -79,16 +79,16 @@ def write_datums(
     template: npt.NDArray[np.uint8],
     columns: npt.NDArray[np.int64],
     places: npt.NDArray[np.int64],
-    packed: npt.NDArray[np.uint8],
+    datums: npt.NDArray[np.uint8],
 ) -> None:
     """Write one datum per row of values: the template, and every number big-endian in its place."""
     for i in range(values.shape[0]):
         little = values[i].view(np.uint8)
-        packed[i] = template
+        datums[i] = template
         for j in range(columns.shape[0]):
             first = 8 * columns[j]
             for k in range(8):
-                packed[i, places[j] + k] = little[first + 7 - k]
+                datums[i, places[j] + k] = little[first + 7 - k]
 
 
 def pack_notification(subject: str, **fields: Any) -> tuple[bytes, bytes]:

@@ -12,7 +12,7 @@ from visavis.devices.building import build_device
 from visavis.devices.byte_links import MemoryLink
 from visavis.devices.contracts import Armband, Device, Headset
 from visavis.devices.drivers.links.serial_port import SerialLink
-from visavis.devices.sim.sync_room import Planted, SimulatedRoom, SyncBoardSimulator
+from visavis.devices.sim.sync_room import PlantedDelay, SimulatedRoom, SyncBoardSimulator
 from visavis.devices.sync.audio import SoundCardSensor, SoundCardSpeaker, sound_library
 from visavis.devices.sync.board import BAUD, SyncBoard
 from visavis.devices.sync.role import RoleSensor
@@ -212,8 +212,8 @@ def perform_simulated(
     *,
     seed: int,
     repeats: int,
-    picture: Planted,
-    sound: Planted,
+    picture: PlantedDelay,
+    sound: PlantedDelay,
     lab: LabConfig | None = None,
     rise_ms: float = 30.0,
     loss_01: float = 0.0,
@@ -264,7 +264,7 @@ def perform_simulated(
         "vibration": commands.vibration_ns,
     }
     true_ms = {
-        name: (np.array(room.happened[name]) - np.array(asked_ns)) / NS_PER_MS
+        name: (np.array(room.true_onsets_ns[name]) - np.array(asked_ns)) / NS_PER_MS
         for name, asked_ns in command_times_ns.items()
     }
     return results, commands, sensor, true_ms

@@ -10,20 +10,18 @@ from visavis.devices.contracts import EYES_DTYPE
 from visavis.lab.body_joints import BODY_JOINTS
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DataError
-from visavis.lab.geometry import Vector, quat_conjugate, rotate, unit
+from visavis.lab.geometry import Vector
+from visavis.people.body_kernels import (
+    POINT_S,
+    finger_rows,
+    gaze_rows,
+    head_rows,
+    pointed_rows,
+)
 from visavis.people.resting_pose import at_ease, posed
 from visavis.protocol.session.boards import ALONG_FINGERS, HAND
-from visavis.stimuli.motion.blending import smootherstep
 
-POINT_S: Final = 0.5
-"""Time of a hand movement from one point to the next, in seconds."""
 RELEASED_AFTER_NS: Final = NS_PER_S // 10
-TURN_S: Final = 0.45
-HEAD_SHARE: Final = 0.6
-"""Share of a gaze shift that the head takes over."""
-SWAY_M: Final = 0.006
-SWAY_HZ: Final = (0.13, 0.11, 0.17)
-HALF_IPD_M: Final = 0.0315
 PUPIL_MM: Final = 3.5
 
 
@@ -57,10 +55,8 @@ class PointingHand:
 
     def pointed_at(self, t_s: Vector) -> Vector:
         """Return the points (t, 3) it points to."""
-        point = np.broadcast_to(self._points[0][1], (len(t_s), 3))
-        for start_s, goal in self._points[1:]:
-            point = point + smootherstep((t_s - start_s) / POINT_S)[:, None] * (goal - point)
-        return point
+        starts_s = np.array([start_s for start_s, _ in self._points])
+        return pointed_rows(t_s, starts_s, np.array([point for _, point in self._points]))
 
 
 def segments_of(
@@ -87,7 +83,7 @@ def segments_of(
             f"the simulated body has no segment {', '.join(unknown)}; "
             f"it has {', '.join(BODY_JOINTS)}"
         )
-    hand_wxyz = fingers_to(unit(pointed_m - hand_m))
+    hand_wxyz = _fingers_to(hand_m, pointed_m)
     ease = at_ease(*(round(float(v), 3) for v in at_m))
     all_m, all_wxyz = posed(ease, eyes_m, head_wxyz, hand_m, hand_wxyz)
     indices = [ease.skeleton.index(name) for name in names]
@@ -98,17 +94,13 @@ def hand_alone(
     hand_m: Vector, pointed_m: Vector
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """Return only the right hand, as `segments_of` does; this needs no body."""
-    return hand_m[:, None, :].copy(), fingers_to(unit(pointed_m - hand_m))[:, None, :]
+    return hand_m[:, None, :].copy(), _fingers_to(hand_m, pointed_m)[:, None, :]
 
 
-def fingers_to(direction: Vector) -> Vector:
-    """Return turns (t, 4) of a right hand whose fingers point along unit directions (t, 3)."""
-    turns_wxyz = np.empty((len(direction), 4))
-    turns_wxyz[:, 0] = 1.0 + direction @ ALONG_FINGERS
-    turns_wxyz[:, 1:] = np.cross(ALONG_FINGERS, direction)
-    length = np.linalg.norm(turns_wxyz, axis=1, keepdims=True)
-    backwards = np.array([0.0, 0.0, 1.0, 0.0])
-    return np.where(length < 1e-9, backwards, turns_wxyz / np.maximum(length, 1e-9))
+def _fingers_to(hand_m: Vector, pointed_m: Vector) -> Vector:
+    """Return turns (t, 4) of a right hand whose fingers point from hands to points, both (t, 3)."""
+    # One memory layout, so that the kernel is compiled once.
+    return finger_rows(np.ascontiguousarray(hand_m), pointed_m, ALONG_FINGERS)
 
 
 class StandingBody:
@@ -134,7 +126,7 @@ class StandingBody:
         """Begin a new stretch of behaviour at this session time: look ahead, the hand down."""
         self._stretch, self._origin_ns = stretch, t_ns
         self._looks: list[tuple[float, Vector]] = [(-10.0, self._ahead)]
-        self._aimed = np.zeros((0, 2))
+        self._look_rows: tuple[Vector, Vector, Vector] | None = None
         self.hand = PointingHand(self._rest)
 
     def wear(self, fit: int) -> None:
@@ -152,11 +144,9 @@ class StandingBody:
         """Return true eye states, shape (n,), dtype `EYES_DTYPE`."""
         eyes = np.zeros(t_ns.shape[0], EYES_DTYPE)
         t_s = (t_ns - self._origin_ns) / NS_PER_S
-        position, turn = self._heads(t_s)
-        target = self._targets(t_s)
-        for name, side in (("left", -1.0), ("right", 1.0)):
-            at = position + rotate(turn, np.array([side * HALF_IPD_M, 0.0, 0.0]))
-            eyes[f"{name}_direction_head"] = unit(rotate(quat_conjugate(turn), target - at))
+        starts_s, points_m, _ = self._looks_now()
+        left, right = gaze_rows(t_s, starts_s, points_m, *self._heads(t_s))
+        eyes["left_direction_head"], eyes["right_direction_head"] = left, right
         eyes["openness_01"] = 1.0
         eyes["pupil_mm"] = PUPIL_MM
         return eyes
@@ -204,7 +194,7 @@ class StandingBody:
 
     def look(self, t_s: float, point_m: Vector) -> None:
         """Look at a point from a time on; later planned looks are dropped."""
-        self._aimed = np.zeros((0, 2))
+        self._look_rows = None
         self._looks = [look for look in self._looks if look[0] < t_s]
         self._looks.append((t_s, point_m))
 
@@ -218,31 +208,16 @@ class StandingBody:
 
     # ---- within ----
 
+    def _looks_now(self) -> tuple[Vector, Vector, Vector]:
+        """Return when each look begins (n,), its point (n, 3), its yaw and pitch (n, 2)."""
+        if self._look_rows is None:
+            starts_s = np.array([start_s for start_s, _ in self._looks])
+            points_m = np.array([point for _, point in self._looks])
+            x, y, z = (points_m - self._eye).T
+            aims_rad = np.stack([np.arctan2(-x, -z), np.arctan2(y, np.hypot(x, z))], axis=1)
+            self._look_rows = starts_s, points_m, aims_rad
+        return self._look_rows
+
     def _heads(self, t_s: Vector) -> tuple[Vector, Vector]:
-        aims = self._aims
-        angles = np.broadcast_to(aims[0], (len(t_s), 2))
-        if len(aims) > 1:
-            starts = np.array([start for start, _ in self._looks[1:]])
-            angles = angles + smootherstep((t_s[:, None] - starts) / TURN_S) @ np.diff(aims, axis=0)
-        yaw, up = HEAD_SHARE * angles.T / 2
-        cy, sy, cp, sp = np.cos(yaw), np.sin(yaw), np.cos(up), np.sin(up)
-        return self._positions(t_s), np.stack([cy * cp, cy * sp, sy * cp, -sy * sp], axis=1)
-
-    def _positions(self, t_s: Vector) -> Vector:
-        wave = np.sin(2 * np.pi * np.array(SWAY_HZ) * t_s[:, None] + self._sway)
-        positions_m: Vector = self._eye + SWAY_M * wave
-        return positions_m
-
-    @property
-    def _aims(self) -> Vector:
-        """Yaw and pitch (n, 2) in radians of the points looked at, in order."""
-        if len(self._aimed) != len(self._looks):
-            x, y, z = (np.array([point for _, point in self._looks]) - self._eye).T
-            self._aimed = np.stack([np.arctan2(-x, -z), np.arctan2(y, np.hypot(x, z))], axis=1)
-        return self._aimed
-
-    def _targets(self, t_s: Vector) -> Vector:
-        starts = np.array([start for start, _ in self._looks])
-        points = np.array([point for _, point in self._looks])
-        targets_m: Vector = points[np.searchsorted(starts, t_s, side="right").clip(1) - 1]
-        return targets_m
+        starts_s, _, aims_rad = self._looks_now()
+        return head_rows(t_s, starts_s, aims_rad, self._eye, self._sway)

@@ -15,7 +15,8 @@ from visavis.lab.chance import generator
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DataError
 from visavis.lab.geometry import unit
-from visavis.people.body import POINT_S, PointingHand, hand_alone, segments_of
+from visavis.people.body import PointingHand, hand_alone, segments_of
+from visavis.people.body_kernels import POINT_S
 from visavis.people.observer import DEFAULT_POPULATION, Observer, Population
 from visavis.people.observer.observer import Layout
 from visavis.people.observer.state import HEAD, ROOM, SPEAKER_SIDE

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.visavis.sessions import perform
+from tests.sessions import perform
 from visavis.analysis.gaze.movements.kinds import Movement
 from visavis.analysis.gaze.session_page import headline_facts, session_page
 from visavis.analysis.gaze.session_quality import SessionQuality, session_quality

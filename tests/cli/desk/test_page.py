@@ -393,7 +393,7 @@ def test_a_session_in_real_time_is_commanded_and_outlives_a_killed_desk(
     browser: Any, tmp_path: Path
 ) -> None:
     (tmp_path / "lab_config.yaml").write_text(EXAMPLE.read_text("utf-8"), "utf-8")
-    study = REPOSITORY / "tests/visavis/studies/duel.py"
+    study = REPOSITORY / "tests/studies/duel.py"
     running = started(tmp_path, "run", str(study), "--participant", "1", "--devices", "sim")
     desks = [started(tmp_path, "desk")]
     try:

@@ -30,7 +30,7 @@ class FakePylink:
 
     def EyeLink(self, address: str) -> "FakeTracker":  # noqa: N802 - the library's own name
         """Connect, or raise as the library does when nobody answers."""
-        if self.simulator.source.gone(self.clock.now_ns()):
+        if self.simulator.source.is_away(self.clock.now_ns()):
             raise RuntimeError("link terminated")
         return FakeTracker(self)
 
@@ -47,18 +47,18 @@ class FakeTracker:
         self._is_offline = False
         self._open: str | None = None
         self._answer_ns: int | None = None
-        library.simulator.told_px = DEFAULT_PX
+        library.simulator.display_px = DEFAULT_PX
 
     def isConnected(self) -> int:  # noqa: N802
         """Return 1 while the link stands."""
-        return 0 if self._library.simulator.source.gone(self._library.clock.now_ns()) else 1
+        return 0 if self._library.simulator.source.is_away(self._library.clock.now_ns()) else 1
 
     def sendCommand(self, command: str) -> int:  # noqa: N802
         """Take a command; pixels and rate hold from the next recording on."""
         self.commands.append(command)
         if not self.recording and command.startswith("screen_pixel_coords"):
             left, top, right, bottom = map(int, command.partition("=")[2].split())
-            self._library.simulator.told_px = (right - left + 1, bottom - top + 1)
+            self._library.simulator.display_px = (right - left + 1, bottom - top + 1)
         return 0
 
     def setOfflineMode(self) -> None:  # noqa: N802
@@ -119,7 +119,7 @@ class FakeTracker:
     def requestTime(self) -> int:  # noqa: N802
         """Ask the host for its time; the answer is read later."""
         simulator, now_ns = self._library.simulator, self._library.clock.now_ns()
-        if not simulator.source.deaf(now_ns):
+        if not simulator.source.is_unresponsive(now_ns):
             self._asked_ns = now_ns + simulator.leg_ns()
             self._answer_ns = self._asked_ns + simulator.leg_ns()
         return 0

@@ -60,7 +60,7 @@ class GazepointHost:
 
     def _turn(self) -> None:
         now_ns = self._clock.now_ns()
-        if self._simulator.source.gone(now_ns):
+        if self._simulator.source.is_away(now_ns):
             for one in (self._client, self._listener):
                 if one is not None:
                     one.close()

@@ -25,7 +25,7 @@ class FakeHidapi:
             "serial_number": SERIAL,
             "product_string": "Simulated eye tracker",
         }
-        is_gone = self.simulator.source.gone(self.clock.now_ns())
+        is_gone = self.simulator.source.is_away(self.clock.now_ns())
         return [
             {"usage_page": 1, "usage": 6, "path": b"/dev/keyboard"},
             *([] if is_gone else [tracker]),
@@ -85,5 +85,5 @@ class FakeHidDevice:
             clock.sleep_until_ns(min(until_ns, now_ns + 1_000_000))
 
     def _check(self) -> None:
-        if self._library.simulator.source.gone(self._library.clock.now_ns()):
+        if self._library.simulator.source.is_away(self._library.clock.now_ns()):
             raise OSError("read error")

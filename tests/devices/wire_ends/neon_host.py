@@ -111,7 +111,7 @@ class NeonHost:
         return self._simulator.status(rtsp=self._rtsp_port, echo=self._echo_port)
 
     def _is_silent(self) -> bool:
-        return self._simulator.source.deaf(self._clock.now_ns())
+        return self._simulator.source.is_unresponsive(self._clock.now_ns())
 
     async def _status(self, request: Any) -> Any:
         from aiohttp import web
@@ -202,7 +202,7 @@ class NeonHost:
         simulator = self._simulator
         while True:
             now_ns = self._clock.now_ns()
-            gone = simulator.source.gone(now_ns)
+            gone = simulator.source.is_away(now_ns)
             if gone and not self._gone:
                 self._drop_all()
             self._gone = gone

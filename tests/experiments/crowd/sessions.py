@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+from tests.store import STORE
 from visavis.devices.registry import OPTION_MODELS
 from visavis.lab.config import LabConfig, load_config
 from visavis.lab.config_files import EXAMPLE
@@ -14,7 +15,9 @@ from visavis.running.sessions.session_request import Request, simulated_request
 
 def session(folder: Path, **wanted: Any) -> Recording:
     """Return the recording of one walk per block; `wanted` as for `request`."""
-    return Recording(perform_new(request(folder, **wanted)))
+    if wanted:
+        return Recording(perform_new(request(folder, **wanted)))
+    return Recording(STORE.copy("one crowd session", lambda at: perform_new(request(at)), folder))
 
 
 def request(

@@ -8,6 +8,7 @@ import pytest
 
 from tests.stimuli.motion.holding import held_in_hand
 from visavis.lab.geometry import Vector, rotate
+from visavis.stimuli.gaze.turning import Aimed
 from visavis.stimuli.motion.build import Build, build_of_skeleton
 from visavis.stimuli.motion.clip import Clip
 from visavis.stimuli.motion.errors import MotionError
@@ -68,6 +69,24 @@ def test_everybody_at_once_equals_one_at_a_time() -> None:
         alone = PeopleMotion((person,)).at(3.21)
         assert np.array_equal(pose.root_m[i], alone.root_m[0])
         assert np.array_equal(pose.orientation_wxyz[i], alone.orientation_wxyz[0])
+
+
+@pytest.mark.parametrize(
+    "does",
+    [*((Doing(kind),) for kind in KINDS), (Doing(Idle()), Doing(Wave(), 1.0, fade_s=0.4))],
+    ids=repr,
+)
+def test_one_person_at_many_times_at_once_equals_one_time_after_the_other(
+    does: tuple[Doing, ...],
+) -> None:
+    motion = PeopleMotion((Person(build(), does, 7, (0.3, 0.0, -2.0), 20.0),))
+    times_s = np.linspace(-0.5, 3.0, 15)
+    at_rest = Aimed(np.full((1, 3), np.nan), np.ones(1))
+    expected = [motion.at(float(t_s), at_rest) for t_s in times_s]
+    poses = motion.one_at(times_s)
+    assert np.array_equal(np.concatenate([one.root_m for one in expected]), poses.root_m)
+    turns = np.concatenate([one.orientation_wxyz for one in expected])
+    assert np.array_equal(turns, poses.orientation_wxyz)
 
 
 def test_another_seed_is_another_person() -> None:

@@ -24,7 +24,7 @@ from visavis.cli.device_report import print_trials
 from visavis.devices.access_rules import RULES_PATH, access_rules
 from visavis.devices.bench import Trial, capture
 from visavis.devices.captures import device_of, note_of
-from visavis.devices.drivers.armband.status import UNANSWERED
+from visavis.devices.drivers.armband.status import UNANSWERED_TEXT
 from visavis.devices.identify import buzz
 from visavis.devices.registry import driver_wiring
 from visavis.devices.states import driver_states, role_states
@@ -269,7 +269,7 @@ def _as_recorded(trial: "Trial", *, simulated: bool) -> "Trial":
     On playback the driver does not send the commands that closed the recorded connection, so some
     of its other commands get no answer.
     """
-    faults = tuple(fault for fault in trial.faults if UNANSWERED not in fault.message)
+    faults = tuple(fault for fault in trial.faults if UNANSWERED_TEXT not in fault.message)
     return replace(trial, simulated=simulated, faults=faults)
 
 

@@ -13,7 +13,7 @@ from visavis.analysis.sync_test import Delays, offsets_ms
 from visavis.cli.app import ConfigOption, JsonOption, app, console, load_lab, say_json, verbatim
 from visavis.cli.sync_chain import AUDIO_CHANNELS, DEFAULT_CHANNELS, perform_real, perform_simulated
 from visavis.cli.sync_records import FOLDER
-from visavis.devices.sim.sync_room import Planted
+from visavis.devices.sim.sync_room import PlantedDelay
 from visavis.lab.clock import SystemClock
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import UsageError
@@ -66,8 +66,8 @@ def sync_test(
             delays, stimuli, sensor_device, _ = perform_simulated(
                 seed=seed,
                 repeats=repeats,
-                picture=Planted(*SIMULATED_PICTURE),
-                sound=Planted(*SIMULATED_SOUND),
+                picture=PlantedDelay(*SIMULATED_PICTURE),
+                sound=PlantedDelay(*SIMULATED_SOUND),
                 lab=lab,
                 progress=progress,
             )
@@ -87,8 +87,8 @@ def sync_test(
         "made": clock.wall_iso(),
         "lab": lab.lab,
         "is_simulated": simulated,
-        "sensor": sensor_device.told_as,
-        "samples_lost": sensor_device.lost(),
+        "sensor": sensor_device.display_name,
+        "samples_lost": sensor_device.loss_count(),
         "frames": stimuli.frames,
         "frames_dropped": stimuli.dropped,
         "frame_ms": stimuli.frame_ns / 1e6,

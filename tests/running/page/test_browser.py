@@ -1,0 +1,357 @@
+"""The page itself in a real browser: from consent to thanks, through reloads and kills."""
+
+import contextlib
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.running.page.pages import STUDY
+from visavis.lab.clock import StopWatch
+from visavis.lab.config_files import EXAMPLE
+from visavis.recording.folder import session_dir
+from visavis.recording.reader import Recording
+from visavis.running.page.desk import ASLEEP, RELOADED, RESTARTED
+
+REPOSITORY = Path(__file__).resolve().parents[3]
+PATIENCE_S = 120.0
+POLL_S = 0.05
+
+pytestmark = [
+    pytest.mark.slow,  # a browser, and films that are drawn
+    pytest.mark.timeout(600),
+]
+
+
+@dataclass
+class Server:
+    """`visavis run --on browser` in a process of its own."""
+
+    root: Path
+    process: "subprocess.Popen[str] | None" = None
+    lines: list[str] = field(default_factory=list)
+
+    def start(self, *arguments: str) -> str:
+        """Start it and return the page's address."""
+        environment = os.environ | {
+            "XDG_CACHE_HOME": str(self.root / "cache"),
+            "PYTHONPATH": str(REPOSITORY),
+            "COLUMNS": "200",
+        }
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "visavis.cli.main", *arguments, "--devices", "sim"],
+            cwd=self.root,
+            env=environment,
+            text=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+        )
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self.lines.append(line)
+            found = re.search(r"http://\S+", line)
+            if found:
+                return found.group()
+        raise AssertionError("".join(self.lines))
+
+    def kill(self) -> None:
+        """Kill it as a power cut would."""
+        assert self.process is not None
+        self.process.send_signal(signal.SIGKILL)
+        self.process.wait()
+        if self.process.stdout is not None:
+            self.process.stdout.close()
+
+    def end(self) -> str:
+        """Wait until it has ended by itself; return what it said."""
+        assert self.process is not None
+        said, _ = self.process.communicate(timeout=PATIENCE_S)
+        return "".join(self.lines) + said
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[Server]:
+    (tmp_path / "lab_config.yaml").write_text(EXAMPLE.read_text("utf-8"), "utf-8")
+    made = Server(tmp_path)
+    yield made
+    if made.process is not None:
+        made.kill()
+
+
+def state_of(page: Any) -> dict[str, Any]:
+    """Return what a page shows."""
+    found: dict[str, Any] = page.evaluate(
+        """() => ({kind: document.getElementById("main").className,
+                   text: document.getElementById("main").innerText})"""
+    )
+    return found
+
+
+def step_on(page: Any) -> None:
+    """Do one thing the page asks for, if any can be done now: the next may be another page's."""
+    if page.query_selector("#agree") and not page.is_checked("#agree"):
+        page.check("#agree")
+        return
+    for field_set in page.query_selector_all("fieldset"):
+        radios = field_set.query_selector_all("input[type=radio]:not([disabled])")
+        if radios and not field_set.query_selector("input:checked"):
+            radios[len(radios) // 2].click()
+            return
+        slider = field_set.query_selector(".untouched input:not([disabled])")
+        if slider:
+            slider.focus()
+            page.keyboard.press("ArrowRight")
+            return
+    for number in page.query_selector_all("input.number"):
+        if not number.input_value():
+            number.fill("33")
+            return
+    button = page.query_selector("#main button:not([disabled]):not(.quiet)")
+    if button:
+        button.click(timeout=2000)
+
+
+def until(page: Any, words: str, *, steps: bool = True) -> None:
+    """Go on until the page says something."""
+    watch = StopWatch()
+    while words not in state_of(page)["text"]:
+        assert watch.elapsed_s() < PATIENCE_S, state_of(page)
+        if steps:
+            with contextlib.suppress(playwright_error()):  # the page went on meanwhile
+                step_on(page)
+        page.wait_for_timeout(POLL_S * 1000)
+
+
+def playwright_error() -> type[Exception]:
+    from playwright.sync_api import Error
+
+    return Error
+
+
+def test_a_browser_that_remembers_a_session_of_another_study_begins_anew(
+    server: Server, browser: Any
+) -> None:
+    address = server.start("serve", str(STUDY), "--port", "0")
+    page = browser.new_context().new_page()
+    page.goto(f"{address}/page.css")
+    page.evaluate("localStorage.setItem('visavis-session', 'of-another-study')")
+    page.goto(address)
+    page.wait_for_selector("#agree", timeout=PATIENCE_S * 1000)
+    assert "of-another-study" not in page.url
+
+
+def recorded(server: Server) -> Recording:
+    return Recording(session_dir(server.root / "data", "films", "S01B", 1, is_simulated=True))
+
+
+def test_from_consent_to_thanks_with_a_reload_a_second_tab_and_a_server_killed(
+    server: Server, browser: Any
+) -> None:
+    address = server.start("run", str(STUDY), "--participant", "1", "--on", "browser")
+    context = browser.new_context(viewport={"width": 1000, "height": 800})
+    page = context.new_page()
+    problems: list[str] = []
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    others: list[str] = []
+    page.on(
+        "request",
+        lambda r: (
+            None
+            if r.url.startswith((address.split("#")[0], "blob:", "data:"))
+            else others.append(r.url)
+        ),
+    )
+    page.goto(address)
+    until(page, "How lively")
+    page.reload()
+    until(page, "How lively", steps=False)
+
+    second = context.new_page()
+    second.goto(address)
+    until(second, "another tab", steps=False)
+    second.close()
+
+    until(page, "Which person is livelier?")
+    server.kill()
+    for _ in range(3):  # answers, and tells nobody
+        step_on(page)
+    page.wait_for_timeout(300)
+    session = server.root / "data/simulated/films/sub-S01B/ses-001"
+    again = server.start("resume", str(session))
+    assert address == again
+    until(page, "Thank you")
+    said = server.end()
+
+    recording = recorded(server)
+    assert "complete" == recording.status, said
+    rows = recording.trials()
+    assert ["complete"] * 3 == list(rows["status"])
+    assert RELOADED in rows["flags"].iloc[0]
+    assert RESTARTED in ";".join(rows["flags"])
+    counted = rows[~rows["is_practice"]]
+    assert (counted["film_frames"] > 0).all()
+    assert (counted["film_rounds"] >= 1).all()
+    assert (counted["lively_ms"] > 400).all()  # a round of half a second, or a frame less
+    assert (rows["film_sha256"].str.len() == 64).all()
+    assert set(counted["lively_by"]) <= {"mouse", "keys"}
+    assert [] == problems
+    assert [] == others
+
+
+SLEEPER = """{
+    const real = performance.now.bind(performance);
+    let slept = 0;
+    performance.now = () => real() - slept;
+    window.sleepFor = (ms) => { slept += ms; };
+}"""
+"""A page's clock stands still while its computer sleeps; the time of day does not."""
+HASTY = """new MutationObserver(() => {
+    const go = document.querySelector("#main .buttons button");
+    if (go && document.getElementById("main").innerText.includes("First one"))
+        go.dispatchEvent(new MouseEvent("click", { detail: 2, bubbles: true }));
+}).observe(document.getElementById("main"), { childList: true })"""
+"""The second click of a double click, on the page that the first one brought."""
+
+
+def test_a_double_click_passes_over_no_page_and_a_sleep_is_told(
+    server: Server, browser: Any
+) -> None:
+    address = server.start("run", str(STUDY), "--participant", "1", "--on", "browser")
+    page = browser.new_context().new_page()
+    page.add_init_script(SLEEPER)
+    page.goto(address)
+    page.check("#agree")
+    page.evaluate(HASTY)
+    page.click("#main button:not(.quiet)")
+    until(page, "First one", steps=False)
+    page.wait_for_timeout(700)
+    assert "First one" in state_of(page)["text"]
+    until(page, "How lively")
+    page.evaluate("sleepFor(600000)")
+    page.wait_for_timeout(4500)  # the page tells every four seconds that it is there
+    until(page, "Thank you")
+    server.end()
+    assert [ASLEEP, "", ""] == list(recorded(server).trials()["flags"])
+
+
+def axe() -> str:
+    """Return axe-core, which looks for what shuts people out; the test is skipped without it."""
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("there is no node; apt install nodejs npm")
+    found = subprocess.run(
+        [node, "-p", "require.resolve('axe-core/axe.min.js')"],
+        cwd=REPOSITORY,
+        capture_output=True,
+        text=True,
+    )
+    if found.returncode:
+        pytest.skip("there is no axe-core; npm install --no-save axe-core")
+    return Path(found.stdout.strip()).read_text("utf-8")
+
+
+SIZES = ({"width": 1280, "height": 800}, {"width": 390, "height": 780})
+"""Of a desktop, and of a phone."""
+
+
+def serious(page: Any, program: str) -> list[str]:
+    """Return what axe-core finds that is serious or worse, on a desktop and on a phone."""
+    page.evaluate(program)
+    said = []
+    for size in SIZES:
+        page.set_viewport_size(size)
+        found = page.evaluate("axe.run(document, {resultTypes: ['violations']})")
+        said += [
+            f"{v['id']}: {v['help']}: {[n['html'][:90] for n in v['nodes']]}"
+            for v in found["violations"]
+            if v["impact"] in ("serious", "critical")
+        ]
+        wide = page.evaluate("document.documentElement.scrollWidth - innerWidth")
+        said += [f"{wide} px wider than a screen of {size['width']} px"] * (wide > 0)
+    return said
+
+
+def test_no_page_shuts_people_out(server: Server, browser: Any) -> None:
+    program = axe()
+    address = server.start("run", str(STUDY), "--participant", "1", "--on", "browser")
+    page = browser.new_context(viewport=SIZES[0]).new_page()
+    page.goto(address)
+    found: dict[str, list[str]] = {}
+    for words in ("free will", "How lively", "Which person", "How hard", "How old", "Thank you"):
+        until(page, words)
+        if words in ("How lively", "Which person"):  # once whole: answers count then
+            page.wait_for_selector("#main input[type=radio]:not([disabled])")
+        found[words] = serious(page, program)
+        if words == "How lively":
+            page.click("#stop")
+            found["stop"] = serious(page, program)
+            page.click("text=Go on with the study")
+    assert {} == {words: said for words, said in found.items() if said}
+
+
+def other_steps_on(window: Any) -> None:
+    """Do what the page asks for in a Firefox, as far as it can be done now: by mouse and keys."""
+    wanted = window.evaluate(
+        """(() => {
+            const agree = document.querySelector("#agree:not(:checked)");
+            if (agree) return ["#agree", ""];
+            const open = [...document.querySelectorAll("fieldset")].find((f) => !f.querySelector(
+                "input:checked") && f.querySelector("input[type=radio]:not([disabled])"));
+            if (open && document.querySelector("#main.watch")) return ["", "2"];
+            if (open) {
+                for (const e of document.querySelectorAll("#wanted")) e.removeAttribute("id");
+                const one = open.querySelector("label");
+                one.id = "wanted";
+                return ["#wanted", ""];
+            }
+            const slider = document.querySelector(".untouched input:not([disabled])");
+            if (slider) { slider.focus(); return ["", "\ue014"]; }
+            const empty = [...document.querySelectorAll("input.number")].find((n) => !n.value);
+            if (empty) { empty.focus(); return ["", "33"]; }
+            const go = "#main button:not([disabled]):not(.quiet)";
+            return [document.querySelector(go) ? go : "", ""];
+        })()"""
+    )
+    selector, keys = wanted
+    if selector:
+        window.click_if_there(selector)  # the page may have gone on by itself meanwhile
+    if keys:
+        window.press(keys)
+
+
+def test_in_firefox_from_consent_to_thanks_with_a_reload(
+    server: Server, other_browser: Any
+) -> None:
+    window = other_browser
+    window.size(1000, 800)
+    window.goto(server.start("run", str(STUDY), "--participant", "1", "--on", "browser"))
+    said, reloads, watch = "", 0, StopWatch()
+    while "Thank you" not in said:
+        assert watch.elapsed_s() < PATIENCE_S, said
+        other_steps_on(window)
+        said = window.evaluate("document.getElementById('main').innerText")
+        if "How lively" in said and not reloads:
+            reloads += 1
+            window.reload()
+            window.wait_for("document.getElementById('main').innerText.includes('How')", PATIENCE_S)
+    told = server.end()
+
+    recording = recorded(server)
+    assert "complete" == recording.status, told
+    rows = recording.trials()
+    assert ["complete"] * 3 == list(rows["status"])
+    assert RELOADED in ";".join(rows["flags"])
+    counted = rows[~rows["is_practice"]]
+    assert (counted["film_frames"] > 0).all()
+    assert (counted["film_rounds"] >= 1).all()
+    assert (counted["lively_ms"] > 400).all()  # a round of half a second, or a frame less
+    assert (rows["film_sha256"].str.len() == 64).all()
+    assert "Firefox/" in str(list(recording.events()["payload"]))

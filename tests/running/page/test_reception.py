@@ -1,0 +1,498 @@
+"""Many people come to one study: everybody gets a session, the same one again, and may leave it."""
+
+import asyncio
+import contextlib
+import json
+from collections.abc import Awaitable, Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.running.page.pages import SEED, config, experiment, study
+from visavis.experiments.interpolation.study import study as interpolation
+from visavis.lab.clock import SimClock
+from visavis.lab.errors import DataError, UsageError
+from visavis.protocol.people.ledger import Ledger
+from visavis.protocol.session.operator import UnattendedOperator
+from visavis.recording.reader import Recording
+from visavis.running.film_store import film_store
+from visavis.running.page.arrivals import arrival_of, check_completion, completion_of, least_filled
+from visavis.running.page.client import arrive, visit
+from visavis.running.page.perform import about_of
+from visavis.running.page.reception import IDLE_NS, Brake, Reception, Rules
+from visavis.running.page.server import KEY, PageServer
+from visavis.running.page.steps import PageError, PageStep
+from visavis.running.page.visitor import Visitor, visitor_of
+from visavis.running.sessions.session_request import Request, SessionPerson
+from visavis.study.experiment import StudyExperiment
+
+
+class Somebody(Visitor):
+    """A visitor who may stop at the first page of text."""
+
+    stop = ""
+
+    def reply(self, step: PageStep) -> dict[str, Any]:
+        if self.stop and step.kind == "watch":
+            return {"stop": self.stop, "hidden_ms": 0.0}
+        return super().reply(step)
+
+
+class Place:
+    """A study that is served, with its ledger and the identities it keeps elsewhere."""
+
+    def __init__(self, root: Path, rules: Rules) -> None:
+        self.clock = SimClock()
+        self.lab = config(root)
+        self.folder = self.lab.data_root / "simulated" / "films"
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self.ledger = Ledger(self.folder, self.clock, prefix="S")
+        self.who: dict[str, Mapping[str, str]] = {}
+        self.rules = rules
+
+    def reception(self) -> Reception:
+        base = Request(
+            study=study(),
+            experiment=experiment(),
+            config=self.lab,
+            person=SessionPerson("", 0),
+            seed=SEED,
+            clock=self.clock,
+            operator=UnattendedOperator(),
+            on="browser",
+        )
+        return Reception(
+            base,
+            film_store(experiment()),
+            self.ledger,
+            self.rules,
+            identify=self.who.__setitem__,
+            known=self.who.get,
+            withdraw=lambda label: void(self.ledger.withdraw(label, [self.folder])),
+        )
+
+    def visitor(self, stop: str = "") -> Somebody:
+        person = study().participant(0, SEED, effect=True, experiment=experiment())
+        made = visitor_of(person, experiment(), film_store(experiment()))
+        somebody = Somebody(made.person, made.films, made.responses, made.views, made.store)
+        somebody.stop = stop
+        somebody.now_ms = self.clock.now_ns() / 1e6
+        return somebody
+
+    def sessions(self) -> list[Path]:
+        return sorted(self.folder.glob("sub-*/ses-001"))
+
+
+def void(_: object) -> None:
+    """Return nothing of something."""
+
+
+def served(place: Place, act: Callable[[str, Reception], Awaitable[Any]]) -> Any:
+    """Serve a study while somebody acts, then end the server."""
+
+    async def whole() -> Any:
+        reception = place.reception()
+        server = PageServer(reception=reception)
+        await server.start()
+        until = asyncio.Event()
+        serving = asyncio.create_task(reception.serve(server, until))
+        try:
+            return await act(f"http://127.0.0.1:{server.port}", reception)
+        finally:
+            until.set()
+            await serving
+            await server.stop()
+
+    return asyncio.run(whole())
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Place:
+    return Place(tmp_path, Rules())
+
+
+def test_three_at_once_have_a_whole_session_each(place: Place) -> None:
+    async def act(base: str, _: Reception) -> list[str]:
+        async def one() -> str:
+            return await visit(await arrive(base, {}), place.visitor(), place.clock)
+
+        return list(await asyncio.gather(one(), one(), one()))
+
+    assert ["done"] * 3 == served(place, act)
+    assert ["complete"] * 3 == [Recording(p).status for p in place.sessions()]
+    assert [0, 1, 2] == [entry.index for entry in place.ledger.list()]
+
+
+def test_who_comes_again_gets_the_session_they_had_also_of_a_new_server(place: Place) -> None:
+    told = {"PROLIFIC_PID": "5f3a99c07b21d4", "STUDY_ID": "77", "other": "x"}
+
+    async def first(base: str, _: Reception) -> str:
+        address = await arrive(base, told)
+        await visit(
+            address, place.visitor(), place.clock, ends=lambda s: s.content.get("trial") == 2
+        )
+        return address.partition("#")[2]
+
+    async def again(base: str, _: Reception) -> tuple[str, str]:
+        address = await arrive(base, told)
+        return address.partition("#")[2], await visit(address, place.visitor(), place.clock)
+
+    key = served(place, first)
+    (session,) = place.sessions()
+    assert "aborted" == Recording(session).status
+    assert (key, "done") == served(place, again)
+    assert [session] == place.sessions()
+    recording = Recording(session)
+    assert 2 == len(recording.manifest.parts)
+    trials = recording.trials()
+    assert not trials["trial_id"].duplicated().any()
+    assert "server restarted" in ";".join(trials["flags"].dropna())
+
+
+def test_who_somebody_is_to_a_panel_never_lies_with_the_data(place: Place) -> None:
+    async def act(base: str, _: Reception) -> None:
+        await visit(await arrive(base, {"PROLIFIC_PID": "5f3a99c"}), place.visitor(), place.clock)
+
+    served(place, act)
+    (label,) = place.who
+    assert {"panel": "Prolific", "identifier": "5f3a99c"} == dict(place.who[label])
+    for path in place.lab.data_root.rglob("*"):
+        if path.is_file():
+            content = path.read_bytes()
+            assert b"5f3a99c" not in content
+            assert b"127.0.0.1" not in content
+
+
+def test_stop_and_delete_leaves_a_tombstone_and_stop_and_keep_the_answers(place: Place) -> None:
+    async def act(base: str, _: Reception) -> list[str]:
+        return [
+            await visit(await arrive(base, {}), place.visitor(stop), place.clock)
+            for stop in ("delete", "keep")
+        ]
+
+    assert ["withdrawn", "stopped"] == served(place, act)
+    gone, stays = place.ledger.list()
+    assert ("withdrawn", "active") == (gone.status, stays.status)
+    assert [place.folder / f"sub-{stays.label}" / "ses-001"] == place.sessions()
+
+
+def test_when_enough_are_at_it_others_are_told_and_who_leaves_makes_room(tmp_path: Path) -> None:
+    place = Place(tmp_path, Rules(quota=1, completion="https://panel.example/?cc=1&id={id}"))
+
+    async def act(base: str, reception: Reception) -> list[Any]:
+        await arrive(base, {})
+        with pytest.raises(DataError, match="enough participants"):
+            await arrive(base, {})
+        place.clock.sleep_until_ns(place.clock.now_ns() + IDLE_NS + 1)
+        await reception._leave_idle()
+        address = await arrive(base, {"survey_code": "a-1"})
+        async with aiohttp.ClientSession(base) as http:
+            headers = {KEY: address.partition("#")[2]}
+            async with http.post("/api/hello", json={"tab": "t"}, headers=headers) as response:
+                told = await response.json()
+        return [told["completion"], (await reception.board())["counts"]]
+
+    completion, counts = served(place, act)
+    assert "https://panel.example/?cc=1&id=a-1" == completion
+    assert {"left": 1, "running": 1} == counts
+
+
+def test_the_board_tells_who_is_where_to_its_key_alone(place: Place) -> None:
+    async def act(base: str, reception: Reception) -> tuple[int, dict[str, Any]]:
+        await visit(await arrive(base, {}), place.visitor(), place.clock)
+        await visit(await arrive(base, {}), place.visitor("keep"), place.clock)
+        async with aiohttp.ClientSession(base) as http:
+            async with http.post("/api/board", json={}, headers={KEY: "x"}) as response:
+                status = response.status
+            headers = {KEY: reception.board_key}
+            async with http.post("/api/board", json={}, headers=headers) as response:
+                return status, await response.json()
+
+    status, told = served(place, act)
+    assert 400 == status
+    assert told["is_simulated"]
+    assert {"complete": 1, "stopped": 1} == told["counts"]
+    done, stopped = told["places"]
+    assert (2, 2) == (done["trials_done"], done["trials_planned"])
+    assert 0 == stopped["trials_done"]
+    assert told["median_minutes"] == done["minutes"] > 0
+    json.dumps(told)
+
+
+def test_a_page_that_is_heard_as_the_server_ends_opens_no_session_again(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def act(base: str, reception: Reception) -> None:
+        key, close = (await arrive(base, {})).partition("#")[2], reception._close
+
+        async def closed_and_heard(opened: Any, status: Any, reason: str) -> None:
+            await close(opened, status, reason)
+            with contextlib.suppress(aiohttp.ClientError):
+                async with aiohttp.ClientSession(base, headers={KEY: key}) as http:
+                    await http.post("/api/hello", json={"tab": "t"})
+
+        monkeypatch.setattr(reception, "_close", closed_and_heard)
+
+    served(place, act)
+    assert ["aborted"] == [p.status for p in Recording(place.sessions()[0]).manifest.parts]
+
+
+def test_who_wanted_deletion_as_the_server_was_killed_is_deleted_by_the_next(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def stops(base: str, reception: Reception) -> None:
+        monkeypatch.setattr(reception, "_withdraw", void)  # the kill comes before the deletion
+        await visit(await arrive(base, {}), place.visitor("delete"), place.clock)
+
+    async def nothing(base: str, _: Reception) -> None:
+        return None
+
+    served(place, stops)
+    assert 1 == len(place.sessions())
+    served(place, nothing)
+    assert [] == place.sessions()
+    assert ["withdrawn"] == [entry.status for entry in place.ledger.list()]
+
+
+def test_a_session_that_cannot_be_gone_on_with_is_refused_in_words(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def leaves(base: str, _: Reception) -> str:
+        address = await arrive(base, {})
+        await visit(address, place.visitor(), place.clock, ends=lambda s: s.kind == "watch")
+        return address.partition("#")[2]
+
+    key = served(place, leaves)
+    said: list[str] = []
+
+    async def again(base: str, reception: Reception) -> tuple[int, str]:
+        monkeypatch.setattr(reception, "_said", said.append)
+        path = place.sessions()[0] / "manifest.json"
+        path.write_text(path.read_text("utf-8").replace('"seed"', '"sown"'), "utf-8")
+        async with aiohttp.ClientSession(base, headers={KEY: key}) as http:
+            async with http.post("/api/hello", json={"tab": "t"}) as response:
+                return response.status, (await response.json())["refused"]
+
+    status, refused = served(place, again)
+    assert (400, "this session cannot go on; please tell the researchers") == (status, refused)
+    assert 1 == len(said)
+
+
+def test_one_damaged_session_leaves_the_board_of_all_others(place: Place) -> None:
+    async def act(base: str, reception: Reception) -> dict[str, int]:
+        for _ in range(2):
+            await visit(await arrive(base, {}), place.visitor(), place.clock, ends=lambda s: True)
+        (place.sessions()[0] / "manifest.json").write_text("{", "utf-8")
+        return dict((await reception.board())["counts"])
+
+    assert {"damaged": 1, "running": 1} == served(place, act)
+    place.reception()  # which begins with the damaged one, too
+
+
+def test_a_key_that_no_header_can_hold_is_a_refusal(place: Place) -> None:
+    async def act(base: str, reception: Reception) -> int:
+        async with aiohttp.ClientSession(base) as http:
+            async with http.post("/api/board", json={}, headers={KEY: "schlüssel"}) as response:
+                return response.status
+
+    assert 400 == served(place, act)
+
+
+@pytest.mark.parametrize(
+    "event",
+    [
+        {"kind": "resize", "view_px": "\ud800"},
+        {"kind": "resize", "view_px": float("nan")},
+        {"kind": "visibility", "at_ms": 9e14},
+    ],
+)
+def test_nothing_that_a_page_sends_ends_the_server(place: Place, event: dict[str, Any]) -> None:
+    async def act(base: str, reception: Reception) -> list[str]:
+        key = (await arrive(base, {})).partition("#")[2]
+        async with aiohttp.ClientSession(base, headers={KEY: key}) as http:
+            async with http.post("/api/hello", json={"tab": "t"}) as response:
+                told = await response.json()
+            sent = {"n": 1, "at_ms": 1.0, **event}
+            body = json.dumps({"tab": "t", "events": [sent]})
+            async with http.post("/api/events", data=body) as response:
+                assert response.status in (200, 400)
+            assert told["ack"] == 0
+        await visit(f"{base}/#{key}", place.visitor(), place.clock)
+        return [await visit(await arrive(base, {}), place.visitor(), place.clock)]
+
+    assert ["done"] == served(place, act)
+    assert ["complete"] * 2 == [Recording(p).status for p in place.sessions()]
+
+
+@given(st.lists(st.booleans(), max_size=40), st.integers(1, 8))
+def test_orders_stay_even_over_those_who_complete(stays: list[bool], n_orders: int) -> None:
+    taken: list[int] = []
+    counting: list[int] = []
+    for completes in stays:
+        index = least_filled(taken, counting, lambda i: (i % n_orders,))
+        assert index not in taken
+        taken.append(index)
+        counting += [index] if completes else []
+        filled = [sum(i % n_orders == k for i in counting) for k in range(n_orders)]
+        assert max(filled) - min(filled) <= 1
+
+
+def test_only_what_can_be_an_identifier_is_taken() -> None:
+    assert "" == arrival_of({}).identifier
+    with pytest.raises(PageError, match="PROLIFIC_PID=<b> is no identifier"):
+        arrival_of({"PROLIFIC_PID": "<b>"})
+    somebody = arrival_of({"survey_code": "12345"})
+    assert "https://sona/x?survey_code=12345" == completion_of(
+        "https://sona/x?survey_code={id}", somebody
+    )
+    with pytest.raises(UsageError, match="web address"):
+        check_completion("javascript:alert(1)")
+
+
+def test_the_secret_of_a_page_lies_with_no_data_and_is_the_same_of_another_server(
+    place: Place,
+) -> None:
+    async def act(base: str, _: Reception) -> str:
+        address = await arrive(base, {})
+        await visit(address, place.visitor(), place.clock, ends=lambda s: s.kind == "watch")
+        return address.partition("#")[2]
+
+    key = served(place, act)
+    assert 64 == len(key)
+    for path in place.lab.data_root.rglob("*"):
+        assert not (path.is_file() and key.encode() in path.read_bytes()), path
+
+    async def again(base: str, reception: Reception) -> bool:
+        return await reception.held(key) is not None
+
+    assert served(place, again)
+
+
+def test_who_is_withdrawn_beside_the_server_is_ended_deleted_and_forgotten(place: Place) -> None:
+    told = {"PROLIFIC_PID": "5f3a"}
+
+    async def act(base: str, reception: Reception) -> tuple[Any, ...]:
+        key = (await arrive(base, told)).partition("#")[2]
+        (entry,) = place.ledger.list()
+        place.ledger.begin_withdrawal(entry.label, [place.folder])  # as its command does
+        await reception._notice_withdrawals()
+        was_deleted = [] == place.sessions()
+        async with aiohttp.ClientSession(base, headers={KEY: key}) as http:
+            async with http.post("/api/hello", json={"tab": "t"}) as response:
+                refused = (await response.json())["refused"]
+        again = (await arrive(base, told)).partition("#")[2]
+        return was_deleted, refused, again != key, (await reception.board())["counts"]
+
+    was_deleted, refused, is_another, counts = served(place, act)
+    assert was_deleted
+    assert "this address leads to no session; ask for a new one" == refused
+    assert is_another
+    assert {"deleted": 1, "running": 1} == counts
+    assert ["withdrawn", "active"] == [entry.status for entry in place.ledger.list()]
+
+
+def test_who_left_and_is_withdrawn_beside_the_server_makes_room(tmp_path: Path) -> None:
+    place = Place(tmp_path, Rules(quota=1))
+
+    async def act(base: str, reception: Reception) -> str:
+        await visit(await arrive(base, {}), place.visitor(), place.clock)
+        with pytest.raises(DataError, match="enough participants"):
+            await arrive(base, {})
+        (entry,) = place.ledger.list()
+        place.ledger.withdraw(entry.label, [place.folder])
+        return await arrive(base, {})
+
+    assert "#" in served(place, act)
+    assert 1 == len(place.sessions())
+
+
+async def posted(base: str, path: str, body: dict[str, Any], key: str = "") -> dict[str, Any]:
+    async with aiohttp.ClientSession(base, headers={KEY: key}) as http:
+        async with http.post(path, json=body) as response:
+            told: dict[str, Any] = await response.json()
+            return told
+
+
+@pytest.mark.parametrize(("stop", "outcome"), [("", "done"), ("keep", "stopped")])
+def test_who_comes_again_to_a_session_that_is_over_is_told_so_and_nothing_is_added(
+    place: Place, stop: str, outcome: str
+) -> None:
+    async def whole(base: str, _: Reception) -> str:
+        address = await arrive(base, {})
+        await visit(address, place.visitor(stop), place.clock)
+        return address.partition("#")[2]
+
+    key = served(place, whole)
+    (session,) = place.sessions()
+    before = {p: p.read_bytes() for p in session.rglob("*") if p.is_file()}
+
+    async def again(base: str, _: Reception) -> list[Any]:
+        hello = await posted(base, "/api/hello", {"tab": "t"}, key)
+        events = await posted(base, "/api/events", {"tab": "t", "events": []}, key)
+        return [hello["step"], hello["title"], events["step"]]
+
+    end = {"kind": "end", "outcome": outcome}
+    assert [end, experiment().study.title, end] == served(place, again)
+    assert before == {p: p.read_bytes() for p in session.rglob("*") if p.is_file()}
+
+
+def test_a_page_has_a_title_of_its_own_and_names_whom_to_ask() -> None:
+    gestures = StudyExperiment(interpolation, {"language": "fr"})
+
+    assert ("Des gestes filmés", "Dr. Who, 42") == told_of(gestures, "Dr. Who, 42")
+    assert (study().title, "") == told_of(experiment(), "")
+
+
+def told_of(shown: StudyExperiment, contact: str) -> tuple[str, str]:
+    about = about_of(shown, True, contact)
+    return about["title"], about["contact"]
+
+
+def test_an_identifier_that_others_could_guess_brings_back_in_the_same_browser_alone(
+    place: Place,
+) -> None:
+    async def act(base: str, _: Reception) -> list[Any]:
+        told = {"told": {"survey_code": "12345"}}
+        key = (await posted(base, "/api/arrive", told))["key"]
+        other = await posted(base, "/api/arrive", told)
+        same = await posted(base, "/api/arrive", {**told, "before": key})
+        return [other["refused"], same["key"] == key]
+
+    assert ["begun", True] == served(place, act)
+    assert 1 == len(place.sessions())
+
+
+def test_a_link_to_somebody_of_the_ledger_gives_them_their_own_place(place: Place) -> None:
+    first, second = place.ledger.add(), place.ledger.add()
+
+    async def act(base: str, _: Reception) -> list[Any]:
+        key = (await posted(base, "/api/arrive", {"told": {"participant": "02"}}))["key"]
+        again = {"told": {"participant": second.label}, "before": key}
+        same = (await posted(base, "/api/arrive", again))["key"]
+        await posted(base, "/api/arrive", {"told": {"participant": "77"}})
+        return [key == same]
+
+    assert [True] == served(place, act)
+    third = place.ledger.list()[2]
+    assert [second.label, third.label] == [p.parent.name[4:] for p in place.sessions()]
+    assert first.index == 0
+    assert {"panel": "link", "identifier": second.label} == dict(place.who[second.label])
+
+
+def test_a_placeholder_that_no_panel_filled_is_refused_in_words(place: Place) -> None:
+    async def act(base: str, reception: Reception) -> dict[str, Any]:
+        return await posted(base, "/api/arrive", {"told": {"PROLIFIC_PID": "{{%PROLIFIC_PID%}}"}})
+
+    assert "address" == served(place, act)["refused"]
+    assert [] == place.sessions()
+
+
+def test_a_flood_of_arrivals_is_held_up_and_lets_people_in_again() -> None:
+    brake = Brake(at_once=3, a_second=2, _left=3)
+    assert [True] * 3 + [False] == [brake.lets_pass(0) for _ in range(4)]
+    assert [False, True] == [brake.lets_pass(ns) for ns in (400_000_000, 1_000_000_000)]
+    assert [True] * 3 + [False] == [brake.lets_pass(10**12) for _ in range(4)]

@@ -1,0 +1,36 @@
+"""Sessions that several tests read: recorded once in a run of the suite, copied to each."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+from visavis.protocol.people.file_lock import locked
+
+
+class Store:
+    """A folder in which every worker of a run finds what one of them recorded."""
+
+    def __init__(self) -> None:
+        self.folder: Path | None = None
+        """Where sessions are stored; without one, everybody records their own."""
+
+    def copy(self, name: str, record: Callable[[Path], Path], into: Path) -> Path:
+        """Return the folder that `record` makes below the one it is given, copied below `into`.
+
+        `name` stands for everything `record` depends on but that folder: another seed, study or
+        setting is another name.
+        """
+        if self.folder is None:
+            return record(into)
+        place, made = self.folder / name / "data", self.folder / name / "made"
+        with locked(self.folder / f"{name}.lock"):
+            if not made.exists():
+                # What a test that was stopped left is no whole recording.
+                shutil.rmtree(place, ignore_errors=True)
+                made_at = record(place).relative_to(place)
+                made.write_text(made_at.as_posix(), "utf-8")
+        shutil.copytree(place, into, dirs_exist_ok=True)
+        return into / made.read_text("utf-8")
+
+
+STORE = Store()

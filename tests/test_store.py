@@ -1,0 +1,62 @@
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.store import Store
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    made = Store()
+    made.folder = tmp_path / "store"
+    return made
+
+
+def recorder(times: list[Path]) -> Callable[[Path], Path]:
+    def record(place: Path) -> Path:
+        times.append(place)
+        session = place / "stare" / "ses-001"
+        session.mkdir(parents=True)
+        (session / "trials.jsonl").write_text("recorded", "utf-8")
+        return session
+
+    return record
+
+
+def test_a_session_is_recorded_once_and_everybody_may_change_their_copy(
+    store: Store, tmp_path: Path
+) -> None:
+    times: list[Path] = []
+    first = store.copy("session", recorder(times), tmp_path / "a")
+    (first / "trials.jsonl").write_text("changed", "utf-8")
+    second = store.copy("session", recorder(times), tmp_path / "b")
+    assert 1 == len(times)
+    assert tmp_path / "b" / "stare" / "ses-001" == second
+    assert "recorded" == (second / "trials.jsonl").read_text("utf-8")
+
+
+def test_another_name_is_another_session(store: Store, tmp_path: Path) -> None:
+    times: list[Path] = []
+    for name in ("one", "other"):
+        store.copy(name, recorder(times), tmp_path / name)
+    assert 2 == len(times)
+
+
+def test_what_was_stopped_half_way_is_recorded_anew(store: Store, tmp_path: Path) -> None:
+    def stop(place: Path) -> Path:
+        recorder([])(place)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        store.copy("session", stop, tmp_path / "a")
+    times: list[Path] = []
+    assert store.copy("session", recorder(times), tmp_path / "b").is_dir()
+    assert 1 == len(times)
+
+
+def test_without_a_folder_everybody_records_their_own(tmp_path: Path) -> None:
+    times: list[Path] = []
+    for name in ("a", "b"):
+        Store().copy("session", recorder(times), tmp_path / name)
+    assert [tmp_path / "a", tmp_path / "b"] == times

@@ -1,0 +1,199 @@
+"""Two tiers of tests, chosen by what each was measured to take of a processor.
+
+A test that took more than `LIMIT_S` is marked `slow`: `pytest -m "not slow"` runs the first tier,
+`pytest -m slow` the second, `pytest` both. What tests took stands in `tests/costs.txt`;
+`pytest --record-costs` measures the tests that it runs and writes their lines anew.
+
+A test's cost is its own processor time and that of its child processes, and with it that of every
+fixture it uses: one that a module shares counts in full for each of the module's tests, because any
+of them may be the first that needs it. Compiling kernels does not count: that is done once for all.
+"""
+
+import json
+import os
+from collections.abc import Generator, Iterable, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import pytest
+
+LIMIT_S: Final = 2.0
+MARGIN: Final = 2.5
+"""How much slower than the computer that measured any other may be."""
+LISTED_S: Final = 0.5
+"""Tests that take less have no line of their own."""
+COSTS: Final = Path(__file__).parent / "costs.txt"
+RECORD: Final = "--record-costs"
+
+
+def read_costs(text: str) -> dict[str, float]:
+    """Return the seconds of each test in a file of costs; `#` begins a comment."""
+    lines = (line.partition(" ") for line in text.splitlines() if not line.startswith("#"))
+    return {test: float(seconds) for seconds, _, test in lines}
+
+
+def write_costs(costs: Mapping[str, float]) -> str:
+    """Return the text of a file of costs: a line for each test, the most expensive first."""
+    head = (
+        "# CPU seconds of tests, fixtures and child processes included, compiling excluded.\n"
+        f'# Written by `pytest {RECORD}`; more than {LIMIT_S:g} s: second tier ("slow").\n'
+    )
+    listed = sorted((-cost, test) for test, cost in costs.items() if cost >= LISTED_S)
+    return head + "".join(f"{-cost:.1f} {test}\n" for cost, test in listed)
+
+
+def is_slow(cost_s: float) -> bool:
+    """Return whether a test of this cost belongs to the second tier."""
+    return cost_s > LIMIT_S
+
+
+def complaint(cost_s: float, is_marked_slow: bool) -> str:
+    """Return what is wrong with a test that has grown out of the first tier; nothing: empty."""
+    if is_marked_slow or cost_s <= LIMIT_S * MARGIN:
+        return ""
+    return (
+        f"this test took {cost_s:.1f} s of a processor; tests of the first tier take up to "
+        f"{LIMIT_S:g} s. Make it cheaper, or measure it with `pytest {RECORD}`, which moves it to "
+        "the second"
+    )
+
+
+def _processor_s() -> float:
+    """Return the processor time of this process and of the child processes that ended."""
+    return sum(os.times()[:4])
+
+
+class _Compiling:
+    """Counts the seconds spent compiling kernels, nested ones once."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+        self._begins: list[float] = []
+
+    def on_start(self, event: object) -> None:
+        """Begin to count."""
+        self._begins.append(_processor_s())
+
+    def on_end(self, event: object) -> None:
+        """Count what the outermost compilation took."""
+        begin = self._begins.pop()
+        if not self._begins:
+            self.seconds += _processor_s() - begin
+
+
+def _listen_to_compiling() -> _Compiling:
+    from numba.core.event import Listener, register
+
+    counter = _Compiling()
+
+    class Ear(Listener):
+        """Passes on what the compiler reports."""
+
+        on_start = staticmethod(counter.on_start)
+        on_end = staticmethod(counter.on_end)
+
+    register("numba:compile", Ear())
+    return counter
+
+
+class Tiers:
+    """A plugin of pytest: marks the second tier, and measures every test of this process."""
+
+    def __init__(self, costs: Mapping[str, float], *, is_strict: bool = True) -> None:
+        self._costs = costs
+        self._is_strict = is_strict
+        self._compiling = _listen_to_compiling()
+        self._fixture_s: dict[tuple[str, str], float] = {}
+        self._start_s = 0.0
+        self._shared_s = 0.0
+        self.measured: dict[str, float] = {}
+
+    def _now_s(self) -> float:
+        return _processor_s() - self._compiling.seconds
+
+    @pytest.hookimpl(tryfirst=True)  # before pytest deselects by marks
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        """Mark what belongs to the second tier."""
+        for item in items:
+            if is_slow(self._costs.get(item.nodeid, 0.0)):
+                item.add_marker(pytest.mark.slow)
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_fixture_setup(
+        self, fixturedef: Any, request: pytest.FixtureRequest
+    ) -> Generator[None, Any, Any]:
+        """Measure a fixture that tests share."""
+        begin_s, inner_s = self._now_s(), self._shared_s
+        try:
+            return (yield)
+        finally:
+            if fixturedef.scope != "function":
+                # What another shared fixture took meanwhile is counted there.
+                own_s = self._now_s() - begin_s - (self._shared_s - inner_s)
+                self._fixture_s[fixturedef.argname, fixturedef.baseid] = own_s
+                self._shared_s += own_s
+
+    @pytest.hookimpl(wrapper=True, tryfirst=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Generator[None, Any, Any]:
+        """Begin to measure a test."""
+        self._start_s, self._shared_s = self._now_s(), 0.0
+        return (yield)
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_makereport(
+        self, item: pytest.Item, call: pytest.CallInfo[None]
+    ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+        """End to measure it; fail a test of the first tier that has grown."""
+        report = yield
+        if call.when == "teardown":
+            own_s = self._now_s() - self._start_s - self._shared_s
+            cost_s = own_s + sum(map(self._shared_cost, _fixtures(item)))
+            self.measured[item.nodeid] = round(cost_s, 2)
+            wrong = complaint(cost_s, item.get_closest_marker("slow") is not None)
+            if wrong and self._is_strict and report.passed:
+                report.outcome, report.longrepr = "failed", wrong
+        return report
+
+    def _shared_cost(self, fixture: tuple[str, str]) -> float:
+        return self._fixture_s.get(fixture, 0.0)
+
+
+def _fixtures(item: pytest.Item) -> Iterable[tuple[str, str]]:
+    """Yield the fixtures that a test uses, also those that ask for one another."""
+    information: Any = getattr(item, "_fixtureinfo", None)
+    definitions = information.name2fixturedefs if information else {}
+    return {(each.argname, each.baseid) for one in definitions.values() for each in one}
+
+
+class CostRecorder:
+    """A plugin of pytest: writes the costs that all workers measured when the run ends."""
+
+    def __init__(self, tiers: Tiers, file: Path = COSTS) -> None:
+        self._tiers, self._file = tiers, file
+        self._measured: dict[str, float] = {}
+
+    @pytest.hookimpl(optionalhook=True)  # of pytest-xdist
+    def pytest_testnodedown(self, node: Any, error: object) -> None:
+        """Take what a worker measured."""
+        self._measured |= json.loads(getattr(node, "workeroutput", {}).get("costs", "{}"))
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_sessionfinish(self, session: pytest.Session) -> None:
+        """Write the file; a worker hands its costs on instead."""
+        output = getattr(session.config, "workeroutput", None)
+        if output is not None:
+            output["costs"] = json.dumps(self._tiers.measured)
+            return
+        before = read_costs(self._file.read_text("utf-8"))
+        self._file.write_text(
+            write_costs({**before, **self._measured, **self._tiers.measured}), "utf-8"
+        )
+
+
+def install(config: pytest.Config) -> None:
+    """Register both plugins with pytest."""
+    is_recording = config.getoption(RECORD)
+    tiers = Tiers(read_costs(COSTS.read_text("utf-8")), is_strict=not is_recording)
+    config.pluginmanager.register(tiers, "visavis-tiers")
+    if is_recording:
+        config.pluginmanager.register(CostRecorder(tiers), "visavis-costs")
