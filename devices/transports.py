@@ -85,6 +85,20 @@ class MessageTransport(Protocol):
         ...
 
 
+class NoTopics:
+    """A wire without topics: every message has been coming since `open()`."""
+
+    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
+        """Do nothing: everything comes."""
+
+
+class OnlyListening(NoTopics):
+    """A wire over which nothing is told to the other end but by asking it."""
+
+    def send(self, port: int, frames: Frames) -> None:
+        """Do nothing: the other end takes no messages."""
+
+
 class Peer(Protocol):
     """The other end of a memory wire: what a simulator of a message device offers."""
 

@@ -19,7 +19,7 @@ from visavis.devices.drivers.eyelink.codec import (
     screen_coordinates,
 )
 from visavis.devices.libraries import PYLINK
-from visavis.devices.transports import Exchange, Frames, Message
+from visavis.devices.transports import Exchange, Frames, Message, NoTopics
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, DeviceTimeout
 
@@ -41,7 +41,7 @@ def eyelink_library() -> Any:
     return library
 
 
-class EyeLinkLibrary:
+class EyeLinkLibrary(NoTopics):
     """Offer one tracker's link samples; `library` replaces pylink in tests.
 
     `screen_px` is sent to the tracker, whose gaze is in these pixels. After a request `record` it
@@ -125,9 +125,6 @@ class EyeLinkLibrary:
 
     def post(self, frames: Frames) -> None:
         """Do nothing: the library answers at once, so the driver asks by `request`."""
-
-    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: samples have been coming since `open()`."""
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return the samples in the library's queue; waits in steps of a fifth of a millisecond."""

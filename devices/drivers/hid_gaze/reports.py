@@ -7,7 +7,7 @@ from typing import Any
 
 from visavis.devices.drivers.hid_gaze.codec import EYE_TRACKER, INPUT, USAGE_PAGE, walk_descriptor
 from visavis.devices.libraries import HID
-from visavis.devices.transports import Exchange, Frames, Message
+from visavis.devices.transports import Exchange, Frames, Message, NoTopics
 from visavis.lab.clock import Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, ProtocolViolation
 
@@ -35,7 +35,7 @@ def found_trackers(library: Any) -> list[Mapping[str, Any]]:
     ]
 
 
-class HidReports:
+class HidReports(NoTopics):
     """Offer one eye tracker's reports; an empty serial takes the first one found.
 
     Requests: (descriptor,), (identity,), (feature:NN,). `library` replaces hidapi in tests.
@@ -107,9 +107,6 @@ class HidReports:
             self._device.send_feature_report(frames[1])
         except (OSError, ValueError) as cause:
             raise self._lose(cause) from cause
-
-    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: reports come by themselves."""
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return the waiting reports; raises DeviceDisconnected once the tracker is unplugged."""

@@ -16,7 +16,7 @@ from typing import Any
 from visavis.devices.arrivals import Arrivals
 from visavis.devices.drivers.neon.codec import STAMP
 from visavis.devices.libraries import NEON
-from visavis.devices.transports import Exchange, Frames, Message
+from visavis.devices.transports import Exchange, Frames, Message, NoTopics
 from visavis.lab.clock import NS_PER_MS, Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, DeviceTimeout
 
@@ -29,7 +29,7 @@ CLOSING_S = 0.02
 WIRE_LOGGERS = ("aiortsp", "rtp.session", "rtsp_client", "pupil_labs.realtime_api", "websockets")
 
 
-class NeonNetwork:
+class NeonNetwork(NoTopics):
     """Speak to one Companion app at an explicit address; no multicast is needed.
 
     Requests: (status,) (calibration,) (time,). Messages: (gaze, stamp, payload), (status, json).
@@ -86,9 +86,6 @@ class NeonNetwork:
         """Ask for the time without waiting; a missing answer is no error."""
         if frames[0] == b"time" and self._loop is not None:
             asyncio.run_coroutine_threadsafe(self._post_time(), self._loop)
-
-    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: the stream has been running since `open()`."""
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return what came; raises DeviceDisconnected once the stream has ended."""
