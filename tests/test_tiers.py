@@ -1,10 +1,15 @@
 from pathlib import Path
 
-import pytest
-
-from tests.tiers import COSTS, LIMIT_S, MARGIN, complaint, is_slow, read_costs, write_costs
-
-TESTS = Path(__file__).parent
+from tests.tiers import (
+    COSTS,
+    LIMIT_S,
+    MARGIN,
+    complaint,
+    is_slow,
+    is_there,
+    read_costs,
+    write_costs,
+)
 
 
 def test_costs_are_read_as_they_were_written_the_most_expensive_first() -> None:
@@ -25,14 +30,16 @@ def test_a_test_that_grew_out_of_the_first_tier_is_named_and_those_of_the_second
     assert "" == complaint(100.0, is_marked_slow=True)
 
 
-@pytest.mark.parametrize(
-    "file", sorted({t.partition("::")[0] for t in read_costs(COSTS.read_text())})
-)
-def test_every_test_that_has_a_cost_is_there(file: str) -> None:
-    text = (TESTS.parent / file).read_text("utf-8")
-    names = {
-        test.partition("::")[2].partition("[")[0]
-        for test in read_costs(COSTS.read_text())
-        if test.startswith(f"{file}::")
-    }
-    assert [] == sorted(name for name in names if f"def {name}(" not in text)
+def test_every_test_that_has_a_cost_is_there() -> None:
+    assert [] == [test for test in read_costs(COSTS.read_text("utf-8")) if not is_there(test)]
+
+
+def test_a_test_is_there_by_its_name_in_its_file(tmp_path: Path) -> None:
+    (tmp_path / "test_a.py").write_text("def test_b() -> None: ...", "utf-8")
+    names = (
+        "test_a.py::test_b",
+        "test_a.py::test_b[1-x]",
+        "test_a.py::test_c",
+        "test_d.py::test_b",
+    )
+    assert [True, True, False, False] == [is_there(name, tmp_path) for name in names]

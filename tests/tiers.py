@@ -22,7 +22,8 @@ MARGIN: Final = 2.5
 """How much slower than the computer that measured any other may be."""
 LISTED_S: Final = 0.5
 """Tests that take less have no line of their own."""
-COSTS: Final = Path(__file__).parent / "costs.txt"
+ROOT: Final = Path(__file__).parents[1]
+COSTS: Final = ROOT / "tests" / "costs.txt"
 RECORD: Final = "--record-costs"
 
 
@@ -40,6 +41,13 @@ def write_costs(costs: Mapping[str, float]) -> str:
     )
     listed = sorted((-cost, test) for test, cost in costs.items() if cost >= LISTED_S)
     return head + "".join(f"{-cost:.1f} {test}\n" for cost, test in listed)
+
+
+def is_there(test: str, root: Path = ROOT) -> bool:
+    """Return whether a test's file has a function of its name."""
+    name, _, rest = test.partition("::")
+    file, function = root / name, rest.partition("[")[0].rpartition("::")[2]
+    return file.exists() and f"def {function}(" in file.read_text("utf-8")
 
 
 def is_slow(cost_s: float) -> bool:

@@ -414,7 +414,7 @@ def test_whole_studies_are_simulated_and_marked(tmp_path: Path) -> None:
 
 def test_a_study_folder_prints_curve_and_smallest_n(folder: Path, tmp_path: Path) -> None:
     result = run(
-        *["stare", "--from", str(folder), "--participants", "4:12:4", "--replicates", "30"],
+        *["stare", "--from", str(folder), "--participants", "4:12:4", "--replicates", "8"],
         *["--processes", "1", "-o", str(tmp_path), "--rule", "point", "--power", "0.2"],
     )
     assert result.exception is None, result.output

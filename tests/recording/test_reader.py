@@ -20,6 +20,7 @@ from tests.recording.sessions import (
 from visavis.lab.clock import NS_PER_MS, SimClock
 from visavis.lab.errors import RecordingError, UsageError
 from visavis.lab.schema import Field, StreamSchema
+from visavis.recording import stream_file
 from visavis.recording.columns import arrow_schema, stream_schema
 from visavis.recording.folder import create_session
 from visavis.recording.journal import decode_line, encode_line
@@ -151,18 +152,21 @@ def test_zero_filled_tail_invents_nothing(small: Path, tmp_path: Path, zeros: in
         assert content.problems
 
 
-def test_flipped_byte_costs_its_own_batch_at_most(small: Path, tmp_path: Path) -> None:
+def test_flipped_byte_costs_its_own_batch_at_most(
+    small: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     data = (small / "probe.arrows").read_bytes()
     header = read_journal(small / "events.jsonl").headers["probe"]
     ends = batch_ends(small / "probe.arrows")
     rows_at = np.cumsum([0, 1, 2, 3, 4, 5])
     whole = read_stream_file(small / "probe.arrows").columns
-    path = tmp_path / "probe.arrows"
     lost_batches = 0
     for at in range(0, ends[5]):
         for flip in (0x01, 0x80):
-            path.write_bytes(data[:at] + bytes([data[at] ^ flip]) + data[at + 1 :])
-            content = read_stream_file(path, header)
+            flipped = data[:at] + bytes([data[at] ^ flip]) + data[at + 1 :]
+            # Thousands of files would be written otherwise; how one is opened is tested elsewhere.
+            monkeypatch.setattr(stream_file, "_bytes_of", lambda _, flipped=flipped: flipped)
+            content = read_stream_file(Path("probe.arrows"), header)
             struck = next(i for i, end in enumerate(ends) if at < end)
             spared = set(range(15))
             if struck > 0:
