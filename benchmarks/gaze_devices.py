@@ -22,6 +22,7 @@ import numpy.typing as npt
 
 from benchmarks.device_wire import StillBody
 from benchmarks.table import Row, show
+from tests.devices.wire_ends.fove_library import FoveStub, build_stub
 from visavis.devices.contracts import ClockPair, DeviceState
 from visavis.devices.drivers.eyelink import codec as eyelink_codec
 from visavis.devices.drivers.eyelink.driver import EyeLink
@@ -38,12 +39,12 @@ from visavis.devices.drivers.lsl.gaze import LslGaze
 from visavis.devices.drivers.neon import codec as neon_codec
 from visavis.devices.drivers.neon.driver import Neon
 from visavis.devices.drivers.streaming.gaze_rays import rows_to_values
-from visavis.devices.drivers.streaming.one_way_clock import OneWayClock
 from visavis.devices.drivers.streaming.screen import Screen
+from visavis.devices.drivers.streaming.stream_device import OneWayClock
 from visavis.devices.faults import FaultSchedule, WireFault
 from visavis.devices.pump import Pump
 from visavis.devices.sim.eyelink import EyeLinkSimulator
-from visavis.devices.sim.fove import FoveSimulator, FoveStub, build_stub
+from visavis.devices.sim.fove import FoveSimulator
 from visavis.devices.sim.gazepoint import GazepointSimulator
 from visavis.devices.sim.hid_gaze import DESCRIPTOR, HidGazeSimulator
 from visavis.devices.sim.lsl.gaze import LslGazeSimulator

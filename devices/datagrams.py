@@ -10,7 +10,7 @@ import select
 import socket
 from collections.abc import Sequence
 
-from visavis.devices.transports import Exchange, Frames, Message
+from visavis.devices.transports import Exchange, Frames, Message, NoTopics
 from visavis.lab.clock import Clock
 from visavis.lab.errors import DeviceError, DeviceNotFound
 
@@ -20,7 +20,7 @@ MAX_AT_ONCE = 1000
 """Datagrams taken in one `receive`, so that a flood cannot hold the caller."""
 
 
-class UdpTransport:
+class UdpTransport(NoTopics):
     """Receive datagrams on one port, and on a multicast group if one is named.
 
     `peer` is where `post` and `send` send to; None for a device that only streams. Replies to what
@@ -82,9 +82,6 @@ class UdpTransport:
         if self._peer is not None and self._sockets:
             with contextlib.suppress(OSError):  # unreachable now; the pump reports the silence
                 self._sockets[0].sendto(frames[0], self._peer)
-
-    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: every datagram comes."""
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return the datagrams that arrived, stamped when read."""

@@ -1,6 +1,10 @@
 """The libraries that drivers of Visavis need, by the line that installs each."""
 
+import importlib
 from dataclasses import dataclass
+from typing import Any
+
+from visavis.lab.errors import DeviceNotFound
 
 
 @dataclass(frozen=True)
@@ -10,6 +14,17 @@ class Library:
     module: str
     distribution: str
     install: str
+
+    def imported(self, *submodules: str) -> Any:
+        """Return the library, imported with these of its modules; raises DeviceNotFound."""
+        try:
+            for name in submodules:
+                importlib.import_module(f"{self.module}.{name}")
+            return importlib.import_module(self.module)
+        except ImportError as cause:
+            raise DeviceNotFound(
+                f"the library {self.distribution} is not installed", remedy=f"run: {self.install}"
+            ) from cause
 
 
 SERIAL = Library("serial", "pyserial", "pip install 'visavis[serial]'")

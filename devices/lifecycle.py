@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from visavis.devices.contracts import ClockPair, DeviceState
+from visavis.devices.contracts import ClockPair, DeviceState, Sink
 from visavis.lab.errors import DeviceError
 
 
@@ -34,15 +34,28 @@ class HasLife:
         """The state of its life; FAULT while the driven device is away."""
         return self._life.state
 
+    def clock_pairs(self) -> Sequence[ClockPair]:
+        """Return nothing: no times are exchanged with a clock of its own, if it has one."""
+        return ()
+
 
 class OnSessionClock(HasLife):
     """A device with nothing to connect to and no clock of its own."""
+
+    _sink: Sink | None
 
     def open(self, deadline_s: float) -> None:
         """Become ready."""
         self._life.require("open", DeviceState.CLOSED)
         self._life.state = DeviceState.OPEN
 
-    def clock_pairs(self) -> Sequence[ClockPair]:
-        """Return nothing: it runs on the session clock."""
-        return ()
+    def stop(self) -> None:
+        """Stop delivering."""
+        self._life.require("stop", DeviceState.STREAMING)
+        self._sink = None
+        self._life.state = DeviceState.OPEN
+
+    def close(self) -> None:
+        """Deliver no more; idempotent."""
+        self._sink = None
+        self._life.state = DeviceState.CLOSED

@@ -9,8 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
+from visavis.devices.libraries import ZMQ
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
-from visavis.lab.errors import DeviceNotFound, DeviceTimeout
+from visavis.lab.errors import DeviceTimeout
 
 Frames = tuple[bytes, ...]
 
@@ -82,6 +83,20 @@ class MessageTransport(Protocol):
     def close(self) -> None:
         """Release the wire; idempotent."""
         ...
+
+
+class NoTopics:
+    """A wire without topics: every message has been coming since `open()`."""
+
+    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
+        """Do nothing: everything comes."""
+
+
+class OnlyListening(NoTopics):
+    """A wire over which nothing is told to the other end but by asking it."""
+
+    def send(self, port: int, frames: Frames) -> None:
+        """Do nothing: the other end takes no messages."""
 
 
 class Peer(Protocol):
@@ -244,12 +259,7 @@ class ZmqTransport:
 
     def open(self, deadline_s: float) -> None:
         """Import pyzmq and connect; ZeroMQ connects in the background."""
-        try:
-            import zmq
-        except ImportError as cause:
-            raise DeviceNotFound(
-                "the library pyzmq is not installed", remedy="run: pip install pyzmq"
-            ) from cause
+        zmq = ZMQ.imported()
         self.close()
         self._zmq = zmq
         self._context = zmq.Context()

@@ -17,7 +17,7 @@ from typing import Any, BinaryIO, Generic, TypeVar
 import msgpack
 
 from visavis.devices.byte_links import ByteLink, Chunk
-from visavis.devices.transports import Exchange, Frames, Message, MessageTransport
+from visavis.devices.transports import Exchange, Frames, Message, MessageTransport, OnlyListening
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 from visavis.lab.errors import DataError, DeviceNotFound, DeviceTimeout
 
@@ -260,7 +260,7 @@ class _Replay:
         return items
 
 
-class ReplayTransport(_Replay):
+class ReplayTransport(_Replay, OnlyListening):
     """Play a `.wire` file through the driver that wrote it, moved to begin when opened.
 
     Requests get the recorded answers to the same first frame in order, then the last one again and
@@ -299,15 +299,9 @@ class ReplayTransport(_Replay):
     def post(self, frames: Frames) -> None:
         """Do nothing: recorded answers come by themselves."""
 
-    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: the recorded messages were subscribed."""
-
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return the messages whose moved time has come."""
         return self._wait_for(self._due, timeout_s)
-
-    def send(self, port: int, frames: Frames) -> None:
-        """Do nothing: nobody listens."""
 
     def close(self) -> None:
         """Forget the file; idempotent."""

@@ -27,7 +27,6 @@ from visavis.analysis.collisions.volume import (
     Rule,
     Settings,
     common_volume,
-    common_volumes_m3,
 )
 
 __all__ = [
@@ -47,7 +46,6 @@ __all__ = [
     "capsule",
     "closed_mesh",
     "common_volume",
-    "common_volumes_m3",
     "enclosed_volume_m3",
     "find_collisions",
     "inside_out",

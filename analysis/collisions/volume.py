@@ -1,12 +1,10 @@
 """Measure the common volume of two bodies by a named rule."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
 
-from visavis.analysis.collisions.columns import bounds
 from visavis.analysis.collisions.errors import CollisionError, TooLargeForVoxels
 from visavis.analysis.collisions.exact import exact_volume
 from visavis.analysis.collisions.meshes import ClosedMesh
@@ -101,23 +99,6 @@ def common_volume(
         count, total = measure(a.vertices_m, a.faces, b.vertices_m, b.faces, first, shape, cell)
     centre = total / count if count else np.full(3, np.nan)
     return CommonVolume(count * cell**3, rule, "cubes", cell, count, centre, contact)
-
-
-def common_volumes_m3(
-    body: ClosedMesh,
-    others: Sequence[ClosedMesh],
-    rule: Rule = "volume",
-    *,
-    settings: Settings = DEFAULT,
-) -> Vector:
-    """Return (n,) the volume of a body in common with each of n others, far ones at no cost."""
-    volumes = np.zeros(len(others))
-    box = bounds(body.vertices_m)
-    for i, other in enumerate(others):
-        near = bounds(other.vertices_m)
-        if (box[0] < near[1]).all() and (near[0] < box[1]).all():
-            volumes[i] = common_volume(body, other, rule, settings=settings).volume_m3
-    return volumes
 
 
 def _true_volume(a: ClosedMesh, b: ClosedMesh, settings: Settings) -> CommonVolume:

@@ -24,7 +24,6 @@ from visavis.analysis.statistics.between import (
     tukey_hsd,
     welch_anova,
 )
-from visavis.analysis.statistics.bootstrap import Bootstrap, bootstrap_interval
 from visavis.analysis.statistics.clusters import Selection, Ward, select_scales, ward
 from visavis.analysis.statistics.conditions import ConditionsComparison, compare_conditions
 from visavis.analysis.statistics.contrasts import Contrast, Contrasts
@@ -71,7 +70,6 @@ from visavis.analysis.statistics.reliability import CronbachAlpha, cronbach_alph
 from visavis.analysis.statistics.results import Effect, Interval, Provenance, Result
 from visavis.analysis.statistics.signed_rank import (
     SignedRank,
-    signed_rank_p_from_t,
     wilcoxon_signed_rank,
 )
 from visavis.analysis.statistics.sphericity import Sphericity
@@ -89,7 +87,6 @@ __all__ = [
     "Anova",
     "AnovaEffect",
     "ArtAnova",
-    "Bootstrap",
     "Cell",
     "ConditionsComparison",
     "Contrast",
@@ -128,7 +125,6 @@ __all__ = [
     "art_interaction_contrasts",
     "between_anova",
     "bonferroni_thresholds",
-    "bootstrap_interval",
     "cell_means",
     "compare_conditions",
     "compare_paired",
@@ -163,7 +159,6 @@ __all__ = [
     "rm_anova",
     "select_scales",
     "shapiro_wilk",
-    "signed_rank_p_from_t",
     "skewness",
     "spearman",
     "spearman_p",

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from scipy import special
 
 from visavis.analysis.statistics.effects import rank_biserial
-from visavis.analysis.statistics.errors import ConstantResponse, StatisticsError, UnknownMethod
+from visavis.analysis.statistics.errors import ConstantResponse, UnknownMethod
 from visavis.analysis.statistics.inputs import differences, paired
 from visavis.analysis.statistics.ranks import average_ranks
 from visavis.analysis.statistics.results import (
@@ -139,14 +139,6 @@ def signed_rank_effect(d: Array, *, level: float = 0.95) -> Effect:
     signs, ranks = _signed_ranks(d, "wilcoxon")
     positive, negative = (float(ranks[signs == sign].sum()) for sign in (1, -1))
     return rank_biserial(positive, negative, len(ranks), level=level)
-
-
-def signed_rank_p_from_t(T: float, n: int, *, continuity: bool = False) -> float:
-    """Return the normal-approximation p of a printed rank sum T of n untied, non-zero pairs."""
-    if n < 1 or not 0 <= T <= n * (n + 1) / 2:
-        raise StatisticsError(f"a rank sum of {n} pairs lies between 0 and {n * (n + 1) / 2:g}")
-    z = _z(T, np.arange(1.0, n + 1), with_continuity=continuity)
-    return float(min(1.0, 2 * special.ndtr(-abs(z))))
 
 
 def _signed_ranks(d: Array, zeros: ZeroRule) -> tuple[Array, Array]:

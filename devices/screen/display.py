@@ -162,18 +162,11 @@ class ScreenDisplay(OnSessionClock):
         if len(eyes_m):
             self._eyes = (int(batch.t_host_ns[-1]), eyes_m[-1])
 
-    def stop(self) -> None:
-        """Stop counting frames."""
-        self._life.require("stop", DeviceState.STREAMING)
-        self._sink = None
-        self._life.state = DeviceState.OPEN
-
     def close(self) -> None:
         """Let go of the window, which the renderer closes. Idempotent."""
-        self._sink = None
         self._surface = None
         self._streams.pending.clear()
-        self._life.state = DeviceState.CLOSED
+        super().close()
 
     def health(self) -> Health:
         """Report the rows of both streams; rate and gaps are the head's (dropped frames: holes)."""

@@ -1,15 +1,12 @@
-"""SRanipal for its caller: in memory, or as a C library compiled from `native/sranipal`.
+"""SRanipal for its caller, in memory.
 
 Written from the vendor's public header. Not modelled: the runtime, its calibration and its
 filter, expressions, convergence, advice on tracking.
 """
 
-import ctypes
 import struct
-from pathlib import Path
 
 from visavis.devices.sim.gaze.source import EYE_X_M, GazePeer, Shot
-from visavis.devices.sim.native_build import build_library
 from visavis.devices.transports import Frames
 from visavis.lab.clock import NS_PER_MS
 
@@ -48,30 +45,3 @@ def _eye(ray: tuple[float, ...], x_m: float, shot: Shot, *, is_seen: bool) -> by
     x, y, z = ray
     place = (-1e3 * x_m, 0.0, 0.0)
     return ONE_EYE.pack(ALL_VALID, *place, -x, y, -z, shot.pupil_mm, shot.openness_01, 0.5, 0.5)
-
-
-def built_library() -> Path:
-    """Compile the stand-in for SRanipal; raises DeviceNotFound without a C compiler."""
-    return build_library("sranipal/sranipal_stub.c", {}, "sranipal.so")
-
-
-class StandIn:
-    """The controls of the stand-in for tests: its frame and its return codes."""
-
-    def __init__(self, path: Path) -> None:
-        self._native = ctypes.CDLL(str(path))
-        self.size: int = self._native.visavis_size()
-
-    def hold(self, data: bytes) -> None:
-        """Return this frame to every caller."""
-        self._native.visavis_hold(data, len(data))
-
-    def answer_with(self, start: int, data: int, is_vive_pro_eye: bool) -> None:
-        """Answer with these codes from now on."""
-        self._native.visavis_answer(start, data, int(is_vive_pro_eye))
-
-    def offsets(self) -> list[int]:
-        """Return the offsets of the structure's members, as the C compiler lays them out."""
-        offsets = (ctypes.c_int * 8)()
-        self._native.visavis_offsets(offsets)
-        return list(offsets)

@@ -12,17 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import visavis.experiments.waving
 import visavis.stimuli.motion.warping
-from visavis.experiments.waving.clips import (
-    CLERK_NAMES,
-    DEFAULT_MAKING,
-    DIRECTIONS,
-    KEPT_AS,
-    PLACES,
-    SCENE_SEED,
-    TECHNIQUES,
-    Making,
-    study_wave,
-)
+from visavis.experiments.waving import clips
 from visavis.experiments.waving.perception import Evidence, evidence_of, reach_view
 from visavis.lab.array_cache import digest_of, digest_of_code, read_cache, write_cache
 from visavis.lab.clock import NS_PER_S
@@ -46,12 +36,14 @@ if TYPE_CHECKING:
     from visavis.experiments.waving.participant import WavingParticipant
 
 Stimulus = tuple[str, str, str, str]
-STIMULI: Final = tuple(product(TECHNIQUES, DIRECTIONS, CLERK_NAMES, PARTICIPANT_PLACES))
+STIMULI: Final = tuple(
+    product(clips.TECHNIQUES, clips.DIRECTIONS, clips.CLERK_NAMES, PARTICIPANT_PLACES)
+)
 """The 54 situations of the study: technique, direction, clerk, participant's place."""
 
 
 def quick_trials(
-    person: "WavingParticipant", plan: SessionPlan, making: Making = DEFAULT_MAKING
+    person: "WavingParticipant", plan: SessionPlan, making: clips.Making = clips.DEFAULT_MAKING
 ) -> Iterator[tuple[Trial, dict[str, Any]]]:
     """Perform every trial of a plan but practice; yield its answers and how long they took."""
     for trial in plan.trials:
@@ -63,7 +55,7 @@ def quick_trials(
         )
         evidence = evidence_for((technique, direction, clerk, place), making)
         judgement = person.judges(evidence, place, trial.number)
-        who = PLACES[judgement.place]
+        who = clips.PLACES[judgement.place]
         yield (
             trial,
             {
@@ -77,24 +69,24 @@ def quick_trials(
 
 
 @cache
-def evidence_for(stimulus: Stimulus, making: Making = DEFAULT_MAKING) -> Evidence:
+def evidence_for(stimulus: Stimulus, making: clips.Making = clips.DEFAULT_MAKING) -> Evidence:
     """Return what a customer who stands still sees of a wave; rendered once on a computer."""
     technique, direction, clerk, place = stimulus
     target = neighbour(place, direction).name
-    wave = study_wave(clerk, target, technique, making)
+    wave = clips.study_wave(clerk, target, technique, making)
     key = digest_of(text=f"{stimulus} {making} {wave.sha256} {surroundings_sha256()}")
-    file_arrays = read_cache(KEPT_AS, key)
+    file_arrays = read_cache(clips.KEPT_AS, key)
     if file_arrays is not None:
         return Evidence(**file_arrays)
     gaze = gaze_of(wave.waving, place, target)
     evidence = evidence_of(wave.waving, place, eye_at(place), gaze)
-    write_cache(KEPT_AS, key, vars(evidence))
+    write_cache(clips.KEPT_AS, key, vars(evidence))
     return evidence
 
 
 def gaze_of(waving: Waving, participant_place: str, target_place: str) -> Vector:
     """Return where the waving clerk's eyes point (3,), at a participant who stands still."""
-    scene = office_scene(participant_place, waving, SCENE_SEED)
+    scene = office_scene(participant_place, waving, clips.SCENE_SEED)
     eyes = office_eyes(scene, target_place, 0, 1.0, 0.0)
     standing = eye_at(participant_place) + shift_m(participant_place)
     gaze, _, _ = eyes.at(10 * NS_PER_S, standing)

@@ -18,11 +18,12 @@ import numpy as np
 import pylsl
 
 from tests.devices.bodies import EYE_X_M
+from tests.devices.wire_ends.gazepoint_host import GazepointHost
 from tests.running.screen_session_child import LAB, QUICK, STUDY, Onlooker, press
 from visavis.cli.commands import session
 from visavis.cli.main import app
 from visavis.devices.sim.gaze.tracker_error import TrackerErrorModel
-from visavis.devices.sim.gazepoint import GazepointHost, GazepointSimulator
+from visavis.devices.sim.gazepoint import GazepointSimulator
 from visavis.lab.clock import NS_PER_S, SystemClock
 from visavis.lab.geometry import unit
 from visavis.study.experiment import StudyExperiment

@@ -9,10 +9,11 @@ import pylsl
 from tests.devices import gaze_rigs
 from tests.devices.bodies import FixatingBody
 from tests.devices.gaze_rigs import PERFECT
+from tests.devices.wire_ends.lsl_outlet import LslOutletHost
 from visavis.devices.drivers.lsl.gaze import LslGaze
 from visavis.devices.drivers.lsl.inlet import LslInlet
 from visavis.devices.drivers.lsl.outlet import LslScope
-from visavis.devices.sim.lsl.gaze import LslGazeSimulator, LslOutletHost
+from visavis.devices.sim.lsl.gaze import LslGazeSimulator
 from visavis.lab.clock import SystemClock
 from visavis.lab.geometry import angle_deg
 

@@ -11,9 +11,9 @@ import numpy as np
 import pylsl
 
 from tests.devices.bodies import FixatingBody
+from tests.devices.wire_ends.lsl_outlet import copy_description
 from visavis.devices.drivers.lsl.inlet import LslInlet
 from visavis.devices.drivers.lsl.stream import LslStream
-from visavis.devices.sim.lsl.gaze import copy_description
 from visavis.devices.sim.lsl.stream import LslStreamSimulator
 from visavis.lab.clock import NS_PER_MS, SystemClock
 

@@ -21,7 +21,7 @@ from visavis.devices.drivers.buttons.hid_reports import HAT_SIDES, ReportReader,
 from visavis.devices.drivers.buttons.keyboard import KEYS, KeyLink
 from visavis.devices.drivers.buttons.xid import XidReader
 from visavis.devices.registry import OPTION_MODELS, driver_wiring
-from visavis.devices.sim.buttons.gamepad import DESCRIPTOR
+from visavis.devices.sim.buttons.boxes import DESCRIPTOR
 from visavis.lab.clock import NS_PER_S, SimClock, SystemClock
 from visavis.lab.config import DeviceConfig
 from visavis.lab.errors import ConfigError, DeviceDisconnected

@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from tests.devices import gaze_rigs
 from tests.devices.bodies import FixatingBody
 from tests.devices.gaze_rigs import PERFECT, GazeRig
+from tests.devices.wire_ends.fake_pylink import FakePylink, FakeTracker
+from visavis.devices import libraries
 from visavis.devices.contracts import DeviceState, SessionName
 from visavis.devices.drivers.eyelink import camera_setup, codec
 from visavis.devices.drivers.eyelink import library as eyelink_library
@@ -18,7 +20,7 @@ from visavis.devices.drivers.eyelink.library import VERDICT, EyeLinkLibrary
 from visavis.devices.drivers.streaming.gaze_rays import rows_to_values
 from visavis.devices.drivers.streaming.screen import Screen
 from visavis.devices.pump import Pump
-from visavis.devices.sim.eyelink import EyeLinkSimulator, FakePylink, FakeTracker
+from visavis.devices.sim.eyelink import EyeLinkSimulator
 from visavis.lab.clock import NS_PER_S, SimClock
 from visavis.lab.errors import DeviceError, DeviceNotFound, DeviceTimeout
 from visavis.lab.geometry import angle_deg
@@ -345,11 +347,11 @@ def test_missing_and_foreign_libraries_say_what_to_install(monkeypatch):
     def absent(name):
         raise ImportError(name)
 
-    monkeypatch.setattr(eyelink_library.importlib, "import_module", absent)
-    with pytest.raises(DeviceNotFound, match=r"pip install visavis\[eyelink\]"):
+    monkeypatch.setattr(libraries.importlib, "import_module", absent)
+    with pytest.raises(DeviceNotFound, match=r"pip install 'visavis\[eyelink\]'"):
         eyelink_library.eyelink_library()
     foreign = types.SimpleNamespace()
-    monkeypatch.setattr(eyelink_library.importlib, "import_module", lambda name: foreign)
+    monkeypatch.setattr(libraries.importlib, "import_module", lambda name: foreign)
     with pytest.raises(DeviceNotFound, match="pip uninstall pylink pylink-square"):
         eyelink_library.eyelink_library()
 

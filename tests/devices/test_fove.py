@@ -12,12 +12,13 @@ from hypothesis import strategies as st
 from tests.devices import gaze_rigs
 from tests.devices.bodies import FixatingBody
 from tests.devices.gaze_rigs import PERFECT, GazeRig
+from tests.devices.wire_ends.fove_library import FoveStub, build_stub
 from visavis.devices.contracts import DeviceState
 from visavis.devices.drivers.fove import codec
 from visavis.devices.drivers.fove.driver import Fove
 from visavis.devices.drivers.fove.library import FoveLibrary
 from visavis.devices.drivers.streaming.gaze_rays import rows_to_values
-from visavis.devices.sim.fove import FoveSimulator, FoveStub, build_stub
+from visavis.devices.sim.fove import FoveSimulator
 from visavis.devices.sim.gaze.source import GazeSource
 from visavis.devices.transports import MemoryTransport
 from visavis.lab.clock import SimClock, SystemClock

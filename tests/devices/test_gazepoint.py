@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from tests.devices import gaze_rigs
 from tests.devices.bodies import FixatingBody
 from tests.devices.gaze_rigs import PERFECT, GazeRig
+from tests.devices.wire_ends.gazepoint_host import GazepointHost
 from visavis.devices.contracts import DeviceState
 from visavis.devices.drivers.gazepoint import codec
 from visavis.devices.drivers.gazepoint.driver import Gazepoint
@@ -16,7 +17,7 @@ from visavis.devices.drivers.links.stream_socket import StreamSocket
 from visavis.devices.drivers.streaming.gaze_rays import rows_to_values
 from visavis.devices.drivers.streaming.screen import Screen
 from visavis.devices.faults import FaultSchedule
-from visavis.devices.sim.gazepoint import GazepointHost, GazepointSimulator
+from visavis.devices.sim.gazepoint import GazepointSimulator
 from visavis.lab.clock import SystemClock
 from visavis.lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout, ProtocolViolation
 

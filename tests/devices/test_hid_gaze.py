@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from tests.devices import gaze_rigs
 from tests.devices.bodies import FixatingBody
 from tests.devices.gaze_rigs import PERFECT, GazeRig
+from tests.devices.wire_ends.hid_tracker import FakeHidapi
+from visavis.devices import libraries
 from visavis.devices.contracts import DeviceState
 from visavis.devices.drivers.hid_gaze import codec
 from visavis.devices.drivers.hid_gaze.driver import HidGaze
@@ -17,7 +19,7 @@ from visavis.devices.drivers.hid_gaze.reports import HidReports
 from visavis.devices.drivers.streaming.gaze_rays import rows_to_values
 from visavis.devices.drivers.streaming.screen import Screen
 from visavis.devices.pump import Pump
-from visavis.devices.sim.hid_gaze import DESCRIPTOR, REPORT, SERIAL, FakeHidapi, HidGazeSimulator
+from visavis.devices.sim.hid_gaze import DESCRIPTOR, REPORT, SERIAL, HidGazeSimulator
 from visavis.lab.clock import NS_PER_S, SimClock
 from visavis.lab.errors import DeviceNotFound, ProtocolViolation
 
@@ -171,9 +173,7 @@ def test_unplugged_tracker_comes_back_within_two_seconds():
 
 
 def test_foreign_module_of_the_same_name_is_refused(monkeypatch):
-    monkeypatch.setattr(
-        "visavis.devices.drivers.hid_gaze.reports.importlib.import_module", lambda name: struct
-    )
+    monkeypatch.setattr(libraries.importlib, "import_module", lambda name: struct)
 
     with pytest.raises(DeviceNotFound, match="pip uninstall hid"):
         HidGaze("eyes", HidReports("", SimClock()), SimClock()).open(1.0)

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.devices.bodies import FixatingBody
 from tests.devices.openvr_rigs import passer, simulated_runtime
 from visavis.devices.conformance import check_headset, check_lifecycle
 from visavis.devices.contracts import DeviceState
@@ -18,7 +17,7 @@ from visavis.devices.drivers.openvr.headset import OpenVrHeadset
 from visavis.devices.sim.openvr import runtime as openvr_runtime
 from visavis.devices.sim.openvr import world as openvr_world
 from visavis.devices.wirelog import ReplayTransport, TeeTransport
-from visavis.lab.clock import NS_PER_S, SimClock
+from visavis.lab.clock import SimClock
 from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, ProtocolViolation
 from visavis.lab.geometry import quat_from_yaw_pitch_deg
 
@@ -357,15 +356,6 @@ def test_decoders_survive_any_bytes(raw):
     codec.decode_frame_timing(raw)
     for pose in codec.decode_poses(raw):
         codec.decode_pose(pose)
-
-
-def test_body_stays_the_one_source_of_truth():
-    body = FixatingBody()
-    with headset_on(body=body) as (headset, _, clock, _):
-        run(headset, 2)
-        found = headset.poses_by_serial()
-        assert found["LHR-HMD00001"].position_m == pytest.approx(body.head(clock.now_ns())[0])
-        assert clock.now_ns() < NS_PER_S
 
 
 def test_images_drawn_from_a_later_pose_are_handed_over_with_it():

@@ -18,8 +18,7 @@ from visavis.devices.contracts import (
     DeviceState,
     VibrationPattern,
 )
-from visavis.devices.drivers.bands.driver import HOST_SIDE_ONLY
-from visavis.devices.drivers.bands.open_bands import silence_every_open_band
+from visavis.devices.drivers.bands.driver import HOST_SIDE_ONLY, silence_every_open_band
 from visavis.devices.registry import OPTION_MODELS, built_in
 from visavis.devices.wirelog import ReplayLink, TeeLink
 from visavis.lab.clock import NS_PER_MS, SimClock, SystemClock

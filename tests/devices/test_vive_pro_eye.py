@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.devices.gaze_rigs import PERFECT, GazeRig
+from tests.devices.wire_ends.sranipal_library import StandIn, built_library
 from tests.faults.sessions import lab, perform
 from visavis.devices.drivers.sranipal import codec
 from visavis.devices.drivers.sranipal.driver import ViveProEye
@@ -16,7 +17,7 @@ from visavis.devices.drivers.sranipal.library import SranipalLibrary
 from visavis.devices.drivers.streaming.gaze_rays import rows_to_values
 from visavis.devices.registry import driver_spec
 from visavis.devices.sim.native_build import find_compiler
-from visavis.devices.sim.sranipal import SranipalSimulator, StandIn, built_library
+from visavis.devices.sim.sranipal import SranipalSimulator
 from visavis.lab.clock import SystemClock
 from visavis.lab.config import DeviceConfig
 from visavis.lab.errors import DeviceDisconnected, DeviceNotFound

@@ -6,7 +6,7 @@ import pytest
 from tests.faults.sessions import ScriptedOperator, events, lab, request, trial_table
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.protocol.session.operator import Command
-from visavis.protocol.session.stall_watch import StallWatch
+from visavis.protocol.session.operator_desk import StallWatch
 from visavis.protocol.session.states import SessionState
 from visavis.recording.reader import Recording
 from visavis.running.sessions.perform import perform_new

@@ -4,6 +4,7 @@ import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy import special
 
 from visavis.analysis.statistics.adjust import bonferroni_thresholds, stars
 from visavis.analysis.statistics.correlation import spearman_p
@@ -18,8 +19,16 @@ from visavis.analysis.statistics.printed import (
     read_printed,
     rounding_interval,
 )
-from visavis.analysis.statistics.signed_rank import signed_rank_p_from_t
+from visavis.analysis.statistics.signed_rank import _z
 from visavis.analysis.statistics.t_tests import independent_t_from_summary
+
+
+def signed_rank_p_from_t(T: float, n: int, *, continuity: bool = False) -> float:
+    """Return the normal-approximation p of a printed rank sum T of n untied, non-zero pairs."""
+    if n < 1 or not 0 <= T <= n * (n + 1) / 2:
+        raise StatisticsError(f"a rank sum of {n} pairs lies between 0 and {n * (n + 1) / 2:g}")
+    z = _z(T, np.arange(1.0, n + 1), with_continuity=continuity)
+    return float(min(1.0, 2 * special.ndtr(-abs(z))))
 
 
 def check_paired_summary(

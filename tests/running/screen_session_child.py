@@ -14,9 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from tests.devices.bodies import FixatingBody
+from tests.devices.wire_ends.gazepoint_host import GazepointHost
 from visavis.devices.registry import OPTION_MODELS
 from visavis.devices.sim.gaze.tracker_error import TrackerErrorModel
-from visavis.devices.sim.gazepoint import GazepointHost, GazepointSimulator
+from visavis.devices.sim.gazepoint import GazepointSimulator
 from visavis.lab.clock import SystemClock
 from visavis.lab.config import parse_config
 from visavis.lab.geometry import unit

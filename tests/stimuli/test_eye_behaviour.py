@@ -12,14 +12,15 @@ from visavis.stimuli.gaze.behaviour import (
     EyeBehaviour,
     saccade_duration_ms,
 )
-from visavis.stimuli.gaze.blinks import Blinks, draw_blinks, no_blinks
+from visavis.stimuli.gaze.blinks import Blinks, draw_blinks
 from visavis.stimuli.scenes.audience import PARTICIPANT_EYE_M, SPEAKER_EYE_M, audience_scene
 
 MS = 1_000_000
 SCENE = audience_scene([f"c{i}" for i in range(11)])
 EYES = np.array([a.eye_centre_m for a in SCENE.agents])
 FACING = np.array([a.facing for a in SCENE.agents])
-AVERTED = EyeBehaviour.of_scene(SCENE, target_m=SPEAKER_EYE_M, blinks=no_blinks())
+NO_BLINKS = Blinks(*np.empty((3, 0), np.int64))
+AVERTED = EyeBehaviour.of_scene(SCENE, target_m=SPEAKER_EYE_M, blinks=NO_BLINKS)
 LEFT_CLOSE, CENTRE_CLOSE = 0, 3
 
 
@@ -87,7 +88,7 @@ def test_saccade_speeds_up_and_slows_down_without_overshoot() -> None:
 def test_eyes_never_turn_beyond_the_limit_and_are_always_unit(
     target: list[float], t_ms: int
 ) -> None:
-    behaviour = EyeBehaviour.of_scene(SCENE, target_m=np.array(target), blinks=no_blinks())
+    behaviour = EyeBehaviour.of_scene(SCENE, target_m=np.array(target), blinks=NO_BLINKS)
     for each in (behaviour, behaviour.turning(2, 10 * MS, to_observer=True)):
         gaze, *_ = each.at(t_ms * MS, PARTICIPANT_EYE_M)
 
@@ -97,7 +98,7 @@ def test_eyes_never_turn_beyond_the_limit_and_are_always_unit(
 
 def test_target_too_far_round_is_looked_towards_up_to_the_limit() -> None:
     side = np.cross(FACING[0], [0.0, 1.0, 0.0])
-    behaviour = EyeBehaviour.of_scene(SCENE, target_m=EYES[0] + 3 * side, blinks=no_blinks())
+    behaviour = EyeBehaviour.of_scene(SCENE, target_m=EYES[0] + 3 * side, blinks=NO_BLINKS)
     gaze = behaviour.at(0, PARTICIPANT_EYE_M)[0][0]
 
     assert pytest.approx(MAXIMUM_TURN_DEG) == angle_deg(gaze, FACING[0])

@@ -3,17 +3,7 @@
 from dataclasses import dataclass, field
 
 from visavis.devices.contracts import Fault
-from visavis.devices.drivers.armband.codec import (
-    BATTERY_EMPTY,
-    BLIND,
-    DISAGREED,
-    HELD,
-    RESTING,
-    STATUS_TEXTS,
-    TOO_HOT,
-    Acknowledgement,
-    BandEvent,
-)
+from visavis.devices.drivers.armband import codec
 
 FULL_MV = 4150
 EMPTY_MV = 3300
@@ -22,11 +12,11 @@ LOW_01 = 0.2
 DEAD_MAN, EXPIRED, BATTERY_LOW, BATTERY_GOOD, HOT, COOL = 2, 3, 4, 5, 6, 7
 MOTORS_REST, MOTORS_RESTED, HELD_TOO_LONG, SENSOR_LOST = 9, 10, 11, 12
 REMEDIES = {
-    BATTERY_EMPTY: "charge it",
-    DISAGREED: "charge it",
-    RESTING: "let the study vibrate less: docs/armbands.md tells how long a motor may run",
-    HELD: "let the study end a setting, or change it, before it has held for 20 s",
-    BLIND: "check the thermistor on the strap and its cable",
+    codec.BATTERY_EMPTY: "charge it",
+    codec.DISAGREED: "charge it",
+    codec.RESTING: "let the study vibrate less: docs/armbands.md tells how long a motor may run",
+    codec.HELD: "let the study end a setting, or change it, before it has held for 20 s",
+    codec.BLIND: "check the thermistor on the strap and its cable",
 }
 
 
@@ -51,14 +41,14 @@ class BandStatus:
     dead_man_fired: int = 0
     refusals: dict[int, int] = field(default_factory=dict)
 
-    def take_report(self, answer: Acknowledgement) -> None:
+    def take_report(self, answer: codec.Acknowledgement) -> None:
         """Take battery and temperature from an answer to PING."""
         if answer.battery_mv is not None:
             self.battery_01 = charge_01(answer.battery_mv)
         if answer.temperature_c is not None:
             self.temperature_c = answer.temperature_c
 
-    def take_event(self, event: BandEvent) -> None:
+    def take_event(self, event: codec.BandEvent) -> None:
         """Take an event of the band."""
         if event.code == DEAD_MAN:
             self.dead_man_fired += 1
@@ -82,7 +72,7 @@ class BandStatus:
         if self.resting:
             motors = ", ".join(str(m + 1) for m in range(8) if self.resting >> m & 1)
             text = f"motors that rest, their time being used up: {motors}"
-            faults.append(Fault(role, "warning", text, REMEDIES[RESTING]))
+            faults.append(Fault(role, "warning", text, REMEDIES[codec.RESTING]))
         if self.battery_is_low or (self.battery_01 is not None and self.battery_01 < LOW_01):
             charge = "" if self.battery_01 is None else f" ({self.battery_01:.0%})"
             faults.append(Fault(role, "warning", f"battery low{charge}", "charge it at the break"))
@@ -96,8 +86,12 @@ class BandStatus:
             text = f"{self.unanswered_count} {UNANSWERED_TEXT}"
             faults.append(Fault(role, "warning", text, "bring the band nearer, check its cable"))
         for status, count in sorted(self.refusals.items()):
-            status_text = STATUS_TEXTS[status] if status < len(STATUS_TEXTS) else f"status {status}"
-            if status != TOO_HOT:
+            status_text = (
+                codec.STATUS_TEXTS[status]
+                if status < len(codec.STATUS_TEXTS)
+                else f"status {status}"
+            )
+            if status != codec.TOO_HOT:
                 remedy = REMEDIES.get(status, "report this")
                 faults.append(Fault(role, "warning", f"{count} commands {status_text}", remedy))
         if unreadable_count:

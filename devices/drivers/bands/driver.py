@@ -6,11 +6,14 @@ pattern, silence the motors when the experiment loop stands still. Rows of `HAPT
 that no motor stays on when the pump dies; when the computer itself dies, only the band can help.
 """
 
+import atexit
 import contextlib
 import math
 import threading
+import weakref
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 from visavis.devices.byte_links import ByteLink
 from visavis.devices.contracts import (
@@ -18,7 +21,6 @@ from visavis.devices.contracts import (
     BAND_EVENTS,
     HAPTICS,
     NO_DEVICE_TIME,
-    ClockPair,
     DeviceState,
     Fault,
     Health,
@@ -32,7 +34,6 @@ from visavis.devices.drivers.armband.ledger import (
 )
 from visavis.devices.drivers.bands.language import BandLanguage, Condition, Notice, Ready, Refusal
 from visavis.devices.drivers.bands.limits import MAX_TTL_MS, Limits
-from visavis.devices.drivers.bands.open_bands import open_bands
 from visavis.devices.drivers.bands.traffic import BandTraffic
 from visavis.devices.lifecycle import HasLife, Lifecycle
 from visavis.devices.meter import StreamMeter
@@ -51,6 +52,18 @@ REMEDY = "check that the band is switched on, charged and plugged in or paired"
 
 HOST_SIDE_ONLY = "host_side_safety_only"
 """Capability of a band that goes on vibrating when this computer fails; see `check`."""
+
+open_bands: "weakref.WeakSet[Any]" = weakref.WeakSet()
+"""Bands that are open now."""
+
+
+def silence_every_open_band() -> None:
+    """Silence every open band; registered to run when the interpreter exits."""
+    for band in list(open_bands):
+        band.silence()
+
+
+atexit.register(silence_every_open_band)
 
 
 class HostTimedBand(HasLife):
@@ -209,10 +222,6 @@ class HostTimedBand(HasLife):
             text = f"{self._language.unreadable_count} messages could not be read"
             faults.append(Fault(role, "warning", text, "keep the .wire log and report it"))
         return tuple(faults)
-
-    def clock_pairs(self) -> Sequence[ClockPair]:
-        """Return nothing: these bands have no clock to ask."""
-        return ()
 
     # ---- commands ---------------------------------------------------------------------------
 

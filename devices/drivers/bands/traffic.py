@@ -2,7 +2,8 @@
 
 import math
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 from visavis.devices.byte_links import ByteLink
 from visavis.devices.contracts import PATTERN_NAMES, VibrationPattern
@@ -14,7 +15,6 @@ from visavis.devices.drivers.armband.ledger import (
     SILENCE,
     Command,
 )
-from visavis.devices.drivers.bands.course import Course, share_01
 from visavis.devices.drivers.bands.language import BandLanguage
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceError
@@ -24,6 +24,30 @@ REFRESH_NS = 100 * NS_PER_MS
 SILENCE_AGAIN_NS = 50 * NS_PER_MS
 SILENCE_TIMES = 3
 INQUIRY_NS = 10 * NS_PER_S
+
+
+@dataclass(slots=True)
+class Course:
+    """A running course: amplitudes as a function of ns since `start_ns`, until `until_ns`."""
+
+    start_ns: int
+    until_ns: int
+    amplitudes_at: Callable[[int], tuple[float, ...]]
+    rates_hz: tuple[float, ...] | None
+    changes: bool
+
+
+def share_01(pattern: VibrationPattern, since_s: float) -> float:
+    """Return a pattern's rate at a time as a share of its highest; 0 where `square` is off."""
+    low_01 = pattern.low_hz / pattern.high_hz
+    if pattern.name == "steady":
+        return 1.0
+    if pattern.name == "square":
+        return 1.0 if (since_s * pattern.modulation_hz) % 1.0 < 0.5 else 0.0
+    if pattern.name == "ramp":
+        return low_01 + (1 - low_01) * min(1.0, since_s * 1000 / pattern.duration_ms)
+    swing = math.sin(2 * math.pi * pattern.modulation_hz * since_s)
+    return (1 + low_01) / 2 + (1 - low_01) / 2 * swing
 
 
 class BandTraffic:

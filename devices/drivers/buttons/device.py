@@ -11,7 +11,6 @@ from visavis.devices.byte_links import ByteLink, Chunk
 from visavis.devices.contracts import (
     NO_DEVICE_TIME,
     RESPONSES,
-    ClockPair,
     DeviceState,
     Fault,
     Health,
@@ -150,10 +149,6 @@ class ButtonDevice(HasLife):
             text = f"pressed, but unknown here: {', '.join(sorted(self._unknown))}"
             faults.append(Fault(self.info.role, "warning", text, "name them under keys"))
         return tuple(faults)
-
-    def clock_pairs(self) -> Sequence[ClockPair]:
-        """Return nothing: the device cannot be asked for its time."""
-        return ()
 
     # ---- for drivers ------------------------------------------------------------------------
 

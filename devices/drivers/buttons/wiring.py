@@ -10,8 +10,7 @@ from visavis.devices.drivers.buttons.keyboard import Keyboard, KeyLink
 from visavis.devices.drivers.buttons.spec import BYTES, HID_BUTTONS, KEYBOARD, XID, KeyboardOptions
 from visavis.devices.drivers.buttons.xid import XidButtons
 from visavis.devices.drivers.links.serial_port import serial_port
-from visavis.devices.sim.buttons.boxes import ByteBox, XidPad
-from visavis.devices.sim.buttons.gamepad import Gamepad
+from visavis.devices.sim.buttons.boxes import ByteBox, Gamepad, XidPad
 from visavis.devices.sim.buttons.keyboard import PressedKeys
 from visavis.devices.wiring import Site, Wiring, driven_by, linked_by
 

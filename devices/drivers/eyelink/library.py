@@ -4,7 +4,6 @@ The link's own protocol is private, so the library's functions serve as the wire
 become messages that can be copied to a `.wire` log and replayed without the library.
 """
 
-import importlib
 import string
 import struct
 from collections.abc import Sequence
@@ -19,7 +18,8 @@ from visavis.devices.drivers.eyelink.codec import (
     message_text,
     screen_coordinates,
 )
-from visavis.devices.transports import Exchange, Frames, Message
+from visavis.devices.libraries import PYLINK
+from visavis.devices.transports import Exchange, Frames, Message, NoTopics
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, DeviceTimeout
 
@@ -32,13 +32,7 @@ VERDICT = struct.Struct("<i")
 
 def eyelink_library() -> Any:
     """Return SR Research's pylink; raises DeviceNotFound with the command that installs it."""
-    try:
-        library = importlib.import_module("pylink")
-    except ImportError as cause:
-        raise DeviceNotFound(
-            "the library pylink of SR Research is not installed",
-            remedy="run: pip install visavis[eyelink]",
-        ) from cause
+    library = PYLINK.imported()
     if not hasattr(library, "EyeLink"):
         raise DeviceNotFound(
             "the module 'pylink' belongs to another package than SR Research's",
@@ -47,7 +41,7 @@ def eyelink_library() -> Any:
     return library
 
 
-class EyeLinkLibrary:
+class EyeLinkLibrary(NoTopics):
     """Offer one tracker's link samples; `library` replaces pylink in tests.
 
     `screen_px` is sent to the tracker, whose gaze is in these pixels. After a request `record` it
@@ -131,9 +125,6 @@ class EyeLinkLibrary:
 
     def post(self, frames: Frames) -> None:
         """Do nothing: the library answers at once, so the driver asks by `request`."""
-
-    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: samples have been coming since `open()`."""
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return the samples in the library's queue; waits in steps of a fifth of a millisecond."""

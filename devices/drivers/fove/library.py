@@ -20,7 +20,7 @@ from visavis.devices.drivers.fove.codec import (
     TIMED_OUT,
     error_text,
 )
-from visavis.devices.transports import Exchange, Frames, Message
+from visavis.devices.transports import Exchange, Frames, Message, OnlyListening
 from visavis.lab.clock import Clock
 from visavis.lab.errors import DeviceNotFound, ProtocolViolation
 
@@ -61,7 +61,7 @@ class _Versions(ctypes.Structure):
     ]
 
 
-class FoveLibrary:
+class FoveLibrary(OnlyListening):
     """Offer one headset of a loaded FoveClient as a message transport."""
 
     def __init__(self, library_path: str, clock: Clock, *, is_simulated: bool = False) -> None:
@@ -116,15 +116,9 @@ class FoveLibrary:
         exchange = self.request(frames, 0.0)
         self._arrivals.add(Message(exchange.t_receive_ns, exchange.frames, exchange.t_send_ns))
 
-    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: frames have been coming since `open()`."""
-
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return what the waiting thread fetched; raises DeviceDisconnected when it cannot."""
         return self._arrivals.take(timeout_s, SERVICE_REMEDY)
-
-    def send(self, port: int, frames: Frames) -> None:
-        """Do nothing: the library takes no messages."""
 
     def close(self) -> None:
         """End the thread and destroy the headset; idempotent."""

@@ -1,12 +1,13 @@
 """Carry reports of a HID eye tracker by hidapi: exactly one report per read."""
 
-import importlib
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from visavis.devices.drivers.hid_gaze.codec import EYE_TRACKER, INPUT, USAGE_PAGE, walk_descriptor
-from visavis.devices.transports import Exchange, Frames, Message
+from visavis.devices.libraries import HID
+from visavis.devices.transports import Exchange, Frames, Message, NoTopics
 from visavis.lab.clock import Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, ProtocolViolation
 
@@ -16,12 +17,7 @@ MAX_REPORTS = 1000
 def hid_library() -> Any:
     """Return hidapi's module: its hidraw flavour on Linux, the only one elsewhere."""
     name = "hidraw" if sys.platform.startswith("linux") else "hid"
-    try:
-        library = importlib.import_module(name)
-    except ImportError as cause:
-        raise DeviceNotFound(
-            "the library hidapi is not installed", remedy="run: pip install visavis[usb]"
-        ) from cause
+    library = replace(HID, module=name).imported()
     if not hasattr(library, "device"):
         raise DeviceNotFound(
             f"the module {name!r} belongs to another package than hidapi",
@@ -39,7 +35,7 @@ def found_trackers(library: Any) -> list[Mapping[str, Any]]:
     ]
 
 
-class HidReports:
+class HidReports(NoTopics):
     """Offer one eye tracker's reports; an empty serial takes the first one found.
 
     Requests: (descriptor,), (identity,), (feature:NN,). `library` replaces hidapi in tests.
@@ -111,9 +107,6 @@ class HidReports:
             self._device.send_feature_report(frames[1])
         except (OSError, ValueError) as cause:
             raise self._lose(cause) from cause
-
-    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: reports come by themselves."""
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return the waiting reports; raises DeviceDisconnected once the tracker is unplugged."""

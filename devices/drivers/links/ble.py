@@ -16,6 +16,7 @@ from typing import Any, TypeVar
 
 from visavis.devices.byte_links import Chunk
 from visavis.devices.drivers.links.options import BleBandOptions
+from visavis.devices.libraries import BLE
 from visavis.devices.wiring import Site
 from visavis.lab.clock import Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, DeviceTimeout
@@ -118,7 +119,7 @@ class BleLink:
 
     def open(self, deadline_s: float) -> None:
         """Find the band, connect and listen; see the module about deadlines."""
-        self._bleak = _library()
+        self._bleak = BLE.imported("exc")
         self._is_open = False
         if self._attempt is None:
             self._release()
@@ -261,14 +262,3 @@ def ble_band(site: Site[BleBandOptions]) -> BleLink:
     """Return a band's `real`: the link to the first band that fits its options."""
     options = site.options
     return BleLink(site.clock, address=options.address, name=options.name, splits=options.splits)
-
-
-def _library() -> Any:
-    try:
-        import bleak
-        import bleak.exc
-    except ImportError as cause:
-        raise DeviceNotFound(
-            "the library bleak is not installed", remedy="run: pip install 'visavis[ble]'"
-        ) from cause
-    return bleak

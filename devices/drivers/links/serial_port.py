@@ -11,6 +11,7 @@ from errno import EACCES
 from typing import Any
 
 from visavis.devices.byte_links import ByteLink, Chunk
+from visavis.devices.libraries import SERIAL
 from visavis.devices.wiring import Site, linked_by
 from visavis.lab.clock import Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
@@ -65,7 +66,7 @@ class SerialLink:
     def open(self, deadline_s: float) -> None:
         """Find and open the port."""
         self.close()
-        self._library = serial = _library()
+        self._library = serial = SERIAL.imported()
         name = self._opened_as = self._port or find_port(*self._criteria)
         try:
             port = serial.serial_for_url(
@@ -148,7 +149,7 @@ def serial_port(baud: int | None = None) -> Callable[[Site[Any]], ByteLink]:
 
 def find_port(vid: int | None, pid: int | None, serial_number: str) -> str:
     """Return the name of the one port that fits; raises DeviceNotFound, which lists the ports."""
-    _library()
+    SERIAL.imported()
     from serial.tools import list_ports
 
     ports = list(list_ports.comports())
@@ -179,16 +180,6 @@ def find_port(vid: int | None, pid: int | None, serial_number: str) -> str:
     raise DeviceNotFound(
         f"no serial port fits {criteria}; plugged in: {port_list or 'none'}", remedy=REMEDY
     )
-
-
-def _library() -> Any:
-    try:
-        import serial
-    except ImportError as cause:
-        raise DeviceNotFound(
-            "the library pyserial is not installed", remedy="run: pip install 'visavis[serial]'"
-        ) from cause
-    return serial
 
 
 def _hex(number: int | None) -> str:

@@ -4,7 +4,7 @@ import select
 import socket
 from collections.abc import Sequence
 
-from visavis.devices.transports import Exchange, Frames, Message
+from visavis.devices.transports import Exchange, Frames, Message, NoTopics
 from visavis.lab.clock import Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 
@@ -12,7 +12,7 @@ CHUNK_BYTES = 65_536
 WRITE_TIMEOUT_S = 0.5
 
 
-class StreamSocket:
+class StreamSocket(NoTopics):
     """Connect to a TCP peer; `post` writes, `receive` gives the chunks that came."""
 
     def __init__(
@@ -69,9 +69,6 @@ class StreamSocket:
             ) from cause
         except OSError as cause:
             raise self._lose(cause) from cause
-
-    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: a stream has no topics."""
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return the next chunk, if any comes in time; raises DeviceDisconnected at its end."""

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from visavis.devices.byte_links import Chunk
+from visavis.devices.libraries import HID, USB
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 
@@ -142,7 +143,7 @@ class UsbLink:
     def open(self, deadline_s: float) -> None:
         """Find the band, take its configuration and endpoints."""
         self.close()
-        usb = self._usb = _pyusb()
+        usb = self._usb = USB.imported("core", "util")
         vid, pid, serial_number = self._criteria
         try:
             candidates = usb.core.find(
@@ -227,29 +228,13 @@ class UsbLink:
 
 
 def _hidapi() -> Any:
-    try:
-        import hid
-    except ImportError as cause:
-        raise DeviceNotFound(
-            "the library hidapi is not installed", remedy="run: pip install 'visavis[usb]'"
-        ) from cause
+    hid = HID.imported()
     if not hasattr(hid, "device"):
         raise DeviceNotFound(
             "the installed library `hid` is not hidapi",
             remedy="run: pip uninstall hid, then pip install --force-reinstall hidapi",
         )
     return hid
-
-
-def _pyusb() -> Any:
-    try:
-        import usb.core
-        import usb.util
-    except ImportError as cause:
-        raise DeviceNotFound(
-            "the library pyusb is not installed", remedy="run: pip install 'visavis[usb]'"
-        ) from cause
-    return usb
 
 
 def _libusb() -> Any:

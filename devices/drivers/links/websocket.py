@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from visavis.devices.byte_links import Chunk
+from visavis.devices.libraries import WEBSOCKETS
 from visavis.lab.clock import Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceNotFound
 
@@ -35,7 +36,7 @@ class WebSocketLink:
     def open(self, deadline_s: float) -> None:
         """Connect."""
         self.close()
-        self._library = library = _websockets()
+        self._library = library = WEBSOCKETS.imported("sync.client")
         try:
             self._socket = self._exit_stack.enter_context(
                 library.sync.client.connect(
@@ -89,15 +90,3 @@ class WebSocketLink:
         if connection is not None:
             with contextlib.suppress(OSError, self._library.exceptions.WebSocketException):
                 self._exit_stack.close()
-
-
-def _websockets() -> Any:
-    try:
-        import websockets
-        import websockets.sync.client
-    except ImportError as cause:
-        raise DeviceNotFound(
-            "the library websockets is not installed",
-            remedy="run: pip install 'visavis[bhaptics]'",
-        ) from cause
-    return websockets

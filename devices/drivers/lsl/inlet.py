@@ -14,7 +14,7 @@ from typing import Any
 
 from visavis.devices.contracts import ClockPair
 from visavis.devices.drivers.lsl.outlet import lsl_library
-from visavis.devices.transports import Exchange, Frames, Message
+from visavis.devices.transports import Exchange, Frames, Message, OnlyListening
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceTimeout
 
@@ -37,7 +37,7 @@ def read_offset(frames: Sequence[bytes], t_host_ns: int) -> ClockPair | None:
     return ClockPair(t_host_ns - round_trip_ns, device_ns, t_host_ns)
 
 
-class LslInlet:
+class LslInlet(OnlyListening):
     """Find a stream by name, type and source (empty: any) and read it.
 
     `configuration` is liblsl's. It sets the session and the reach on the network, and only the
@@ -110,9 +110,6 @@ class LslInlet:
         """Ask the measuring thread for an offset."""
         self._offset_request.set()
 
-    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: the stream has been open since `open()`."""
-
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return waiting samples, each stamped when it is pulled."""
         if self._inlet is None:
@@ -138,9 +135,6 @@ class LslInlet:
             messages.append(self._answers.popleft())
         messages.sort(key=lambda message: message.t_host_ns)
         return messages
-
-    def send(self, port: int, frames: Frames) -> None:
-        """Do nothing: LSL streams take no messages."""
 
     def close(self) -> None:
         """Close the stream and end the thread; idempotent."""

@@ -15,7 +15,8 @@ from typing import Any
 
 from visavis.devices.arrivals import Arrivals
 from visavis.devices.drivers.neon.codec import STAMP
-from visavis.devices.transports import Exchange, Frames, Message
+from visavis.devices.libraries import NEON
+from visavis.devices.transports import Exchange, Frames, Message, NoTopics
 from visavis.lab.clock import NS_PER_MS, Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, DeviceTimeout
 
@@ -28,7 +29,7 @@ CLOSING_S = 0.02
 WIRE_LOGGERS = ("aiortsp", "rtp.session", "rtsp_client", "pupil_labs.realtime_api", "websockets")
 
 
-class NeonNetwork:
+class NeonNetwork(NoTopics):
     """Speak to one Companion app at an explicit address; no multicast is needed.
 
     Requests: (status,) (calibration,) (time,). Messages: (gaze, stamp, payload), (status, json).
@@ -59,13 +60,7 @@ class NeonNetwork:
     def open(self, deadline_s: float) -> None:
         """Start the loop, read the status, begin the gaze stream and the status updates."""
         self.close()
-        try:
-            from pupil_labs.realtime_api.device import Device
-        except ImportError as cause:
-            raise DeviceNotFound(
-                "the library pupil-labs-realtime-api is not installed",
-                remedy="run: pip install visavis[neon]",
-            ) from cause
+        library = NEON.imported("device")
         for name in WIRE_LOGGERS:
             logging.getLogger(name).setLevel(logging.CRITICAL)
         self._arrivals = Arrivals()
@@ -73,7 +68,7 @@ class NeonNetwork:
         self._thread = threading.Thread(target=loop.run_forever, name="neon-network", daemon=True)
         self._thread.start()
         try:
-            self._run(self._begin(Device), deadline_s)
+            self._run(self._begin(library.device.Device), deadline_s)
         except DeviceError:
             self.close()
             raise
@@ -91,9 +86,6 @@ class NeonNetwork:
         """Ask for the time without waiting; a missing answer is no error."""
         if frames[0] == b"time" and self._loop is not None:
             asyncio.run_coroutine_threadsafe(self._post_time(), self._loop)
-
-    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: the stream has been running since `open()`."""
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return what came; raises DeviceDisconnected once the stream has ended."""

@@ -9,8 +9,8 @@ and `submit` included, from the thread that draws.
 
 import math
 import struct
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import msgpack
@@ -20,7 +20,6 @@ import numpy.typing as npt
 from visavis.devices.contracts import HEAD, DeviceState, Fault
 from visavis.devices.drivers.openvr import codec
 from visavis.devices.drivers.openvr.display import BaseStations, add_timing, read_display
-from visavis.devices.drivers.openvr.findings import COMPOSITOR_REMEDIES, FOCUS_LOST, Findings
 from visavis.devices.drivers.openvr.spec import OPENVR_HEADSET
 from visavis.devices.drivers.runtimes.headset import CALL_TIMEOUT_S, RuntimeHeadset
 from visavis.devices.drivers.streaming.message_device import legible
@@ -35,6 +34,57 @@ REMAINING = struct.Struct("<d")
 
 Array = npt.NDArray[Any]
 
+FOCUS_LOST = "CompositorError_DoNotHaveFocus"
+COMPOSITOR_REMEDIES = {
+    "CompositorError_InvalidTexture": "the images were not textures of the current GL context: "
+    "keep the context current, and submit RGBA8 textures that still exist",
+    "CompositorError_TextureIsOnWrongDevice": "let the graphics card that drives the headset "
+    "draw: choose it for Python in the graphics settings",
+    "CompositorError_TextureUsesUnsupportedFormat": "submit RGBA8 textures without mip maps",
+    "CompositorError_SharedTexturesNotSupported": "update the graphics driver",
+    "CompositorError_AlreadySubmitted": "wait for the next frame before submitting again",
+    "CompositorError_IsNotSceneApplication": "open the runtime as a scene application",
+    "CompositorError_DoNotHaveFocus": "close the other VR program or SteamVR's dashboard",
+}
+
+
+@dataclass
+class Findings:
+    """Current problems; `submit_problem` is the error with which images were refused."""
+
+    standby: bool = False
+    taken_off: bool = False
+    has_lost_focus: bool = False
+    untracked: bool = False
+    submit_problem: str = ""
+
+    def faults(self, role: str, loss: str, moved_m: Mapping[str, float]) -> tuple[Fault, ...]:
+        """Return the faults; `loss` says why the runtime is gone, `moved_m` is per base station."""
+        faults = []
+        if loss:
+            faults.append(Fault(role, "blocking", loss, OPENVR_HEADSET.remedy))
+        if self.standby:
+            remedy = "ask the participant to put the headset on; wake it by moving it"
+            faults.append(Fault(role, "blocking", "no head tracking: in standby", remedy))
+        elif self.taken_off:
+            remedy = "ask the participant to put the headset on"
+            faults.append(Fault(role, "warning", "the headset is not worn", remedy))
+        if self.untracked:
+            remedy = "check that the base stations see the headset, and that it is connected"
+            faults.append(Fault(role, "blocking", "the headset is not tracked", remedy))
+        if self.has_lost_focus:
+            remedy = COMPOSITOR_REMEDIES[FOCUS_LOST]
+            faults.append(Fault(role, "blocking", "another VR program has the display", remedy))
+        if self.submit_problem:
+            remedy = COMPOSITOR_REMEDIES.get(self.submit_problem, OPENVR_HEADSET.remedy)
+            text = f"images were refused: {self.submit_problem}"
+            faults.append(Fault(role, "blocking", text, remedy))
+        for serial, far_m in moved_m.items():
+            text = f"base station {serial} moved by {far_m * 1e3:.0f} mm"
+            remedy = "fix it to its place and run the room setup again"
+            faults.append(Fault(role, "warning", text, remedy))
+        return tuple(faults)
+
 
 class OpenVrHeadset(RuntimeHeadset):
     """Follow the `Headset` contract over an OpenVR runtime."""
@@ -45,10 +95,8 @@ class OpenVrHeadset(RuntimeHeadset):
         self._photons_ns = 0
         self._midpoint = np.zeros(3)
         self._findings = Findings()
-        self._serials: dict[int, str] = {}
         self._bases = BaseStations()
         self._base_due_ns = 0
-        self._last_poses = codec.decode_poses(b"")
         self._last_count: int | None = None
         self._timing_raw = self._drawn_from = b""
         super().__init__(
@@ -142,14 +190,6 @@ class OpenVrHeadset(RuntimeHeadset):
         self._findings.untracked = self._untracked
         return self._findings.faults(self.info.role, loss, self._bases.moved_m)
 
-    def poses_by_serial(self) -> dict[str, Pose | None]:
-        """Return the pose of every device in the present frame; None where it was not tracked."""
-        poses: dict[str, Pose | None] = {}
-        for slot, serial in self._serials.items():
-            pose = codec.decode_pose(self._last_poses[slot]) if len(self._last_poses) else None
-            poses[serial] = None if pose is None else Pose(np.array(pose[0]), np.array(pose[1]))
-        return poses
-
     # ---- private --------------------------------------------------------------------------
 
     def _connect(self, deadline_ns: int) -> None:
@@ -173,7 +213,6 @@ class OpenVrHeadset(RuntimeHeadset):
     def _learn_devices(self) -> None:
         with legible("the runtime's list of devices", OPENVR_HEADSET.remedy):
             rows = msgpack.unpackb(self._answer("devices"))
-            self._serials = {row[0]: row[3] for row in rows}
             self._bases.slots = {row[0]: row[3] for row in rows if row[1] == codec.BASE_STATION}
             for _, kind, _, serial, model, maker, _ in rows:
                 if kind == codec.HMD:
@@ -223,7 +262,6 @@ class OpenVrHeadset(RuntimeHeadset):
     def _begin_with(
         self, t_ns: int, predicted_ns: int, skipped_count: int, poses: Array
     ) -> FrameInfo:
-        self._last_poses = poses
         head_pose = codec.decode_pose(poses[0]) if len(poses) else None
         if head_pose is not None:
             x, y, z = self._between_eyes(head_pose).position_m
@@ -244,7 +282,6 @@ class OpenVrHeadset(RuntimeHeadset):
 
     def _wait_without_runtime(self) -> FrameInfo:
         self._timing_raw, self._last_count = b"", None
-        self._last_poses = codec.decode_poses(b"")
         return self._wait_alone()
 
     def _take_events(self) -> None:

@@ -20,7 +20,8 @@ import msgpack
 
 from visavis.devices.drivers.openvr.codec import MAX_DEVICES, VSYNC
 from visavis.devices.drivers.runtimes.loader_output import loader_output_logged
-from visavis.devices.transports import Exchange, Frames, Message
+from visavis.devices.libraries import OPENVR
+from visavis.devices.transports import Exchange, Frames, Message, OnlyListening
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 from visavis.lab.errors import DeviceError, DeviceNotFound
 
@@ -129,12 +130,7 @@ class OpenVrLibrary:
     # ---- connection -----------------------------------------------------------------------
 
     def _connect(self) -> None:
-        try:
-            import openvr
-        except ImportError as cause:
-            raise DeviceNotFound(
-                "the library openvr is not installed", remedy="run: pip install openvr"
-            ) from cause
+        openvr = OPENVR.imported()
         try:
             with loader_output_logged("OpenVR"):
                 system = openvr.init(APPLICATIONS[self._application])
@@ -286,7 +282,7 @@ class OpenVrLibrary:
 _LOCAL = threading.local()
 
 
-class OpenVrTransport:
+class OpenVrTransport(OnlyListening):
     """One device's wire to the shared library; follows `MessageTransport`."""
 
     kind = "openvr"
@@ -316,9 +312,6 @@ class OpenVrTransport:
         """Make a call and ignore its answer."""
         self._library.call(frames)
 
-    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: every event is received."""
-
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return the events since the last call; waits in steps of 1 ms for the first."""
         deadline_ns = self._clock.now_ns() + round(timeout_s * NS_PER_S)
@@ -330,9 +323,6 @@ class OpenVrTransport:
         while self.inbox:
             messages.append(self.inbox.popleft())
         return messages
-
-    def send(self, port: int, frames: Frames) -> None:
-        """Do nothing: there is nothing to publish to."""
 
     def close(self) -> None:
         """Leave the library; the last one disconnects."""

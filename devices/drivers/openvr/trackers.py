@@ -13,7 +13,7 @@ import numpy as np
 from visavis.devices.drivers.openvr import codec
 from visavis.devices.drivers.openvr.spec import OPENVR_TRACKERS
 from visavis.devices.drivers.streaming.body_device import BodyDevice, BodySample
-from visavis.devices.transports import Exchange, Frames, Message, MessageTransport
+from visavis.devices.transports import Exchange, Frames, Message, MessageTransport, NoTopics
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.lab.errors import ConfigError, DeviceError, ProtocolViolation
 from visavis.lab.geometry import Pose, quat_conjugate, quat_multiply, rotate
@@ -109,7 +109,7 @@ class OpenVrTrackers(BodyDevice):
         return (BodySample(None, sent_ns, position, turn, valid),)
 
 
-class PolledPoses:
+class PolledPoses(NoTopics):
     """Make a stream from a runtime that only answers: one request `ask` per period."""
 
     def __init__(
@@ -143,9 +143,6 @@ class PolledPoses:
     def post(self, frames: Frames) -> None:
         """Pass on."""
         self._inner.post(frames)
-
-    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: poses are asked for."""
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Wait for the next due time if the timeout allows, and ask."""

@@ -57,6 +57,7 @@ from visavis.devices.drivers.openxr.runtime_time import (
 )
 from visavis.devices.drivers.openxr.wire import OpenXrTransport
 from visavis.devices.drivers.runtimes.loader_output import loader_output_logged
+from visavis.devices.libraries import OPENXR
 from visavis.devices.transports import Frames
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 from visavis.lab.errors import DeviceNotFound
@@ -166,13 +167,7 @@ class OpenXrLibrary:
     # ---- connection -----------------------------------------------------------------------
 
     def _connect(self, deadline_s: float) -> None:
-        try:
-            import xr
-        except ImportError as cause:
-            raise DeviceNotFound(
-                "the library pyopenxr is not installed", remedy="run: pip install pyopenxr"
-            ) from cause
-        self._xr = xr
+        xr = self._xr = OPENXR.imported()
         try:
             self._begin(deadline_s)
         except xr.exception.XrException as cause:

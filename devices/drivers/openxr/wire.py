@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Protocol
 
-from visavis.devices.transports import Exchange, Frames, Message
+from visavis.devices.transports import Exchange, Frames, Message, OnlyListening
 from visavis.lab.clock import Clock
 
 
@@ -33,7 +33,7 @@ class SharedSession(Protocol):
         ...
 
 
-class OpenXrTransport:
+class OpenXrTransport(OnlyListening):
     """One device's wire to the shared session; follows `MessageTransport`."""
 
     kind = "openxr"
@@ -61,15 +61,9 @@ class OpenXrTransport:
         """Make a call and ignore its answer."""
         self._library.call(frames)
 
-    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: everything is asked for."""
-
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return nothing: the session's events are dealt with here."""
         return []
-
-    def send(self, port: int, frames: Frames) -> None:
-        """Do nothing: there is nothing to publish to."""
 
     def close(self) -> None:
         """Leave the session; the last one ends it."""

@@ -7,8 +7,8 @@ samples that arrived, and loss shows only in the stamps.
 """
 
 import contextlib
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
@@ -24,11 +24,9 @@ from visavis.devices.contracts import (
     SessionName,
 )
 from visavis.devices.drivers.pupil import codec
-from visavis.devices.drivers.pupil.answers import ROW_BYTES, check_version, eyes_seen, read_port
 from visavis.devices.drivers.pupil.calibration import HmdCalibration
 from visavis.devices.drivers.pupil.layout import GazeDecoder
 from visavis.devices.drivers.pupil.spec import PUPIL_CORE
-from visavis.devices.drivers.pupil.stopped_parts import StoppedParts
 from visavis.devices.drivers.streaming.gaze_device import GazeDevice
 from visavis.devices.drivers.streaming.gaze_rays import Sample
 from visavis.devices.transports import Message, MessageTransport
@@ -40,6 +38,66 @@ TOPICS = (codec.GAZE_TOPIC, codec.NOTIFY_TOPIC)
 COMMAND_TIMEOUT_S = 1.0
 MIN_RUN = 4
 """With at least so many messages it is faster to decode gaze together."""
+
+STOP_TEXTS = {
+    "eye_process.stopped": "the eye camera's process stopped",
+    "world_process.stopped": "Pupil Capture's main process stopped",
+    "service_process.stopped": "Pupil Service stopped",
+    "launcher_process.should_stop": "Pupil Capture is closing",
+    "stop_plugin": "a plug-in of Pupil Capture stopped",
+}
+STARTED_AGAIN = {"eye_process.started": "eye_process.stopped"}
+EYE_NAMES = {0: "right", 1: "left"}
+
+OLDEST_VERSION = (2, 0)
+"""The first version whose headset calibration takes 3-D references (HMD3DChoreographyPlugin)."""
+
+ROW_BYTES = GAZE.dtype.itemsize
+_GAZE_FIELDS: Mapping[str, Any] = GAZE.dtype.fields or {}
+_LEFT_VALID_AT, _RIGHT_VALID_AT = (_GAZE_FIELDS[f"{eye}_valid"][1] for eye in ("left", "right"))
+
+
+def check_version(text: str, *, role: str) -> None:
+    """Raise ProtocolViolation unless this version of Capture can be driven."""
+    version = codec.decode_version(text)
+    if version is None or version < OLDEST_VERSION:
+        oldest = ".".join(str(part) for part in OLDEST_VERSION)
+        raise ProtocolViolation(
+            f"Pupil Capture says it is version {text!r}; this driver needs {oldest} or newer",
+            role=role,
+            remedy="install a current Pupil Capture",
+        )
+
+
+def read_port(text: str, name: str, *, role: str, remedy: str) -> int:
+    """Return the port that Capture answered when asked for `name`; raises ProtocolViolation."""
+    if not text.isascii() or not text.isdigit() or not 0 < int(text) < 2**16:
+        raise ProtocolViolation(
+            f"answered {text[:40]!r} when asked for {name}", role=role, remedy=remedy
+        )
+    return int(text)
+
+
+def eyes_seen(rows: bytes) -> tuple[int, int]:
+    """Return the numbers of rows of `GAZE` with a valid left and a valid right eye."""
+    return sum(rows[_LEFT_VALID_AT::ROW_BYTES]), sum(rows[_RIGHT_VALID_AT::ROW_BYTES])
+
+
+@dataclass
+class StoppedParts:
+    """Parts that stopped since start and have not started again, by part and eye."""
+
+    stop_texts: dict[str, str] = field(default_factory=dict)
+
+    def note(self, subject: str, eye_id: object = None) -> None:
+        """Remember a notification about a part that stopped, or started again."""
+        eye = EYE_NAMES.get(eye_id, "") if isinstance(eye_id, int) else ""
+        if subject in STOP_TEXTS:
+            self.stop_texts[f"{subject} {eye}"] = (
+                f"{STOP_TEXTS[subject]}{f' ({eye})' if eye else ''}"
+            )
+        elif subject in STARTED_AGAIN:
+            self.stop_texts.pop(f"{STARTED_AGAIN[subject]} {eye}", None)
 
 
 class PupilCore(GazeDevice):

@@ -12,7 +12,7 @@ from typing import Any
 
 from visavis.devices.arrivals import Arrivals
 from visavis.devices.drivers.sranipal.codec import EYE_DATA
-from visavis.devices.transports import Exchange, Frames, Message
+from visavis.devices.transports import Exchange, Frames, Message, OnlyListening
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.lab.errors import DeviceNotFound
 
@@ -30,7 +30,7 @@ LIBRARY_REMEDY = "install SR_Runtime and write the full path of SRanipal.dll und
 RUNTIME_REMEDY = "start SR_Runtime as administrator, and SteamVR with the headset connected"
 
 
-class SranipalLibrary:
+class SranipalLibrary(OnlyListening):
     """Offer the eye tracker of a loaded SRanipal as a message transport."""
 
     def __init__(self, library_path: str, clock: Clock, *, is_simulated: bool = False) -> None:
@@ -80,15 +80,9 @@ class SranipalLibrary:
     def post(self, frames: Frames) -> None:
         """Do nothing: every question waits for its answer."""
 
-    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: frames have been coming since `open()`."""
-
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return the frames that came; raises DeviceDisconnected while the library gives none."""
         return self._arrivals.take(timeout_s, RUNTIME_REMEDY)
-
-    def send(self, port: int, frames: Frames) -> None:
-        """Do nothing: the library takes no messages."""
 
     def close(self) -> None:
         """End the thread and release the eye module; idempotent."""

@@ -17,7 +17,7 @@ from visavis.devices.contracts import Fault
 from visavis.devices.drivers.streaming.message_device import UNREADABLE
 from visavis.devices.drivers.streaming.stream_device import StreamDevice
 from visavis.devices.spec import AnySpec
-from visavis.devices.transports import Exchange, Frames, Message
+from visavis.devices.transports import Exchange, Frames, Message, NoTopics
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.lab.errors import DeviceTimeout
 from visavis.lab.schema import Field, StreamSchema
@@ -171,7 +171,7 @@ def _fits(columns: Sequence[Field], line: Line) -> bool:
     return True
 
 
-class LinkMessages:
+class LinkMessages(NoTopics):
     """A byte link as a wire of messages, one per chunk."""
 
     def __init__(self, link: ByteLink) -> None:
@@ -198,9 +198,6 @@ class LinkMessages:
     def post(self, frames: Frames) -> None:
         """Write."""
         self._link.write(b"".join(frames))
-
-    def subscribe(self, port: int, topics: Sequence[bytes]) -> None:
-        """Do nothing: a link has no topics."""
 
     def receive(self, timeout_s: float) -> Sequence[Message]:
         """Return the chunks that came."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import msgpack
 
-from visavis.devices.contracts import ClockPair, DeviceState, Fault, Sink
+from visavis.devices.contracts import DeviceState, Fault, Sink
 from visavis.devices.lifecycle import HasLife, Lifecycle
 from visavis.devices.spec import AnySpec
 from visavis.devices.transports import Exchange, Frames, Message, MessageTransport
@@ -124,10 +124,6 @@ class MessageDevice(HasLife, ABC):
         self._sink = None
         self._transport.close()
         self._life.state = DeviceState.CLOSED
-
-    def clock_pairs(self) -> Sequence[ClockPair]:
-        """Return nothing: no times are exchanged with its clock."""
-        return ()
 
     # ---- for drivers ------------------------------------------------------------------------
 

@@ -6,13 +6,13 @@ to wait for it, are written while the device is polled. Every pulse is a row of 
 
 import contextlib
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from visavis.devices.byte_links import ByteLink
-from visavis.devices.contracts import NO_DEVICE_TIME, ClockPair, DeviceState, Fault, Health, Sink
+from visavis.devices.contracts import NO_DEVICE_TIME, DeviceState, Fault, Health, Sink
 from visavis.devices.drivers.triggers.labjack_codec import AnswerReader, lines_out, set_lines
 from visavis.devices.drivers.triggers.pulses import Pulse, PulseTrain, Step
 from visavis.devices.lifecycle import HasLife, Lifecycle
@@ -165,10 +165,6 @@ class TriggerOut(HasLife):
                 fault = Fault(self.info.role, "warning", f"{count} {text}", self._spec.remedy)
                 faults.append(fault)
         return tuple(faults)
-
-    def clock_pairs(self) -> Sequence[ClockPair]:
-        """Return nothing: lines have no clock."""
-        return ()
 
     # ---- inside -----------------------------------------------------------------------------
 

@@ -163,14 +163,12 @@ class SimulatedHeadset(OnSessionClock):
         self._close_frame(late_by=0)
         self._deliver_heads()
         self._deliver_timing()
-        self._sink = None
-        self._life.state = DeviceState.OPEN
+        super().stop()
 
     def close(self) -> None:
         """Forget everything; idempotent."""
-        self._sink = None
         self._pending.clear()
-        self._life.state = DeviceState.CLOSED
+        super().close()
 
     def health(self) -> Health:
         """Report the rows of both streams; rate and gaps are the head's (dropped frames: holes)."""

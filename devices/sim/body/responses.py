@@ -115,17 +115,6 @@ class SimulatedResponses(OnSessionClock):
         press_ns = self._hand.next_press_ns()
         return NEVER_NS if press_ns is None else press_ns
 
-    def stop(self) -> None:
-        """Stop delivering."""
-        self._life.require("stop", DeviceState.STREAMING)
-        self._sink = None
-        self._life.state = DeviceState.OPEN
-
-    def close(self) -> None:
-        """Release nothing; idempotent."""
-        self._sink = None
-        self._life.state = DeviceState.CLOSED
-
     def health(self) -> Health:
         """Report the presses so far."""
         return self._meter.health(self.state, self._clock.now_ns())

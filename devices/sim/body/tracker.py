@@ -110,17 +110,6 @@ class SimulatedBodyTracker(OnSessionClock):
         self._sink(SampleBatch(self._schema, seq, stamps, stamps, values))
         return len(values)
 
-    def stop(self) -> None:
-        """Stop measuring."""
-        self._life.require("stop", DeviceState.STREAMING)
-        self._sink = None
-        self._life.state = DeviceState.OPEN
-
-    def close(self) -> None:
-        """Forget everything; idempotent."""
-        self._sink = None
-        self._life.state = DeviceState.CLOSED
-
     def health(self) -> Health:
         """Report samples delivered."""
         return replace(self._meter.health(self.state, self._clock.now_ns()))

@@ -1,11 +1,10 @@
-"""An LSL gaze stream of a body: in memory, or as a real outlet pushed from a thread.
+"""An LSL gaze stream of a body, in memory.
 
 Written from the XDF wiki's gaze meta-data and TittaLSL's labels. Not modelled: LSL's discovery and
-recovery (the real outlet has them), other streams of a session.
+recovery, other streams of a session.
 """
 
 import struct
-import threading
 from typing import Any, Unpack
 from xml.etree.ElementTree import Element, SubElement, tostring
 
@@ -13,7 +12,7 @@ from visavis.devices.contracts import GAZE, Body
 from visavis.devices.drivers.streaming.screen import Screen
 from visavis.devices.sim.gaze.source import EYE_X_M, GazePeer, Measuring, Shot
 from visavis.devices.transports import Frames
-from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
+from visavis.lab.clock import NS_PER_S
 from visavis.lab.xdf_channels import describe
 
 NAN = float("nan")
@@ -161,47 +160,3 @@ class TittaSimulator(LslGazeSimulator):
 
     def __init__(self, body: Body, **options: Any) -> None:
         super().__init__(body, layout="titta", **options)
-
-
-class LslOutletHost:
-    """Push a simulator's samples through a real outlet, in a thread; a context manager."""
-
-    def __init__(self, simulator: LslGazeSimulator, clock: Clock, name: str) -> None:
-        import pylsl
-
-        self._simulator = simulator
-        self._clock = clock
-        count, rate_hz = simulator.channel_count(), simulator.source.rate_hz
-        info = pylsl.StreamInfo(name, "Gaze", count, rate_hz, pylsl.cf_double64, name)
-        copy_description(simulator.desc(), info.desc())
-        self._outlet: Any = pylsl.StreamOutlet(info, chunk_size=1)
-        self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._serve, name="lsl-host", daemon=True)
-
-    def __enter__(self) -> "LslOutletHost":
-        self._thread.start()
-        return self
-
-    def __exit__(self, *exception: object) -> None:
-        self._stopping.set()
-        self._thread.join()
-        self._outlet = None
-
-    def _serve(self) -> None:
-        while not self._stopping.is_set():
-            now_ns = self._clock.now_ns()
-            self._simulator.advance(now_ns)
-            for message in self._simulator.outgoing(now_ns):
-                raw = message.frames[1]
-                stamp_s, *values = struct.unpack(f"<{len(raw) // 8}d", raw)
-                self._outlet.push_sample(values, stamp_s)
-            self._clock.sleep_until_ns(now_ns + NS_PER_MS)
-
-
-def copy_description(source: Element, target: Any) -> None:
-    """Write a description into the library's own kind of element."""
-    for child in source:
-        if len(child):
-            copy_description(child, target.append_child(child.tag))
-        else:
-            target.append_child_value(child.tag, child.text or "")

@@ -12,12 +12,12 @@ import ctypes
 import json
 import os
 import platform
+import struct
 import tempfile
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -26,13 +26,13 @@ import numpy.typing as npt
 from visavis.devices.contracts import Body
 from visavis.devices.drivers.openvr.library import OpenVrLibrary
 from visavis.devices.faults import FaultSchedule
+from visavis.devices.libraries import OPENVR
 from visavis.devices.sim.image_reader import ImageReader
 from visavis.devices.sim.native_build import build_library
-from visavis.devices.sim.openvr.events import button_of, packed_event
 from visavis.devices.sim.openvr.tables import FunctionTables, table_header
 from visavis.devices.sim.openvr.world import CONTROLLER, POSE_BYTES, SimulatedVrWorld
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
-from visavis.lab.errors import DeviceError, DeviceNotFound
+from visavis.lab.errors import DeviceError
 from visavis.lab.geometry import Vector
 
 MILLI_HZ = 1000
@@ -51,6 +51,43 @@ HIDDEN_01 = (
 """The part of the left eye's view hidden by the lens, as shares from the left and from below: its
 corners, most beside the nose. The right eye's is the mirror image.
 """
+
+BUTTON_NUMBERS = {
+    "system": 0,
+    "menu": 1,
+    "grip": 2,
+    "a": 7,
+    "worn": 31,
+    "trackpad": 32,
+    "trigger": 33,
+}
+EVENT_NUMBERS = {
+    "activated": 100,
+    "deactivated": 101,
+    "standby": 106,
+    "awake": 107,
+    "press": 200,
+    "release": 201,
+    "quit": 700,
+}
+RIGHT_CONTROLLER_SLOT = 2
+
+
+def packed_event(size: int, kind: str, slot: int, age_s: float, button: str) -> bytes:
+    """Return an event as the runtime's own structure of `size` bytes holds it."""
+    raw = bytearray(size)
+    struct.pack_into("<IIf", raw, 0, EVENT_NUMBERS[kind], slot, age_s)
+    if button:
+        at = 12 if size % 8 == 4 else 16
+        struct.pack_into("<I", raw, at, BUTTON_NUMBERS[button])
+    return bytes(raw)
+
+
+def button_of(control: str) -> tuple[int, str]:
+    """Return slot and button of a body's control: "trigger", "left_grip"."""
+    side, _, button = control.rpartition("_")
+    slot = RIGHT_CONTROLLER_SLOT - 1 if side == "left" else RIGHT_CONTROLLER_SLOT
+    return slot, button
 
 
 @dataclass
@@ -129,13 +166,7 @@ class SimulatedVrRuntime:
     # ---- life ------------------------------------------------------------------------------
 
     def __enter__(self) -> "SimulatedVrRuntime":
-        try:
-            import openvr
-        except ImportError as cause:
-            raise DeviceNotFound(
-                "the library openvr is not installed", remedy="run: pip install openvr"
-            ) from cause
-        self._openvr = openvr
+        self._openvr = OPENVR.imported()
         client_library = build_library(
             "vrclient/vrclient.c", {"tables.h": table_header()}, "vrclient.so"
         )
@@ -154,12 +185,7 @@ class SimulatedVrRuntime:
         self._fill_tables()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        problem: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, problem: object, trace: object) -> None:
         for name, value in self._environment.items():
             if value is None:
                 os.environ.pop(name, None)

@@ -18,7 +18,6 @@ import tempfile
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -28,6 +27,7 @@ from visavis.devices.drivers.openxr.graphics import EGL, OPENGL, VISIBILITY_MASK
 from visavis.devices.drivers.openxr.library import EYE_GAZE, HEADLESS, OpenXrLibrary
 from visavis.devices.drivers.openxr.runtime_time import FROM_COUNTER, TIMESPEC
 from visavis.devices.faults import FaultSchedule
+from visavis.devices.libraries import OPENXR
 from visavis.devices.sim.native_build import build_library
 from visavis.devices.sim.openxr.eyes import (
     SUPPORTS_HTC,
@@ -37,7 +37,6 @@ from visavis.devices.sim.openxr.eyes import (
 from visavis.devices.sim.openxr.hands import SimulatedHands
 from visavis.devices.sim.openxr.images import CALL_ORDER_INVALID, SimulatedImages
 from visavis.lab.clock import NS_PER_S, Clock
-from visavis.lab.errors import DeviceNotFound
 
 EPOCH_NS = 7_000_000_000_000
 """Time of the runtime's clock when the session's clock is at zero."""
@@ -118,13 +117,7 @@ class SimulatedXrRuntime:
         self._xr: Any = None
 
     def __enter__(self) -> "SimulatedXrRuntime":
-        try:
-            import xr
-        except ImportError as cause:
-            raise DeviceNotFound(
-                "the library pyopenxr is not installed", remedy="run: pip install pyopenxr"
-            ) from cause
-        self._xr = xr
+        self._xr = OPENXR.imported()
         library = build_library("openxr_runtime/runtime.c", {}, "libvisavis_openxr.so")
         self._folder = tempfile.TemporaryDirectory(prefix="visavis-openxr-")
         manifest = Path(self._folder.name) / "runtime.json"
@@ -139,12 +132,7 @@ class SimulatedXrRuntime:
                     self._offer("xr" + name.removeprefix("_xr_"), getattr(part, name))
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        problem: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, problem: object, trace: object) -> None:
         if self._before is None:
             os.environ.pop("XR_RUNTIME_JSON", None)
         else:

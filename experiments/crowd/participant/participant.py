@@ -3,7 +3,10 @@
 It receives what the display shows and what the armbands do, and nothing else. What it does not
 model: hesitating, stepping back, changing the way after a contact, headset weight; tiredness and
 practice only as a form that wanders by chance. What it has learned from vibrations stays from
-trial to trial, and is recorded with each, so that a resumed session goes on with it.
+trial to trial, and is recorded with each, so that a resumed session goes on with it. No answer
+depends on vibration: presence and embodiment are drawn round the person's own level, with a spread
+per answer, so that the published means come out without any effect of the block (Berton et al. 2020
+found none).
 """
 
 import zlib
@@ -14,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.devices.contracts import EYES_DTYPE, PressesNothing
-from visavis.experiments.crowd.participant.answers import answer_question
+from visavis.experiments.crowd.participant import walking
 from visavis.experiments.crowd.participant.route import (
     STEP_M,
     Way,
@@ -25,28 +28,16 @@ from visavis.experiments.crowd.participant.route import (
 from visavis.experiments.crowd.participant.traits import (
     DEFAULT_POPULATION,
     SPREAD,
+    Person,
     Population,
     draw_person,
     in_form,
-)
-from visavis.experiments.crowd.participant.walking import (
-    ALARM,
-    CAUTION,
-    HEADING,
-    N_JOINTS,
-    N_STATE,
-    PROGRESS,
-    STEP_NS,
-    X,
-    Z,
-    advance,
-    walker_head,
-    walker_poses,
 )
 from visavis.lab.body_joints import BODY_JOINTS
 from visavis.lab.chance import generator
 from visavis.lab.errors import DataError
 from visavis.lab.geometry import Vector, quat_conjugate, rotate, unit
+from visavis.people.person import plain_answer
 from visavis.stimuli.contact.body import REFERENCE_STATURE_M, bones
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.station_crowd import READING_M, START_M, CrowdFrame, CrowdScene
@@ -60,6 +51,26 @@ _N_PERSON, _N_TASTE, _N_WALK, _N_ANSWER, _N_FORM = range(5)
 _JOINTS = frozenset(BODY_JOINTS)
 _STANDING, _OUT, _READING, _BACK, _HOME = range(5)
 _ARRIVED_M = 0.06
+
+_SUBSCALES = ("agency", "change", "ownership")
+_NOISE = 0.6
+
+
+def answer_question(
+    person: Person, question_id: str, options: Sequence[str], rng: np.random.Generator
+) -> str | None:
+    """Return an answer in the words of the options, or a number; None to leave it out."""
+    if question_id.startswith("presence"):
+        return _rating(person.presence, options, rng)
+    for subscale, level in zip(_SUBSCALES, person.embodiment, strict=True):
+        if question_id.startswith(subscale):
+            return _rating(float(level), options, rng)
+    return plain_answer(person.age, person.sex, question_id, options, rng)
+
+
+def _rating(level: float, options: Sequence[str], rng: np.random.Generator) -> str:
+    category = round(level + _NOISE * rng.standard_normal())
+    return options[min(max(category, 1), len(options)) - 1]
 
 
 class CrowdParticipant(PressesNothing):
@@ -82,7 +93,7 @@ class CrowdParticipant(PressesNothing):
         skeleton = bones()
         self._parents, self._offsets = skeleton.parents, skeleton.offsets_m
         self._eyes_m = self.person.stature_m / REFERENCE_STATURE_M * np.array(EYES_M)
-        self._states = np.zeros((MAX_ROWS, N_STATE))
+        self._states = np.zeros((MAX_ROWS, walking.N_STATE))
         self._row = 0
         self._origin_ns = 0
         self._stretch = 0
@@ -99,19 +110,21 @@ class CrowdParticipant(PressesNothing):
 
     def prepare(self, stretch: int, t_ns: int) -> None:
         """Stand on the mark and begin a new stretch of behaviour at this session time."""
-        caution_and_alarm = self._states[self._row, [CAUTION, ALARM]].copy()
+        caution_and_alarm = self._states[self._row, [walking.CAUTION, walking.ALARM]].copy()
         self._stretch, self._origin_ns = stretch, t_ns
         self._traits = in_form(self.person, self.population, self.form(stretch))
         self._rng_walk = self._rng(_N_WALK, stretch)
         self._noise = self._rng_walk.standard_normal((MAX_ROWS, 2))
         self._row = 0
         self._states[0] = 0.0
-        self._states[0, [CAUTION, ALARM]] = caution_and_alarm
-        self._states[0, [X, Z]] = START_M
-        self._states[0, HEADING] = np.arctan2(START_M[0] - READING_M[0], START_M[1] - READING_M[1])
+        self._states[0, [walking.CAUTION, walking.ALARM]] = caution_and_alarm
+        self._states[0, [walking.X, walking.Z]] = START_M
+        self._states[0, walking.HEADING] = np.arctan2(
+            START_M[0] - READING_M[0], START_M[1] - READING_M[1]
+        )
         self._still = Way(
             np.array([START_M, START_M]),
-            np.full(2, self._states[0, HEADING]),
+            np.full(2, self._states[0, walking.HEADING]),
             np.full(2, 2.0),
         )
         self._side = np.ones(2)
@@ -142,12 +155,12 @@ class CrowdParticipant(PressesNothing):
     def memory(self) -> dict[str, float]:
         """Return what vibrations have taught: caution and alarm, 0 to 1."""
         row = self._states[self._row]
-        return {"caution": float(row[CAUTION]), "alarm": float(row[ALARM])}
+        return {"caution": float(row[walking.CAUTION]), "alarm": float(row[walking.ALARM])}
 
     def remember(self, memory: Mapping[str, float]) -> None:
         """Take up what was learned in an earlier part of the session."""
         row = self._states[self._row]
-        row[CAUTION], row[ALARM] = memory["caution"], memory["alarm"]
+        row[walking.CAUTION], row[walking.ALARM] = memory["caution"], memory["alarm"]
 
     # ---- Viewer ----
 
@@ -185,7 +198,7 @@ class CrowdParticipant(PressesNothing):
         """Return position (3,) in metres and orientation (4,) (w, x, y, z) in world."""
         self._advance(t_ns)
         position, orientation = np.empty(3), np.empty(4)
-        walker_head(
+        walking.walker_head(
             self._states,
             self._row_of(t_ns),
             self.person.stature_m,
@@ -238,7 +251,7 @@ class CrowdParticipant(PressesNothing):
     @property
     def caution(self) -> float:
         """How careful the participant has become, 0 to 1."""
-        return float(self._states[self._row, CAUTION])
+        return float(self._states[self._row, walking.CAUTION])
 
     def form(self, stretch: int) -> Vector:
         """Return how the person is on a walk, (4,), standard normal between two of its turns."""
@@ -251,11 +264,11 @@ class CrowdParticipant(PressesNothing):
 
     def _pose(self, t_ns: npt.NDArray[np.int64]) -> tuple[Vector, Vector]:
         n = t_ns.shape[0]
-        positions, worlds = np.empty((n, N_JOINTS, 3)), np.empty((n, N_JOINTS, 4))
+        positions, worlds = np.empty((n, walking.N_JOINTS, 3)), np.empty((n, walking.N_JOINTS, 4))
         if n:
             self._advance(int(t_ns[-1]))
             rows = np.array([self._row_of(t) for t in t_ns.tolist()])
-            walker_poses(
+            walking.walker_poses(
                 self._states,
                 rows,
                 self.person.stature_m,
@@ -268,17 +281,17 @@ class CrowdParticipant(PressesNothing):
         return positions, worlds
 
     def _row_of(self, t_ns: int) -> float:
-        return min(max((t_ns - self._origin_ns) / STEP_NS, 0.0), float(self._row))
+        return min(max((t_ns - self._origin_ns) / walking.STEP_NS, 0.0), float(self._row))
 
     def _until_row_at(self, t_ns: int, seconds: float) -> int:
-        return int((t_ns - self._origin_ns) / STEP_NS + 100 * seconds)
+        return int((t_ns - self._origin_ns) / walking.STEP_NS + 100 * seconds)
 
     def _advance(self, t_ns: int) -> None:
-        until = min(-(-(t_ns - self._origin_ns) // STEP_NS), MAX_ROWS - 1)
+        until = min(-(-(t_ns - self._origin_ns) // walking.STEP_NS), MAX_ROWS - 1)
         while self._row < until:
             to = min(until, max(self._until_row, self._row + 1), self._row + 8)
             vibration_01 = max(self._bands.values(), default=0.0)
-            self._row = advance(
+            self._row = walking.advance(
                 self._states,
                 self._row,
                 to,
@@ -310,11 +323,11 @@ class CrowdParticipant(PressesNothing):
 
     def _has_arrived(self) -> bool:
         length_m = (len(self._way.point_m) - 1) * STEP_M
-        return bool(self._states[self._row, PROGRESS] >= length_m - _ARRIVED_M)
+        return bool(self._states[self._row, walking.PROGRESS] >= length_m - _ARRIVED_M)
 
     def _set_out(self, leg: int) -> None:
         self._way, self._way_side = self._ways[leg]
-        self._states[self._row, PROGRESS] = 0.0
+        self._states[self._row, walking.PROGRESS] = 0.0
         self._until_row = MAX_ROWS
 
     def _plan(self, scene: CrowdScene) -> None:

@@ -1,8 +1,13 @@
 """The operator's screen and keys while a session runs."""
 
+import importlib
 import math
+import os
+import select
+import sys
 from collections.abc import Mapping, Sequence
 from types import TracebackType
+from typing import Any
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
@@ -12,7 +17,6 @@ from rich.table import Table
 from rich.text import Text
 
 from visavis.cli.app import verbatim
-from visavis.cli.keyboard import KeyReader
 from visavis.devices.contracts import Health
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.config import INCIDENTS
@@ -35,6 +39,50 @@ NEEDS_REASON = (Action.SKIP, Action.REASON)
 MAY_HAVE_REASON = {Action.FLAG: "Flagged", Action.PAUSE: "Pausing"}
 DIGITS = frozenset("0123456789")
 LATE_MS = 1000.0
+
+
+class KeyReader:
+    """Put the terminal in single-key mode while open; a no-op when stdin is no terminal."""
+
+    def __init__(self) -> None:
+        self._saved_mode: list[Any] | None = None
+        self._active = sys.stdin.isatty()
+
+    def __enter__(self) -> "KeyReader":
+        if self._active and os.name == "posix":
+            termios, tty = importlib.import_module("termios"), importlib.import_module("tty")
+            self._saved_mode = termios.tcgetattr(sys.stdin)
+            tty.setcbreak(sys.stdin)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        if self._saved_mode is not None:
+            termios = importlib.import_module("termios")
+            termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._saved_mode)
+            self._saved_mode = None
+
+    def keys(self) -> str:
+        """Return the keys pressed since the last call; arrow and function keys are left out."""
+        if not self._active:
+            return ""
+        if os.name == "nt":
+            return self._windows_keys()
+        if not select.select([sys.stdin], [], [], 0)[0]:
+            return ""
+        text = os.read(sys.stdin.fileno(), 1024).decode(errors="ignore")
+        return "" if len(text) > 1 and text.startswith("\x1b[") else text
+
+    @staticmethod
+    def _windows_keys() -> str:
+        msvcrt = importlib.import_module("msvcrt")
+        keys = ""
+        while msvcrt.kbhit():
+            key = msvcrt.getwch()
+            if key in ("\x00", "\xe0"):
+                msvcrt.getwch()
+            else:
+                keys += key
+        return keys
 
 
 class KeyInterpreter:

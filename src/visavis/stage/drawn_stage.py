@@ -15,23 +15,13 @@ from visavis.lab.errors import LabError
 from visavis.lab.frame import EyeView, FrameInfo
 from visavis.lab.geometry import Pose, Vector, quat_multiply, rotate
 from visavis.lab.schema import SampleBatch, StreamSchema
+from visavis.stage import frame_truth
 from visavis.stage.card.small_picture import SmallPicture
 from visavis.stage.card.targets import EyeTarget
 from visavis.stage.card.timer import CardTimer
 from visavis.stage.contracts import Glance, Viewer
 from visavis.stage.errors import StageError
 from visavis.stage.fades import Fades, FadeTimes, fading_out, with_brightness
-from visavis.stage.frame_truth import (
-    DRAWN_GPU,
-    DRAWN_VIEWS,
-    DrawnFrame,
-    drawn_schema,
-    gpu_rows,
-    picture_crc32,
-    read_row,
-    truth_row,
-    views_row,
-)
 from visavis.stage.mirror import Mirror, gaze_on_eye
 from visavis.stage.own_body import OwnBody
 from visavis.stage.renderer import Image, Renderer
@@ -135,7 +125,7 @@ class DrawnStage:
         self._renderer: Renderer | None = None
         self._targets: list[EyeTarget] = []
         self._views: Sequence[EyeView] = ()
-        self._schema = drawn_schema(display.people_count, display.rate_hz)
+        self._schema = frame_truth.drawn_schema(display.people_count, display.rate_hz)
         self._sink: Callable[[SampleBatch], None] | None = None
         self._seq = self._views_seq = self._gpu_seq = 0
         self._timer: CardTimer | None = None
@@ -157,8 +147,8 @@ class DrawnStage:
         There is no such stream on the virtual clock, because a card's time does not repeat with the
         seed.
         """
-        gpu_schemas = () if self._clock.is_virtual else (DRAWN_GPU,)
-        return (self._schema, DRAWN_VIEWS, *gpu_schemas)
+        gpu_schemas = () if self._clock.is_virtual else (frame_truth.DRAWN_GPU,)
+        return (self._schema, frame_truth.DRAWN_VIEWS, *gpu_schemas)
 
     def start(self, sink: Callable[[SampleBatch], None]) -> None:
         """Log what is drawn from now on."""
@@ -268,13 +258,13 @@ class DrawnStage:
         Raises:
             StageError: no view is the one that was drawn, or the driver fails.
         """
-        head, levels = read_row(row)
+        head, levels = frame_truth.read_row(row)
         pictures = (
             picture
             for bare in self._pictures(views, row, lit)
             for picture in (bare, *(body.add_to(bare, head) for body in bodies))
         )
-        same = (p for p in pictures if picture_crc32(p) == int(row["picture_crc32"]))
+        same = (p for p in pictures if frame_truth.picture_crc32(p) == int(row["picture_crc32"]))
         picture = next(same, None)
         if picture is None:
             raise StageError(
@@ -403,7 +393,9 @@ class DrawnStage:
             target, now_ns = self._targets[0], self._clock.now_ns()
             # A card may have fewer samples than are asked for.
             quality = replace(renderer.quality, samples=target.samples)
-            self._sink(views_row(self._views_seq, self._views, target.size_px, quality, now_ns))
+            self._sink(
+                frame_truth.views_row(self._views_seq, self._views, target.size_px, quality, now_ns)
+            )
             self._views_seq += 1
 
     def _fail(self, problem: StageError, now_ns: int) -> None:
@@ -443,18 +435,18 @@ class DrawnStage:
     ) -> None:
         if self._sink is None:
             return
-        row = DrawnFrame(
+        row = frame_truth.DrawnFrame(
             frame,
             head,
             level,
-            picture_crc32(picture),
+            frame_truth.picture_crc32(picture),
             picture.brightness_01,
             view.t_ns,
             self._clock.now_ns(),
         )
-        self._sink(truth_row(self._schema, self._seq, row, is_failed=is_failed))
+        self._sink(frame_truth.truth_row(self._schema, self._seq, row, is_failed=is_failed))
         self._seq += 1
         gpu_times = [] if self._timer is None else self._timer.results()
         if gpu_times:
-            self._sink(gpu_rows(self._gpu_seq, gpu_times, self._clock.now_ns()))
+            self._sink(frame_truth.gpu_rows(self._gpu_seq, gpu_times, self._clock.now_ns()))
             self._gpu_seq += len(gpu_times)

@@ -5,7 +5,6 @@ import shutil
 import struct
 import subprocess  # a fixed program with arguments of ours
 from pathlib import Path
-from types import TracebackType
 from typing import IO, Final, Protocol
 
 import numpy as np
@@ -105,12 +104,7 @@ class WholeMovie(Closing):
     def __init__(self, writes: Movie, unfinished_path: Path, path: Path) -> None:
         self._writes, self._unfinished_path, self._path = writes, unfinished_path, path
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
         """Finish the file, or remove it after an error."""
         if kind is None:
             self.close()

@@ -15,7 +15,6 @@ from visavis.analysis.collisions import (
     box,
     capsule,
     common_volume,
-    common_volumes_m3,
     enclosed_volume_m3,
     inside_out,
     sphere,
@@ -244,11 +243,3 @@ def test_too_many_cubes_are_refused() -> None:
     large = box(ORIGIN, np.full(3, 10.0))
     with pytest.raises(TooLargeForVoxels, match="larger cubes"):
         common_volume(large, large, "centres")
-
-
-def test_far_bodies_cost_nothing_and_share_nothing() -> None:
-    body = small_sphere(ORIGIN, 0.1)
-    others = [small_sphere(np.array([x, 0.0, 0.0]), 0.1) for x in (0.1, 5.0)]
-    got = common_volumes_m3(body, others)
-    assert got[0] == common_volume(body, others[0]).volume_m3 > 0
-    assert got[1] == 0.0

@@ -1,4 +1,4 @@
-"""Rules of equivalence, bootstrap, power, reliability, clusters and the estimation plot."""
+"""Rules of equivalence, power, reliability, clusters and the estimation plot."""
 
 import numpy as np
 import pytest
@@ -46,51 +46,6 @@ def test_equivalence_of_groups_equals_welch_one_sided() -> None:
 def test_crossed_equivalence_bounds_are_refused() -> None:
     with pytest.raises(StatisticsError, match="must lie below"):
         statistics.tost_one_sample([1.0, 2.0, 4.0], low=1.0, high=-1.0)
-
-
-def test_bootstrap_repeats_with_its_seed() -> None:
-    x = np.random.default_rng(0).lognormal(size=25)
-    one, two = (
-        statistics.bootstrap_interval(x, np.random.default_rng(5), n_replicates=4000)
-        for _ in range(2)
-    )
-    assert one.interval == two.interval
-
-
-def test_bootstrap_interval_is_efrons_bias_corrected_and_accelerated_one() -> None:
-    x = np.round(np.random.default_rng(2).lognormal(size=14), 1)
-    n, draws = x.size, 999
-    drawn = np.random.default_rng(5).integers(0, n, size=(draws, n))
-    replicates = x[drawn].mean(axis=1)
-    below = np.mean(replicates < x.mean()) + np.mean(replicates == x.mean()) / 2
-    away = x - x.mean()  # of the means without one value each, up to a factor
-    acceleration = (away**3).sum() / (6 * (away**2).sum() ** 1.5)
-    shift = stats.norm.ppf(below)
-    z = shift + stats.norm.ppf([0.025, 0.975])
-    expected = np.quantile(replicates, stats.norm.cdf(shift + z / (1 - acceleration * z)))
-    found = statistics.bootstrap_interval(x, np.random.default_rng(5), n_replicates=draws)
-    assert expected.tolist() == pytest.approx([found.interval.low, found.interval.high])
-    assert replicates.tolist() == pytest.approx(found.replicates.tolist())
-
-
-def test_a_statistic_that_no_single_value_moves_has_no_accelerated_interval() -> None:
-    with pytest.raises(StatisticsError, match="method='percentile'"):
-        statistics.bootstrap_interval(
-            [1.0, 2.0, 2.0, 2.0, 2.0, 3.0], np.random.default_rng(1), statistic=np.median
-        )
-
-
-def test_percentile_bootstrap_takes_any_statistic() -> None:
-    result = statistics.bootstrap_interval(
-        [1.0, 2.0, 3.0, 4.0, 9.0],
-        np.random.default_rng(1),
-        statistic=np.median,
-        method="percentile",
-        n_replicates=500,
-    )
-    assert 3.0 == result.estimate
-    assert result.interval.low >= 1.0
-    assert result.interval.high <= 9.0
 
 
 @settings(max_examples=30, deadline=None)

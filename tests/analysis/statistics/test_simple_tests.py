@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from scipy import stats
 from statsmodels.stats.multitest import multipletests
 
+from tests.reference.stats_papers import signed_rank_p_from_t
 from visavis.analysis.statistics import (
     adjust_p,
     independent_t,
@@ -18,7 +19,6 @@ from visavis.analysis.statistics import (
     partial_eta_squared,
     pearson,
     shapiro_wilk,
-    signed_rank_p_from_t,
     skewness,
     spearman,
     stars,

@@ -12,7 +12,7 @@ from visavis.experiments.crowd.trial import crowd_scene, laid_out
 from visavis.lab.config import Room
 from visavis.lab.errors import ConfigError, DeviceError
 from visavis.protocol.plan.experiment import Demands
-from visavis.protocol.session.demands import unmet
+from visavis.protocol.session.rig import unmet
 from visavis.study.experiment import StudyExperiment
 
 ARM = ("upper_arm", "lower_arm", "hand")

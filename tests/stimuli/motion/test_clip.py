@@ -16,7 +16,6 @@ from visavis.stimuli.motion.clip import (
     cut,
     floor_of_rest_m,
     mirror_clip,
-    move_clip,
     placed_joints,
     sample_clip,
     standing,
@@ -127,18 +126,6 @@ def test_mirror_commutes_with_forward_kinematics_and_undoes_itself(seed: int) ->
     expected = (placed * [-1, 1, 1])[:, CANONICAL.mirror_index]
     assert np.abs(expected - reflected).max() < 1e-12
     assert same(clip.orientation_wxyz, mirror_clip(mirror_clip(clip)).orientation_wxyz, 1e-15)
-
-
-def test_moved_clip_is_the_same_body_elsewhere() -> None:
-    clip = wandering(np.random.default_rng(3), 5)
-    by = np.array([1.0, 0.0, -2.0])
-
-    there = placed_joints(move_clip(clip, 90.0, by), clip.frame_times_s).position_m
-
-    here = placed_joints(clip, clip.frame_times_s).position_m
-    assert (
-        np.abs(np.stack([here[..., 2], here[..., 1], -here[..., 0]], -1) + by - there).max() < 1e-9
-    )
 
 
 def test_clip_on_a_child_keeps_its_turns_and_scales_its_path() -> None:

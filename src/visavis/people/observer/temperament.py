@@ -290,53 +290,32 @@ def draw_temperament(population: Population, rng: np.random.Generator) -> Temper
         _compress_upper_side(hold, q.contact.hold_levels),
         _compress_upper_side(come_back, q.contact.return_levels),
     )
+    # What does not differ between people has the name of the population's constant.
     values = {
+        name: getattr(part, name)
+        for part in (q.attraction, q.visits, q.noticing, q.contact, q.movement, q.body)
+        for name in PERSON_DTYPE.names or ()
+        if hasattr(part, name)
+    }
+    values |= {
         "head_visit_s": q.visits.head_visit_s * np.exp(q.visits.head_visit_between_log_sd * visit),
-        "head_visit_log_sd": q.visits.head_visit_log_sd,
         "other_visit_s": q.visits.other_visit_s * np.exp(0.10 * z[4]),
-        "other_visit_log_sd": q.visits.other_visit_log_sd,
         "hold_s": q.contact.hold_s * (1 + q.contact.hold_between_share * hold_level),
-        "hold_log_sd": q.contact.hold_log_sd,
         "startle_s": q.contact.startle_s * (1 + q.contact.startle_between_share * hold_level),
-        "hold_growth": q.contact.hold_growth,
-        "caught_hold": q.contact.caught_hold,
-        "caught_return": q.contact.caught_return,
         "return_gain": np.clip(
             q.contact.return_gain * np.exp(q.contact.return_between_log_sd * return_level),
             MIN_RETURN_GAIN,
             MAX_RETURN_GAIN,
         ),
-        "return_habituation": q.contact.return_habituation,
         "recheck_gain": max(
             MIN_RECHECK_GAIN,
             q.contact.recheck_gain * (1 + q.contact.recheck_between_share * come_back),
         ),
-        "recheck_s": q.contact.recheck_s,
-        "novelty_gain": q.attraction.novelty_gain,
-        "recovery_s": q.attraction.recovery_s,
-        "familiar_share": q.attraction.familiar_share,
-        "second_look_gain": q.attraction.second_look_gain,
-        "second_look_s": q.attraction.second_look_s,
-        "early_gain": q.attraction.early_gain,
-        "early_s": q.attraction.early_s,
-        "notice_s": q.noticing.notice_s,
-        "change_notice_s": q.noticing.change_notice_s,
-        "notice_log_sd": q.noticing.notice_log_sd,
-        "notice_p": q.noticing.notice_p,
-        "parafovea_p": q.noticing.parafovea_p,
         "parafovea_rad": np.radians(q.noticing.parafovea_deg),
-        "onset_p": q.noticing.onset_p,
         "onset_rad": np.radians(q.noticing.onset_deg),
-        "capture_gain": q.noticing.capture_gain,
         "amplitude_rad": np.radians(q.attraction.amplitude_deg),
-        "scatter_share": q.movement.scatter_share,
         "fixation_s": q.visits.fixation_s * np.exp(0.08 * z[5]),
-        "fixation_log_sd": q.visits.fixation_log_sd,
         "onset_latency_s": q.visits.onset_latency_s * np.exp(0.12 * z[6]),
-        "undershoot_share": q.movement.undershoot_share,
-        "undershoot_p": q.movement.undershoot_p,
-        "correction_s": q.movement.correction_s,
-        "saccade_s": q.movement.saccade_s,
         "saccade_s_per_rad": np.degrees(q.movement.saccade_s_per_deg) * np.exp(0.06 * z[7]),
         "drift_rad": np.radians(q.movement.drift_deg) * np.exp(0.2 * z[8]),
         "tremor_rad": np.radians(q.movement.tremor_deg),
@@ -344,15 +323,10 @@ def draw_temperament(population: Population, rng: np.random.Generator) -> Temper
         "head_rate": q.movement.head_rate_per_s * np.exp(0.1 * z[10]),
         "eye_range_rad": np.radians(q.movement.eye_range_deg),
         "blink_interval_s": 60.0 / (q.body.blinks_per_min * np.exp(q.body.blinks_log_sd * z[11])),
-        "blink_s": q.body.blink_s,
         "pupil_dark_mm": q.body.pupil_dark_mm + q.body.pupil_sd_mm * z[12],
         "pupil_bright_mm": q.body.pupil_bright_mm + 0.7 * q.body.pupil_sd_mm * z[12],
-        "pupil_arousal_mm": q.body.pupil_arousal_mm,
-        "pupil_s": q.body.pupil_s,
         "sway_m": q.body.sway_m * np.exp(0.3 * z[13]),
         "ipd_m": q.body.ipd_m + 0.0035 * z[14],
-        "neck_back_m": q.body.neck_back_m,
-        "neck_up_m": q.body.neck_up_m,
     }
     # The kernels read constants as one structured row; the questionnaires read the rest.
     constants = np.zeros(1, dtype=PERSON_DTYPE)

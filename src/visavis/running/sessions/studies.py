@@ -23,6 +23,7 @@ from visavis.recording.durable import make_folder, protect
 from visavis.recording.folder import SIMULATED_ROOT
 from visavis.recording.manifest import Manifest, read_manifest
 from visavis.recording.reader import Recording
+from visavis.results.locked_plan.deviations import mark_exploratory
 from visavis.results.locked_plan.review import LockedPlan, Peek, PlanReview, review_of
 from visavis.results.opened_study import OpenedStudy, overrides_of
 from visavis.results.picture_delay import SETTING, read_sync_test, required_for

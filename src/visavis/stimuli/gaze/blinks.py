@@ -71,9 +71,3 @@ def draw_blinks(
     end_ns = start_ns + np.round(length_s[is_within] * NS_PER_S).astype(np.int64)
     order = np.argsort(start_ns, kind="stable")
     return Blinks(agent[order], start_ns[order], end_ns[order])
-
-
-def no_blinks() -> Blinks:
-    """Return an empty table: eyes that stay open."""
-    none = np.empty(0, np.int64)
-    return Blinks(none, none, none)

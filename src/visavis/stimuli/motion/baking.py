@@ -5,35 +5,23 @@ from typing import Final
 import numpy as np
 
 from visavis.stimuli.gaze.turning import Gaze
+from visavis.stimuli.motion import kinds
 from visavis.stimuli.motion.clip import Clip
 from visavis.stimuli.motion.errors import MotionError
-from visavis.stimuli.motion.kinds import (
-    Crouch,
-    Idle,
-    Kind,
-    Phone,
-    Run,
-    Sit,
-    Talk,
-    Text,
-    Walk,
-    WatchBoard,
-    Wave,
-)
 from visavis.stimuli.motion.people import PeopleMotion, Person
 
-KINDS_BY_NAME: Final[dict[str, Kind]] = {
-    "stand": Idle(),
-    "sit": Sit(),
-    "wave": Wave(hand="right"),
-    "wave_both": Wave(hand="both"),
-    "phone": Phone(),
-    "text": Text(hand="right"),
-    "board": WatchBoard(),
-    "talk": Talk(),
-    "crouch": Crouch(),
-    "walk": Walk(),
-    "run": Run(),
+KINDS_BY_NAME: Final[dict[str, kinds.Kind]] = {
+    "stand": kinds.Idle(),
+    "sit": kinds.Sit(),
+    "wave": kinds.Wave(hand="right"),
+    "wave_both": kinds.Wave(hand="both"),
+    "phone": kinds.Phone(),
+    "text": kinds.Text(hand="right"),
+    "board": kinds.WatchBoard(),
+    "talk": kinds.Talk(),
+    "crouch": kinds.Crouch(),
+    "walk": kinds.Walk(),
+    "run": kinds.Run(),
 }
 """Procedural motions by the name a command line takes."""
 

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from visavis.lab.geometry import Vector, quat_from_yaw_pitch_deg, quat_multiply, rotate
+from visavis.lab.geometry import Vector
 from visavis.stimuli.motion.errors import MotionError
 from visavis.stimuli.motion.interpolation import Interpolation
 from visavis.stimuli.motion.rotations import continuous, mirrored_quat, unit_quats
@@ -196,20 +196,6 @@ def mirror_clip(clip: Clip) -> Clip:
     turns = mirrored_quat(clip.orientation_wxyz, "X")[:, clip.skeleton.mirror_index]
     x, y, z = clip.travel_m
     return replace(clip, root_m=clip.root_m * flip, orientation_wxyz=turns, travel_m=(-x, y, z))
-
-
-def move_clip(clip: Clip, yaw_deg: float, by_m: Vector) -> Clip:
-    """Turn a clip about the world's vertical axis, then shift it by (3,) metres."""
-    turn = quat_from_yaw_pitch_deg(yaw_deg)
-    turns = clip.orientation_wxyz.copy()
-    turns[:, 0] = quat_multiply(turn, turns[:, 0])
-    x, y, z = rotate(turn, np.asarray(clip.travel_m))
-    return replace(
-        clip,
-        root_m=rotate(turn, clip.root_m) + by_m,
-        orientation_wxyz=turns,
-        travel_m=(float(x), float(y), float(z)),
-    )
 
 
 def worn_by(clip: Clip, skeleton: Skeleton) -> Clip:
