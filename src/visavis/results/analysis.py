@@ -314,8 +314,8 @@ def analyse_rows(
 ) -> StudyAnalysis:
     """Answer every planned comparison and make every family of tests; untested ones say why.
 
-    `sensitivity_rows` holds the main measures of looks by padding and minimum duration, where there are any;
-    `tables` are further ones for sections and further findings.
+    `sensitivity_rows` hold the main measures of looks by padding and minimum duration, where there
+    are any; `tables` are further ones for sections and further findings.
 
     Raises:
         DataError: no trial counts.
