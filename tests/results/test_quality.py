@@ -5,7 +5,7 @@ from tests.experiments.stare.synthetic_rows import analysed, anxiety_answers, st
 from tests.sessions import opened
 from visavis.analysis.report import ReportProvenance
 from visavis.experiments.stare.scene import distances
-from visavis.results.analysis import analyse_rows
+from visavis.results.analysis import AnalysisInForce, analyse_rows
 from visavis.results.quality import quality_of as quality_of_study
 from visavis.results.quality import quality_of_trials, quality_table
 from visavis.results.report.reporting_list import FILL_IN, OPEN, WHY_NOT, reporting_table
@@ -120,9 +120,8 @@ def duel_of(rows):
     )
     measures = [Measure("dwell_ms", "ms", "Dwell time", needs_gaze=True)]
     levels = {"gaze": ("averted", "directed")}
-    return analyse_rows(
-        study, selection, anxiety_answers(3), levels=levels, measures=measures, is_simulated=True
-    )
+    in_force = AnalysisInForce(levels, measures)
+    return analyse_rows(study, selection, anxiety_answers(3), in_force, is_simulated=True)
 
 
 def duel_rows(**columns):

@@ -280,29 +280,42 @@ def measures_of(study: Study, responses: Mapping[str, Any]) -> tuple[Measure, ..
     return tuple(measures.values())
 
 
+@dataclass(frozen=True)
+class AnalysisInForce:
+    """What a study's analysis goes by, once its parameters and settings are in force."""
+
+    levels: Mapping[str, tuple[Scalar, ...]]
+    """The levels of every factor, in their order."""
+    measures: Sequence[Measure]
+    """What was measured."""
+    cells: Sequence[str] = ()
+    """The factors whose combinations tables describe; all that have levels if left out."""
+    compare: Sequence[Compare] | None = None
+    """The comparisons that this design can make; all of the study if left out."""
+    rules: TestRules = DEFAULT_TEST_RULES
+    """How families of tests decide."""
+    thresholds: Any = None
+    """Thresholds of the study's own analysis."""
+    how: Any = None
+    """How trials were measured one by one."""
+    level_words: Mapping[str, str] | None = None
+    """What sentences call levels; their names if left out."""
+
+
 def analyse_rows(
     study: Study,
     selection: Selection,
     people: pd.DataFrame,
+    in_force: AnalysisInForce,
     *,
-    levels: Mapping[str, tuple[Scalar, ...]],
-    measures: Sequence[Measure],
     is_simulated: bool,
-    cells: Sequence[str] = (),
-    rules: TestRules = DEFAULT_TEST_RULES,
     varied: pd.DataFrame | None = None,
-    compare: Sequence[Compare] | None = None,
     tables: Mapping[str, pd.DataFrame] | None = None,
-    thresholds: Any = None,
-    how: Any = None,
-    called: Mapping[str, str] | None = None,
 ) -> StudyAnalysis:
     """Answer every planned comparison and make every family of tests; untested ones say why.
 
-    `compare` are the comparisons that this design can make (all by default). `varied` holds the
-    main measures of looks by padding and minimum duration, where there are any; `tables`, `how`
-    and `thresholds` are what sections and further findings need. `called` gives the words
-    for levels in sentences; without it they have their names.
+    `varied` holds the main measures of looks by padding and minimum duration, where there are any;
+    `tables` are further ones for sections and further findings.
 
     Raises:
         DataError: no trial counts.
@@ -312,27 +325,34 @@ def analyse_rows(
         raise DataError(
             f"no trial of {study.name} counts ({why or 'there is none'}); nothing can be analysed"
         )
-    by_column = {m.column: m for m in measures}
+    levels = dict(in_force.levels)
+    by_column = {m.column: m for m in in_force.measures}
     findings = [
         answered(
-            c, selection.counted, by_column, dict(levels), is_simulated=is_simulated, called=called
+            c,
+            selection.counted,
+            by_column,
+            levels,
+            is_simulated=is_simulated,
+            called=in_force.level_words,
         )
-        for c in (study.analysis.compare if compare is None else compare)
+        for c in (study.analysis.compare if in_force.compare is None else in_force.compare)
     ]
     analysis = StudyAnalysis(
         study,
         is_simulated,
         selection,
         people,
-        dict(levels),
-        tuple(measures),
+        levels,
+        tuple(in_force.measures),
         corrected(findings),
-        tuple(cells or levels),
-        rules=rules,
+        tuple(in_force.cells or levels),
+        rules=in_force.rules,
         tables=tables or {},
-        thresholds=thresholds,
-        how=how,
+        thresholds=in_force.thresholds,
+        how=in_force.how,
     )
+    # Families need the measures' names, and further findings may read the families.
     analysis = _with_families(analysis, by_column, varied)
     further_of = study.analysis.further_of
     return analysis if further_of is None else replace(analysis, further=further_of(analysis))

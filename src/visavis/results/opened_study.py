@@ -19,7 +19,12 @@ from visavis.protocol.plan.experiment import ValidationPoint, ValidationVerdict
 from visavis.protocol.plan.questionnaires import Questionnaire
 from visavis.protocol.plan.shown_scene import Shown
 from visavis.recording.reader import Recording
-from visavis.results.analysis import StudyAnalysis, analyse_rows, measures_of
+from visavis.results.analysis import (
+    AnalysisInForce,
+    StudyAnalysis,
+    analyse_rows,
+    measures_of,
+)
 from visavis.results.family_tests import DEFAULT_TEST_RULES, TestRules
 from visavis.results.intake import SessionIntake, questionnaire, take_in
 from visavis.results.locked_plan.review import PlanReview
@@ -376,25 +381,28 @@ class OpenedStudy:
             experiment, rows, planned=planned, settings=settings, people=people
         )
         pieces = self.pieces
-        return analyse_rows(
-            self.study,
-            selection,
-            people,
+        in_force = AnalysisInForce(
             levels=experiment.levels,
             measures=self.measures(experiment),
-            is_simulated=bool(rows["is_simulated"].any()),
             cells=[f.name for f in (*design.between, *cell_factors)],
-            rules=DEFAULT_TEST_RULES.with_settings(settings),
-            varied=varied,
             compare=[c.with_alphas(settings) for c in experiment.compare],
-            tables=tables or {},
+            rules=DEFAULT_TEST_RULES.with_settings(settings),
             thresholds=self.study.thresholds_with(settings),
             how=None if pieces is None else pieces.how_with(settings),
-            called={
+            level_words={
                 str(level): label_of(experiment.texts, str(level))
                 for levels in experiment.levels.values()
                 for level in levels
             },
+        )
+        return analyse_rows(
+            self.study,
+            selection,
+            people,
+            in_force,
+            is_simulated=bool(rows["is_simulated"].any()),
+            varied=varied,
+            tables=tables,
         )
 
     def selection_of(

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from visavis.analysis.gaze.aoi import (
     DEFAULT_PAD_DEG,
     SENSITIVITY_PADS_DEG,
+    aoi_by_pad,
 )
 from visavis.analysis.gaze.events import (
     IDT_HEADSET,
@@ -30,8 +31,9 @@ from visavis.analysis.gaze.looks import (
     LookParameters,
     measure_trial,
 )
-from visavis.analysis.gaze.movements.detect import AUTO, MovementParameters, detect_movements
+from visavis.analysis.gaze.movements.detect import detect_movements
 from visavis.analysis.gaze.movements.kinds import Movement, Movements, fixations_of
+from visavis.analysis.gaze.movements.parameters import AUTO, MovementParameters
 from visavis.analysis.gaze.sensitivity import SENSITIVITY_MINIMA_MS, sensitivity_of_trial
 from visavis.analysis.gaze.stamps import order_of
 from visavis.analysis.gaze.targets import GazeTargets
@@ -283,16 +285,19 @@ def sensitivity_rows(
     """Yield the six measures for every padding and minimum fixation duration."""
     span = _span(row)
     samples = targets.between(span.start_ns, span.end_ns)
-    results = sensitivity_of_trial(
-        samples.t_ns,
+    areas = aoi_by_pad(
         samples.angle_deg,
         samples.radius_deg,
         samples.pad_limit_deg,
         samples.hit,
+        pads_deg=pads_deg,
+    )
+    results = sensitivity_of_trial(
+        samples.t_ns,
+        areas,
         span.active,
         span.start_ns,
         span.end_ns,
-        pads_deg=pads_deg,
         minima_ms=minima_ms,
         params=params.looks,
     )

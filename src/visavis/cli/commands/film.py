@@ -18,7 +18,7 @@ from visavis.cli.app import (
 )
 from visavis.cli.commands.preview import picture_size
 from visavis.cli.film.cameras import CameraKind, Cuts
-from visavis.cli.film.film import Overlay, write_film
+from visavis.cli.film.film import FilmSettings, Overlay, write_film
 from visavis.cli.notifier import NOTIFIER, Forecast
 from visavis.cli.personal_copies import protect_and_register, require_whole
 from visavis.cli.studies import session_of
@@ -102,14 +102,16 @@ def film(
             recording,
             trial,
             output,
-            camera=camera_choice,
-            shot=shot_size,
-            cuts=rule,
-            overlays=overlays,
-            seed=seed,
-            size_px=size_px,
-            rate_hz=rate,
-            seconds=seconds,
+            FilmSettings(
+                camera=camera_choice,
+                shot=shot_size,
+                cuts=rule,
+                seed=seed,
+                overlays=overlays,
+                size_px=size_px,
+                rate_hz=rate,
+                seconds=seconds,
+            ),
             on_frame=report_frame,
         )
     summary = f"written [b]{verbatim(output)}[/], {result.pictures / rate:.1f} s"

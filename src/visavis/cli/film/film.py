@@ -75,6 +75,31 @@ class Overlay(StrEnum):
 ALL_OVERLAYS: Final = tuple(Overlay)
 
 
+@dataclass(frozen=True)
+class FilmSettings:
+    """How a trial is filmed; a film of a page has no camera, shots or cuts."""
+
+    camera: CameraKind | Path = CameraKind.EYES
+    """The camera, or a file of the decisions of one."""
+    shot: ShotSize = ShotSize.LONG
+    """How large people appear."""
+    cuts: Cuts = Cuts.AUTO
+    """When the camera that knows the place cuts."""
+    seed: int = 0
+    """Seed of what that camera leaves to chance."""
+    overlays: Sequence[Overlay] = ALL_OVERLAYS
+    size_px: tuple[int, int] = (1280, 720)
+    rate_hz: int = 25
+    """Pictures per second, 1 to 240."""
+    seconds: float | None = None
+    """Length of the film from the trial's begin; the whole trial if left out."""
+
+    @property
+    def aspect(self) -> float:
+        """Width by height."""
+        return self.size_px[0] / self.size_px[1]
+
+
 @dataclass(frozen=True, eq=False)
 class FilmResult:
     """A film as it was made: the number of pictures, the camera, its decisions if it takes any, and
@@ -92,15 +117,8 @@ def write_film(
     recording: Recording,
     trial_id: str,
     video: Path,
+    settings: FilmSettings,
     *,
-    camera: CameraKind | Path = CameraKind.EYES,
-    shot: ShotSize = ShotSize.LONG,
-    cuts: Cuts = Cuts.AUTO,
-    overlays: Sequence[Overlay] = ALL_OVERLAYS,
-    seed: int = 0,
-    size_px: tuple[int, int] = (1280, 720),
-    rate_hz: int = 25,
-    seconds: float | None = None,
     on_frame: Callable[[int, int], None] | None = None,
 ) -> FilmResult:
     """Write the film of a trial; a trial on a page is filmed as the page was, without a camera.
@@ -112,31 +130,31 @@ def write_film(
             place in this room from where the camera could film.
         StageError: the film cannot be written, or nothing draws here.
     """
+    rate_hz, camera = settings.rate_hz, settings.camera
     if not 1 <= rate_hz <= 240:
         raise UsageError(f"--rate {rate_hz}; give 1 to 240 pictures a second")
     if is_on_page(recording):
-        shows_clock = Overlay.CLOCK in overlays
+        shows_clock = Overlay.CLOCK in settings.overlays
         n = write_page_film(
             study,
             recording,
             trial_id,
             video,
             clock=shows_clock,
-            size_px=size_px,
+            size_px=settings.size_px,
             rate_hz=rate_hz,
-            seconds=seconds,
+            seconds=settings.seconds,
             on_frame=on_frame,
         )
         return FilmResult(n, None, None)
     trial = recorded_trial(recording, trial_id)
     start_ns, end_ns = trial.span_ns
-    if seconds is not None:
-        end_ns = min(end_ns, start_ns + round(seconds * NS_PER_S))
+    if settings.seconds is not None:
+        end_ns = min(end_ns, start_ns + round(settings.seconds * NS_PER_S))
     times = list(range(start_ns, end_ns + 1, NS_PER_S // rate_hz))
     factors = ", ".join(str(trial.row[name]) for name in factors_of(recording, trial_id))
     label = f"{recording.manifest.study} {recording.manifest.participant} {trial_id}  {factors}"
     label = f"{SIMULATED}  ·  {label}" if recording.is_simulated else label
-    aspect = size_px[0] / size_px[1]
 
     shown_at = pictures_of(study, trial)
     # The camera that knows the place needs room to stand in every scene of the trial.
@@ -145,18 +163,20 @@ def write_film(
         scene_starts_ns = [start_ns, *(int(t) for t in scenes if start_ns < t <= end_ns)]
         is_place = films_by_topology(shown_at(t) for t in scene_starts_ns)
         camera = CameraKind.TOPOLOGY if is_place else CameraKind.ORBIT
-    looks = _camera(camera, shot, cuts, aspect, start_ns, seed, trial, shown_at)
-    log = FilmLog(None if isinstance(camera, Path) or camera is CameraKind.EYES else shot)
-    scene = FilmedTrial(trial, shown_at, looks, overlays, size_px, log)
+        settings = replace(settings, camera=camera)
+    looks = _camera(settings, start_ns, trial, shown_at)
+    log = FilmLog(None if isinstance(camera, Path) or camera is CameraKind.EYES else settings.shot)
+    scene = FilmedTrial(trial, shown_at, looks, settings.overlays, settings.size_px, log)
     with ExitStack() as stack:
         renderer = stack.enter_context(film_renderer(FILM_ON_PROCESSOR))
         scene.looks_from(renderer)
         pictures = scene.pictures(times, renderer.image)
         first = next(pictures)  # a camera that finds no place says so before there is a file
-        film = stack.enter_context(open_movie(video, size_px, rate_hz))
+        film = stack.enter_context(open_movie(video, settings.size_px, rate_hz))
         for k, image in enumerate(chain((first,), pictures)):
             caption = f"{label}  {(times[k] - start_ns) / NS_PER_S:.1f} s"
-            film.add(np.asarray(add_label(image, caption if Overlay.CLOCK in overlays else label)))
+            shown_caption = caption if Overlay.CLOCK in settings.overlays else label
+            film.add(np.asarray(add_label(image, shown_caption)))
             if on_frame is not None:
                 on_frame(k + 1, len(times))
     decisions = looks.decisions() if isinstance(looks, TopologyCamera) else None
@@ -176,19 +196,17 @@ def pictures_of(study: OpenedStudy, trial: RecordedTrial) -> Callable[[int], Pic
 
 
 def _camera(
-    camera: CameraKind | Path,
-    shot: ShotSize,
-    cuts: Cuts,
-    aspect: float,
+    settings: FilmSettings,
     start_ns: int,
-    seed: int,
     trial: RecordedTrial,
     shown_at: Callable[[int], Picture],
 ) -> FilmCamera:
+    camera, aspect = settings.camera, settings.aspect
     if isinstance(camera, Path):
         return RecordedCamera(camera, aspect)
     if camera is CameraKind.TOPOLOGY:
-        return TopologyCamera(style_of(shot, cuts), aspect, shown_at, trial.head_at, seed)
+        style = style_of(settings.shot, settings.cuts)
+        return TopologyCamera(style, aspect, shown_at, trial.head_at, settings.seed)
     if camera is CameraKind.FOLLOW:
         return FollowCamera(aspect)
     return ViewpointCamera(Viewpoint(camera.value), aspect, start_ns)
