@@ -27,7 +27,7 @@ import numpy as np
 from tests.stimuli.camera.outlined import outlined_room
 from visavis.lab.clock import NS_PER_S, cpu_time_s
 from visavis.lab.geometry import Vector
-from visavis.stimuli.camera.choosing import is_free, place_on, points_of_interest
+from visavis.stimuli.camera.choosing import Clearance, is_free, place_on, points_of_interest
 from visavis.stimuli.camera.director import (
     HEAD_SHARE,
     STYLES,
@@ -161,12 +161,13 @@ def could_keep_angle(place: FilmedPlace, style: Style, cut: Cut, moment: Moment)
     """Tell whether any place of interest sees the subject, is free and turns the view enough."""
     graph = place.graph
     edge, share = np.empty(3 * len(graph.edges), np.int64), np.empty(3 * len(graph.edges))
-    n = points_of_interest(
-        cut.subject_m, 3.0, np.inf, graph.nodes_m, graph.edges, graph.component, -1, edge, share
+    n = points_of_interest(cut.subject_m, 3.0, np.inf, graph.network, -1, edge, share)
+    clearance = Clearance(
+        place.obstacles.arrays, moment.people, style.clear_m, style.people_clear_m
     )
     return any(
         view_angle_deg(cut.subject_m, cut.from_m, p) >= style.min_angle_deg
-        and is_free(p, moment.people, style.clear_m, style.people_clear_m, *place.obstacles.arrays)
+        and is_free(p, clearance)
         and place.obstacles.sees(p, head_of(moment), moment.people)
         for p in (place_on(graph.nodes_m, graph.edges, edge[i], share[i]) for i in range(n))
     )
@@ -189,7 +190,7 @@ def judged(
         for t, a, b, _ in ways
     )
     inside = sum(
-        not is_free(v.position_m, m.people, 0.0, 0.0, *o.arrays)
+        not is_free(v.position_m, Clearance(o.arrays, m.people, 0.0, 0.0))
         for v, m in zip(views, moments, strict=True)
     )
     later = director.cuts[1:]

@@ -56,7 +56,11 @@ class Keeping(SessionLink):
 
     def show(self, status: SessionStatus) -> None:
         """Pass it on as any link does."""
-        if status.shown is not None and status.shown.scene.agents and status.trial_left_s:
+        if (
+            status.scene_frame is not None
+            and status.scene_frame.scene.agents
+            and status.trial_left_s
+        ):
             self.fullest = status
         super().show(status)
 

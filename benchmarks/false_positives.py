@@ -21,7 +21,7 @@ from visavis.analysis.statistics.errors import StatisticsError
 from visavis.analysis.statistics.gee import Family, gee
 from visavis.analysis.statistics.lmm import linear_mixed
 from visavis.analysis.statistics.nonlinear_scales import nonlinear_scale_interactions
-from visavis.analysis.statistics.power import proportion_interval
+from visavis.analysis.statistics.power_estimates import proportion_interval
 from visavis.analysis.statistics.results import Array
 from visavis.analysis.statistics_report.prepare import uneven_changes, uneven_groups
 

@@ -37,7 +37,7 @@ from visavis.lab.config_files import EXAMPLE
 from visavis.protocol.plan.session_plan import SessionPlan
 from visavis.protocol.session.gaze_setup import TargetTiming
 from visavis.protocol.session.operator import SessionStatus, UnattendedOperator
-from visavis.protocol.session.progress import DONE
+from visavis.protocol.session.progress import FINAL_STATUSES
 from visavis.protocol.session.states import SessionState
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
@@ -219,7 +219,7 @@ class _ShortSessions:
         taken = self.study.measure(Recording(session))
         walks = getattr(taken, "walks", None)
         rows = taken.rows if walks is None else pd.DataFrame([w.row for w in walks])
-        rows = rows[rows["status"].isin(DONE)].set_index("trial_id").sort_index()
+        rows = rows[rows["status"].isin(FINAL_STATUSES)].set_index("trial_id").sort_index()
         times = [c for c in map(str, rows) if c.endswith("_ns") and c not in INTERRUPTION_COLUMNS]
         for column in times:
             rows[column] = rows[column] - rows["t_start_ns"]
@@ -361,7 +361,7 @@ def _compare(
     short: _ShortSessions, session: Path, reference: pd.DataFrame, outcome: Outcome
 ) -> None:
     recording = Recording(session)
-    missing = [t for t in check_session(recording).trials if t.status not in DONE]
+    missing = [t for t in check_session(recording).trials if t.status not in FINAL_STATUSES]
     if missing or recording.status != "complete":
         outcome.missing_trials += max(len(missing), 1)
         outcome.problems.append(f"{session}: {recording.status}, {len(missing)} trials missing")

@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from visavis.lab.clock import StopWatch, cpu_time_s
-from visavis.protocol.plan.experiment import untold
+from visavis.protocol.plan.experiment import no_progress
 from visavis.results.opened_study import find_study
 from visavis.running.film_store import film_store
 
@@ -29,11 +29,11 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as first, tempfile.TemporaryDirectory() as second:
         store = replace(film_store(experiment), folder=Path(first))
         watch, before_s = StopWatch(), cpu_time_s()
-        store.build(films, untold)
+        store.build(films, no_progress)
         cpu_s, wall_s = cpu_time_s() - before_s, watch.elapsed_s()
         built = store.file_of(films[0])
         again = replace(store, folder=Path(second))
-        again.build(films[:1], untold)
+        again.build(films[:1], no_progress)
         rebuilt = again.file_of(films[0])
         assert built is not None
         assert rebuilt is not None

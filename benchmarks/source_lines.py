@@ -9,7 +9,9 @@ has a limit. "Ratio" is limit / value: 1 or more is within the limit.
 - Modules in circles: modules that reach each other by imports, also by those for types only and
   those inside functions (`benchmarks.import_graph`).
 - Deferred imports: statements inside functions that import a module of the product.
-- Fields: those of a dataclass and of the dataclasses of the product that it extends.
+- Fields: those of a dataclass and of the dataclasses of the product that it extends. A dataclass
+  that serves as an argument of `takes_keywords_of` and for nothing else has no instances: it is
+  the signature of a thing made of parts, whose fields are counted in the parts.
 - Bare participles: of all places that bind a name (assignments, loops, parameters, fields,
   functions, classes), how many bind one that is a participle and nothing else: `told`, `known`,
   `asked`. Words of the trade, such as `sorted` or `calibrated`, are names like others.
@@ -135,7 +137,10 @@ def functions_of_many_parameters(modules: Mapping[str, SourceFile]) -> dict[str,
 
 
 def dataclass_fields(modules: Mapping[str, SourceFile]) -> dict[str, int]:
-    """Return how many fields each dataclass has, by module and name, inherited ones too."""
+    """Return how many fields each dataclass has, by module and name, inherited ones too.
+
+    Signatures of things made of parts are left out (`signature_classes`).
+    """
     own = {
         f"{module.name}.{node.name}": (module, node)
         for module in modules.values()
@@ -143,12 +148,42 @@ def dataclass_fields(modules: Mapping[str, SourceFile]) -> dict[str, int]:
         if isinstance(node, ast.ClassDef) and any(map(_is_dataclass, node.decorator_list))
     }
 
+    signatures = signature_classes(modules)
+
     def fields(name: str) -> set[str]:
         module, node = own[name]
         inherited = (_full_name(base, module) for base in node.bases)
         return _own_fields(node).union(*(fields(base) for base in inherited if base in own))
 
-    return {name: len(fields(name)) for name in own}
+    return {name: len(fields(name)) for name in own if name not in signatures}
+
+
+def signature_classes(modules: Mapping[str, SourceFile]) -> set[str]:
+    """Return the classes, as module and name, that only give `takes_keywords_of` its signature.
+
+    Their name stands in no other place of their module, and no other module imports it.
+    """
+    imported_names = {
+        f"{node.module}.{alias.name}"
+        for module in modules.values()
+        for node in ast.walk(module.tree)
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    signatures: set[str] = set()
+    for module in modules.values():
+        uses: Counter[str] = Counter()
+        as_signature: Counter[str] = Counter()
+        for node in ast.walk(module.tree):
+            match node:
+                case ast.Name(id=name, ctx=ast.Load()):
+                    uses[name] += 1
+                case ast.Call(func=ast.Name(id="takes_keywords_of"), args=[ast.Name(id=name)]):
+                    as_signature[name] += 1
+        signatures |= {
+            f"{module.name}.{name}" for name, n in as_signature.items() if uses[name] == n
+        }
+    return signatures - imported_names
 
 
 def _is_dataclass(decorator: ast.expr) -> bool:

@@ -49,7 +49,7 @@ from visavis.stimuli.scenes.office import (
     OfficeFrame,
     OfficeScene,
 )
-from visavis.study.background import AtOnce, Beside
+from visavis.study.background import BackgroundExecutor, InlineExecutor
 
 FRAME_S = 1 / 90
 ON_TARGET_01, RATE_HZ, P99_MS = 0.8, 20.0, 11.0
@@ -162,7 +162,7 @@ def followed(about: About, eye_m: Vector, *, corrects: bool) -> float:
     waving = study_wave(about[0], about[1], WARPING, about[2]).waving
     if waving.warp is None:
         return float("nan")
-    loop = TrackLoop(waving.warp, partial(solved_key, about), AtOnce())
+    loop = TrackLoop(waving.warp, partial(solved_key, about), InlineExecutor())
     for k in range(round(waving.end_s / FRAME_S) if corrects else 0):
         loop.step(k * FRAME_S, eye_m)
     times = np.arange(waving.start_s, waving.end_s, 0.05)
@@ -178,7 +178,7 @@ def frame_rows(seconds: float) -> list[dict[str, object]]:
     still = np.array([a.facing for a in scene.agents])
     clock, rows = SystemClock(), []
     round_s = waving.end_s
-    beside = Beside()
+    beside = BackgroundExecutor()
     for corrects in (False, True):
         work_ms: list[float] = []
         taken = late = rounds = 0

@@ -10,7 +10,7 @@ count as frozen only when the hips have meanwhile moved farther than a leg reach
 """
 
 from collections.abc import Iterable, Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +32,30 @@ _CALM_NS: Final = 500 * NS_PER_MS
 _UNKNOWN, _SAME, _CHANGED = 0, 1, 2
 
 
+class _State(NamedTuple):
+    """What a watch knows of s segments; the last dimension of two is position, orientation."""
+
+    limit_ns: int
+    hips: int
+    """The place of the hips among the segments; -1 without hips."""
+    is_held_by_floor: Flags
+    """(s,) feet and toes."""
+    last: Vector
+    """(s, 7) position and orientation in the last sample."""
+    changed_ns: npt.NDArray[np.int64]
+    """(s, 2) for how long each has changed from sample to sample."""
+    still_ns: npt.NDArray[np.int64]
+    """(s, 2) for how long each has repeated itself while others moved."""
+    has_moved: Flags
+    """(s, 2) which have moved on their own before."""
+    hips_m: Vector
+    """(s, 2, 2) where the hips were over the floor when the repeating began."""
+    change: npt.NDArray[np.int8]
+    """(s, 2) unknown, the same or changed in the last sample."""
+    is_frozen: Flags
+    """(s, 2) which are frozen now."""
+
+
 class SegmentWatch:
     """Look at a body sample by sample.
 
@@ -50,30 +74,28 @@ class SegmentWatch:
         n = len(segments)
         self.segments = tuple(segments)
         self.frozen_ns = np.zeros(n, np.int64)
-        self._still_ns = np.zeros((n, 2), np.int64)
-        self._has_moved, self._frozen = np.zeros((n, 2), bool), np.zeros((n, 2), bool)
+        self._state = _State(
+            limit_ns=limit_ns,
+            hips=self.segments.index("hips") if "hips" in segments else -1,
+            is_held_by_floor=np.array([name in HELD_BY_FLOOR for name in segments], bool),
+            last=np.full((n, 7), np.nan),
+            changed_ns=np.zeros((n, 2), np.int64),
+            still_ns=np.zeros((n, 2), np.int64),
+            has_moved=np.zeros((n, 2), bool),
+            hips_m=np.full((n, 2, 2), np.nan),
+            change=np.zeros((n, 2), np.int8),
+            is_frozen=np.zeros((n, 2), bool),
+        )
         for name, channel in moved_channels:
             if name in self.segments:
-                self._has_moved[self.segments.index(name), channel] = True
-        self._state = (  # of `_look`, by its parameters
-            limit_ns,
-            self.segments.index("hips") if "hips" in segments else -1,
-            np.array([name in HELD_BY_FLOOR for name in segments], bool),
-            np.full((n, 7), np.nan),
-            np.zeros((n, 2), np.int64),
-            self._still_ns,
-            self._has_moved,
-            np.full((n, 2, 2), np.nan),
-            np.zeros((n, 2), np.int8),
-            self._frozen,
-        )
+                self._state.has_moved[self.segments.index(name), channel] = True
         # loads the compiled code: the first sample of a session must not wait for it
         self.look(np.full((n, 3), np.nan), np.full((n, 4), np.nan), 0)
 
     @property
     def frozen(self) -> Flags:
         """Which segments are frozen now."""
-        return np.logical_or(self._frozen[:, 0], self._frozen[:, 1])
+        return np.logical_or(self._state.is_frozen[:, 0], self._state.is_frozen[:, 1])
 
     @property
     def frozen_for_ns(self) -> dict[str, int]:
@@ -85,14 +107,14 @@ class SegmentWatch:
     @property
     def still_ns(self) -> npt.NDArray[np.int64]:
         """How long each segment has repeated its pose while others moved."""
-        longest: npt.NDArray[np.int64] = self._still_ns.max(axis=1)
+        longest: npt.NDArray[np.int64] = self._state.still_ns.max(axis=1)
         return longest
 
     @property
     def moved_channels(self) -> MovedChannels:
         """Which segments and channels have moved on their own so far."""
         return frozenset(
-            (self.segments[s], int(c)) for s, c in np.argwhere(self._has_moved).tolist()
+            (self.segments[s], int(c)) for s, c in np.argwhere(self._state.has_moved).tolist()
         )
 
     def look(self, position_m: Vector, orientation_wxyz: Vector, gap_ns: int) -> bool:
@@ -102,7 +124,7 @@ class SegmentWatch:
         """
         at = np.ascontiguousarray(position_m, np.float64)
         turn = np.ascontiguousarray(orientation_wxyz, np.float64)
-        if not _look(at, turn, gap_ns, *self._state):
+        if not _look(at, turn, gap_ns, self._state):
             return False
         self.frozen_ns[self.frozen] += gap_ns
         return True
@@ -129,7 +151,7 @@ class SegmentWatch:
         These include the repeats before the detection, but not the first, true sample.
         """
         is_repeat = np.zeros(position_m.shape[:2], bool)
-        _look_at_all(t_ns, position_m, orientation_wxyz, is_repeat, *self._state)
+        _look_at_all(t_ns, position_m, orientation_wxyz, is_repeat, self._state)
         return is_repeat
 
 
@@ -138,21 +160,13 @@ def _look(
     position: Vector,
     turn: Vector,
     gap_ns: int,
-    limit_ns: int,
-    hips: int,
-    floor: Flags,
-    last: Vector,
-    changed_ns: npt.NDArray[np.int64],
-    still_ns: npt.NDArray[np.int64],
-    has_moved: Flags,
-    hips_m: Vector,
-    how: npt.NDArray[np.int8],
-    frozen: Flags,
+    state: _State,
 ) -> bool:
-    """Renew the state of a watch, arrays of (segments, 2: position, orientation); see the class.
-
-    `hips_m` (s, 2, 2) is where the hips were over the floor when the repeating began.
-    """
+    """Renew the state of a watch by the next sample; return whether any segment is frozen."""
+    # Names of their own: the loops below read the arrays often.
+    changed_ns, still_ns = state.changed_ns, state.still_ns
+    has_moved, frozen, how, last = state.has_moved, state.is_frozen, state.change, state.last
+    hips, hips_m, limit_ns = state.hips, state.hips_m, state.limit_ns
     n = position.shape[0]
     is_any = False
     hips_x = hips_z = np.nan
@@ -200,7 +214,7 @@ def _look(
             longest_ns = limit_ns if c == 0 else max(limit_ns, _CALM_NS)
             if has_moved[s, c] and still_ns[s, c] > longest_ns and not frozen[s, c]:
                 away = np.hypot(hips_x - hips_m[s, c, 0], hips_z - hips_m[s, c, 1])
-                frozen[s, c] = not floor[s] or away > _STRIDE_M
+                frozen[s, c] = not state.is_held_by_floor[s] or away > _STRIDE_M
             is_any = is_any or frozen[s, c]
     return is_any
 
@@ -211,37 +225,17 @@ def _look_at_all(
     position: Vector,
     turn: Vector,
     repeats: Flags,
-    limit_ns: int,
-    hips: int,
-    floor: Flags,
-    last: Vector,
-    changed_ns: npt.NDArray[np.int64],
-    still_ns: npt.NDArray[np.int64],
-    has_moved: Flags,
-    hips_m: Vector,
-    how: npt.NDArray[np.int8],
-    frozen: Flags,
+    state: _State,
 ) -> None:
     """Mark the samples (n, s) of all samples that repeat a frozen pose."""
+    how, frozen, still_ns = state.change, state.is_frozen, state.still_ns
     n_segments = position.shape[1]
+    # The sample in which each segment last showed where it truly was: a freeze is known only when
+    # it has lasted, and then marks all samples after that one.
     true_one = np.zeros((n_segments, 2), np.int64)
     for i in range(position.shape[0]):
         gap_ns = t_ns[i] - t_ns[i - 1] if i else 0
-        _look(
-            position[i],
-            turn[i],
-            gap_ns,
-            limit_ns,
-            hips,
-            floor,
-            last,
-            changed_ns,
-            still_ns,
-            has_moved,
-            hips_m,
-            how,
-            frozen,
-        )
+        _look(position[i], turn[i], gap_ns, state)
         for s in range(n_segments):
             for c in range(2):
                 if how[s, c] != _SAME:

@@ -24,7 +24,7 @@ from visavis.protocol.plan.columns import Column
 from visavis.results.opened_study import find_study
 from visavis.results.quality import QUALITY_TABLE
 from visavis.results.tables.dictionary import PEOPLE, STATISTICS, people_columns, trial_columns
-from visavis.study.catalogue import SHIPPED
+from visavis.study.catalogue import SHIPPED_STUDIES
 from visavis.study.declaration import PARTS
 
 FOLDER: Final = Path(__file__).parents[1] / "docs" / "reference"
@@ -48,7 +48,7 @@ WIRING_OF: Final = {
 
 def pages() -> dict[str, str]:
     """Return every page's text by its path below `docs/reference`."""
-    found = {f"data/{name}.md": _data_page(name) for name in SHIPPED}
+    found = {f"data/{name}.md": _data_page(name) for name in SHIPPED_STUDIES}
     found["data/statistics.md"] = _statistics_page()
     found["study.md"] = _study_page()
     specs = [spec for _, spec in sorted(built_in().items())]
@@ -63,7 +63,7 @@ def _index(specs: Iterable[AnySpec]) -> str:
         kinds.setdefault(spec.kind, []).append(spec)
     lines = ["# Reference", "", WRITTEN, "", "- [Keywords of a study](study.md)", ""]
     lines += ["## Tables of each study", ""]
-    lines += [f"- [{find_study(name).study.title}](data/{name}.md)" for name in SHIPPED]
+    lines += [f"- [{find_study(name).study.title}](data/{name}.md)" for name in SHIPPED_STUDIES]
     lines += ["- [statistics and contrasts of all of them](data/statistics.md)", ""]
     lines += ["## Drivers and their settings", ""]
     for kind in sorted(kinds):

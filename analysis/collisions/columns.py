@@ -4,11 +4,12 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.analysis.collisions.meshes import Faces
-from visavis.analysis.collisions.spans import cast
+from visavis.analysis.collisions.spans import CrossingBuffers, Surface, cast
 from visavis.analysis.collisions.tiles import (
     MARGIN,
     TILE,
     Crossings,
+    Lattice,
     over,
     reach,
     spread,
@@ -119,30 +120,28 @@ def columns_in_both(
     faces_a: Faces,
     vertices_b: Vector,
     faces_b: Faces,
-    axis: int,
-    low_m: Vector,
-    step_m: Vector,
-    n_u: int,
-    n_v: int,
+    lattice: Lattice,
     low_w: float,
     high_w: float,
     room: int,
 ) -> tuple[npt.NDArray[np.int32], Vector, Vector]:
     """Return columns (k,) and stretches (k, 2) inside both bodies, and a box.
 
+    Only what lies between `low_w` and `high_w` along the columns counts.
     The box (2, 3) as (u, v in columns, w) holds all that the bodies can share, surfaces that cross
     between columns included; it is inverted when they can share nothing.
     Column number is row * n_u + i. When there are more crossings than `room`, the buffers grow and
     everything is cast again.
     """
     # 1. Heights of both bodies by tile, spread to the neighbours that a face may reach into.
+    n_u, n_v = lattice.n_u, lattice.n_v
     cells = n_u * n_v
     across = tiles_across(n_u)
     tiles = across * tiles_across(n_v)
     low_a, low_b = np.full(tiles, np.inf), np.full(tiles, np.inf)
     high_a, high_b = np.full(tiles, -np.inf), np.full(tiles, -np.inf)
-    place_a, first_a = to_lattice(vertices_a, axis, low_m, step_m, n_u, n_v, low_a, high_a)
-    place_b, first_b = to_lattice(vertices_b, axis, low_m, step_m, n_u, n_v, low_b, high_b)
+    place_a, first_a = to_lattice(vertices_a, lattice, low_a, high_a)
+    place_b, first_b = to_lattice(vertices_b, lattice, low_b, high_b)
     low_a, high_a = spread(low_a, across, -1.0), spread(high_a, across, 1.0)
     low_b, high_b = spread(low_b, across, -1.0), spread(high_b, across, 1.0)
     far_a = np.zeros(vertices_a.shape[0], np.uint8)
@@ -166,6 +165,8 @@ def columns_in_both(
         return np.empty(0, np.int32), np.empty((0, 2)), live
     over_a = over(place_a, first_a, n_u, high_a, far_a)
     over_b = over(place_b, first_b, n_u, high_a, far_b)
+    surface_a = Surface(place_a, first_a, faces_a, candidates_a, over_a)
+    surface_b = Surface(place_b, first_b, faces_b, candidates_b, over_b)
     # 3. Cast both surfaces. `n` counts on when the buffers are full, so that a second round, if one
     # is needed, has exactly the room.
     while True:
@@ -175,42 +176,9 @@ def columns_in_both(
         column = np.empty(room, np.int32)
         height = np.empty(room)
         change = np.empty(room, np.int8)
-        n = cast(
-            place_a,
-            first_a,
-            faces_a,
-            candidates_a,
-            over_a,
-            n_u,
-            n_v,
-            low_a,
-            high_a,
-            below_a,
-            count,
-            column,
-            height,
-            change,
-            0,
-            0,
-        )
-        n = cast(
-            place_b,
-            first_b,
-            faces_b,
-            candidates_b,
-            over_b,
-            n_u,
-            n_v,
-            low_a,
-            high_a,
-            below_b,
-            count,
-            column,
-            height,
-            change,
-            n,
-            1,
-        )
+        buffers = CrossingBuffers(column, height, change, count)
+        n = cast(surface_a, n_u, n_v, low_a, high_a, below_a, buffers, 0, 0)
+        n = cast(surface_b, n_u, n_v, low_a, high_a, below_b, buffers, n, 1)
         if n <= room:
             break
         room = n

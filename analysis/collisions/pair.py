@@ -6,6 +6,7 @@ import numpy.typing as npt
 from visavis.analysis.collisions.columns import bounds, columns_in_both, faces_near, sides_of
 from visavis.analysis.collisions.contact import crossing_box
 from visavis.analysis.collisions.meshes import Faces
+from visavis.analysis.collisions.tiles import Lattice
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 
@@ -144,8 +145,9 @@ def measure_box(
     step[iu] = (high_m[iu] - low_m[iu]) / n_u
     step[iv] = (high_m[iv] - low_m[iv]) / n_v
     low_w, high_w = low_m[axis], high_m[axis]
+    lattice = Lattice(axis, low_m, step, n_u, n_v)
     column, stretch, live = columns_in_both(
-        vertices_a, faces_a, vertices_b, faces_b, axis, low_m, step, n_u, n_v, low_w, high_w, _ROOM
+        vertices_a, faces_a, vertices_b, faces_b, lattice, low_w, high_w, _ROOM
     )
     length = 0.0
     moment = np.zeros(3)

@@ -9,6 +9,8 @@ Three loops in place of one, each over the output of the one before: most of a r
 branches that the processor mispredicts, and these loops have none.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -39,13 +41,35 @@ def _edges_across() -> npt.NDArray[np.uint8]:
 _ENDS = _edges_across()
 
 
+class Surface(NamedTuple):
+    """A body's surface on a lattice of columns, and what of it may meet them."""
+
+    place: Vector
+    """(n, 3) u and v of each vertex in columns, w in metres."""
+    first: npt.NDArray[np.int16]
+    """(n, 2) the first column at or after each vertex, and the first row."""
+    faces: Faces
+    candidates: Crossings
+    """Those faces that may meet a column."""
+    above: npt.NDArray[np.uint8]
+    """(n,) 1 for vertices above all heights that matter."""
+
+
+class CrossingBuffers(NamedTuple):
+    """Where crossings of both bodies are stored; all have the same room but `per_column`."""
+
+    column: Crossings
+    height: Vector
+    change: npt.NDArray[np.int8]
+    """How the winding number changes upwards: ±1 for body 0, ±2 for body 1."""
+    per_column: Crossings
+    """(columns,) how many crossings each column has in the buffers."""
+
+
 @compiled
 def rows_of_faces(
-    first: npt.NDArray[np.int16],
-    faces: Faces,
-    candidates: Crossings,
+    surface: Surface,
     start: int,
-    above: npt.NDArray[np.uint8],
     n_v: int,
     face: Crossings,
     row: Crossings,
@@ -55,6 +79,8 @@ def rows_of_faces(
 
     Faces whose corners all lie `above` are left out. Buffers hold four rows more than there are.
     """
+    first, faces = surface.first, surface.faces
+    candidates, above = surface.candidates, surface.above
     room = face.shape[0] - 4
     n = 0
     for i in range(start, candidates.shape[0]):
@@ -77,9 +103,7 @@ def rows_of_faces(
 
 @compiled
 def spans_of(
-    place: Vector,
-    first: npt.NDArray[np.int16],
-    faces: Faces,
+    surface: Surface,
     face: Crossings,
     row: Crossings,
     n: int,
@@ -92,6 +116,7 @@ def spans_of(
     `span` (k, 3) row, first column and the one after the last; `ends` (k, 4) u of the edge that
     goes up and of the one that comes down, and their w.
     """
+    place, first, faces = surface.place, surface.first, surface.faces
     m = 0
     most_u = float(n_u)
     for k in range(n):
@@ -123,51 +148,32 @@ def spans_of(
 
 @compiled
 def cast(
-    place: Vector,
-    first: npt.NDArray[np.int16],
-    faces: Faces,
-    candidates: Crossings,
-    above: npt.NDArray[np.uint8],
+    surface: Surface,
     n_u: int,
     n_v: int,
     low_w: Vector,
     high_w: Vector,
     below: Crossings,
-    count: Crossings,
-    column: Crossings,
-    height: Vector,
-    change: npt.NDArray[np.int8],
+    buffers: CrossingBuffers,
     n_crossings: int,
     body: int,
 ) -> int:
     """Append the crossings of one surface with the columns; return their number so far.
 
-    Only crossings between the heights of their tile count, those below are summed in `below`.
-    When the number returned exceeds the buffers, what did not fit was not stored. `change` is ±1
-    for body 0, ±2 for body 1.
+    Only crossings between the heights `low_w` and `high_w` of their tile count, those below are
+    summed in `below`. When the number returned exceeds the buffers, what did not fit was not
+    stored.
     """
     # In batches that fit the cache; a face may need all rows, and `rows_of_faces` writes 4 ahead.
     most = max(_BATCH, n_v) + 4
     face, row = np.empty(most, np.int32), np.empty(most, np.int32)
     span, ends = np.empty((most, 3), np.int32), np.empty((most, 4))
     start = 0
-    while start < candidates.shape[0]:
-        n, start = rows_of_faces(first, faces, candidates, start, above, n_v, face, row)
-        n = spans_of(place, first, faces, face, row, n, n_u, span, ends)
+    while start < surface.candidates.shape[0]:
+        n, start = rows_of_faces(surface, start, n_v, face, row)
+        n = spans_of(surface, face, row, n, n_u, span, ends)
         n_crossings = cross(
-            span,
-            ends,
-            n,
-            n_u,
-            low_w,
-            high_w,
-            below,
-            count,
-            column,
-            height,
-            change,
-            n_crossings,
-            body,
+            span[:n], ends[:n], n_u, low_w, high_w, below, buffers, n_crossings, body
         )
     return n_crossings
 
@@ -176,22 +182,18 @@ def cast(
 def cross(
     span: Faces,
     ends: Vector,
-    n: int,
     n_u: int,
     low_w: Vector,
     high_w: Vector,
     below: Crossings,
-    count: Crossings,
-    column: Crossings,
-    height: Vector,
-    change: npt.NDArray[np.int8],
+    buffers: CrossingBuffers,
     n_crossings: int,
     body: int,
 ) -> int:
-    """Append the crossings of columns in some spans; return their number so far."""
-    room = column.shape[0]
+    """Append the crossings of columns in spans; return their number so far."""
+    room = buffers.column.shape[0]
     across = tiles_across(n_u)
-    for k in range(n):
+    for k in range(span.shape[0]):
         r, begin, end = span[k, 0], span[k, 1], span[k, 2]
         u_up, u_down, w_up, w_down = ends[k, 0], ends[k, 1], ends[k, 2], ends[k, 3]
         # Which edge is on the left gives the side: upwards, +1 enters the body and −1 leaves it.
@@ -214,9 +216,9 @@ def cross(
                 continue
             # Counted even without room: the caller casts again with buffers of that size.
             if n_crossings < room:
-                column[n_crossings] = cell
-                height[n_crossings] = w
-                change[n_crossings] = sign * (body + 1)
-                count[cell] += 1
+                buffers.column[n_crossings] = cell
+                buffers.height[n_crossings] = w
+                buffers.change[n_crossings] = sign * (body + 1)
+                buffers.per_column[cell] += 1
             n_crossings += 1
     return n_crossings

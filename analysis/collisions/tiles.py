@@ -4,6 +4,8 @@ In a tile each body lies between two heights. Where these stretches do not meet,
 nothing, and faces above them need not be looked at.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -18,23 +20,35 @@ TILE = 2
 MARGIN = 1 << TILE
 
 
+class Lattice(NamedTuple):
+    """Columns along an axis (w); u and v are the two other axes in cyclic order.
+
+    Column (i, j) stands at the middle of cell (i, j), counted from `low_m`.
+    """
+
+    axis: int
+    low_m: Vector
+    """(3,) the lowest corner of the cells."""
+    step_m: Vector
+    """(3,) the sides of a cell; that along the axis is not used."""
+    n_u: int
+    n_v: int
+
+
 @compiled
 def to_lattice(
     vertices_m: Vector,
-    axis: int,
-    low_m: Vector,
-    step_m: Vector,
-    n_u: int,
-    n_v: int,
+    lattice: Lattice,
     low_w: Vector,
     high_w: Vector,
 ) -> tuple[Vector, npt.NDArray[np.int16]]:
     """Return (n, 3) places (u and v in columns, w in metres) and (n, 2) the first column at them.
 
-    Column (i, j) stands at the middle of cell (i, j) counted from `low_m`. `low_w`, `high_w`
-    (tiles) are filled with how deep and how high vertices lie near each tile; a tile is a square
-    of columns, with a border of one tile round the lattice.
+    `low_w`, `high_w` (tiles) are filled with how deep and how high vertices lie near each tile; a
+    tile is a square of columns, with a border of one tile round the lattice.
     """
+    axis, n_u, n_v = lattice.axis, lattice.n_u, lattice.n_v
+    low_m, step_m = lattice.low_m, lattice.step_m
     n = vertices_m.shape[0]
     place = np.empty((n, 3))
     first = np.empty((n, 2), np.int16)

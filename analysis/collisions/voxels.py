@@ -5,6 +5,7 @@ import numpy.typing as npt
 
 from visavis.analysis.collisions.columns import bounds, columns_in_both, faces_near, sides_of
 from visavis.analysis.collisions.meshes import Faces
+from visavis.analysis.collisions.tiles import Lattice
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 
@@ -41,9 +42,9 @@ def cubes_centred_in(
     low = first.astype(np.float64) * cell_m
     step = np.full(3, cell_m)
     top = low[1] + shape[1] * cell_m
-    nx, nz = shape[0], shape[2]
+    lattice = Lattice(1, low, step, shape[2], shape[0])
     column, stretch, _ = columns_in_both(
-        vertices_a, faces_a, vertices_b, faces_b, 1, low, step, nz, nx, low[1], top, _ROOM
+        vertices_a, faces_a, vertices_b, faces_b, lattice, low[1], top, _ROOM
     )
     count = 0
     total = np.zeros(3)
@@ -103,9 +104,9 @@ def _fill(
     low = first.astype(np.float64) * cell_m
     step = np.full(3, cell_m)
     top = low[1] + shape[1] * cell_m
-    nx, nz = shape[0], shape[2]
+    lattice = Lattice(1, low, step, shape[2], shape[0])
     column, stretch, _ = columns_in_both(
-        vertices_m, faces, vertices_m, faces, 1, low, step, nz, nx, low[1], top, _ROOM
+        vertices_m, faces, vertices_m, faces, lattice, low[1], top, _ROOM
     )
     # The body against itself: the columns' stretches are those inside it.
     for k in range(column.size):

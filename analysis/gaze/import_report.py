@@ -32,8 +32,9 @@ from visavis.analysis.gaze.loss import (
     usable_samples,
 )
 from visavis.analysis.gaze.mapped_csv import GazeMapping, read_csv
-from visavis.analysis.gaze.movements.detect import AUTO, DETECTOR_NAMES, detect_movements
+from visavis.analysis.gaze.movements.detect import DETECTOR_NAMES, detect_movements
 from visavis.analysis.gaze.movements.kinds import Movement, Movements, fixations_of
+from visavis.analysis.gaze.movements.parameters import AUTO
 from visavis.analysis.gaze.quality import moving_precision_deg
 from visavis.analysis.gaze.readers import read_pupil, read_vive
 from visavis.analysis.gaze.stamps import Order, Times, order_of, typical_step_ns
@@ -263,7 +264,7 @@ def movements_of(gaze: PreparedGaze) -> dict[str, Movements]:
 def _detector_settings() -> list[tuple[str, dict[str, object]]]:
     return [
         *((name, asdict(params)) for name, params in DETECTORS.items()),
-        (ADAPTIVE, asdict(AUTO)),
+        (ADAPTIVE, AUTO.by_name()),
     ]
 
 

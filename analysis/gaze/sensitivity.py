@@ -1,12 +1,11 @@
 """Show how far look measures depend on the pad and on the minimum duration of a fixation."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from visavis.analysis.gaze.aoi import SENSITIVITY_PADS_DEG, aoi_by_pad
 from visavis.analysis.gaze.looks import (
     DEFAULT_LOOK_PARAMETERS,
     LookMeasures,
@@ -29,22 +28,20 @@ class SensitivityRow:
 
 def sensitivity_of_trial(
     t_ns: Times,
-    angle_deg: npt.NDArray[np.floating],
-    radius_deg: npt.NDArray[np.floating],
-    pad_limit_deg: npt.NDArray[np.floating],
-    hit: npt.NDArray[np.integer],
+    aoi_by_pad_deg: Mapping[float, npt.NDArray[np.integer]],
     target: int,
     t_start_ns: int,
     t_end_ns: int,
     *,
     switch_ns: int | None = None,
-    pads_deg: Sequence[float] = SENSITIVITY_PADS_DEG,
     minima_ms: Sequence[float] = SENSITIVITY_MINIMA_MS,
     params: LookParameters = DEFAULT_LOOK_PARAMETERS,
 ) -> Iterator[SensitivityRow]:
-    """Yield the trial's measures for every pad and minimum; arguments as for the two rules."""
-    areas = aoi_by_pad(angle_deg, radius_deg, pad_limit_deg, hit, pads_deg=pads_deg)
-    for pad_deg, aoi in areas.items():
+    """Yield the trial's measures for every pad and minimum duration of a fixation.
+
+    `aoi_by_pad_deg` is what `aoi_by_pad` returns; other arguments are those of `measure_trial`.
+    """
+    for pad_deg, aoi in aoi_by_pad_deg.items():
         for minimum_ms in minima_ms:
             with_minimum = replace(params, minimum_fixation_ms=minimum_ms)
             yield SensitivityRow(

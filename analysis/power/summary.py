@@ -8,7 +8,7 @@ import numpy as np
 from visavis.analysis.power.contract import PlannedTestResult, PowerStudy, Source
 from visavis.analysis.power.replicates import PowerRequest, Replicate
 from visavis.analysis.statistics import PowerCurve, power_curve
-from visavis.analysis.statistics.power import AdequacyRule
+from visavis.analysis.statistics.power_estimates import AdequacyRule
 from visavis.analysis.statistics.results import Row, number, threshold_text
 from visavis.lab.errors import UsageError
 

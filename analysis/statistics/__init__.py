@@ -54,7 +54,7 @@ from visavis.analysis.statistics.friedman import (
 from visavis.analysis.statistics.mixed import mixed_anova
 from visavis.analysis.statistics.normality import ShapiroWilk, shapiro_wilk, skewness
 from visavis.analysis.statistics.posthoc import posthoc
-from visavis.analysis.statistics.power import (
+from visavis.analysis.statistics.power_estimates import (
     OneWayPower,
     PowerCurve,
     PowerPoint,

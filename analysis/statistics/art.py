@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias, Unpack, get_args
 
 import numpy as np
 from scipy import special
@@ -16,7 +16,7 @@ from visavis.analysis.statistics.anova import (
     effect_of_stratum,
     p_of_stratum,
 )
-from visavis.analysis.statistics.design import Codes, Design, Frame, Levels, Missing, read_design
+from visavis.analysis.statistics.design import Codes, Design, DesignColumns, Frame, read_design
 from visavis.analysis.statistics.errors import StatisticsError, UnknownMethod
 from visavis.analysis.statistics.mixed import Ddf, RandomPart, mixed_effects
 from visavis.analysis.statistics.nonlinear_scales import (
@@ -77,20 +77,18 @@ def art_anova(
     frame: Frame,
     dv: str,
     *,
-    subject: str | None = None,
-    within: Sequence[str] = (),
-    between: Sequence[str] = (),
-    levels: Levels | None = None,
     error: ArtError = "strata",
-    missing: Missing = "error",
     transform: Transform = "art",
     correction: Correction = "gg",
     ddf: Ddf = "kenward-roger",
     random: RandomPart = "slopes",
     alpha: float = 0.05,
+    **columns: Unpack[DesignColumns],
 ) -> ArtAnova:
     """Test all effects by the aligned rank transform (Wobbrock et al. 2011).
 
+    `columns` are `subject`, `within`, `between`, `levels` and `missing`, as `read_design` takes
+    them; without `subject` every row is another one.
     `error`: "strata" tests each within effect against its own subject-by-effect error, "pooled"
     all of them against one error, "mixed" by a mixed model (REML, `ddf`) whose `random` part lets
     people differ in every within effect ("slopes") or in their level alone ("intercept").
@@ -103,25 +101,24 @@ def art_anova(
     for value, kind in ((error, ArtError), (transform, Transform)):
         if value not in get_args(kind):
             raise UnknownMethod(f"no {value!r} here; use one of {', '.join(get_args(kind))}")
-    design = read_design(
-        frame, dv, subject=subject, within=within, between=between, levels=levels, missing=missing
-    )
+    subject = columns.setdefault("subject", None)
+    design = read_design(frame, dv, **columns)
     if not design.is_complete:
         error = "mixed"
-    if error == "mixed" and not within:
+    if error == "mixed" and not design.within:
         raise UnknownMethod("without within factors there is no random subject; use error='strata'")
     name = subject or "row"
     # Align and rank for every effect by itself (Wobbrock et al. 2011) ...
-    columns = aligned_columns(design)
-    ranks = {term: aligned_ranks(column) for term, column in columns.items()}
+    aligned = aligned_columns(design)
+    ranks = {term: aligned_ranks(column) for term, column in aligned.items()}
     # ... and, as the second opinion, take normal scores of the plain ranks for all effects alike.
     scores = normal_scores(design.y)
-    plain = dict.fromkeys(columns, scores)
+    plain = dict.fromkeys(aligned, scores)
     own_columns, other = (ranks, plain) if transform == "art" else (plain, ranks)
     effects = _effects(design, own_columns, name, error, correction, ddf, random)
     second = _p_values(design, other, name, error, correction, ddf, random)
     # Reasons not to trust the result: leaks of alignment, skew, a verdict that depends on ranks.
-    check = alignment_check(design, columns)
+    check = alignment_check(design, aligned)
     skew = residual_skewness(design)
     notes = _notes(design, effects, second, check, skew, transform, alpha)
     provenance = Provenance(
@@ -129,7 +126,7 @@ def art_anova(
         design.n,
         unit="subjects" if subject else "rows",
         error_term=_error_text(design, error, ddf, effects),
-        correction="sphericity: " + CORRECTION_NAME[correction] if within else "none",
+        correction="sphericity: " + CORRECTION_NAME[correction] if design.within else "none",
         dropped=design.dropped,
         notes=notes,
     )
@@ -138,7 +135,7 @@ def art_anova(
         design,
         provenance,
         name,
-        aligned=columns if transform == "art" else plain,
+        aligned=aligned if transform == "art" else plain,
         ranks=own_columns,
         check=check,
         second_opinion=second,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cached_property
 from itertools import combinations
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias, TypedDict, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -145,6 +145,16 @@ class Design:
         for name in names:
             self.factor(name)
         return tuple(f.name for f in self.factors if f.name in names)
+
+
+class DesignColumns(TypedDict, total=False):
+    """The keywords by which tests are told the columns of a design; see `read_design`."""
+
+    subject: str | None
+    within: Sequence[str]
+    between: Sequence[str]
+    levels: Levels | None
+    missing: Missing
 
 
 def read_design(

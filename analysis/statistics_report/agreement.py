@@ -87,12 +87,14 @@ def _icc(table: DataTable, q: Question) -> Outcome:
         names = list(dict.fromkeys(table.labels(q.subject)))
         complete_things = {names[i] for i in np.flatnonzero(whole)}
         tested_rows = tested_rows[tested_rows[q.subject].isin(complete_things)]
-    coefficients = icc(ratings[whole], above=q.mu)
+    coefficients = icc(ratings[whole], above=q.reference.mu)
     notes += coefficients[0].provenance.notes
-    if q.kind:
-        if q.kind not in ICC_KINDS:
-            raise UsageError(f"there is no {q.kind!r} of the test icc; {', '.join(ICC_KINDS)}")
-        coefficients = tuple(one for one in coefficients if one.kind == q.kind)
+    if q.reliability.kind:
+        if q.reliability.kind not in ICC_KINDS:
+            raise UsageError(
+                f"there is no {q.reliability.kind!r} of the test icc; {', '.join(ICC_KINDS)}"
+            )
+        coefficients = tuple(one for one in coefficients if one.kind == q.reliability.kind)
     notes += (
         "ICC1: raters of its own for each; ICC2: raters stand for others; ICC3: these raters, "
         "their levels apart; k: of the raters' mean",
@@ -101,17 +103,19 @@ def _icc(table: DataTable, q: Question) -> Outcome:
 
 
 def _krippendorff(table: DataTable, q: Question) -> Outcome:
-    if not q.scale:
+    if not q.reliability.scale:
         raise UsageError("the test krippendorff needs scale: nominal, ordinal, interval or ratio")
-    ratings, tested_rows = _wide(table, q, as_categories=q.scale == "nominal")
-    alpha = krippendorff_alpha(ratings, scale=cast(Scale, q.scale), above=q.mu)
+    ratings, tested_rows = _wide(table, q, as_categories=q.reliability.scale == "nominal")
+    alpha = krippendorff_alpha(
+        ratings, scale=cast(Scale, q.reliability.scale), above=q.reference.mu
+    )
     return _outcome(table, q, "Krippendorff's alpha", (alpha,), tested_rows, alpha.provenance.notes)
 
 
 def _kappa(table: DataTable, q: Question) -> Outcome:
-    scale = cast(Scale, q.scale or "nominal")
+    scale = cast(Scale, q.reliability.scale or "nominal")
     ratings, tested_rows = _wide(table, q, as_categories=scale == "nominal")
-    kappa = cohen_kappa(ratings, scale=scale, above=q.mu)
+    kappa = cohen_kappa(ratings, scale=scale, above=q.reference.mu)
     notes = (*(f"left out: {d}" for d in kappa.provenance.dropped), *kappa.provenance.notes)
     title = "Cohen's kappa" if scale == "nominal" else "Weighted kappa"
     return _outcome(table, q, title, (kappa,), tested_rows, notes)

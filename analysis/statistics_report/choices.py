@@ -50,10 +50,10 @@ def _bradley_terry(table: DataTable, q: Question) -> Outcome:
         subject=q.subject,
         between=q.between[0] if q.between else "",
         items=order if items_in_use <= set(order) else (),
-        side=q.side,
+        side=q.model.side,
         missing="listwise" if q.missing == "mixed" else q.missing,
-        random=q.random,
-        nodes=q.nodes,
+        random=q.model.random,
+        nodes=q.model.nodes,
     )
     if len(q.within) == 1:
         effects = [replace(e, term=(*q.within, *e.term[2:])) for e in model.effects]
@@ -111,8 +111,8 @@ def _items_of_pairs(
 def _sign(table: DataTable, q: Question) -> Outcome:
     if not q.within:
         tidy, y = single_column(table, q)
-        test = sign_test_of_one(y, mu=q.mu, name=q.dv)
-        words = f"{q.dv} above {q.mu:g}: {test.sentence()}."
+        test = sign_test_of_one(y, mu=q.reference.mu, name=q.dv)
+        words = f"{q.dv} above {q.reference.mu:g}: {test.sentence()}."
         return outcome_of(
             table,
             q,
@@ -145,7 +145,7 @@ def _binomial(table: DataTable, q: Question) -> Outcome:
         )
     if not set(np.unique(y)) <= {0.0, 1.0}:
         raise NotNumeric(f"{table.name}: {q.dv} holds other numbers than 0 and 1")
-    test = binomial_test(int(y.sum()), y.size, expected=q.mu or 0.5)
+    test = binomial_test(int(y.sum()), y.size, expected=q.reference.mu or 0.5)
     sentence = f"{q.dv}: {test.sentence()}."
     return outcome_of(
         table,

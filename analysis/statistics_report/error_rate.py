@@ -11,7 +11,7 @@ from scipy import special
 from visavis.analysis.statistics.art import normal_scores
 from visavis.analysis.statistics.design import Design, read_design
 from visavis.analysis.statistics.errors import StatisticsError
-from visavis.analysis.statistics.power import proportion_interval
+from visavis.analysis.statistics.power_estimates import proportion_interval
 from visavis.analysis.statistics.results import Array, Row
 from visavis.analysis.statistics_report.outcome import Outcome, Question
 from visavis.analysis.statistics_report.prepare import prepare
@@ -64,7 +64,7 @@ def error_rates(
     )
     complete_question = replace(
         question,
-        posthoc="none",
+        decision=replace(question.decision, posthoc="none"),
         levels={f.name: [str(v) for v in f.levels] for f in design.factors},
         missing="listwise" if question.missing == "error" else question.missing,  # none is missing
     )
@@ -80,17 +80,17 @@ def error_rates(
                 n_refused += 1
                 continue
             n_tested += 1
-            hits += _p(outcome, term) < question.alpha
+            hits += _p(outcome, term) < question.decision.alpha
         interval = proportion_interval(hits, max(n_tested, 1))
         rate = hits / max(n_tested, 1)
-        low_limit, high_limit = (bound * question.alpha for bound in NOMINAL)
+        low_limit, high_limit = (bound * question.decision.alpha for bound in NOMINAL)
         rows.append(
             {
                 "term": ":".join(term),
                 "rate": rate,
                 "low": interval.low,
                 "high": interval.high,
-                "expected": question.alpha,
+                "expected": question.decision.alpha,
                 "holds": bool(interval.low <= high_limit and interval.high >= low_limit),
                 "studies": n_tested,
                 "refused": n_refused,

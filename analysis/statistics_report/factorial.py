@@ -76,20 +76,20 @@ class _Families:
     def asks_for(self, effect: AnovaEffect | GeeEffect, adjust: str) -> bool:
         """Tell whether an effect gets contrasts, and note why."""
         q = self._question
-        significant = effect.p_used < q.alpha
-        result = f"{effect.name}: {p_text(effect.p_used)}, α = {threshold_text(q.alpha)}"
+        significant = effect.p_used < q.decision.alpha
+        result = f"{effect.name}: {p_text(effect.p_used)}, α = {threshold_text(q.decision.alpha)}"
         if adjust == "none":
             self.path.append(f"{result} → {_verdict(significant)}, no contrasts asked for")
             return False
         if not self.available(effect):
             self.path.append(f"{result} → {_verdict(significant)}")
-            if significant or q.always_posthoc:
+            if significant or q.decision.always_posthoc:
                 self.notes.append(
                     f"{effect.name} has no contrasts in this test; look at the cells, or take "
                     "the test art or lmm, whose contrasts include interactions of two factors"
                 )
             return False
-        if significant or q.always_posthoc:
+        if significant or q.decision.always_posthoc:
             self.path.append(f"{result} → {_verdict(significant)}, contrasts ({adjust})")
             return True
         self.path.append(f"{result} → {_verdict(significant)}, no contrasts")
@@ -116,12 +116,12 @@ def _verdict(significant: bool) -> str:
 
 
 def _art(table: DataTable, q: Question) -> Outcome:
-    _refuse_method("error", q.error, get_args(ArtError))
-    _refuse_method("transform", q.transform, get_args(Transform))
+    _refuse_method("error", q.model.error, get_args(ArtError))
+    _refuse_method("transform", q.model.transform, get_args(Transform))
     if q.within:
         q.need("subject")
     tidy = prepare(table, q)
-    adjust = q.adjustment("tukey" if q.transform == "art" else "holm", CONTRAST_WAYS)
+    adjust = q.adjustment("tukey" if q.model.transform == "art" else "holm", CONTRAST_WAYS)
     anova = art_anova(
         tidy.frame,
         q.dv,
@@ -129,11 +129,11 @@ def _art(table: DataTable, q: Question) -> Outcome:
         within=q.within,
         between=q.between,
         levels=tidy.levels,
-        error=cast(ArtError, q.error),
+        error=cast(ArtError, q.model.error),
         missing=q.missing,
-        transform=cast(Transform, q.transform),
+        transform=cast(Transform, q.model.transform),
         correction=_correction(q, "gg"),
-        alpha=q.alpha,
+        alpha=q.decision.alpha,
     )
     families = _Families(q, lambda effect: _art_has_contrasts(anova, effect))
     families.notes += [*_beside_listwise(table, q, anova), *uneven_changes(anova.design)]
@@ -144,9 +144,9 @@ def _art(table: DataTable, q: Question) -> Outcome:
 
 
 def _correction(q: Question, default: Correction) -> Correction:
-    if q.correction:
-        _refuse_method("correction", q.correction, get_args(Correction))
-    return cast(Correction, q.correction) if q.correction else default
+    if q.model.correction:
+        _refuse_method("correction", q.model.correction, get_args(Correction))
+    return cast(Correction, q.model.correction) if q.model.correction else default
 
 
 def _sphericity_path(anova: Anova) -> list[str]:
@@ -310,14 +310,21 @@ def _beside_listwise(table: DataTable, q: Question, anova: Anova) -> list[str]:
     test = "art" if q.test == "art" else "rm"
     try:
         other = FACTORIAL_TESTS[test](
-            table, replace(q, test=test, missing="listwise", error="strata", posthoc="none")
+            table,
+            replace(
+                q,
+                test=test,
+                missing="listwise",
+                decision=replace(q.decision, posthoc="none"),
+                model=replace(q.model, error="strata"),
+            ),
         )
     except StatisticsError as error:
         return [f"with missing=listwise there is nothing to compare with: {error}"]
     notes = []
     for effect in anova.effects:
         p = other.p(effect.name)
-        if (p < q.alpha) != (effect.p_used < q.alpha):
+        if (p < q.decision.alpha) != (effect.p_used < q.decision.alpha):
             notes.append(
                 f"{effect.name}: {p_text(effect.p_used)} with the cells that are there but "
                 f"{p_text(p)} of the {other.row(effect.name)['n']} people who have all "
@@ -338,7 +345,7 @@ def _not_spherical(table: DataTable, q: Question) -> list[str]:
         "model takes them to be; the test rm corrects for it"
         for effect in complete.effects
         if effect.sphericity is not None
-        and (effect.sphericity.p is None or effect.sphericity.p < q.alpha)
+        and (effect.sphericity.p is None or effect.sphericity.p < q.decision.alpha)
     ]
 
 
@@ -358,7 +365,7 @@ def _complete_anova(table: DataTable, q: Question) -> Anova:
 
 def _lmm(table: DataTable, q: Question) -> Outcome:
     q.need("subject", "within")
-    random = q.random or "maximal"
+    random = q.model.random or "maximal"
     _refuse_method("random", random, get_args(RandomEffects))
     tidy = prepare(table, q, average=False)
     adjust = q.adjustment("holm", CONTRAST_WAYS)
@@ -379,7 +386,7 @@ def _gee(table: DataTable, q: Question) -> Outcome:
     q.need("subject")
     if not q.within and not q.between:
         raise UsageError("the test gee needs a within or a between factor")
-    _refuse_method("family", q.family, get_args(Family))
+    _refuse_method("family", q.model.family, get_args(Family))
     tidy = prepare(table, q, average=False)
     adjust = q.adjustment("holm", CONTRAST_WAYS)
     model = gee(
@@ -390,7 +397,7 @@ def _gee(table: DataTable, q: Question) -> Outcome:
         between=q.between,
         levels=tidy.levels,
         missing=q.missing,
-        family=cast(Family, q.family),
+        family=cast(Family, q.model.family),
     )
     return _model_outcome(table, q, tidy, model, [], adjust)
 
@@ -410,8 +417,8 @@ def _clmm(table: DataTable, q: Question) -> Outcome:
         between=q.between,
         levels=tidy.levels,
         missing=q.missing,
-        random=q.random or "intercept",
-        nodes=q.nodes,
+        random=q.model.random or "intercept",
+        nodes=q.model.nodes,
     )
     return _model_outcome(table, q, tidy, model, [], adjust)
 
@@ -465,7 +472,7 @@ def _anova_outcome(
 ) -> Outcome:
     notes = [*model.provenance.notes, *families.notes]
     if isinstance(model, Anova):
-        notes += nonlinear_scale_interactions(model.design, model.effects, q.alpha)
+        notes += nonlinear_scale_interactions(model.design, model.effects, q.decision.alpha)
     return outcome_of(
         table,
         q,
@@ -496,10 +503,10 @@ def _friedman(table: DataTable, q: Question) -> Outcome:
     design = read(tidy, q)
     frame, levels = _design_rows(tidy, design), tidy.levels[within]
     test = friedman(frame, q.dv, subject=q.subject, within=within, levels=levels)
-    significant = test.p < q.alpha
-    path = [f"{test.sentence()}, α = {threshold_text(q.alpha)} → {_verdict(significant)}"]
+    significant = test.p < q.decision.alpha
+    path = [f"{test.sentence()}, α = {threshold_text(q.decision.alpha)} → {_verdict(significant)}"]
     pairs: tuple[SignedRankPair, ...] = ()
-    if adjust != "none" and (significant or q.always_posthoc):
+    if adjust != "none" and (significant or q.decision.always_posthoc):
         pairs = posthoc_signed_rank(
             frame,
             q.dv,
@@ -534,10 +541,10 @@ def _conditions(table: DataTable, q: Question) -> Outcome:
         subject=q.subject,
         within=within,
         levels=tidy.levels[within],
-        alpha=q.alpha,
-        normality_alpha=q.normality_alpha,
+        alpha=q.decision.alpha,
+        normality_alpha=q.decision.normality_alpha,
         adjust=cast(Adjustment, adjust),
-        always_posthoc=q.always_posthoc,
+        always_posthoc=q.decision.always_posthoc,
     )
     pairs: Any = (
         comparison.pairs.contrasts if isinstance(comparison.pairs, Contrasts) else comparison.pairs
@@ -564,9 +571,9 @@ def _kruskal(table: DataTable, q: Question) -> Outcome:
     design = read(tidy, q)
     frame, levels = _design_rows(tidy, design), tidy.levels[factor]
     test = kruskal_wallis(frame, q.dv, factor=factor, levels=levels)
-    significant = test.p < q.alpha
+    significant = test.p < q.decision.alpha
     pairs: tuple[DunnPair, ...] = ()
-    if adjust != "none" and (significant or q.always_posthoc):
+    if adjust != "none" and (significant or q.decision.always_posthoc):
         pairs = dunn(frame, q.dv, factor=factor, levels=levels, adjust=cast(Adjustment, adjust))
     return outcome_of(
         table,
@@ -576,7 +583,9 @@ def _kruskal(table: DataTable, q: Question) -> Outcome:
         design,
         (test.row(),),
         (f"Kruskal-Wallis test of {factor} on {q.dv}: {test.sentence()}.",),
-        path=(f"{test.sentence()}, α = {threshold_text(q.alpha)} → {_verdict(significant)}",),
+        path=(
+            f"{test.sentence()}, α = {threshold_text(q.decision.alpha)} → {_verdict(significant)}",
+        ),
         contrasts=tuple({"family": factor, **p.row()} for p in pairs),
         contrast_sentences=tuple(p.sentence() + "." for p in pairs),
         notes=(*test.provenance.notes, *uneven_groups(design, "the test welch")),
@@ -590,9 +599,9 @@ def _welch(table: DataTable, q: Question) -> Outcome:
     design = read(tidy, q)
     frame, levels = _design_rows(tidy, design), tidy.levels[factor]
     test = welch_anova(frame, q.dv, factor=factor, levels=levels)
-    significant = test.p < q.alpha
+    significant = test.p < q.decision.alpha
     families = _Families(q, lambda effect: True)
-    if adjust != "none" and (significant or q.always_posthoc):
+    if adjust != "none" and (significant or q.decision.always_posthoc):
         way = cast(ContrastAdjustment, adjust)
         families.add(
             factor, lambda: games_howell(frame, q.dv, factor=factor, levels=levels, adjust=way)
@@ -606,7 +615,8 @@ def _welch(table: DataTable, q: Question) -> Outcome:
         ({"term": factor, **test.row()},),
         (f"{factor} on {q.dv}: {test.sentence()}.",),
         path=(
-            f"{factor}: {p_text(test.p)}, α = {threshold_text(q.alpha)} → {_verdict(significant)}",
+            f"{factor}: {p_text(test.p)}, α = {threshold_text(q.decision.alpha)} "
+            f"→ {_verdict(significant)}",
         ),
         contrasts=tuple(families.rows),
         contrast_sentences=tuple(families.sentences),

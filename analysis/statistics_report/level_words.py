@@ -84,7 +84,7 @@ class LevelWords:
 def level_words_of(question: Question) -> LevelWords | None:
     """Return the levels of a question that have words of their own; None where none has."""
     levels = dict.fromkeys(level for of in question.levels.values() for level in of)
-    other = [level for level in levels if question.level_words.get(level, level) != level]
+    other = [level for level in levels if question.wording.level_words.get(level, level) != level]
     if not other:
         return None
-    return LevelWords(tuple(other), tuple(question.level_words[level] for level in other))
+    return LevelWords(tuple(other), tuple(question.wording.level_words[level] for level in other))

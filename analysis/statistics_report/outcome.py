@@ -2,78 +2,216 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import Any, Final, Literal, get_args
 
 import pandas as pd
 
 from visavis.analysis.statistics.design import Missing
 from visavis.analysis.statistics.results import NO_CLAIM, Array, Row
 from visavis.lab.errors import UsageError
+from visavis.lab.parts import parts_from, takes_keywords_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class DecisionRule:
+    """When an effect counts, and which levels are then compared."""
+
+    alpha: float = 0.05
+    """The level of significance."""
+    normality_alpha: float = 0.05
+    """Of conditions: the level of the test of normality that decides which test is taken."""
+    posthoc: str = ""
+    """How contrasts are adjusted, or none; the test's own way if left out."""
+    always_posthoc: bool = False
+    """Whether levels are compared where the effect is not significant, too."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelChoices:
+    """How tests that fit a model do it; each test takes some of these."""
+
+    transform: str = "art"
+    """Of art: "art" ranks aligned values, "int" takes normal scores of plain ranks."""
+    error: str = "strata"
+    """Of art: the error of within effects, "strata", "pooled" or "mixed"."""
+    family: str = "gaussian"
+    """Of gee: gaussian, binomial or poisson."""
+    random: str = ""
+    """Of lmm, clmm and bradleyterry: in what people differ; the test's own choice if left out."""
+    nodes: int = 0
+    """Of clmm and bradleyterry: nodes of quadrature to a random effect; 0 is Laplace."""
+    correction: str = ""
+    """Of rm and art, for sphericity: mauchly, gg, hf or none; the test's own choice if left out."""
+    equal_variances: bool = False
+    """Of t between groups: Student's test instead of Welch's."""
+    bayes: bool = False
+    """Of t: the Bayes factor beside it."""
+    side: bool = False
+    """Of bradleyterry: the odds of what stands first as well."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReferenceValues:
+    """The values with which tests compare the response."""
+
+    mu: float = 0.0
+    """Of t with one sample, sign, binomial, icc, krippendorff, kappa: the value of no effect."""
+    low: float | None = None
+    """Of tost and t: the lower bound of equivalence."""
+    high: float | None = None
+    """Of tost and t: the upper bound of equivalence."""
+    unit: str = "raw"
+    """What these bounds are given in: "raw", as the response, or "sd", its standard deviation."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReliabilityChoices:
+    """What tests of reliability and agreement are asked of."""
+
+    items: tuple[str, ...] = ()
+    """Of cronbach: the columns of the scale's items."""
+    reverse: tuple[str, ...] = ()
+    """Of cronbach: those items that are turned round."""
+    scale: str = ""
+    """Of krippendorff and kappa: nominal, ordinal, interval or ratio."""
+    kind: str = ""
+    """Of icc: the one coefficient to report, such as ICC2; all six if left out."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wording:
+    """The words of sentences; rows and tables keep names."""
+
+    level_words: Mapping[str, str] = field(default_factory=dict)
+    """What sentences call levels, by their names."""
+    measured_in: str = ""
+    """The unit of the response."""
+
+
+PARTS: Final[Mapping[str, type[Any]]] = {
+    "decision": DecisionRule,
+    "model": ModelChoices,
+    "reference": ReferenceValues,
+    "reliability": ReliabilityChoices,
+    "wording": Wording,
+}
+"""The parts of a question by the names under which it has them."""
 
 
 @dataclass(frozen=True)
-class Question:
-    """A test asked for: columns by their role, and how to test.
-
-    `test` is a name of `TESTS`, `dv` the response, `within` and `between` the factors, `subject`
-    the column that names the person; what the other fields mean stands in docs/statistics.md
-    ("Questions"). Raises UsageError for a level of significance or a rule that does not exist.
-    """
+class _Keywords(Wording, ReliabilityChoices, ReferenceValues, ModelChoices, DecisionRule):
+    """The keywords of `Question`: its own, and every field of every part. For type checkers."""
 
     test: str
     dv: str = ""
     within: tuple[str, ...] = ()
     between: tuple[str, ...] = ()
     subject: str = ""
-    missing: Missing = "error"
-    transform: str = "art"
-    error: str = "strata"
-    posthoc: str = ""
-    always_posthoc: bool = False
-    alpha: float = 0.05
-    normality_alpha: float = 0.05
-    partner: str = ""
-    items: tuple[str, ...] = ()
-    reverse: tuple[str, ...] = ()
-    low: float | None = None
-    high: float | None = None
-    unit: str = "raw"
-    mu: float = 0.0
-    levels: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    family: str = "gaussian"
-    random: str = ""
-    nodes: int = 0
-    correction: str = ""
-    equal_variances: bool = False
-    bayes: bool = False
-    side: bool = False
-    scale: str = ""
-    kind: str = ""
-    level_words: Mapping[str, str] = field(default_factory=dict)
-    measured_in: str = ""
+    missing: Missing = field(default="error", kw_only=True)
+    partner: str = field(default="", kw_only=True)
+    levels: Mapping[str, Sequence[str]] = field(default_factory=dict, kw_only=True)
+    decision: DecisionRule | None = field(default=None, kw_only=True)
+    model: ModelChoices | None = field(default=None, kw_only=True)
+    reference: ReferenceValues | None = field(default=None, kw_only=True)
+    reliability: ReliabilityChoices | None = field(default=None, kw_only=True)
+    wording: Wording | None = field(default=None, kw_only=True)
 
-    def __post_init__(self) -> None:
-        """Refuse values that no test knows."""
+
+@dataclass(frozen=True, init=False)
+class Question:
+    """A test asked for: columns by their role, and how to test.
+
+    Fields of its parts are given by their names, `Question("tost", dv="error", low=-1, high=1)`;
+    it has them as `question.reference.low`. What they mean for users stands in docs/statistics.md
+    ("Questions").
+
+    Raises:
+        TypeError: there is no such keyword; it says which one is nearest.
+        UsageError: a level of significance or a rule that does not exist, or a choice that the
+            test does not have.
+    """
+
+    test: str
+    """A name of `TESTS`."""
+    dv: str
+    """The column of the response."""
+    within: tuple[str, ...]
+    """The columns of factors that vary within people."""
+    between: tuple[str, ...]
+    """The columns of factors that vary between people."""
+    subject: str
+    """The column that names the person."""
+    missing: Missing
+    """What becomes of people with missing cells."""
+    partner: str
+    """The other column of a correlation."""
+    levels: Mapping[str, Sequence[str]]
+    """The order of a factor's levels, by factor."""
+    decision: DecisionRule
+    """When an effect counts, and which levels are then compared."""
+    model: ModelChoices
+    """How tests that fit a model do it."""
+    reference: ReferenceValues
+    """The values with which tests compare the response."""
+    reliability: ReliabilityChoices
+    """What is asked of raters or items that should agree."""
+    wording: Wording
+    """The words of sentences."""
+
+    @takes_keywords_of(_Keywords)
+    def __init__(
+        self,
+        test: str,
+        dv: str = "",
+        within: tuple[str, ...] = (),
+        between: tuple[str, ...] = (),
+        subject: str = "",
+        *,
+        missing: Missing = "error",
+        partner: str = "",
+        levels: Mapping[str, Sequence[str]] | None = None,
+        **keywords: Any,
+    ) -> None:
+        own = {
+            "test": test,
+            "dv": dv,
+            "within": within,
+            "between": between,
+            "subject": subject,
+            "missing": missing,
+            "partner": partner,
+            "levels": {} if levels is None else levels,
+        }
+        for name, value in {**own, **parts_from(PARTS, keywords)}.items():
+            object.__setattr__(self, name, value)  # the fields are frozen for everyone else
+        self._refuse_bad_values()
+
+    def _refuse_bad_values(self) -> None:
+        """Refuse values that no test knows, and choices that this test does not have."""
         if self.missing not in get_args(Missing):
             raise UsageError(f"missing takes {', '.join(get_args(Missing))}, not {self.missing!r}")
-        if not 0 < self.alpha < 1:
-            raise UsageError(f"alpha lies between 0 and 1, not {self.alpha:g}")
-        if self.bayes and self.test != "t":
+        if not 0 < self.decision.alpha < 1:
+            raise UsageError(f"alpha lies between 0 and 1, not {self.decision.alpha:g}")
+        model, reference = self.model, self.reference
+        if model.bayes and self.test != "t":
             raise UsageError(
                 f"a Bayes factor stands beside the test t, not {self.test}; take --test t, or "
                 "leave --bayes out"
             )
-        for name, tests in (
-            ("random", ("lmm", "clmm", "bradleyterry")),
-            ("nodes", ("clmm", "bradleyterry")),
+        for name, choice, tests in (
+            ("random", model.random, ("lmm", "clmm", "bradleyterry")),
+            ("nodes", model.nodes, ("clmm", "bradleyterry")),
         ):
-            if getattr(self, name) and self.test not in tests:
+            if choice and self.test not in tests:
                 raise UsageError(f"{name} goes with {', '.join(tests)}, not with {self.test}")
-        if self.kind and self.test != "icc":
+        if self.reliability.kind and self.test != "icc":
             raise UsageError(f"a kind is chosen of intraclass correlations, not of {self.test}")
-        if self.nodes and self.test != "clmm":
+        if model.nodes and self.test != "clmm":
             raise UsageError(f"nodes of quadrature are chosen for clmm, not for {self.test}")
-        if (self.low is not None or self.high is not None) and self.test not in ("t", "tost"):
+        if (reference.low is not None or reference.high is not None) and self.test not in (
+            "t",
+            "tost",
+        ):
             raise UsageError(
                 f"bounds of equivalence (low, high) go with the tests tost and t, not {self.test}"
             )
@@ -81,7 +219,7 @@ class Question:
     def need(self, *roles: str) -> None:
         """Raise UsageError for a role this test needs and nobody named."""
         for role in roles:
-            if not getattr(self, role):
+            if not (self.reliability.items if role == "items" else getattr(self, role)):
                 option = {"partner": "with"}.get(role, role)
                 raise UsageError(f"the test {self.test} needs {option}")
 
@@ -108,7 +246,7 @@ class Question:
 
     def adjustment(self, default: str, choices: Sequence[str]) -> str:
         """Return how post-hoc tests are adjusted; UsageError for a way this test does not offer."""
-        choice = self.posthoc or default
+        choice = self.decision.posthoc or default
         if choice not in (*choices, "none"):
             raise UsageError(
                 f"posthoc={choice} does not go with the test {self.test}; it takes "

@@ -92,8 +92,11 @@ SIGNED_RANK = (
 def _t(outcome: Outcome, names: Mapping[str, str]) -> Body:
     q = outcome.question
     if not names:
-        return [f"t <- t.test(d$y, mu = {q.mu!r})", 'line("t", t$statistic, t$p.value)'], ()
-    how = "paired = TRUE" if q.within else f"var.equal = {str(q.equal_variances).upper()}"
+        return [
+            f"t <- t.test(d$y, mu = {q.reference.mu!r})",
+            'line("t", t$statistic, t$p.value)',
+        ], ()
+    how = "paired = TRUE" if q.within else f"var.equal = {str(q.model.equal_variances).upper()}"
     return _two(outcome, names, f"t.test(x, y, {how})", "t$statistic"), ()
 
 
@@ -173,8 +176,11 @@ def _tost(outcome: Outcome, names: Mapping[str, str]) -> Body:
             "(length(x) + length(y) - 2))"
         )
         spread = "sd(x - y)" if q.within else pooled_sd
-    lines.append(f"unit <- {'1' if q.unit == 'raw' else spread}")
-    for name, bound, side in (("above low", q.low, "greater"), ("below high", q.high, "less")):
+    lines.append(f"unit <- {'1' if q.reference.unit == 'raw' else spread}")
+    for name, bound, side in (
+        ("above low", q.reference.low, "greater"),
+        ("below high", q.reference.high, "less"),
+    ):
         call = f't.test({values}{how}, mu = {bound!r} * unit, alternative = "{side}")'
         lines.append(f'{{ t <- {call}; line("{name}", t$statistic, t$p.value) }}')
     return lines, ()
@@ -182,8 +188,8 @@ def _tost(outcome: Outcome, names: Mapping[str, str]) -> Body:
 
 def _cronbach(outcome: Outcome, names: Mapping[str, str]) -> Body:
     items = ", ".join(
-        f"{'-' if i in outcome.question.reverse else ''}d[[{_r_string(i)}]]"
-        for i in outcome.question.items
+        f"{'-' if i in outcome.question.reliability.reverse else ''}d[[{_r_string(i)}]]"
+        for i in outcome.question.reliability.items
     )
     return [
         f"items <- cbind({items}); k <- ncol(items)",
@@ -249,18 +255,18 @@ ALIGNED = """aligned_ranks <- function(term, factors) {
 
 def _art(outcome: Outcome, names: Mapping[str, str]) -> Body:
     q = outcome.question
-    if q.error != "strata" or q.missing == "mixed":
+    if q.model.error != "strata" or q.missing == "mixed":
         return _mixed_note(outcome, names)
     lines = [AOV] if q.within else []
     every = _vector(list(names.values()))
-    if q.transform == "int":
+    if q.model.transform == "int":
         lines.append("d$y <- qnorm((rank(d$y) - 3/8) / (nrow(d) + 1/4))")
     else:
         lines.append(ALIGNED)
         lines.append("response <- d$y")
     for row in outcome.rows:
         alone = _with_rows(outcome, [row])
-        if q.transform == "art":
+        if q.model.transform == "art":
             term = _vector([names[f] for f in str(row["term"]).split(":")])
             lines += ["d$y <- response", f"d$y <- aligned_ranks({term}, {every})"]
         if q.within:
@@ -323,7 +329,7 @@ def _gee(outcome: Outcome, names: Mapping[str, str]) -> Body:
     return [
         "d <- d[order(d$s), ]",
         f"m <- geepack::geeglm(y ~ {fixed_part}, id = d$s, data = d, "
-        f'family = {outcome.question.family}, corstr = "exchangeable")',
+        f'family = {outcome.question.model.family}, corstr = "exchangeable")',
         "t <- summary(m)$coefficients",
         "# The same estimates; errors are the plain sandwich, without Mancl and DeRouen's",
         "# correction for few subjects, so p is smaller than Visavis prints.",
@@ -377,10 +383,10 @@ def _people_differ(outcome: Outcome) -> list[str]:
     """Return the terms in which people have slopes of their own in a cumulative link model."""
     assert outcome.data is not None  # noqa: S101  # r_code asked
     q = outcome.question
-    if q.random in ("", "intercept"):
+    if q.model.random in ("", "intercept"):
         return []
-    if q.random != "maximal":
-        return q.random.replace(" ", "").split("+")
+    if q.model.random != "maximal":
+        return q.model.random.replace(" ", "").split("+")
     has_repeats = bool(outcome.data.duplicated([q.subject, *q.within]).any())
     sizes = range(1, len(q.within) + 1)
     terms = [":".join(t) for size in sizes for t in combinations(q.within, size)]
@@ -398,7 +404,7 @@ def _bradley_terry(outcome: Outcome, names: Mapping[str, str]) -> Body:
         f"X <- sapply({_vector(items[1:])}, function(v) (first == v) - (second == v))",
         "term <- rep(1, ncol(X))",
     ]
-    if q.side:
+    if q.model.side:
         lines.append("X <- cbind(X, 1); term <- c(term, 0)")
     if groups:
         lines.append(f"G <- model.matrix(~ {groups[0]})[, -1, drop = FALSE]; own <- X[, term == 1]")
@@ -407,7 +413,7 @@ def _bradley_terry(outcome: Outcome, names: Mapping[str, str]) -> Body:
             "function(j) own * G[, j]))); "
             "term <- c(term, rep(2, ncol(own) * ncol(G)))"
         )
-    if q.random:
+    if q.model.random:
         return _people_like(outcome, lines)
     lines += [
         "# Davidson's likelihood (Bradley and Terry's where there are no ties), by optim.",
@@ -440,7 +446,7 @@ def _people_like(outcome: Outcome, lines: list[str]) -> Body:
     """
     assert outcome.data is not None  # noqa: S101  # r_code asked
     q = outcome.question
-    if q.random != "maximal" or (outcome.data[q.dv] == 0).any() or q.nodes > 1:
+    if q.model.random != "maximal" or (outcome.data[q.dv] == 0).any() or q.model.nodes > 1:
         return ["# Not repeated here: no package of R has this model (ties, or one SD)."], ()
     lines = [
         *lines,
@@ -467,7 +473,7 @@ def _people_like(outcome: Outcome, lines: list[str]) -> Body:
 
 def _sign(outcome: Outcome, names: Mapping[str, str]) -> Body:
     if not names:
-        mu = outcome.question.mu
+        mu = outcome.question.reference.mu
         return [
             f"off <- round(d$y - {mu!r}, 9)",
             "t <- binom.test(sum(off > 0), sum(off != 0))",
@@ -478,7 +484,7 @@ def _sign(outcome: Outcome, names: Mapping[str, str]) -> Body:
 
 
 def _binomial(outcome: Outcome, names: Mapping[str, str]) -> Body:
-    chance_share = outcome.question.mu or 0.5
+    chance_share = outcome.question.reference.mu or 0.5
     return [
         f"t <- binom.test(sum(d$y), nrow(d), {chance_share!r})",
         'line("hits", t$statistic, t$p.value)',
@@ -497,7 +503,7 @@ def _icc(outcome: Outcome, names: Mapping[str, str]) -> Body:
 
 
 def _kappa(outcome: Outcome, names: Mapping[str, str]) -> Body:
-    scale = outcome.question.scale or "nominal"
+    scale = outcome.question.reliability.scale or "nominal"
     gap = {"nominal": "diag(k)", "ordinal": "1 - gap", "interval": "1 - gap^2"}[scale]
     return [
         WIDE,
@@ -513,7 +519,7 @@ def _kappa(outcome: Outcome, names: Mapping[str, str]) -> Body:
 def _krippendorff(outcome: Outcome, names: Mapping[str, str]) -> Body:
     return [
         WIDE,
-        f'a <- irr::kripp.alpha(t(wide), "{outcome.question.scale}")',
+        f'a <- irr::kripp.alpha(t(wide), "{outcome.question.reliability.scale}")',
         'line("alpha", a$value, NA)',
     ], ("irr",)
 

@@ -60,7 +60,9 @@ def _paired_comparisons(table: DataTable, q: Question) -> Outcome:
     design = read(tidy, q)
     columns = columns_of(design)
     comparisons = tuple(
-        compare_paired(columns[a], columns[b], names=(a, b), alpha=q.alpha, unit=q.measured_in)
+        compare_paired(
+            columns[a], columns[b], names=(a, b), alpha=q.decision.alpha, unit=q.wording.measured_in
+        )
         for a, b in combinations(columns, 2)
     )
     if len(comparisons) > 1:
@@ -114,21 +116,23 @@ def _t(table: DataTable, q: Question) -> Outcome:
     tidy = prepare(table, q)
     design = read(tidy, q)
     columns = columns_of(design)
-    run: Callable[..., TTest] = partial(paired_t, unit=q.measured_in)
+    run: Callable[..., TTest] = partial(paired_t, unit=q.wording.measured_in)
     title = "Paired t test"
     if q.between:
-        run = partial(independent_t, equal_variances=q.equal_variances, unit=q.measured_in)
-        title = "Student's t test" if q.equal_variances else "Welch's t test"
+        run = partial(
+            independent_t, equal_variances=q.model.equal_variances, unit=q.wording.measured_in
+        )
+        title = "Student's t test" if q.model.equal_variances else "Welch's t test"
     rows, sentences = family(q, columns, lambda a, b: run(columns[a], columns[b], names=(a, b)))
     notes: tuple[str, ...] = ()
-    if q.between and q.equal_variances:
+    if q.between and q.model.equal_variances:
         notes = uneven_groups(design, "Welch's test, without equal_variances")
-    if q.bayes:
+    if q.model.bayes:
         pairs = list(combinations(columns.values(), 2))
         factors = [_bayes_factor(x, y, paired=bool(q.within)) for x, y in pairs]
         rows, sentences = _with_bayes(rows, sentences, factors)
         notes += (_BAYES_NOTE,) if q.within else (_BAYES_NOTE, "the Bayes factor is Student's t's")
-    if q.low is not None or q.high is not None:
+    if q.reference.low is not None or q.reference.high is not None:
         equal = _tost(table, q) if len(columns) == 2 else None
         if equal is None:
             raise TooFewLevels(f"equivalence is tested for two conditions, not {len(columns)}")
@@ -180,11 +184,11 @@ def single_column(table: DataTable, q: Question) -> tuple[TidyTable, Array]:
 
 def _one_sample_t(table: DataTable, q: Question) -> Outcome:
     tidy, y = single_column(table, q)
-    test = one_sample_t(y, mu=q.mu, name=q.dv, unit=q.measured_in)
+    test = one_sample_t(y, mu=q.reference.mu, name=q.dv, unit=q.wording.measured_in)
     rows: tuple[Row, ...] = (test.row(),)
-    sentences: tuple[str, ...] = (f"{q.dv} against {q.mu:g}: {test.sentence()}.",)
+    sentences: tuple[str, ...] = (f"{q.dv} against {q.reference.mu:g}: {test.sentence()}.",)
     notes: tuple[str, ...] = ()
-    if q.bayes:
+    if q.model.bayes:
         rows, sentences = _with_bayes(rows, sentences, [jzs_bayes_factor(test.t, y.size)])
         notes = (_BAYES_NOTE,)
     return outcome_of(
@@ -312,15 +316,20 @@ def _by_subject(table: DataTable, q: Question, column: str) -> tuple[Array, tupl
 
 
 def _tost(table: DataTable, q: Question) -> Outcome:
-    if q.low is None or q.high is None:
+    if q.reference.low is None or q.reference.high is None:
         raise UsageError(
             "the test tost needs low and high: the smallest difference that matters, fixed "
             "before looking at the data"
         )
-    if q.unit not in ("raw", "sd"):
-        raise UsageError(f"unit takes raw or sd, not {q.unit!r}")
-    unit = cast(BoundUnit, q.unit)
-    bounds: dict[str, Any] = {"low": q.low, "high": q.high, "unit": unit, "alpha": q.alpha}
+    if q.reference.unit not in ("raw", "sd"):
+        raise UsageError(f"unit takes raw or sd, not {q.reference.unit!r}")
+    unit = cast(BoundUnit, q.reference.unit)
+    bounds: dict[str, Any] = {
+        "low": q.reference.low,
+        "high": q.reference.high,
+        "unit": unit,
+        "alpha": q.decision.alpha,
+    }
     if not q.within and not q.between:
         tidy, y = single_column(table, q)
         test = tost_one_sample(y, name=q.dv, **bounds)
@@ -362,13 +371,13 @@ def _tost(table: DataTable, q: Question) -> Outcome:
 
 def _cronbach(table: DataTable, q: Question) -> Outcome:
     q.need("items")
-    columns = {name: table.numbers(name) for name in q.items}
+    columns = {name: table.numbers(name) for name in q.reliability.items}
     values = np.column_stack(list(columns.values()))
     missing = np.isnan(values).any(axis=1)
     notes = list(table.notes)
     if missing.any():
         row = int(np.flatnonzero(missing)[0])
-        item = q.items[int(np.flatnonzero(np.isnan(values[row]))[0])]
+        item = q.reliability.items[int(np.flatnonzero(np.isnan(values[row]))[0])]
         if q.missing == "error":
             raise MissingValue(
                 f"{table.name}: {item} is missing in {table.place(row)}; repair it, or leave such "
@@ -376,7 +385,9 @@ def _cronbach(table: DataTable, q: Question) -> Outcome:
             )
         notes.append(f"{int(missing.sum())} persons without all items left out")
     alpha = cronbach_alpha(
-        {k: v[~missing] for k, v in columns.items()}, list(q.items), reverse=q.reverse
+        {k: v[~missing] for k, v in columns.items()},
+        list(q.reliability.items),
+        reverse=q.reliability.reverse,
     )
     return Outcome(
         question=q,

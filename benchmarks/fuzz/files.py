@@ -50,7 +50,7 @@ from visavis.recording.xdf import export_xdf
 from visavis.results.opened_study import find_study
 from visavis.results.picture_delay import SETTING, read_sync_test
 from visavis.running.page.other_hosts.results import read_runs
-from visavis.running.sessions.piecewise import read_kept
+from visavis.running.sessions.piecewise import read_stored_trial
 from visavis.running.sessions.plan_lock import (
     LOCK_NAME,
     PEEKS_NAME,
@@ -205,7 +205,7 @@ def files(scratch: Path) -> Iterator[Target]:
     peeks = of_file("visavis.plan_lock peeks", study / PEEKS_NAME, lambda p: read_peeks(p.parent))
     yield from (peeks, again(peeks, chained_again))
     kept = seal({"row": {"dwell_ms": 1.5}, "tables": {"looks": [{"zone": "A"}, {"zone": "B"}]}})
-    measured = target("visavis.piecewise", kept, at("kept.json", read_kept))
+    measured = target("visavis.piecewise", kept, at("kept.json", read_stored_trial))
     yield from (measured, again(measured, sealed_again))
     yield target("visavis.results.picture_delay", json.dumps(SYNC), at("sync.json", read_sync_test))
     told_lines = "".join(json.dumps(line) + "\n" for line in RUN)

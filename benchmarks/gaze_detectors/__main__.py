@@ -26,8 +26,9 @@ from benchmarks.gaze_detectors.agreement import Agreement, agreement, averaged
 from benchmarks.gaze_detectors.peers import available_peers
 from benchmarks.gaze_detectors.sets import SETS, Labels, Recording, is_tuned_on
 from visavis.analysis.gaze.events import IDT_SCREEN, IVT_HEADSET, IVT_SCREEN, detect_idt, detect_ivt
-from visavis.analysis.gaze.movements.detect import AUTO, detect_movements
+from visavis.analysis.gaze.movements.detect import detect_movements
 from visavis.analysis.gaze.movements.kinds import Movement
+from visavis.analysis.gaze.movements.parameters import AUTO
 from visavis.lab.clock import cpu_time_s
 
 Detect = Callable[[Recording], Labels]

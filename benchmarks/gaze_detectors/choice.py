@@ -18,8 +18,9 @@ import numpy as np
 from benchmarks.gaze_detectors.agreement import agreement
 from benchmarks.gaze_detectors.rates import noisy, thinned
 from benchmarks.gaze_detectors.sets import GAZECOM_RATE_HZ, SETS, TUNING_SET, is_tuned_on
-from visavis.analysis.gaze.movements.detect import AUTO, DETECTOR_NAMES, detect_movements
+from visavis.analysis.gaze.movements.detect import DETECTOR_NAMES, detect_movements
 from visavis.analysis.gaze.movements.kinds import Movement
+from visavis.analysis.gaze.movements.parameters import AUTO
 
 STEPS, NOISES_DEG, EVERY = (1, 2, 4, 8), (0.0, 0.1, 0.25, 0.5, 1.0, 2.0), 8
 

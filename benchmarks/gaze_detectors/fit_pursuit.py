@@ -16,8 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.gaze_detectors.sets import SETS, TUNING_SET, Recording, is_tuned_on
-from visavis.analysis.gaze.movements.detect import MovementParameters, runs_between_saccades
+from visavis.analysis.gaze.movements.detect import runs_between_saccades
 from visavis.analysis.gaze.movements.kinds import Movement
+from visavis.analysis.gaze.movements.parameters import MovementParameters
 from visavis.analysis.gaze.movements.pursuit import PursuitWeights, rows_with_features
 from visavis.lab.geometry import Vector, unit
 

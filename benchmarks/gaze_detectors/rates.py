@@ -29,8 +29,9 @@ from visavis.analysis.gaze.events import (
     detect_idt,
     detect_ivt,
 )
-from visavis.analysis.gaze.movements.detect import AUTO, detect_movements
+from visavis.analysis.gaze.movements.detect import detect_movements
 from visavis.analysis.gaze.movements.kinds import Movement, fixations_of
+from visavis.analysis.gaze.movements.parameters import AUTO
 from visavis.lab.clock import cpu_time_s
 from visavis.lab.geometry import Vector
 

@@ -49,7 +49,7 @@ def _sheets(experiment: StudyExperiment) -> Table:
     store = film_store(experiment)
     table_rows = []
     for camera, lens in CAMERAS.items():
-        sheets = [store.seen(film).sheet for film in experiment.films if film.lens == lens]
+        sheets = [store.film_seen(film).sheet for film in experiment.films if film.lens == lens]
         if not sheets:
             continue
 

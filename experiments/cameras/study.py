@@ -24,7 +24,7 @@ from visavis.study.films import Directed, Film, Following, Moving, Pair, Placed
 from visavis.study.measures import column
 from visavis.study.moving_camera import FilmSeen
 from visavis.study.responses import Choice, Response
-from visavis.study.scenes import Scene, Staged, Staging, gathered
+from visavis.study.scenes import Scene, StagedScene, Staging, scene_of_people
 from visavis.study.study_functions import Seen
 from visavis.study.trial import Action, TrialScript
 
@@ -137,9 +137,9 @@ study = Study(
 
 
 @study.scene("walk")
-def walk(staging: Staging, *, walk: str) -> Staged:
+def walk(staging: Staging, *, walk: str) -> StagedScene:
     """Return somebody who walks through the gallery and does something on the way."""
-    return gathered(staging, "walk", everybody(walk), "walker", "averted", room_by=ROOM)
+    return scene_of_people(staging, "walk", everybody(walk), "walker", "averted", room_by=ROOM)
 
 
 @study.trial
@@ -192,7 +192,7 @@ def faults(film: FilmSeen) -> float:
     sheet = film.sheet
     cuts_per_min = 60.0 * (sheet.shots - 1) / sheet.seconds
     return (
-        LOSS_UNSEEN * (1.0 - float(film.seen.mean()))
+        LOSS_UNSEEN * (1.0 - float(film.is_visible.mean()))
         + JERK * float(np.log10(1.0 + (sheet.jerk_mps3 or 0.0)))
         + CUTS * cuts_per_min
         + SIZE * float(np.log2(sheet.size_off_by or 1.0))
@@ -202,7 +202,7 @@ def faults(film: FilmSeen) -> float:
 def could_tell(film: FilmSeen, window_s: tuple[float, float]) -> bool:
     """Tell whether what is done in a time can be seen for half of it, large enough."""
     then = (film.t_s >= window_s[0]) & (film.t_s < window_s[1])
-    clear = film.seen & (film.height_01 >= READABLE_01)
+    clear = film.is_visible & (film.height_01 >= READABLE_01)
     return bool(clear[then].mean() >= 0.5) if then.any() else False
 
 

@@ -23,11 +23,11 @@ from visavis.experiments.crowd.surfaces import (
     own_surfaces,
     person_surface,
 )
-from visavis.experiments.crowd.walk_kernel import volumes_of_walk
+from visavis.experiments.crowd.walk_kernel import Measuring, volumes_of_walk
 from visavis.experiments.crowd.walks import Walk
 from visavis.lab.geometry import Vector
 from visavis.stimuli.contact.body import CAPSULE_JOINTS, capsule_body
-from visavis.stimuli.contact.common import volumes_along
+from visavis.stimuli.contact.common import Capsules, volumes_along
 from visavis.stimuli.contact.figures import crowd_figures
 from visavis.stimuli.contact.idle import N_JOINTS, place_person
 from visavis.stimuli.contact.touch import REACH_M, TouchSensor
@@ -78,11 +78,13 @@ def walk_volumes(
         walk.people,
         crowd_figures(),
         crowd_surfaces(surface),
-        SURFACE_REACH_M,
-        _FINE_ENOUGH.cell_m,
-        _FINE_ENOUGH.refine_below_m3,
-        _FINE_ENOUGH.fine_columns,
-        rule != "volume",
+        Measuring(
+            SURFACE_REACH_M,
+            _FINE_ENOUGH.cell_m,
+            _FINE_ENOUGH.refine_below_m3,
+            _FINE_ENOUGH.fine_columns,
+            only_near=rule != "volume",
+        ),
         volumes,
     )
     if rule != "volume":
@@ -99,9 +101,7 @@ def _capsule_volumes(walk: Walk) -> Vector:
         walk.position_m,
         walk.orientation_wxyz,
         walk.crowd_t_s,
-        body.start_m,
-        body.end_m,
-        body.radius_m,
+        Capsules(body.start_m, body.end_m, body.radius_m),
         walk.people,
         crowd_figures(),
         REACH_M,

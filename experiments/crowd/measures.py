@@ -17,7 +17,7 @@ from visavis.experiments.crowd.walks import Walk
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import ConfigError, UsageError
 from visavis.lab.geometry import Vector
-from visavis.protocol.plan.steps import known
+from visavis.protocol.plan.steps import finite_or_none
 from visavis.stimuli.scenes.station_crowd import BOARD_M, Crowd, in_room
 
 JITTER_SEED: Final = 20200
@@ -149,7 +149,7 @@ def measure_walk(
         "shoulders_to_way_deg": _mean([c["shoulders_to_way_deg"] for c in crossings]),
         "speed_m_s": gait.speed_m_s,
         "speed_whole_m_s": gait.speed_whole_m_s,
-        "path_m": known(gait.path_m),
+        "path_m": finite_or_none(gait.path_m),
         "time_s": gait.time_s,
         "stop_s": gait.stop_s,
         "hesitations": gait.hesitations,

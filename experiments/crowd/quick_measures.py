@@ -19,7 +19,7 @@ from visavis.lab.body_joints import BODY_JOINTS
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.geometry import Vector
 from visavis.stimuli.contact.body import capsule_body
-from visavis.stimuli.contact.common import volumes_along
+from visavis.stimuli.contact.common import Capsules, volumes_along
 from visavis.stimuli.contact.figures import crowd_figures
 from visavis.stimuli.contact.idle import people_of
 from visavis.stimuli.contact.touch import REACH_M
@@ -84,9 +84,7 @@ def _collisions_m3(walk: QuickWalk) -> Vector:
         walk.position_m,
         walk.orientation_wxyz,
         walk.t_s,
-        body.start_m,
-        body.end_m,
-        body.radius_m,
+        Capsules(body.start_m, body.end_m, body.radius_m),
         people,
         crowd_figures(),
         REACH_M,

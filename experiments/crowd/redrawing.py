@@ -5,12 +5,12 @@ from typing import Any
 
 from visavis.experiments.crowd.walks import crowd_from_record
 from visavis.lab.errors import DataError
-from visavis.protocol.plan.shown_scene import Shown
+from visavis.protocol.plan.shown_scene import RecordedScene
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.station_crowd import EMPTY_STATION, CrowdScene, can_read, station_frame
 
 
-def views_of(shown: Shown) -> Iterator[SceneFrame]:
+def views_of(shown: RecordedScene) -> Iterator[SceneFrame]:
     """Yield the views that a frame may have shown, the likeliest first.
 
     Raises:
@@ -47,7 +47,7 @@ def _scene(name: str, crowd_event: Mapping[str, Any]) -> CrowdScene:
     return CrowdScene(name, agents=(), crowd=crowd)
 
 
-def _ends(shown: Shown, on_ns: int) -> Iterator[int]:
+def _ends(shown: RecordedScene, on_ns: int) -> Iterator[int]:
     trials = shown.recording.trials()
     own_trials = trials[trials["t_start_ns"] == on_ns] if len(trials) else trials
     if not len(own_trials):

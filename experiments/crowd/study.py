@@ -39,8 +39,8 @@ from visavis.protocol.plan.experiment import Demands
 from visavis.protocol.plan.parameters import known_of
 from visavis.protocol.plan.questionnaires import load_questionnaire
 from visavis.protocol.plan.session_plan import SessionPlan
-from visavis.protocol.plan.shown_scene import Shown
-from visavis.protocol.plan.steps import Answered, Mark, Prompt, Show
+from visavis.protocol.plan.shown_scene import RecordedScene
+from visavis.protocol.plan.steps import AskReply, Mark, Prompt, Show
 from visavis.results.analysis import StudyAnalysis
 from visavis.stimuli.contact.body import ARM_JOINTS
 from visavis.stimuli.scene import SceneFrame
@@ -127,7 +127,7 @@ study = Study(
     intertrial_s=DEFAULT_PARAMETERS.intertrial_s,
     texts="texts",
     after_block=AFTER_BLOCK,
-    unasked=lambda parameters: () if parameters["own_body"] else ABOUT_OWN_BODY,
+    skip_after_block=lambda parameters: () if parameters["own_body"] else ABOUT_OWN_BODY,
     questionnaires=AT_END,
     needs=("body_tracker", *BAND_ROLES),
     uses=lambda parameters: ("eye_tracker",) if parameters["record_gaze"] else (),
@@ -185,7 +185,7 @@ def trial(t: TrialScript) -> Generator[Any, Any, Any]:
 
 def look_down() -> Generator[Any, Any, None]:
     """Let the participant look down at their body until the operator goes on, if one is there."""
-    if isinstance((yield Prompt(LOOK_DOWN)), Answered):
+    if isinstance((yield Prompt(LOOK_DOWN)), AskReply):
         return
     view = yield from frame()
     while not view.went_on:
@@ -231,7 +231,7 @@ def conclusions(analysis: StudyAnalysis) -> tuple[Conclusion, ...]:
 
 
 @study.views
-def views(shown: Shown, experiment: StudyExperiment) -> Iterator[SceneFrame]:
+def views(shown: RecordedScene, experiment: StudyExperiment) -> Iterator[SceneFrame]:
     """Yield the views that a frame may have shown, the likeliest first."""
     yield from views_of(shown)
 

@@ -17,8 +17,8 @@ from visavis.experiments.crowd.reflex import ContactReflex
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import (
-    Answered,
     Ask,
+    AskReply,
     FrameView,
     Mark,
     Plan,
@@ -97,13 +97,13 @@ def run_trial(
         raise
     yield Silence()
     reply = yield Ask("track", question, TRACKS)
-    answer = reply.answer if isinstance(reply, Answered) else None
+    answer = reply.answer if isinstance(reply, AskReply) else None
     return {**row, "track_read": answer, "track_right": answer == row["track"]}
 
 
 def _walk(
     trial: Trial, params: CrowdParameters, moved_segments: set[tuple[str, int]] | None
-) -> Generator[Step, FrameView | Answered | None, Row]:
+) -> Generator[Step, FrameView | AskReply | None, Row]:
     crowd, scene = crowd_scene(trial, params.density_per_m2)
     track = track_of(trial)
     vibrates = bool(trial.factors["vibrates"])

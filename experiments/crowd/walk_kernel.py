@@ -1,5 +1,7 @@
 """Every step of a walk against everybody near: posed, culled, skinned, measured, in one kernel."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from visavis.analysis.collisions.pair import measure_within
@@ -19,6 +21,19 @@ from visavis.stimuli.contact.figures import Figures
 from visavis.stimuli.contact.idle import N_JOINTS, place_person
 
 
+class Measuring(NamedTuple):
+    """How common volumes are measured."""
+
+    reach_m: float
+    """People whose place is farther than this from the box round the participant are left out."""
+    cell_m: float
+    refine_below_m3: float
+    fine_columns: int
+    """These three as in `Settings` of `visavis.analysis.collisions`."""
+    only_near: bool
+    """Whether nothing is measured: a 1 marks where boxes meet."""
+
+
 @compiled
 def volumes_of_walk(
     positions: Vector,
@@ -29,18 +44,13 @@ def volumes_of_walk(
     people: Vector,
     figures: Figures,
     others: Bodies,
-    reach_m: float,
-    cell_m: float,
-    refine_below_m3: float,
-    fine_columns: int,
-    only_near: bool,
+    how: Measuring,
     volumes: Vector,
 ) -> None:
     """Write the common volume (n, people) of a moving body with everybody, step by step.
 
     `positions` (n, 22, 3) and `worlds` (n, 22, 4) move `own`, the one surface of a participant;
-    person p has surface `people[p, 15]` of `others`. Steps with a lost joint are NaN. With
-    `only_near` nothing is measured: a 1 marks where boxes meet.
+    person p has surface `people[p, 15]` of `others`. Steps with a lost joint are NaN.
     """
     # Buffers once for all steps: nothing is allocated within the loops.
     most = 0
@@ -76,7 +86,7 @@ def volumes_of_walk(
             # Test 1: distance on the floor, before the person is posed at all.
             dx = max(own_whole[0] - people[p, 0], 0.0, people[p, 0] - own_whole[3])
             dz = max(own_whole[2] - people[p, 1], 0.0, people[p, 1] - own_whole[5])
-            if dx * dx + dz * dz > reach_m * reach_m:
+            if dx * dx + dz * dz > how.reach_m * how.reach_m:
                 continue
             who = int(people[p, 15])
             place_person(people[p], crowd_t_s[i], figures, root, local, position, world)
@@ -98,7 +108,7 @@ def volumes_of_walk(
                 continue
             if not any_boxes_meet(own_boxes, own.groups[0], boxes, n, whole):
                 continue
-            if only_near:
+            if how.only_near:
                 volumes[i, p] = 1.0
                 continue
             # The participant's surface is skinned at most once a step, for the first near person.
@@ -125,8 +135,8 @@ def volumes_of_walk(
                 others.faces[f0:f1],
                 common_box[0],
                 common_box[1],
-                cell_m,
-                refine_below_m3,
-                fine_columns,
+                how.cell_m,
+                how.refine_below_m3,
+                how.fine_columns,
             )
             volumes[i, p] = measured_pair[0]

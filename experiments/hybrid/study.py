@@ -25,7 +25,7 @@ from visavis.study.exclusions import COMPLETENESS_RULES
 from visavis.study.films import Film, Lens, Pair
 from visavis.study.measures import column
 from visavis.study.responses import Choice, Response
-from visavis.study.scenes import Scene, Staged, Staging, gathered
+from visavis.study.scenes import Scene, StagedScene, Staging, scene_of_people
 from visavis.study.study_functions import Seen
 from visavis.study.trial import Action, TrialScript
 
@@ -141,13 +141,13 @@ def moving(
     controls: str,
     limp: float,
     excess_hips: float,
-) -> Staged:
+) -> StagedScene:
     """Return somebody who moves: by a clip (poses −1), or by its hybrid at an increment."""
     motion = motion_of(
         clip, None if poses < 0 else poses, cast(Controls, controls), Flaws(limp, excess_hips)
     )
     one = Standing(CHARACTER, "person", 0.0, -AWAY_M, 180.0 + TURN_DEG, Recorded(motion), 7)
-    return gathered(staging, "moving", (one,), "person", "averted")
+    return scene_of_people(staging, "moving", (one,), "person", "averted")
 
 
 @study.trial

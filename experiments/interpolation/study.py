@@ -30,7 +30,7 @@ from visavis.study.exclusions import COMPLETENESS_RULES
 from visavis.study.films import Film, Lens
 from visavis.study.parts import Source
 from visavis.study.responses import Rating, Response
-from visavis.study.scenes import Scene, Staged, Staging, gathered
+from visavis.study.scenes import Scene, StagedScene, Staging, scene_of_people
 from visavis.study.study_functions import Seen
 from visavis.study.trial import Action, TrialScript
 
@@ -126,11 +126,11 @@ study = Study(
 
 
 @study.scene("gesture")
-def gesture(staging: Staging, *, gesture: str, method: Any) -> Staged:
+def gesture(staging: Staging, *, gesture: str, method: Any) -> StagedScene:
     """Return somebody who makes a gesture, interpolated by a method."""
     does = Recorded(motion_of(gesture, method))
     one = Standing(CHARACTER, "person", 0.0, -AWAY_M, 180.0, does, 7)
-    return gathered(staging, "gesture", (one,), "person", "averted")
+    return scene_of_people(staging, "gesture", (one,), "person", "averted")
 
 
 study.facts(CARELESS.facts)

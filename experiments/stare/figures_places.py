@@ -15,7 +15,7 @@ from visavis.analysis.plots.style import BLACK
 from visavis.experiments.stare.comparisons import DWELL
 from visavis.results.analysis import StudyAnalysis
 from visavis.stimuli.scenes.audience import HEAD_RADIUS_M, PARTICIPANT_EYE_M, PLACES, SEATS
-from visavis.study.measures import aggregated
+from visavis.study.measures import aggregate_cells
 
 DISC_M = 0.28
 
@@ -24,7 +24,7 @@ Colour: TypeAlias = str | tuple[float, float, float]
 
 def place_figure(analysis: StudyAnalysis) -> Figure:
     """Draw dwell time under A and D and their difference at every place."""
-    means = aggregated(analysis.selection.counted, [DWELL], ["condition", "place"])
+    means = aggregate_cells(analysis.selection.counted, [DWELL], ["condition", "place"])
     by_place = means.groupby(["condition", "place"])[DWELL.column].mean()
     under_averted, under_directed = (
         {p: float(by_place.get((c, p), float("nan"))) for p in PLACES} for c in ("A", "D")

@@ -18,7 +18,7 @@ from visavis.experiments.stare.scene import active_index_of, opening_eyes, scene
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import (
-    Answered,
+    AskReply,
     FrameView,
     GazeView,
     Mark,
@@ -29,7 +29,7 @@ from visavis.protocol.plan.steps import (
 )
 from visavis.study.asking import frame
 from visavis.study.scenes import WithEyes
-from visavis.study.trial import arrived, shown
+from visavis.study.trial import gaze_has_arrived, show_frame
 
 TRAINING_PROMPT: Final = (
     "Training: has the participant seen audience and speaker, and is ready? Then space"
@@ -73,7 +73,7 @@ def run_trial(trial: Trial, params: StareParameters) -> Plan:
     # The frame before tells the time and where the head is; the scene comes on after it.
     view = yield from frame()
     picture = WithEyes(scene, {}, eyes)
-    yield from shown(picture.frame(view, 0))
+    yield from show_frame(picture.frame(view, 0))
     view = yield from frame()
     start_ns = view.t_ns
     yield Mark("scene_on", {"trial_id": trial.trial_id, "scene_name": scene.name})
@@ -92,7 +92,11 @@ def run_trial(trial: Trial, params: StareParameters) -> Plan:
         gazes.append(view.gaze)
         if end_ns is None:
             end_ns = yield from training.end_ns(view)
-        if end_ns is not None and now_ns >= end_ns and arrived(view, end_ns, params.drain_ms):
+        if (
+            end_ns is not None
+            and now_ns >= end_ns
+            and gaze_has_arrived(view, end_ns, params.drain_ms)
+        ):
             break
         turns_now = False
         if may_change and switch_ns is None:
@@ -105,7 +109,7 @@ def run_trial(trial: Trial, params: StareParameters) -> Plan:
         if turns_now:
             to_observer = condition == AVERTED_THEN_DIRECTED
             picture.look(eyes.turning(active, elapsed_ns, to_observer=to_observer))
-        yield from shown(picture.frame(view, elapsed_ns))
+        yield from show_frame(picture.frame(view, elapsed_ns))
         view = yield from frame()
         if turns_now:
             # As with the scene's onset, the change counts from when its light leaves.
@@ -135,7 +139,7 @@ class _Training:
     start_ns: int
     is_waiting: bool = False
 
-    def end_ns(self, view: FrameView) -> Generator[Step, FrameView | Answered | None, int | None]:
+    def end_ns(self, view: FrameView) -> Generator[Step, FrameView | AskReply | None, int | None]:
         """Return when the training ended; None while it goes on."""
         elapsed_ns = view.t_ns - self.start_ns
         shortest_ns = round(self.params.practice_s * NS_PER_S)
@@ -152,7 +156,7 @@ class _Training:
                 return None
             else:
                 reply = yield Prompt(TRAINING_PROMPT)
-                self.is_waiting = not isinstance(reply, Answered)
+                self.is_waiting = not isinstance(reply, AskReply)
                 if self.is_waiting:
                     return None
                 end_ns = self.start_ns + shortest_ns

@@ -201,7 +201,7 @@ def _with_plan(
     body, view = seen_body_of(clerk), view_of(clerk, eye_m, target_place)
     targets, units = targets_of(increment), units_named(UNITS)
     settings = (targets, UNITS, SETTINGS, REFINING, FINE_PX, waving.heading_deg, waving.start_s)
-    view_arrays = (view.eye, view.behind, view.lamps, view.maps)
+    view_arrays = (view.eye, view.behind, view.lighting.lamps, view.lighting.maps)
     key = digest_of(
         *(clip.root_m, clip.orientation_wxyz, body.rest, body.triangles, *view_arrays),
         text=f"{settings} {FADE_S} {clerk} {digest_of_code(visavis.stimuli.motion.warping)}",

@@ -21,6 +21,7 @@ from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.stimuli.dressing.office import PARTS as ROLES
 from visavis.stimuli.dressing.office import office_eyes, office_scene, roles_of
 from visavis.stimuli.dressing.office_view import body_mesh, eye_at, seen_body_of
+from visavis.stimuli.motion.warping.outlook import Outlook
 from visavis.stimuli.rooms.office import office
 from visavis.stimuli.scenes.office import (
     CLERKS,
@@ -93,6 +94,11 @@ def gaze_of(waving: Waving, participant_place: str, target_place: str) -> Vector
     return pointing
 
 
+def _arrays_of(view: Outlook) -> tuple[Vector, ...]:
+    lighting = view.lighting
+    return view.eye, view.behind, lighting.lamps, lighting.maps, lighting.map_eyes
+
+
 @cache
 def surroundings_sha256() -> str:
     """Return the hash of everything that decides what can be seen of a given wave."""
@@ -101,8 +107,8 @@ def surroundings_sha256() -> str:
     bodies = [seen_body_of(c.name) for c in CLERKS]
     code = map(digest_of_code, (visavis.experiments.waving, visavis.stimuli.motion.warping))
     return digest_of(
-        *(part for v in views for part in (v.eye, v.behind, v.lamps, v.maps, v.map_eyes)),
+        *(part for v in views for part in _arrays_of(v)),
         *(m.vertices_m for m in meshes),
         *(part for b in bodies for part in (b.rest, b.joints, b.weights, b.triangles, b.labels)),
-        text=" ".join((*code, *(f"{v.ambient} {v.least_light}" for v in views))),
+        text=" ".join((*code, *(f"{v.lighting.ambient} {v.lighting.least_light}" for v in views))),
     )

@@ -40,8 +40,8 @@ from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.design import Factor
 from visavis.protocol.plan.parameters import Within, known_of
 from visavis.protocol.plan.session_plan import Trial
-from visavis.protocol.plan.shown_scene import Shown
-from visavis.protocol.plan.steps import FrameView, NextFrame, Scalar, Show, known
+from visavis.protocol.plan.shown_scene import RecordedScene
+from visavis.protocol.plan.steps import FrameView, NextFrame, Scalar, Show, finite_or_none
 from visavis.stimuli.dressing.office import office_eyes, office_scene
 from visavis.stimuli.dressing.office_view import VIEW_PX
 from visavis.stimuli.motion.warping.track import (
@@ -411,7 +411,7 @@ def warp_columns(result: Reached | None) -> dict[str, Scalar | None]:
     names = ("coverage_wanted", "coverage_reached", "target_met_01", "target_reachable_01")
     if result is None:
         return dict.fromkeys(names)
-    return {n: known(round(v, 4)) for n, v in zip(names, astuple(result), strict=True)}
+    return {n: finite_or_none(round(v, 4)) for n, v in zip(names, astuple(result), strict=True)}
 
 
 @study.person
@@ -441,7 +441,7 @@ def _office_shown(
 
 
 @study.views
-def views_of(shown: Shown, experiment: StudyExperiment) -> Iterator[SceneFrame]:
+def views_of(shown: RecordedScene, experiment: StudyExperiment) -> Iterator[SceneFrame]:
     """Yield the office without a board, then with each question and each choice pointed at.
 
     The wave's offsets are those of the recording, whatever this version would plan.

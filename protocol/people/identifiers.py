@@ -37,9 +37,9 @@ def read_label(text: str, prefix: str = "") -> int | None:
     return number if 1 <= number <= MAX_NUMBER and match[3] == check_letter(number) else None
 
 
-def is_one_slip_apart(typed: str, label: str) -> bool:
+def is_one_typo_apart(text: str, label: str) -> bool:
     """Tell whether one wrong, missing or extra character, or one exchange, lies between them."""
-    a, b = typed.strip().upper(), label
+    a, b = text.strip().upper(), label
     if len(a) == len(b):
         differ = [i for i in range(len(a)) if a[i] != b[i]]
         if len(differ) == 2:

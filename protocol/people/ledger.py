@@ -20,7 +20,7 @@ from visavis.protocol.people.exports_register import registered_exports
 from visavis.protocol.people.file_lock import locked
 from visavis.protocol.people.identifiers import (
     MAX_NUMBER,
-    is_one_slip_apart,
+    is_one_typo_apart,
     make_label,
     read_label,
 )
@@ -104,7 +104,7 @@ class Ledger:
         first free one (see `next_place`); `index` asks for a certain place, and `replaces` takes
         over index and group of a withdrawn participant.
         """
-        with self._held():
+        with self._lock():
             entries = self._read()
             new_number = (
                 1 + max((p.number for p in entries), default=0) if number is None else number
@@ -175,7 +175,7 @@ class Ledger:
 
     def consent(self, text: str, version: str) -> Participant:
         """Record that a participant agreed to another version of the consent form."""
-        with self._held():
+        with self._lock():
             person = self.resolve(text)
             if person.consent_version != version:
                 self._append(
@@ -192,7 +192,7 @@ class Ledger:
 
     def describe_body(self, text: str, own: OwnBody) -> None:
         """Store it in the participant's folder; the ledger notes only that they were asked."""
-        with self._held():
+        with self._lock():
             person = self.resolve(text)
             write_own_body(self._folder_of(person.label), own)
             self._append("body", label=person.label, at=self._clock.wall_iso())
@@ -204,7 +204,7 @@ class Ledger:
 
         Nothing is removed yet; `withdraw` goes on from here.
         """
-        with self._held():
+        with self._lock():
             person = self._find(text, self._read())
             if person.status == "withdrawn":
                 raise WithdrawnParticipant(
@@ -236,8 +236,8 @@ class Ledger:
         simulated), rows from CSV and Parquet tables below `derived_roots` (default: every folder
         in the study's that holds no sessions) and in registered exports, those under the
         pseudonym, too, and the entry from the key file. Whatever cannot be removed is named in
-        a LedgerError; the ledger then says "withdrawing" and the call can be repeated. What was
-        done, and what could not be reached, is kept in the ledger.
+        a LedgerError; the ledger then says "withdrawing" and the call can be repeated. The
+        ledger stores what was done and what could not be reached.
         """
         person = self.begin_withdrawal(text, data_roots, reason=reason)
         # not under the lock: removing hours of recordings must not stop other rooms
@@ -254,7 +254,7 @@ class Ledger:
         )
         failures = builtins.list(removal.failures)
         try:  # where the folder of the study lies in none of the data roots
-            removal.removed += remove_own_body(self._folder_of(person.label))
+            removal.removed_paths += remove_own_body(self._folder_of(person.label))
         except OSError as error:
             failures.append(f"{error.filename}: {error.strerror}")
         if key_file is not None and not failures:
@@ -267,10 +267,12 @@ class Ledger:
                 f"the withdrawal of {person.label} is not finished, the ledger keeps it as "
                 "withdrawing; correct this and repeat the command:\n  " + "\n  ".join(failures)
             )
-        with self._held():
+        with self._lock():
             if self._find(person.label, self._read()).status != "withdrawn":
-                done = removal.record()
-                self._append("withdrawn", label=person.label, at=self._clock.wall_iso(), done=done)
+                record = removal.record()
+                self._append(
+                    "withdrawn", label=person.label, at=self._clock.wall_iso(), done=record
+                )
         return removal
 
     def _folder_of(self, label: str) -> Path:
@@ -364,7 +366,7 @@ class Ledger:
                 f"there is no participant {text.strip()}: numbers go from 1 to {MAX_NUMBER}"
             )
         if number is None:
-            near = [p.label for p in entries if is_one_slip_apart(label_text, p.label)]
+            near = [p.label for p in entries if is_one_typo_apart(label_text, p.label)]
             if not near:
                 digits = label_text.removeprefix(self.prefix)[:-1]
                 near = [p.label for p in entries if digits.isdecimal() and p.number == int(digits)]
@@ -381,7 +383,7 @@ class Ledger:
 
     # ---- the file ------------------------------------------------------------------------------
 
-    def _held(self) -> Any:
+    def _lock(self) -> Any:
         return locked(self._root / LOCK_NAME)
 
     def _read(self) -> tuple[Participant, ...]:
@@ -390,7 +392,7 @@ class Ledger:
             try:
                 _apply(record, entries, self)
             except (KeyError, TypeError, ValueError) as error:
-                raise self._damaged(line_number, f"lacks or misstates {error}") from error
+                raise self._damage_error(line_number, f"lacks or misstates {error}") from error
         return tuple(entries.values())
 
     def _records(self) -> builtins.list[tuple[int, dict[str, Any]]]:
@@ -402,10 +404,10 @@ class Ledger:
             ) from error
         if lines.damaged_line is not None:
             line_number, what = lines.damaged_line
-            raise self._damaged(line_number, what)
+            raise self._damage_error(line_number, what)
         return builtins.list(enumerate(lines.records, start=1))
 
-    def _damaged(self, line_number: int, what: str) -> LedgerError:
+    def _damage_error(self, line_number: int, what: str) -> LedgerError:
         return LedgerError(
             f"{self.path}:{line_number}: the ledger is damaged, the line {what}; "
             f"`visavis recover {self._root}` puts its copy in its place where that is intact. "

@@ -10,7 +10,7 @@ from visavis.stage.contracts import Viewer
 class SimulatedParticipant(Body, Viewer, Protocol):
     """Stand where a human would: look at what the stage shows, move, press, answer.
 
-    It is never told a condition, only what a person is told. All behaviour after `prepare`
+    It never learns the condition, only what a person would learn. All behaviour after `prepare`
     depends on the seed, the stretch and times relative to that moment, not on what came before,
     so a trial that is performed again gives the same data; the exception is a `Learner`.
     """

@@ -28,27 +28,27 @@ MANIFEST_NAME = "manifest.json"
 class Removal:
     """What a withdrawal did.
 
-    `removed` lists folders and files that are gone, `rows` the rows taken out of each table,
+    `removed_paths` are folders and files that are gone, `rows` the rows taken out of each table,
     `stale` derived files made with this participant's data that must be made anew, `unreadable`
     manifests outside the participant's own folders that could not be read, `failures` what could
-    not be removed and why. `unreached` are registered exports that are not where they were written
-    or were changed since: somebody has to look for them.
+    not be removed and why. `unreached_exports` are registered exports that are not where they were
+    written, or were changed since: somebody has to look for them.
     """
 
-    removed: list[Path] = field(default_factory=list)
+    removed_paths: list[Path] = field(default_factory=list)
     rows: dict[Path, int] = field(default_factory=dict)
     stale: list[Path] = field(default_factory=list)
     unreadable: list[Path] = field(default_factory=list)
     failures: list[str] = field(default_factory=list)
-    unreached: list[str] = field(default_factory=list)
+    unreached_exports: list[str] = field(default_factory=list)
 
     def record(self) -> dict[str, Any]:
-        """Return what was done, as the tombstone keeps it."""
+        """Return what was done, as the ledger stores it."""
         return {
-            "removed": [str(p) for p in self.removed],
+            "removed": [str(p) for p in self.removed_paths],
             "rows": {str(p): n for p, n in self.rows.items()},
             "stale": [str(p) for p in self.stale],
-            "unreached": list(self.unreached),
+            "unreached": list(self.unreached_exports),
         }
 
 
@@ -65,8 +65,8 @@ def remove_participant(
     """Remove a participant of a study from data roots, derived tables and exports; repeatable.
 
     `aliases` are further names the participant bears in what was exported. Goes on after a
-    failure, so that one locked file does not keep the rest. A data root that is not there is a
-    failure: its disk may only be unplugged.
+    failure, so that one locked file does not keep the rest. A missing data root is a failure: its
+    disk may only be unplugged.
     """
     removal = Removal()
     names = (label, *aliases)
@@ -102,18 +102,20 @@ def _clean_export(label: str, names: Sequence[str], export: Export, removal: Rem
     for name, digest in export.files.items():
         path = export.where / name
         if not path.is_file():
-            if path not in removal.removed:
-                removal.unreached.append(f"{path} ({what}): it is not there any more")
+            if path not in removal.removed_paths:
+                removal.unreached_exports.append(f"{path} ({what}): it is not there any more")
         elif set(export.labels) == {label}:
             if sha256_of(path) == digest:
                 _remove(path, removal)
             else:
-                removal.unreached.append(f"{path} ({what}): it was changed since, look yourself")
+                removal.unreached_exports.append(
+                    f"{path} ({what}): it was changed since, look yourself"
+                )
     if not export.where.is_dir():
         return
     if set(export.labels) != {label}:
         # Only its own files: the folder may hold exports of other studies.
-        name_pattern, rest = _named(names), []
+        name_pattern, rest = _pattern_of(names), []
         for name in export.files:
             path = export.where / name
             if path.is_file() and name_pattern.search(name):
@@ -186,7 +188,7 @@ def _remove(path: Path, removal: Removal) -> None:
         except OSError as error:
             note(None, str(path), (type(error), error, None))
     if len(removal.failures) == before:
-        removal.removed.append(path)
+        removal.removed_paths.append(path)
 
 
 def _make_writable(folder: Path) -> None:
@@ -198,7 +200,7 @@ def _make_writable(folder: Path) -> None:
 
 
 def _clean_derived(names: Sequence[str], root: Path, removal: Removal) -> None:
-    own, rest = _named(names), []
+    own, rest = _pattern_of(names), []
     for path in _walk(root, own):
         if own.search(path.name):
             _remove(path, removal)
@@ -207,7 +209,7 @@ def _clean_derived(names: Sequence[str], root: Path, removal: Removal) -> None:
     _cut_rows(names, rest, removal)
 
 
-def _named(names: Sequence[str]) -> re.Pattern[str]:
+def _pattern_of(names: Sequence[str]) -> re.Pattern[str]:
     """Return the pattern that finds one of these names in a path."""
     any_name = "|".join(map(re.escape, names))
     return re.compile(rf"(?<![A-Za-z0-9])(sub-)?({any_name})(?![A-Za-z0-9])", re.IGNORECASE)
@@ -225,7 +227,7 @@ def _cut_rows(names: Sequence[str], rest: Sequence[Path], removal: Removal) -> N
             removal.rows[path] = count
             has_cut_rows = True
     tables = {".csv", ".tsv", ".parquet"}
-    if has_cut_rows or removal.removed:
+    if has_cut_rows or removal.removed_paths:
         removal.stale += [p for p in rest if p.suffix.lower() not in tables]
 
 

@@ -112,21 +112,23 @@ def _least_cost(level: npt.NDArray[np.int64], n_blocks: int) -> float:
 
 
 def _deal(
-    n: int, n_blocks: int, held: Sequence[npt.NDArray[np.int64]], rng: np.random.Generator
+    n: int, n_blocks: int, even_levels: Sequence[npt.NDArray[np.int64]], rng: np.random.Generator
 ) -> npt.NDArray[np.int64]:
     """Deal shuffled cells to the blocks like cards, sorted by the factors that must be equal."""
     order = rng.permutation(n)
-    if held:
-        order = order[np.lexsort([level[order] for level in reversed(held)])]
+    if even_levels:
+        order = order[np.lexsort([level[order] for level in reversed(even_levels)])]
     block = np.empty(n, dtype=np.int64)
     block[order] = np.arange(n) % n_blocks
     return block
 
 
 def _is_even(
-    block: npt.NDArray[np.int64], held: Sequence[npt.NDArray[np.int64]], n_blocks: int
+    block: npt.NDArray[np.int64], even_levels: Sequence[npt.NDArray[np.int64]], n_blocks: int
 ) -> bool:
-    return all(bool(np.ptp(_counts(block, level, n_blocks), axis=1).max() == 0) for level in held)
+    return all(
+        bool(np.ptp(_counts(block, level, n_blocks), axis=1).max() == 0) for level in even_levels
+    )
 
 
 def _counts(

@@ -32,9 +32,9 @@ def read_columns(path: Path) -> dict[str, tuple[Column, ...]]:
 
 _COLUMNS: Final = read_columns(Path(__file__).with_suffix(".csv"))
 
-IDENTITY: Final = _COLUMNS["identity"]
+IDENTITY_COLUMNS: Final = _COLUMNS["identity"]
 """Columns that say whose trial a row is and how it ended."""
-DELIVERED: Final = _COLUMNS["delivered"]
+DELIVERY_COLUMNS: Final = _COLUMNS["delivered"]
 """The last columns of every trial row: what was delivered while the trial ran."""
-ENGINE_COLUMNS: Final = (*IDENTITY, *DELIVERED)
+ENGINE_COLUMNS: Final = (*IDENTITY_COLUMNS, *DELIVERY_COLUMNS)
 """Every column that the session writes in any study."""

@@ -19,7 +19,7 @@ from visavis.protocol.plan.orders import (
     Constraint,
     broken_rules,
     latin_square,
-    shuffled,
+    shuffle,
     williams,
 )
 from visavis.protocol.plan.session_plan import Block, SessionPlan, Trial
@@ -269,9 +269,9 @@ def _shared_out(
     if design.order == "balanced_blocks":
         balanced_factors = design.balanced or _dividing(all_cells, design.blocks)
         parts = balanced_blocks(all_cells, design.blocks, balanced_factors, rng)
-        return [shuffled(part, design.constraints, rng) for part in parts]
+        return [shuffle(part, design.constraints, rng) for part in parts]
     if design.order == "random":
-        return _cut(shuffled(all_cells, design.constraints, rng), design.blocks)
+        return _cut(shuffle(all_cells, design.constraints, rng), design.blocks)
     ordered_cells = [
         cells[i]
         for r in range(design.repetitions)

@@ -122,7 +122,7 @@ def spare_roles_of(experiment: Experiment) -> tuple[str, ...]:
     return experiment.spare_roles if isinstance(experiment, Sparing) else ()
 
 
-def untold(done: int, of: int) -> None:
+def no_progress(count: int, of: int) -> None:
     """Take progress and report it to nobody."""
 
 

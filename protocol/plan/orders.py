@@ -95,7 +95,7 @@ def broken_rules(cells: Sequence[Cell], constraints: Sequence[Constraint]) -> li
     ]
 
 
-def shuffled(
+def shuffle(
     cells: Sequence[Cell], constraints: Sequence[Constraint], rng: np.random.Generator
 ) -> list[Cell]:
     """Return the cells in a random order that keeps every rule.
@@ -112,20 +112,20 @@ def shuffled(
         order = [int(i) for i in rng.permutation(n)]
         if not any(rules.breaks(order, place) for place in range(n)):
             return [cells[i] for i in order]
-    repair = _repaired(rules, [int(i) for i in rng.permutation(n)], rng)
-    valid_order = repair if repair is not None else _searched(cells, constraints, rng)
+    repair = _repair_by_swaps(rules, [int(i) for i in rng.permutation(n)], rng)
+    valid_order = repair if repair is not None else _search_exactly(cells, constraints, rng)
     return [cells[i] for i in valid_order]
 
 
 class _Rules:
-    """Rules over numbered cells, with every verdict remembered."""
+    """Rules over numbered cells; every verdict is cached."""
 
     def __init__(self, cells: Sequence[Cell], constraints: Sequence[Constraint]) -> None:
         self.constraints = tuple(constraints)
         self.lookback = max((c.lookback for c in constraints), default=0)
-        self._seen = [[_project(cell, c.factors) for cell in cells] for c in constraints]
+        self._projections = [[_project(cell, c.factors) for cell in cells] for c in constraints]
         self._classes: list[list[int]] = []
-        for projected_cells in self._seen:
+        for projected_cells in self._projections:
             numbers: dict[tuple[Scalar, ...], int] = {}
             self._classes.append(
                 [numbers.setdefault(tuple(cell.values()), len(numbers)) for cell in projected_cells]
@@ -133,7 +133,7 @@ class _Rules:
         self._verdicts: list[dict[tuple[int, ...], bool]] = [{} for _ in constraints]
 
     def keeps(self, c: int, order: Sequence[int], place: int) -> bool:
-        constraint, classes, cells = self.constraints[c], self._classes[c], self._seen[c]
+        constraint, classes, cells = self.constraints[c], self._classes[c], self._projections[c]
         window = order[max(0, place - constraint.lookback) : place + 1]
         key = tuple([classes[i] for i in window])
         verdict = self._verdicts[c].get(key)
@@ -158,13 +158,13 @@ def _project(cell: Cell, factors: Sequence[str]) -> dict[str, Scalar]:
     return {name: cell[name] for name in factors}
 
 
-def _repaired(rules: _Rules, order: list[int], rng: np.random.Generator) -> list[int] | None:
+def _repair_by_swaps(rules: _Rules, order: list[int], rng: np.random.Generator) -> list[int] | None:
     n = len(order)
     for _ in range(20 * n):
-        broken = [place for place in range(n) if rules.breaks(order, place)]
-        if not broken:
+        broken_places = [place for place in range(n) if rules.breaks(order, place)]
+        if not broken_places:
             return order
-        i = broken[int(rng.integers(len(broken)))]
+        i = broken_places[int(rng.integers(len(broken_places)))]
         best: list[int] = []
         best_change = 1
         for j in range(n):
@@ -185,7 +185,7 @@ def _repaired(rules: _Rules, order: list[int], rng: np.random.Generator) -> list
     return None
 
 
-def _searched(
+def _search_exactly(
     cells: Sequence[Cell], constraints: Sequence[Constraint], rng: np.random.Generator
 ) -> list[int]:
     """Search depth first over the classes of cells the rules can tell apart."""
@@ -230,9 +230,9 @@ def _choices(left: Sequence[int], rng: np.random.Generator) -> list[int]:
 
 
 def _state(
-    left: Sequence[int], chosen: Sequence[int], lookback: int
+    left: Sequence[int], placed_kinds: Sequence[int], lookback: int
 ) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    return tuple(left), tuple(chosen[max(0, len(chosen) - lookback) :])
+    return tuple(left), tuple(placed_kinds[max(0, len(placed_kinds) - lookback) :])
 
 
 def _refusal(cells: Sequence[Cell], constraints: Sequence[Constraint], verdict: str) -> str:

@@ -72,9 +72,9 @@ def read_as(kind: Any, value: Any) -> Any:
     return value
 
 
-def no_such(name: str, known: Collection[str]) -> str:
+def no_such(name: str, names: Collection[str]) -> str:
     """Return a message that there is no such name, with the nearest existing one."""
-    near = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+    near = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
     return f"no {name}" + (f" (did you mean {near[0]}?)" if near else "")
 
 
@@ -101,7 +101,7 @@ def parameters_from(kind: type[P], overrides: Mapping[str, Any], study: str) -> 
         try:
             read[name] = read_as(hints[name], value)
         except ValueError as problem:
-            problems.append(f"{name} is {_shown(value)}: {problem}")
+            problems.append(f"{name} is {_as_text(value)}: {problem}")
     if any(name not in names for name in overrides):
         problems.append(f"parameters: {', '.join(names)}")
     if problems:
@@ -136,7 +136,7 @@ def _text(value: Any) -> str:
     return value
 
 
-def _shown(value: Any) -> str:
+def _as_text(value: Any) -> str:
     return "empty" if value is None else repr(value)
 
 

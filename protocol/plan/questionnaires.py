@@ -156,16 +156,16 @@ def load_questionnaire(
     questionnaire = Questionnaire.model_validate(raw)
     translation_path = source.with_suffix(f".{language}.yaml")
     if language and language != questionnaire.language and translation_path.is_file():
-        questionnaire = _reworded(questionnaire, translation_path)
-    return questionnaire if wording is None else _reworded(questionnaire, wording)
+        questionnaire = _with_wording(questionnaire, translation_path)
+    return questionnaire if wording is None else _with_wording(questionnaire, wording)
 
 
-def read_answer(question: Question, given: Answer | None) -> Answer | None:
+def read_answer(question: Question, answer: Answer | None) -> Answer | None:
     """Return the value of an answer as given: a label, a value, a number or text.
 
     None and blank mean left out. Raises UsageError, with what is possible, for anything else.
     """
-    text = "" if given is None else str(given).strip()
+    text = "" if answer is None else str(answer).strip()
     if not text:
         return None
     scale = question.scale
@@ -213,7 +213,7 @@ def read_answers(
     return {name: read_answer(q, answers.get(name)) for name, q in questions.items()}
 
 
-def unanswered(
+def unanswered_questions(
     questionnaire: Questionnaire, answers: Mapping[str, Answer | None]
 ) -> tuple[str, ...]:
     """Return the required questions without an answer, in order."""
@@ -234,7 +234,7 @@ def score(
     for name, rule in questionnaire.scores.items():
         questions = _questions_of(questionnaire, rule)
         item_values = [
-            _keyed(q, float(value))
+            _apply_key(q, float(value))
             for q in questions
             if (value := values[q.question_id]) is not None and not isinstance(value, str)
         ]
@@ -266,7 +266,7 @@ def _questions_of(questionnaire: Questionnaire, rule: Score) -> list[Question]:
     ]
 
 
-def _keyed(question: Question, value: float) -> float:
+def _apply_key(question: Question, value: float) -> float:
     """Turn a reverse-keyed answer round within its scale."""
     if not question.item.reverse:
         return value
@@ -363,7 +363,7 @@ def _score_faults(document: Document, q: Questionnaire) -> list[Problem]:
     return problems
 
 
-def _reworded(questionnaire: Questionnaire, path: Path) -> Questionnaire:
+def _with_wording(questionnaire: Questionnaire, path: Path) -> Questionnaire:
     document = read_document(path)
     raw = _mapping(document)
     problems = [*document.problems, *model_problems(document, _Wording, raw, ())]

@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class RecordedScene:
     """The scene of a frame as recorded.
 
     `description` is the event "scene" of the static scene, logged at `since_ns`; `t_ns` the
@@ -100,8 +100,10 @@ class Shown:
         )
 
 
-def shown_in(recording: Recording, part: int, frame: int, t_scene_ns: int, head_m: Vector) -> Shown:
-    """Return what was shown when a frame was drawn.
+def recorded_scene(
+    recording: Recording, part: int, frame: int, t_scene_ns: int, head_m: Vector
+) -> RecordedScene:
+    """Return the scene that was shown when a frame was drawn.
 
     Raises:
         DataError: the recording does not have the frame, or not its scene.
@@ -120,7 +122,7 @@ def shown_in(recording: Recording, part: int, frame: int, t_scene_ns: int, head_
         raise DataError(f"{recording.path}: the scene of frame {frame} was not recorded")
     row = scenes.iloc[numbers.index(int(states["scene"][k]))]
     n = len(row["payload"]["agents"])
-    return Shown(
+    return RecordedScene(
         recording,
         part,
         int(frames["t_host_ns"][here[0]]),

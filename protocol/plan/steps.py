@@ -23,8 +23,8 @@ Scalar: TypeAlias = str | int | float | bool
 Row: TypeAlias = Mapping[str, Scalar | None]
 
 
-def known(value: float) -> float | None:
-    """Return a number for a row; None instead of NaN, which journals do not have."""
+def finite_or_none(value: float) -> float | None:
+    """Return a number for a row; None for NaN and infinity, which journals cannot hold."""
     return float(value) if math.isfinite(value) else None
 
 
@@ -64,7 +64,7 @@ class Play:
 
 @dataclass(frozen=True, slots=True)
 class PlaySound:
-    """Play a sound from now on; `FrameView.sounded` says by its `key` when it began.
+    """Play a sound from now on; `FrameView.sound_onsets` says when, by its `key`.
 
     `at_m` is its place in the world; None plays it as it is. A sound that still plays ends with the
     trial.
@@ -103,7 +103,7 @@ class Prompt:
     """Tell the operator what the plan waits for; an empty text clears the line.
 
     The plan receives None, and `FrameView.went_on` with the frame in which the operator goes on;
-    without an operator it receives an `Answered` at once.
+    without an operator it receives an `AskReply` at once.
     """
 
     text: str
@@ -149,15 +149,15 @@ class BodyView(NamedTuple):
     valid: npt.NDArray[np.bool_]
 
 
-class Sounded(NamedTuple):
-    """The start of a sound: its first sample left the card at `on_ns`; None where unheard."""
+class SoundOnset(NamedTuple):
+    """The start of a sound: its first sample left the card at `on_ns`; None if not reported."""
 
     key: str
     on_ns: int | None
 
 
 class FrameView(NamedTuple):
-    """What one frame brought: time, head, gaze, buttons pressed, the body (None: no sample).
+    """The input of one frame: time, head, gaze, buttons pressed, the body (None: no sample).
 
     A tuple, as one is made for every frame and a frozen dataclass takes six times as long.
 
@@ -165,7 +165,7 @@ class FrameView(NamedTuple):
     they are unknown. `went_on` is true when the operator confirmed a `Prompt` since the frame
     before. `pointers` are the rays of the tracked controllers, right hand first: from the position
     along −z of the orientation, in world. `head_points` says whether turning the head points at
-    things: before a screen it does not. `sounded` are the sounds whose start was reported since the
+    things: before a screen it does not. `sound_onsets` are the starts of sounds reported since the
     frame before.
     """
 
@@ -180,11 +180,11 @@ class FrameView(NamedTuple):
     went_on: bool = False
     head_points: bool = True
     pressed_ns: tuple[int, ...] = ()
-    sounded: tuple[Sounded, ...] = ()
+    sound_onsets: tuple[SoundOnset, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Answered:
+class AskReply:
     """The answer to an `Ask`; None when none was given."""
 
     answer: str | None
@@ -206,7 +206,7 @@ class Reflex:
 Step: TypeAlias = (
     Show | Mark | Vibrate | Play | PlaySound | Hush | Silence | Reflex | Ask | Prompt | NextFrame
 )
-Plan: TypeAlias = Generator[Step, FrameView | Answered | None, Row]
+Plan: TypeAlias = Generator[Step, FrameView | AskReply | None, Row]
 
 
 class TrialInterrupted(Exception):

@@ -21,19 +21,19 @@ class _Standing:
     since_ns: int
     message: str
     changed_ns: int
-    is_told: bool = False
+    is_reported: bool = False
 
 
 class StandingFaults:
     """Record faults when they come and when they are over.
 
-    `present` are those of the last look; `done_without` the roles whose absence the operator
+    `present` are those of the last look; `accepted_absences` the roles whose absence the operator
     accepted, until they are back.
     """
 
     def __init__(self, recorder: Recorder) -> None:
         self.present: tuple[Fault, ...] = ()
-        self.done_without: set[str] = set()
+        self.accepted_absences: set[str] = set()
         self._recorder = recorder
         self._standing: dict[tuple[str, str], _Standing] = {}
 
@@ -45,8 +45,8 @@ class StandingFaults:
             standing = self._standing[key] = _Standing(t_ns, fault.message, t_ns)
         elif standing.message != fault.message:
             standing.message, standing.changed_ns = fault.message, t_ns
-        if not standing.is_told and (is_set_up or fault.severity == "blocking"):
-            standing.is_told = True
+        if not standing.is_reported and (is_set_up or fault.severity == "blocking"):
+            standing.is_reported = True
             self._recorder.event(
                 "fault",
                 t_ns,
@@ -64,7 +64,7 @@ class StandingFaults:
         holding = {_key(f) for f in self.present}
         for key in [k for k in self._standing if k not in holding]:
             over = self._standing.pop(key)
-            if over.is_told:
+            if over.is_reported:
                 self._recorder.event(
                     "fault_over",
                     t_ns,
@@ -73,16 +73,18 @@ class StandingFaults:
                     lasted_ms=round((t_ns - over.since_ns) / NS_PER_MS),
                 )
         # one blocking fault may give way to another: silent first, then known to be gone
-        self.done_without &= {f.role for f in self.present if f.severity == "blocking"}
+        self.accepted_absences &= {f.role for f in self.present if f.severity == "blocking"}
 
     def blocking(self) -> tuple[Fault, ...]:
         """Return the faults that keep a trial from running."""
         return tuple(
-            f for f in self.present if f.severity == "blocking" and f.role not in self.done_without
+            f
+            for f in self.present
+            if f.severity == "blocking" and f.role not in self.accepted_absences
         )
 
     def since_ns(self, fault: Fault) -> int:
-        """Since when a present fault has held."""
+        """Return the session time since which a present fault has been active."""
         return self._standing[_key(fault)].since_ns
 
     def concerns(self, fault: Fault, start_ns: int) -> bool:
@@ -90,17 +92,17 @@ class StandingFaults:
         is_count = fault.severity == "warning" and _FIGURES.search(fault.message)
         return not is_count or self._standing[_key(fault)].changed_ns > start_ns
 
-    def shown(self, t_ns: int) -> tuple[Fault, ...]:
+    def for_screen(self, t_ns: int) -> tuple[Fault, ...]:
         """Return the faults for the operator's screen; accepted absences become warnings."""
         return tuple(
-            replace(f, severity="warning") if f.role in self.done_without else f
+            replace(f, severity="warning") if f.role in self.accepted_absences else f
             for f in self.present
             if self._is_fresh(f, t_ns)
         )
 
     def _is_fresh(self, fault: Fault, t_ns: int) -> bool:
         standing = self._standing[_key(fault)]
-        if not standing.is_told:
+        if not standing.is_reported:
             return False
         if fault.severity == "blocking" or not _FIGURES.search(fault.message):
             return True

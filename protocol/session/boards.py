@@ -12,7 +12,7 @@ import numpy as np
 
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.geometry import Pose, rotate, turn_towards
-from visavis.protocol.plan.steps import Answered, FrameView, NextFrame, Show, Step
+from visavis.protocol.plan.steps import AskReply, FrameView, NextFrame, Show, Step
 from visavis.stimuli.panels import choice_met
 from visavis.stimuli.picture import Panel
 
@@ -28,7 +28,7 @@ ALONG_FINGERS: Final = np.array([1.0, 0.0, 0.0])
 AHEAD: Final = np.array([0.0, 0.0, -1.0])
 NEXT: Final = NextFrame()
 Showing: TypeAlias = Callable[[FrameView, Panel], Show | None]
-Steps: TypeAlias = Generator[Step, FrameView | Answered | None, "Chosen"]
+Steps: TypeAlias = Generator[Step, FrameView | AskReply | None, "BoardAnswer"]
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Ways:
 QUESTIONNAIRE: Final = Ways(
     hand_points=False, head_points=False, gaze_beside_hand=True, beside_01=0.0, can_leave_out=True
 )
-"""Between trials, where hands hang down and controllers lie about."""
+"""Ways of answering between trials, when hands hang down and controllers are put aside."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ class Ray:
 
 
 @dataclass(frozen=True)
-class Chosen:
+class BoardAnswer:
     """A choice on a board, None where nothing was chosen in time.
 
     `by` is "keys", "ray", "gaze" or "gaze and button"; `pose` what pointed. `asked_ns` is the
@@ -132,7 +132,7 @@ def ask_on_board(panel: Panel, ways: Ways, first: Show | None, show: Showing) ->
     nothing changes: it is called in every frame, with the choice pointed at highlighted. Once keys
     have gone to a choice, neither gaze nor rays take another.
     """
-    yield from shown(first)
+    yield from show_step(first)
     view = yield from frame()
     asked_ns = view.t_ns
     until_ns = asked_ns + round(ways.limit_s * NS_PER_S)
@@ -143,29 +143,29 @@ def ask_on_board(panel: Panel, ways: Ways, first: Show | None, show: Showing) ->
     view = view._replace(pressed=(), pressed_ns=())
     while view.t_ns < until_ns:
         ray = newer_ray(ray, view, ways)
-        ray_choice, pose = _pointed(ray, view, panel, ways)
+        ray_choice, pose = _choice_pointed_at(ray, view, panel, ways)
         by_hand = ray is not None and ray.is_hand
         gaze_counts = ray_choice is None if ways.gaze_beside_hand else not by_hand
         gaze_choice = None if dwell is None else dwell.look(panel, view, asked_ns)
         at_gaze = dwell.choice if dwell is not None and gaze_counts else None
-        lit = ray_choice if at_gaze is None else at_gaze
+        highlight = ray_choice if at_gaze is None else at_gaze
         for control in view.pressed:
             key_choice = _step(key_choice, control, len(panel.choices))
             if control in CONFIRM and key_choice is not None:
-                return Chosen(key_choice, "keys", asked_ns, view)
-            if control in CONFIRM and lit is not None:
+                return BoardAnswer(key_choice, "keys", asked_ns, view)
+            if control in CONFIRM and highlight is not None:
                 by = "ray" if at_gaze is None else "gaze and button"
-                return Chosen(lit, by, asked_ns, view, pose if at_gaze is None else None)
+                return BoardAnswer(highlight, by, asked_ns, view, pose if at_gaze is None else None)
             digit = _of_digit(control, len(panel.choices), ways.can_leave_out)
             if digit is not None:
-                return Chosen(digit, "keys", asked_ns, view)
+                return BoardAnswer(digit, "keys", asked_ns, view)
         if key_choice is not None:
-            lit = key_choice
+            highlight = key_choice
         elif gaze_choice is not None and gaze_counts:
-            return Chosen(gaze_choice, "gaze", asked_ns, view)
-        yield from shown(show(view, replace(panel, highlighted=lit)))
+            return BoardAnswer(gaze_choice, "gaze", asked_ns, view)
+        yield from show_step(show(view, replace(panel, highlighted=highlight)))
         view = yield from frame()
-    return Chosen(None, "nothing in time", asked_ns, view)
+    return BoardAnswer(None, "nothing in time", asked_ns, view)
 
 
 def newer_ray(before: Ray | None, view: FrameView, ways: Ways | None = None) -> Ray | None:
@@ -198,7 +198,7 @@ def chosen_by(ray: Pose | None, panel: Panel, beside_01: float = Ways.beside_01)
     return choice_met(panel, ray.position_m, forward, beside_01=beside_01)
 
 
-def _pointed(
+def _choice_pointed_at(
     ray: Ray | None, view: FrameView, panel: Panel, ways: Ways
 ) -> tuple[int | None, Pose | None]:
     """Return the choice pointed at and what points: the first controller that meets one."""
@@ -229,7 +229,7 @@ def _of_digit(key: str, n: int, can_leave_out: bool) -> int | None:
     return number - 1 if 1 <= number <= n - can_leave_out else None
 
 
-def frame() -> Generator[Step, FrameView | Answered | None, FrameView]:
+def frame() -> Generator[Step, FrameView | AskReply | None, FrameView]:
     """Wait for the next frame."""
     view = yield NEXT
     if not isinstance(view, FrameView):
@@ -237,7 +237,7 @@ def frame() -> Generator[Step, FrameView | Answered | None, FrameView]:
     return view
 
 
-def shown(step: Show | None) -> Generator[Step, FrameView | Answered | None, None]:
+def show_step(step: Show | None) -> Generator[Step, FrameView | AskReply | None, None]:
     """Show the given step, if there is one."""
     if step is not None:
         yield step

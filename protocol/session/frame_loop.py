@@ -31,7 +31,7 @@ from visavis.protocol.plan.steps import (
     Play,
     PlaySound,
     Silence,
-    Sounded,
+    SoundOnset,
 )
 from visavis.protocol.session.observation import MAX_WAITING, GazeObserver
 from visavis.protocol.session.rig import RunningRig
@@ -115,8 +115,8 @@ class FrameLoop:
         self._press_inbox: deque[SampleBatch] = deque()
         self._body_inbox: deque[SampleBatch] = deque()
         self._sound_keys: dict[int, str] = {}
-        self._sounded: list[Sounded] = []
-        self._answered: tuple[SampleBatch, BodyView] | None = None
+        self._sound_onsets: list[SoundOnset] = []
+        self._reflex_input: tuple[SampleBatch, BodyView] | None = None
         self._reflex: Answer | None = None
         self._reflex_lock = threading.Lock()
         self._body_period_ns: int | None = None
@@ -174,8 +174,8 @@ class FrameLoop:
         return self._frame.t_ns
 
     @property
-    def shown(self) -> SceneFrame | None:
-        """What stands before the participant."""
+    def current_view(self) -> SceneFrame | None:
+        """What the participant is shown now."""
         return self._view
 
     def glance(self) -> Glance | None:
@@ -200,7 +200,7 @@ class FrameLoop:
             z_m=z_m,
         )
         if number is None:
-            self._sounded.append(Sounded(step.key, None))
+            self._sound_onsets.append(SoundOnset(step.key, None))
         else:
             self._sound_keys[number] = step.key
 
@@ -252,7 +252,7 @@ class FrameLoop:
             tuple(self._rays[hand] for hand in sorted(self._rays, reverse=True)),
             head_points=self.screen is None,
             pressed_ns=pressed_ns,
-            sounded=self._told_sounds() if self._sounded else (),
+            sound_onsets=self._take_sound_onsets() if self._sound_onsets else (),
         )
 
     def _display(self, view: SceneFrame) -> None:
@@ -317,7 +317,7 @@ class FrameLoop:
             if self._reflex is None:
                 return
             view = self._body_view([batch])
-            self._answered = (batch, view)
+            self._reflex_input = (batch, view)
             for step in still_wanted(self._reflex(view)):
                 if isinstance(step, Play):
                     self._rig.play(step)
@@ -396,17 +396,17 @@ class FrameLoop:
         for row in batch.values[batch.values["event"] == BEGAN]:
             key = self._sound_keys.pop(int(row["sound"]), None)
             if key is not None:
-                self._sounded.append(Sounded(key, int(row["t_sounding_ns"])))
+                self._sound_onsets.append(SoundOnset(key, int(row["t_sounding_ns"])))
 
-    def _told_sounds(self) -> tuple[Sounded, ...]:
-        sounds, self._sounded = tuple(self._sounded), []
+    def _take_sound_onsets(self) -> tuple[SoundOnset, ...]:
+        sounds, self._sound_onsets = tuple(self._sound_onsets), []
         return sounds
 
     def _take_body(self) -> BodyView:
         batches = []
         while self._body_inbox:
             batches.append(self._body_inbox.popleft())
-        batch_and_view = self._answered
+        batch_and_view = self._reflex_input
         if batch_and_view is not None and len(batches) == 1 and batch_and_view[0] is batches[0]:
             return batch_and_view[1]
         return self._body_view(batches)

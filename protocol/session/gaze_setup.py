@@ -211,7 +211,7 @@ class GazeSetup:
         self._clear_target()
         return tuple(points)
 
-    def _gaze_for(self, duration_ms: int) -> "_Seen":
+    def _gaze_for(self, duration_ms: int) -> "_GazeSamples":
         """Let frames pass; return the gaze they brought with the head of the frame of each sample.
 
         Where gaze was deferred, a sample's frame is the first after its arrival.
@@ -235,7 +235,7 @@ class GazeSetup:
             latest = min(bisect_right(batch_counts, i), len(batch_counts) - 1)
             arrived_ns = np.maximum.accumulate(batch.t_host_ns)
             frame.append(np.minimum(np.searchsorted(t_ns, arrived_ns), latest))
-        return _Seen(batches, heads, np.concatenate(frame))
+        return _GazeSamples(batches, heads, np.concatenate(frame))
 
     def _place_target(self, yaw_deg: float, pitch_deg: float) -> Vector:
         head = self._loop.head
@@ -260,7 +260,7 @@ class GazeSetup:
                 self._next_frame()
 
 
-class _Seen(NamedTuple):
+class _GazeSamples(NamedTuple):
     """Gaze of some frames: batches, the head in every frame, and each sample's frame (n,)."""
 
     batches: Sequence[SampleBatch]
@@ -268,24 +268,26 @@ class _Seen(NamedTuple):
     frame: npt.NDArray[np.int64]
 
 
-def _point(name: str, target: Vector, base: Vector, mark_m: Vector, seen: _Seen) -> ValidationPoint:
+def _point(
+    name: str, target: Vector, base: Vector, mark_m: Vector, samples: _GazeSamples
+) -> ValidationPoint:
     """Put samples and target into one frame: the head's when the target appeared.
 
     The head may drift while the target stands, so every sample is turned with the target.
     """
-    if not seen.batches:
+    if not samples.batches:
         empty = np.empty((0, 3))
         none = np.empty(0, dtype=np.int64)
         return ValidationPoint(name, target, none, empty, empty, empty, empty, empty)
-    values = np.concatenate([batch.values for batch in seen.batches])
-    turns = np.array([head.orientation_wxyz for head in seen.heads])[seen.frame]
-    heads_m = np.array([head.position_m for head in seen.heads])
-    aims = rotate(quat_conjugate(base), mark_m - heads_m)[seen.frame]
+    values = np.concatenate([batch.values for batch in samples.batches])
+    turns = np.array([head.orientation_wxyz for head in samples.heads])[samples.frame]
+    heads_m = np.array([head.position_m for head in samples.heads])
+    aims = rotate(quat_conjugate(base), mark_m - heads_m)[samples.frame]
     aims_head = rotate(quat_conjugate(turns), rotate(base, aims))
     still = quat_between(aims, np.broadcast_to(target, aims.shape))
     turns = quat_multiply(still, quat_multiply(quat_conjugate(base), turns))
 
-    def turned(column: str, valid: str) -> Vector:
+    def turned_with_target(column: str, valid: str) -> Vector:
         direction = rotate(turns, values[column].astype(np.float64))
         valid_direction: Vector = np.where(values[valid][:, None], direction, np.nan)
         return valid_direction
@@ -293,10 +295,10 @@ def _point(name: str, target: Vector, base: Vector, mark_m: Vector, seen: _Seen)
     return ValidationPoint(
         name=name,
         target=target,
-        t_ns=np.concatenate([batch.t_device_ns for batch in seen.batches]),
-        combined=turned("direction_head", "valid"),
-        left=turned("left_direction_head", "left_valid"),
-        right=turned("right_direction_head", "right_valid"),
+        t_ns=np.concatenate([batch.t_device_ns for batch in samples.batches]),
+        combined=turned_with_target("direction_head", "valid"),
+        left=turned_with_target("left_direction_head", "left_valid"),
+        right=turned_with_target("right_direction_head", "right_valid"),
         aim_head=unit(aims_head),
         combined_head=np.where(
             values["valid"][:, None], values["direction_head"].astype(np.float64), np.nan

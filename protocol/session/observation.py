@@ -31,19 +31,57 @@ _DIRECTION_AT, _ORIGIN_AT, _VALID_AT = (
     _GAZE_FIELDS[name][1] for name in ("direction_head", "origin_m", "valid")
 )
 
-RECORDED = (
-    "gaze_seq",
-    "frame_index",
-    "t_sample_ns",
-    "valid",
-    "direction_world",
-    "origin_world_m",
-    "angle_deg",
-    "radius_deg",
-    "pad_limit_deg",
-    "hit",
-)
-"""Columns of the stream of targets, in the order in which `_evaluate` takes them."""
+
+class _Samples(NamedTuple):
+    """What the tracker delivered: n rows of `GAZE.dtype` as bytes, their numbers and stamps.
+
+    A structured array's fields are strided or contiguous depending on n, and each kind would be
+    compiled separately.
+    """
+
+    rows: npt.NDArray[np.uint8]
+    seq: npt.NDArray[np.int64]
+    t_device_ns: npt.NDArray[np.int64]
+
+
+class _Poses(NamedTuple):
+    """The ring of the latest head poses."""
+
+    t_ns: npt.NDArray[np.int64]
+    position_m: npt.NDArray[np.float64]
+    orientation_wxyz: npt.NDArray[np.float64]
+
+
+class _Gaze(NamedTuple):
+    """What is evaluated of n samples, for the session to read."""
+
+    t_ns: npt.NDArray[np.int64]
+    valid: npt.NDArray[np.bool_]
+    rays: npt.NDArray[np.float64]
+    """(2, n, 3) direction and origin in world."""
+    per_head: npt.NDArray[np.float64]
+    """(3, n, agents) angle to each head, its radius and its pad limit, in degrees."""
+    hit: npt.NDArray[np.int16]
+
+
+class _Columns(NamedTuple):
+    """The columns of the stream of targets, by their names there."""
+
+    gaze_seq: npt.NDArray[np.int64]
+    frame_index: npt.NDArray[np.int32]
+    t_sample_ns: npt.NDArray[np.int64]
+    valid: npt.NDArray[np.bool_]
+    direction_world: npt.NDArray[np.float32]
+    origin_world_m: npt.NDArray[np.float32]
+    angle_deg: npt.NDArray[np.float32]
+    radius_deg: npt.NDArray[np.float32]
+    pad_limit_deg: npt.NDArray[np.float32]
+    hit: npt.NDArray[np.int16]
+
+    @classmethod
+    def of(cls, columns: Mapping[str, npt.NDArray[Any]]) -> "_Columns":
+        """Return them from all columns of a buffer."""
+        return cls(*(columns[name] for name in cls._fields))
 
 
 @compiled
@@ -51,13 +89,12 @@ def _gaze_in_world(
     direction_head: npt.NDArray[np.float32],
     origin_head_m: npt.NDArray[np.float32],
     t_ns: npt.NDArray[np.int64],
-    pose_t_ns: npt.NDArray[np.int64],
-    pose_p: npt.NDArray[np.float64],
-    pose_q: npt.NDArray[np.float64],
+    poses: _Poses,
     frames: npt.NDArray[np.int64],
     direction: npt.NDArray[np.float64],
     origin: npt.NDArray[np.float64],
 ) -> None:
+    pose_t_ns, pose_p, pose_q = poses.t_ns, poses.position_m, poses.orientation_wxyz
     capacity = pose_t_ns.shape[0]
     k_frame = 0
     for i in range(t_ns.shape[0]):
@@ -117,42 +154,27 @@ def _gaze_in_world(
 
 @compiled
 def _evaluate(
-    samples: npt.NDArray[np.uint8],
-    seq: npt.NDArray[np.int64],
-    t_device_ns: npt.NDArray[np.int64],
+    samples: _Samples,
     offset_ns: int,
     frames: npt.NDArray[np.int64],
-    pose_t_ns: npt.NDArray[np.int64],
-    pose_p: npt.NDArray[np.float64],
-    pose_q: npt.NDArray[np.float64],
+    poses: _Poses,
     heads: npt.NDArray[np.float64],
     capsules: npt.NDArray[np.float64],
     is_lit: bool,
-    t_ns: npt.NDArray[np.int64],
-    valid: npt.NDArray[np.bool_],
-    rays: npt.NDArray[np.float64],
-    seen: npt.NDArray[np.float64],
-    hit: npt.NDArray[np.int16],
+    gaze: _Gaze,
+    columns: _Columns,
     row: int,
-    gaze_seq: npt.NDArray[np.int64],
-    frame: npt.NDArray[np.int32],
-    t_sample_ns: npt.NDArray[np.int64],
-    row_valid: npt.NDArray[np.bool_],
-    direction_world: npt.NDArray[np.float32],
-    origin_world_m: npt.NDArray[np.float32],
-    angle_deg: npt.NDArray[np.float32],
-    radius_deg: npt.NDArray[np.float32],
-    pad_limit_deg: npt.NDArray[np.float32],
-    row_hit: npt.NDArray[np.int16],
 ) -> int:
-    """Evaluate n samples and record them from `row` on; return how many are valid.
+    """Evaluate n samples into `gaze` and record them in the columns from `row` on; return how many
+    are valid.
 
     Each row of `frames` is a frame that brought samples: how many there are up to its end, its
-    index, the index of the newest head pose, and how many poses to search. `samples` are n rows of
-    `GAZE.dtype` as bytes: its fields are strided or contiguous arrays depending on n, and each kind
-    would be compiled separately. One call for all of it, because a frame brings one or two samples.
+    index, the index of the newest head pose, and how many poses to search.
+    One call for all of it, because a frame brings one or two samples.
     """
-    n = t_device_ns.shape[0]
+    t_ns, valid, rays, per_head, hit = gaze.t_ns, gaze.valid, gaze.rays, gaze.per_head, gaze.hit
+    rows = samples.rows
+    n = samples.seq.shape[0]
     m = heads.shape[0]
     valid_count = 0
     direction_head = np.empty((n, 3), np.float32)
@@ -160,30 +182,30 @@ def _evaluate(
     numbers = np.empty(6, np.float32)
     raw = numbers.view(np.uint8)
     for i in range(n):
-        t_ns[i] = t_device_ns[i] + offset_ns
+        t_ns[i] = samples.t_device_ns[i] + offset_ns
         # Three float32 each of direction and origin, copied byte by byte out of the row.
         for k in range(12):
-            raw[k] = samples[i * _GAZE_BYTES + _DIRECTION_AT + k]
-            raw[12 + k] = samples[i * _GAZE_BYTES + _ORIGIN_AT + k]
+            raw[k] = rows[i * _GAZE_BYTES + _DIRECTION_AT + k]
+            raw[12 + k] = rows[i * _GAZE_BYTES + _ORIGIN_AT + k]
         for k in range(3):
             direction_head[i, k] = numbers[k]
             origin_head_m[i, k] = numbers[3 + k]
-        valid[i] = samples[i * _GAZE_BYTES + _VALID_AT] != 0
+        valid[i] = rows[i * _GAZE_BYTES + _VALID_AT] != 0
         valid_count += valid[i]
     direction, origin = rays[0], rays[1]
     _gaze_in_world(
         direction_head,
         origin_head_m,
         t_ns,
-        pose_t_ns,
-        pose_p,
-        pose_q,
+        poses,
         frames,
         direction,
         origin,
     )
-    observe_rays(origin, direction, valid, heads, capsules, is_lit, seen, hit)
+    observe_rays(origin, direction, valid, heads, capsules, is_lit, per_head, hit)
     # The dark scene of calibrations and breaks has no agents, so gaze meets nobody in it.
+    angle_deg, radius_deg = columns.angle_deg, columns.radius_deg
+    pad_limit_deg = columns.pad_limit_deg
     width = angle_deg.shape[1]
     has_agents = m == width or 0 < m < width  # one film may show fewer than another
     k_frame = 0
@@ -191,28 +213,28 @@ def _evaluate(
         while i >= frames[k_frame, 0]:
             k_frame += 1
         j = row + i
-        gaze_seq[j] = seq[i]
-        frame[j] = frames[k_frame, 1]
-        t_sample_ns[j] = t_ns[i]
-        row_valid[j] = valid[i]
+        columns.gaze_seq[j] = samples.seq[i]
+        columns.frame_index[j] = frames[k_frame, 1]
+        columns.t_sample_ns[j] = t_ns[i]
+        columns.valid[j] = valid[i]
         for k in range(3):
-            direction_world[j, k] = direction[i, k]
-            origin_world_m[j, k] = origin[i, k]
+            columns.direction_world[j, k] = direction[i, k]
+            columns.origin_world_m[j, k] = origin[i, k]
         if has_agents:
             for k in range(m):
-                angle_deg[j, k] = seen[0, i, k]
-                radius_deg[j, k] = seen[1, i, k]
-                pad_limit_deg[j, k] = seen[2, i, k]
+                angle_deg[j, k] = per_head[0, i, k]
+                radius_deg[j, k] = per_head[1, i, k]
+                pad_limit_deg[j, k] = per_head[2, i, k]
             for k in range(m, width):
                 angle_deg[j, k] = np.nan
                 radius_deg[j, k] = np.nan
                 pad_limit_deg[j, k] = np.nan
-            row_hit[j] = hit[i]
+            columns.hit[j] = hit[i]
         else:
             angle_deg[j] = np.nan
             radius_deg[j] = np.nan
             pad_limit_deg[j] = np.nan
-            row_hit[j] = HIT_NOTHING if valid[i] else HIT_LOST
+            columns.hit[j] = HIT_NOTHING if valid[i] else HIT_LOST
     return valid_count
 
 
@@ -232,22 +254,22 @@ class LateGaze:
     Has the attributes of a `GazeView` and stands for one in a `FrameView`.
     """
 
-    __slots__ = ("_catch_up", "_found")
+    __slots__ = ("_catch_up", "_samples")
 
     def __init__(self, catch_up: Callable[[], None]) -> None:
         self._catch_up = catch_up
-        self._found: tuple[GazeView, int, int] | None = None
+        self._samples: tuple[GazeView, int, int] | None = None
 
-    def found(self, gaze: GazeView, first: int, end: int) -> None:
+    def set_samples(self, gaze: GazeView, first: int, end: int) -> None:
         """Take the samples `first` to `end` of what was evaluated together."""
-        self._found = gaze, first, end
+        self._samples = gaze, first, end
 
     def __getattr__(self, name: str) -> Any:
-        if self._found is None:
+        if self._samples is None:
             self._catch_up()
-        if self._found is None or name not in GazeView._fields:
+        if self._samples is None or name not in GazeView._fields:
             raise AttributeError(f"gaze has no {name!r}")
-        gaze, first, end = self._found
+        gaze, first, end = self._samples
         values = getattr(gaze, name)
         return values if gaze.t_ns.shape[0] == end - first else values[first:end]
 
@@ -266,21 +288,23 @@ class GazeObserver:
         self._delay_ns = delay_ns
         self._targets = targets
         self._source = targets.columns
-        self._columns = tuple(targets.columns[name] for name in RECORDED)
+        self._columns = _Columns.of(targets.columns)
         self._inbox: deque[SampleBatch] = deque()
         self._delays_ns: deque[int] = deque(maxlen=DELAYS_KEPT)
         capacity = POSES_KEPT + MAX_WAITING
-        self._pose_t_ns = np.zeros(capacity, dtype=np.int64)
-        self._pose_p = np.zeros((capacity, 3))
-        self._pose_q = np.tile(np.array([1.0, 0.0, 0.0, 0.0]), (capacity, 1))
+        self._poses = _Poses(
+            np.zeros(capacity, dtype=np.int64),
+            np.zeros((capacity, 3)),
+            np.tile(np.array([1.0, 0.0, 0.0, 0.0]), (capacity, 1)),
+        )
         self._waiting: list[_Waiting] = []
         self._newest = -1
-        self._poses = 0
+        self._pose_count = 0
         self._scene: Scene | None = None
         self._geometry: SceneGeometry | None = None
         self._empty = _no_gaze(0)
-        self.received = 0
-        self.valid = 0
+        self.received_count = 0
+        self.valid_count = 0
 
     def take(self, batch: SampleBatch) -> None:
         """Accept a batch of the gaze stream; may be called from the device's thread."""
@@ -302,10 +326,10 @@ class GazeObserver:
     def add_pose(self, t_ns: int, pose: Pose) -> None:
         """Remember where the head was."""
         self._newest = (self._newest + 1) % (POSES_KEPT + MAX_WAITING)
-        self._pose_t_ns[self._newest] = t_ns
-        self._pose_p[self._newest] = pose.position_m
-        self._pose_q[self._newest] = pose.orientation_wxyz
-        self._poses = min(self._poses + 1, POSES_KEPT)
+        self._poses.t_ns[self._newest] = t_ns
+        self._poses.position_m[self._newest] = pose.position_m
+        self._poses.orientation_wxyz[self._newest] = pose.orientation_wxyz
+        self._pose_count = min(self._pose_count + 1, POSES_KEPT)
 
     def show(self, scene: Scene) -> None:
         """State the scene on display, in which coming samples are evaluated."""
@@ -320,7 +344,7 @@ class GazeObserver:
         if batch is None or self._geometry is None:
             return self._empty
         n = batch.seq.shape[0]
-        frames = np.array([(n, frame_index, self._newest, self._poses)], np.int64)
+        frames = np.array([(n, frame_index, self._newest, self._pose_count)], np.int64)
         gaze = self._evaluated(batch, self._geometry, frames)
         self._targets.commit(n, t_frame_ns)
         return gaze
@@ -331,7 +355,9 @@ class GazeObserver:
         `MAX_WAITING` frames may wait, in one scene and with one clock offset.
         """
         gaze = LateGaze(catch_up)
-        self._waiting.append(_Waiting(frame_index, t_frame_ns, self._newest, self._poses, gaze))
+        self._waiting.append(
+            _Waiting(frame_index, t_frame_ns, self._newest, self._pose_count, gaze)
+        )
         return gaze
 
     def observe_waiting(self) -> Sequence[int]:
@@ -340,12 +366,12 @@ class GazeObserver:
         batch = self._gather() if self._inbox else None
         if batch is None or self._geometry is None:
             for one in waiting:
-                one.gaze.found(self._empty, 0, 0)
+                one.gaze.set_samples(self._empty, 0, 0)
             return [0] * len(waiting)
         if len(waiting) == 1:
             one, n = waiting[0], batch.seq.shape[0]
             frames = np.array([(n, one.frame_index, one.newest, one.poses)], np.int64)
-            one.gaze.found(self._evaluated(batch, self._geometry, frames), 0, n)
+            one.gaze.set_samples(self._evaluated(batch, self._geometry, frames), 0, n)
             self._targets.commit(n, one.t_ns)
             return [n]
         # Messages arrive in order, and a frame takes those that have arrived by its time.
@@ -361,7 +387,7 @@ class GazeObserver:
         self._targets.commit_stamped(np.repeat([one.t_ns for one in waiting], counts))
         first = 0
         for one, end in zip(waiting, ends.tolist(), strict=True):
-            one.gaze.found(gaze, first, end)
+            one.gaze.set_samples(gaze, first, end)
             first = end
         sample_counts: list[int] = counts.tolist()
         return sample_counts
@@ -375,35 +401,32 @@ class GazeObserver:
         at = targets.room(n)
         if targets.columns is not self._source:
             self._source = targets.columns
-            self._columns = tuple(targets.columns[name] for name in RECORDED)
-        t_ns = np.empty(n, np.int64)
-        valid = np.empty(n, np.bool_)
-        rays = np.empty((2, n, 3))
-        per_head = np.empty((3, n, geometry.heads.shape[0]))
-        hit = np.empty(n, np.int16)
+            self._columns = _Columns.of(targets.columns)
+        gaze = _Gaze(
+            np.empty(n, np.int64),
+            np.empty(n, np.bool_),
+            np.empty((2, n, 3)),
+            np.empty((3, n, geometry.heads.shape[0])),
+            np.empty(n, np.int16),
+        )
         valid_count = _evaluate(
-            np.frombuffer(batch.values.tobytes(), np.uint8),
-            batch.seq,
-            batch.t_device_ns,
+            _Samples(np.frombuffer(batch.values.tobytes(), np.uint8), batch.seq, batch.t_device_ns),
             self.clock_offset_ns - self._delay_ns,
             frames,
-            self._pose_t_ns,
-            self._pose_p,
-            self._pose_q,
+            self._poses,
             geometry.heads,
             geometry.capsules,
             geometry.is_lit,
-            t_ns,
-            valid,
-            rays,
-            per_head,
-            hit,
+            gaze,
+            self._columns,
             at,
-            *self._columns,
         )
-        self.received += n
-        self.valid += valid_count
-        return GazeView(t_ns, valid, rays[0], rays[1], per_head[0], per_head[1], per_head[2], hit)
+        self.received_count += n
+        self.valid_count += valid_count
+        rays, per_head = gaze.rays, gaze.per_head
+        return GazeView(
+            gaze.t_ns, gaze.valid, rays[0], rays[1], per_head[0], per_head[1], per_head[2], gaze.hit
+        )
 
     def drain(self) -> list[SampleBatch]:
         """Return what arrived without evaluating it."""

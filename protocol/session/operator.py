@@ -81,13 +81,13 @@ def nothing_drawn() -> None:
 
 @dataclass(frozen=True)
 class TrialCounts:
-    """How far a session has come, in trials."""
+    """Numbers of a session's trials, and the time that the rest takes."""
 
-    done: int
+    done_count: int
     """Trials that are finished."""
-    planned: int
+    planned_count: int
     """Trials that the plan holds."""
-    skipped: int = 0
+    skipped_count: int = 0
     """Trials that the operator left out."""
     left_s: float = 0.0
     """How long the rest takes, in seconds."""
@@ -95,7 +95,7 @@ class TrialCounts:
 
 @dataclass(frozen=True)
 class CalibrationStatus:
-    """How well gaze is measured, by the last validation; None before there was one."""
+    """The quality of gaze by the last validation; None before the first."""
 
     accuracy_deg: float | None = None
     """Mean error of gaze."""
@@ -132,21 +132,21 @@ class SessionStatus:
     faults: tuple[Fault, ...] = ()
     """Faults of devices that hold now."""
     prompt: str = ""
-    """What waits for the operator."""
+    """The text of a prompt that waits for the operator."""
     waiting: str = ""
     """A wait that needs no operator: for a device that is away, and how much longer."""
     can_go_on: bool = False
     """Whether ADVANCE does anything now."""
     messages: tuple[str, ...] = ()
-    """What happened lately."""
+    """Recent messages."""
     flags: tuple[str, ...] = ()
     """Flags of the trial that runs."""
     frame: FrameView | None = None
-    """What the last frame brought; copy its arrays to keep them."""
-    shown: SceneFrame | None = None
-    """What the participant was shown in it; copy its arrays to keep them."""
+    """The input of the last frame; copy its arrays to keep them."""
+    scene_frame: SceneFrame | None = None
+    """What that frame showed the participant; copy its arrays to keep them."""
     contacts: tuple[BodyContact, ...] = ()
-    """What is touched now."""
+    """Contacts that exist now."""
     contacts_begun: int | None = None
     """How many contacts began in the trial; None where nothing was touched."""
     glance: Callable[[], Glance | None] = nothing_drawn

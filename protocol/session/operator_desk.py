@@ -43,7 +43,7 @@ LATER = {
     Action.PAUSE: "pausing before the next trial",
     Action.RECALIBRATE: "recalibrating before the next trial",
 }
-"""Requests that wait for the next checkpoint, and what the operator is told."""
+"""Requests that wait for the next checkpoint, with the message for the operator."""
 
 STALL_NS = 250 * NS_PER_MS
 """A picture that stands for this long is a stall, not a dropped frame or two."""
@@ -222,8 +222,8 @@ class OperatorDesk:
         """Tell whether this was asked for since the last checkpoint, and forget it."""
         if action in self._pending:
             self._pending.discard(action)
-            done = LATER.get(action)
-            self._messages = [message for message in self._messages if message[1] != done]
+            text = LATER.get(action)
+            self._messages = [message for message in self._messages if message[1] != text]
             return True
         return False
 
@@ -261,13 +261,13 @@ class OperatorDesk:
         return next(iter(self._faults.blocking()), None)
 
     @property
-    def done_without(self) -> frozenset[str]:
+    def accepted_absences(self) -> frozenset[str]:
         """Roles the operator goes on without: from the beginning, or until they are back."""
-        return self._rig.without | self._faults.done_without
+        return self._rig.without | self._faults.accepted_absences
 
     def do_without(self, role: str) -> None:
         """Let trials run although this device is away; each is flagged until it is back."""
-        self._faults.done_without.add(role)
+        self._faults.accepted_absences.add(role)
         self.say(f"going on without {role}; every trial is flagged until it is back")
 
     def take_advance(self) -> bool:
@@ -277,7 +277,7 @@ class OperatorDesk:
 
     @property
     def blocking_since_ns(self) -> int:
-        """Since when some fault has kept trials from running; now, when none does."""
+        """Session time since which a fault has blocked trials; the present time if none does."""
         since = [self._faults.since_ns(f) for f in self._faults.blocking()]
         return min(since, default=self._loop.t_ns)
 
@@ -453,9 +453,9 @@ class OperatorDesk:
             participant=setup.name.participant,
             trial_id=trial.trial_id if trial else "",
             trials=TrialCounts(
-                done=self.trials_done,
-                planned=total,
-                skipped=self.trials_skipped,
+                done_count=self.trials_done,
+                planned_count=total,
+                skipped_count=self.trials_skipped,
                 left_s=max(total - self.trials_done - self.trials_skipped, 0) * per_trial_s,
             ),
             block=self.block_name,
@@ -470,14 +470,14 @@ class OperatorDesk:
                 age_s=(t_ns - calibration.t_ns) / NS_PER_S if calibration else None,
                 is_planned=any(b.calibrate for b in setup.plan.blocks),
             ),
-            faults=self._faults.shown(t_ns),
+            faults=self._faults.for_screen(t_ns),
             prompt=self._prompt,
             waiting=self.waiting,
             can_go_on=bool(self._prompt) or self.may_do_without,
             messages=self._messages_now(),
             flags=tuple(self.flags) if self._in_trial else (),
             frame=view,
-            shown=self._loop.shown,
+            scene_frame=self._loop.current_view,
             glance=self._loop.glance,
             contacts=tuple(self._contacts.values()),
             contacts_begun=self._contacts_begun,

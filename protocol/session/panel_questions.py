@@ -12,7 +12,7 @@ import numpy as np
 from visavis.protocol.people.simulated_participant import SimulatedParticipant
 from visavis.protocol.plan.experiment import Respondent
 from visavis.protocol.plan.steps import FrameView, Show
-from visavis.protocol.session.boards import QUESTIONNAIRE, Chosen, DwellRule, ask_on_board
+from visavis.protocol.session.boards import QUESTIONNAIRE, BoardAnswer, DwellRule, ask_on_board
 from visavis.protocol.session.frame_loop import FrameLoop
 from visavis.recording.writer import Recorder
 from visavis.stimuli.panels import SIZE_M, PanelFrame, choice_centre_m, placed_before
@@ -81,12 +81,12 @@ class PanelRespondent:
     def _ask(self, question_id: str, panel: Panel) -> tuple[int | None, str]:
         """Show the board until something is chosen; return the choice and what chose it."""
         loop, scene = self._loop, self._blank()
-        lit: list[int | None] = [None]
+        highlights: list[int | None] = [None]
 
         def show(view: FrameView, board: Panel) -> Show | None:
-            if lit[0] == board.highlighted:
+            if highlights[0] == board.highlighted:
                 return None
-            lit[0] = board.highlighted
+            highlights[0] = board.highlighted
             return Show(_before(scene, loop.t_ns, board))
 
         self._take_keys()
@@ -113,7 +113,7 @@ class PanelRespondent:
                     view = view._replace(pressed=controls, pressed_ns=())
                 step = asking.send(view)
         except StopIteration as end:
-            result: Chosen = end.value
+            result: BoardAnswer = end.value
             return result.choice, "key" if result.by == "keys" else result.by
 
 

@@ -1,4 +1,4 @@
-"""What earlier parts of a session already achieved, and what is left of a block."""
+"""What earlier parts of a session have finished, and what is left of a block."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -7,7 +7,8 @@ from typing import Any
 from visavis.protocol.plan.session_plan import Block, Trial
 from visavis.recording.reader import Recording
 
-DONE = frozenset({"complete", "skipped"})
+FINAL_STATUSES = frozenset({"complete", "skipped"})
+"""Statuses of a trial that need no further attempt."""
 
 
 @dataclass(frozen=True)
@@ -15,17 +16,17 @@ class Progress:
     """The state a resumed session starts from; empty for a new one.
 
     `attempts` counts performances of each trial so far, `finished` holds trials that need no
-    other, `skipped` those of them that were not performed, `unfinished` those that were
-    interrupted, in order; `answered` the questionnaires already complete, `answers` every
-    (questionnaire, question) that was put; `calibrations` how many validations were stored;
-    `memory` what a simulated participant had learned.
+    other, `skipped_trials` those of them that were not performed, `unfinished` those that were
+    interrupted, in order. `complete_questionnaires` holds names, `answers` every (questionnaire,
+    question) that was asked. `calibrations` is the number of validations stored, `memory` what a
+    simulated participant had learned.
     """
 
     attempts: Mapping[str, int] = field(default_factory=dict)
     finished: frozenset[str] = frozenset()
-    skipped: frozenset[str] = frozenset()
+    skipped_trials: frozenset[str] = frozenset()
     unfinished: tuple[str, ...] = ()
-    answered: frozenset[str] = frozenset()
+    complete_questionnaires: frozenset[str] = frozenset()
     answers: frozenset[tuple[str, str]] = frozenset()
     calibrations: int = 0
     validated_at_end: bool = False
@@ -57,7 +58,7 @@ def progress_of(events: Iterable[Mapping[str, Any]]) -> Progress:
             finished_ids.discard(trial_id)
         elif kind == "trial":
             trial_id = str(event["trial_id"])
-            if event["status"] in DONE:
+            if event["status"] in FINAL_STATUSES:
                 finished_ids.add(trial_id)
                 skipped_ids.discard(trial_id)
                 unfinished_ids.pop(trial_id, None)

@@ -35,11 +35,14 @@ class Questioning:
         self._loop.show_scene(self._setup.experiment.blank(None))
         of_blocks = {name for block in self._setup.plan.blocks for name in block.questionnaires}
         for questionnaire in self._setup.questionnaires:
-            if questionnaire.name not in {*self._setup.progress.answered, *of_blocks}:
+            if questionnaire.name not in {
+                *self._setup.progress.complete_questionnaires,
+                *of_blocks,
+            }:
                 self._ask_questionnaire(questionnaire, questionnaire.name)
 
     def _left_after(self, block: Block) -> list[Questionnaire]:
-        answered_names = self._setup.progress.answered
+        answered_names = self._setup.progress.complete_questionnaires
         return [
             q
             for q in self._setup.questionnaires

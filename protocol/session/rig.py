@@ -41,7 +41,7 @@ def unmet(
 ) -> Iterator[Fault]:
     """Yield a blocking fault for everything the open devices cannot do.
 
-    Nothing is asked of devices the operator goes on `without`.
+    Devices that the operator goes on `without` are not checked.
     """
     missing = [name for name in demands.segments if name not in segments]
     if missing and "body_tracker" not in without:
@@ -198,13 +198,13 @@ class RunningRig:
             return lambda batch: sink(role, batch)
         own: dict[str, StreamSchema] = {}
 
-        def renamed(batch: SampleBatch) -> None:
+        def rename(batch: SampleBatch) -> None:
             name = batch.schema.name
             if name not in own:
                 own[name] = _of_band(role, batch.schema)
             sink(role, replace(batch, schema=own[name]))
 
-        return renamed
+        return rename
 
     def __enter__(self) -> "RunningRig":
         try:

@@ -102,7 +102,7 @@ class Session:
 
     @property
     def _calibrates(self) -> bool:
-        is_there = "eye_tracker" not in self._desk.done_without
+        is_there = "eye_tracker" not in self._desk.accepted_absences
         return is_there and any(block.calibrate for block in self._setup.plan.blocks)
 
     def _end_early(self, error: LabError) -> None:
@@ -316,7 +316,7 @@ class Session:
                 self._owes_calibration |= fault.role == "eye_tracker"
                 self._recorder.event("device_done_without", loop.t_ns, role=fault.role)
         desk.waiting, desk.may_do_without = "", False
-        if first_fault.role in desk.done_without:
+        if first_fault.role in desk.accepted_absences:
             return False
         away_ns = loop.t_ns - since_ns
         self._recorder.event(

@@ -59,10 +59,10 @@ class Patch:
         """How long a frame lasts, nominally."""
         return round(NS_PER_S / self._headset.display_rate_hz)
 
-    def show(self, *, lit: bool) -> FrameInfo:
+    def show(self, *, is_lit: bool) -> FrameInfo:
         """Wait for the next frame and show the patch in it; return the frame."""
         frame = self._headset.wait_frame()
-        texture = self._targets[lit].texture
+        texture = self._targets[is_lit].texture
         self._headset.submit(frame, (texture, texture))
         self._headset.poll(0.0)
         return frame
@@ -74,14 +74,14 @@ class Patch:
 
 
 @dataclass
-class Asked:
-    """When stimuli were asked for, in ns of session time, and how many frames were dropped."""
+class StimulusTimes:
+    """The times of the commands for stimuli, in ns of session time, and the frames dropped."""
 
     picture_ns: list[int] = field(default_factory=list)
     sound_ns: list[int] = field(default_factory=list)
     vibration_ns: list[int] = field(default_factory=list)
     frames: int = 0
-    dropped: int = 0
+    dropped_frames: int = 0
     frame_ns: int = 0
     flash_ns: int = 0
 
@@ -95,19 +95,19 @@ def perform(
     speaker: Speaker | None = None,
     band: Armband | None = None,
     repeats: int = 60,
-    progress: Callable[[int], None] = lambda done: None,
-) -> Asked:
+    progress: Callable[[int], None] = lambda count: None,
+) -> StimulusTimes:
     """Flash, click and buzz `repeats` times each and return when; skip what is missing.
 
     A flash's time is when its first frame's light should leave by the display's own prediction,
     which is what sessions record; a click's and a buzz's is the moment of the command.
     """
-    commands = Asked(frame_ns=patch.frame_ns, flash_ns=FLASH_FRAMES * patch.frame_ns)
+    commands = StimulusTimes(frame_ns=patch.frame_ns, flash_ns=FLASH_FRAMES * patch.frame_ns)
 
-    def frame(*, lit: bool) -> FrameInfo:
-        frame_info = patch.show(lit=lit)
+    def frame(*, is_lit: bool) -> FrameInfo:
+        frame_info = patch.show(is_lit=is_lit)
         commands.frames += 1
-        commands.dropped += frame_info.dropped
+        commands.dropped_frames += frame_info.dropped
         if band is not None:
             band.keep_alive()
             band.poll(0.0)
@@ -117,16 +117,16 @@ def perform(
     def wait(ns: int) -> None:
         until_ns = clock.now_ns() + ns
         while clock.now_ns() < until_ns:
-            frame(lit=False)
+            frame(is_lit=False)
 
     def apart() -> None:
         wait(int(rng.integers(MIN_APART_NS, MAX_APART_NS)))
 
     wait(SETTLE_NS)
     for repeat in range(repeats):
-        commands.picture_ns.append(frame(lit=True).predicted_display_ns)
+        commands.picture_ns.append(frame(is_lit=True).predicted_display_ns)
         for _ in range(FLASH_FRAMES - 1):
-            frame(lit=True)
+            frame(is_lit=True)
         apart()
         if speaker is not None:
             commands.sound_ns.append(clock.now_ns())
@@ -163,7 +163,7 @@ class SeenMonitor:
     """A monitor on a virtual clock, at whose corner a simulated photodiode looks.
 
     It is what a screen display shows its pictures on: each waits for the monitor's next refresh,
-    at `k / rate_hz` by the clock, and the photodiode is told how bright the corner is from then on.
+    at `k / rate_hz` by the clock, and the photodiode gets the corner's brightness from then on.
     """
 
     closed = False

@@ -12,8 +12,8 @@ from visavis.lab.schema import SampleBatch
 from visavis.protocol.people.simulated_participant import Learner
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import (
-    Answered,
     Ask,
+    AskReply,
     FrameView,
     Hush,
     Mark,
@@ -67,11 +67,14 @@ class TrialRunner:
         self._rig = rig
         self._gaze_rate_hz = rig.gaze_rate_hz or 0.0
         self._attempts = dict(setup.progress.attempts)
-        self._exchanges_told_ns: dict[str, int] = {}
+        self._last_exchange_ns: dict[str, int] = {}
         self._align_gaze()
         self.memory = dict(setup.progress.memory)
         """What a simulated participant had learned at the end of the last trial."""
-        self._finished, self._skipped = set(setup.progress.finished), set(setup.progress.skipped)
+        self._finished, self._skipped_trials = (
+            set(setup.progress.finished),
+            set(setup.progress.skipped_trials),
+        )
         rates_hz = (rig.headset.display_rate_hz, self._gaze_rate_hz)
         tenths = 2 if rig.has_bands else 1
         self._grid_ns = tenths * NS_PER_S // 10 if all(r % 10 == 0 for r in rates_hz) else NS_PER_S
@@ -130,9 +133,9 @@ class TrialRunner:
         loop.flush()
         if outcome.status != "interrupted":
             self._finished.add(trial.trial_id)
-            self._skipped.discard(trial.trial_id)
+            self._skipped_trials.discard(trial.trial_id)
             if outcome.status == "skipped":
-                self._skipped.add(trial.trial_id)
+                self._skipped_trials.add(trial.trial_id)
         # Memory and row are recorded last, so that a resumed session repeats a trial without a row.
         self._note_memory(trial)
         setup.recorder.trial(
@@ -154,7 +157,7 @@ class TrialRunner:
                 **row,
                 "t_start_ns": row.get("t_start_ns", start_ns),
                 "t_end_ns": row.get("t_end_ns", loop.t_ns),
-                **self._delivered(before, start_ns),
+                **self._delivery_counts(before, start_ns),
                 **{f"{eye}_eye_seen_01": share_01 for eye, share_01 in seen_01.items()},
                 **(calibration.columns(start_ns) if calibration else NO_CALIBRATION),
                 "clock_offset_ns": loop.observer.clock_offset_ns if self._rig.eye_tracker else None,
@@ -171,19 +174,19 @@ class TrialRunner:
         return len(self._finished)
 
     def _tell_desk(self) -> None:
-        self._desk.trials_skipped = len(self._skipped)
+        self._desk.trials_skipped = len(self._skipped_trials)
         self._desk.trials_done = self.finished - self._desk.trials_skipped
 
-    def _outcome(self, interrupted: str | None) -> Outcome:
+    def _outcome(self, interruption: str | None) -> Outcome:
         if self._desk.skip_reason is not None:
             return Outcome("skipped", self._desk.skip_reason)
-        if interrupted is not None:
-            return Outcome("interrupted", interrupted)
+        if interruption is not None:
+            return Outcome("interrupted", interruption)
         return Outcome("complete", None)
 
     def _perform(self, plan: Plan, *, interruptible: bool) -> tuple[Row, str | None]:
         desk = self._desk
-        reply: FrameView | Answered | None = None
+        reply: FrameView | AskReply | None = None
         interruption: str | None = None
         with self._loop.leaving_gaze():
             try:
@@ -212,7 +215,7 @@ class TrialRunner:
         except (StopIteration, TrialInterrupted):
             return
 
-    def _do(self, step: object) -> Answered | None:
+    def _do(self, step: object) -> AskReply | None:
         setup, loop = self._setup, self._loop
         match step:
             case Show(view):
@@ -224,9 +227,9 @@ class TrialRunner:
             case Ask(question_id, prompt, options):
                 answer = setup.respondent.answer(question_id, prompt, options)
                 self._desk.expect_pause()
-                return Answered(answer, loop.t_ns)
+                return AskReply(answer, loop.t_ns)
             case Prompt(text):
-                return Answered(None, loop.t_ns) if self._desk.prompt(text) else None
+                return AskReply(None, loop.t_ns) if self._desk.prompt(text) else None
             case Vibrate():
                 self._rig.vibrate(step)
             case Play():
@@ -258,10 +261,10 @@ class TrialRunner:
     def record_exchanges(self) -> None:
         """Note the time exchanges with each device since the last call, as events."""
         for role, pairs in self._rig.clock_pairs().items():
-            told_ns = self._exchanges_told_ns.get(role, -1)
-            new = [pair for pair in pairs if pair.host_receive_ns > told_ns]
+            last_ns = self._last_exchange_ns.get(role, -1)
+            new = [pair for pair in pairs if pair.host_receive_ns > last_ns]
             if new:
-                self._exchanges_told_ns[role] = new[-1].host_receive_ns
+                self._last_exchange_ns[role] = new[-1].host_receive_ns
                 self._setup.recorder.event(
                     "clock_exchanges",
                     self._loop.t_ns,
@@ -289,11 +292,11 @@ class TrialRunner:
         return (
             loop.frames_done,
             loop.frames_dropped,
-            loop.observer.received,
-            loop.observer.valid,
+            loop.observer.received_count,
+            loop.observer.valid_count,
         )
 
-    def _delivered(self, before: tuple[int, int, int, int], start_ns: int) -> dict[str, int]:
+    def _delivery_counts(self, before: tuple[int, int, int, int], start_ns: int) -> dict[str, int]:
         frames, dropped_frames, received_samples, valid_samples = (
             now - then for now, then in zip(self._counts(), before, strict=True)
         )

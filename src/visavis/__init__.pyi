@@ -8,7 +8,7 @@ from visavis.analysis import gaze as gaze
 from visavis.analysis import statistics as statistics
 from visavis.analysis.statistics_report import Question as Question
 from visavis.analysis.statistics_report import answer as answer
-from visavis.people.person import unopinionated as unopinionated
+from visavis.people.person import neutral_answer as neutral_answer
 from visavis.protocol.plan.design import Factor as Factor
 from visavis.protocol.plan.orders import never_next_to as never_next_to
 from visavis.protocol.plan.orders import no_more_than as no_more_than

@@ -8,10 +8,10 @@ from typing import Any, Final
 
 def _homes() -> dict[str, tuple[str, str]]:
     """Return the module and the name in it of every public name."""
-    listed = ast.parse(Path(__file__).with_name("__init__.pyi").read_text("utf-8"))
+    module = ast.parse(Path(__file__).with_name("__init__.pyi").read_text("utf-8"))
     return {
         alias.asname or alias.name: (node.module or "", alias.name)
-        for node in listed.body
+        for node in module.body
         if isinstance(node, ast.ImportFrom)
         for alias in node.names
     }

@@ -133,6 +133,33 @@ def test_fields_are_counted_with_those_of_the_dataclasses_that_one_extends(tmp_p
     assert dataclass_fields(read_package(tree(tmp_path, files))) == expected
 
 
+PARTS = (
+    "@dataclass\nclass Walls:\n    height_m: int\n    colour: str\n"
+    "@dataclass\nclass _Keywords(Walls):\n    name: str\n"
+    "class House:\n    @takes_keywords_of(_Keywords)\n    def __init__(self, name): ...\n"
+)
+
+
+def test_a_signature_has_no_fields_of_its_own(tmp_path):
+    files = {"a.py": PARTS}
+    assert dataclass_fields(read_package(tree(tmp_path, files))) == {"kit.a.Walls": 2}
+
+
+@pytest.mark.parametrize(
+    "files",
+    [
+        {"a.py": PARTS + "given = _Keywords(2, 'red', 'barn')\n"},
+        {"a.py": PARTS, "b.py": "from kit.a import _Keywords\n"},
+        {"a.py": PARTS + "def build(keywords: _Keywords): ...\n"},
+        {"a.py": PARTS.replace("    @takes_keywords_of(_Keywords)\n", "")},
+    ],
+    ids=["made", "imported", "passed on", "no signature"],
+)
+def test_a_signature_that_serves_for_more_is_counted(tmp_path, files):
+    expected = {"kit.a.Walls": 2, "kit.a._Keywords": 3}
+    assert dataclass_fields(read_package(tree(tmp_path, files))) == expected
+
+
 def test_self_is_no_parameter_of_twelve():
     eleven = ", ".join(f"a{i}" for i in range(11))
     text = f"class A:\n    def few(self, {eleven}): pass\n    def many(self, {eleven}, *b): pass\n"

@@ -13,10 +13,10 @@ from visavis.recording.manifest import read_manifest
 from visavis.results.opened_study import find_study
 from visavis.running.sessions.recorded_design import (
     changes_since,
+    compare_designs,
     design_of,
     design_of_session,
     in_words,
-    told_of_designs,
 )
 
 STUDY = """
@@ -146,7 +146,7 @@ def test_sessions_of_two_designs_in_a_folder_are_told_apart(file: Path, tmp_path
         }
     )
 
-    changes, mixed = told_of_designs([manifest, later], experiment)
+    changes, mixed = compare_designs([manifest, later], experiment)
 
     assert "parameter repetitions 1, now 3" == in_words(changes)
     assert "1 of 2 sessions" in mixed

@@ -7,7 +7,7 @@ import pytest
 
 from tests.stage import figures
 from visavis.cli.doctor import drawing
-from visavis.cli.doctor.drawing import advice, measured
+from visavis.cli.doctor.drawing import advice, measure_drawing
 from visavis.lab.clock import SystemClock
 from visavis.lab.config import LabConfig, load_config
 from visavis.lab.config_files import EXAMPLE
@@ -78,7 +78,7 @@ def test_a_frame_is_measured_by_what_draws(lab: LabConfig) -> None:
         assert stereo_frame_ms(renderer, picture, HEAD, (32, 36), Choice(2, 0.5), clock) > 0.0
         if not draws_on_processor(renderer.context):
             pytest.skip("a card draws here")
-    said = measured(lab, SystemClock())
+    said = measure_drawing(lab, SystemClock())
     assert said.level == "warning"
     assert "no graphics card draws" in said.found
 
@@ -98,6 +98,6 @@ def test_shadows_of_areas_are_timed_before_they_are_offered(
         pytest.skip(str(problem))
     monkeypatch.setattr(drawing, "draws_on_processor", lambda _: False)
     monkeypatch.setattr(drawing, "stereo_frame_ms", counted)
-    said = drawing.measured(lab, SystemClock())
+    said = drawing.measure_drawing(lab, SystemClock())
     assert drawn == ["maps", "area"]
     assert "there is time for shadows: area (7.0 ms)" in said.found

@@ -14,7 +14,7 @@ from visavis.cli.doctor.findings import Finding
 from visavis.cli.doctor.report import FILE_NAME, save_with_session
 from visavis.cli.doctor.station import (
     Station,
-    compared,
+    compare_stations,
     lock,
     locked,
     station_findings,
@@ -46,7 +46,7 @@ def test_what_was_locked_is_read_again(here: LabConfig) -> None:
 
 
 def test_a_station_as_it_was_locked_is_told_in_one_line() -> None:
-    (found,) = compared(KEPT, KEPT)
+    (found,) = compare_stations(KEPT, KEPT)
     assert ("ok", True) == (found.level, found.found.startswith("as locked on 2026-03-02"))
 
 
@@ -61,13 +61,13 @@ def test_a_station_as_it_was_locked_is_told_in_one_line() -> None:
 def test_a_figure_that_became_worse_is_told_beside_the_one_locked(
     name: str, value: float, says: str
 ) -> None:
-    (found,) = compared(KEPT, replace(KEPT, figures={**KEPT.figures, name: value}))
+    (found,) = compare_stations(KEPT, replace(KEPT, figures={**KEPT.figures, name: value}))
     assert ("warning", True) == (found.level, found.found.startswith(says))
 
 
 @pytest.mark.parametrize(("name", "value"), [("wake_ms", 0.6), ("write_ms", 20.0)])
 def test_a_busier_moment_is_no_other_station(name: str, value: float) -> None:
-    (found,) = compared(KEPT, replace(KEPT, figures={**KEPT.figures, name: value}))
+    (found,) = compare_stations(KEPT, replace(KEPT, figures={**KEPT.figures, name: value}))
     assert "ok" == found.level
 
 
@@ -76,12 +76,12 @@ def test_a_busier_moment_is_no_other_station(name: str, value: float) -> None:
 )
 def test_a_chain_of_devices_that_is_late_otherwise_is_told(delay_ms: float, level: str) -> None:
     now = replace(KEPT, delays_ms={"picture": delay_ms, "sound": 40.0})
-    assert level == compared(KEPT, now)[0].level
+    assert level == compare_stations(KEPT, now)[0].level
 
 
 def test_what_figures_depend_on_is_told_when_it_changes() -> None:
     now = replace(KEPT, depends_on={**KEPT.depends_on, "monitors": "2560×1440 at 60 Hz"})
-    (found,) = compared(KEPT, now)
+    (found,) = compare_stations(KEPT, now)
     assert "2560×1440 at 60 Hz; locked on 2026-03-02 with 2560×1440 at 144 Hz" == found.found
 
 

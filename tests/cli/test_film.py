@@ -16,15 +16,15 @@ from typer.testing import CliRunner
 
 from tests.sessions import opened, perform
 from visavis.cli.app import app
-from visavis.cli.film.cameras import FromViewpoint
+from visavis.cli.film.cameras import ViewpointCamera
 from visavis.cli.film.film import FilmedTrial, pictures_of
 from visavis.cli.film.on_page import FilmPictures, film_share, page_picture
 from visavis.cli.film.stand_in import StandIn
-from visavis.cli.preview.pictures import Viewpoint, labelled
+from visavis.cli.notifier import Forecast
+from visavis.cli.preview.pictures import Viewpoint, add_label
 from visavis.cli.recorded_trial import recorded_trial, trial_row
 from visavis.cli.redraw import board_at
 from visavis.cli.session_lanes import lanes_of
-from visavis.cli.telling import Forecast
 from visavis.lab.errors import DesignError, UsageError
 from visavis.lab.geometry import Pose
 from visavis.protocol.people.exports_register import registered_exports
@@ -96,10 +96,10 @@ def test_every_picture_says_that_nobody_took_part_and_the_verb_how_long_it_takes
 
     def keep(image: npt.NDArray[np.uint8], text: str) -> Image.Image:
         written.append(text)
-        return labelled(image, text)
+        return add_label(image, text)
 
-    monkeypatch.setattr("visavis.cli.film.film.labelled", keep)
-    monkeypatch.setattr(Forecast, "told", lambda _, done, of: f"{of} take long" * (done == 1))
+    monkeypatch.setattr("visavis.cli.film.film.add_label", keep)
+    monkeypatch.setattr(Forecast, "line_after", lambda _, done, of: f"{of} take long" * (done == 1))
     for name, is_simulated in (("simulated", True), ("duel", False)):
         monkeypatch.setattr(CachedRecording, "is_simulated", is_simulated)
         written.clear()
@@ -174,7 +174,7 @@ def test_a_question_in_the_dark_is_in_the_film_by_any_camera(session: Path) -> N
         scene = FilmedTrial(
             trial,
             pictures_of(study, trial),
-            FromViewpoint(Viewpoint.ABOVE, 16 / 9, 0),
+            ViewpointCamera(Viewpoint.ABOVE, 16 / 9, 0),
             (),
             (160, 90),
             FilmLog(None),

@@ -2,7 +2,7 @@
 
 import pytest
 
-from visavis.cli.telling import MEASURED_PICTURES, Forecast
+from visavis.cli.notifier import MEASURED_PICTURES, Forecast
 
 
 @pytest.mark.parametrize(
@@ -14,7 +14,7 @@ def test_a_slow_film_says_once_how_long_it_takes(picture_s: float, expected: str
     forecast = Forecast(lambda: passed_s)
     said = []
     for done in range(1, 501):
-        said.append(forecast.told(done, 500))
+        said.append(forecast.line_after(done, 500))
         passed_s += picture_s
     assert 1 >= sum(map(bool, said))
     assert expected in said[MEASURED_PICTURES]

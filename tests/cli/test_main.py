@@ -15,7 +15,7 @@ from tests.product_files import name_in_repository, product_files
 from visavis.cli import main as command
 from visavis.cli.app import console, errors, say, verbatim
 from visavis.cli.main import interrupting_again
-from visavis.cli.telling import counting
+from visavis.cli.notifier import counting
 from visavis.lab.config_files import EXAMPLE
 from visavis.study.study_errors import MODULE_OF_STUDY
 

@@ -168,4 +168,4 @@ def test_a_study_with_half_a_session_says_so(fresh: Path) -> None:
     assert f"visavis resume {path}" in told
     analysed = said(fresh, "analyse", str(folder), "--processes", "1")
     assert "not finished: session of S01" in analysed
-    assert "it is taken in" in analysed
+    assert "it is included" in analysed

@@ -19,7 +19,7 @@ STATUS = SessionStatus(
     state=SessionState.TRIAL,
     participant="07K",
     trial_id="T05",
-    trials=TrialCounts(done=5, planned=73, left_s=1200),
+    trials=TrialCounts(done_count=5, planned_count=73, left_s=1200),
     block="Block 1",
     condition="AD, place left_far",
     trial_left_s=9.2,
@@ -82,7 +82,9 @@ def test_a_study_without_calibration_lacks_none() -> None:
 
 
 def test_skipped_trials_are_not_counted_as_done() -> None:
-    assert "5/73, 2 skipped" in drawn(replace(STATUS, trials=replace(STATUS.trials, skipped=2)))
+    assert "5/73, 2 skipped" in drawn(
+        replace(STATUS, trials=replace(STATUS.trials, skipped_count=2))
+    )
     assert "skipped" not in drawn(STATUS)
 
 

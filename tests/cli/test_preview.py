@@ -16,9 +16,16 @@ from tests.stage import figures
 from visavis.cli.app import load_lab
 from visavis.cli.film.on_page import BACK
 from visavis.cli.main import app
-from visavis.cli.preview.capture import Capture, Meanwhile, Seen, has_board, is_lit, spread
-from visavis.cli.preview.pictures import Viewpoint, camera_of, labelled
-from visavis.cli.telling import Forecast
+from visavis.cli.notifier import Forecast
+from visavis.cli.preview.capture import (
+    BackgroundPerformance,
+    Capture,
+    CapturedFrame,
+    has_board,
+    is_lit,
+    spread,
+)
+from visavis.cli.preview.pictures import Viewpoint, add_label, camera_of
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import LabError, UsageError
 from visavis.lab.geometry import Pose, rotate
@@ -61,9 +68,9 @@ def test_picture_of_a_trial_shows_a_lit_scene_marked_as_simulated(
 
     def keep(image: np.ndarray, text: str) -> Image.Image:
         written.append(text)
-        return labelled(image, text)
+        return add_label(image, text)
 
-    monkeypatch.setattr("visavis.cli.commands.preview.labelled", keep)
+    monkeypatch.setattr("visavis.cli.commands.preview.add_label", keep)
     path = tmp_path / "one.png"
     preview(study, "--png", path, "--at", 0.2, "--size", "240x150")
 
@@ -88,7 +95,7 @@ def test_preview_shows_the_trial_that_plan_lists(
     )
     shown: list[Capture] = []
 
-    def keep(capture: Capture, *_: object) -> list[Seen]:
+    def keep(capture: Capture, *_: object) -> list[CapturedFrame]:
         shown.append(capture)
         raise UsageError("seen")
 
@@ -107,10 +114,10 @@ def test_film_has_as_many_pictures_as_its_seconds_say_all_marked_and_says_how_lo
 
     def keep(image: np.ndarray, text: str) -> Image.Image:
         written.append(text)
-        return labelled(image, text)
+        return add_label(image, text)
 
-    monkeypatch.setattr("visavis.cli.commands.preview.labelled", keep)
-    monkeypatch.setattr(Forecast, "told", lambda _, done, of: f"{of} take long" * (done == 1))
+    monkeypatch.setattr("visavis.cli.commands.preview.add_label", keep)
+    monkeypatch.setattr(Forecast, "line_after", lambda _, done, of: f"{of} take long" * (done == 1))
     said = preview("stare", "--video", path, "--seconds", 0.2, "--rate", 10, "--size", "96x64")
 
     assert 1 == said.count("3 take long")
@@ -170,7 +177,7 @@ def test_a_trial_performed_meanwhile_ends_when_its_window_closes() -> None:
     capture = Capture(
         find_study("stare"), load_lab(EXAMPLE, "sim", quiet=True), number=2, index=1, seed=1
     )
-    with Meanwhile(capture) as meanwhile:
+    with BackgroundPerformance(capture) as meanwhile:
         assert capture.frames
         meanwhile.check()
     assert "preview" not in {thread.name for thread in threading.enumerate()}
@@ -179,14 +186,14 @@ def test_a_trial_performed_meanwhile_ends_when_its_window_closes() -> None:
 def test_what_fails_meanwhile_is_raised_where_it_is_shown(
     captured: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fail(until_s: float | None = None) -> list[Seen]:
+    def fail(until_s: float | None = None) -> list[CapturedFrame]:
         raise UsageError("broken")
 
     fresh = Capture(
         find_study("stare"), load_lab(EXAMPLE, "sim", quiet=True), number=1, index=1, seed=1
     )
     monkeypatch.setattr(fresh, "perform", fail)
-    with pytest.raises(UsageError, match="broken"), Meanwhile(fresh):
+    with pytest.raises(UsageError, match="broken"), BackgroundPerformance(fresh):
         pass
 
 
@@ -252,9 +259,9 @@ def test_a_picture_of_a_short_trial_shows_its_scene(
 
     def keep(image: np.ndarray, text: str) -> Image.Image:
         written.append(text)
-        return labelled(image, text)
+        return add_label(image, text)
 
-    monkeypatch.setattr("visavis.cli.commands.preview.labelled", keep)
+    monkeypatch.setattr("visavis.cli.commands.preview.add_label", keep)
     preview(tmp_path / "short.py", "--png", tmp_path / "one.png", "--size", "240x150")
     with Image.open(tmp_path / "one.png") as image:
         assert np.asarray(image)[:120].mean() > 40

@@ -74,7 +74,7 @@ def test_planted_delay_of_a_monitor_is_recovered_in_its_own_rhythm(rate_hz):
     assert ("screen", 10, 10) == (picture.source, picture.asked, picture.answered)
     assert 12.0 == pytest.approx(float(np.median(true_ms["picture"])), abs=0.001)
     assert 12.0 == pytest.approx(picture.median_ms, abs=0.2)
-    assert 0 == asked.dropped == picture.shown_wrong
+    assert 0 == asked.dropped_frames == picture.shown_wrong
 
 
 def test_delay_before_a_monitor_is_measured_in_its_window():

@@ -106,7 +106,7 @@ def test_a_page_that_is_there_is_not_replaced(page: Path) -> None:
 def test_numbers_come_back_within_a_part_of_their_range_and_missing_ones_stay_missing() -> None:
     values = np.array([[1.0, -5.0], [np.nan, 7.0], [3.0, np.inf], [2.0, 7.0]])
     bundle = Bundle()
-    told = bundle.quantised(values)
+    told = bundle.add_quantised(values)
     content = zlib.decompress(base64.b64decode(bundle.text({})))
     body = np.frombuffer(content, "<u2", 8, 16 + told["o"]).reshape(2, 4)
     codes = np.cumsum(body, axis=1, dtype=np.uint16)

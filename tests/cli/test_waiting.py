@@ -38,7 +38,7 @@ def test_a_window_of_a_page_is_refused_before_anything_is_performed(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(preview, "Capture", None)
-    monkeypatch.setattr(preview, "who_is_shown", None)
+    monkeypatch.setattr(preview, "plan_inputs_of", None)
     with pytest.raises(SystemExit) as ended:
         command.main(["preview", "hybrid"])
     assert 2 == ended.value.code

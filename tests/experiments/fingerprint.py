@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.recording.reader import Recording
-from visavis.running.sessions.study_folder import DERIVED, sessions_of
+from visavis.running.sessions.study_folder import DERIVED_FOLDER, sessions_of
 
 Fingerprint = Mapping[str, Any]
 
@@ -52,7 +52,7 @@ def fingerprint_of_sessions(folder: Path) -> dict[str, Any]:
 def fingerprint_of_study(folder: Path) -> dict[str, Any]:
     """Return the fingerprint of a study's sessions and of its tables, where it was analysed."""
     found = fingerprint_of_sessions(folder)
-    for path in sorted((folder / DERIVED).glob("*.csv")):
+    for path in sorted((folder / DERIVED_FOLDER).glob("*.csv")):
         found.update(fingerprint_of_table(path))
     return found
 

@@ -40,7 +40,7 @@ from visavis.recording.folder import SIMULATED_ROOT
 from visavis.results.opened_study import OpenedStudy
 from visavis.results.outputs import contrast_rows, statistics_rows
 from visavis.running.quick import quick_study
-from visavis.running.sessions.study_folder import DERIVED
+from visavis.running.sessions.study_folder import DERIVED_FOLDER
 from visavis.study.look_measures import MAIN_MEASURES
 
 PINNED: Final = Path(__file__).parent / "pinned"
@@ -99,7 +99,7 @@ def sessions(name: str, root: Path) -> dict[str, Any]:
     if name in FORMER:
         return {
             **fingerprint_of_sessions(folder),
-            **as_pinned(name, folder / DERIVED, root),
+            **as_pinned(name, folder / DERIVED_FOLDER, root),
         }
     return fingerprint_of_study(folder)
 

@@ -130,7 +130,11 @@ def test_a_skipped_trial_keeps_its_reason_and_is_not_done_again(
     recording = operated(tmp_path, operator)
 
     last = operator.seen[-1]
-    assert (6, 1, 7) == (last.trials.done, last.trials.skipped, last.trials.planned)
+    assert (6, 1, 7) == (
+        last.trials.done_count,
+        last.trials.skipped_count,
+        last.trials.planned_count,
+    )
     assert 0 == last.trials.left_s
     row = trial_table(recording).loc[("T02", 1)]
     assert ("skipped", "participant coughed") == (row["status"], row["reason"])

@@ -14,18 +14,18 @@ INNER = (
 OUTER = """
 from inner_kernel import inner
 import rows_of_numbers as rows
-from numbers_taken_in import SHIFT
+from numbers_taken_in import SHIFT, Pair
 from visavis.lab.compiled import compiled, announce_compiling
 
 
 @compiled
-def outer(x):
-    return 10 * inner(x) + SHIFT + rows.FIRST
+def outer(x, pair):
+    return 10 * inner(x) + SHIFT + rows.FIRST + pair.left
 
 
 told = []
 announce_compiling(lambda: told.append(None))
-print(outer(1), sum(outer.stats.cache_hits.values()), len(told))
+print(outer(1, Pair(left=0, right=7)), sum(outer.stats.cache_hits.values()), len(told))
 """
 
 
@@ -35,13 +35,19 @@ def without_numbas_own(cache: Path) -> dict[str, str]:
     return {**kept, "XDG_CACHE_HOME": str(cache)}
 
 
-def outer_of(folder: Path, *, added: int, shift: int, first: int = 0) -> tuple[int, int, int]:
+def outer_of(
+    folder: Path, *, added: int, shift: int, first: int = 0, fields: str = "left right"
+) -> tuple[int, int, int]:
     """Return what the outer kernel gives in a new process, how often its cache was used, and
     how often it was told that something is compiled.
     """
     for name, text in (
         ("inner_kernel", INNER.format(added)),
-        ("numbers_taken_in", f"SHIFT = {shift}\n"),
+        (
+            "numbers_taken_in",
+            f"from collections import namedtuple\nSHIFT = {shift}\n"
+            f"Pair = namedtuple('Pair', {fields!r})\n",
+        ),
         ("rows_of_numbers", f"FIRST = {first}\n"),
         ("outer_kernel", OUTER),
     ):
@@ -68,8 +74,49 @@ def test_cached_code_is_used_until_a_kernel_or_number_it_takes_in_changes(tmp_pa
     assert outer_of(tmp_path, added=1000, shift=5) == (10015, 1, 0)
     # So, too, a number of a whole module that is imported by a name, which holds no kernels.
     assert outer_of(tmp_path, added=1000, shift=5, first=2) == (10017, 0, 1)
+    # A kernel reads the fields of a named tuple by their places.
+    assert outer_of(tmp_path, added=1000, shift=5, first=2, fields="right left") == (10017, 0, 1)
     machine_code = {path.parents[2] for path in tmp_path.rglob("*.nbc")}
     assert {tmp_path / "cache" / "visavis" / "kernels"} == machine_code  # nothing beside modules
+
+
+PAIR = """
+from typing import NamedTuple
+
+
+class {}(NamedTuple):
+    {}: float
+    {}: float
+"""
+OF_PAIR = """
+import pairs
+from visavis.lab.compiled import compiled
+
+
+@compiled
+def left_of(pair):
+    return pair.left
+
+
+print(left_of(pairs.{}(left=1.0, right=2.0)))
+"""
+
+
+def test_cached_code_is_not_used_when_a_tuple_has_other_fields_or_another_name(
+    tmp_path: Path,
+) -> None:
+    path_line = f"import sys; sys.path[:0] = [{str(tmp_path)!r}, {str(ROOT)!r}]"
+    for name, *fields in ("A", "left", "right"), ("A", "right", "left"), ("B", "right", "left"):
+        (tmp_path / "pairs.py").write_text(PAIR.format(name, *fields))
+        (tmp_path / "of_pair.py").write_text(OF_PAIR.format(name))
+        done = subprocess.run(
+            [sys.executable, "-B", "-c", f"{path_line}; import of_pair"],
+            env=without_numbas_own(tmp_path / "cache"),
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        assert "1.0" == done.stdout.strip()
 
 
 MATRICES = """

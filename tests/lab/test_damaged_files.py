@@ -160,7 +160,7 @@ def test_a_look_at_results_that_no_analysis_wrote_is_refused(
 def test_what_is_no_synchronisation_test_is_refused(text: str, tmp_path: Path) -> None:
     path = tmp_path / "sync.json"
     path.write_text(text, "utf-8")
-    with pytest.raises(DataError, match="no test that visavis sync-test kept"):
+    with pytest.raises(DataError, match="no test that visavis sync-test saved"):
         read_sync_test(path)
 
 

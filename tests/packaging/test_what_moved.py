@@ -13,6 +13,7 @@ ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "what-moved.md"
 TEXT = PAGE.read_text("utf-8")
 ROWS = re.findall(r"^\| `([\w.]+)` \| `([\w.]+)` \|$", TEXT, re.MULTILINE)
+NAMES = re.findall(r"^\| `([\w.]+)` \| `([\w.]+)` \| `([\w.]+)` \|$", TEXT, re.MULTILINE)
 FIRST_WORDS = (
     "analysis", "cli", "devices", "experiments", "lab", "protocol", "recording", "stage", "stimuli",
 )  # fmt: skip
@@ -40,6 +41,22 @@ def block(language: str) -> str:
 @pytest.mark.parametrize("now", sorted({now for _, now in ROWS}))
 def test_every_new_name_can_be_imported(now: str) -> None:
     assert now == importlib.import_module(now).__name__
+
+
+def has_name(module: str, name: str) -> bool:
+    """Return whether a module has a name, or its class a field or a method of that name."""
+    owner, _, member = name.rpartition(".")
+    target = importlib.import_module(module)
+    if not owner:
+        return hasattr(target, member)
+    kind = getattr(target, owner)
+    return hasattr(kind, member) or member in kind.__annotations__
+
+
+@pytest.mark.parametrize(("module", "before", "now"), NAMES)
+def test_every_name_that_changed_has_its_new_name_alone(module: str, before: str, now: str) -> None:
+    assert has_name(module, now)
+    assert not has_name(module, before)
 
 
 def new_name(old: str) -> str:

@@ -71,7 +71,7 @@ def test_person_who_is_told_the_condition_is_found_out(
         )
 
     monkeypatch.setattr(OpenedStudy, "participant", knowing)
-    assert "'realism' changes when the conditions are called otherwise" in said(written(tmp_path))
+    assert "'realism' changes when the levels are renamed" in said(written(tmp_path))
 
 
 def test_column_that_nothing_describes_is_told(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from visavis.lab.clock import SIMULATED_EPOCH_ISO, SimClock
 from visavis.lab.errors import LedgerError
 from visavis.protocol.people.identifiers import (
     MAX_NUMBER,
-    is_one_slip_apart,
+    is_one_typo_apart,
     make_label,
     read_label,
 )
@@ -66,7 +66,7 @@ def test_leading_zeros_do_not_change_a_label(number):
     [("07X", True), ("70H", True), ("7H", True), ("071H", True), ("17X", False), ("H07", False)],
 )
 def test_one_slip_is_one_character_or_one_exchange(typed, near):
-    assert near is is_one_slip_apart(typed, "07H")
+    assert near is is_one_typo_apart(typed, "07H")
 
 
 # ---- adding and finding ----------------------------------------------------------------------

@@ -52,7 +52,7 @@ def test_withdrawal_removes_every_session_of_that_person_and_study_only(book, da
     removal = book.withdraw("07", [data])
     assert [False] * 3 == [f.exists() for f in mine]
     assert [True] * 3 == [f.exists() for f in others]
-    assert sorted({f.parent for f in mine}) == sorted(removal.removed)
+    assert sorted({f.parent for f in mine}) == sorted(removal.removed_paths)
 
 
 def test_a_session_under_another_folder_name_is_found_by_its_manifest(book, data):
@@ -215,7 +215,7 @@ def test_a_body_goes_where_the_study_lies_in_none_of_the_data_roots(book, tmp_pa
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
     removal = book.withdraw("7", [elsewhere])
-    assert {"own_body.json", "own_body.copy.json"} == {p.name for p in removal.removed}
+    assert {"own_body.json", "own_body.copy.json"} == {p.name for p in removal.removed_paths}
     assert OwnBody() == book.own_body("07H")
 
 
@@ -326,7 +326,7 @@ def test_registered_exports_of_the_person_go(book, data, out):
     assert not (out / "bids").exists()
     assert "participant,x\n08J,2\n" == (out / "analysis" / "trials.csv").read_text()
     assert [out / "analysis" / "report.html"] == removal.stale
-    assert [] == removal.unreached
+    assert [] == removal.unreached_exports
 
 
 def test_a_film_goes_and_leaves_what_lies_beside_it(book, data, tmp_path, monkeypatch):
@@ -339,7 +339,7 @@ def test_a_film_goes_and_leaves_what_lies_beside_it(book, data, tmp_path, monkey
         register_export(study, SimClock(), "film", path.parent, ["07H"], [path])
     monkeypatch.chdir(alone.parent)
     removal = book.withdraw("7", [data])
-    assert {film, alone} <= set(removal.removed)
+    assert {film, alone} <= set(removal.removed_paths)
     assert [desk / "empty"] == list(desk.iterdir())
     assert alone.parent.is_dir()
 
@@ -363,9 +363,9 @@ def test_exports_that_moved_or_changed_are_listed(book, data, out):
     (out / "bids" / "participants.tsv").rename(out / "elsewhere.tsv")
     (out / "bids" / "sub-x" / "eye.tsv").write_text("2\n")
     removal = book.withdraw("7", [data])
-    assert 2 == len(removal.unreached)
-    assert "it is not there any more" in removal.unreached[0]
-    assert "changed since" in removal.unreached[1]
+    assert 2 == len(removal.unreached_exports)
+    assert "it is not there any more" in removal.unreached_exports[0]
+    assert "changed since" in removal.unreached_exports[1]
     assert (out / "bids" / "sub-x" / "eye.tsv").exists()
 
 
@@ -387,7 +387,7 @@ def test_the_tombstone_says_what_was_done(book, data, out):
     done = read_lines(book.path).records[-1]["done"]
     assert removal.record() == done
     assert "participants.tsv" in done["unreached"][0]
-    assert [str(p) for p in removal.removed] == done["removed"]
+    assert [str(p) for p in removal.removed_paths] == done["removed"]
     assert "withdrawn" == book.list()[0].status
 
 

@@ -106,7 +106,7 @@ def test_a_lost_sample_hits_nothing_and_counts_as_received_only() -> None:
     view = seen.observe(1, 1)
 
     assert view.hit.tolist() == [-2, -2]
-    assert (2, 0) == (seen.received, seen.valid)
+    assert (2, 0) == (seen.received_count, seen.valid_count)
 
 
 def test_a_frame_without_samples_brings_an_empty_view() -> None:
@@ -149,7 +149,7 @@ def test_frames_that_wait_see_what_each_would_have_seen_at_once() -> None:
         rows.flush()
         columns = [[getattr(v, f).tolist() for f in GazeView._fields] for v in views]
         (batch,) = recorded
-        return columns, batch.t_host_ns.tobytes() + batch.values.tobytes(), seen.valid
+        return columns, batch.t_host_ns.tobytes() + batch.values.tobytes(), seen.valid_count
 
     at_once, later = performed(later=False), performed(later=True)
 

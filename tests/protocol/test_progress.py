@@ -41,9 +41,9 @@ def test_an_interrupted_row_leaves_the_trial_to_be_done_again() -> None:
 
 def test_a_trial_skipped_before_and_performed_now_is_not_skipped() -> None:
     skipped = [start("T01"), end("T01", "skipped")]
-    assert {"T01"} == progress_of(skipped).skipped == progress_of(skipped).finished
+    assert {"T01"} == progress_of(skipped).skipped_trials == progress_of(skipped).finished
     performed = progress_of([*skipped, start("T01"), end("T01", "complete")])
-    assert frozenset() == performed.skipped
+    assert frozenset() == performed.skipped_trials
     assert {"T01"} == performed.finished
 
 
@@ -96,6 +96,6 @@ def test_answered_questionnaires_and_validations_are_counted() -> None:
     ]
     progress = progress_of(events)
 
-    assert frozenset({"liebowitz"}) == progress.answered
+    assert frozenset({"liebowitz"}) == progress.complete_questionnaires
     assert progress.calibrations == 2
     assert progress.validated_at_end

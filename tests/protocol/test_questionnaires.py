@@ -11,7 +11,7 @@ from visavis.protocol.plan.questionnaires import (
     read_answer,
     score,
     score_range,
-    unanswered,
+    unanswered_questions,
 )
 
 SMALL = """\
@@ -109,11 +109,11 @@ def test_liebowitz_missing_answer_makes_its_own_scores_missing():
     del answers["eye_contact.avoidance"]
     missing = {name for name, value in score(LSAS, answers).items() if value is None}
     assert {"total", "avoidance", "interaction", "avoidance_interaction"} == missing
-    assert ("eye_contact.avoidance",) == unanswered(LSAS, answers)
+    assert ("eye_contact.avoidance",) == unanswered_questions(LSAS, answers)
 
 
 def test_free_comment_may_stay_empty():
-    assert () == unanswered(load_questionnaire("free_comment"), {})
+    assert () == unanswered_questions(load_questionnaire("free_comment"), {})
 
 
 # ---- asking and scoring ----------------------------------------------------------------------
@@ -186,7 +186,7 @@ def test_an_impossible_answer_says_what_is_possible(small, question, given_answe
 
 
 def test_unanswered_lists_required_questions_in_order(small):
-    assert ("calm", "alert") == unanswered(small, {"tense": 1, "age": 20, "alert": " "})
+    assert ("calm", "alert") == unanswered_questions(small, {"tense": 1, "age": 20, "alert": " "})
 
 
 def test_an_answer_to_no_question_is_refused(small):

@@ -27,7 +27,7 @@ class Recorded:
     def shown(self, t_ns: int, *faults: Fault, is_set_up: bool = True) -> list[tuple[str, str]]:
         """Look at a time; return the messages on the operator's screen and how bad they are."""
         self.faults.look(faults, t_ns, is_set_up=is_set_up)
-        return [(f.message, f.severity) for f in self.faults.shown(t_ns)]
+        return [(f.message, f.severity) for f in self.faults.for_screen(t_ns)]
 
 
 @pytest.mark.parametrize("fault", [GONE, SILENT, UNSEEN], ids=lambda f: f.message)
@@ -51,7 +51,7 @@ def test_a_count_leaves_the_screen_after_ten_seconds_and_is_back_when_it_grows()
 def test_what_the_operator_does_without_stays_on_the_screen_as_a_warning() -> None:
     seen = Recorded()
     seen.shown(0, SILENT)
-    seen.faults.done_without.add(SILENT.role)
+    seen.faults.accepted_absences.add(SILENT.role)
     assert [(SILENT.message, "warning")] == seen.shown(2 * STALE_NS, SILENT)
 
 
@@ -101,14 +101,14 @@ def test_a_device_that_is_done_without_is_shown_as_a_warning_until_it_is_back() 
     recorder: Any = SimpleNamespace(event=lambda name, t_ns, **_: events.append(name))
     faults = StandingFaults(recorder)
     faults.look((GONE,), 0, is_set_up=True)
-    assert ["blocking"] == [fault.severity for fault in faults.shown(0)]
+    assert ["blocking"] == [fault.severity for fault in faults.for_screen(0)]
 
-    faults.done_without.add("armband")
+    faults.accepted_absences.add("armband")
     faults.look((GONE,), 1, is_set_up=True)
-    assert [("armband", "warning")] == [(f.role, f.severity) for f in faults.shown(1)]
+    assert [("armband", "warning")] == [(f.role, f.severity) for f in faults.for_screen(1)]
     assert ["blocking"] == [fault.severity for fault in faults.present]
 
     faults.look((), 2, is_set_up=True)
     faults.look((GONE,), 3, is_set_up=True)
-    assert ["blocking"] == [fault.severity for fault in faults.shown(3)]
+    assert ["blocking"] == [fault.severity for fault in faults.for_screen(3)]
     assert ["fault", "fault_over", "fault"] == events

@@ -10,7 +10,7 @@ import pytest
 from tests.recording.sessions import new_recorder, probe_batch, probe_manifest
 from visavis.lab.clock import NS_PER_MS, SimClock
 from visavis.recording.folder import create_session
-from visavis.recording.integrity import DAMAGED, LOST, analysed_trials, damage_of
+from visavis.recording.integrity import DAMAGED_STATUS, LOST_STATUS, analysed_trials, damage_of
 from visavis.recording.reader import Recording
 from visavis.recording.recovery import recover
 
@@ -85,13 +85,13 @@ def test_trials_that_lost_samples_are_named_and_no_others(tmp_path: Path) -> Non
     stream = session / "part-01" / "probe.arrows"
     change(stream, flipped(stream.stat().st_size * 3 // 8))  # in the second trial
     report = damage_of(Recording(session))
-    assert [("T1", DAMAGED, ("probe",))] == [
+    assert [("T1", DAMAGED_STATUS, ("probe",))] == [
         (t.trial_id, t.status, t.streams) for t in report.trials
     ]
     assert 100 == report.streams[0].rows_lost  # a batch of one second on the virtual clock
     assert 400 == report.streams[0].rows_written
     assert "probe (part 1): 100 of 400 rows cannot be read, during 1 trial (T1)" in report.summary()
-    expected = {"T0": "complete", "T1": DAMAGED, "T2": "complete", "T3": "complete"}
+    expected = {"T0": "complete", "T1": DAMAGED_STATUS, "T2": "complete", "T3": "complete"}
     assert expected == statuses(session)
     assert "complete" == statuses(session, needs=("gaze",))["T1"]
 
@@ -99,14 +99,14 @@ def test_trials_that_lost_samples_are_named_and_no_others(tmp_path: Path) -> Non
 def test_a_stream_cut_short_strikes_the_trials_behind_the_cut(tmp_path: Path) -> None:
     session = record(tmp_path)
     change(session / "part-01" / "probe.arrows", lambda data: data[: len(data) * 5 // 8])
-    expected = {"T0": "complete", "T1": "complete", "T2": DAMAGED, "T3": DAMAGED}
+    expected = {"T0": "complete", "T1": "complete", "T2": DAMAGED_STATUS, "T3": DAMAGED_STATUS}
     assert expected == statuses(session)
 
 
 def test_a_stream_that_is_gone_strikes_every_trial(tmp_path: Path) -> None:
     session = record(tmp_path)
     (session / "part-01" / "probe.arrows").unlink()
-    assert {DAMAGED} == set(statuses(session).values())
+    assert {DAMAGED_STATUS} == set(statuses(session).values())
 
 
 def test_another_sessions_stream_strikes_every_trial(tmp_path: Path) -> None:
@@ -120,7 +120,7 @@ def test_another_sessions_stream_strikes_every_trial(tmp_path: Path) -> None:
     change(session / "part-01" / "probe.arrows", lambda _: other)
     report = damage_of(Recording(session))
     assert report.streams[0].is_untrusted
-    assert {DAMAGED} == set(statuses(session).values())
+    assert {DAMAGED_STATUS} == set(statuses(session).values())
     assert "not the one that was recorded" in " ".join(report.summary())
 
 
@@ -139,9 +139,9 @@ def test_a_trial_whose_line_is_destroyed_is_lost_with_what_was_planned(
 
     change(session / "part-01" / "events.jsonl", destroy)
     report = damage_of(Recording(session))
-    assert [("T2", LOST)] == [(t.trial_id, t.status) for t in report.trials]
+    assert [("T2", LOST_STATUS)] == [(t.trial_id, t.status) for t in report.trials]
     rows = analysed_trials(Recording(session)).set_index("trial_id")
-    assert LOST == rows.loc["T2", "status"]
+    assert LOST_STATUS == rows.loc["T2", "status"]
     assert "left" == rows.loc["T2", "side"]
     assert rows.loc["T2"].isna()["t_end_ns"]
     assert "cannot be read" in rows.loc["T2", "reason"]

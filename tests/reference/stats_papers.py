@@ -9,7 +9,7 @@ from scipy import special
 from visavis.analysis.statistics.adjust import bonferroni_thresholds, stars
 from visavis.analysis.statistics.correlation import spearman_p
 from visavis.analysis.statistics.errors import StatisticsError
-from visavis.analysis.statistics.power import oneway_power, oneway_sensitivity
+from visavis.analysis.statistics.power_estimates import oneway_power, oneway_sensitivity
 from visavis.analysis.statistics.printed import (
     Figure,
     Printed,

@@ -11,7 +11,7 @@ from visavis.analysis.statistics.agreement import cohen_kappa, icc, krippendorff
 from visavis.analysis.statistics_report import Question, answer
 from visavis.cli.quick_tracker import tracker_of
 from visavis.lab.errors import DesignError
-from visavis.results.analysis import Finding, answered
+from visavis.results.analysis import Finding, answer_comparison
 from visavis.results.power import KitPower
 from visavis.running.quick import quick_study
 from visavis.study.comparisons import Compare
@@ -79,7 +79,7 @@ def ratings(seed: int = 1, people: int = 9) -> pd.DataFrame:
 def found(of: Compare, rows: pd.DataFrame) -> Finding:
     levels = {"clip": CLIPS, "occasion": ("first", "again")}
     known = {"liking": Measure("liking", "1", "liking")}
-    return answered(of, rows, known, levels, is_simulated=True)
+    return answer_comparison(of, rows, known, levels, is_simulated=True)
 
 
 def wide(rows: pd.DataFrame) -> np.ndarray:

@@ -8,7 +8,7 @@ import pytest
 
 from visavis.cli.quick_tracker import tracker_of
 from visavis.lab.errors import DesignError
-from visavis.results.analysis import answered
+from visavis.results.analysis import answer_comparison
 from visavis.results.power import KitPower
 from visavis.running.quick import quick_study
 from visavis.study.comparisons import Compare
@@ -39,7 +39,9 @@ VOTES = (2.0, 1.0, 1.0, 2.0, 0.0, 1.0, -1.0, 2.0, 1.0, 1.0, 2.0)
 def _answered(test: str, values: tuple[float, ...], **options: float) -> dict[str, Any]:
     rows = pd.DataFrame({"participant": f"P{i}", "vote": v} for i, v in enumerate(values))
     of = Compare("vote", test=test, options=tuple(options.items()), claim="it is preferred")
-    found = answered(of, rows, {"vote": Measure("vote", "1", "vote")}, {}, is_simulated=True)
+    found = answer_comparison(
+        of, rows, {"vote": Measure("vote", "1", "vote")}, {}, is_simulated=True
+    )
     assert ("vote",) == of.terms == tuple(term.name for term in found.terms), found.why_not
     return dict(found.terms[0].row)
 

@@ -7,7 +7,7 @@ import pytest
 from visavis.lab.errors import UsageError
 from visavis.results.opened_study import find_study
 from visavis.results.selection import Selection, left_out_lines, select
-from visavis.study.catalogue import SHIPPED
+from visavis.study.catalogue import SHIPPED_STUDIES
 from visavis.study.exclusions import STANDARD_RULES, Exclusion, limits_in_force
 
 LOST = Exclusion("max_lost_01", "trial", "lost_01", 0.3, "{value:.0%} lost", missing_is_out=True)
@@ -28,7 +28,12 @@ def rows(**columns: list[Any]) -> pd.DataFrame:
 
 def left_out(table: pd.DataFrame, *rules: Exclusion) -> list[str]:
     found = select(
-        table, rules, limits_in_force(rules, {}), cells=(), planned={"a": len(table)}, cell_count=1
+        table,
+        rules,
+        limits_in_force(rules, {}),
+        cells=(),
+        planned_counts={"a": len(table)},
+        cell_count=1,
     )
     return [str(why) for why in found.rows["left_out_because"]]
 
@@ -50,7 +55,7 @@ def test_finished_trials_are_those_that_would_count_without_rules() -> None:
         trial_id=["T1", "T2", "T3", "T4", "T1"],
         attempt=[1, 1, 1, 1, 2],
     )
-    found = select(table, (LOST,), {"max_lost_01": 0.3}, cells=(), planned={}, cell_count=1)
+    found = select(table, (LOST,), {"max_lost_01": 0.3}, cells=(), planned_counts={}, cell_count=1)
     assert [("T3", 1), ("T1", 2)] == list(
         found.finished[["trial_id", "attempt"]].itertuples(index=False, name=None)
     )
@@ -74,7 +79,7 @@ def standard(table: pd.DataFrame, planned: int, answered: float | None = None) -
         STANDARD_RULES,
         limits_in_force(STANDARD_RULES, {}),
         cells=("side",),
-        planned={"a": planned},
+        planned_counts={"a": planned},
         cell_count=2,
         facts=facts,
     )
@@ -124,7 +129,7 @@ def test_cell_that_a_damaged_recording_emptied_in_part_is_judged_by_the_rest() -
     assert 1.0 == standard(table, 8, 1.0).people["smallest_cell_01"].item()
 
 
-@pytest.mark.parametrize("name", sorted(SHIPPED))
+@pytest.mark.parametrize("name", sorted(SHIPPED_STUDIES))
 def test_every_rule_of_the_studies_that_come_along_is_told_in_words(name: str) -> None:
     for rule in find_study(name).study.analysis.exclusions:
         if not rule.if_missing:

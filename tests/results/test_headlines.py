@@ -68,7 +68,7 @@ def analysed(
     people = people.assign(**({"score": list(scores)} if scores else {}))
     planned_trials = dict.fromkeys(people["participant"], len(rows) // participants)
     return opened.analysis_of_rows(
-        experiment, pd.DataFrame(rows), people, planned=planned_trials
+        experiment, pd.DataFrame(rows), people, planned_counts=planned_trials
     ), experiment
 
 

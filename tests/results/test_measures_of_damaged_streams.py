@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from tests.sessions import opened, perform
-from visavis.recording.integrity import DAMAGED, damage_of
+from visavis.recording.integrity import DAMAGED_STATUS, damage_of
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy
 from visavis.study.measures import HEAD_LOST_COLUMN
@@ -103,7 +103,7 @@ def test_a_study_of_gaze_leaves_out_trials_that_lost_gaze(
 ) -> None:
     rows, struck = cut_off(*with_gaze, stream, tmp_path)
 
-    assert struck.tolist() == (rows["status"] == DAMAGED).tolist()
+    assert struck.tolist() == (rows["status"] == DAMAGED_STATUS).tolist()
     assert struck.tolist() == rows["looked"].isna().tolist()
 
 

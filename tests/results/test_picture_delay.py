@@ -143,5 +143,5 @@ def test_a_test_without_flashes_and_a_file_that_is_none_are_named(tmp_path):
         read_sync_test(kept(tmp_path, sound_delay_ms=20.0))
     broken = tmp_path / "notes.json"
     broken.write_text("[]", "utf-8")
-    with pytest.raises(DataError, match=r"notes\.json is no test that visavis sync-test kept"):
+    with pytest.raises(DataError, match=r"notes\.json is no test that visavis sync-test saved"):
         read_sync_test(broken)

@@ -5,11 +5,11 @@ from tests.experiments.stare.synthetic_rows import analysed, anxiety_answers, st
 from tests.sessions import opened
 from visavis.analysis.report import ReportProvenance
 from visavis.experiments.stare.scene import distances
-from visavis.results.analysis import analyse_rows
+from visavis.results.analysis import AnalysisInForce, analyse_rows
 from visavis.results.quality import quality_of as quality_of_study
 from visavis.results.quality import quality_of_trials, quality_table
 from visavis.results.report.reporting_list import FILL_IN, OPEN, WHY_NOT, reporting_table
-from visavis.results.report.study_report import kept_of
+from visavis.results.report.study_report import exclusion_counts_of
 from visavis.results.selection import select
 from visavis.study.exclusions import limits_in_force
 from visavis.study.measures import Measure
@@ -36,7 +36,7 @@ def quality_of(analysis, answers, **options):
 
 def listed(analysis, quality, setup=None):
     provenance = ReportProvenance("stare", "1", "", setup=setup or {})
-    table = reporting_table(kept_of(analysis), quality, provenance)
+    table = reporting_table(exclusion_counts_of(analysis), quality, provenance)
     cells = {str(r[0]): r[1] for r in table.rows}
     return {k: c if isinstance(c, str) else c.text for k, c in cells.items()}, table.note
 
@@ -116,13 +116,12 @@ def duel_of(rows):
     study = opened("duel").study
     limits = limits_in_force(study.analysis.exclusions, {})
     selection = select(
-        rows, study.analysis.exclusions, limits, cells=["gaze"], planned={}, cell_count=2
+        rows, study.analysis.exclusions, limits, cells=["gaze"], planned_counts={}, cell_count=2
     )
     measures = [Measure("dwell_ms", "ms", "Dwell time", needs_gaze=True)]
     levels = {"gaze": ("averted", "directed")}
-    return analyse_rows(
-        study, selection, anxiety_answers(3), levels=levels, measures=measures, is_simulated=True
-    )
+    in_force = AnalysisInForce(levels, measures)
+    return analyse_rows(study, selection, anxiety_answers(3), in_force, is_simulated=True)
 
 
 def duel_rows(**columns):

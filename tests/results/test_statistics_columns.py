@@ -8,7 +8,7 @@ import pytest
 
 from visavis.analysis.statistics_report import TESTS
 from visavis.lab.errors import LabError
-from visavis.results.analysis import answered
+from visavis.results.analysis import answer_comparison
 from visavis.results.tables.dictionary import PEOPLE, STATISTICS
 from visavis.study.comparisons import AGREEMENT, Compare
 from visavis.study.measures import Measure
@@ -51,7 +51,9 @@ def test_every_column_of_a_test_is_described(test: str, dv: str, trials: pd.Data
     for design in DESIGNS:
         compare = Compare(dv, test=test, **design)
         try:
-            found = answered(compare, trials, {dv: Measure(dv, "1", dv)}, LEVELS, is_simulated=True)
+            found = answer_comparison(
+                compare, trials, {dv: Measure(dv, "1", dv)}, LEVELS, is_simulated=True
+            )
         except LabError:
             continue  # the test does not take this design
         if found.outcome is None:
@@ -84,7 +86,7 @@ def test_every_column_of_agreement_is_described(
         claim="they agree",
     )
     known = {column.name for column in (*STATISTICS, *PEOPLE)}
-    found = answered(
+    found = answer_comparison(
         compare, rated, {"even": Measure("even", "1", "even")}, LEVELS, is_simulated=True
     )
     assert found.outcome is not None
@@ -96,7 +98,7 @@ def test_every_column_of_agreement_is_described(
 def test_every_column_of_a_model_is_described(test: str, trials: pd.DataFrame) -> None:
     rated = trials.assign(even=np.clip(np.round(trials["even"]), -1, 1))
     compare = Compare("even", within=("a", "b"), model=test)
-    found = answered(
+    found = answer_comparison(
         compare, rated, {"even": Measure("even", "1", "even")}, LEVELS, is_simulated=True
     )
     assert found.outcome is not None
@@ -115,7 +117,7 @@ def test_a_comparison_of_choices_names_one_term_and_the_odds_of_items() -> None:
         for p in pairs
     )
     compare = Compare("vote", within="pair", model="bradleyterry", options=[("side", True)])
-    found = answered(
+    found = answer_comparison(
         compare,
         votes,
         {"vote": Measure("vote", "1", "Vote")},

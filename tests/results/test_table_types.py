@@ -15,14 +15,14 @@ from visavis.experiments.stare.study import experiment_of, study
 from visavis.lab.errors import DataError
 from visavis.results.intake import questionnaire
 from visavis.results.outputs import write_study
-from visavis.results.tables.column_types import column_type, typed
+from visavis.results.tables.column_types import column_type, with_column_types
 from visavis.results.tables.dictionary import trial_columns
 
 COLUMNS = trial_columns(experiment_of(), ())
 
 
 def typed_trials(rows):
-    return typed(rows, COLUMNS)
+    return with_column_types(rows, COLUMNS)
 
 
 def test_types_do_not_depend_on_the_data():

@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 
 from visavis.results.analysis import StudyAnalysis
-from visavis.results.selection import PERSON_OUT, PRACTICE, REPEATED
-from visavis.results.unusual import Striking, looks_table, striking_trials
+from visavis.results.selection import PERFORMED_AGAIN, PERSON_OUT, PRACTICE
+from visavis.results.unusual import UnusualTrial, looks_table, unusual_trials
 
 
 @dataclass(frozen=True)
@@ -55,13 +55,13 @@ def plain(n: int = 9) -> Any:
 
 
 def test_trials_like_the_others_are_not_listed() -> None:
-    assert () == striking_trials(analysis_of(plain()))
+    assert () == unusual_trials(analysis_of(plain()))
 
 
 def test_a_value_far_from_the_same_person_s_others_of_its_kind_is_listed() -> None:
     values = plain()
     values[3] = 1500.0
-    (found,) = striking_trials(analysis_of(values))
+    (found,) = unusual_trials(analysis_of(values))
     # median 550, median absolute deviation 30: 0.6745 * 950 / 30
     assert ("T04", "1500 ms, far above their others of this kind (modified z 21.4)") == (
         found.trial_id,
@@ -73,7 +73,7 @@ def test_a_value_far_from_the_same_person_s_others_of_its_kind_is_listed() -> No
 def test_of_few_trials_none_lies_apart(n: int) -> None:
     values = plain(n)
     values[0] = 9000.0
-    assert () == striking_trials(analysis_of(values))
+    assert () == unusual_trials(analysis_of(values))
 
 
 def test_flagged_broken_off_and_left_out_trials_are_listed_with_why_but_no_practice() -> None:
@@ -87,22 +87,22 @@ def test_flagged_broken_off_and_left_out_trials_are_listed_with_why_but_no_pract
             2: "not finished",
             3: "60 % lost",
             4: f"{PERSON_OUT}few trials",
-            5: REPEATED,
+            5: PERFORMED_AGAIN,
             9: PRACTICE,
         },
     )
     assert (
-        Striking("01A", "ses-001", "T01", "operator_flag, unwell"),
-        Striking("01A", "ses-001", "T02", "skipped: disturbance: door"),
-        Striking("01A", "ses-001", "T03", "left out: 60 % lost"),
-    ) == striking_trials(made)
+        UnusualTrial("01A", "ses-001", "T01", "operator_flag, unwell"),
+        UnusualTrial("01A", "ses-001", "T02", "skipped: disturbance: door"),
+        UnusualTrial("01A", "ses-001", "T03", "left out: 60 % lost"),
+    ) == unusual_trials(made)
 
 
 def test_a_trial_leads_to_its_page_where_that_stands_and_else_gives_the_command(
     tmp_path: Path,
 ) -> None:
     (tmp_path / "01A_ses-001.html").touch()
-    looks = [Striking(who, "ses-001", "T07", "flag") for who in ("01A", "02C")]
+    looks = [UnusualTrial(who, "ses-001", "T07", "flag") for who in ("01A", "02C")]
     table = looks_table(tuple(looks), "data/real/duel", tmp_path)
     assert table is not None
     shown: list[Any] = [row[1] for row in table.rows]

@@ -23,10 +23,10 @@ from visavis.protocol.session.operator import SessionStatus, UnattendedOperator
 from visavis.protocol.session.states import SessionState
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
-from visavis.results.analysis import answered
+from visavis.results.analysis import answer_comparison
 from visavis.results.family_tests import results_of
 from visavis.results.opened_study import OpenedStudy, find_study
-from visavis.results.selection import COUNTED
+from visavis.results.selection import IS_ANALYSED
 from visavis.running.quick import quick_rows, quick_study
 from visavis.running.sessions.perform import perform_new, perform_rest
 from visavis.running.sessions.session_request import Request, simulated_request
@@ -34,19 +34,19 @@ from visavis.running.study_check import (
     first_view,
     performing_problems,
     plan_problems,
-    renamed,
+    rename_levels,
     renamed_parameters,
     text_problems,
 )
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import LIGHTEST, Renderer
 from visavis.stimuli.dressing.picture_of import picture_of
-from visavis.study.catalogue import SHIPPED
+from visavis.study.catalogue import SHIPPED_STUDIES
 from visavis.study.experiment import StudyExperiment
 
 STUDIES = Path(__file__).parents[1] / "studies"
 FOUND = tuple(str(path) for path in sorted(STUDIES.glob("*.py")))
-EVERY = (*SHIPPED, *FOUND)
+EVERY = (*SHIPPED_STUDIES, *FOUND)
 SEED = 1
 PEOPLE = 3
 FOR_NULL = 12
@@ -178,8 +178,8 @@ def test_every_condition_can_be_drawn_and_shows_something(
     head = Pose(np.array([0.0, 1.2, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
     drawn: set[int] = set()
     for key, read in experiment.read.items():
-        crowd = None if read.lit is None else getattr(read.lit.scene, "crowd", None)
-        views = [] if read.lit is None or id(crowd) in drawn else [read.lit]
+        crowd = None if read.lit_frame is None else getattr(read.lit_frame.scene, "crowd", None)
+        views = [] if read.lit_frame is None or id(crowd) in drawn else [read.lit_frame]
         drawn |= set() if crowd is None else {id(crowd)}  # the same crowd in every block
         for wanted in read.scenes:
             view = first_view(experiment, wanted)
@@ -258,9 +258,9 @@ def test_three_people_one_killed_and_resumed_are_analysed(reference: str, tmp_pa
     means = [part for part in said.split('<div class="table">')[1:] if MEANS in part]
     assert all(re.search(r">[1-9]\d*</td></tr>", part) for part in means)  # nobody has no mean
     trials = pd.read_csv(tmp_path / "derived" / "trials.csv")
-    assert 0 < trials[COUNTED].sum() <= (~trials["is_practice"]).sum()
-    assert not trials.loc[trials["is_practice"], COUNTED].any()
-    assert (trials[COUNTED] == trials["left_out_because"].isna()).all()
+    assert 0 < trials[IS_ANALYSED].sum() <= (~trials["is_practice"]).sum()
+    assert not trials.loc[trials["is_practice"], IS_ANALYSED].any()
+    assert (trials[IS_ANALYSED] == trials["left_out_because"].isna()).all()
 
 
 @pytest.mark.slow
@@ -269,7 +269,7 @@ def test_names_of_conditions_change_nothing_that_is_recorded(
     reference: str, tmp_path: Path
 ) -> None:
     study = on_kit(reference)
-    other = OpenedStudy(renamed(study.study))
+    other = OpenedStudy(rename_levels(study.study))
 
     def streams(session: Path) -> dict[str, str]:
         return {s.name: s.sha256 for s in Recording(session).manifest.parts[0].streams}
@@ -326,6 +326,6 @@ def test_without_an_effect_nothing_is_found(reference: str) -> None:
     compared = [c for c in experiment.compare if c.dv in rows]
     assert compared or study.study.analysis.families or not experiment.compare
     for compare in compared:
-        finding = answered(compare, rows, known, levels, is_simulated=True)
+        finding = answer_comparison(compare, rows, known, levels, is_simulated=True)
         assert finding.outcome is not None, finding.why_not
         assert all(term.p > NULL_ALPHA for term in finding.terms), compare.name

@@ -23,7 +23,7 @@ from visavis.running.sessions.perform import get_ready
 from visavis.stage.contracts import GeometryStage, Viewer
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.scene import SceneFrame
-from visavis.study.catalogue import SHIPPED
+from visavis.study.catalogue import SHIPPED_STUDIES
 
 ROOT = Path(__file__).parents[2]
 
@@ -56,8 +56,8 @@ def met_in_trials(reference: str, root: Path, how: str, **variables: Path) -> li
 @pytest.mark.timeout(900)
 def test_trials_meet_nothing_new_even_where_nothing_is_kept_yet(tmp_path: Path) -> None:
     empty = {"NUMBA_CACHE_DIR": tmp_path / "numba", "XDG_CACHE_HOME": tmp_path / "kept"}
-    met = {name: met_in_trials(name, tmp_path / name, "ready", **empty) for name in SHIPPED}
-    assert {name: [] for name in SHIPPED} == met
+    met = {name: met_in_trials(name, tmp_path / name, "ready", **empty) for name in SHIPPED_STUDIES}
+    assert {name: [] for name in SHIPPED_STUDIES} == met
 
 
 @pytest.mark.slow  # a process that loads everything

@@ -14,7 +14,7 @@ from visavis.lab.clock import SimClock
 from visavis.lab.errors import UsageError
 from visavis.protocol.people.ledger import Ledger
 from visavis.protocol.people.own_body import read_own_body
-from visavis.protocol.plan.steps import Answered, Mark, NextFrame, Prompt
+from visavis.protocol.plan.steps import AskReply, Mark, NextFrame, Prompt
 from visavis.results.opened_study import find_study
 from visavis.running.sessions.session_request import Request, body_of, simulated_request
 from visavis.study.dry_run import still_view
@@ -134,4 +134,4 @@ def test_looking_down_takes_no_frame_where_nobody_watches() -> None:
     steps = look_down()
     next(steps)
     with pytest.raises(StopIteration):
-        steps.send(Answered(None, 0))
+        steps.send(AskReply(None, 0))

@@ -23,7 +23,7 @@ from visavis.recording.stream_file import Columns
 from visavis.results.opened_study import find_study
 from visavis.running.sessions.perform import perform_new, perform_rest
 from visavis.running.sessions.session_request import simulated_request
-from visavis.running.sessions.verification import compared, verify
+from visavis.running.sessions.verification import compare_recordings, verify
 
 SHORT: dict[str, dict[str, Any]] = {
     "stare": {"repetitions": 1, "trial_s": 0.5, "intertrial_s": 0.1, "practice_s": 0.5},
@@ -67,7 +67,7 @@ def test_a_fresh_session_is_the_same_bit_for_bit(duel: Recording, tmp_path: Path
     assert verdict.first is None
     assert {} == verdict.differing
     assert {"gaze", "head", "frames", "scene_states", "events", "trial rows"} <= set(
-        verdict.compared
+        verdict.row_counts
     )
 
 
@@ -86,18 +86,18 @@ def test_a_fresh_session_of_every_study_is_the_same_bit_for_bit(study: str, tmp_
     recording = Recording(perform_new(request))
     verdict = verify(recording, chosen, every_device(tmp_path), tmp_path / "again")
     assert verdict.first is None
-    assert sum(verdict.compared.values()) > 1000
+    assert sum(verdict.row_counts.values()) > 1000
 
 
 def test_the_first_frame_row_and_column_of_a_change_are_named(duel: Recording) -> None:
     at = int(duel.stream_arrays("head")["t_host_ns"][700])
-    found = compared(Tampered(duel.path, "head", "position_m", 700), duel).first
+    found = compare_recordings(Tampered(duel.path, "head", "position_m", 700), duel).first
     assert found is not None
     assert ("head", 700, "position_x_m", at) == (found.where, found.row, found.column, found.t_ns)
     frames = duel.stream_arrays("frames")
     here = frames["t_host_ns"] <= at
     assert int(frames["frame_index"][here][-1]) == found.frame
-    assert "head, row 700, position_x_m" in found.told()
+    assert "head, row 700, position_x_m" in found.as_sentence()
 
 
 def test_of_several_changes_the_earliest_is_named(duel: Recording) -> None:
@@ -105,7 +105,7 @@ def test_of_several_changes_the_earliest_is_named(duel: Recording) -> None:
     both = Tampered(duel.path, "head", "position_m", 20)
     arrays = late.stream_arrays("gaze")
     both._arrays["gaze", 1] = arrays
-    verdict = compared(both, duel)
+    verdict = compare_recordings(both, duel)
     assert verdict.first is not None
     assert "head" == verdict.first.where
     assert {"gaze": 1, "head": 1} == verdict.differing
@@ -121,10 +121,10 @@ def test_a_file_that_was_damaged_differs_from_where_its_damage_begins(
     content = bytearray(file.read_bytes())
     content[len(content) // 2] ^= 1
     file.write_bytes(content)
-    found = compared(Recording(folder), duel).first
+    found = compare_recordings(Recording(folder), duel).first
     assert found is not None
     assert ("gaze", "seq") == (found.where, found.column)
-    assert found.row == int(found.again) < int(found.recorded)
+    assert found.row == int(found.new_value) < int(found.old_value)
 
 
 @pytest.mark.parametrize("study", ["interpolation", "hybrid", "cameras"])
@@ -136,7 +136,7 @@ def test_a_fresh_session_on_a_page_is_the_same_bit_for_bit(study: str, tmp_path:
     recording = Recording(perform_new(request))
     verdict = verify(recording, chosen, lab(tmp_path), tmp_path / "again")
     assert verdict.first is None
-    assert verdict.compared["events"] > 20
+    assert verdict.row_counts["events"] > 20
 
 
 class Killed(UnattendedOperator):
@@ -173,7 +173,7 @@ def test_a_resumed_session_is_the_same_bit_for_bit_part_by_part(
     verdict = verify(resumed, opened("duel"), lab(tmp_path), tmp_path)
     assert verdict.first is None
     assert (1,) == verdict.ended_early
-    assert 0.99 < verdict.compared["gaze"] / len(resumed.stream_arrays("gaze")["seq"]) <= 1.0
+    assert 0.99 < verdict.row_counts["gaze"] / len(resumed.stream_arrays("gaze")["seq"]) <= 1.0
 
 
 def test_a_change_in_a_later_part_is_named_with_its_part(
@@ -185,7 +185,7 @@ def test_a_change_in_a_later_part_is_named_with_its_part(
     assert first > 100
     assert found is not None
     assert (2, "head", 5, "position_x_m") == (found.part, found.where, found.row, found.column)
-    assert found.told().startswith("part 2, ")
+    assert found.as_sentence().startswith("part 2, ")
 
 
 def test_what_an_operator_did_is_done_again(tmp_path: Path) -> None:
@@ -220,7 +220,7 @@ def test_gaze_of_people_is_evaluated_again_from_what_was_measured(
     verdict = verify(of_people(Recording(duel.path)), opened("duel"), lab(tmp_path), tmp_path)
     assert verdict.first is None
     assert verdict.is_fed
-    assert {"gaze_targets": len(duel.stream_arrays("gaze_targets")["seq"])} == verdict.compared
+    assert {"gaze_targets": len(duel.stream_arrays("gaze_targets")["seq"])} == verdict.row_counts
 
 
 @pytest.mark.parametrize(
@@ -290,5 +290,5 @@ def test_never_more_rows_differ_than_there_are(duel: Recording) -> None:
 
     n = len(duel.stream_arrays("head")["seq"])
     for recorded, again in ((duel, Longer(duel.path)), (Longer(duel.path), duel)):
-        verdict = compared(recorded, again)
-        assert (1, n + 1) == (verdict.differing["head"], verdict.compared["head"])
+        verdict = compare_recordings(recorded, again)
+        assert (1, n + 1) == (verdict.differing["head"], verdict.row_counts["head"])

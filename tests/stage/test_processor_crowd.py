@@ -22,6 +22,9 @@ from visavis.stage.processor.layout import FreeRows
 from visavis.stage.processor.vertex_light import (
     CODES_OF_ROOT,
     FACTORS_OF_ROOT,
+    GroupedTriangles,
+    PeopleRows,
+    Views,
     gather_front,
     lamp_rows,
     light_points,
@@ -314,20 +317,22 @@ def _kept(
     drawn = np.zeros(3, np.bool_)
     gather_front(
         np.array([0]),
-        np.array([0]),
-        np.array([0]),
-        np.array([False]),
-        np.array([[0]]),
-        np.array([[[0, 1]]]),
-        np.array([[0, 1, 2]], np.int32),
-        np.array([True]),
+        PeopleRows(np.array([0]), np.array([[0, 3]]), np.array([0]), np.array([False])),
+        GroupedTriangles(
+            triangles=np.array([[0, 1, 2]], np.int32),
+            stretches=np.array([[[0, 1]]]),
+            single_sided=np.array([True]),
+            group_of=np.array([[0]]),
+            first=np.array([0]),
+        ),
         np.concatenate([FACING_Z, np.zeros((3, 3), np.float32)], axis=1),
-        np.asarray(eye_m, np.float32).reshape(1, 3),
         pixel,
-        np.tile(np.array([20, 10], np.float32), (pixel.shape[1], 1)),
-        between,
+        Views(
+            np.asarray(eye_m, np.float32).reshape(1, 3),
+            np.tile(np.array([20, 10], np.float32), (pixel.shape[1], 1)),
+            between,
+        ),
         drawn,
-        np.array([0]),
         count,
         out,
     )

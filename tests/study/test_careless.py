@@ -70,7 +70,7 @@ def test_a_sign_without_a_limit_is_recorded_and_leaves_nobody_out() -> None:
     (rule,) = careless.rules
     assert rule.breaks(0.6, rule.limit)
     assert not rule.breaks(0.5, rule.limit)
-    assert "60% of the answers came within 300 ms (limit 50%)" == rule.said(0.6, 0.5)
+    assert "60% of the answers came within 300 ms (limit 50%)" == rule.reason(0.6, 0.5)
 
 
 def test_who_answered_nothing_has_no_signs() -> None:

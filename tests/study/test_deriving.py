@@ -108,7 +108,7 @@ def test_own_texts_lie_over_those_of_the_base(tmp_path: Path) -> None:
 
 
 def test_a_package_that_names_no_study_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("visavis.study.catalogue.SHIPPED", {"elsewhere": "builtins:dict"})
+    monkeypatch.setattr("visavis.study.catalogue.SHIPPED_STUDIES", {"elsewhere": "builtins:dict"})
     with pytest.raises(DesignError, match="builtins:dict is a dict; an entry point names a Study"):
         derive("elsewhere", "own")
 

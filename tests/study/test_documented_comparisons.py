@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from visavis.results.analysis import answered
+from visavis.results.analysis import answer_comparison
 from visavis.study.comparisons import Compare
 from visavis.study.measures import Measure
 
@@ -65,7 +65,7 @@ def test_a_documented_comparison_is_answered(text: str) -> None:
     if compare.between:  # the page's example is of one answer per person
         rows = rows.drop_duplicates("participant")
     known = {name: Measure(name, "1", name) for name in ("liking", "vote", "chose_it")}
-    found = answered(compare, rows, known, LEVELS, is_simulated=True)
+    found = answer_comparison(compare, rows, known, LEVELS, is_simulated=True)
     assert "" == found.why_not
     assert set(compare.terms) == {term.name for term in found.terms}
     assert all(0 <= term.p <= 1 for term in found.terms)

@@ -5,7 +5,7 @@ import pytest
 
 from visavis.lab.geometry import Pose
 from visavis.protocol.plan.steps import FrameView, GazeView
-from visavis.study.asking import pressed
+from visavis.study.asking import await_press
 
 MS = 1_000_000
 NOWHERE = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
@@ -18,7 +18,7 @@ def frame(t_ms, keys=(), at_ms=()):
 
 
 def answer(frames, limit_s=1.0):
-    asking = pressed(("f", "j"), limit_s, frame(100), 100 * MS, lambda view: None)
+    asking = await_press(("f", "j"), limit_s, frame(100), 100 * MS, lambda view: None)
     next(asking)
     for view in frames:
         try:

@@ -9,7 +9,7 @@ import pytest
 from tests.sessions import opened, perform
 from visavis.lab.errors import ConfigError, DesignError, UsageError
 from visavis.results.opened_study import find_study
-from visavis.results.selection import COUNTED, REASON
+from visavis.results.selection import IS_ANALYSED, REASON
 from visavis.study.catalogue import study_of_file
 from visavis.study.dry_run import read_trial
 from visavis.study.trial import TrialScript
@@ -143,7 +143,7 @@ def test_session_is_recorded_and_measured_from_the_recording_alone(tmp_path: Pat
     intake = study.measure(recording)
     analysis = study.analysis_of([intake])
     rows = analysis.selection.rows
-    assert [False] + [True] * 4 == rows[COUNTED].tolist()
+    assert [False] + [True] * 4 == rows[IS_ANALYSED].tolist()
     assert "practice" == rows[REASON].iloc[0]
     assert rows["scene_off_ns"].sub(rows["scene_on_ns"]).eq(4_000_000_000).all()
     assert rows["dwell_ms"].between(0, 4000).all()

@@ -8,7 +8,7 @@ carries a resting eye, and only in a saccade are both fast.
 """
 
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -30,6 +30,7 @@ from visavis.analysis.gaze.movements.nystrom_holmqvist import (
     adapted_thresholds,
     mark_saccades,
 )
+from visavis.analysis.gaze.movements.parameters import AUTO, I2mcRule, MovementParameters
 from visavis.analysis.gaze.movements.pursuit import is_pursuit
 from visavis.analysis.gaze.movements.velocity import Rows, velocities_deg_s
 from visavis.analysis.gaze.stamps import Times
@@ -42,55 +43,6 @@ DETECTOR_NAMES: Final[dict[Detector, str]] = {
     "nystrom_holmqvist": "Nyström–Holmqvist",
     "i2mc": "I2MC",
 }
-
-
-@dataclass(frozen=True, slots=True)
-class MovementParameters:
-    """Thresholds of the adaptive detectors; durations in ms, angles in degrees.
-
-    `detector` is one of them or "auto". Velocity is taken over `windows_ms`, the next wider one
-    while the noise would lift the threshold above `max_threshold_deg_s`. `noise_multiple` (λ),
-    `saccade_samples`: Engbert & Kliegl (2003); a saccade lasts that many samples, kept between
-    `min_saccade_ms` and `max_min_saccade_ms`, so that rates of 60 to 1000 Hz mean the same.
-    `minimum_deg_s` is the least speed of a saccade, whatever the noise. Two fixations become one
-    when at most `merge_ms` and at most `merge_spreads` times what noise displaces gaze within a
-    window (but `min_merge_deg` to `max_merge_deg`) lie between them. Losses up to `fill_ms` are
-    interpolated, longer ones up to `max_blink_ms` are blinks, with the fast rows that touch them.
-    `pursuit=False` calls slow drift fixation, as published.
-    """
-
-    detector: Detector | Literal["auto"] = "auto"
-    windows_ms: tuple[float, ...] = (20.0, 40.0, 60.0)
-    max_threshold_deg_s: float = 100.0
-    noise_multiple: float = 6.0
-    minimum_deg_s: float = 30.0
-    saccade_samples: int = 3
-    min_saccade_ms: float = 8.0
-    max_min_saccade_ms: float = 12.0
-    oscillation_ms: float = 40.0
-    fill_ms: float = 75.0
-    max_blink_ms: float = 500.0
-    merge_ms: float = 75.0
-    merge_spreads: float = 3.0
-    min_merge_deg: float = 0.1
-    max_merge_deg: float = 1.0
-    border_ms: float = 100.0
-    min_fixation_ms: float = 60.0
-    pursuit: bool = True
-    pursuit_change_cost: float = 3.0
-    min_pursuit_ms: float = 100.0
-    cluster_window_ms: float = 200.0
-    cluster_advance_ms: float = 20.0
-    cluster_max_changes: int = 10
-    cluster_spreads: float = 2.0
-    cluster_merge_deg: float = 0.7
-    cluster_merge_ms: float = 40.0
-    cluster_border_spreads: float = 3.0
-    max_saccade_ms: float = 150.0
-    nominal_rate_hz: float | None = None
-
-
-AUTO: Final = MovementParameters()
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,22 +82,22 @@ def _signal(
     params: MovementParameters,
 ) -> _Signal:
     t, v, step_ns = checked_samples(t_ns, in_world, params.nominal_rate_hz)
-    stretch = fill_gaps(t, v, limit_ns(params.fill_ms), step_ns)
-    half, window_ms = 1, params.windows_ms[0]
+    stretch = fill_gaps(t, v, limit_ns(params.losses.fill_ms), step_ns)
+    half, window_ms = 1, params.velocity.windows_ms[0]
     velocity = np.full((len(t), 2), np.nan)
     noise = first_noise = (np.nan, np.nan)
-    for window_ms in params.windows_ms:
+    for window_ms in params.velocity.windows_ms:
         half = half_window(window_ms, step_ns)
         velocity = velocities_deg_s(t, v, stretch, half)
         noise = noise_deg_s(velocity)
-        first_noise = noise if window_ms == params.windows_ms[0] else first_noise
-        if not params.noise_multiple * max(noise) > params.max_threshold_deg_s:
+        first_noise = noise if window_ms == params.velocity.windows_ms[0] else first_noise
+        if not params.velocity.noise_multiple * max(noise) > params.velocity.max_threshold_deg_s:
             break
     eye_moves = None
     if in_head is not None:
         eye_speed = np.linalg.norm(_velocity_of(t, in_head, half, step_ns, params), axis=1)
         with np.errstate(invalid="ignore"):
-            eye_moves = ~(eye_speed < params.minimum_deg_s)
+            eye_moves = ~(eye_speed < params.velocity.minimum_deg_s)
     return _Signal(t, v, stretch, step_ns, half, window_ms, velocity, noise, first_noise, eye_moves)
 
 
@@ -157,7 +109,7 @@ def _velocity_of(
     params: MovementParameters,
 ) -> Vector:
     _, v, _ = checked_samples(t_ns, direction, params.nominal_rate_hz)
-    stretch = fill_gaps(t_ns, v, limit_ns(params.fill_ms), step_ns)
+    stretch = fill_gaps(t_ns, v, limit_ns(params.losses.fill_ms), step_ns)
     return velocities_deg_s(t_ns, v, stretch, half)
 
 
@@ -222,17 +174,27 @@ def runs_between_saccades(
 def _rough(s: _Signal, name: Detector, params: MovementParameters) -> tuple[Kinds, Rows]:
     """Return saccades, oscillations and blinks marked (n,), and the rest as joined runs (k, 2)."""
     movement = np.zeros(len(s.t_ns), np.int8)
+    saccades, fixations, i2mc = params.saccades, params.fixations, params.i2mc
+    # The same number of samples is 3 ms at 1000 Hz and 50 ms at 60 Hz: limits in ms hold it to
+    # what a saccade can last.
     minimum_ms = min(
-        params.max_min_saccade_ms,
-        max(params.min_saccade_ms, params.saccade_samples * s.step_ns / NS_PER_MS),
+        saccades.max_min_saccade_ms,
+        max(saccades.min_saccade_ms, saccades.saccade_samples * s.step_ns / NS_PER_MS),
     )
-    minimum_ns = min(limit_ns(minimum_ms, -1), s.step_ns * params.saccade_samples)
+    minimum_ns = min(limit_ns(minimum_ms, -1), s.step_ns * saccades.saccade_samples)
+    # What noise displaces gaze by within the window is no movement, so it parts no fixation.
     merge_deg = float(
-        np.clip(params.merge_spreads * s.noise_deg, params.min_merge_deg, params.max_merge_deg)
+        np.clip(
+            fixations.merge_spreads * s.noise_deg, fixations.min_merge_deg, fixations.max_merge_deg
+        )
     )
-    merge_ms = params.merge_ms
-    oscillation_ns = round(params.oscillation_ms * NS_PER_MS)
-    fast = outside_ellipse(s.velocity, params.noise_multiple, params.minimum_deg_s)
+    merge_ms = fixations.merge_ms
+    oscillation_ns = round(saccades.oscillation_ms * NS_PER_MS)
+    fast = outside_ellipse(
+        s.velocity, params.velocity.noise_multiple, params.velocity.minimum_deg_s
+    )
+    # With a moving head gaze in world is fast in a pursuit by the head, too; the eye in the head is
+    # fast only in a saccade.
     if s.head_free is not None:
         fast &= s.head_free
     if name == "nystrom_holmqvist":
@@ -245,7 +207,7 @@ def _rough(s: _Signal, name: Detector, params: MovementParameters) -> tuple[Kind
             s.t_ns,
             speed,
             s.stretch,
-            max(peak, params.minimum_deg_s),
+            max(peak, params.velocity.minimum_deg_s),
             onset,
             oscillation_ns,
             minimum_ns,
@@ -254,41 +216,42 @@ def _rough(s: _Signal, name: Detector, params: MovementParameters) -> tuple[Kind
             movement,
         )
     elif name == "i2mc":
-        rest = ~_clustered_jumps(s, params) & (s.stretch >= 0)
-        merge_deg, merge_ms = max(merge_deg, params.cluster_merge_deg), params.cluster_merge_ms
+        # I2MC finds where gaze rests, and what lies between is saccades; the others the reverse.
+        rest = ~_clustered_jumps(s, i2mc) & (s.stretch >= 0)
+        merge_deg, merge_ms = max(merge_deg, i2mc.cluster_merge_deg), i2mc.cluster_merge_ms
         runs = _merged_runs(s, rest, merge_ms, merge_deg, params)
-        runs = runs[: trim_borders(s.v, runs, params.cluster_border_spreads)]
+        runs = runs[: trim_borders(s.v, runs, i2mc.cluster_border_spreads)]
         duration_ns = s.t_ns[runs[:, 1]] - s.t_ns[runs[:, 0]] + s.step_ns
-        runs = np.ascontiguousarray(runs[duration_ns >= limit_ns(params.min_fixation_ms, -1)])
-        mark_between(s.t_ns, s.stretch, runs, limit_ns(params.max_saccade_ms), s.step_ns, movement)
-        mark_blinks(s.t_ns, s.stretch, movement, limit_ns(params.max_blink_ms), s.step_ns)
+        runs = np.ascontiguousarray(runs[duration_ns >= limit_ns(fixations.min_fixation_ms, -1)])
+        mark_between(s.t_ns, s.stretch, runs, limit_ns(i2mc.max_saccade_ms), s.step_ns, movement)
+        mark_blinks(s.t_ns, s.stretch, movement, limit_ns(params.losses.max_blink_ms), s.step_ns)
         return movement, runs
     else:
         mark_fast_runs(
             s.t_ns, s.velocity, s.stretch, fast, minimum_ns, oscillation_ns, s.step_ns, movement
         )
-    mark_blinks(s.t_ns, s.stretch, movement, limit_ns(params.max_blink_ms), s.step_ns)
+    mark_blinks(s.t_ns, s.stretch, movement, limit_ns(params.losses.max_blink_ms), s.step_ns)
     rest = (movement == Movement.UNKNOWN) & (s.stretch >= 0)
     return movement, _merged_runs(s, rest, merge_ms, merge_deg, params)
 
 
-def _clustered_jumps(s: _Signal, params: MovementParameters) -> npt.NDArray[np.bool_]:
+def _clustered_jumps(s: _Signal, rule: I2mcRule) -> npt.NDArray[np.bool_]:
     """Return (n,) where I2MC's weight is above its mean by `cluster_spreads`: gaze moves there."""
     weights = clustering_weights(
         s.t_ns,
         s.v,
         s.stretch,
-        round(params.cluster_window_ms * NS_PER_MS),
-        round(params.cluster_advance_ms * NS_PER_MS),
+        round(rule.cluster_window_ms * NS_PER_MS),
+        round(rule.cluster_advance_ms * NS_PER_MS),
         np.array([1, 2, 5, 10], np.int64),
-        params.cluster_max_changes,
+        rule.cluster_max_changes,
     )
     finite_weights = weights[np.isfinite(weights)]
     if not finite_weights.size:
         return np.zeros(len(weights), np.bool_)
     with np.errstate(invalid="ignore"):
         jumps: npt.NDArray[np.bool_] = (
-            weights > finite_weights.mean() + params.cluster_spreads * finite_weights.std()
+            weights > finite_weights.mean() + rule.cluster_spreads * finite_weights.std()
         )
     return jumps
 
@@ -309,7 +272,7 @@ def _merged_runs(
         count,
         limit_ns(merge_ms),
         np.radians(merge_deg),
-        round(params.border_ms * NS_PER_MS),
+        round(params.fixations.border_ms * NS_PER_MS),
         s.step_ns,
     )
     return np.ascontiguousarray(runs[:count])
@@ -318,14 +281,16 @@ def _merged_runs(
 def _finish(s: _Signal, movement: Kinds, runs: Rows, params: MovementParameters) -> None:
     """Write fixations and pursuit into `movement`, and clear what is too short."""
     pursues = np.zeros(len(movement), np.bool_)
-    if params.pursuit:
-        pursues = is_pursuit(s.t_ns, s.v, runs, s.step_ns, change_cost=params.pursuit_change_cost)
+    if params.pursuits.pursuit:
+        pursues = is_pursuit(
+            s.t_ns, s.v, runs, s.step_ns, change_cost=params.pursuits.pursuit_change_cost
+        )
     drop_short(
         s.t_ns,
         runs,
         pursues,
-        limit_ns(params.min_fixation_ms, -1),
-        limit_ns(params.min_pursuit_ms, -1),
+        limit_ns(params.fixations.min_fixation_ms, -1),
+        limit_ns(params.pursuits.min_pursuit_ms, -1),
         s.step_ns,
         movement,
     )

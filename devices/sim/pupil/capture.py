@@ -8,7 +8,7 @@ slow slippage of the headset, other plug-ins. The bytes are those of
 
 from collections import deque
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgpack
 import numpy as np
@@ -31,6 +31,7 @@ from visavis.devices.sim.pupil.wire import (
     COLUMN,
     GAZE_VALUES,
     MONOCULAR_TOPICS,
+    DatumPattern,
     GazeTemplate,
     pack_notification,
     write_datums,
@@ -56,6 +57,18 @@ _LEG_STREAM = 0x1E
 _EPOCH_STREAM = 0xE0
 _GARBAGE_STREAM = 0x6A
 _LATENCY, _LOSS, _DUPLICATE, _REORDER, _GARBAGE = range(N_WHITE + N_SLOW, N_WHITE + N_SLOW + 5)
+
+
+class _Measurements(NamedTuple):
+    """What is measured of n samples: columns of `GAZE_VALUES`, datums as bytes, travel times."""
+
+    values: Floats
+    datums: npt.NDArray[np.uint8]
+    delay_ns: Times
+
+    def first(self, n: int) -> "_Measurements":
+        """Return the first n, which share their memory with these."""
+        return _Measurements(self.values[:n], self.datums[:n], self.delay_ns[:n])
 
 
 class PupilCoreSimulator:
@@ -225,10 +238,10 @@ class PupilCoreSimulator:
             return "OK"
         return "Unknown command."
 
-    def _made_room(self, n: int) -> tuple[Floats, npt.NDArray[np.uint8], Times]:
-        return (
+    def _made_room(self, n: int) -> _Measurements:
+        return _Measurements(
             np.empty((n, len(GAZE_VALUES))),
-            np.empty((n, self._both.bytes.size), np.uint8),
+            np.empty((n, self._both.pattern.bytes.size), np.uint8),
             np.empty(n, np.int64),
         )
 
@@ -278,9 +291,9 @@ class PupilCoreSimulator:
         else:
             t_device, ahead_ns = np.array(t_list, np.int64), self._epoch_ns - self._origin_ns
         template = self._both
-        if n > self._room[2].size:  # reused by every call, which copies its messages
+        if n > self._room.delay_ns.size:  # reused by every call, which copies its messages
             self._room = self._made_room(2 * n)
-        values, datums, delay_ns = self._room[0][:n], self._room[1][:n], self._room[2][:n]
+        measurements = self._room.first(n)
         _measure(
             eyes,
             noise,
@@ -291,19 +304,16 @@ class PupilCoreSimulator:
             ahead_ns,
             self._error.latency_ms,
             self._error.latency_jitter_ms,
-            template.bytes,
-            template.columns,
-            template.places,
-            values,
-            datums,
-            delay_ns,
+            template.pattern,
+            measurements,
         )
-        delays: list[int] = delay_ns.tolist()
+        delays: list[int] = measurements.delay_ns.tolist()
         if self._faults.faults:
-            self._publish_faulty(t_list, delays, values, noise)
+            self._publish_faulty(t_list, delays, measurements.values, noise)
             return
         push = self._outbox.append
-        for t_ns, delay, frames in zip(t_list, delays, template.messages(datums), strict=True):
+        messages = template.messages(measurements.datums)
+        for t_ns, delay, frames in zip(t_list, delays, messages, strict=True):
             push(Message(t_ns + delay, frames))
 
     def _publish_faulty(
@@ -402,27 +412,25 @@ def _measure(
     ahead_ns: int,
     latency_ms: float,
     latency_jitter_ms: float,
-    template: npt.NDArray[np.uint8],
-    columns: Times,
-    places: Times,
-    values: Floats,
-    datums: npt.NDArray[np.uint8],
-    delay_ns: Times,
+    pattern: DatumPattern,
+    measurements: _Measurements,
 ) -> None:
-    """Measure `eyes` (n, 8), rows of `EYES_DTYPE`: values, datums as bytes, and travel times.
+    """Measure `eyes` (n, 8), rows of `EYES_DTYPE`, into `measurements`.
 
     The device's clock shows `ahead_ns` more than `t_ns`.
     It is one call, because a frame brings only one or two samples.
     """
+    values, delay_ns = measurements.values, measurements.delay_ns
     n = eyes.shape[0]
     directions = np.empty((n, 2, 3))
     measured_directions(eyes[:, 0:3], eyes[:, 3:6], noise, offset_rad, gain, directions)
     fill_values(directions, eyes[:, 6], eyes[:, 7], half_mm, values)
     for i in range(n):
+        # Whole nanoseconds are added before the division: seconds as floats would lose the last.
         values[i, 0] = (t_ns[i] + ahead_ns) / 1e9
         jitter_ms = (2.0 * noise[i, _LATENCY] - 1.0) * latency_jitter_ms
         delay_ns[i] = np.int64((jitter_ms + latency_ms) * 1e6)
-    write_datums(values, template, columns, places, datums)
+    write_datums(values, pattern, measurements.datums)
 
 
 @compiled

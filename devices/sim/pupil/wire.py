@@ -7,7 +7,7 @@ camera, x right, y down, z forward, millimetres; eye 0 is the right eye.
 
 import struct
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgpack
 import numpy as np
@@ -38,6 +38,16 @@ GAZE_VALUES = (
 COLUMN = {name: i for i, name in enumerate(GAZE_VALUES)}
 
 
+class DatumPattern(NamedTuple):
+    """The bytes of a datum, and where in them its numbers stand."""
+
+    bytes: npt.NDArray[np.uint8]
+    columns: npt.NDArray[np.int64]
+    """(numbers,) the column of `GAZE_VALUES` of each number."""
+    places: npt.NDArray[np.int64]
+    """(numbers,) where its eight bytes begin."""
+
+
 class GazeTemplate:
     """Pack gaze data of one topic: the constant bytes once, only the numbers per datum."""
 
@@ -54,19 +64,19 @@ class GazeTemplate:
                 columns.append(COLUMN[name])
                 places.append(at)
                 at = datum_bytes.find(pattern, at + 8)
-        self.columns = np.array(columns)
-        self.places = np.array(places)
-        self.bytes = np.frombuffer(datum_bytes, np.uint8)
+        self.pattern = DatumPattern(
+            np.frombuffer(datum_bytes, np.uint8), np.array(columns), np.array(places)
+        )
 
     def pack(self, values: Floats) -> list[tuple[bytes, bytes]]:
         """Return [topic, datum] messages for a matrix (n, len(GAZE_VALUES))."""
-        datums = np.empty((values.shape[0], self.bytes.size), np.uint8)
-        write_datums(values, self.bytes, self.columns, self.places, datums)
+        datums = np.empty((values.shape[0], self.pattern.bytes.size), np.uint8)
+        write_datums(values, self.pattern, datums)
         return self.messages(datums)
 
     def messages(self, datums: npt.NDArray[np.uint8]) -> list[tuple[bytes, bytes]]:
         """Return [topic, datum] messages for the bytes that `write_datums` wrote."""
-        size = self.bytes.size
+        size = self.pattern.bytes.size
         data = datums.tobytes()
         if len(data) == size:
             return [(self.topic, data)]
@@ -76,15 +86,14 @@ class GazeTemplate:
 @compiled
 def write_datums(
     values: Floats,
-    template: npt.NDArray[np.uint8],
-    columns: npt.NDArray[np.int64],
-    places: npt.NDArray[np.int64],
+    pattern: DatumPattern,
     datums: npt.NDArray[np.uint8],
 ) -> None:
-    """Write one datum per row of values: the template, and every number big-endian in its place."""
+    """Write one datum per row of values: the pattern, and every number big-endian in its place."""
+    columns, places = pattern.columns, pattern.places
     for i in range(values.shape[0]):
         little = values[i].view(np.uint8)
-        datums[i] = template
+        datums[i] = pattern.bytes
         for j in range(columns.shape[0]):
             first = 8 * columns[j]
             for k in range(8):

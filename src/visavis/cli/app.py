@@ -37,9 +37,9 @@ def say_plainly(text: str, *, style: str = "") -> None:
     console.print(text, style=style, soft_wrap=True, highlight=False, markup=False)
 
 
-def say_json(found: object) -> None:
+def say_json(values: object) -> None:
     """Print values as JSON: sets as sorted lists, other types that JSON lacks as text."""
-    typer.echo(json.dumps(found, ensure_ascii=False, indent=1, default=as_json_value))
+    typer.echo(json.dumps(values, ensure_ascii=False, indent=1, default=as_json_value))
 
 
 def as_json_value(value: object) -> object:

@@ -33,7 +33,7 @@ class LabCompanion:
         set_scope(scope_of(request.config.sync))
         return AnnouncingRecorder(part_dir, request.clock, is_simulated=is_simulated)
 
-    def opened(
+    def on_open(
         self,
         request: Request,
         part_dir: Path,
@@ -63,7 +63,7 @@ class LabCompanion:
             recorder.event("lab_recorder_start", request.clock.now_ns(), part=part)
         save_with_session(part_dir, request.config, request.clock, devices, self._station)
 
-    def closed(self) -> None:
+    def on_close(self) -> None:
         """End LabRecorder's file after ours, so that it contains our last samples."""
         if self._lab_recorder is not None and (trouble := self._lab_recorder.stop()):
             self._warn(trouble)

@@ -73,10 +73,10 @@ class LabRecorder:
             self._line.sendall(command.encode() + b"\n")
             answer = b""
             while len(answer) < len(b"OK"):
-                got = self._line.recv(len(b"OK") - len(answer))
-                if not got:
+                chunk = self._line.recv(len(b"OK") - len(answer))
+                if not chunk:
                     raise ConnectionError("it closed the connection")
-                answer += got
+                answer += chunk
         except OSError as error:
             raise DeviceError(
                 f"LabRecorder at {self._address} did not take {command.split(' ')[0]!r} ({error})",

@@ -35,7 +35,7 @@ class AnnouncingRecorder(Recorder):
         self._session_clock = clock
         self._outlets: LslOutlets | None = None
         self._role_of: dict[str, str] = {}
-        self._declared: dict[str, StreamSchema] = {}
+        self._declared_schemas: dict[str, StreamSchema] = {}
 
     def announce(
         self,
@@ -52,7 +52,7 @@ class AnnouncingRecorder(Recorder):
             DeviceNotFound: LSL's library is not installed.
         """
         streams = {
-            role: [s for s in self._declared.values() if _is_of(role, device, s)]
+            role: [s for s in self._declared_schemas.values() if _is_of(role, device, s)]
             for role, device in devices.items()
         }
         self._role_of = {
@@ -71,7 +71,7 @@ class AnnouncingRecorder(Recorder):
     def declare(self, schema: StreamSchema) -> None:
         """Create the file of a stream, and keep its schema for the announcement."""
         super().declare(schema)
-        self._declared[schema.name] = schema
+        self._declared_schemas[schema.name] = schema
 
     def append(self, batch: SampleBatch) -> None:
         """Record a batch, then send it."""
@@ -84,13 +84,13 @@ class AnnouncingRecorder(Recorder):
         """Record an event, then send it; a detail named like an LSL field gets an underscore."""
         super().event(name, t_ns, **payload)
         if self._outlets is not None:
-            self._outlets.event(name, int(t_ns), **_told(payload))
+            self._outlets.event(name, int(t_ns), **_lsl_payload(payload))
 
     def trial(self, row: Mapping[str, Any]) -> None:
         """Record a trial's row, then send it as an event."""
         super().trial(row)
         if self._outlets is not None:
-            self._outlets.event("trial", self._session_clock.now_ns(), **_told(row))
+            self._outlets.event("trial", self._session_clock.now_ns(), **_lsl_payload(row))
 
     def close(self, status: CloseStatus) -> PartSummary:
         """Withdraw the streams and end every file."""
@@ -105,15 +105,15 @@ class _Offsets:
 
     def __init__(self, devices: Mapping[str, Device]) -> None:
         self._devices = devices
-        self._known: dict[str, tuple[ClockPair, int]] = {}
+        self._cached_offsets: dict[str, tuple[ClockPair, int]] = {}
 
     def of(self, role: str) -> int | None:
         pairs = self._devices[role].clock_pairs()
         if not pairs:
             return None
-        if role not in self._known or self._known[role][0] != pairs[-1]:
-            self._known[role] = (pairs[-1], offset_ns(latest_quick(pairs)))
-        return self._known[role][1]
+        if role not in self._cached_offsets or self._cached_offsets[role][0] != pairs[-1]:
+            self._cached_offsets[role] = (pairs[-1], offset_ns(latest_quick(pairs)))
+        return self._cached_offsets[role][1]
 
 
 def scope_of(sync: Sync) -> LslScope:
@@ -142,5 +142,5 @@ def _is_of(role: str, device: Device, schema: StreamSchema) -> bool:
     return any(schema.name in (own.name, f"{own.name}_{role}") for own in device.describe())
 
 
-def _told(payload: Mapping[str, Any]) -> dict[str, Any]:
+def _lsl_payload(payload: Mapping[str, Any]) -> dict[str, Any]:
     return {f"{k}_" if k in OWN_NAMES else k: v for k, v in payload.items()}

@@ -45,21 +45,21 @@ class KeyReader:
     """Put the terminal in single-key mode while open; a no-op when stdin is no terminal."""
 
     def __init__(self) -> None:
-        self._saved: list[Any] | None = None
+        self._saved_mode: list[Any] | None = None
         self._active = sys.stdin.isatty()
 
     def __enter__(self) -> "KeyReader":
         if self._active and os.name == "posix":
             termios, tty = importlib.import_module("termios"), importlib.import_module("tty")
-            self._saved = termios.tcgetattr(sys.stdin)
+            self._saved_mode = termios.tcgetattr(sys.stdin)
             tty.setcbreak(sys.stdin)
         return self
 
     def __exit__(self, *exception: object) -> None:
-        if self._saved is not None:
+        if self._saved_mode is not None:
             termios = importlib.import_module("termios")
-            termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._saved)
-            self._saved = None
+            termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._saved_mode)
+            self._saved_mode = None
 
     def keys(self) -> str:
         """Return the keys pressed since the last call; arrow and function keys are left out."""
@@ -96,7 +96,7 @@ class KeyInterpreter:
         self._incidents = dict(incidents)
         self._collecting: Action | None = None
         self._text = self._code = ""
-        self._done: Action | None = None
+        self._explainable_action: Action | None = None
         self._asking_to_end = False
 
     @property
@@ -114,8 +114,8 @@ class KeyInterpreter:
                 f"{number} {words}" for number, words in enumerate(self._incidents.values(), 1)
             )
             return f"{prompt}{self._text}▏" + ("" if self._text else f"\n{choices}")
-        if self._done is not None:
-            return f"{MAY_HAVE_REASON[self._done]}. W says why"
+        if self._explainable_action is not None:
+            return f"{MAY_HAVE_REASON[self._explainable_action]}. W says why"
         return ""
 
     def feed(self, keys: str) -> list[Command]:
@@ -133,14 +133,14 @@ class KeyInterpreter:
         return commands
 
     def _begin(self, key: str) -> list[Command]:
-        self._done = None
+        self._explainable_action = None
         if key in DIGITS:
             return [Command(Action.ANSWER, key)]
         action = KEYS.get(key.lower())
         if action is None:
             return []
         if action in MAY_HAVE_REASON:
-            self._done = action
+            self._explainable_action = action
         if action is Action.ABORT:
             self._asking_to_end = True
             return []
@@ -194,7 +194,7 @@ class TerminalOperator:
         self._live: Live | None = None
         self.abort_requested = False
         self.is_suspended = False
-        self._told = ""
+        self._last_line = ""
 
     def __enter__(self) -> "TerminalOperator":
         self._keys.__enter__()
@@ -236,8 +236,11 @@ class TerminalOperator:
                 render(status, self._interpreter.entry_line, is_simulated=self._is_simulated),
                 refresh=True,
             )
-        elif not self._console.is_terminal and (line := told(status)) not in ("", self._told):
-            self._told = line
+        elif not self._console.is_terminal and (line := status_line(status)) not in (
+            "",
+            self._last_line,
+        ):
+            self._last_line = line
             self._console.print(line, markup=False, highlight=False, soft_wrap=True)
 
     def waits_for_advance(self, prompt: str) -> bool:
@@ -245,17 +248,17 @@ class TerminalOperator:
         return self._confirm_waits
 
 
-def told(status: SessionStatus) -> str:
+def status_line(status: SessionStatus) -> str:
     """Return a line on what the session is doing; "" in the moments between trials."""
     if status.state in (SessionState.IDLE, SessionState.INTERTRIAL) and not status.prompt:
         return ""
     what = f"trial {status.trial_id}" if status.state is SessionState.TRIAL else status.state.value
-    done = f"{status.trials.done} of {status.trials.planned} done"
+    progress = f"{status.trials.done_count} of {status.trials.planned_count} done"
     waits = f"; waiting for you (space): {' '.join(status.prompt.split())}" if status.prompt else ""
     blocking = "".join(
         f"; {f.role}: {f.message} → {f.remedy}" for f in status.faults if f.severity == "blocking"
     )
-    return f"{what}, {done}{waits}{blocking}"
+    return f"{what}, {progress}{waits}{blocking}"
 
 
 def render(status: SessionStatus, entry_line: str, *, is_simulated: bool) -> Panel:
@@ -297,8 +300,8 @@ def _headline(status: SessionStatus) -> Group:
         f"trial  [b]{status.trial_id or '–'}[/b]",
     )
     grid.add_row(
-        f"done  {status.trials.done}/{status.trials.planned}"
-        + (f", {status.trials.skipped} skipped" if status.trials.skipped else ""),
+        f"done  {status.trials.done_count}/{status.trials.planned_count}"
+        + (f", {status.trials.skipped_count} skipped" if status.trials.skipped_count else ""),
         f"trial ends in  [b]{left}[/b]",
         f"session left  ~{status.trials.left_s / 60:.0f} min",
     )
@@ -311,8 +314,8 @@ def _progress(status: SessionStatus) -> Table:
     grid.add_column(ratio=1)
     grid.add_row(
         ProgressBar(
-            total=max(status.trials.planned, 1),
-            completed=status.trials.done + status.trials.skipped,
+            total=max(status.trials.planned_count, 1),
+            completed=status.trials.done_count + status.trials.skipped_count,
         )
     )
     return grid

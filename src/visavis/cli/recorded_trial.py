@@ -8,7 +8,7 @@ import numpy as np
 
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Pose, Vector
-from visavis.protocol.plan.shown_scene import Shown, of_part, shown_in
+from visavis.protocol.plan.shown_scene import RecordedScene, of_part, recorded_scene
 from visavis.recording.reader import Recording
 
 
@@ -64,11 +64,11 @@ class RecordedTrial:
         i = max(0, bisect.bisect_right(self.gaze["t_sample_ns"], t_ns) - 1)
         return i if self.gaze["valid"][i] else None
 
-    def shown_at(self, t_ns: int) -> Shown:
+    def shown_at(self, t_ns: int) -> RecordedScene:
         """Return what was shown at a time."""
         at = max(0, bisect.bisect_right(self.frames["t_host_ns"], t_ns) - 1)
         head = self.head_at(t_ns)
-        return shown_in(
+        return recorded_scene(
             self.recording, self.part, int(self.frames["frame_index"][at]), t_ns, head.position_m
         )
 

@@ -13,7 +13,7 @@ from visavis.lab.errors import DataError, UsageError
 from visavis.lab.frame import FrameInfo
 from visavis.lab.geometry import Pose
 from visavis.protocol.plan.session_plan import Trial
-from visavis.protocol.plan.shown_scene import Shown, of_part, shown_in
+from visavis.protocol.plan.shown_scene import RecordedScene, of_part, recorded_scene
 from visavis.recording.cached import CachedRecording
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy, overrides_of
@@ -42,13 +42,13 @@ FIRST_SAMPLES, LAST_SAMPLES = 3, 3
 @dataclass(frozen=True, eq=False)
 class RecordedFrame:
     """A drawn frame as recorded: what it may have shown (the row's checksum tells which), what was
-    lit last if its light was still going, its row of `drawn` and that of `drawn_views`, and what
-    the participant may have seen as their own body.
+    lit last if its light was still going, its row of the stream `drawn` and that of `drawn_views`,
+    and what the participant may have seen as their own body.
     """
 
     views_shown: tuple[SceneFrame, ...]
     views_lit: tuple[SceneFrame, ...]
-    drawn: np.void
+    drawn_row: np.void
     views: np.void
     bodies: tuple[OwnBody, ...] = ()
 
@@ -76,16 +76,18 @@ def recorded_frame(recording: Recording, frame: int, *, part: int | None = None)
     views = of_part(recording, "drawn_views", part_number)
     latest = int(np.flatnonzero(views["t_host_ns"] <= drawn_rows["t_host_ns"][at[0]])[-1])
 
-    def shown(i: int) -> Shown:
+    def shown_in_row(i: int) -> RecordedScene:
         place, t_scene_ns = drawn_rows["head_position_m"][i], int(drawn_rows["t_scene_ns"][i])
-        return shown_in(recording, part_number, int(drawn_rows["frame"][i]), t_scene_ns, place)
+        return recorded_scene(
+            recording, part_number, int(drawn_rows["frame"][i]), t_scene_ns, place
+        )
 
-    here = shown(int(at[0]))
+    here = shown_in_row(int(at[0]))
     drawn_ns = int(drawn_rows["t_host_ns"][at[0]])
     bare = tuple(study.views_of(here))
     boards = boards_at(recording, study, part_number, here.t_ns)
     is_fading = here.scene.brightness_01 <= 0.0 < drawn_rows["brightness_01"][at[0]]
-    before = _last_lit(drawn_rows["brightness_01"], int(at[0]), shown) if is_fading else None
+    before = _last_lit(drawn_rows["brightness_01"], int(at[0]), shown_in_row) if is_fading else None
     return RecordedFrame(
         (*bare, *(with_board(view, board) for board in boards for view in bare)),
         () if before is None else tuple(study.views_of(before)),
@@ -96,15 +98,15 @@ def recorded_frame(recording: Recording, frame: int, *, part: int | None = None)
 
 
 def _last_lit(
-    brightness_01: npt.NDArray[np.float32], at: int, shown: Callable[[int], Shown]
-) -> Shown | None:
+    brightness_01: npt.NDArray[np.float32], at: int, shown_in_row: Callable[[int], RecordedScene]
+) -> RecordedScene | None:
     """Return what was shown in the last lit frame before one whose light is going."""
     first = at
     while first > 0 and brightness_01[first - 1] >= brightness_01[first]:
         first -= 1
     rows = range(first, at)
-    dark = bisect.bisect_left(rows, True, key=lambda i: shown(i).scene.brightness_01 <= 0.0)
-    return shown(rows[dark - 1]) if dark else None
+    dark = bisect.bisect_left(rows, True, key=lambda i: shown_in_row(i).scene.brightness_01 <= 0.0)
+    return shown_in_row(rows[dark - 1]) if dark else None
 
 
 def redraw(recording: Recording, frame: int, *, part: int | None = None) -> list[Image]:
@@ -121,7 +123,7 @@ def redraw(recording: Recording, frame: int, *, part: int | None = None) -> list
         return _drawn_now(recording, frame, part)
     record = recorded_frame(recording, frame, part=part)
     views, size_px, quality = read_views(record.views)
-    people = len(record.drawn["level"])
+    people = len(record.drawn_row["level"])
     stage = DrawnStage(
         picture_of,
         lambda: Renderer(quality=quality),
@@ -129,7 +131,7 @@ def redraw(recording: Recording, frame: int, *, part: int | None = None) -> list
         SimClock(),
     )
     try:
-        return stage.redraw(record.views_shown, record.drawn, record.views_lit, record.bodies)
+        return stage.redraw(record.views_shown, record.drawn_row, record.views_lit, record.bodies)
     finally:
         stage.close()
 
@@ -153,7 +155,7 @@ def _drawn_now(recording: Recording, frame: int, part: int | None) -> list[Image
         raise UsageError(f"part {part_number} has no frame {frame}; it has {span}")
     t_ns = int(frames["t_host_ns"][at[0]])
     head = _head_at(recording, part_number, t_ns)
-    moment = shown_in(recording, part_number, frame, t_ns, head.position_m)
+    moment = recorded_scene(recording, part_number, frame, t_ns, head.position_m)
     view = next(iter(study.views_of(moment)))
     board = next(iter(boards_at(recording, study, part_number, t_ns)), None)
     if board is not None:
@@ -184,8 +186,8 @@ def boards_at(recording: Recording, study: OpenedStudy, part: int, t_ns: int) ->
         *_questionnaire_board(recording, part, t_ns),
         *_trial_boards(recording, study, part, t_ns),
     ):
-        for lit in (None, *range(len(panel.choices))):
-            yield replace(panel, highlighted=lit)
+        for highlight in (None, *range(len(panel.choices))):
+            yield replace(panel, highlighted=highlight)
 
 
 def board_at(recording: Recording, study: OpenedStudy, part: int, t_ns: int) -> Panel | None:

@@ -1,4 +1,4 @@
-"""What touched the participant and what vibrated, and from when to when."""
+"""Contacts and vibrations of a session, each with the times at which it began and ended."""
 
 import json
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Who may see what of a recording that leaves the lab."""
+"""What a recording contains when it is shared outside the lab."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -53,11 +53,11 @@ def shared_recording(
     )
 
 
-def losses(shown: Sequence[SharedRecording], lab: LabConfig) -> pd.DataFrame:
+def losses(recordings: Sequence[SharedRecording], lab: LabConfig) -> pd.DataFrame:
     """Return what each measure of a study loses by the blur of the public tier."""
-    study = find_study(shown[0].manifest.study, lab.studies)
+    study = find_study(recordings[0].manifest.study, lab.studies)
     before, after, online, motion = [], [], [], []
-    for public in shown:
+    for public in recordings:
         raw = Recording(public.path)
         blurred_recording = SharedRecording(public.path, replace(public.sharing, tier="raw"))
         before.append(_rows(study.measure(raw)))
@@ -67,9 +67,9 @@ def losses(shown: Sequence[SharedRecording], lab: LabConfig) -> pd.DataFrame:
     return loss_table(before, after, online, motion)
 
 
-def _rows(measured: Any) -> pd.DataFrame:
-    rows = getattr(measured, "rows", None)
-    return pd.DataFrame([w.row for w in measured.walks]) if rows is None else rows
+def _rows(intake: Any) -> pd.DataFrame:
+    rows = getattr(intake, "rows", None)
+    return pd.DataFrame([w.row for w in intake.walks]) if rows is None else rows
 
 
 def loss_page(table: pd.DataFrame) -> str:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from visavis.cli.app import load_lab
-from visavis.cli.telling import say_when_compiling
+from visavis.cli.notifier import say_when_compiling
 from visavis.lab.clock import SystemClock
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import ConfigError, UsageError
@@ -28,13 +28,13 @@ from visavis.running.sessions.study_folder import (
     settle,
     wanted_settings,
 )
-from visavis.study.catalogue import SHIPPED, is_file
+from visavis.study.catalogue import SHIPPED_STUDIES, is_file
 
 DRY_RUNS = "dry_runs"
 """Folder below the data root with a data root for each study that `simulate` made."""
 
 
-def study_of_lab(wanted: str, lab: LabConfig) -> OpenedStudy:
+def study_of_lab(reference: str, lab: LabConfig) -> OpenedStudy:
     """Return a study by its file, or by a name that this lab knows.
 
     Raises:
@@ -43,7 +43,7 @@ def study_of_lab(wanted: str, lab: LabConfig) -> OpenedStudy:
     """
     check_wording(lab)
     say_when_compiling()
-    return find_study(wanted, lab.studies)
+    return find_study(reference, lab.studies)
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class StudyHere:
         """The key file: who is who, stored apart from the data."""
         return KeyFile(self.lab.key_root, self.study.name, [self.lab.data_root])
 
-    def wanted(
+    def requested_settings(
         self,
         *,
         seed: int | None = None,
@@ -92,12 +92,16 @@ class StudyHere:
             usual_language=self.lab.language,
         )
 
-    def settled(self, wanted: StudySettings, *, seed_given: bool) -> StudySettings:
+    def settle(self, requested_settings: StudySettings, *, seed_given: bool) -> StudySettings:
         """Return the settings in force, written where the study is new; see `settle`."""
         prepare_data_root(self.lab)
-        return settle(self.folder, wanted, seed_given=seed_given, fits=self._groups_hold)
+        return settle(
+            self.folder, requested_settings, seed_given=seed_given, fits=self._groups_hold
+        )
 
-    def require_same_design(self, settings: StudySettings, wanted: StudySettings) -> str:
+    def require_same_design(
+        self, settings: StudySettings, requested_settings: StudySettings
+    ) -> str:
         """Return a note where the study's file has changed and what sessions do has not, or "".
 
         Raises:
@@ -113,11 +117,11 @@ class StudyHere:
             self.study.experiment(settings.parameters),
             f"{whose}; or another data_root in lab_config.yaml; or put the study file back",
         )
-        if not settings.source_sha256 or settings.source_sha256 == wanted.source_sha256:
+        if not settings.source_sha256 or settings.source_sha256 == requested_settings.source_sha256:
             return ""
         return (
-            f"{wanted.source}, or a text beside it, has changed since {self.folder} was begun; "
-            "what sessions show and ask is the same"
+            f"{requested_settings.source}, or a text beside it, has changed since {self.folder} "
+            "was begun; what sessions show and ask is the same"
         )
 
     def group_of(self, settings: StudySettings) -> Callable[[int], str]:
@@ -125,14 +129,14 @@ class StudyHere:
         experiment = self.study.experiment(settings.parameters)
         return lambda index: experiment.plan(index, settings.seed).group
 
-    def participant(self, settings: StudySettings, wanted: str) -> Participant:
+    def participant(self, settings: StudySettings, label_or_number: str) -> Participant:
         """Return a participant of the ledger; simulated ones are added when they first come.
 
         Raises:
             LedgerError: no participant is named, or a real one who is not registered.
         """
         try:
-            return self.ledger.resolve(wanted)
+            return self.ledger.resolve(label_or_number)
         except UnknownParticipant as unknown:
             if not self.is_simulated:
                 raise
@@ -147,9 +151,9 @@ class StudyHere:
         return all(entry.group == group_of(entry.index) for entry in self.ledger.list())
 
 
-def study_here(wanted: str, lab: LabConfig) -> StudyHere:
+def study_here(reference: str, lab: LabConfig) -> StudyHere:
     """Return a study in a lab; raises as `study_of_lab`."""
-    return StudyHere(lab, study_of_lab(wanted, lab))
+    return StudyHere(lab, study_of_lab(reference, lab))
 
 
 def check_wording(lab: LabConfig) -> None:
@@ -165,7 +169,7 @@ def check_wording(lab: LabConfig) -> None:
     plain = lab.model_copy(update={"wording": {}})
     names_in_studies = {
         questionnaire.name
-        for name in (*SHIPPED, *lab.studies)
+        for name in (*SHIPPED_STUDIES, *lab.studies)
         for questionnaire in find_study(name, lab.studies).questionnaires(plain)
     }
     names = {*available(), *names_in_studies}
@@ -178,7 +182,7 @@ def check_wording(lab: LabConfig) -> None:
         raise ConfigError(f"{lab.path}, wording: {'; '.join(problems)}")
 
 
-def folder_of(wanted: Path, config: Path | None, verb: str = "check") -> Path:
+def folder_of(path: Path, config: Path | None, verb: str = "check") -> Path:
     """Return a study's data folder, given the folder itself, the study's file, or its name.
 
     `verb` is what is named with the folders that may be meant.
@@ -186,14 +190,14 @@ def folder_of(wanted: Path, config: Path | None, verb: str = "check") -> Path:
     Raises:
         UsageError: there are no data of it, or both real and simulated ones.
     """
-    if wanted.is_dir():
-        return wanted
+    if path.is_dir():
+        return path
     lab = load_lab(config, only_simulates=True)
-    there = [] if is_file(str(wanted)) else _data_of(str(wanted), lab)
-    name = str(wanted) if there else study_of_lab(str(wanted), lab).name
+    there = [] if is_file(str(path)) else _data_of(str(path), lab)
+    name = str(path) if there else study_of_lab(str(path), lab).name
     there = there or _data_of(name, lab)
     if not there:
-        raise UsageError(_no_data(name, wanted, lab, verb))
+        raise UsageError(_no_data(name, path, lab, verb))
     if len(there) > 1:
         raise UsageError(
             f"there are real and simulated data of {name}; name the folder: "
@@ -208,7 +212,7 @@ def _data_of(name: str, lab: LabConfig) -> list[Path]:
     return [folder for folder in folders if folder.is_dir()]
 
 
-def _no_data(name: str, wanted: Path, lab: LabConfig, verb: str) -> str:
+def _no_data(name: str, path: Path, lab: LabConfig, verb: str) -> str:
     """Return a message that no data were found, with the simulated studies that may be meant."""
     folders = sorted(
         (lab.data_root / DRY_RUNS).glob(f"*/{SIMULATED_ROOT}/{name}"),
@@ -220,12 +224,12 @@ def _no_data(name: str, wanted: Path, lab: LabConfig, verb: str) -> str:
         lines = "\n  ".join(f"visavis {verb} {shlex.quote(str(f))}" for f in folders[:6])
         return f"{nothing}; of a simulated study, type\n  {lines}"
     return (
-        f"{nothing}; begin with one: visavis run {wanted} --participant 1, or simulate the whole "
-        f"study: visavis simulate {wanted}; or give the folder of sessions that lie elsewhere"
+        f"{nothing}; begin with one: visavis run {path} --participant 1, or simulate the whole "
+        f"study: visavis simulate {path}; or give the folder of sessions that lie elsewhere"
     )
 
 
-def session_of(wanted: Path, config: Path | None, participant: str = "") -> Path:
+def session_of(path: Path, config: Path | None, participant: str = "") -> Path:
     """Return a session's folder, given it, or a study (folder, file, name) and a participant.
 
     Without a participant it is the session begun last.
@@ -234,10 +238,10 @@ def session_of(wanted: Path, config: Path | None, participant: str = "") -> Path
         UsageError: there is no such study, nobody of that label or number has a session, or the
             folder is no session's.
     """
-    if wanted.is_dir() and not is_study(wanted):
-        require_session(wanted)
-        return wanted
-    sessions = sessions_of(folder_of(wanted, config))
+    if path.is_dir() and not is_study(path):
+        require_session(path)
+        return path
+    sessions = sessions_of(folder_of(path, config))
     if participant:
         mine = [s for s in sessions if participant.upper() in _names(s)]
         if not mine:

@@ -1,4 +1,4 @@
-"""Put a synchronisation test together: a display, a speaker, a band and a sensor, real or not."""
+"""Put a synchronisation test together from display, speaker, band and sensor, real or not."""
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
@@ -21,11 +21,11 @@ from visavis.lab.clock import NS_PER_MS, Clock, SimClock
 from visavis.lab.config import DeviceConfig, LabConfig
 from visavis.lab.errors import DeviceError, UsageError
 from visavis.protocol.session.sync_test import (
-    Asked,
     Patch,
     SeenHeadset,
     SeenMonitor,
     Speaker,
+    StimulusTimes,
     perform,
 )
 from visavis.running.sessions.device_setup import screen_display
@@ -53,7 +53,7 @@ class RoomSpeaker:
         self._room.click(self._clock.now_ns())
 
 
-def opened(stack: ExitStack, device: Any) -> Any:
+def open_device(stack: ExitStack, device: Any) -> Any:
     """Open and start a device until the stack is left; what it delivers is not kept."""
     stack.callback(device.close)
     device.open(OPENING_S)
@@ -92,8 +92,8 @@ def real_speaker(name: str, stack: ExitStack) -> Speaker:
     return speaker
 
 
-def analysed(
-    asked: Asked,
+def analyse(
+    commands: StimulusTimes,
     traces: Mapping[str, Trace],
     channels: Mapping[str, str],
     display_role: str,
@@ -102,9 +102,9 @@ def analysed(
     """Return the delays of all stimuli; raises UsageError for an unknown channel."""
     results = []
     stimuli: tuple[tuple[Modality, list[int], str], ...] = (
-        ("picture", asked.picture_ns, display_role),
-        ("sound", asked.sound_ns, "speaker"),
-        ("vibration", asked.vibration_ns, band_role),
+        ("picture", commands.picture_ns, display_role),
+        ("sound", commands.sound_ns, "speaker"),
+        ("vibration", commands.vibration_ns, band_role),
     )
     for modality, asked_ns, source in stimuli:
         channel = channels[modality]
@@ -122,8 +122,8 @@ def analysed(
                 trace.t_ns,
                 trace.level,
                 asked_ns,
-                flash_ns=asked.flash_ns,
-                frame_ns=asked.frame_ns,
+                flash_ns=commands.flash_ns,
+                frame_ns=commands.frame_ns,
             )
         )
     return results
@@ -139,7 +139,7 @@ def perform_real(
     channels: Mapping[str, str],
     repeats: int,
     progress: Callable[[int], None],
-) -> tuple[list[Delays], Asked, Sensor]:
+) -> tuple[list[Delays], StimulusTimes, Sensor]:
     """Test the display of this lab, and its speaker and band where they are named.
 
     Before a screen the participant's window is opened as in a session.
@@ -174,9 +174,9 @@ def perform_real(
             getattr(headset, "show_images", lambda: None)()
             context = offscreen_context()
             stack.callback(release_offscreen, context)
-        opened(stack, headset)
+        open_device(stack, headset)
         if band is not None:
-            opened(stack, band)
+            open_device(stack, band)
         speaker = real_speaker(speaker_name, stack) if speaker_name else None
         # The sensor opens last, when everything that it measures runs.
         patch = Patch(headset, context)
@@ -193,19 +193,19 @@ def perform_real(
             repeats=repeats,
             progress=progress,
         )
-        results = analysed(commands, sensor.traces(), channels, patch.role, band_role)
+        results = analyse(commands, sensor.traces(), channels, patch.role, band_role)
         return results, commands, sensor
 
 
 def _while_open(window: "Window", progress: Callable[[int], None]) -> Callable[[int], None]:
     """Return a progress function that ends the test once the window has been closed."""
 
-    def told(done: int) -> None:
+    def report_while_open(count: int) -> None:
         if window.closed:
             raise DeviceError("the window was closed", role="screen", remedy="run the test again")
-        progress(done)
+        progress(count)
 
-    return told
+    return report_while_open
 
 
 def perform_simulated(
@@ -217,8 +217,8 @@ def perform_simulated(
     lab: LabConfig | None = None,
     rise_ms: float = 30.0,
     loss_01: float = 0.0,
-    progress: Callable[[int], None] = lambda done: None,
-) -> tuple[list[Delays], Asked, Sensor, dict[str, Float]]:
+    progress: Callable[[int], None] = lambda count: None,
+) -> tuple[list[Delays], StimulusTimes, Sensor, dict[str, Float]]:
     """Test the simulated room on the virtual clock; return its true delays (ms), too.
 
     The display is a simulated headset, or the screen that `lab` describes, on a simulated monitor.
@@ -233,14 +233,14 @@ def perform_simulated(
 
         def device(name: str, driver: str, **options: object) -> Any:
             config = DeviceConfig(role=name, driver=driver, simulated=True, options=options)
-            return opened(stack, build_device(config, clock, room, seed, stack))
+            return open_device(stack, build_device(config, clock, room, seed, stack))
 
         display = None if lab is None else screen_display(lab, clock)
         if display is None:
             headset = SeenHeadset(device("headset", "simulated_headset"), room.show)
         else:
             display.attach(SeenMonitor(clock, display.display_rate_hz, room.show))
-            headset = opened(stack, display)
+            headset = open_device(stack, display)
         band: Armband = device(role, "simulated_armband", rise_ms=rise_ms)
         board = SyncBoardSimulator(room, clock, board_rng, loss_01=loss_01)
         sensor = SyncBoard(MemoryLink(board, clock), clock)
@@ -257,7 +257,7 @@ def perform_simulated(
             repeats=repeats,
             progress=progress,
         )
-        results = analysed(commands, sensor.traces(), DEFAULT_CHANNELS, patch.role, role)
+        results = analyse(commands, sensor.traces(), DEFAULT_CHANNELS, patch.role, role)
     command_times_ns = {
         "picture": commands.picture_ns,
         "sound": commands.sound_ns,

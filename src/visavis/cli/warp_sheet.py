@@ -96,12 +96,12 @@ def _people(
 
 def _picture(room: Room, who: Character, clip: Clip, body: SeenBody, t_s: float) -> Picture:
     pose = clip.at(t_s)
-    room = replace(room, props=(*room.props, *_held(body, pose)))
+    room = replace(room, props=(*room.props, *_held_object(body, pose)))
     people = PosedPeople(pose.root_m[None], pose.orientation_wxyz[None], np.zeros((1, len(MORPHS))))
     return Picture(round(t_s * 1e9), room, (who,), people)
 
 
-def _held(body: SeenBody, pose: Frames) -> tuple[Prop, ...]:
+def _held_object(body: SeenBody, pose: Frames) -> tuple[Prop, ...]:
     """Return the object that the body holds, where it is in a pose."""
     is_held = body.labels % BOTH_SIDES == PART_INDEX["held_object"]
     if not is_held.any():
@@ -129,17 +129,17 @@ def _parts(clips: Sequence[Clip], body: SeenBody, view: Outlook, times: Vector) 
     return rows
 
 
-def write_curves(path: Path, warped: WarpedClip) -> None:
+def write_curves(path: Path, warped_clip: WarpedClip) -> None:
     """Plot every feature over the clip: original, wanted, reached."""
     from matplotlib.figure import Figure
 
-    n = len(warped.targets)
+    n = len(warped_clip.targets)
     figure = Figure(figsize=(7.5, 2.3 * n + 0.5), layout="constrained")
-    for f, target in enumerate(warped.targets):
+    for f, target in enumerate(warped_clip.targets):
         axes = figure.add_subplot(n, 1, f + 1)
-        axes.plot(warped.frame_s, warped.original[:, f], color="0.55", label="original")
-        axes.plot(warped.frame_s, warped.goal[:, f], "k--", lw=1.0, label="wanted")
-        axes.plot(warped.frame_s, warped.final[:, f], color="tab:blue", label="reached")
+        axes.plot(warped_clip.frame_s, warped_clip.original[:, f], color="0.55", label="original")
+        axes.plot(warped_clip.frame_s, warped_clip.goal[:, f], "k--", lw=1.0, label="wanted")
+        axes.plot(warped_clip.frame_s, warped_clip.final[:, f], color="tab:blue", label="reached")
         axes.set_ylabel(f"{target.kind.replace('_', ' ')}\n{', '.join(target.parts)} [1]")
         axes.set_ylim(bottom=0)
         axes.spines[["top", "right"]].set_visible(False)

@@ -8,6 +8,7 @@ import hashlib
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
@@ -64,8 +65,20 @@ def compiled(function: F) -> F:
         return cast(F, numba.njit(nogil=True)(function))
     stamp = (file._source_stamp, _digest_of_imports(function.__globals__))  # noqa: SLF001 - as above
     file._source_stamp = stamp  # noqa: SLF001 - as above
+    file._load_index = partial(_loaded_index, file._load_index)  # noqa: SLF001 - as above
     setattr(kernel, _STAMP, stamp)
     return cast(F, kernel)
+
+
+def _loaded_index(load: Callable[[], dict[Any, Any]]) -> dict[Any, Any]:
+    """Return what is cached of a kernel, nothing when it took tuples that are no longer there.
+
+    numba reads the types of all arguments before it compares the stamps.
+    """
+    try:
+        return load()
+    except (AttributeError, ImportError):
+        return {}
 
 
 class _FirstCompilation(Listener):
@@ -114,8 +127,8 @@ def forget_old_kernels(folder: Path = KERNELS, max_bytes: int = MAX_KERNEL_BYTES
 
 
 def _digest_of_imports(names: dict[str, Any]) -> str:
-    """Return a digest of all imported kernels and constants that a module's compiled code may
-    contain.
+    """Return a digest of all kernels, constants and layouts of tuples that a module imports and
+    its compiled code may contain.
     """
     digest = hashlib.sha256()
     for line in sorted(_taken_in(names)):
@@ -129,12 +142,26 @@ def _taken_in(names: dict[str, Any], prefix: str = "") -> Iterator[str]:
             continue
         if isinstance(value, CPUDispatcher):
             yield f"{prefix}{name}={getattr(value, _STAMP, None)}"
+        elif isinstance(value, type) and issubclass(value, tuple) and hasattr(value, "_fields"):
+            yield f"{prefix}{name}={value._fields!r}"  # kernels read a named tuple by place
         elif _is_plain(value):
             yield f"{prefix}{name}={value!r}"
+        elif isinstance(value, type) and hasattr(value, "_fields"):
+            yield f"{prefix}{name}={_fields_of(value)}"
         elif isinstance(value, np.ndarray):
             yield f"{prefix}{name}={value.dtype}{value.shape}{value.tobytes().hex()}"
         elif isinstance(value, ModuleType) and not prefix and _may_change(value):
             yield from _taken_in(vars(value), f"{name}.")
+
+
+def _fields_of(named_tuple: type) -> str:
+    """Return the names of a tuple's fields in their order, and those of tuples among them: compiled
+    code reads them by position.
+    """
+    kinds = vars(named_tuple).get("__annotations__", {}).items()
+    return ", ".join(
+        f"{name}({_fields_of(kind)})" if hasattr(kind, "_fields") else name for name, kind in kinds
+    )
 
 
 def _may_change(module: ModuleType) -> bool:

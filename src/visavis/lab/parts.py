@@ -28,7 +28,7 @@ def takes_keywords_of(
 
     def decorate(init: Callable[..., None]) -> Callable[Concatenate[Any, P], None]:
         @wraps(init)
-        def checked(self: Any, /, *values: Any, **keywords: Any) -> None:
+        def check_and_init(self: Any, /, *values: Any, **keywords: Any) -> None:
             for keyword in keywords:
                 if keyword not in arguments:
                     raise TypeError(
@@ -38,8 +38,8 @@ def takes_keywords_of(
             init(self, *values, **keywords)
 
         this = Parameter("self", Parameter.POSITIONAL_ONLY)
-        vars(checked)["__signature__"] = Signature([this, *arguments.values()])
-        return checked
+        vars(check_and_init)["__signature__"] = Signature([this, *arguments.values()])
+        return check_and_init
 
     return decorate
 
@@ -50,12 +50,12 @@ def parts_from(kinds: Mapping[str, type[Any]], keywords: Mapping[str, Any]) -> d
     `kinds` are the dataclasses of the parts. A part may stand among the keywords itself; fields
     that are named beside it replace its own.
     """
-    made = {}
+    parts = {}
     for name, kind in kinds.items():
         own = {f.name: keywords[f.name] for f in fields(kind) if f.name in keywords}
         whole = keywords.get(name)
-        made[name] = kind(**own) if whole is None else replace(whole, **own)
-    return made
+        parts[name] = kind(**own) if whole is None else replace(whole, **own)
+    return parts
 
 
 def part_of(kinds: Mapping[str, type[Any]]) -> dict[str, str]:

@@ -28,8 +28,8 @@ _SAME_KIND = (
     {"deg": 1.0, "rad": 57.29577951308232},
     {"01": 1.0, "percent": 1e-2},
 )
-_WRITTEN = {"µs": "us", "sec": "s", "second": "s", "seconds": "s", "msec": "ms", "°": "deg"}
-_WRITTEN |= {"%": "percent", "degrees": "deg", "metres": "m", "meters": "m", "milliseconds": "ms"}
+_SPELLINGS = {"µs": "us", "sec": "s", "second": "s", "seconds": "s", "msec": "ms", "°": "deg"}
+_SPELLINGS |= {"%": "percent", "degrees": "deg", "metres": "m", "meters": "m", "milliseconds": "ms"}
 _WITH_UNIT = re.compile(r"\s*([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)\s*([^\W\d_]+|%|°)?\s*")
 _SUSPECT: dict[str, Callable[[float], bool]] = {
     "ms": lambda v: 0 < v < 0.05,
@@ -73,7 +73,7 @@ def read_quantity(value: object) -> tuple[float, str | None] | None:
     if match is None:
         return None
     unit_text = (match[2] or "").lower()
-    unit = _WRITTEN.get(unit_text, unit_text)
+    unit = _SPELLINGS.get(unit_text, unit_text)
     if unit and unit not in NAMES:
         return None
     return float(match[1].replace(",", ".")), unit or None

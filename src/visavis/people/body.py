@@ -18,7 +18,7 @@ from visavis.people.body_kernels import (
     head_rows,
     pointed_rows,
 )
-from visavis.people.resting_pose import at_ease, posed
+from visavis.people.resting_pose import pose_joints, resting_pose
 from visavis.protocol.session.boards import ALONG_FINGERS, HAND
 
 RELEASED_AFTER_NS: Final = NS_PER_S // 10
@@ -69,7 +69,7 @@ def segments_of(
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     """Return positions (t, n, 3) and orientations (t, n, 4) of a pointing person's segments.
 
-    The person sits or stands at ease with the eyes at `at_m` (3,) and the feet on the floor; low
+    The person sits or stands at rest with the eyes at `at_m` (3,) and the feet on the floor; low
     eyes mean sitting. The trunk follows the head: `eyes_m` (t, 3) is the middle between the eyes
     and `head_wxyz` (t, 4) the turn. The right hand is at `hand_m` (t, 3) and its fingers point to
     `pointed_m` (t, 3).
@@ -84,9 +84,9 @@ def segments_of(
             f"it has {', '.join(BODY_JOINTS)}"
         )
     hand_wxyz = _fingers_to(hand_m, pointed_m)
-    ease = at_ease(*(round(float(v), 3) for v in at_m))
-    all_m, all_wxyz = posed(ease, eyes_m, head_wxyz, hand_m, hand_wxyz)
-    indices = [ease.skeleton.index(name) for name in names]
+    rest = resting_pose(*(round(float(v), 3) for v in at_m))
+    all_m, all_wxyz = pose_joints(rest, eyes_m, head_wxyz, hand_m, hand_wxyz)
+    indices = [rest.skeleton.index(name) for name in names]
     return all_m[:, indices], all_wxyz[:, indices]
 
 

@@ -74,7 +74,7 @@ class StudyPerson(Observer):
         population: Population = DEFAULT_POPULATION,
     ) -> None:
         self._responses = responses
-        self._answer_of = answer_of or unopinionated
+        self._answer_of = answer_of or neutral_answer
         self._leaning = float(generator((seed, index), _LEANING_STREAM).standard_normal())
         self._forget()
         super().__init__(index, seed, effect, population=population)
@@ -84,7 +84,7 @@ class StudyPerson(Observer):
     def prepare(self, stretch: int, t_ns: int) -> None:
         """Begin a new stretch of behaviour: nothing seen, the hand down, no board to look at."""
         if self._panel_text:
-            self._instructed = None
+            self._instructed_point = None
         super().prepare(stretch, t_ns)
         self._forget()
 
@@ -93,7 +93,7 @@ class StudyPerson(Observer):
         response = self._responses.get(prompt)
         if response is None:
             return super().answer(question_id, prompt, options)
-        reply = self._said(response)
+        reply = self._reply_to(response)
         if reply is None:
             return None
         return options[list(response.options).index(reply)] if response.options else str(reply)
@@ -143,8 +143,8 @@ class StudyPerson(Observer):
 
     def feel(self, role: str, amplitudes_01: Sequence[float], t_ns: int) -> None:
         """Feel a vibration, on which answers may depend."""
-        if any(a > 0 for a in amplitudes_01) and role not in self._felt:
-            self._felt.append(role)
+        if any(a > 0 for a in amplitudes_01) and role not in self._vibrating_roles:
+            self._vibrating_roles.append(role)
 
     # ---- within ----
 
@@ -168,7 +168,7 @@ class StudyPerson(Observer):
         self._contact: npt.NDArray[np.bool_] = np.zeros(0, np.bool_)
         self._panel_text = ""
         self._hand = PointingHand(np.array(HAND_REST))
-        self._felt: list[str] = []
+        self._vibrating_roles: list[str] = []
         self._films = {}
 
     def _take_in(self, view: SceneFrame, t_ns: int) -> None:
@@ -193,7 +193,7 @@ class StudyPerson(Observer):
         )
         return np.asarray(looks_at_me & (view.eye_openness_01 > 0.5), np.bool_)
 
-    def _seen(self) -> Seen:
+    def _impressions(self) -> Seen:
         elapsed_ns = max(self._last_ns - self._first_ns, 1)
         return Seen(
             self._first,
@@ -202,14 +202,14 @@ class StudyPerson(Observer):
             self._contact_ns / elapsed_ns,
             self.notices_contact,
             self._leaning,
-            tuple(self._felt),
+            tuple(self._vibrating_roles),
             (self.temperament.vr_experience - 1) / 4,
             self._films,
         )
 
-    def _said(self, response: Response) -> str | None:
+    def _reply_to(self, response: Response) -> str | None:
         rng = self._rng(_MIND_STREAM, self.stretch(), zlib.crc32(response.name.encode()))
-        reply = self._answer_of(self._seen(), response, rng)
+        reply = self._answer_of(self._impressions(), response, rng)
         if reply is None:
             return None
         options = tuple(map(str, response.options))
@@ -230,7 +230,7 @@ class StudyPerson(Observer):
         response = self._responses.get(panel.text)
         if response is None:
             return
-        reply = self._said(response)
+        reply = self._reply_to(response)
         if reply is None:
             return
         takes_s = max(self.takes_s(response), POINT_S + 0.15)
@@ -244,7 +244,7 @@ class StudyPerson(Observer):
         """Press if the study asks for keys, which a person only knows from the instruction."""
         for response in dict.fromkeys(self._responses.values()):
             if isinstance(response, Keys):
-                reply = self._said(response)
+                reply = self._reply_to(response)
                 if reply is not None:
                     takes = NOTICE_S * self.takes_s(response) / THINKING_S
                     self._hand.press(t_ns + round(takes * NS_PER_S), reply)
@@ -252,7 +252,7 @@ class StudyPerson(Observer):
                 self._hand.press(t_ns + round(self.takes_s(response) * NS_PER_S), "trigger")
 
 
-def unopinionated(seen: Seen, response: Response, rng: np.random.Generator) -> Any:
+def neutral_answer(seen: Seen, response: Response, rng: np.random.Generator) -> Any:
     """Answer as a person to whom the stimuli make no difference."""
     if isinstance(response, Rating):
         middle = (response.low + response.high) / 2

@@ -38,11 +38,11 @@ AHEAD: Triple = (0.0, 0.0, -1.0)
 ELBOW_TOWARDS: Triple = (-0.6, -1.0, 0.5)
 """Direction in which the elbow of the pointing arm hangs; for a left arm, in axes of the chest."""
 _ONE: Final[Index] = np.zeros(1, np.int64)
-_HELD: Final = np.ones(1, np.bool_)
+_ALL_VALID: Final = np.ones(1, np.bool_)
 
 
 @dataclass(frozen=True, eq=False)
-class Ease:
+class RestingPose:
     """A resting pose: a skeleton, one row (1, SIZE) of posture and the place of the feet."""
 
     skeleton: Skeleton
@@ -50,8 +50,11 @@ class Ease:
 
 
 @cache
-def at_ease(x_m: float, eye_height_m: float, z_m: float) -> Ease:
-    """Return a resting pose with the eyes at a point; low eyes sit; seat or stature follows."""
+def resting_pose(x_m: float, eye_height_m: float, z_m: float) -> RestingPose:
+    """Return a resting pose with the eyes at a point.
+
+    Low eyes make the person sit. The height of the seat, or the stature, is chosen to fit.
+    """
     seat_m, stature_m = Sit().seat_m, REFERENCE_STATURE_M
     kind: Sit | Idle = STANDING
     if eye_height_m <= MAX_SEATED_EYE_M:
@@ -61,23 +64,23 @@ def at_ease(x_m: float, eye_height_m: float, z_m: float) -> Ease:
         stature_m *= eye_height_m / _eyes_of(stature_m, kind)[1]
     ahead = _eyes_of(stature_m, kind)
     motion = _motion(stature_m, kind, (x_m - float(ahead[0]), 0.0, z_m - float(ahead[2])))
-    return Ease(motion.people[0].build.skeleton, motion.posture(0.0))
+    return RestingPose(motion.people[0].build.skeleton, motion.posture(0.0))
 
 
-def posed(
-    ease: Ease, eyes_m: Vector, head_wxyz: Vector, hand_m: Vector, hand_wxyz: Vector
+def pose_joints(
+    pose: RestingPose, eyes_m: Vector, head_wxyz: Vector, hand_m: Vector, hand_wxyz: Vector
 ) -> tuple[Vector, Vector]:
     """Return all joints, positions (t, joints, 3) and turns (t, joints, 4) in world.
 
-    Given are the middle between the eyes `eyes_m` (t, 3), the turn of the head `head_wxyz` (t, 4)
-    and the pose of the right hand; trunk and limbs follow, the feet stay.
+    `eyes_m` (t, 3) is the middle between the eyes, `head_wxyz` (t, 4) the turn of the head,
+    `hand_m` and `hand_wxyz` the pose of the right hand. Trunk and limbs follow; the feet stay.
     """
     n = len(eyes_m)
     positions, turns = np.empty((n, p.JOINTS, 3)), np.empty((n, p.JOINTS, 4))
     _body_rows(
-        ease.controls,
-        ease.skeleton.parents,
-        ease.skeleton.offsets_m[None],
+        pose.controls,
+        pose.skeleton.parents,
+        pose.skeleton.offsets_m[None],
         eyes_m,
         head_wxyz,
         np.ascontiguousarray(hand_m),
@@ -119,14 +122,14 @@ def _triple(row: Vector) -> Triple:
 
 
 @compiled
-def _reflected(row: Vector, start: int, v: Triple) -> None:
+def _set_mirrored(row: Vector, start: int, v: Triple) -> None:
     """Mirror a vector of the right side for the solver, which knows left arms only."""
     row[start], row[start + 1], row[start + 2] = -v[0], v[1], v[2]
 
 
 @compiled
 def _body_rows(
-    ease: Vector,
+    rest: Vector,
     parents: Index,
     offsets: Vector,
     eyes_m: Vector,
@@ -146,20 +149,20 @@ def _body_rows(
         facing[0, 0], facing[0, 1], facing[0, 2] = ahead
         eyes, at, turn = eyes_m[t : t + 1], positions[t : t + 1], turns[t : t + 1]
         # First solve without the hand: the arm is solved in the axes of the chest.
-        pose_rows(ease.copy(), offsets, _ONE, _HELD, eyes, facing, root, local)
+        pose_rows(rest.copy(), offsets, _ONE, _ALL_VALID, eyes, facing, root, local)
         forward_rows(parents, own, root, local, at, turn)
         back = inverse(_quat(turn[0, p.J_UPPER_CHEST]))
         reach = minus(_triple(hand_m[t]), _triple(at[0, p.J_UPPER_CHEST]))
-        controls = ease.copy()
+        controls = rest.copy()
         arm = controls[0, p.ARM + p.ARM_SIZE :]
         arm[p.HOLD : p.HOLD + p.HOLDS * p.HOLD_SIZE] = 0.0
         hold = p.HOLD + p.CHEST * p.HOLD_SIZE
         arm[hold] = 1.0
-        _reflected(arm, hold + 1, rotate_vector(back, reach))
-        _reflected(arm, hold + 4, rotate_vector(back, rotate_vector(hand, FINGERS)))
-        _reflected(arm, hold + 7, rotate_vector(back, rotate_vector(hand, PALM)))
+        _set_mirrored(arm, hold + 1, rotate_vector(back, reach))
+        _set_mirrored(arm, hold + 4, rotate_vector(back, rotate_vector(hand, FINGERS)))
+        _set_mirrored(arm, hold + 7, rotate_vector(back, rotate_vector(hand, PALM)))
         arm[p.POLE], arm[p.POLE + 1], arm[p.POLE + 2] = ELBOW_TOWARDS
-        pose_rows(controls, offsets, _ONE, _HELD, eyes, facing, root, local)
+        pose_rows(controls, offsets, _ONE, _ALL_VALID, eyes, facing, root, local)
         forward_rows(parents, own, root, local, at, turn)
         # Set the given poses exactly: the solver limits the wrist and knows no roll of the head.
         at[0, J_RIGHT_HAND], turn[0, J_RIGHT_HAND] = hand_m[t], hand_wxyz[t]

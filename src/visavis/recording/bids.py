@@ -27,7 +27,7 @@ from visavis.lab.schema import StreamSchema
 from visavis.lab.version import version
 from visavis.recording.bids_about import DatasetAbout
 from visavis.recording.blurring import segments_of
-from visavis.recording.csv_file import NEUTRALISED, escape_formulas
+from visavis.recording.csv_file import ESCAPE_NOTE, escape_formulas
 from visavis.recording.durable import make_folder, replace_file
 from visavis.recording.journal import as_json
 from visavis.recording.number_table import holds_numbers, tsv_of_numbers
@@ -652,7 +652,7 @@ def _events_notes(recording: Recording, events: pd.DataFrame) -> dict[str, Any]:
     }
     _, escaped_columns = escape_formulas(events)
     for column in events.columns[3:]:
-        note = f"; {NEUTRALISED}" if str(column) in escaped_columns else ""
+        note = f"; {ESCAPE_NOTE}" if str(column) in escaped_columns else ""
         notes[str(column)] = {"Description": f"{column}, as the study recorded it{note}"}
     if "stim_file" in notes:
         notes["stim_file"] = {"Description": "file in stimuli/ that says who and what stood where"}

@@ -41,7 +41,7 @@ FAR_DEG: Final = 180.0
 
 _RIM: Final = 1 - 1e-5
 
-BLURRED: Final = ("head", "body", "gaze", "gaze_targets")
+BLURRED_STREAMS: Final = ("head", "body", "gaze", "gaze_targets")
 """Kinds of streams that are blurred; see `kind_of`."""
 
 _LENGTH = re.compile(
@@ -50,10 +50,10 @@ _LENGTH = re.compile(
 
 
 def kind_of(schema: StreamSchema) -> str | None:
-    """Tell how a stream is shown: blurred as one of `BLURRED`, "as_it_is", or None for not at all.
+    """Return how to show a stream: as one of `BLURRED_STREAMS`, "as_it_is", or None for not at all.
 
-    A stream nobody here knows that holds lengths or turns may show a body, and is left out; so are
-    those of the session that repeat the head's poses (`pointer`, `drawn_views`).
+    An unknown stream that holds lengths or rotations may show a body and is left out; so are those
+    of the session that repeat the head's poses (`pointer`, `drawn_views`).
     """
     fields = {f.name: f for f in schema.fields}
     if {"position_m", "orientation_wxyz", "valid"} == set(fields):

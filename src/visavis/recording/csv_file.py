@@ -10,7 +10,7 @@ import pandas as pd
 
 from visavis.recording.durable import replace_file
 
-NEUTRALISED = (
+ESCAPE_NOTE = (
     "text that a spreadsheet would take for a formula has an apostrophe (') before it, which is "
     "no part of it"
 )
@@ -59,7 +59,7 @@ def note_escaped_columns(sidecar: Path, columns: Collection[str]) -> None:
     for name in columns:
         entry = dictionary.setdefault(name, {})
         before = entry.get("Description", "")
-        entry["Description"] = f"{before}; {NEUTRALISED}" if before else NEUTRALISED
+        entry["Description"] = f"{before}; {ESCAPE_NOTE}" if before else ESCAPE_NOTE
     text = json.dumps(dictionary, indent=1, ensure_ascii=False) + "\n"
     replace_file(sidecar, text.encode())
 

@@ -17,7 +17,7 @@ _SCHEMA_HEADER = 1
 _RECORD_BATCH_HEADER = 3
 
 
-class Torn(Exception):
+class TornMessage(Exception):
     """The bytes at hand are not a whole message."""
 
 
@@ -50,7 +50,7 @@ class _Table:
         self._at = at
         self._vtable = at - struct.unpack_from("<i", data, at)[0]
         if not 0 <= self._vtable <= len(data) - 4:
-            raise Torn("table outside the message")
+            raise TornMessage("table outside the message")
         self._size = struct.unpack_from("<H", data, self._vtable)[0]
 
     def position(self, index: int) -> int | None:
@@ -80,47 +80,47 @@ class _Table:
             return ""
         length = struct.unpack_from("<I", self._data, at)[0]
         if at + 4 + length > len(self._data):
-            raise Torn("text outside the message")
+            raise TornMessage("text outside the message")
         return bytes(self._data[at + 4 : at + 4 + length]).decode()
 
 
 def read_message(data: memoryview, start: int) -> Message:
-    """Return the message that begins at `start`; raises `Torn` when it is cut or damaged."""
+    """Return the message that begins at `start`; raises `TornMessage` when it is cut or damaged."""
     try:
         return _parse(data, start)
     except (struct.error, UnicodeDecodeError, ValueError) as error:
-        raise Torn(str(error)) from error
+        raise TornMessage(str(error)) from error
 
 
 def _parse(data: memoryview, start: int) -> Message:
     if data[start : start + 4] != CONTINUATION:
-        raise Torn("no message starts here")
+        raise TornMessage("no message starts here")
     size = int(struct.unpack_from("<i", data, start + 4)[0])
     body = start + _PREFIX_BYTES + size
     if size == 0:
         return Message(start, body, body, False, True, 0, _NO_BUFFERS, {})
     if size < 0 or body > len(data):
-        raise Torn("the message is cut")
+        raise TornMessage("the message is cut")
     flat = data[start + _PREFIX_BYTES : body]
     message = _Table(flat, struct.unpack_from("<I", flat, 0)[0])
     kind = message.number(1, "<B")
     end = body + message.number(3, "<q")
     if not body <= end <= len(data):
-        raise Torn("the body is cut")
+        raise TornMessage("the body is cut")
     metadata = _metadata(flat, message)
     if kind == _SCHEMA_HEADER:
         return Message(start, body, end, True, False, 0, _NO_BUFFERS, metadata)
     header = message.target(2)
     if kind != _RECORD_BATCH_HEADER or header is None:
-        raise Torn("not a record batch")
+        raise TornMessage("not a record batch")
     batch = _Table(flat, header)
     n_rows = batch.number(0, "<q")
     at = batch.target(2)
     if at is None:
-        raise Torn("a record batch without buffers")
+        raise TornMessage("a record batch without buffers")
     count = struct.unpack_from("<I", flat, at)[0]
     if at + 4 + 16 * count > len(flat):
-        raise Torn("buffer list outside the message")
+        raise TornMessage("buffer list outside the message")
     buffers = np.frombuffer(flat, dtype="<i8", count=2 * count, offset=at + 4).reshape(-1, 2)
     return Message(start, body, end, False, False, n_rows, buffers, metadata)
 
@@ -131,7 +131,7 @@ def _metadata(flat: memoryview, message: _Table) -> dict[str, str]:
         return {}
     count = struct.unpack_from("<I", flat, at)[0]
     if count > len(flat) // 4:
-        raise Torn("metadata outside the message")
+        raise TornMessage("metadata outside the message")
     pairs = {}
     for slot in range(at + 4, at + 4 + 4 * count, 4):
         entry = _Table(flat, slot + struct.unpack_from("<I", flat, slot)[0])

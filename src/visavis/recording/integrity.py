@@ -19,10 +19,10 @@ from visavis.recording.reader import CHANGED, PART_COLUMN, Recording
 from visavis.recording.sealed import copy_path, copy_state
 from visavis.recording.stream_file import Gap, StreamContent
 
-DAMAGED = "damaged"
+DAMAGED_STATUS = "damaged"
 """Status of a finished trial some of whose samples cannot be read any more."""
 
-LOST = "lost"
+LOST_STATUS = "lost"
 """Status of a trial whose row cannot be read any more."""
 
 
@@ -30,7 +30,7 @@ LOST = "lost"
 class StreamDamage:
     """What one stream of a part lost; `rows_lost` None where nothing says how many.
 
-    `is_untrusted`: no row can be told from what was written, as the whole file is another.
+    `is_untrusted`: no row can be trusted, because the whole file was replaced by another.
     """
 
     part: int
@@ -57,7 +57,8 @@ class StreamDamage:
 class TrialDamage:
     """A trial that cannot be analysed as it was performed, and why.
 
-    `status` is DAMAGED or LOST; `part` and `attempt` are None where no trace of them is left.
+    `status` is DAMAGED_STATUS or LOST_STATUS; `part` and `attempt` are None where no trace of them
+    is left.
     `streams` are those with rows lost during the trial; an `untrusted` one is without its journal.
     """
 
@@ -93,7 +94,7 @@ class DamageReport:
     def summary(self) -> tuple[str, ...]:
         """Return in plain words what is missing, a line each."""
         lines = []
-        lost_ids = [t.trial_id for t in self.trials if t.status == LOST]
+        lost_ids = [t.trial_id for t in self.trials if t.status == LOST_STATUS]
         if self.journal_lines_lost:
             n = self.journal_lines_lost
             of = (
@@ -115,7 +116,7 @@ class DamageReport:
         return tuple(lines)
 
 
-_FOUND: "WeakKeyDictionary[Recording, DamageReport]" = WeakKeyDictionary()
+_REPORTS: "WeakKeyDictionary[Recording, DamageReport]" = WeakKeyDictionary()
 
 
 def damage_of(recording: Recording) -> DamageReport:
@@ -124,9 +125,9 @@ def damage_of(recording: Recording) -> DamageReport:
     Per stream, which rows are gone; per trial, what of it is missing. Never raises for damage.
     As with all that a `Recording` reads, files are looked at once: open it anew to look again.
     """
-    if recording not in _FOUND:
-        _FOUND[recording] = _damage_of(recording)
-    return _FOUND[recording]
+    if recording not in _REPORTS:
+        _REPORTS[recording] = _damage_of(recording)
+    return _REPORTS[recording]
 
 
 def _damage_of(recording: Recording) -> DamageReport:
@@ -181,9 +182,10 @@ def analysed_trials(recording: Recording, needs: Collection[str] | None = None) 
     damage_of_row = {
         (t.part, t.trial_id, t.attempt): t
         for t in damage.trials
-        if t.status == DAMAGED and (needs is None or not t.streams or set(t.streams) & set(needs))
+        if t.status == DAMAGED_STATUS
+        and (needs is None or not t.streams or set(t.streams) & set(needs))
     }
-    lost_trials = [t for t in damage.trials if t.status == LOST]
+    lost_trials = [t for t in damage.trials if t.status == LOST_STATUS]
     if not damage_of_row and not lost_trials:
         return rows
     records: list[dict[str, Any]] = []
@@ -304,7 +306,7 @@ def _struck_trials(
         else:
             continue
         yield TrialDamage(
-            part.number, str(row["trial_id"]), row.get("attempt"), DAMAGED, names, reason
+            part.number, str(row["trial_id"]), row.get("attempt"), DAMAGED_STATUS, names, reason
         )
 
 
@@ -312,16 +314,18 @@ def _lost_rows(recording: Recording, part: Part) -> Iterator[TrialDamage]:
     """Yield the trials of a part that began and have no row, where lines are unreadable."""
     journal = recording.journal(part.number)
     rows = {(str(t["row"]["trial_id"]), t["row"].get("attempt")) for t in journal.trials}
-    begun = [
+    starts = [
         (str(e["payload"]["trial_id"]), e["payload"].get("attempt"))
         for e in journal.events
         if e["name"] == "trial_start"
     ]
     if part.status != "complete":
-        begun = begun[:-1]  # which the end of the part interrupted
-    for trial_id, attempt in begun:
+        starts = starts[:-1]  # which the end of the part interrupted
+    for trial_id, attempt in starts:
         if (trial_id, attempt) not in rows:
-            yield TrialDamage(part.number, trial_id, attempt, LOST, (), _row_gone(part.folder))
+            yield TrialDamage(
+                part.number, trial_id, attempt, LOST_STATUS, (), _row_gone(part.folder)
+            )
 
 
 def _without_trace(
@@ -332,10 +336,12 @@ def _without_trace(
     if not parts or parts[-1].status != "complete":
         return
     there = {str(t["row"]["trial_id"]) for p in parts for t in recording.trial_entries(p.number)}
-    there |= {t.trial_id for t in damaged_trials if t.status == LOST}
+    there |= {t.trial_id for t in damaged_trials if t.status == LOST_STATUS}
     for trial in planned_trials(recording.manifest.plan):
         if trial["trial_id"] not in there:
-            yield TrialDamage(None, trial["trial_id"], None, LOST, (), _row_gone("the journal"))
+            yield TrialDamage(
+                None, trial["trial_id"], None, LOST_STATUS, (), _row_gone("the journal")
+            )
 
 
 def _row_gone(where: str) -> str:

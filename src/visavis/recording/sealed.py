@@ -24,7 +24,7 @@ CopyState: TypeAlias = Literal["same", "missing", "damaged", "other"]
 
 
 @dataclass(frozen=True)
-class Sealed:
+class SealedContent:
     """The content of a file; `is_sealed` tells whether its checksum is present and valid."""
 
     content: dict[str, Any]
@@ -44,7 +44,7 @@ def seal_of(data: bytes) -> str:
     return match[1].decode() if match else ""
 
 
-def unseal(data: bytes) -> Sealed:
+def unseal(data: bytes) -> SealedContent:
     """Return the content of a text; raises ValueError when it is no JSON object or was changed."""
     match = _TAIL_PATTERN.search(data[-_TAIL_BYTES:])
     if match and hashlib.sha256(data[:-_TAIL_BYTES]).hexdigest().encode() != match[1]:
@@ -54,10 +54,10 @@ def unseal(data: bytes) -> Sealed:
         raise ValueError("it is no JSON object")
     if match:
         content.pop("sha256")
-    return Sealed(content, match is not None)
+    return SealedContent(content, match is not None)
 
 
-def read_sealed(path: Path) -> Sealed:
+def read_sealed(path: Path) -> SealedContent:
     """Read a file; raises OSError, or ValueError as `unseal` does."""
     return unseal(read_plain(path))
 

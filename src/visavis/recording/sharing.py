@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from visavis.recording.blurring import (
-    BLURRED,
+    BLURRED_STREAMS,
     blurred_body,
     blurred_gaze,
     blurred_head,
@@ -31,7 +31,7 @@ TextRule: TypeAlias = Callable[[str, str], bool]
 """Returns whether the answer to a question (questionnaire, question) is free text."""
 
 AGE_BAND_YEARS: Final = 10
-TYPED: Final = ("text", "reason", "message")
+TYPED_FIELDS: Final = ("text", "reason", "message")
 """What the operator or participant typed, by its name in events and trial rows."""
 
 TYPED_EVENTS: Final = ("operator", "session_aborted", "session_failed", "trial_skip")
@@ -116,7 +116,7 @@ class SharedRecording(Recording):
     def _blur(self, number: int, name: str, content: StreamContent) -> Columns:
         columns, schema = content.columns, content.schema
         kind = None if schema is None else kind_of(schema)
-        if schema is None or kind not in BLURRED or not content.n_rows:
+        if schema is None or kind not in BLURRED_STREAMS or not content.n_rows:
             return columns
         if kind == "head":
             return blurred_head(columns, self._median_m(name))
@@ -147,7 +147,7 @@ class SharedRecording(Recording):
         return None
 
     def _row(self, row: Mapping[str, Any]) -> dict[str, Any]:
-        hidden_columns = {*TYPED, *self.sharing.text_columns} if self._hides else set()
+        hidden_columns = {*TYPED_FIELDS, *self.sharing.text_columns} if self._hides else set()
         if self.sharing.blurs:
             hidden_columns |= {name for name in row if tells_length(name)}
         return {k: None if k in hidden_columns else self._relabel(v) for k, v in row.items()}
@@ -159,7 +159,7 @@ class SharedRecording(Recording):
         if not self._hides:
             return public
         if name in TYPED_EVENTS:
-            public |= {k: None for k in TYPED if k in public}
+            public |= {k: None for k in TYPED_FIELDS if k in public}
         if name == "answer":
             public["answer"] = self._answer(public)
         return public

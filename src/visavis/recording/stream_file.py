@@ -23,7 +23,7 @@ from visavis.recording.columns import (
     row_dtype,
     stream_schema,
 )
-from visavis.recording.framing import CONTINUATION, Message, Torn, read_message
+from visavis.recording.framing import CONTINUATION, Message, TornMessage, read_message
 
 Columns = dict[str, npt.NDArray[Any]]
 
@@ -150,9 +150,9 @@ def _header(
     try:
         message = read_message(data, 0)
         if not message.is_schema:
-            raise Torn("the first message is not a schema")
+            raise TornMessage("the first message is not a schema")
         return message.end, pa.ipc.read_schema(pa.py_buffer(bytes(data[: message.end])))
-    except (Torn, pa.ArrowException, OSError, ValueError) as error:
+    except (TornMessage, pa.ArrowException, OSError, ValueError) as error:
         problems.append(f"{path}: the header is cut or damaged ({error})")
         return 0, None
 
@@ -183,7 +183,7 @@ def _batches(
                 return batches, True, gaps
             batch = _decode(data, message, fields)
             end = message.end
-        except Torn as error:
+        except TornMessage as error:
             next_batch = _next_intact(data, at + 8, fields, row)
             if next_batch is None:
                 n_lost = len(data) - at
@@ -237,7 +237,7 @@ def _next_intact(
                     batch = _decode(data, message, fields)
                     if batch.first_row >= least_row:
                         return at, batch, message.end
-            except Torn:
+            except TornMessage:
                 pass
         at = raw.find(CONTINUATION, at + 1)
     return None
@@ -249,17 +249,17 @@ def _sizes(fields: tuple[Field, ...], n: int) -> tuple[int, ...]:
 
 
 def _decode(data: memoryview, message: Message, fields: tuple[Field, ...]) -> _Batch:
-    """Return the column buffers of a message; raises Torn when it was changed or cut."""
+    """Return the column buffers of a message; raises TornMessage when it was changed or cut."""
     if message.is_schema:
-        raise Torn("a second header")
+        raise TornMessage("a second header")
     places = [(at, size) for at, size in message.buffers.tolist() if size > 0]
     n, body, end = message.n_rows, message.body, message.end
     sizes = _sizes(fields, n)
     n_filled = len(sizes) - sizes.count(0)  # a column without values takes no bytes
     if not places or len(places) != n_filled:
-        raise Torn(f"{len(places)} columns instead of {n_filled}")
+        raise TornMessage(f"{len(places)} columns instead of {n_filled}")
     if end - body != -(-sum(places[-1]) // 8) * 8:
-        raise Torn("the body has another length than its columns")
+        raise TornMessage("the body has another length than its columns")
     row, crc_text = message.metadata.get("row", ""), message.metadata.get("crc32", "")
     crc = zlib.crc32(row.encode())
     buffers = []
@@ -267,12 +267,12 @@ def _decode(data: memoryview, message: Message, fields: tuple[Field, ...]) -> _B
     for field, due in zip(fields, sizes, strict=True):
         at, size = next(place) if due else (0, 0)
         if size != due or at < 0 or body + at + size > end:
-            raise Torn(f"column {field.name!r} has another size")
+            raise TornMessage(f"column {field.name!r} has another size")
         buffer = data[body + at : body + at + size]
         crc = zlib.crc32(buffer, crc)
         buffers.append(buffer)
     if crc_text != f"{crc:08x}" or not row.isdigit():
-        raise Torn("the checksum disagrees")
+        raise TornMessage("the checksum disagrees")
     return _Batch(int(row), n, tuple(buffers))
 
 

@@ -66,7 +66,7 @@ class Recorder:
         self._is_simulated = is_simulated
         self._streams: dict[str, OpenStream] = {}
         self._failure: RecordingError | None = None
-        self._failure_told = False
+        self._failure_reported = False
         self._summary: PartSummary | None = None
         self._journal = AppendOnlyFile(part_dir / JOURNAL_NAME)
         self._lines: list[bytes] = []
@@ -231,7 +231,7 @@ class Recorder:
         for stream in self._streams.values():
             stream.file.close()
         self._journal.close()
-        if failure is not None and not self._failure_told:
+        if failure is not None and not self._failure_reported:
             raise failure
         return self._summary
 
@@ -244,7 +244,7 @@ class Recorder:
 
     def _raise_failure(self) -> None:
         if self._failure is not None:
-            self._failure_told = True
+            self._failure_reported = True
             raise self._failure
         if self._summary is not None:
             raise RecordingError(f"{self._dir} is closed; begin a new part to record more")

@@ -28,7 +28,7 @@ from visavis.results.sensitivity import SensitivityRow, sensitivity
 from visavis.study.comparisons import AGREEMENT, THING, Compare
 from visavis.study.declaration import Study
 from visavis.study.look_measures import MAIN_MEASURES
-from visavis.study.measures import Measure, aggregated
+from visavis.study.measures import Measure, aggregate_cells
 from visavis.study.pairs import Family, Pairs, Printed
 from visavis.study.responses import Rating
 from visavis.study.sections import Conclusion
@@ -72,7 +72,7 @@ class Contrast:
     difference: float
     sentence: str
     row: Mapping[str, Any] = field(repr=False)
-    printed: Printed | None = None
+    published_result: Printed | None = None
 
     @property
     def name(self) -> str:
@@ -85,10 +85,10 @@ class Contrast:
 
         The source's direction is that of second minus first.
         """
-        if self.printed is None:
+        if self.published_result is None:
             return None
-        same = self.printed.direction in (0, -int(np.sign(self.difference)))
-        return Agreement(self.printed.is_significant, self.is_significant, same)
+        same = self.published_result.direction in (0, -int(np.sign(self.difference)))
+        return Agreement(self.published_result.is_significant, self.is_significant, same)
 
 
 @dataclass(frozen=True)
@@ -251,7 +251,7 @@ class StudyAnalysis:
 
     def cell_means(self) -> pd.DataFrame:
         """Return one row per participant and cell, levels in their order, with every measure."""
-        means = aggregated(self.selection.counted, self.measures, self.cells)
+        means = aggregate_cells(self.selection.counted, self.measures, self.cells)
         order = {f: {level: i for i, level in enumerate(self.levels[f])} for f in self.cells}
         sorted_means: pd.DataFrame = means.sort_values(
             ["participant", *self.cells],
@@ -280,29 +280,42 @@ def measures_of(study: Study, responses: Mapping[str, Any]) -> tuple[Measure, ..
     return tuple(measures.values())
 
 
+@dataclass(frozen=True)
+class AnalysisInForce:
+    """What a study's analysis goes by, once its parameters and settings are in force."""
+
+    levels: Mapping[str, tuple[Scalar, ...]]
+    """The levels of every factor, in their order."""
+    measures: Sequence[Measure]
+    """What was measured."""
+    cells: Sequence[str] = ()
+    """The factors whose combinations tables describe; all that have levels if left out."""
+    compare: Sequence[Compare] | None = None
+    """The comparisons that this design can make; all of the study if left out."""
+    rules: TestRules = DEFAULT_TEST_RULES
+    """How families of tests decide."""
+    thresholds: Any = None
+    """Thresholds of the study's own analysis."""
+    how: Any = None
+    """How trials were measured one by one."""
+    level_words: Mapping[str, str] | None = None
+    """What sentences call levels; their names if left out."""
+
+
 def analyse_rows(
     study: Study,
     selection: Selection,
     people: pd.DataFrame,
+    in_force: AnalysisInForce,
     *,
-    levels: Mapping[str, tuple[Scalar, ...]],
-    measures: Sequence[Measure],
     is_simulated: bool,
-    cells: Sequence[str] = (),
-    rules: TestRules = DEFAULT_TEST_RULES,
-    varied: pd.DataFrame | None = None,
-    compare: Sequence[Compare] | None = None,
+    sensitivity_rows: pd.DataFrame | None = None,
     tables: Mapping[str, pd.DataFrame] | None = None,
-    thresholds: Any = None,
-    how: Any = None,
-    called: Mapping[str, str] | None = None,
 ) -> StudyAnalysis:
     """Answer every planned comparison and make every family of tests; untested ones say why.
 
-    `compare` are the comparisons that this design can make (all by default). `varied` holds the
-    main measures of looks by padding and minimum duration, where there are any; `tables`, `how`
-    and `thresholds` are what sections and further findings need. `called` gives the words
-    for levels in sentences; without it they have their names.
+    `sensitivity_rows` holds the main measures of looks by padding and minimum duration, where there
+    are any; `tables` are further ones for sections and further findings.
 
     Raises:
         DataError: no trial counts.
@@ -312,65 +325,81 @@ def analyse_rows(
         raise DataError(
             f"no trial of {study.name} counts ({why or 'there is none'}); nothing can be analysed"
         )
-    by_column = {m.column: m for m in measures}
+    levels = dict(in_force.levels)
+    by_column = {m.column: m for m in in_force.measures}
     findings = [
-        answered(
-            c, selection.counted, by_column, dict(levels), is_simulated=is_simulated, called=called
+        answer_comparison(
+            c,
+            selection.counted,
+            by_column,
+            levels,
+            is_simulated=is_simulated,
+            level_words=in_force.level_words,
         )
-        for c in (study.analysis.compare if compare is None else compare)
+        for c in (study.analysis.compare if in_force.compare is None else in_force.compare)
     ]
     analysis = StudyAnalysis(
         study,
         is_simulated,
         selection,
         people,
-        dict(levels),
-        tuple(measures),
-        corrected(findings),
-        tuple(cells or levels),
-        rules=rules,
+        levels,
+        tuple(in_force.measures),
+        with_corrected_p(findings),
+        tuple(in_force.cells or levels),
+        rules=in_force.rules,
         tables=tables or {},
-        thresholds=thresholds,
-        how=how,
+        thresholds=in_force.thresholds,
+        how=in_force.how,
     )
-    analysis = _with_families(analysis, by_column, varied)
+    # Families need the measures' names, and further findings may read the families.
+    analysis = _with_families(analysis, by_column, sensitivity_rows)
     further_of = study.analysis.further_of
     return analysis if further_of is None else replace(analysis, further=further_of(analysis))
 
 
 def _with_families(
-    made: StudyAnalysis, known: Mapping[str, Measure], varied: pd.DataFrame | None
+    analysis: StudyAnalysis, measures: Mapping[str, Measure], sensitivity_rows: pd.DataFrame | None
 ) -> StudyAnalysis:
     """Make every family of tests whose measures are all in the trials."""
-    trials, levels, rules = made.selection.counted, made.levels, made.rules
+    trials, levels, rules = analysis.selection.counted, analysis.levels, analysis.rules
     results = tuple(
-        Results(of, results_of(of, trials, made.people, known, levels, rules))
-        for of in made.study.analysis.families
+        Results(of, results_of(of, trials, analysis.people, measures, levels, rules))
+        for of in analysis.study.analysis.families
         if all(name in trials for name in of.measures)
     )
-    made = replace(made, results=results)
+    analysis = replace(analysis, results=results)
     main = next((r.of for r in results if isinstance(r.of, Pairs) and not r.of.each), None)
     if main is None:
-        return made
-    finished_trials = made.selection.finished
-    again = compare_pairs(main, finished_trials, known, levels, rules, family="without exclusions")
-    made = replace(made, without_rules=again)
-    if varied is None or varied.empty or not set(main.measures) <= set(MAIN_MEASURES):
-        return made
-    first = made.pairs_of(main.family)
-    return replace(made, sensitivity=sensitivity(varied, trials, first, main, known, levels, rules))
+        return analysis
+    finished_trials = analysis.selection.finished
+    again = compare_pairs(
+        main, finished_trials, measures, levels, rules, family="without exclusions"
+    )
+    analysis = replace(analysis, without_rules=again)
+    if (
+        sensitivity_rows is None
+        or sensitivity_rows.empty
+        or not set(main.measures) <= set(MAIN_MEASURES)
+    ):
+        return analysis
+    first = analysis.pairs_of(main.family)
+    return replace(
+        analysis,
+        sensitivity=sensitivity(sensitivity_rows, trials, first, main, measures, levels, rules),
+    )
 
 
-def answered(
+def answer_comparison(
     compare: Compare,
     trials: pd.DataFrame,
     measures: Mapping[str, Measure],
     levels: dict[str, tuple[Scalar, ...]],
     *,
     is_simulated: bool,
-    called: Mapping[str, str] | None = None,
+    level_words: Mapping[str, str] | None = None,
 ) -> Finding:
-    """Test one comparison on the trials that count; `called` gives the words for levels.
+    """Test one comparison on the trials that count; `level_words` are the words for levels.
 
     Raises:
         DataError: there is no such measure or factor.
@@ -390,14 +419,14 @@ def answered(
         )
     # From here a comparison that cannot be tested is a finding that says why, so that the others
     # are still analysed.
-    trials = compare.chosen(trials)
+    trials = compare.select(trials)
     if measure.column not in trials:
         return Finding(compare, measure, None, (), f"no trial has {measure.column}")
     if compare.model:  # models take single trials, not the means of cells
         frame = trials[["participant", *factors, measure.column]].copy()
         frame[measure.column] = pd.to_numeric(frame[measure.column], errors="coerce").astype(float)
     else:
-        frame = aggregated(trials, [measure], factors).drop(columns="n")
+        frame = aggregate_cells(trials, [measure], factors).drop(columns="n")
     n = frame.dropna(subset=[measure.column])["participant"].nunique()
     if n < MIN_PARTICIPANTS:
         words = measure.words[:1].lower() + measure.words[1:]
@@ -406,10 +435,10 @@ def answered(
         return Finding(compare, measure, None, (), why)
     notes: tuple[str, ...] = ()
     if compare.test in AGREEMENT:
-        frame, notes = _rated(compare, frame)
+        frame, notes = _agreement_rows(compare, frame)
     question = compare.question(
         {f: tuple(map(str, levels[f])) for f in factors},
-        called=called,
+        level_words=level_words,
         unit="" if measure.unit == "1" else measure.unit,
     )
     frame = frame.assign(**{SIMULATED_COLUMN: is_simulated})
@@ -433,7 +462,7 @@ def answered(
     return Finding(compare, measure, outcome, terms)
 
 
-def _rated(compare: Compare, frame: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
+def _agreement_rows(compare: Compare, frame: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
     """Return rows with a column for the rated thing, and notes for the report.
 
     An ICC needs every rating of each rater: participants with gaps are left out of it.
@@ -460,7 +489,7 @@ def _levels_of(row: Mapping[str, Any]) -> tuple[str, str]:
     return first, second
 
 
-def corrected(findings: Sequence[Finding]) -> tuple[Finding, ...]:
+def with_corrected_p(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     """Return the findings with every term's p corrected over its family."""
     families: dict[tuple[str, str], list[float]] = {}
     for finding in findings:

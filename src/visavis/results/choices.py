@@ -30,7 +30,7 @@ COLUMNS: Final = (
 )
 
 
-def chosen(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
+def choice_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
     """Return how often each option of every choice was chosen; empty where no choice was asked."""
     rows: list[dict[str, Any]] = []
     blocks: list[Block] = []
@@ -38,7 +38,9 @@ def chosen(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
         if isinstance(response, Choice) and response.name in analysis.selection.counted:
             count_rows = list(_counts(analysis, response))
             rows += count_rows
-            blocks += _told(count_rows, response, analysis, experiment) if count_rows else []
+            blocks += (
+                _choice_blocks(count_rows, response, analysis, experiment) if count_rows else []
+            )
     if not rows:
         return Extra()
     section = Section(NAME, "What was chosen", tuple(blocks))
@@ -81,7 +83,7 @@ def _counts(analysis: StudyAnalysis, response: Choice) -> Iterator[dict[str, Any
             }
 
 
-def _told(
+def _choice_blocks(
     rows: list[dict[str, Any]],
     response: Choice,
     analysis: StudyAnalysis,

@@ -26,7 +26,7 @@ from visavis.analysis.statistics.errors import StatisticsError
 from visavis.analysis.statistics.results import Cell, p_text
 from visavis.lab.errors import DataError, UsageError
 from visavis.protocol.plan.columns import Column
-from visavis.study.measures import Measure, aggregated
+from visavis.study.measures import Measure, aggregate_cells
 from visavis.study.pairs import Correlate, Family, Pairs, Printed
 
 MIN_CORRELATED: Final = 4
@@ -137,7 +137,7 @@ class PairTest:
         return 2.0 / 2.0**ranks.n_nonzero < self.threshold
 
     @property
-    def printed(self) -> Printed | None:
+    def published_result(self) -> Printed | None:
         """The source's result of this test; None where it prints none."""
         return None if self.of.printed is None else self.of.printed(self)
 
@@ -145,7 +145,7 @@ class PairTest:
         """Return the conclusion with test, n, statistic, p, effect size and threshold."""
         what = self.measure.words + (f" ({self.where.replace('_', ' ')})" if self.where else "")
         noun = f" {self.of.noun}" if self.of.noun else ""
-        names = f"{self.of.called(self.first)} and {self.of.called(self.second)}{noun}"
+        names = f"{self.of.level_words(self.first)} and {self.of.level_words(self.second)}{noun}"
         if self.outcome is None:
             return f"{what}, {names}: not tested, {self.problem}."
         unit = f" {self.measure.unit}" if self.measure.unit not in ("", "1") else ""
@@ -163,7 +163,7 @@ class PairTest:
         eta = "" if self.outcome.eta is None else f", {self.outcome.eta}"
         return (
             f"{what} {verdict} between {names} ({first} and {second}): {kind} of "
-            f"{self.of.called(self.first)} minus {self.of.called(self.second)}, "
+            f"{self.of.level_words(self.first)} minus {self.of.level_words(self.second)}, "
             f"n = {self.n_pairs}{incomplete}, {self.statistic()}, "
             f"{p_text(self.outcome.p)}, {effect}{eta}; threshold "
             f"{threshold(self.threshold)} ({threshold(self.alpha)} over {self.n_tests} tests)."
@@ -244,7 +244,7 @@ class CorrelationTest:
         return self.outcome.method != "exact" or 2.0 / factorial(self.n) < self.alpha
 
     @property
-    def printed(self) -> Printed | None:
+    def published_result(self) -> Printed | None:
         """The source's result of this test; None where it prints none."""
         return None if self.of.printed is None else self.of.printed(self)
 
@@ -285,14 +285,14 @@ Test = PairTest | CorrelationTest
 
 @dataclass(frozen=True)
 class Agreement:
-    """One published verdict beside ours.
+    """A published verdict compared with ours.
 
     `ours` None: not tested. `is_decidable` False: with so few participants the test could not
     reach its threshold, so it neither agrees nor disagrees. Verdicts agree when both are not
     significant, or both are in the same direction; the direction counts only where one is printed.
     """
 
-    published: bool
+    published_significant: bool
     ours: bool | None
     same_direction: bool = True
     is_decidable: bool = True
@@ -302,7 +302,9 @@ class Agreement:
         """Tell whether the verdicts agree; None when there is none to compare."""
         if self.ours is None or not self.is_decidable:
             return None
-        return self.published == self.ours and (not self.published or self.same_direction)
+        return self.published_significant == self.ours and (
+            not self.published_significant or self.same_direction
+        )
 
 
 @dataclass(frozen=True)
@@ -310,18 +312,18 @@ class AgreementCount:
     """Numbers of verdicts that agree, that could be compared, and that are published."""
 
     agree: int
-    compared: int
-    published: int
+    comparable_count: int
+    published_count: int
 
     def __str__(self) -> str:
-        text = f"{self.agree} of {self.published}"
-        left = self.published - self.compared
+        text = f"{self.agree} of {self.published_count}"
+        left = self.published_count - self.comparable_count
         return f"{text} ({left} undecided)" if left else text
 
 
 def agreement(test: Test) -> Agreement | None:
     """Compare a test's verdict with the source's; None where the source prints none."""
-    printed_result = test.printed
+    printed_result = test.published_result
     if printed_result is None:
         return None
     same = printed_result.direction in (0, test.direction)
@@ -335,7 +337,10 @@ def published_cells(test: Test) -> dict[str, Cell]:
     verdicts = agreement(test)
     if verdicts is None:
         return {}
-    return {"published_significant": verdicts.published, "agrees_with_published": verdicts.agrees}
+    return {
+        "published_significant": verdicts.published_significant,
+        "agrees_with_published": verdicts.agrees,
+    }
 
 
 def count_agreement(tests: Iterable[Test]) -> AgreementCount:
@@ -428,7 +433,7 @@ def compare_pairs(
     possible = [pair for pair in of.levels if there >= set(pair)]
     sizes = {"measures": len(family_measures), "levels": len(possible), "each": len(places)}
     n_tests = int(np.prod([sizes[name] for name in of.shared]))
-    means = aggregated(trials, family_measures, [of.factor, *([of.each] if of.each else [])])
+    means = aggregate_cells(trials, family_measures, [of.factor, *([of.each] if of.each else [])])
     tests = []
     for place in places:
         here = means[means[of.each].astype(str) == place] if of.each else means
@@ -475,7 +480,7 @@ def correlate(
     `means` has one row per participant and level.
     """
     correlations = [
-        _correlated(of, means, scores, measures[name], str(level), rules)
+        _correlate_at_level(of, means, scores, measures[name], str(level), rules)
         for name in of.measures
         for level in levels
     ]
@@ -488,7 +493,7 @@ def correlate(
     return tuple(correlations)
 
 
-def _correlated(
+def _correlate_at_level(
     of: Correlate,
     means: pd.DataFrame,
     scores: "pd.Series[float]",
@@ -527,7 +532,7 @@ def results_of(
     """Make every test of a family: pairs of levels, or correlations with a score."""
     if isinstance(of, Pairs):
         return compare_pairs(of, trials, measures, levels, rules)
-    means = aggregated(trials, [measures[name] for name in of.measures], [of.factor])
+    means = aggregate_cells(trials, [measures[name] for name in of.measures], [of.factor])
     return correlate(of, means, scores_of(people, of.score), measures, levels[of.factor], rules)
 
 

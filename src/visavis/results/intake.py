@@ -19,14 +19,14 @@ from visavis.protocol.plan.questionnaires import (
     load_questionnaire,
     read_answers,
     score,
-    unanswered,
+    unanswered_questions,
 )
 from visavis.protocol.session.gaze_setup import TARGETS
 from visavis.recording.integrity import analysed_trials, damage_of
 from visavis.recording.manifest import Manifest
 from visavis.recording.reader import Recording
-from visavis.results.picture_delay import LATE, LatePictures, answered_from_light
-from visavis.study.exclusions import ANSWERED
+from visavis.results.picture_delay import LATE, LatePictures, answer_times_from_light
+from visavis.study.exclusions import ANSWERED_COLUMN
 from visavis.study.look_measures import LOOK_COLUMNS, LooksOn
 from visavis.study.measures import Measure, SessionGaze, TrialRecord, value_of
 
@@ -59,7 +59,7 @@ class SessionIntake:
         return replace(self, rows=empty, sensitivity=empty, blocks=empty, tables={})
 
     @property
-    def planned(self) -> int:
+    def planned_count(self) -> int:
         """How many trials were planned, practice not counted."""
         blocks = self.manifest.plan.get("blocks", ())
         return sum(not t["is_practice"] for b in blocks for t in b["trials"])
@@ -189,7 +189,7 @@ def _from_light(rows: pd.DataFrame, late: LatePictures, answers: Sequence[str]) 
     for index, row, late_ns in zip(rows.index, rows.to_dict("records"), delays_ns, strict=True):
         if late_ns is None:
             continue
-        for column, ms in answered_from_light(row, answers, late_ns).items():
+        for column, ms in answer_times_from_light(row, answers, late_ns).items():
             rows.loc[index, column] = ms
     return rows
 
@@ -236,11 +236,11 @@ def person_of(recording: Recording, questionnaires: Sequence[Questionnaire]) -> 
     for form in questionnaires:
         answers = read_answers(form, answers_by_name.get(form.name, {}))
         required_count += sum(q.item.required for q in form.questions())
-        missing += len(unanswered(form, answers))
+        missing += len(unanswered_questions(form, answers))
         person |= answers
         person |= {f"{form.name}_{name}": value for name, value in score(form, answers).items()}
     if required_count:
-        person[ANSWERED] = (required_count - missing) / required_count
+        person[ANSWERED_COLUMN] = (required_count - missing) / required_count
     return person
 
 
@@ -297,11 +297,11 @@ def gaze_facts(recording: Recording, rows: pd.DataFrame) -> dict[str, str]:
         frames = recording.stream_schema("frames")
         rate = f", {frames.nominal_rate_hz:g} Hz" if frames is not None else ""
         facts["display"] = f"{headset['vendor']} {headset['model']}{rate}"
-    done = rows[rows["status"] == "complete"]
-    if gaze is not None and len(done):
+    finished_trials = rows[rows["status"] == "complete"]
+    if gaze is not None and len(finished_trials):
         facts["sampling_rate"] = (
             f"{gaze.nominal_rate_hz:g} Hz nominal, "
-            f"{_rate_in_trials_hz(recording, 'gaze', done):.1f} Hz effective"
+            f"{_rate_in_trials_hz(recording, 'gaze', finished_trials):.1f} Hz effective"
         )
     return facts
 
@@ -321,13 +321,13 @@ def _role_with_rate(recording: Recording, role: str) -> str:
     return role.replace("_", " ") + (f", {rate_hz:g} Hz" if rate_hz else "")
 
 
-def _rate_in_trials_hz(recording: Recording, stream: str, done: pd.DataFrame) -> float:
+def _rate_in_trials_hz(recording: Recording, stream: str, trials: pd.DataFrame) -> float:
     """Return how many samples of a stream came in a second of finished trials."""
     columns = recording.stream_arrays(stream)
     parts, at_ns = columns["recording_part"], columns["t_host_ns"]
     count = duration_s = 0.0
     for part, start_ns, end_ns in zip(
-        done["recording_part"], done["t_start_ns"], done["t_end_ns"], strict=True
+        trials["recording_part"], trials["t_start_ns"], trials["t_end_ns"], strict=True
     ):
         in_trial = (parts == part) & (at_ns >= start_ns) & (at_ns < end_ns)
         count += float(in_trial.sum())

@@ -17,22 +17,27 @@ from visavis.people.person import StudyPerson
 from visavis.protocol.people.simulated_participant import SimulatedParticipant
 from visavis.protocol.plan.experiment import ValidationPoint, ValidationVerdict
 from visavis.protocol.plan.questionnaires import Questionnaire
-from visavis.protocol.plan.shown_scene import Shown
+from visavis.protocol.plan.shown_scene import RecordedScene
 from visavis.recording.reader import Recording
-from visavis.results.analysis import StudyAnalysis, analyse_rows, measures_of
+from visavis.results.analysis import (
+    AnalysisInForce,
+    StudyAnalysis,
+    analyse_rows,
+    measures_of,
+)
 from visavis.results.family_tests import DEFAULT_TEST_RULES, TestRules
 from visavis.results.intake import SessionIntake, questionnaire, take_in
 from visavis.results.locked_plan.review import PlanReview
 from visavis.results.picture_delay import SETTING, delay_of
 from visavis.results.selection import Selection, left_out_lines, select
 from visavis.results.tables.dictionary import PEOPLE, of_shown, trial_columns
-from visavis.results.unusual import MAX_LISTED, Striking, striking_trials
+from visavis.results.unusual import MAX_LISTED, UnusualTrial, unusual_trials
 from visavis.results.validation import judge_validation
 from visavis.stimuli.scene import SceneFrame
 from visavis.study.cast import use_recorded_cast
 from visavis.study.catalogue import declared_study
 from visavis.study.declaration import Study
-from visavis.study.exclusions import ANSWERED, STANDARD_COLUMNS, Exclusion, limits_in_force
+from visavis.study.exclusions import ANSWERED_COLUMN, STANDARD_COLUMNS, Exclusion, limits_in_force
 from visavis.study.experiment import StudyExperiment
 from visavis.study.measures import Measure, lost_gaze, lost_head
 from visavis.study.pieces import MeasuredTrial, Pieces
@@ -52,7 +57,7 @@ class OpenedStudy:
     """How its locked plan was followed, for the report; None where no plan was locked."""
     tell: Callable[[str], None] | None = None
     """Called with a line on every trial and person that an analysis leaves out, and why."""
-    make_views: Callable[[Path, Sequence[Striking]], None] | None = None
+    make_views: Callable[[Path, Sequence[UnusualTrial]], None] | None = None
     """Makes the pages of trials to look at, in the folder of the report."""
 
     @property
@@ -73,7 +78,7 @@ class OpenedStudy:
             DesignError: a trial cannot be run through.
         """
         experiment = StudyExperiment(self.study, dict(overrides))
-        self._refuse_slips(experiment)
+        self._refuse_unknown_names(experiment)
         return experiment
 
     def experiment_of(self, recording: Recording) -> StudyExperiment:
@@ -91,15 +96,15 @@ class OpenedStudy:
                 "under provenance, or move its folder out of the study"
             ) from error
 
-    def _refuse_slips(self, made: StudyExperiment) -> None:
+    def _refuse_unknown_names(self, experiment: StudyExperiment) -> None:
         """Refuse comparisons, measures, exclusions and sections with names the study does not have.
 
         Raises:
             DesignError: with the line of the study file and the most similar valid name.
         """
-        measure_columns = tuple(m.column for m in self.measures(made))
+        measure_columns = tuple(m.column for m in self.measures(experiment))
         factors = (*(f.name for f in self.study.design.factors), *self.study.design.derived)
-        slips = [
+        uses = [
             *((c.dv, "measure", measure_columns) for c in self.study.analysis.compare),
             *(
                 (name, "factor", factors)
@@ -107,21 +112,21 @@ class OpenedStudy:
                 for name in (*c.within, *c.between, *c.only)
             ),
         ]
-        choices = tuple(n for n, r in made.responses.items() if isinstance(r, Choice))
+        choices = tuple(n for n, r in experiment.responses.items() if isinstance(r, Choice))
         columns = (*factors, *(c.name for c in self.study.analysis.columns))
         for section in self.study.report.sections:
             if isinstance(section, Confusion):
-                slips.append((section.answered, "choice", choices))
-                slips.append((section.shown, "factor or column", columns))
-                slips += [(section.by, "factor", factors)] if section.by else []
-        roles = frozenset().union(*(t.roles for t in made.read.values()))
+                uses.append((section.answered, "choice", choices))
+                uses.append((section.shown, "factor or column", columns))
+                uses += [(section.by, "factor", factors)] if section.by else []
+        roles = frozenset().union(*(t.roles for t in experiment.read.values()))
         if roles:
             who = tuple(sorted(roles))
-            slips += [(m.role, "role", who) for m in self.study.analysis.measures if m.role]
+            uses += [(m.role, "role", who) for m in self.study.analysis.measures if m.role]
         own = [r for r in self.study.analysis.exclusions if r.column not in STANDARD_COLUMNS]
         for rule in own:
-            slips += self._unknown_column(rule, made)
-        for name, kind, valid_names in slips:
+            uses += self._unknown_column(rule, experiment)
+        for name, kind, valid_names in uses:
             if name not in valid_names:
                 place = line_saying(self.study.files.path, name) or f"study {self.study.name}"
                 near = did_you_mean(name, valid_names)
@@ -130,7 +135,7 @@ class OpenedStudy:
                 raise DesignError(f"{place}: there is no {kind} {name!r}{near}{there}")
 
     def _unknown_column(
-        self, rule: Exclusion, made: StudyExperiment
+        self, rule: Exclusion, experiment: StudyExperiment
     ) -> list[tuple[str, str, tuple[str, ...]]]:
         """Return the error of a rule whose column no trial and no person can have; else nothing."""
         if rule.level == "participant":
@@ -138,8 +143,8 @@ class OpenedStudy:
             # The names of a study's own facts are known only once there are data.
             is_known = rule.column in valid_names or self.study.analysis.facts_of is not None
         else:
-            valid_names = tuple(trial_columns(made, self.measures(made)))
-            roles = frozenset().union(*(t.roles for t in made.read.values()))
+            valid_names = tuple(trial_columns(experiment, self.measures(experiment)))
+            roles = frozenset().union(*(t.roles for t in experiment.read.values()))
             is_known = rule.column in valid_names or of_shown(rule.column, roles)
         return [] if is_known else [(rule.column, f"column of {rule.level}s", valid_names)]
 
@@ -200,16 +205,16 @@ class OpenedStudy:
             for n in (*self.study.asks.after_block, *self.study.asks.questionnaires)
         )
 
-    def views_of(self, shown: Shown) -> Iterator[SceneFrame]:
+    def views_of(self, record: RecordedScene) -> Iterator[SceneFrame]:
         """Yield the views that a recorded frame may have shown, the likeliest first."""
         if self.study.procedure.views_of is not None:
-            plan = shown.recording.manifest.plan
-            experiment = shown.once("experiment", lambda: self.experiment(overrides_of(plan)))
-            yield from self.study.procedure.views_of(shown, experiment)
+            plan = record.recording.manifest.plan
+            experiment = record.once("experiment", lambda: self.experiment(overrides_of(plan)))
+            yield from self.study.procedure.views_of(record, experiment)
             return
-        bare = shown.view
-        latest = shown.latest("shown")
-        if latest is None or not shown.scene.agents:
+        bare = record.view
+        latest = record.latest("shown")
+        if latest is None or not record.scene.agents:
             yield replace(
                 bare, scene=replace(bare.scene, dressed_by=self.study.procedure.dressed_by)
             )
@@ -225,7 +230,7 @@ class OpenedStudy:
             Scene(payload["scene"], **options), staging, self.study.procedure.makers
         )
         scene = replace(
-            staged_scene.scene, agents=shown.scene.agents, brightness_01=shown.scene.brightness_01
+            staged_scene.scene, agents=record.scene.agents, brightness_01=record.scene.brightness_01
         )
         yield replace(bare, scene=scene)
 
@@ -251,7 +256,7 @@ class OpenedStudy:
         """How its trials are measured one by one; None where a session is measured at once."""
         return self.study.analysis.measured_in_pieces
 
-    def asked(self, names: Sequence[str]) -> list[Questionnaire]:
+    def original_questionnaires(self, names: Sequence[str]) -> list[Questionnaire]:
         """Return questionnaires by name, in their original wording."""
         return [questionnaire(name, self.study.folders) for name in names]
 
@@ -259,18 +264,18 @@ class OpenedStudy:
         self,
         recording: Recording,
         settings: Mapping[str, Any] | None = None,
-        measured: Mapping[str, MeasuredTrial] | None = None,
+        trial_measures: Mapping[str, MeasuredTrial] | None = None,
     ) -> SessionIntake:
-        """Take in one session; `measured` are trials that have been measured one by one already."""
+        """Take in one session; `trial_measures` are those of trials that were measured before."""
         use_recorded_cast(recording)
         study, pieces = self.study, self.pieces
         experiment = self.experiment_of(recording)
         intake = take_in(
             recording,
             self.measures(experiment),
-            self.asked(study.asks.questionnaires),
+            self.original_questionnaires(study.asks.questionnaires),
             study.analysis.looks,
-            self.asked(study.asks.after_block),
+            self.original_questionnaires(study.asks.after_block),
             study.design.blocked_by,
             () if pieces is None else None,
             answers=tuple(experiment.responses),
@@ -279,7 +284,9 @@ class OpenedStudy:
         if pieces is None:
             return intake
         how = pieces.how_with(settings or {})
-        measured_trials = pieces.measured(recording, how) if measured is None else measured
+        measured_trials = (
+            pieces.measure_all(recording, how) if trial_measures is None else trial_measures
+        )
         factors = [f.name for f in study.design.factors]
         rows, tables = pieces.put_together(recording, intake.rows, measured_trials, factors, how)
         return replace(intake, rows=rows, tables=tables)
@@ -335,9 +342,9 @@ class OpenedStudy:
             experiment,
             rows,
             pd.DataFrame([dict(s.person) for s in sessions]),
-            planned={str(s.manifest.participant): s.planned for s in sessions},
+            planned_counts={str(s.manifest.participant): s.planned_count for s in sessions},
             settings=settings,
-            varied=pd.concat([s.sensitivity for s in sessions], ignore_index=True),
+            sensitivity_rows=pd.concat([s.sensitivity for s in sessions], ignore_index=True),
             tables=self._tables(sessions),
         )
 
@@ -356,15 +363,16 @@ class OpenedStudy:
         rows: pd.DataFrame,
         people: pd.DataFrame,
         *,
-        planned: Mapping[str, int],
+        planned_counts: Mapping[str, int],
         settings: Mapping[str, Any] | None = None,
-        varied: pd.DataFrame | None = None,
+        sensitivity_rows: pd.DataFrame | None = None,
         tables: Mapping[str, pd.DataFrame] | None = None,
     ) -> StudyAnalysis:
         """Analyse trials, one row each; `people` hold answers of questionnaires.
 
-        `planned` is the number of trials planned for each participant; `varied` are the main
-        measures of looks by padding and minimum duration, `tables` the study's further tables.
+        `planned_counts` are the numbers of trials planned for each participant. `sensitivity_rows`
+        are the main measures of looks by padding and minimum duration, `tables` the study's further
+        tables.
 
         Raises:
             DataError: no trial counts.
@@ -373,28 +381,31 @@ class OpenedStudy:
         cell_factors = self.study.analysis.cells_of(design)
         settings = settings or {}
         selection = self.selection_of(
-            experiment, rows, planned=planned, settings=settings, people=people
+            experiment, rows, planned_counts=planned_counts, settings=settings, people=people
         )
         pieces = self.pieces
-        return analyse_rows(
-            self.study,
-            selection,
-            people,
+        in_force = AnalysisInForce(
             levels=experiment.levels,
             measures=self.measures(experiment),
-            is_simulated=bool(rows["is_simulated"].any()),
             cells=[f.name for f in (*design.between, *cell_factors)],
-            rules=DEFAULT_TEST_RULES.with_settings(settings),
-            varied=varied,
             compare=[c.with_alphas(settings) for c in experiment.compare],
-            tables=tables or {},
+            rules=DEFAULT_TEST_RULES.with_settings(settings),
             thresholds=self.study.thresholds_with(settings),
             how=None if pieces is None else pieces.how_with(settings),
-            called={
+            level_words={
                 str(level): label_of(experiment.texts, str(level))
                 for levels in experiment.levels.values()
                 for level in levels
             },
+        )
+        return analyse_rows(
+            self.study,
+            selection,
+            people,
+            in_force,
+            is_simulated=bool(rows["is_simulated"].any()),
+            sensitivity_rows=sensitivity_rows,
+            tables=tables,
         )
 
     def selection_of(
@@ -402,7 +413,7 @@ class OpenedStudy:
         experiment: StudyExperiment,
         rows: pd.DataFrame,
         *,
-        planned: Mapping[str, int],
+        planned_counts: Mapping[str, int],
         settings: Mapping[str, Any] | None = None,
         people: pd.DataFrame | None = None,
     ) -> Selection:
@@ -414,7 +425,7 @@ class OpenedStudy:
             rules,
             limits_in_force(rules, settings or {}),
             cells=[f.name for f in cell_factors],
-            planned=planned,
+            planned_counts=planned_counts,
             cell_count=int(np.prod([len(f.levels) for f in cell_factors])),
             facts=_facts(None if facts_of is None else facts_of(rows), people),
         )
@@ -466,7 +477,7 @@ class OpenedStudy:
             if self.tell is not None:
                 self.tell(line)
         if self.make_views is not None:
-            self.make_views(out_dir, striking_trials(analysis)[:MAX_LISTED])
+            self.make_views(out_dir, unusual_trials(analysis)[:MAX_LISTED])
         provenance = provenance_of_sessions(
             self.name,
             [s.manifest for s in sessions],
@@ -475,7 +486,7 @@ class OpenedStudy:
             folder,
         )
         experiment = self.experiment(overrides_of(sessions[0].manifest.plan))
-        questionnaires = self.asked(self.study.asks.questionnaires)
+        questionnaires = self.original_questionnaires(self.study.asks.questionnaires)
         facts = {**sessions[0].facts, **self.study.report.setup}
         return write_study(
             analysis,
@@ -491,9 +502,9 @@ class OpenedStudy:
 
 def _facts(own: pd.DataFrame | None, people: pd.DataFrame | None) -> pd.DataFrame | None:
     """Return facts about people that do not follow from their trials, the study's own included."""
-    if people is None or ANSWERED not in people:
+    if people is None or ANSWERED_COLUMN not in people:
         return own
-    answer_shares = people[["participant", ANSWERED]]
+    answer_shares = people[["participant", ANSWERED_COLUMN]]
     return answer_shares if own is None else answer_shares.merge(own, on="participant", how="outer")
 
 
@@ -506,11 +517,11 @@ def overrides_of(plan: Mapping[str, Any]) -> dict[str, Any]:
     return overrides
 
 
-def find_study(wanted: str, of_lab: Mapping[str, Path] | None = None) -> OpenedStudy:
+def find_study(reference: str, of_lab: Mapping[str, Path] | None = None) -> OpenedStudy:
     """Return a study by its file's path, or by name; `of_lab` are the lab's own by name.
 
     Raises:
         UsageError: there is none, with the nearest name.
         DesignError: the file cannot be read, or declares no study.
     """
-    return OpenedStudy(declared_study(wanted, of_lab))
+    return OpenedStudy(declared_study(reference, of_lab))

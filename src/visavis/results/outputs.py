@@ -14,7 +14,7 @@ from visavis.lab.errors import UsageError
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.questionnaires import Questionnaire
 from visavis.results.analysis import SIMULATED_COLUMN, Finding, StudyAnalysis
-from visavis.results.choices import chosen
+from visavis.results.choices import choice_section
 from visavis.results.confusion import confusion_section
 from visavis.results.family_tests import columns_of_tests, published_cells
 from visavis.results.figures.family_figures import family_figures
@@ -25,7 +25,7 @@ from visavis.results.quality import QUALITY_TABLE, Quality, quality_of
 from visavis.results.report.references import bibtex, references_of, ris
 from visavis.results.report.study_report import REPORT_NAME, build_report, picture_of
 from visavis.results.sensitivity import sensitivity_columns
-from visavis.results.tables.column_types import typed
+from visavis.results.tables.column_types import with_column_types
 from visavis.results.tables.dictionary import (
     PEOPLE,
     STATISTICS,
@@ -36,7 +36,7 @@ from visavis.results.tables.dictionary import (
     write_table,
 )
 from visavis.study.experiment import StudyExperiment
-from visavis.study.sections import Confusion, Extra, SectionOf, named
+from visavis.study.sections import Confusion, Extra, SectionOf, import_object
 
 
 def write_study(
@@ -59,7 +59,7 @@ def write_study(
         DataError: a column of a table is not described.
     """
     extras = [_section(of, analysis, experiment) for of in experiment.study.report.sections]
-    extras.append(chosen(analysis, experiment))
+    extras.append(choice_section(analysis, experiment))
     quality = quality_of(analysis, facts) if experiment.study.devices.validate else None
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
@@ -101,7 +101,7 @@ def _section(
     """Make a section that a study declares; one named "module:function" is imported now."""
     if isinstance(of, Confusion):
         return confusion_section(of, analysis, experiment)
-    make: SectionOf = named(of) if isinstance(of, str) else of
+    make: SectionOf = import_object(of) if isinstance(of, str) else of
     return make(analysis, experiment)
 
 
@@ -145,7 +145,7 @@ def write_tables(
     # Trials: types are fixed, so that tables of several studies can be concatenated.
     trials = analysis.selection.rows.assign(**marks)
     dictionary = trial_columns(experiment, analysis.measures)
-    trials = typed(trials, {c.name: c for c in fixed_columns(experiment)})
+    trials = with_column_types(trials, {c.name: c for c in fixed_columns(experiment)})
     write_table(trials, dictionary, out_dir / "trials.csv", scenes=True)
     trials.to_parquet(out_dir / "trials.parquet", index=False)
     # Participants: the selection's facts first, then answers, then quality, no column twice.
@@ -192,7 +192,7 @@ def write_tables(
             write_table(table, test_dictionary, out_dir / f"{name}.csv")
     if analysis.sensitivity:
         table = pd.DataFrame([row.row() for row in analysis.sensitivity]).assign(**marks)
-        of = analysis.sensitivity[0].shown[0].of
+        of = analysis.sensitivity[0].first_tests[0].of
         columns = sensitivity_columns(of, {m.column: m for m in analysis.measures})
         write_table(table, dictionary | columns, out_dir / "sensitivity.csv")
 
@@ -247,7 +247,7 @@ def contrast_rows(analysis: StudyAnalysis) -> list[dict[str, Any]]:
             "comparison": finding.compare.name,
             "measure": finding.compare.dv,
             **{("term" if k == "family" else k): v for k, v in _plain(row).items()},
-            **_decided(finding, row),
+            **_verdict_cells(finding, row),
         }
         for finding in analysis.findings
         if finding.outcome is not None
@@ -255,7 +255,7 @@ def contrast_rows(analysis: StudyAnalysis) -> list[dict[str, Any]]:
     ]
 
 
-def _decided(finding: Finding, row: Mapping[str, Any]) -> dict[str, Any]:
+def _verdict_cells(finding: Finding, row: Mapping[str, Any]) -> dict[str, Any]:
     """Return the verdict on a contrast of two levels, with the source's where there is one."""
     contrast = next((c for c in finding.contrasts if c.row is row), None)
     if contrast is None:
@@ -270,7 +270,7 @@ def _decided(finding: Finding, row: Mapping[str, Any]) -> dict[str, Any]:
     beside = contrast.agreement
     if beside is not None:
         cells |= {
-            "published_significant": beside.published,
+            "published_significant": beside.published_significant,
             "agrees_with_published": beside.agrees,
         }
     return cells

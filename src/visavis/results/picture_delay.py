@@ -66,7 +66,7 @@ class LatePictures:
         return round(float(np.median(ahead)) + self._delay_ns)
 
 
-def answered_from_light(
+def answer_times_from_light(
     row: Mapping[Any, Any], answers: Iterable[str], late_ns: int
 ) -> dict[str, float]:
     """Return the times to answer (ms) of a trial, from the light of the question."""
@@ -84,7 +84,7 @@ class SyncTest:
     """A saved synchronisation test: when it was made, and the delay of pictures."""
 
     name: str
-    made: str
+    made_at: str
     is_simulated: bool
     picture_delay_ms: float
 
@@ -102,7 +102,7 @@ def read_sync_test(path: Path) -> SyncTest:
         late_ms = None if offset_ms is None else max(0.0, float(offset_ms))
     except (OSError, ValueError, KeyError, TypeError, OverflowError) as problem:
         raise DataError(
-            f"{path} is no test that visavis sync-test kept ({problem}); give one of "
+            f"{path} is no test that visavis sync-test saved ({problem}); give one of "
             "DATA_ROOT/sync_tests"
         ) from problem
     if late_ms is None:

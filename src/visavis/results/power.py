@@ -18,7 +18,13 @@ import pandas as pd
 from visavis.analysis.power import PlannedTestResult, PrintedTest, Source, Verdicts
 from visavis.analysis.statistics.results import number
 from visavis.lab.errors import DataError, UsageError
-from visavis.results.analysis import Finding, Results, StudyAnalysis, answered, corrected
+from visavis.results.analysis import (
+    Finding,
+    Results,
+    StudyAnalysis,
+    answer_comparison,
+    with_corrected_p,
+)
 from visavis.results.family_tests import (
     DEFAULT_TEST_RULES,
     CorrelationTest,
@@ -30,11 +36,11 @@ from visavis.results.family_tests import (
 )
 from visavis.results.intake import SimulatedStudy
 from visavis.results.opened_study import OpenedStudy, find_study
-from visavis.results.selection import COUNTED, Selection
+from visavis.results.selection import IS_ANALYSED, Selection
 from visavis.study.comparisons import AGREEMENT, Compare
 from visavis.study.declaration import Study
 from visavis.study.experiment import StudyExperiment
-from visavis.study.measures import aggregated
+from visavis.study.measures import aggregate_cells
 from visavis.study.pairs import Correlate, Family, Pairs
 from visavis.study.study_functions import MakeTracker
 
@@ -49,10 +55,11 @@ class SimulateStudy(Protocol):
 
     def __call__(
         self,
-        opened: OpenedStudy,
+        opened_study: OpenedStudy,
         experiment: StudyExperiment,
         make_tracker: MakeTracker,
         indices: Iterable[int],
+        /,
         *,
         seed: int,
         effect: float,
@@ -76,13 +83,13 @@ class KitPower:
     overrides: Mapping[str, Any] = field(default_factory=dict)
 
     @property
-    def _opened(self) -> OpenedStudy:
+    def _opened_study(self) -> OpenedStudy:
         return find_study(self.reference)
 
     @property
     def name(self) -> str:
         """The study's name on the command line."""
-        return self._opened.name
+        return self._opened_study.name
 
     @property
     def tests(self) -> Mapping[str, str]:
@@ -93,11 +100,11 @@ class KitPower:
         Raises:
             UsageError: the study plans none.
         """
-        study = self._opened.study
+        study = self._opened_study.study
         claims = {}
-        comparisons = self._opened.experiment(self.overrides).compare
+        comparisons = self._opened_study.experiment(self.overrides).compare
         for compare in (c for c in comparisons if not c.exploratory):
-            claimed_first = sorted(compare.terms, key=lambda term: term != compare.claimed)
+            claimed_first = sorted(compare.terms, key=lambda term: term != compare.claimed_term)
             for term in claimed_first:
                 claims[_effect_name(compare, term, comparisons)] = _claim_of(compare, term)
         for of in families_of(study):
@@ -113,9 +120,9 @@ class KitPower:
     @property
     def printed_tests(self) -> Mapping[str, PrintedTest]:
         """The F tests of effects within people, and paired t tests, that the source prints."""
-        study = self._opened.study
+        study = self._opened_study.study
         tests = {name: test for of in families_of(study) for name, test in _printed_t(study, of)}
-        comparisons = self._opened.experiment(self.overrides).compare
+        comparisons = self._opened_study.experiment(self.overrides).compare
         for compare in comparisons:
             for term in compare.terms:
                 printed_result = compare.published_of(term)
@@ -139,7 +146,7 @@ class KitPower:
         Every effect of a comparison, the tests of the first measure of the first family, and
         questions.
         """
-        study, every = self._opened.study, self.tests
+        study, every = self._opened_study.study, self.tests
         families = families_of(study)
         first = claims_of(study, families[0], families[0].measures[:1]) if families else {}
         further = {n for of in families for n in claims_of(study, of)}
@@ -147,7 +154,7 @@ class KitPower:
 
     def rule(self, alpha: float) -> str:
         """Return in words when a test is significant."""
-        study = self._opened.study
+        study = self._opened_study.study
         pairs = [of for of in families_of(study) if isinstance(of, Pairs)]
         if pairs and not study.analysis.compare:
             n = len(pairs[0].levels) * len(pairs[0].measures)
@@ -177,9 +184,9 @@ class KitPower:
             "(durations multiplied, factors raised to that power)"
         )
 
-    def prepare(self, told: Callable[[int, int], None]) -> None:
+    def prepare(self, on_progress: Callable[[int, int], None]) -> None:
         """Prepare the study before its first trial: a study on waving makes its waves."""
-        self._opened.experiment(self.overrides).prepare(told)
+        self._opened_study.experiment(self.overrides).prepare(on_progress)
 
     def simulate(
         self,
@@ -200,13 +207,13 @@ class KitPower:
         Raises:
             UsageError: the study's people cannot be given such an effect.
         """
-        opened_study = self._opened
+        opened_study = self._opened_study
         experiment = opened_study.experiment(self.overrides)
         simulation = self.simulate_study(
             opened_study, experiment, self.make_tracker, indices, seed=seed, effect=effect
         )
-        trials = _counted(opened_study, experiment, simulation.trials)
-        return _needed(opened_study, experiment, trials, simulation.people)
+        trials = _trials_that_count(opened_study, experiment, simulation.trials)
+        return _rows_for_tests(opened_study, experiment, trials, simulation.people)
 
     def people_of(self, folder: Path, *, effect: float) -> tuple[pd.DataFrame, bool]:
         """Return the rows of the people in a study's folder that tests need.
@@ -215,7 +222,7 @@ class KitPower:
             DataError: no trial table of this study there, simulated and real people together, too
                 few people, or an effect that cannot be changed in recorded people.
         """
-        opened_study = self._opened
+        opened_study = self._opened_study
         families = families_of(opened_study.study)
         path = _table(folder, "trials.csv")
         if path is None:
@@ -229,12 +236,12 @@ class KitPower:
                 "leave --effect out"
             )
         rows = pd.read_csv(path, dtype={"participant": str})
-        if COUNTED not in rows:
+        if IS_ANALYSED not in rows:
             raise DataError(f"{path} was not made by a study on the kit; analyse it again")
         is_simulated = rows["is_simulated"].astype(bool)
         if is_simulated.any() and not is_simulated.all():
             raise DataError(f"{path} mixes simulated and real people; take them apart")
-        trials: pd.DataFrame = rows[rows[COUNTED].astype(bool)].reset_index(drop=True)
+        trials: pd.DataFrame = rows[rows[IS_ANALYSED].astype(bool)].reset_index(drop=True)
         if trials["participant"].nunique() < MIN_N:
             raise DataError(
                 f"{path} holds {trials['participant'].nunique()} people who count; drawing from "
@@ -242,7 +249,9 @@ class KitPower:
             )
         answers = _table(folder, "participants.csv")
         people = None if answers is None else pd.read_csv(answers, dtype={"participant": str})
-        test_rows = _needed(opened_study, opened_study.experiment(self.overrides), trials, people)
+        test_rows = _rows_for_tests(
+            opened_study, opened_study.experiment(self.overrides), trials, people
+        )
         for of in (of for of in families if isinstance(of, Pairs)):
             test_rows = _scaled(test_rows, of, effect)
         return test_rows, bool(is_simulated.any())
@@ -264,7 +273,7 @@ class KitPower:
         self, rows: pd.DataFrame, numbers: Sequence[int], tests: Sequence[str], alpha: float
     ) -> dict[int, Verdicts]:
         """Test the first n people for every n; anyone left out by the rules is not replaced."""
-        opened_study = self._opened
+        opened_study = self._opened_study
         experiment = opened_study.experiment(self.overrides)
         place = rows["participant"].astype(int).to_numpy()
         return {
@@ -277,15 +286,15 @@ class KitPower:
         rows: pd.DataFrame,
         tests: Sequence[str],
         alpha: float,
-        opened: OpenedStudy,
+        opened_study: OpenedStudy,
         experiment: StudyExperiment,
     ) -> dict[str, PlannedTestResult]:
-        measures = {m.column: m for m in opened.measures(experiment)}
+        measures = {m.column: m for m in opened_study.measures(experiment)}
         levels = experiment.levels
-        asks = any(name in opened.study.analysis.questions for name in tests)
-        findings = corrected(
+        asks = any(name in opened_study.study.analysis.questions for name in tests)
+        findings = with_corrected_p(
             [
-                answered(compare, rows, measures, levels, is_simulated=True)
+                answer_comparison(compare, rows, measures, levels, is_simulated=True)
                 for compare in (c.with_alphas({"alpha": alpha}) for c in experiment.compare)
                 if not compare.exploratory and (asks or _is_asked(compare, tests, experiment))
             ]
@@ -298,7 +307,7 @@ class KitPower:
                     verdicts[name] = PlannedTestResult(
                         bool(term.p_corrected < alpha), *_difference(finding, rows, levels)
                     )
-        return verdicts | _of_families(opened, experiment, rows, tests, alpha, findings)
+        return verdicts | _of_families(opened_study, experiment, rows, tests, alpha, findings)
 
 
 def _effect_name(compare: Compare, term: str, every: Sequence[Compare]) -> str:
@@ -326,7 +335,7 @@ def _is_asked(compare: Compare, tests: Sequence[str], experiment: StudyExperimen
 
 
 def _of_families(
-    opened: OpenedStudy,
+    opened_study: OpenedStudy,
     experiment: StudyExperiment,
     rows: pd.DataFrame,
     tests: Sequence[str],
@@ -334,8 +343,8 @@ def _of_families(
     findings: tuple[Finding, ...],
 ) -> dict[str, PlannedTestResult]:
     """Make the requested tests of families; a question needs every test of every family."""
-    study, levels = opened.study, experiment.levels
-    measures = {m.column: m for m in opened.measures(experiment)}
+    study, levels = opened_study.study, experiment.levels
+    measures = {m.column: m for m in opened_study.measures(experiment)}
     asks = any(name in study.analysis.questions for name in tests)
     rules = DEFAULT_TEST_RULES.with_settings({"alpha": alpha})
     people = rows.drop_duplicates("participant")
@@ -353,7 +362,7 @@ def _of_families(
         else:
             family_tests = results_of(of, rows, people, measures, levels, rules)
         results.append(Results(of, tuple(family_tests)))
-        verdicts |= dict(_found(rows, family_tests))
+        verdicts |= dict(_verdicts_by_name(rows, family_tests))
     if asks:
         selection = Selection(rows, people, len(rows), (), {})
         analysis = StudyAnalysis(
@@ -377,7 +386,7 @@ def _claim_of(compare: Compare, term: str) -> str:
     if len(compare.terms) == 1 and compare.claim:
         return compare.claim
     statement = f"{compare.dv} depends on {term.replace(':', ' × ')}"
-    return f"{statement}: {compare.claim}" if term == compare.claimed else statement
+    return f"{statement}: {compare.claim}" if term == compare.claimed_term else statement
 
 
 def families_of(study: Study) -> tuple[Family, ...]:
@@ -443,7 +452,9 @@ def _printed_t(study: Study, of: Family) -> Iterator[tuple[str, PrintedTest]]:
                 )
 
 
-def _found(rows: pd.DataFrame, tests: Sequence[Test]) -> Iterator[tuple[str, PlannedTestResult]]:
+def _verdicts_by_name(
+    rows: pd.DataFrame, tests: Sequence[Test]
+) -> Iterator[tuple[str, PlannedTestResult]]:
     """Yield the verdict of every test by its name."""
     for test in tests:
         column = test.measure.column
@@ -463,23 +474,23 @@ def _found(rows: pd.DataFrame, tests: Sequence[Test]) -> Iterator[tuple[str, Pla
             )
 
 
-def _needed(
-    opened: OpenedStudy,
+def _rows_for_tests(
+    opened_study: OpenedStudy,
     experiment: StudyExperiment,
-    counted: pd.DataFrame,
+    trials: pd.DataFrame,
     people: pd.DataFrame | None,
 ) -> pd.DataFrame:
     """Return the rows that tests need: means by level where all compare levels of one factor.
 
     Every row of a person has their scores, so that resampling keeps them together.
     """
-    families = families_of(opened.study)
+    families = families_of(opened_study.study)
     factors = {of.factor for of in families}
-    test_rows = counted
-    if not opened.study.analysis.compare and len(factors) == 1:
+    test_rows = trials
+    if not opened_study.study.analysis.compare and len(factors) == 1:
         names = {name for of in families for name in of.measures}
-        measures = [m for m in opened.measures(experiment) if m.column in names]
-        test_rows = aggregated(counted, measures, list(factors)).drop(columns="n")
+        measures = [m for m in opened_study.measures(experiment) if m.column in names]
+        test_rows = aggregate_cells(trials, measures, list(factors)).drop(columns="n")
     for of in families:
         if isinstance(of, Correlate):
             scores = scores_of(pd.DataFrame() if people is None else people, of.score)
@@ -542,7 +553,9 @@ def _off(
     return float(off.mean()), float(off.mean()) / sd if sd > 0 else float("nan")
 
 
-def _counted(opened: OpenedStudy, experiment: StudyExperiment, rows: pd.DataFrame) -> pd.DataFrame:
+def _trials_that_count(
+    opened_study: OpenedStudy, experiment: StudyExperiment, rows: pd.DataFrame
+) -> pd.DataFrame:
     """Return the trials that count by the study's rules."""
     planned_counts = {str(name): int(n) for name, n in rows.groupby("participant").size().items()}
-    return opened.selection_of(experiment, rows, planned=planned_counts).counted
+    return opened_study.selection_of(experiment, rows, planned_counts=planned_counts).counted

@@ -115,11 +115,11 @@ def _people(people: pd.DataFrame | None) -> pd.DataFrame:
     return people.assign(participant=people["participant"].astype(str))
 
 
-def _vision(people: pd.DataFrame, included: set[str]) -> str:
+def _vision(people: pd.DataFrame, analysed_people: set[str]) -> str:
     """Return how many gave each answer about their eyesight, in words; empty when nobody did."""
     if VISION_COLUMN not in people:
         return ""
-    answers = people.loc[people["participant"].isin(included), VISION_COLUMN]
+    answers = people.loc[people["participant"].isin(analysed_people), VISION_COLUMN]
     if not answers.notna().any():
         return ""
     questionnaire = load_questionnaire(VISION_QUESTIONNAIRE)

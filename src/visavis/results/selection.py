@@ -1,4 +1,4 @@
-"""Which trials and people count, decided by the rules of a study, and the flow they leave.
+"""Which trials and people count by the rules of a study, and why the others do not.
 
 Rules act in order: trials that were not finished or were performed again, then trials, then
 people. Every row keeps its place in the table with `is_analysed` and the reason.
@@ -12,14 +12,14 @@ import numpy as np
 import pandas as pd
 
 from visavis.analysis.report.notation import count_of
-from visavis.recording.integrity import DAMAGED, LOST
+from visavis.recording.integrity import DAMAGED_STATUS, LOST_STATUS
 from visavis.study.exclusions import Exclusion, Level
 
 REASON: Final = "left_out_because"
-COUNTED: Final = "is_analysed"
+IS_ANALYSED: Final = "is_analysed"
 PRACTICE: Final = "practice"
 NOT_FINISHED: Final = "not finished"
-REPEATED: Final = "performed again later"
+PERFORMED_AGAIN: Final = "performed again later"
 UNREADABLE: Final = "the recording is damaged"
 PERSON_OUT: Final = "participant left out: "
 
@@ -40,14 +40,14 @@ class Selection:
 
     rows: pd.DataFrame
     people: pd.DataFrame
-    performed: int
+    row_count: int
     left: tuple[Left, ...]
     limits: Mapping[str, float | None]
 
     @property
     def counted(self) -> pd.DataFrame:
         """The trials that count."""
-        trials: pd.DataFrame = self.rows[self.rows[COUNTED]].reset_index(drop=True)
+        trials: pd.DataFrame = self.rows[self.rows[IS_ANALYSED]].reset_index(drop=True)
         return trials
 
     def applied(self, rules: Sequence[Exclusion]) -> list[Exclusion]:
@@ -65,9 +65,9 @@ class Selection:
 
         All of them would count without rules.
         """
-        out = (PRACTICE, UNREADABLE, NOT_FINISHED, REPEATED)
-        done: pd.DataFrame = self.rows[~self.rows[REASON].isin(out)]
-        return done
+        out = (PRACTICE, UNREADABLE, NOT_FINISHED, PERFORMED_AGAIN)
+        trials: pd.DataFrame = self.rows[~self.rows[REASON].isin(out)]
+        return trials
 
 
 def left_out_lines(selection: Selection, rules: Sequence[Exclusion]) -> list[str]:
@@ -77,7 +77,7 @@ def left_out_lines(selection: Selection, rules: Sequence[Exclusion]) -> list[str
         f"left out: {count_of(left.count, 'trial')}, {rule_words(selection, rules, left.rule)}"
         for left in trials
     ]
-    people = selection.people[~selection.people[COUNTED].astype(bool)]
+    people = selection.people[~selection.people[IS_ANALYSED].astype(bool)]
     lines += [
         f"left out: participant {name}, {why}"
         for name, why in zip(people["participant"], people[REASON], strict=True)
@@ -92,7 +92,7 @@ def rule_words(selection: Selection, rules: Sequence[Exclusion], name: str) -> s
         standard_words = {
             "damaged": f"unreadable, {UNREADABLE}",
             "unfinished": NOT_FINISHED,
-            "repeated": REPEATED,
+            "repeated": PERFORMED_AGAIN,
         }
         return standard_words.get(name, name.replace("_", " "))
     if rule.if_missing:
@@ -108,7 +108,7 @@ def select(
     limits: Mapping[str, float | None],
     *,
     cells: Sequence[str],
-    planned: Mapping[str, int],
+    planned_counts: Mapping[str, int],
     cell_count: int,
     facts: pd.DataFrame | None = None,
 ) -> Selection:
@@ -116,15 +116,17 @@ def select(
 
     Where a trial was performed again, the last finished attempt counts. An attempt without a value
     that a rule requires (`if_missing`) does not replace an earlier one. `cells` are the factors
-    within people whose combinations each person must meet, `planned` the number of trials planned
-    for each participant, `cell_count` how many cells each person meets. `facts` has one row per
-    participant, with further columns that rules may name.
+    within people whose combinations each person must meet, `planned_counts` the number of trials
+    planned for each participant, `cell_count` how many cells each person meets. `facts` has one row
+    per participant, with further columns that rules may name.
     """
     table = rows.reset_index(drop=True)  # a copy: the caller's table is not changed
     reasons = pd.Series([""] * len(table), dtype=object)
     left: list[Left] = []
 
-    def leave(out: "pd.Series[bool]", rule: str, level: Level, words: Sequence[str] | str) -> None:
+    def exclude(
+        out: "pd.Series[bool]", rule: str, level: Level, words: Sequence[str] | str
+    ) -> None:
         # The first reason stays, so the order of the steps decides which one a trial gets.
         fresh = out & (reasons == "")
         texts = [words] * len(table) if isinstance(words, str) else list(words)
@@ -137,30 +139,36 @@ def select(
         limit = limits[rule.name]
         values = table[rule.column]
         out = values.map(lambda v, r=rule, n=limit: r.breaks(v, n)).astype(bool)
-        leave(
+        exclude(
             out,
             rule.name,
             "trial",
-            [rule.said(v, limit) if bad else "" for v, bad in zip(values, out, strict=True)],
+            [rule.reason(v, limit) if bad else "" for v, bad in zip(values, out, strict=True)],
         )
 
-    leave(table["is_practice"].astype(bool), "practice", "trial", PRACTICE)
-    unreadable = table["status"].isin((DAMAGED, LOST))
-    leave(unreadable, "damaged", "trial", UNREADABLE)
-    leave(table["status"] != "complete", "unfinished", "trial", NOT_FINISHED)
+    exclude(table["is_practice"].astype(bool), "practice", "trial", PRACTICE)
+    unreadable = table["status"].isin((DAMAGED_STATUS, LOST_STATUS))
+    exclude(unreadable, "damaged", "trial", UNREADABLE)
+    exclude(table["status"] != "complete", "unfinished", "trial", NOT_FINISHED)
     trial_rules = [r for r in rules if r.level == "trial" and r.column in table]
     for rule in (r for r in trial_rules if r.if_missing):
         judge(rule)
     # Only complete attempts with every required value can be the last one of a trial.
-    done = table[reasons == ""].sort_values("attempt", kind="stable")
+    finished_attempts = table[reasons == ""].sort_values("attempt", kind="stable")
     again = pd.Series(False, index=table.index)
-    again[done.index[done.duplicated(["participant", "session", "trial_id"], keep="last")]] = True
-    leave(again, "repeated", "trial", REPEATED)
+    again[
+        finished_attempts.index[
+            finished_attempts.duplicated(["participant", "session", "trial_id"], keep="last")
+        ]
+    ] = True
+    exclude(again, "repeated", "trial", PERFORMED_AGAIN)
     finished_trials = table[reasons == ""]
     for rule in (r for r in trial_rules if not r.if_missing):
         judge(rule)
     # Rules on people come last: they look at the trials that the rules on trials left.
-    people = participant_facts(table, finished_trials, reasons == "", cells, planned, cell_count)
+    people = participant_facts(
+        table, finished_trials, reasons == "", cells, planned_counts, cell_count
+    )
     if facts is not None:
         people = people.merge(facts, on="participant", how="left")
     for rule in (r for r in rules if r.level == "participant"):
@@ -168,9 +176,9 @@ def select(
         texts = {}
         for name, value in zip(people["participant"], people.get(rule.column, ()), strict=False):
             if rule.breaks(value, limit):
-                texts[name] = rule.said(value, limit)
+                texts[name] = rule.reason(value, limit)
         out = table["participant"].astype(str).isin(texts)
-        leave(
+        exclude(
             out,
             rule.name,
             "participant",
@@ -181,9 +189,9 @@ def select(
             people.loc[at, REASON] = [
                 "; ".join(filter(None, (before, words))) for before in people.loc[at, REASON]
             ]
-    table[COUNTED] = (reasons == "").to_numpy()
+    table[IS_ANALYSED] = (reasons == "").to_numpy()
     table[REASON] = reasons.to_numpy()
-    people[COUNTED] = people[REASON] == ""
+    people[IS_ANALYSED] = people[REASON] == ""
     return Selection(table, people, len(table), tuple(left), dict(limits))
 
 
@@ -192,7 +200,7 @@ def participant_facts(
     finished: pd.DataFrame,
     counts: "pd.Series[bool]",
     cells: Sequence[str],
-    planned: Mapping[str, int],
+    planned_counts: Mapping[str, int],
     cell_count: int,
 ) -> pd.DataFrame:
     """Return the columns that rules on people use, one row per participant.
@@ -204,11 +212,11 @@ def participant_facts(
     `calibration_error_deg` the mean error over the validations in force during the trials.
     """
     facts = []
-    for name in sorted({*rows["participant"].astype(str), *planned}):
+    for name in sorted({*rows["participant"].astype(str), *planned_counts}):
         mine = finished[finished["participant"].astype(str) == name]
         good = mine[counts.reindex(mine.index, fill_value=False)]
-        damaged_trials = _gone(rows, name)
-        intact = planned.get(name, 0) - len(damaged_trials)
+        damaged_trials = _damaged_trials(rows, name)
+        intact = planned_counts.get(name, 0) - len(damaged_trials)
         sizes = good.groupby(list(cells)).size() if cells and len(good) else pd.Series([len(good)])
         smallest = 0 if len(sizes) < cell_count else int(sizes.min())
         facts.append(
@@ -219,7 +227,7 @@ def participant_facts(
                 "bad_trials_01": (len(mine) - len(good)) / len(mine) if len(mine) else np.nan,
                 "smallest_cell_trials": smallest,
                 "smallest_cell_01": _smallest_share(
-                    good, damaged_trials, cells, planned.get(name, 0), cell_count
+                    good, damaged_trials, cells, planned_counts.get(name, 0), cell_count
                 ),
                 "calibration_error_deg": mean_error_deg(mine),
                 REASON: "",
@@ -229,28 +237,34 @@ def participant_facts(
 
 
 def _smallest_share(
-    good: pd.DataFrame, gone: pd.DataFrame, cells: Sequence[str], planned: int, cell_count: int
+    good: pd.DataFrame,
+    damaged_trials: pd.DataFrame,
+    cells: Sequence[str],
+    planned_count: int,
+    cell_count: int,
 ) -> float:
     """Return the smallest share of a cell's planned trials that count.
 
     Trials lost to a damaged recording are not counted as planned. Where their cell is unknown they
     are divided equally among the cells.
     """
-    if not planned:
+    if not planned_count:
         return float("nan")
     key = list(cells) or (lambda row: 0)
     sizes = good.groupby(key).size()
     if len(sizes) < cell_count:
         return 0.0
-    unknown = gone[list(cells)].isna().any(axis=1)
-    lost_per_cell = gone[~unknown].groupby(key).size().reindex(sizes.index, fill_value=0)
-    intact = (planned - int(unknown.sum())) / cell_count - lost_per_cell
+    unknown = damaged_trials[list(cells)].isna().any(axis=1)
+    lost_per_cell = damaged_trials[~unknown].groupby(key).size().reindex(sizes.index, fill_value=0)
+    intact = (planned_count - int(unknown.sum())) / cell_count - lost_per_cell
     return float((sizes / intact.clip(lower=1)).min())
 
 
-def _gone(rows: pd.DataFrame, name: str) -> pd.DataFrame:
+def _damaged_trials(rows: pd.DataFrame, name: str) -> pd.DataFrame:
     """Return a participant's trials that were lost to a damaged recording, each once."""
-    is_damaged = rows["status"].isin((DAMAGED, LOST)) & ~rows["is_practice"].astype(bool)
+    is_damaged = rows["status"].isin((DAMAGED_STATUS, LOST_STATUS)) & ~rows["is_practice"].astype(
+        bool
+    )
     mine = rows["participant"].astype(str) == name
     return rows[is_damaged & mine].drop_duplicates("trial_id")
 

@@ -28,13 +28,14 @@ MINIMUM_COLUMN = "minimum_fixation_ms"
 class SensitivityRow:
     """A family of paired tests made again with one padding and one minimum duration.
 
-    `shown` are the tests of the family's first two measures between its first pair of levels;
-    `same_verdicts` equal the main analysis, `significant` are significant.
+    `first_tests` are those of the family's first two measures between its first pair of levels.
+    `same_verdicts` is how many verdicts equal those of the main analysis, `significant` how many
+    tests are significant.
     """
 
     pad_deg: float
     minimum_fixation_ms: float
-    shown: tuple[PairTest, ...]
+    first_tests: tuple[PairTest, ...]
     significant: int
     same_verdicts: int
     n_tests: int
@@ -45,7 +46,7 @@ class SensitivityRow:
             "pad_deg": self.pad_deg,
             "minimum_fixation_ms": self.minimum_fixation_ms,
         }
-        for test in self.shown:
+        for test in self.first_tests:
             name = test.measure.column
             row |= {
                 f"{name}_{test.first}": test.first_mean,
@@ -61,7 +62,7 @@ class SensitivityRow:
 
 def sensitivity(
     rows: pd.DataFrame,
-    kept: pd.DataFrame,
+    counted_trials: pd.DataFrame,
     main: Sequence[PairTest],
     of: Pairs,
     measures: Mapping[str, Measure],
@@ -71,20 +72,21 @@ def sensitivity(
     """Repeat a family for every padding and minimum duration in `rows`.
 
     `rows` holds the family's measures by participant, trial_id (session, attempt), pad_deg and
-    minimum_fixation_ms; levels are taken from `kept`, and trials that are not in it are left out.
+    minimum_fixation_ms; levels are taken from `counted_trials`, and trials that are not in it are
+    left out.
 
     Raises:
         DataError: a key is missing.
     """
     names = ("participant", "session", "trial_id", "attempt")
-    keys = [k for k in names if k in rows and k in kept]
+    keys = [k for k in names if k in rows and k in counted_trials]
     missing = [k for k in ("participant", "trial_id", PAD_COLUMN, MINIMUM_COLUMN) if k not in rows]
     if missing:
         raise DataError(
             f"the sensitivity table lacks {', '.join(missing)}; make it with "
             "`sensitivity_rows` of visavis.study.look_measures and add participant and trial_id"
         )
-    trial_levels = kept[[*keys, of.factor]]
+    trial_levels = counted_trials[[*keys, of.factor]]
     table = []
     # Joined cell by cell to save memory: joined at once, it would be as large as all trials.
     cells: dict[Any, Any] = rows.groupby([PAD_COLUMN, MINIMUM_COLUMN]).indices
@@ -120,7 +122,7 @@ def sensitivity_columns(of: Pairs, measures: Mapping[str, Measure]) -> dict[str,
                 Column(
                     f"{name}_{v}",
                     measures[name].unit,
-                    f"{measures[name].words}, mean: {of.called(v)}",
+                    f"{measures[name].words}, mean: {of.level_words(v)}",
                 )
                 for v in (first, second)
             ),

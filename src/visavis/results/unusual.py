@@ -11,7 +11,7 @@ import pandas as pd
 from visavis.analysis.report import Cell, Column, Table
 from visavis.analysis.report.notation import count_of, decimal
 from visavis.results.analysis import StudyAnalysis
-from visavis.results.selection import COUNTED, PERSON_OUT, PRACTICE, REASON, REPEATED
+from visavis.results.selection import IS_ANALYSED, PERFORMED_AGAIN, PERSON_OUT, PRACTICE, REASON
 from visavis.study.measures import Measure
 
 VIEWS: Final = "views"
@@ -20,13 +20,13 @@ MAX_MODIFIED_Z: Final = 3.5
 """Modified z above which a value counts as an outlier (Iglewicz & Hoaglin, 1993)."""
 NORMAL_MAD: Final = 0.6745
 """Median absolute deviation of a normal distribution, in standard deviations."""
-MIN_OF_A_KIND: Final = 5
+MIN_TRIALS_PER_CONDITION: Final = 5
 """With fewer trials than this, no value is called an outlier."""
 MAX_LISTED: Final = 60
 
 
 @dataclass(frozen=True)
-class Striking:
+class UnusualTrial:
     """A participant's trial, and why somebody should look at it."""
 
     participant: str
@@ -35,7 +35,7 @@ class Striking:
     why: str
 
 
-def striking_trials(analysis: StudyAnalysis) -> tuple[Striking, ...]:
+def unusual_trials(analysis: StudyAnalysis) -> tuple[UnusualTrial, ...]:
     """Return trials that were broken off, skipped, flagged or left out, or that have an outlier.
 
     A value is an outlier when it is farther than `MAX_MODIFIED_Z` from the median of the same
@@ -54,14 +54,16 @@ def striking_trials(analysis: StudyAnalysis) -> tuple[Striking, ...]:
             reasons.append(
                 f"{row['status']}: {reason}" if isinstance(reason, str) else row["status"]
             )
-        elif not row[COUNTED] and not str(row[REASON]).startswith((REPEATED, PERSON_OUT)):
+        elif not row[IS_ANALYSED] and not str(row[REASON]).startswith(
+            (PERFORMED_AGAIN, PERSON_OUT)
+        ):
             reasons.append(f"left out: {row[REASON]}")
         reasons += [flags.replace(";", ", ")] if isinstance(flags, str) and flags else []
         if reasons:
             whys.setdefault(key, []).extend(reasons)
     for key, why in _apart(analysis):
         whys.setdefault(key, []).append(why)
-    return tuple(Striking(*key, "; ".join(dict.fromkeys(why))) for key, why in whys.items())
+    return tuple(UnusualTrial(*key, "; ".join(dict.fromkeys(why))) for key, why in whys.items())
 
 
 def _apart(analysis: StudyAnalysis) -> Iterator[tuple[tuple[str, str, str], str]]:
@@ -74,7 +76,7 @@ def _apart(analysis: StudyAnalysis) -> Iterator[tuple[tuple[str, str, str], str]
         values = pd.to_numeric(rows[measure.column], errors="coerce").astype(float)
         cell = values.groupby([rows[k] for k in keys], observed=True)
         off = values - cell.transform("median")
-        enough = cell.transform("count") >= MIN_OF_A_KIND
+        enough = cell.transform("count") >= MIN_TRIALS_PER_CONDITION
         deviations = off[enough & off.notna()]
         spread = float(np.median(np.abs(deviations))) / NORMAL_MAD if len(deviations) else 0.0
         if spread <= 0:
@@ -102,12 +104,12 @@ def view_name(participant: str, session: str) -> str:
     return f"{participant}_{session}.html"
 
 
-def looks_table(striking: tuple[Striking, ...], folder: str, views: Path) -> Table | None:
+def looks_table(trials: tuple[UnusualTrial, ...], folder: str, views: Path) -> Table | None:
     """Return the trials to look at, each with its page in `views`, or the command that makes it."""
-    if not striking:
+    if not trials:
         return None
     rows = []
-    for one in striking[:MAX_LISTED]:
+    for one in trials[:MAX_LISTED]:
         name = view_name(one.participant, one.session)
         session = f"{folder}/sub-{one.participant}/{one.session}"
         is_there = (views / name).is_file()
@@ -117,7 +119,7 @@ def looks_table(striking: tuple[Striking, ...], folder: str, views: Path) -> Tab
             command="" if is_there else f"visavis view {session} --trial {one.trial_id} --show",
         )
         rows.append((one.participant, trial_cell, one.why))
-    more = len(striking) - len(rows)
+    more = len(trials) - len(rows)
     beyond = f" {count_of(more, 'further trial')} in trials.csv." if more else ""
     return Table(
         (Column("Participant"), Column("Trial"), Column("Why")),

@@ -8,7 +8,7 @@ import numpy as np
 from visavis.analysis.gaze.quality import validate
 from visavis.analysis.gaze.turned_gaze import TurnedGaze, turned_gaze
 from visavis.protocol.plan.experiment import ValidationPoint, ValidationVerdict
-from visavis.protocol.plan.steps import known
+from visavis.protocol.plan.steps import finite_or_none
 
 EYES: Final = ("combined", "left", "right")
 
@@ -26,12 +26,12 @@ def judge_validation(points: Sequence[ValidationPoint], rate_hz: float) -> Valid
                 {
                     "point": point.name,
                     "eye": eye,
-                    "accuracy_deg": known(result.accuracy.of_mean_deg),
-                    "mean_of_samples_deg": known(result.accuracy.mean_of_samples_deg),
-                    "right_deg": known(result.accuracy.right_deg),
-                    "up_deg": known(result.accuracy.up_deg),
-                    "rms_s2s_deg": known(result.precision.rms_s2s_deg),
-                    "std_deg": known(result.precision.std_deg),
+                    "accuracy_deg": finite_or_none(result.accuracy.of_mean_deg),
+                    "mean_of_samples_deg": finite_or_none(result.accuracy.mean_of_samples_deg),
+                    "right_deg": finite_or_none(result.accuracy.right_deg),
+                    "up_deg": finite_or_none(result.accuracy.up_deg),
+                    "rms_s2s_deg": finite_or_none(result.precision.rms_s2s_deg),
+                    "std_deg": finite_or_none(result.precision.std_deg),
                     "usable_ms": result.usable_ms,
                     "lost_01": result.lost_01,
                 }
@@ -44,17 +44,17 @@ def judge_validation(points: Sequence[ValidationPoint], rate_hz: float) -> Valid
         if combined_eye.passed
         else _why_not(combined_eye.accuracy_deg, combined_eye.worst_deg, gaze_turn),
         is_turned=gaze_turn is not None and gaze_turn.kind in ("mirrored", "rolled"),
-        accuracy_deg=known(combined_eye.accuracy_deg),
-        worst_point_deg=known(combined_eye.worst_deg),
-        precision_deg=known(combined_eye.rms_s2s_deg),
+        accuracy_deg=finite_or_none(combined_eye.accuracy_deg),
+        worst_point_deg=finite_or_none(combined_eye.worst_deg),
+        precision_deg=finite_or_none(combined_eye.rms_s2s_deg),
         lost_01=combined_eye.lost_01 if np.isfinite(combined_eye.lost_01) else 1.0,
         rows=tuple(rows),
     )
 
 
-def _why_not(accuracy_deg: float, worst_deg: float, turned: TurnedGaze | None) -> str:
+def _why_not(accuracy_deg: float, worst_deg: float, gaze_turn: TurnedGaze | None) -> str:
     if not np.isfinite(accuracy_deg):
         return "too little valid gaze at every target"
-    if turned is not None:
-        return f"mean error {accuracy_deg:.2f}°, {turned.sentence()}"
+    if gaze_turn is not None:
+        return f"mean error {accuracy_deg:.2f}°, {gaze_turn.sentence()}"
     return f"mean error {accuracy_deg:.2f}°, worst target {worst_deg:.2f}°, or too little gaze"

@@ -34,13 +34,13 @@ from visavis.stimuli.scene import SceneFrame
 from visavis.study.dry_run import still_view
 from visavis.study.experiment import StudyExperiment
 from visavis.study.films import MIME, Film, Lens
-from visavis.study.scenes import Maker, Staged, Staging, stage
+from visavis.study.scenes import Maker, StagedScene, Staging, stage
 
 if TYPE_CHECKING:
     from visavis.stage.renderer import Renderer
     from visavis.study.moving_camera import FilmSeen
 
-MADE: Final = "vp9 4"
+FILM_VERSION: Final = "vp9 4"
 """Version of drawing and encoding: a new value makes every film again."""
 QUALITY: Final[Mapping[str, str]] = {
     "crf": "18",
@@ -52,7 +52,7 @@ QUALITY: Final[Mapping[str, str]] = {
     "g": "30",
 }
 """One thread, so that the same pictures give the same bytes."""
-TOLD_EVERY: Final = 10
+REPORT_EVERY: Final = 10
 POSE_DECIMALS: Final = 6
 NO_POSE: Final = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 
@@ -74,23 +74,23 @@ class FilmStore:
     study_folder: Path
     folder: Path = field(default_factory=lambda: cache_folder())
 
-    def staged(self, film: Film) -> Staged:
+    def stage_film(self, film: Film) -> StagedScene:
         """Return the scene of a film."""
-        return _staged(film, tuple(self.makers.items()), self.study_folder)
+        return _stage_film(film, tuple(self.makers.items()), self.study_folder)
 
-    def seen(self, film: Film) -> "FilmSeen":
+    def film_seen(self, film: Film) -> "FilmSeen":
         """Return what a film by a moving camera shows, found once in a process.
 
         Raises:
             DesignError: its camera stands still, or finds nobody to film.
         """
-        return _seen(film, tuple(self.makers.items()), self.study_folder)
+        return _film_seen(film, tuple(self.makers.items()), self.study_folder)
 
     def cameras(self, film: Film) -> Sequence[Camera]:
         """Return the camera of every picture of a film."""
         if isinstance(film.lens, Lens):
             return (camera_of(film.lens, film.size_px),) * film.frame_count
-        return self.seen(film).cameras
+        return self.film_seen(film).cameras
 
     def name_of(self, film: Film) -> str:
         """Return the name of a film: the hash of what it shows."""
@@ -107,23 +107,26 @@ class FilmStore:
         digest = hashlib.sha256(content).hexdigest()
         return FilmFile(path, digest, len(content)) if built_digest == digest else None
 
-    def build(self, films: Sequence[Film], told: Callable[[int, int], None]) -> None:
-        """Draw and encode the missing films; `told` is called with frames done and their total."""
+    def build(self, films: Sequence[Film], report_progress: Callable[[int, int], None]) -> None:
+        """Draw and encode the missing films.
+
+        `report_progress` is called with the number of frames done and of all.
+        """
         missing = [film for film in films if self.file_of(film) is None]
-        total, done = sum(film.frame_count for film in missing), 0
-        told(0, total)
+        total, frames_done = sum(film.frame_count for film in missing), 0
+        report_progress(0, total)
         if not missing:
             return
         self.folder.mkdir(parents=True, exist_ok=True)
         with _renderer() as renderer:
             for film in missing:
                 for frames in self._write(film, renderer):
-                    if frames % TOLD_EVERY == 0:
-                        told(done + frames, total)
-                done += film.frame_count
-        told(total, total)
+                    if frames % REPORT_EVERY == 0:
+                        report_progress(frames_done + frames, total)
+                frames_done += film.frame_count
+        report_progress(total, total)
 
-    def told(self, film: Film, *, is_simulated: bool = False) -> dict[str, Any]:
+    def describe(self, film: Film, *, is_simulated: bool = False) -> dict[str, Any]:
         """Return what a page must know about a film; simulated people need no file.
 
         Raises:
@@ -153,7 +156,7 @@ class FilmStore:
 
     def frames(self, film: Film) -> Iterator[SceneFrame]:
         """Yield what every picture of a film shows."""
-        staged_scene, last = self.staged(film), None
+        staged_scene, last = self.stage_film(film), None
         for k in range(film.frame_count):
             t_ns = k * NS_PER_S // film.rate_hz
             last = staged_scene.frame(still_view(t_ns), t_ns) or last
@@ -189,7 +192,7 @@ class FilmStore:
             "scene": film.scene.name,
             "seconds": film.seconds,
             "visavis": version(),
-            "made": MADE,
+            "made": FILM_VERSION,
         }
         path.with_suffix(".json").write_text(json.dumps(about), encoding="utf-8")
         draft.replace(path)
@@ -215,10 +218,10 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
 @lru_cache(maxsize=512)
 def _name_of(store: FilmStore, film: Film) -> str:
     digest = hashlib.sha256()
-    settings = (MADE, film.size_px, film.rate_hz, film.frame_count, film.lens)
+    settings = (FILM_VERSION, film.size_px, film.rate_hz, film.frame_count, film.lens)
     digest.update(repr(settings).encode())
     if not isinstance(film.lens, Lens):
-        digest.update(_rounded(store.seen(film).poses))
+        digest.update(_rounded(store.film_seen(film).poses))
     for picture in store.pictures(film):
         parts = [*map(_look_of, picture.cast), _place_of(picture.room)]
         parts += [_thing_of(item.prop) for item in picture.moving]
@@ -293,17 +296,17 @@ def camera_of(lens: Lens, size_px: tuple[int, int]) -> Camera:
     return Camera(pose, -width, width, -height, height)
 
 
-def _staged(film: Film, makers: tuple[tuple[str, Maker], ...], folder: Path) -> Staged:
+def _stage_film(film: Film, makers: tuple[tuple[str, Maker], ...], folder: Path) -> StagedScene:
     staging = Staging(np.random.default_rng(film.seed), film.seconds, 0, folder)
     return stage(film.scene, staging, dict(makers))
 
 
 @lru_cache(maxsize=128)
-def _seen(film: Film, makers: tuple[tuple[str, Maker], ...], folder: Path) -> "FilmSeen":
+def _film_seen(film: Film, makers: tuple[tuple[str, Maker], ...], folder: Path) -> "FilmSeen":
     # The director of films, with its geometry, is loaded only where a camera moves.
-    from visavis.study.moving_camera import filmed
+    from visavis.study.moving_camera import film_scene
 
-    return filmed(film, _staged(film, makers, folder))
+    return film_scene(film, _stage_film(film, makers, folder))
 
 
 @contextmanager

@@ -32,12 +32,12 @@ def new_study(name: str, folder: Path, base: Study | None = None) -> tuple[Path,
     title = name.replace("_", " ").capitalize()
     values = {"name": name, "title": title, "texts": texts, "file": file, "test": test}
     contents = {
-        file: _derived(name, base, folder) if base else _example("study.py.txt", values),
+        file: _derived_study(name, base, folder) if base else _example("study.py.txt", values),
         test: _example("test.py.txt", values),
     }
     if base is None:
         contents |= {f"{texts}/{lang}.yaml": _read(f"{lang}.yaml") for lang in LANGUAGES}
-    return written(folder, contents)
+    return write_files(folder, contents)
 
 
 def write_examples(folder: Path) -> tuple[Path, ...]:
@@ -47,23 +47,23 @@ def write_examples(folder: Path) -> tuple[Path, ...]:
         UsageError: one of them is there already.
     """
     contents = {path.stem: path.read_text("utf-8") for path in sorted(READY.glob("*.txt"))}
-    return written(folder, contents)
+    return write_files(folder, contents)
 
 
-def written(folder: Path, made: Mapping[str, str]) -> tuple[Path, ...]:
+def write_files(folder: Path, contents: Mapping[str, str]) -> tuple[Path, ...]:
     """Write files below a folder, from their names and texts; return their paths.
 
     Raises:
         UsageError: one of them is there already.
     """
-    there = [str(folder / path) for path in made if (folder / path).exists()]
+    there = [str(folder / path) for path in contents if (folder / path).exists()]
     if there:
         raise UsageError(
             f"{', '.join(there)} {'is' if len(there) == 1 else 'are'} there already and left as "
             "before; choose another name, or another --folder"
         )
     paths = []
-    for name, text in made.items():
+    for name, text in contents.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8", newline="\n")
@@ -79,7 +79,7 @@ def _example(name: str, filled: Mapping[str, str]) -> str:
     return _read(name).format(**filled)
 
 
-def _derived(name: str, base: Study, folder: Path) -> str:
+def _derived_study(name: str, base: Study, folder: Path) -> str:
     where = base.name if base.files.path is None else _relative(base.files.path, folder)
     in_force = parameters_in_force(base, {})
     levels = {f.name: list(f.levels) for f in base.design.factors}

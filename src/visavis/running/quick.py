@@ -24,8 +24,8 @@ from visavis.protocol.people.simulated_participant import SimulatedParticipant
 from visavis.protocol.plan.questionnaires import Questionnaire, read_answers, score
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import (
-    Answered,
     Ask,
+    AskReply,
     BodyView,
     FrameView,
     Mark,
@@ -34,7 +34,7 @@ from visavis.protocol.plan.steps import (
     PlaySound,
     Prompt,
     Show,
-    Sounded,
+    SoundOnset,
 )
 from visavis.protocol.session.boards import HAND
 from visavis.protocol.session.observation import GazeObserver
@@ -62,7 +62,7 @@ _TRACKED = np.ones((1, 1), np.bool_)
 
 
 def quick_study(
-    opened: OpenedStudy,
+    opened_study: OpenedStudy,
     experiment: StudyExperiment,
     make_tracker: MakeTracker,
     indices: Iterable[int],
@@ -76,15 +76,15 @@ def quick_study(
         UsageError: the study's people cannot be given such an effect, or a measure needs a
             recording.
     """
-    study = opened.study
-    measures = [m for m in opened.measures(experiment) if m.of is not None]
+    study = opened_study.study
+    measures = [m for m in opened_study.measures(experiment) if m.of is not None]
     needs_answers = any(isinstance(of, Correlate) for of in study.analysis.families)
     questionnaires = [
         questionnaire(name, study.folders) for name in study.asks.questionnaires if needs_answers
     ]
     tables, people = [], []
     for index in indices:
-        person = _person(opened, experiment, index, seed, effect)
+        person = _person(opened_study, experiment, index, seed, effect)
         tracker = make_tracker(seed, index)
         quick_of = study.simulated.quick_of
         if quick_of is None:
@@ -112,17 +112,17 @@ def answers_of(person: SimulatedParticipant, questions: Questionnaire) -> dict[s
 
 
 def _person(
-    opened: OpenedStudy, experiment: StudyExperiment, index: int, seed: int, effect: float
+    opened_study: OpenedStudy, experiment: StudyExperiment, index: int, seed: int, effect: float
 ) -> SimulatedParticipant:
-    make_person = opened.study.simulated.scaled_of
+    make_person = opened_study.study.simulated.scaled_of
     if make_person is not None:
         return make_person(index, seed, effect, experiment)
     if effect not in (0, 1):
         raise UsageError(
-            f"people of {opened.name} see what is shown or do not: --effect is published or none, "
-            f"not {effect:g}"
+            f"people of {opened_study.name} see what is shown or do not: --effect is published or "
+            f"none, not {effect:g}"
         )
-    return opened.participant(index, seed, effect=effect > 0, experiment=experiment)
+    return opened_study.participant(index, seed, effect=effect > 0, experiment=experiment)
 
 
 def _name(index: int) -> str:
@@ -159,8 +159,8 @@ def quick_rows(
     """
     rows: list[dict[str, Any]] = []
     if experiment.study.procedure.on == "browser":
-        done = _page_rows(experiment, person, index=index, seed=seed)
-        rows = [_row_of(trial, own, index) for trial, own in done]
+        trial_rows = _page_rows(experiment, person, index=index, seed=seed)
+        rows = [_row_of(trial, own, index) for trial, own in trial_rows]
         return pd.DataFrame(
             [
                 row
@@ -192,7 +192,7 @@ def _page_rows(
         performing = perform_on_page(
             TrialScript(trial, experiment.settings),
             experiment.study.trial_plan,
-            lambda film: store.told(film, is_simulated=True),
+            lambda film: store.describe(film, is_simulated=True),
         )
         reply: Reply | None = None
         trial_position = {"trial": trial.number, "is_practice": False}
@@ -251,12 +251,12 @@ class _Frames:
         self._index = 0
         self._samples = 0
         self._view: SceneFrame | None = None
-        self._sounded: list[Sounded] = []
+        self._sounds: list[SoundOnset] = []
         person.prepare(stretch, 0)
 
     def run(self, plan: Plan) -> dict[str, Any]:
         """Perform a plan to its end; return its row."""
-        reply: FrameView | Answered | None = None
+        reply: FrameView | AskReply | None = None
         try:
             while True:
                 step = plan.send(reply)
@@ -267,12 +267,12 @@ class _Frames:
                     self._view = step.view
                     self._observer.show(step.view.scene)
                 elif isinstance(step, PlaySound):
-                    self._sounded.append(Sounded(step.key, self._t_ns))
+                    self._sounds.append(SoundOnset(step.key, self._t_ns))
                 elif isinstance(step, Ask):
                     answer = self._person.answer(step.question_id, step.prompt, step.options)
-                    reply = Answered(answer, self._t_ns)
+                    reply = AskReply(answer, self._t_ns)
                 elif isinstance(step, Prompt):
-                    reply = Answered(None, self._t_ns)
+                    reply = AskReply(None, self._t_ns)
         except StopIteration as end:
             return dict(end.value or {})
 
@@ -307,7 +307,7 @@ class _Frames:
         self._observer.add_pose(t_ns, head)
         self._sample(t_ns - self._tracker.delay_ns)
         gaze = self._observer.observe(self._index, t_ns)
-        sounds, self._sounded = tuple(self._sounded), []
+        sounds, self._sounds = tuple(self._sounds), []
         downs = [(at_ns, c) for at_ns, c, value in self._person.presses(t_ns) if value > 0.5]
         return FrameView(
             self._index,
@@ -318,7 +318,7 @@ class _Frames:
             tuple(c for _, c in downs),
             self._hand(t_ns),
             pressed_ns=tuple(at_ns for at_ns, _ in downs),
-            sounded=sounds,
+            sound_onsets=sounds,
         )
 
     def _hand(self, t_ns: int) -> BodyView | None:

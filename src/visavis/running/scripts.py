@@ -26,11 +26,11 @@ from visavis.results.analysis import StudyAnalysis
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.results.picture_delay import SETTING
 from visavis.running.sessions.damage import require_intact
-from visavis.running.sessions.plan_lock import read_lock, refuse_to_peek
+from visavis.running.sessions.plan_lock import check_interim_analysis, read_lock
 from visavis.running.sessions.studies import analyse_study, simulate_study
 from visavis.running.sessions.study_folder import (
     DEFAULT_SEED,
-    DERIVED,
+    DERIVED_FOLDER,
     StudySettings,
     one_per_participant,
     sessions_of,
@@ -162,12 +162,12 @@ class StudyData:
             DataError: there is no such rule, or no trial counts.
         """
         manifests = [s.recording.manifest for s in self.sessions]
-        refuse_to_peek(
+        check_interim_analysis(
             self.path,
             read_lock(self.path),
             manifests,
             SystemClock(),
-            asked=peek is not None,
+            is_requested=peek is not None,
             reason=peek or "",
         )
         self.study.check_settings(limits)
@@ -252,7 +252,7 @@ def tables(data: StudyData | str | Path) -> dict[str, pd.DataFrame]:
     Raises:
         UsageError: nothing has been analysed there yet.
     """
-    folder = (data.path if isinstance(data, StudyData) else Path(data)) / DERIVED
+    folder = (data.path if isinstance(data, StudyData) else Path(data)) / DERIVED_FOLDER
     frames = {
         p.stem: pd.read_csv(p, dtype={"participant": str}) for p in sorted(folder.glob("*.csv"))
     }

@@ -24,7 +24,7 @@ from visavis.protocol.plan.orders import Cell, Constraint
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.protocol.plan.steps import Scalar
 from visavis.results.opened_study import OpenedStudy, find_study
-from visavis.results.tables.dictionary import trial_columns, undescribed
+from visavis.results.tables.dictionary import trial_columns, undescribed_columns
 from visavis.running.quick import quick_rows
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.study.declaration import Study
@@ -40,8 +40,8 @@ PEOPLE: Final = 4
 """How many people's plans are looked at."""
 OWN_NUMBERS: Final = ("choices.", "labels.")
 """Texts below these may name numbers: each stands for one option or level."""
-RENAMED: Final = "level_"
-Derived: TypeAlias = Callable[[Mapping[str, Any]], Scalar]
+LEVEL_PREFIX: Final = "level_"
+Derivation: TypeAlias = Callable[[Mapping[str, Any]], Scalar]
 
 
 def check_study(study: str | Path | Study, parameters: Mapping[str, Any] | None = None) -> None:
@@ -124,13 +124,15 @@ def text_problems(study: Study) -> list[str]:
                         f"contradict; use a placeholder, such as {{trials}}: {text!r}"
                     )
         for name in sorted(everything):
-            used = {
+            placeholders = {
                 language: sorted({_bare(p) for p in placeholders_of(entries[name])})
                 for language, entries in texts.items()
                 if name in entries
             }
-            if len({tuple(p) for p in used.values()}) > 1:
-                summary = "; ".join(f"{k}: {', '.join(v) or 'none'}" for k, v in used.items())
+            if len({tuple(p) for p in placeholders.values()}) > 1:
+                summary = "; ".join(
+                    f"{k}: {', '.join(v) or 'none'}" for k, v in placeholders.items()
+                )
                 problems.append(f"{folder}, {name}: placeholders differ ({summary})")
     return problems
 
@@ -154,44 +156,46 @@ def picture_problems(experiment: StudyExperiment) -> list[str]:
     return problems
 
 
-def first_view(experiment: StudyExperiment, wanted: Scene) -> Any:
+def first_view(experiment: StudyExperiment, scene: Scene) -> Any:
     """Return what the first frame of a scene shows."""
     staging = Staging(np.random.default_rng(0), 1.0, 0, experiment.settings.folder)
-    return stage(wanted, staging, experiment.study.procedure.makers).frame(still_view(), 0)
+    return stage(scene, staging, experiment.study.procedure.makers).frame(still_view(), 0)
 
 
-def performing_problems(opened: OpenedStudy, experiment: StudyExperiment) -> list[str]:
+def performing_problems(opened_study: OpenedStudy, experiment: StudyExperiment) -> list[str]:
     """Say what went wrong when a simulated person performed every condition once."""
-    measures = opened.measures(experiment)
-    rows = _performed(opened, experiment, measures)
+    measures = opened_study.measures(experiment)
+    rows = _perform_conditions(opened_study, experiment, measures)
     described_columns = trial_columns(experiment, measures)
     problems = [
         f"column {name!r} of the trials is not described; name it in columns or measures"
-        for name in undescribed(rows.columns, described_columns)
+        for name in undescribed_columns(rows.columns, described_columns)
     ]
-    other = OpenedStudy(renamed(opened.study))
-    same = renamed_parameters(opened.study, experiment.overrides)
-    again = _performed(other, other.experiment(same), measures)
-    names = {f.name for f in opened.study.design.factors}
+    other = OpenedStudy(rename_levels(opened_study.study))
+    same = renamed_parameters(opened_study.study, experiment.overrides)
+    again = _perform_conditions(other, other.experiment(same), measures)
+    names = {f.name for f in opened_study.study.design.factors}
     problems += [
-        f"{column!r} changes when the conditions are called otherwise: somebody is told them"
+        f"{column!r} changes when the levels are renamed: a person or measure sees their names"
         for column in rows.columns
         if column not in names and not (column in again and rows[column].equals(again[column]))
     ]
     return problems
 
 
-def renamed(study: Study) -> Study:
+def rename_levels(study: Study) -> Study:
     """Return the same study with the levels of its factors renamed: level_1, level_2."""
     new = {
-        f.name: {level: f"{RENAMED}{i}" for i, level in enumerate(f.levels, start=1)}
+        f.name: {level: f"{LEVEL_PREFIX}{i}" for i, level in enumerate(f.levels, start=1)}
         for f in study.design.factors
     }
     old = {name: {v: k for k, v in levels.items()} for name, levels in new.items()}
 
-    def told(plan: Callable[[TrialScript], Iterator[Any]]) -> Callable[[TrialScript], Any]:
+    def with_old_names(
+        plan: Callable[[TrialScript], Iterator[Any]],
+    ) -> Callable[[TrialScript], Any]:
         def plan_of(script: TrialScript) -> Iterator[Any]:
-            factors = _told(script.trial.factors, old)
+            factors = _translate(script.trial.factors, old)
             script.trial = dataclasses.replace(script.trial, factors=factors)
             return (yield from plan(script))
 
@@ -199,18 +203,18 @@ def renamed(study: Study) -> Study:
 
     def check_of(parameters: Mapping[str, Any]) -> None:
         if study.design.check_of is not None:
-            study.design.check_of(_told_levels(parameters, old))
+            study.design.check_of(_translate_levels(parameters, old))
 
     practice, intertrial = study.design.practice, study.procedure.intertrial_of
     return study.with_changes(
         factors=tuple(
             dataclasses.replace(f, levels=tuple(new[f.name].values())) for f in study.design.factors
         ),
-        practice=practice if isinstance(practice, int) else [_told(c, new) for c in practice],
+        practice=practice if isinstance(practice, int) else [_translate(c, new) for c in practice],
         derived={name: _of_old(of, old) for name, of in study.design.derived.items()},
-        constraints=[_unrenamed(rule, old) for rule in study.design.constraints],
-        plan_of=told(study.trial_plan),
-        intertrial_of=None if intertrial is None else told(intertrial),
+        constraints=[_rule_for_old_names(rule, old) for rule in study.design.constraints],
+        plan_of=with_old_names(study.trial_plan),
+        intertrial_of=None if intertrial is None else with_old_names(intertrial),
         check_of=check_of,
         ranges={k: v for k, v in study.design.ranges.items() if k not in new},
         prepare_of=None,  # it would only save time
@@ -219,33 +223,33 @@ def renamed(study: Study) -> Study:
     )
 
 
-def _told(cell: Mapping[str, Any], names: Mapping[str, Mapping[Any, Any]]) -> dict[str, Any]:
+def _translate(cell: Mapping[str, Any], names: Mapping[str, Mapping[Any, Any]]) -> dict[str, Any]:
     return {k: names[k].get(v, v) if k in names else v for k, v in cell.items()}
 
 
-def _unrenamed(rule: Constraint, old: Mapping[str, Mapping[Any, Any]]) -> Constraint:
+def _rule_for_old_names(rule: Constraint, old: Mapping[str, Mapping[Any, Any]]) -> Constraint:
     """Return a rule of order that sees the conditions under their old names."""
 
     def allows(previous: Sequence[Cell], candidate: Cell) -> bool:
-        return rule.allows([_told(cell, old) for cell in previous], _told(candidate, old))
+        return rule.allows([_translate(cell, old) for cell in previous], _translate(candidate, old))
 
     return dataclasses.replace(rule, allows=allows)
 
 
-def _of_old(of: Derived, old: Mapping[str, Mapping[Any, Any]]) -> Derived:
-    return lambda factors: of(_told(factors, old))
+def _of_old(of: Derivation, old: Mapping[str, Mapping[Any, Any]]) -> Derivation:
+    return lambda factors: of(_translate(factors, old))
 
 
 def renamed_parameters(study: Study, parameters: Mapping[str, Any]) -> dict[str, Any]:
     """Return parameters for a renamed study, levels of its factors by their new names."""
     new = {
-        f.name: {level: f"{RENAMED}{i}" for i, level in enumerate(f.levels, start=1)}
+        f.name: {level: f"{LEVEL_PREFIX}{i}" for i, level in enumerate(f.levels, start=1)}
         for f in study.design.factors
     }
-    return _told_levels(parameters, new)
+    return _translate_levels(parameters, new)
 
 
-def _told_levels(
+def _translate_levels(
     parameters: Mapping[str, Any], names: Mapping[str, Mapping[Any, Any]]
 ) -> dict[str, Any]:
     """Return parameters in which the levels of factors are called as `names` says."""
@@ -289,14 +293,14 @@ class _Exact:
         return unit(both), np.asarray(eyes["openness_01"] > 0.5, np.bool_)
 
 
-def _performed(
-    opened: OpenedStudy, experiment: StudyExperiment, measures: Sequence[Measure]
+def _perform_conditions(
+    opened_study: OpenedStudy, experiment: StudyExperiment, measures: Sequence[Measure]
 ) -> pd.DataFrame:
     each = _EachOnce(experiment.study, experiment.overrides)
     quick_measures = [m for m in measures if m.of is None or m.needs_gaze]
     rows = []
     groups = len(combinations_of(experiment.study.design_with(experiment.parameters).between)) or 1
     for index in range(groups):
-        person = opened.participant(index, SEED, effect=True, experiment=each)
+        person = opened_study.participant(index, SEED, effect=True, experiment=each)
         rows.append(quick_rows(each, person, _Exact(), quick_measures, index=index, seed=SEED))
     return pd.concat(rows, ignore_index=True)

@@ -7,17 +7,17 @@ from typing import Any
 from visavis.lab.yaml_lines import did_you_mean
 
 
-def unknown_argument(what: str, given: str, known: Iterable[str]) -> str:
+def unknown_argument(what: str, argument: str, possible: Iterable[str]) -> str:
     """Return the message for an unknown argument, with the nearest one or all that exist."""
-    names = tuple(known)
-    near = did_you_mean(given, names)
+    names = tuple(possible)
+    near = did_you_mean(argument, names)
     if "did you mean" in near:
-        return f"{what} takes no {given!r}{near}"
-    return f"{what} takes no {given!r}; it takes {', '.join(names)}"
+        return f"{what} takes no {argument!r}{near}"
+    return f"{what} takes no {argument!r}; it takes {', '.join(names)}"
 
 
-def argument_names(called: Callable[..., Any]) -> tuple[str, ...]:
+def argument_names(function: Callable[..., Any]) -> tuple[str, ...]:
     """Return the arguments that a function or class takes by name."""
     kinds = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
-    parameters = inspect.signature(called).parameters.values()
+    parameters = inspect.signature(function).parameters.values()
     return tuple(p.name for p in parameters if p.kind in kinds and p.name != "self")

@@ -11,7 +11,7 @@ import numpy as np
 
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.geometry import Pose, Vector, rotate, yaw_pitch_deg_of
-from visavis.protocol.plan.steps import Answered, Ask, FrameView, Scalar, Show, Step
+from visavis.protocol.plan.steps import Ask, AskReply, FrameView, Scalar, Show, Step
 from visavis.protocol.session.boards import (
     AHEAD,
     CONFIRM,
@@ -20,12 +20,12 @@ from visavis.protocol.session.boards import (
     Ways,
     ask_on_board,
     newer_ray,
-    shown,
+    show_step,
 )
 from visavis.protocol.session.boards import frame as frame
 from visavis.stimuli.picture import Panel
 
-Asking: TypeAlias = Generator[Step, FrameView | Answered | None, "Answer"]
+Asking: TypeAlias = Generator[Step, FrameView | AskReply | None, "Answer"]
 
 
 @dataclass(frozen=True)
@@ -68,13 +68,13 @@ def asked_on_board(
         return Answer(option, by, board_answer.asked_ns, t_ns, board_answer.view, board_answer.pose)
     view, asked_ns = board_answer.view, board_answer.asked_ns
     return (
-        yield from asked_elsewhere(
+        yield from ask_at_terminal(
             question_id, panel.text, options, panel.choices, view, "operator", asked_ns
         )
     )
 
 
-def asked_elsewhere(
+def ask_at_terminal(
     question_id: str,
     prompt: str,
     options: tuple[str, ...],
@@ -87,14 +87,14 @@ def asked_elsewhere(
     began_ns = view.t_ns if asked_ns is None else asked_ns
     reply = yield Ask(question_id, prompt, labels)
     view = yield from frame()
-    answer_text = reply.answer if isinstance(reply, Answered) else None
+    answer_text = reply.answer if isinstance(reply, AskReply) else None
     option = (
         answer_text if answer_text is None or not options else options[labels.index(answer_text)]
     )
     return Answer(option, by, began_ns, view.t_ns, view)
 
 
-def pressed(
+def await_press(
     controls: tuple[str, ...],
     limit_s: float,
     view: FrameView,
@@ -113,11 +113,11 @@ def pressed(
                 return Answer(control, "keys", from_ns, t_ns, view)
         if view.t_ns >= until_ns:
             return Answer(None, "nothing in time", from_ns, view.t_ns, view)
-        yield from shown(each_frame(view))
+        yield from show_step(each_frame(view))
         view = yield from frame()
 
 
-def pointed(
+def await_pointing(
     limit_s: float, view: FrameView, each_frame: Callable[[FrameView], Show | None]
 ) -> Asking:
     """Wait until a direction is pointed at and confirmed."""
@@ -128,7 +128,7 @@ def pointed(
         ray = newer_ray(ray, view)
         if ray is not None and any(c in CONFIRM for c in view.pressed) and view.t_ns > asked_ns:
             return Answer("", "ray", asked_ns, view.t_ns, view, ray.pose)
-        yield from shown(each_frame(view))
+        yield from show_step(each_frame(view))
         view = yield from frame()
     return Answer(None, "nothing in time", asked_ns, view.t_ns, view)
 

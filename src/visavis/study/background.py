@@ -1,6 +1,7 @@
-"""Work that a trial has done beside its frames: in a process of its own where time is real.
+"""Background work of a trial, so that slow functions delay no frame.
 
-On a virtual clock the same work is done at once, so that a seed repeats a session bit for bit.
+In real time it runs in a process of its own. On a virtual clock it runs inline, when it is
+submitted, so that a seed reproduces a session bit for bit.
 """
 
 import signal
@@ -14,8 +15,8 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 
-class AtOnce(Executor):
-    """Perform work when it is submitted; an error comes out with the result."""
+class InlineExecutor(Executor):
+    """Runs each call when it is submitted. An error is raised when the result is read."""
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
         """Return a future that is done."""
@@ -27,22 +28,22 @@ class AtOnce(Executor):
         return future
 
 
-class Beside(Executor):
-    """Executor of a session's work beside its frames: at once, or in a process while one runs.
+class BackgroundExecutor(Executor):
+    """Executor of background work: in a process while `in_process` is open, else inline.
 
-    In a process, functions and what they are given have to be picklable: functions of a module.
+    For a process, functions and their arguments must be picklable: functions of a module.
     """
 
     def __init__(self) -> None:
-        self._performer: Executor = AtOnce()
+        self._performer: Executor = InlineExecutor()
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
-        """Submit work and return; without a process the work is done first."""
+        """Submit work and return; without a process the call runs before this returns."""
         return self._performer.submit(fn, *args, **kwargs)
 
     @contextmanager
     def in_process(self) -> Iterator[None]:
-        """Work in a process until the block is left; it is started with the first work."""
+        """Run work in a process until the block ends; the process starts with the first call."""
         before = self._performer
         with ProcessPoolExecutor(1, get_context("spawn"), _leave_interrupts) as performer:
             self._performer = performer

@@ -107,11 +107,11 @@ class Careless:
 
         `rows` are all trials; finished ones that are not practice count, in order of their start.
         """
-        done = rows[(rows["status"] == "complete") & ~rows["is_practice"].astype(bool)]
+        main_trials = rows[(rows["status"] == "complete") & ~rows["is_practice"].astype(bool)]
         names = list(self._limits)
         signs = [
             {"participant": participant, **{name: self._sign(name, own) for name in names}}
-            for participant, own in done.sort_values("t_start_ns").groupby("participant")
+            for participant, own in main_trials.sort_values("t_start_ns").groupby("participant")
         ]
         return pd.DataFrame(signs, columns=["participant", *names])
 
@@ -140,11 +140,11 @@ class Careless:
         return float(apart.mean())
 
 
-def patterned_01(given: npt.NDArray[np.float64]) -> float:
+def patterned_01(answers: npt.NDArray[np.float64]) -> float:
     """Return the share of answers equal to the one two or three before, whichever is larger.
 
     Missing for fewer than twice as many answers as the longest pattern.
     """
-    if given.size < 2 * MAX_PATTERN:
+    if answers.size < 2 * MAX_PATTERN:
         return float("nan")
-    return max(float(np.mean(given[k:] == given[:-k])) for k in range(2, MAX_PATTERN + 1))
+    return max(float(np.mean(answers[k:] == answers[:-k])) for k in range(2, MAX_PATTERN + 1))

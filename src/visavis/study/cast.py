@@ -32,11 +32,11 @@ def use_cast_of(config: LabConfig) -> dict[str, Any]:
     if beside.resolve() != config.characters.resolve():
         for member in members:
             if member.sha256:
-                _laid_beside(member, config.characters, beside)
+                _copy_beside(member, config.characters, beside)
     return {CAST_KEY: [{"name": m.name, "sha256": m.sha256} for m in members]}
 
 
-def _laid_beside(member: Member, library: Path, beside: Path) -> None:
+def _copy_beside(member: Member, library: Path, beside: Path) -> None:
     path = beside / f"{member.name}.npz"
     if path.exists():
         if hashlib.sha256(path.read_bytes()).hexdigest() != member.sha256:

@@ -14,11 +14,11 @@ from typing import Final
 from visavis.lab.errors import DesignError, UsageError
 from visavis.lab.yaml_lines import did_you_mean
 from visavis.study.declaration import Study
-from visavis.study.sections import named
+from visavis.study.sections import import_object
 from visavis.study.study_errors import MODULE_OF_STUDY, explain, forgotten_yields, line_of
 from visavis.study.trial import STEPS
 
-SHIPPED: Final[Mapping[str, str]] = {
+SHIPPED_STUDIES: Final[Mapping[str, str]] = {
     "stare": "visavis.experiments.stare.study:study",
     "crowd": "visavis.experiments.crowd.study:study",
     "waving": "visavis.experiments.waving.study:study",
@@ -31,39 +31,39 @@ GROUP: Final = "visavis.studies"
 """Entry points of installed packages: a name, and a `Study` (or what makes one)."""
 
 
-def declared_study(wanted: str, of_lab: Mapping[str, Path] | None = None) -> Study:
-    """Return a study by its file's path, or by name; `of_lab` are the lab's own by name.
+def declared_study(reference: str, of_lab: Mapping[str, Path] | None = None) -> Study:
+    """Return a study by its file's path, or by name; `of_lab` are the lab's own study files.
 
     Raises:
         UsageError: there is none, with the nearest name.
         DesignError: the file cannot be read, or declares no study.
     """
-    if is_file(wanted):
-        return study_of_file(Path(wanted))
+    if is_file(reference):
+        return study_of_file(Path(reference))
     own = of_lab or {}
-    if wanted in own:
-        study = study_of_file(own[wanted])
-        if study.name != wanted:
+    if reference in own:
+        study = study_of_file(own[reference])
+        if study.name != reference:
             raise DesignError(
-                f"{own[wanted]} declares the study {study.name}, not {wanted}; correct studies: "
-                "in lab_config.yaml"
+                f"{own[reference]} declares the study {study.name}, not {reference}; correct "
+                "studies: in lab_config.yaml"
             )
         return study
-    if wanted in SHIPPED:
-        return _of_object(SHIPPED[wanted])
+    if reference in SHIPPED_STUDIES:
+        return _of_object(SHIPPED_STUDIES[reference])
     plugins = {point.name: point for point in entry_points(group=GROUP)}
-    if wanted in plugins:
-        return _of_object(plugins[wanted].value)
-    names = (*SHIPPED, *own, *plugins)
+    if reference in plugins:
+        return _of_object(plugins[reference].value)
+    names = (*SHIPPED_STUDIES, *own, *plugins)
     raise UsageError(
-        f"there is no study {wanted!r}{did_you_mean(wanted, names)}; or give a study's file, such "
-        "as ./duel.py"
+        f"there is no study {reference!r}{did_you_mean(reference, names)}; or give a study's "
+        "file, such as ./duel.py"
     )
 
 
-def is_file(wanted: str) -> bool:
-    """Tell whether a study was named by its file."""
-    return wanted.endswith(".py") or "/" in wanted or "\\" in wanted
+def is_file(reference: str) -> bool:
+    """Tell whether a reference to a study is a file's path and not a name."""
+    return reference.endswith(".py") or "/" in reference or "\\" in reference
 
 
 def reference_of(study: Study) -> str:
@@ -124,7 +124,7 @@ def _module_of(path: Path) -> ModuleType:
     name = f"{MODULE_OF_STUDY}{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
-        raise DesignError(f"{path} is no Python file")
+        raise DesignError(f"{path} is not a Python file")
     module = importlib.util.module_from_spec(spec)
     sys.path.insert(0, str(path.parent))
     sys.modules[name] = module
@@ -140,7 +140,7 @@ def _module_of(path: Path) -> ModuleType:
 
 
 def _of_object(reference: str) -> Study:
-    target = named(reference)
+    target = import_object(reference)
     study = target if isinstance(target, Study) else target()
     if not isinstance(study, Study):
         raise DesignError(f"{reference} is a {type(study).__name__}; an entry point names a Study")
@@ -149,4 +149,4 @@ def _of_object(reference: str) -> Study:
 
 def known_studies(of_lab: Iterable[str] = ()) -> tuple[str, ...]:
     """Return the names of every study that can be found by name."""
-    return (*SHIPPED, *of_lab, *(p.name for p in entry_points(group=GROUP)))
+    return (*SHIPPED_STUDIES, *of_lab, *(p.name for p in entry_points(group=GROUP)))

@@ -50,24 +50,29 @@ def published_f(
 class Compare:
     """A planned comparison of one measure over factors.
 
-    Without `test` the design decides: two levels within people a paired comparison (t or
-    Wilcoxon, by its own decision path), more levels repeated measures or Friedman, several
-    factors an aligned rank transform, groups alone Welch's t test or an ANOVA; `model` asks for a
-    mixed model ("lmm"), generalised estimating equations ("gee") or, for ratings, a cumulative
-    link mixed model ("clmm"), or for choices between two a Bradley–Terry model ("bradleyterry":
-    `within` are the factors of the first and the second item, or one whose levels name both,
-    "A|B"; the measure is above 0 where the first was preferred) instead. Without a factor a test of
-    one sample ("sign", "binomial", "t", "tost") holds people's means against a number, the option
-    `mu`, or within bounds, the options `low` and `high`. Tests of agreement ("icc" with the option
-    `kind`, "krippendorff" and "kappa" with `scale`) ask how far the participants agree on what
-    the `within` factors tell apart, above the option `mu` (0 if left out); `raters` names a factor
-    instead whose levels rate (the occasion of a rating and its repetition), and then each
-    participant's things are things of their own. `claim` says in words
-    what a significant result would show; over several factors, their interaction. Comparisons
-    of one `family` are corrected together. An `exploratory` one stands apart in the report and
-    makes no headline. `only` are levels of other factors that trials must have
-    ({"group": "haptics"}). `pairs` are what a source prints of two levels compared after the test
-    over all of a factor.
+    Without `test` the design decides. Two levels within people get a paired comparison (t or
+    Wilcoxon, by its own decision path), more levels repeated measures or Friedman's test, several
+    factors an aligned rank transform, and groups alone Welch's t test or an ANOVA.
+
+    `model` asks for a model instead: a mixed model ("lmm"), generalised estimating equations
+    ("gee"), for ratings a cumulative link mixed model ("clmm"), or for choices between two items a
+    Bradley–Terry model ("bradleyterry"). In the last, `within` are the factors of the first and the
+    second item, or one factor whose levels name both ("A|B"), and the measure is above 0 where the
+    first was preferred.
+
+    Without a factor, a test of one sample ("sign", "binomial", "t", "tost") compares people's means
+    with a number (option `mu`) or with bounds (options `low` and `high`).
+
+    Tests of agreement ("icc" with the option `kind`, "krippendorff" and "kappa" with `scale`) ask
+    how far participants agree about the items that the `within` factors distinguish, above the
+    option `mu` (default 0). `raters` may name a factor whose levels are the raters (the occasion of
+    a rating and its repetition); each participant then rates items of their own.
+
+    `claim` says in words what a significant result would show; with several factors it is about
+    their interaction. Comparisons of one `family` are corrected together. An `exploratory` one has
+    a place of its own in the report and makes no headline. `only` are levels of other factors that
+    trials must have ({"group": "haptics"}). `pairs` are published results of two levels, compared
+    after the overall test of a factor.
     """
 
     dv: str
@@ -179,13 +184,13 @@ class Compare:
         return tuple(dict.fromkeys((*names, *pairs, every)))
 
     @property
-    def claimed(self) -> str:
+    def claimed_term(self) -> str:
         """The effect of the claim, of several factors their interaction; "" without a claim."""
         return self.terms[-1] if self.claim else ""
 
     def is_claimed(self, term: str) -> bool:
         """Tell whether an effect, its factors in any order, is the one claimed."""
-        return bool(self.claim) and set(term.split(":")) == set(self.claimed.split(":"))
+        return bool(self.claim) and set(term.split(":")) == set(self.claimed_term.split(":"))
 
     @property
     def name(self) -> str:
@@ -195,7 +200,7 @@ class Compare:
             of = f", {self.test}{of}"
         return f"{self.dv} by {' × '.join((*self.within, *self.between)) or 'itself'}{of}"
 
-    def chosen(self, trials: pd.DataFrame) -> pd.DataFrame:
+    def select(self, trials: pd.DataFrame) -> pd.DataFrame:
         """Return the trials that it uses."""
         return trials_of(trials, self.only)
 
@@ -212,12 +217,12 @@ class Compare:
         self,
         levels: dict[str, tuple[str, ...]],
         *,
-        called: Mapping[str, str] | None = None,
+        level_words: Mapping[str, str] | None = None,
         unit: str = "",
     ) -> Question:
         """Return the question for `visavis.analysis.statistics_report`; `levels` in their order.
 
-        `called` gives levels their words in sentences, `unit` is the measure's unit.
+        `level_words` are the words for levels in sentences, `unit` is the measure's unit.
         """
         test = self.model or self.test or self._usual(levels)
         factors = (*self.within, *self.between)
@@ -232,7 +237,7 @@ class Compare:
             missing="listwise",
             alpha=self.alpha,
             levels=factor_levels,
-            level_words={} if self.model == "bradleyterry" else dict(called or {}),
+            level_words={} if self.model == "bradleyterry" else dict(level_words or {}),
             measured_in=unit,
             **dict(self.options),
         )
@@ -256,21 +261,21 @@ def trials_of(trials: pd.DataFrame, only: Mapping[str, Scalar]) -> pd.DataFrame:
 def possible(
     compare: Sequence[Compare],
     in_force: Mapping[str, Sequence[Scalar]],
-    varied: Sequence[str],
+    design_factors: Sequence[str],
 ) -> tuple[Compare, ...]:
     """Return the comparisons that a design can make.
 
-    `in_force` are the levels of every factor, `varied` the factors of the design; a group to which
-    everybody belongs is not one. Comparisons about an absent level, or between absent groups, are
-    left out.
+    `in_force` are the levels of every factor, `design_factors` the factors that vary in the design.
+    A group to which everybody belongs is not a factor. Comparisons about an absent level, or
+    between absent groups, are left out.
     """
     comparisons = []
     for one in compare:
         factors = (*one.within, *one.between)
         if any(level not in in_force.get(name, (level,)) for name, level in one.only.items()):
             continue
-        if any(name in in_force and name not in varied for name in factors):
+        if any(name in in_force and name not in design_factors for name in factors):
             continue
-        restriction = {name: level for name, level in one.only.items() if name in varied}
+        restriction = {name: level for name, level in one.only.items() if name in design_factors}
         comparisons.append(replace(one, only=restriction))
     return tuple(comparisons)

@@ -96,8 +96,8 @@ class _Keywords(
 class Study:
     """A study. Only name, title, factors and a trial are needed.
 
-    Every field of its parts is given by its name: `Study("duel", factors=[…], repetitions=5)`; a
-    part may also be given whole, and what is named beside it replaces its fields.
+    Every field of its parts is a keyword: `Study("duel", factors=[…], repetitions=5)`. A whole part
+    may be given too; keywords beside it replace its fields.
 
     Raises:
         TypeError: there is no such keyword; it says which one is nearest.
@@ -212,12 +212,12 @@ class Study:
     def scene(self, name: str) -> Callable[[Maker], Maker]:
         """Take a function as the maker of a scene of this study (a decorator)."""
 
-        def taken(maker: Maker) -> Maker:
+        def register(maker: Maker) -> Maker:
             makers = {**self.procedure.makers, name: maker}
             self.procedure = replace(self.procedure, makers=makers)
             return maker
 
-        return taken
+        return register
 
     def person(self, make: PersonOf) -> PersonOf:
         """Take the function of place, seed, effect and experiment that makes a simulated

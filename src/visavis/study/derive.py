@@ -17,7 +17,7 @@ from visavis.study.exclusions import Exclusion
 from visavis.study.parameters import parameters_in_force
 
 OWN: Final = frozenset({"folder", "path", "plan_folder"})
-"""Fields that a derived study does not take over and cannot be given by name."""
+"""Fields that a derived study does not inherit, and that `derive` does not accept."""
 
 
 def derive(base: str | Path | Study, name: str, **differs: Any) -> Study:
@@ -37,7 +37,7 @@ def derive(base: str | Path | Study, name: str, **differs: Any) -> Study:
     frame = inspect.currentframe()
     caller = None if frame is None else frame.f_back
     file = None if caller is None else caller.f_globals.get("__file__")
-    source = base if isinstance(base, Study) else _found(base, Path(file or ".").parent)
+    source = base if isinstance(base, Study) else _find_base(base, Path(file or ".").parent)
     possible = ["title", "question", "version", *(name for name in PART_OF if name not in OWN)]
     for keyword in differs:
         if keyword not in possible:
@@ -62,7 +62,7 @@ def derive(base: str | Path | Study, name: str, **differs: Any) -> Study:
     )
 
 
-def _found(base: str | Path, here: Path) -> Study:
+def _find_base(base: str | Path, here: Path) -> Study:
     reference = str(base)
     if is_file(reference):
         reference = str(here / reference)

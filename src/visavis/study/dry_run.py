@@ -16,8 +16,8 @@ from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Pose
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import (
-    Answered,
     Ask,
+    AskReply,
     FrameView,
     GazeView,
     Mark,
@@ -28,8 +28,8 @@ from visavis.protocol.plan.steps import (
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.sound import Sound
 from visavis.study.asking import Answer
-from visavis.study.background import Beside
-from visavis.study.films import Shown
+from visavis.study.background import BackgroundExecutor
+from visavis.study.films import Stimulus
 from visavis.study.responses import Response
 from visavis.study.scenes import Scene, Staging, stage
 from visavis.study.study_errors import explain, line_of, line_reached
@@ -63,9 +63,9 @@ class TrialRead:
     scenes: tuple[Scene, ...]
     agents: int
     vibrates: bool
-    lit: SceneFrame | None = None
+    lit_frame: SceneFrame | None = None
     """The first lit frame of a trial that shows scenes frame by frame itself."""
-    films: tuple[Shown, ...] = ()
+    films: tuple[Stimulus, ...] = ()
     roles: frozenset[str] = frozenset()
     """The roles in any of the scenes."""
     fits_a_page: bool = True
@@ -89,10 +89,10 @@ def still_view(t_ns: int = 0) -> FrameView:
 def first_lit(plan: TrialPlan, trial: Trial, settings: Settings) -> SceneFrame | None:
     """Return the first lit frame of a trial before it is performed; None where it shows none.
 
-    Anything that earlier trials left in the memory is missing.
+    The memory that earlier trials would have left is empty.
     """
-    apart = replace(settings, memory={}, beside=Beside())
-    return read_trial(plan, trial, apart, stops_when_lit=True).lit
+    apart = replace(settings, memory={}, beside=BackgroundExecutor())
+    return read_trial(plan, trial, apart, stops_when_lit=True).lit_frame
 
 
 def read_trial(
@@ -106,10 +106,10 @@ def read_trial(
     script = TrialScript(trial, settings)
     script.is_read = True
     seconds, agents, vibrates, fits_a_page = 0.0, 0, False, True
-    lit: SceneFrame | None = None
+    lit_frame: SceneFrame | None = None
     responses: list[Response] = []
     scenes: list[Scene] = []
-    films: list[Shown] = []
+    films: list[Stimulus] = []
     sounds: list[Sound | Path] = []
     sound_columns: list[str] = []
     roles: set[str] = set()
@@ -122,14 +122,14 @@ def read_trial(
             if not isinstance(step, Action | Mark):
                 fits_a_page = False
             if isinstance(step, Action):
-                fits_a_page &= step.watched is not None or step.name in STEPS_OF_A_PAGE
+                fits_a_page &= step.viewing is not None or step.name in STEPS_OF_A_PAGE
                 seconds += step.seconds
                 script.view = still_view(round(seconds * NS_PER_S))
                 vibrates = vibrates or step.name == "vibrate"
                 # Every reply has the type and columns of the real one: the trial may go on with it.
                 if step.sound is not None:
                     sounds.append(step.sound)
-                    sound_columns.append(f"{script.numbered(step.column)}_on_ns")
+                    sound_columns.append(f"{script.next_prefix(step.column)}_on_ns")
                     script.row[sound_columns[-1]] = script.now_ns
                     lasts_s = _seconds_of(step, settings)
                     reply = PlayedSound(script.now_ns, lasts_s)
@@ -140,7 +140,7 @@ def read_trial(
                     staging = Staging(chance, step.seconds, 0, settings.folder)
                     staged_scene = stage(step.scene, staging, settings.makers)
                     if stops_when_lit and staged_scene.scene.brightness_01 > 0:
-                        lit = staged_scene.frame(script.view, 0)
+                        lit_frame = staged_scene.frame(script.view, 0)
                     agents = max(agents, len(staged_scene.scene.agents))
                     roles |= set(staged_scene.roles)
                     reply = ShownScene(
@@ -154,8 +154,8 @@ def read_trial(
                     reply = answers[response.name] = _made_up(response, script.view)
                     if reply.option is not None:
                         script.row[response.name] = response.value(reply.option)
-                if step.watched is not None:
-                    films.append(step.watched.shown)
+                if step.viewing is not None:
+                    films.append(step.viewing.stimulus)
                     reply = answers
             # Steps of the engine, which a study uses where it needs single frames.
             elif isinstance(step, NextFrame):
@@ -163,19 +163,19 @@ def read_trial(
                 reply = script.view = still_view(round(seconds * NS_PER_S))
             elif isinstance(step, Show):
                 agents = max(agents, len(step.view.scene.agents))
-                if lit is None and step.view.scene.brightness_01 > 0:
-                    lit = step.view
+                if lit_frame is None and step.view.scene.brightness_01 > 0:
+                    lit_frame = step.view
             elif isinstance(step, Ask):
-                reply = Answered(step.options[0] if step.options else "", 0)
+                reply = AskReply(step.options[0] if step.options else "", 0)
             elif isinstance(step, Prompt):
-                reply = Answered(None, 0)
-            if stops_when_lit and lit is not None:
+                reply = AskReply(None, 0)
+            if stops_when_lit and lit_frame is not None:
                 break
         else:
             raise DesignError(f"after {MAX_STEPS} steps it has not ended")
         # Stopped at the first light: questions and later scenes were not reached.
         steps.close()
-        return TrialRead(seconds, (), tuple(scenes), agents, vibrates, lit)
+        return TrialRead(seconds, (), tuple(scenes), agents, vibrates, lit_frame)
     except StopIteration:
         return TrialRead(
             seconds,
@@ -183,7 +183,7 @@ def read_trial(
             tuple(scenes),
             agents,
             vibrates,
-            lit,
+            lit_frame,
             tuple(films),
             frozenset(roles),
             fits_a_page,

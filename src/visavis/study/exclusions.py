@@ -11,7 +11,7 @@ from visavis.lab.yaml_lines import did_you_mean
 from visavis.study.measures import HEAD_LOST_COLUMN, LOST_COLUMN
 
 Level = Literal["trial", "participant"]
-ANSWERED: Final = "answered_01"
+ANSWERED_COLUMN: Final = "answered_01"
 """Column of each person's share of answered questions among the required ones."""
 
 
@@ -24,7 +24,7 @@ COLUMN_WORDS: Final[Mapping[str, str]] = {
     "completed_01": "share of planned trials finished",
     "smallest_cell_trials": "trials in the emptiest cell",
     "smallest_cell_01": "share of planned trials in the emptiest cell",
-    ANSWERED: "share of required questions answered",
+    ANSWERED_COLUMN: "share of required questions answered",
 }
 """The columns that the standard rules compare with their limits, in words."""
 
@@ -78,7 +78,7 @@ class Exclusion:
         side = "above" if self.above else "below"
         return f"{whom} with {self.column_words} ({self.name}) {side} {limit:g}"
 
-    def said(self, value: Any, limit: float | None) -> str:
+    def reason(self, value: Any, limit: float | None) -> str:
         """Return in words why a value is excluded."""
         if _is_missing(value) and not self.if_missing:
             return f"{self.column} is not known"
@@ -118,7 +118,7 @@ COMPLETENESS_RULES: Final = (
     Exclusion(
         "min_answered_01",
         "participant",
-        ANSWERED,
+        ANSWERED_COLUMN,
         0.5,
         "{value:.0%} of the questionnaires' required questions answered (limit {limit:.0%})",
         above=False,

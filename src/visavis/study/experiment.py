@@ -13,7 +13,7 @@ from visavis.lab.clock import NS_PER_MS
 from visavis.lab.errors import ConfigError, DesignError
 from visavis.lab.geometry import Vector
 from visavis.protocol.plan.design import combinations_of, make_plan
-from visavis.protocol.plan.experiment import Demands, untold
+from visavis.protocol.plan.experiment import Demands, no_progress
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.protocol.plan.steps import Plan
 from visavis.protocol.session.boards import DwellRule, Ways
@@ -86,7 +86,7 @@ class StudyExperiment:
             ways=Ways(float(p["answer_limit_s"]), None if p["answer_by"] == "ray" else DwellRule()),
             answer_by=str(p["answer_by"]),
             folder=self.study.files.trial_folder,
-            measured=frozenset(m.role for m in self.study.analysis.measures if m.role),
+            measured_roles=frozenset(m.role for m in self.study.analysis.measures if m.role),
         )
 
     @cached_property
@@ -94,7 +94,7 @@ class StudyExperiment:
         """What every condition shows and asks."""
         design = self.study.design_with(self.parameters)
         trials = (
-            Trial(f"T{i}", i, 0, False, self._derived(cell), i)
+            Trial(f"T{i}", i, 0, False, self._with_derived_columns(cell), i)
             for i, cell in enumerate(combinations_of(design.factors), start=1)
         )
         return read_trials(self.study.trial_plan, trials, self.settings)
@@ -218,14 +218,14 @@ class StudyExperiment:
                 problems.append(str(problem))
         return tuple(problems)
 
-    def prepare(self, told: Callable[[int, int], None] = untold) -> None:
-        """Load and compute in advance; `told` is called with the number done and the total."""
+    def prepare(self, on_progress: Callable[[int, int], None] = no_progress) -> None:
+        """Load and compute in advance; `on_progress` gets how many steps are done and the total."""
         of = self.study.procedure.prepare_of
         steps = () if of is None else tuple(of(self))
-        for done, step in enumerate(steps):
-            told(done, len(steps))
+        for count, step in enumerate(steps):
+            on_progress(count, len(steps))
             step()
-        told(len(steps), len(steps))
+        on_progress(len(steps), len(steps))
 
     @property
     def spare_roles(self) -> tuple[str, ...]:
@@ -270,7 +270,8 @@ class StudyExperiment:
                 replace(
                     block,
                     trials=tuple(
-                        replace(t, factors=self._derived(t.factors)) for t in block.trials
+                        replace(t, factors=self._with_derived_columns(t.factors))
+                        for t in block.trials
                     ),
                     name=self.texts.find(*titles, values=text_values) or block.name,
                     instruction=self.texts.find(*instruction_names, values=text_values) or "",
@@ -288,16 +289,16 @@ class StudyExperiment:
 
     def _asked_after_blocks(self) -> tuple[str, ...]:
         asks = self.study.asks
-        omissions = () if asks.unasked is None else asks.unasked(self.parameters)
+        omissions = () if asks.skip_after_block is None else asks.skip_after_block(self.parameters)
         return tuple(name for name in asks.after_block if name not in omissions)
 
-    def values_of(self, made: SessionPlan) -> dict[str, Any]:
+    def values_of(self, plan: SessionPlan) -> dict[str, Any]:
         """Return the values for placeholders of texts: parameters, and numbers from the plan."""
-        main_trials = [t for t in made.trials if not t.is_practice]
+        main_trials = [t for t in plan.trials if not t.is_practice]
         return {
             **self.settings.values,
             "trials": len(main_trials),
-            "practice": len(made.trials) - len(main_trials),
+            "practice": len(plan.trials) - len(main_trials),
             "trial_s": self.parameters.get("trial_s", round(self.trial_s)),
             **{
                 f"{r.name}_{end}": getattr(r, end)
@@ -305,7 +306,7 @@ class StudyExperiment:
                 if isinstance(r, Rating)
                 for end in ("low", "high")
             },
-            "blocks": sum(any(not t.is_practice for t in b.trials) for b in made.blocks),
+            "blocks": sum(any(not t.is_practice for t in b.trials) for b in plan.blocks),
         }
 
     def run_trial(self, trial: Trial) -> Plan:
@@ -327,7 +328,7 @@ class StudyExperiment:
     def conditions(self) -> Iterator[Mapping[str, Any]]:
         """Yield every condition of the design."""
         for cell in combinations_of(self.study.design_with(self.parameters).factors):
-            yield self._derived(cell)
+            yield self._with_derived_columns(cell)
 
     @cached_property
     def levels(self) -> dict[str, tuple[Any, ...]]:
@@ -347,7 +348,7 @@ class StudyExperiment:
         }
         return possible(self.study.analysis.compare, in_force, tuple(self.levels))
 
-    def _derived(self, factors: Mapping[str, Any]) -> dict[str, Any]:
+    def _with_derived_columns(self, factors: Mapping[str, Any]) -> dict[str, Any]:
         """Return a trial's factors with the columns derived from them."""
         return {**factors, **{name: of(factors) for name, of in self.study.design.derived.items()}}
 

@@ -1,8 +1,8 @@
 """Films as stimuli: a scene of some duration seen by a camera; one alone, or two side by side.
 
-A film is data. A moving camera follows from the scene, its way of filming and a seed. In a browser
-the film is a file, drawn once and the same for everybody; a headset or a monitor shows its scene
-itself.
+A film is data. The path of a moving camera is computed from the scene, the camera's settings and a
+seed. In a browser the film is a file, drawn once and the same for everybody; a headset or a monitor
+shows its scene itself.
 """
 
 from collections.abc import Mapping
@@ -50,7 +50,9 @@ class Lens:
 
     def __post_init__(self) -> None:
         if self.eye_m == self.aim_m or not 0.01 <= self.half_height_01 <= 3.0:
-            raise DesignError(f"{self} sees nothing; let it aim elsewhere, with 0.01 to 3")
+            raise DesignError(
+                f"{self} sees nothing; aim_m must not be eye_m, half_height_01 is 0.01 to 3"
+            )
 
     @property
     def turn_wxyz(self) -> Vector:
@@ -78,7 +80,7 @@ class Directed:
     def __post_init__(self) -> None:
         _check_view(self.fov_v_deg)
         if self.over not in ("tracks", "scattered"):
-            raise DesignError(f"a director films over {self.over!r}; it is tracks or scattered")
+            raise DesignError(f"a director films over {self.over!r}; give tracks or scattered")
 
 
 @dataclass(frozen=True)
@@ -167,14 +169,14 @@ class Pair:
     right: Film
 
 
-Shown: TypeAlias = Film | Pair
+Stimulus: TypeAlias = Film | Pair
 
 
 @dataclass(frozen=True)
-class Watched:
+class Viewing:
     """A film or a pair with questions below it: answers count after `min_rounds` whole rounds."""
 
-    shown: Shown
+    stimulus: Stimulus
     responses: tuple[Response, ...]
     caption: str = ""
     min_rounds: int = 1
@@ -184,28 +186,30 @@ class Watched:
             raise DesignError(f"min_rounds is {self.min_rounds}; give 0 to 100")
 
 
-def films_of(shown: Shown) -> Mapping[str, Film]:
-    """Return the films by where they stand: "film", or "left" and "right"."""
+def films_of(stimulus: Stimulus) -> Mapping[str, Film]:
+    """Return the films by their place: "film", or "left" and "right"."""
     return (
-        {"film": shown} if isinstance(shown, Film) else {"left": shown.left, "right": shown.right}
+        {"film": stimulus}
+        if isinstance(stimulus, Film)
+        else {"left": stimulus.left, "right": stimulus.right}
     )
 
 
-def scene_of(shown: Shown) -> Scene:
+def scene_of(stimulus: Stimulus) -> Scene:
     """Return the scene that shows the same in a headset or on a monitor.
 
     Two films of one scene by different cameras show that scene.
     """
-    if isinstance(shown, Film):
-        return shown.scene
-    if shown.left.scene == shown.right.scene and shown.left.lens != shown.right.lens:
-        return shown.left.scene
-    return Scene(PAIR, left=shown.left.scene, right=shown.right.scene)
+    if isinstance(stimulus, Film):
+        return stimulus.scene
+    if stimulus.left.scene == stimulus.right.scene and stimulus.left.lens != stimulus.right.lens:
+        return stimulus.left.scene
+    return Scene(PAIR, left=stimulus.left.scene, right=stimulus.right.scene)
 
 
-def seconds_of(shown: Shown) -> float:
+def seconds_of(stimulus: Stimulus) -> float:
     """Return how long one round takes."""
-    return max(film.seconds for film in films_of(shown).values())
+    return max(film.seconds for film in films_of(stimulus).values())
 
 
 def film_columns(films: int) -> dict[str, Column]:

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from visavis.analysis.gaze.aoi import (
     DEFAULT_PAD_DEG,
     SENSITIVITY_PADS_DEG,
+    aoi_by_pad,
 )
 from visavis.analysis.gaze.events import (
     IDT_HEADSET,
@@ -30,8 +31,9 @@ from visavis.analysis.gaze.looks import (
     LookParameters,
     measure_trial,
 )
-from visavis.analysis.gaze.movements.detect import AUTO, MovementParameters, detect_movements
+from visavis.analysis.gaze.movements.detect import detect_movements
 from visavis.analysis.gaze.movements.kinds import Movement, Movements, fixations_of
+from visavis.analysis.gaze.movements.parameters import AUTO, MovementParameters
 from visavis.analysis.gaze.sensitivity import SENSITIVITY_MINIMA_MS, sensitivity_of_trial
 from visavis.analysis.gaze.stamps import order_of
 from visavis.analysis.gaze.targets import GazeTargets
@@ -95,7 +97,7 @@ _MOVEMENT_COLUMNS: Final = (
 )
 
 
-def _prefixed(prefix: str, note: str, columns: Sequence[Column]) -> tuple[Column, ...]:
+def _with_prefix(prefix: str, note: str, columns: Sequence[Column]) -> tuple[Column, ...]:
     return tuple(Column(prefix + c.name, c.unit, f"{note}: {c.description}") for c in columns)
 
 
@@ -105,12 +107,12 @@ LOOK_COLUMNS: Final[tuple[Column, ...]] = (
     Column("conflicting_samples", "1", "those of them that contradict the one kept, the first"),
     Column("backward_samples", "1", "samples stamped before the one that came before; sorted in"),
     Column("gaze_samples", "1", "samples within the trial"),
-    *_prefixed(RAW, "by the bare ray, without padding", _OF_LOOKS),
-    *_prefixed(BEFORE, "from the start to the change", _OF_LOOKS),
-    *_prefixed(AFTER, "from the change to the end", _OF_LOOKS),
-    *_prefixed(IVT, "by velocity, gaze in world", _EVENT_COLUMNS),
-    *_prefixed(IDT, "by dispersion, gaze in world", _EVENT_COLUMNS),
-    *_prefixed(ADAPTIVE, "by adaptive thresholds, gaze in world", _MOVEMENT_COLUMNS),
+    *_with_prefix(RAW, "by the bare ray, without padding", _OF_LOOKS),
+    *_with_prefix(BEFORE, "from the start to the change", _OF_LOOKS),
+    *_with_prefix(AFTER, "from the change to the end", _OF_LOOKS),
+    *_with_prefix(IVT, "by velocity, gaze in world", _EVENT_COLUMNS),
+    *_with_prefix(IDT, "by dispersion, gaze in world", _EVENT_COLUMNS),
+    *_with_prefix(ADAPTIVE, "by adaptive thresholds, gaze in world", _MOVEMENT_COLUMNS),
     Column("frozen_samples", "1", "samples that repeat one direction for 100 ms or more: lost"),
 )
 """Every column that looks add to a trial's row."""
@@ -178,8 +180,8 @@ def trial_measures(
     span = _span(row)
     samples = targets.between(span.start_ns, span.end_ns)
     aoi = samples.areas(params.pad_deg)
-    whole = _measured(samples, aoi, span, params.looks, span.switch_ns)
-    raw = _measured(samples, samples.hit, span, params.looks, None)
+    whole = _looks_within(samples, aoi, span, params.looks, span.switch_ns)
+    raw = _looks_within(samples, samples.hit, span, params.looks, None)
     stamps = order_of(
         samples.t_ns, aoi, backward=params.looks.backward, conflicts=params.looks.conflicts
     )
@@ -199,7 +201,7 @@ def trial_measures(
     return columns
 
 
-def _measured(
+def _looks_within(
     samples: GazeTargets,
     aoi: npt.NDArray[np.integer[Any]],
     span: _Span,
@@ -245,29 +247,29 @@ def second_view(
     return columns | _movement_columns(movements)
 
 
-def _movement_columns(found: Movements) -> dict[str, Scalar | None]:
-    n = len(found.movement)
+def _movement_columns(movements: Movements) -> dict[str, Scalar | None]:
+    n = len(movements.movement)
     return {
-        ADAPTIVE + "saccade_count": int((found.kind == Movement.SACCADE).sum()),
-        ADAPTIVE + "pursuit_share_01": found.share_01(Movement.PURSUIT) if n else None,
-        ADAPTIVE + "blink_count": int((found.kind == Movement.BLINK).sum()),
-        ADAPTIVE + "detector": found.detector if n else None,
+        ADAPTIVE + "saccade_count": int((movements.kind == Movement.SACCADE).sum()),
+        ADAPTIVE + "pursuit_share_01": movements.share_01(Movement.PURSUIT) if n else None,
+        ADAPTIVE + "blink_count": int((movements.kind == Movement.BLINK).sum()),
+        ADAPTIVE + "detector": movements.detector if n else None,
     }
 
 
 def _event_columns(
-    prefix: str, found: Fixations, on_active: npt.NDArray[np.bool_]
+    prefix: str, fixations: Fixations, on_active: npt.NDArray[np.bool_]
 ) -> dict[str, Scalar | None]:
     active_before = np.concatenate([[0], np.cumsum(on_active)])
-    on = active_before[found.last_row + 1] - active_before[found.first_row]
-    length = found.last_row + 1 - found.first_row
+    on = active_before[fixations.last_row + 1] - active_before[fixations.first_row]
+    length = fixations.last_row + 1 - fixations.first_row
     n = on_active.shape[0]
     return {
-        prefix + "fixation_count": len(found),
+        prefix + "fixation_count": len(fixations),
         prefix + "mean_fixation_ms": (
-            float(found.duration_ns.mean()) / NS_PER_MS if len(found) else None
+            float(fixations.duration_ns.mean()) / NS_PER_MS if len(fixations) else None
         ),
-        prefix + "fixation_share_01": float(found.in_fixation.mean()) if n else None,
+        prefix + "fixation_share_01": float(fixations.in_fixation.mean()) if n else None,
         prefix + "on_active_count": int(np.count_nonzero(2 * on > length)),
     }
 
@@ -283,16 +285,19 @@ def sensitivity_rows(
     """Yield the six measures for every padding and minimum fixation duration."""
     span = _span(row)
     samples = targets.between(span.start_ns, span.end_ns)
-    results = sensitivity_of_trial(
-        samples.t_ns,
+    areas = aoi_by_pad(
         samples.angle_deg,
         samples.radius_deg,
         samples.pad_limit_deg,
         samples.hit,
+        pads_deg=pads_deg,
+    )
+    results = sensitivity_of_trial(
+        samples.t_ns,
+        areas,
         span.active,
         span.start_ns,
         span.end_ns,
-        pads_deg=pads_deg,
         minima_ms=minima_ms,
         params=params.looks,
     )

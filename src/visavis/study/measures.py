@@ -207,7 +207,7 @@ def first_fixation_on(
     column: str = "first_fixation_time_ms",
     pad_deg: float = DEFAULT_PAD_DEG,
 ) -> Measure:
-    """Return when the first fixation on a head began, from the scene's onset; missing without."""
+    """Return the time from the scene's onset to the first fixation on a head; missing if none."""
     return Measure(
         column,
         "ms",
@@ -273,12 +273,12 @@ def value_of(measure: Measure, record: TrialRecord) -> Scalar | None:
     except (KeyError, ValueError, IndexError) as error:
         raise DataError(
             f"{record.name}: {measure.column} could not be measured "
-            f"({type(error).__name__}: {error}); mend its function in the study file, or look at "
-            "the trial: visavis check, visavis view"
+            f"({type(error).__name__}: {error}); correct its function in the study file, or "
+            "look at the trial: visavis check, visavis view"
         ) from error
 
 
-def aggregated(
+def aggregate_cells(
     trials: pd.DataFrame, measures: Sequence[Measure], factors: Sequence[str]
 ) -> pd.DataFrame:
     """Return one row per participant and cell: each measure combined as it says, and `n` trials."""
@@ -305,7 +305,7 @@ class SessionGaze:
         return {}
 
     def of_part(self, part: int) -> GazeTargets | None:
-        """Return the samples of one part, frozen ones made lost; None without an eye tracker."""
+        """Return one part's samples, frozen ones marked as lost; None without an eye tracker."""
         read = self._read(part)
         return None if read is None else read[0]
 

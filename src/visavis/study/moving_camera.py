@@ -1,6 +1,6 @@
 """What a film by a moving camera shows: the camera's poses and what was seen from there.
 
-The camera is asked once, picture by picture; the same film is always filmed the same.
+The camera runs once, picture by picture, so that the same film always looks the same.
 """
 
 from collections.abc import Callable
@@ -31,7 +31,7 @@ from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.picture import Camera, Picture, Room
 from visavis.study.dry_run import still_view
 from visavis.study.films import Directed, Film, Following, Lens, Moving
-from visavis.study.scenes import Staged
+from visavis.study.scenes import StagedScene
 
 EYES_SHARE: Final = 0.936
 """Height of the eyes as a share of the whole person's."""
@@ -39,15 +39,16 @@ EYES_SHARE: Final = 0.936
 
 @dataclass(frozen=True, eq=False)
 class FilmSeen:
-    """A film as it is seen, one row a picture: `t_s` (n,) its time, `cameras`, whether the head of
-    whom it films can be `seen` (n,), in the picture with nothing before it, how large they stand in
-    it (`height_01` (n,), their height as a share of the picture's), and `cut` (n,), whether the
-    picture before was another shot's.
+    """What the pictures of a film show, one row for each picture.
+
+    `t_s` (n,) is its time and `cameras` its camera. `is_visible` (n,) tells whether the head of the
+    person filmed is in the picture and unoccluded, `height_01` (n,) their height as a share of the
+    picture's, and `cut` (n,) whether the picture is the first of a new shot.
     """
 
     t_s: npt.NDArray[np.float64]
     cameras: tuple[Camera, ...]
-    seen: npt.NDArray[np.bool_]
+    is_visible: npt.NDArray[np.bool_]
     height_01: npt.NDArray[np.float64]
     cut: npt.NDArray[np.bool_]
     sheet: Sheet
@@ -64,21 +65,21 @@ class FilmSeen:
 class _Subject:
     """The person that a film follows, in pictures of a scene at any time."""
 
-    def __init__(self, film: Film, staged: Staged, role: str) -> None:
-        first = staged.frame(still_view(0), 0)
+    def __init__(self, film: Film, staged_scene: StagedScene, role: str) -> None:
+        first = staged_scene.frame(still_view(0), 0)
         if first is None:
             raise DesignError(f"scene {film.scene.name} shows nothing at its onset")
-        if role not in staged.roles:
-            roles = ", ".join(staged.roles)
+        if role not in staged_scene.roles:
+            roles = ", ".join(staged_scene.roles)
             raise DesignError(
-                f"scene {film.scene.name} has nobody who is {role!r} to be filmed"
-                f"{did_you_mean(role, tuple(staged.roles))}; it has {roles}"
+                f"scene {film.scene.name} has nobody who is {role!r} to film"
+                f"{did_you_mean(role, tuple(staged_scene.roles))}; it has {roles}"
             )
-        self._frame, self.index = first, staged.roles[role]
-        self.picture_at: Callable[[int], Picture] = lru_cache(maxsize=4)(self._drawn)
+        self._frame, self.index = first, staged_scene.roles[role]
+        self.picture_at: Callable[[int], Picture] = lru_cache(maxsize=4)(self._draw_picture)
         self.height_m = float(self.eyes_m(0)[1]) / EYES_SHARE
 
-    def _drawn(self, t_ns: int) -> Picture:
+    def _draw_picture(self, t_ns: int) -> Picture:
         return picture_of(replace(self._frame, t_ns=t_ns))
 
     def eyes_m(self, t_ns: int) -> Vector:
@@ -103,7 +104,7 @@ class _Subject:
         return Moment(np.array([eyes[0], 0.0, eyes[2]]), self.height_m, self.others(t_ns))
 
 
-def filmed(film: Film, staged: Staged) -> FilmSeen:
+def film_scene(film: Film, staged_scene: StagedScene) -> FilmSeen:
     """Film a scene by a moving camera.
 
     Raises:
@@ -113,7 +114,7 @@ def filmed(film: Film, staged: Staged) -> FilmSeen:
     lens = film.lens
     if isinstance(lens, Lens):
         raise DesignError("a lens that stands still films nobody; give the film a moving camera")
-    subject = _Subject(film, staged, lens.subject)
+    subject = _Subject(film, staged_scene, lens.subject)
     room = subject.picture_at(0).room
     obstacles = _obstacles_of(room)
     camera = _camera(lens, room, obstacles, subject)

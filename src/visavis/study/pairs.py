@@ -6,7 +6,7 @@ from typing import Any, Literal, TypeAlias
 
 from visavis.analysis.statistics.results import p_text
 
-Shared = Literal["measures", "levels", "each"]
+SharedAlpha = Literal["measures", "levels", "each"]
 
 
 @dataclass(frozen=True)
@@ -62,14 +62,14 @@ class Pairs:
     factor: str
     levels: Sequence[tuple[str, str]]
     each: str = ""
-    shared: Sequence[Shared] = ("measures", "levels")
+    shared: Sequence[SharedAlpha] = ("measures", "levels")
     words: str = ""
     names: Mapping[str, str] = field(default_factory=dict)
     noun: str = ""
     printed: PrintedOf | None = None
     exploratory: bool = False
 
-    def called(self, level: str) -> str:
+    def level_words(self, level: str) -> str:
         """Return the words for a level."""
         return self.names.get(level, level.replace("_", " "))
 

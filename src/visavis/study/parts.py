@@ -22,7 +22,7 @@ from visavis.study.pairs import Family
 from visavis.study.pieces import Pieces
 from visavis.study.responses import Response
 from visavis.study.scenes import Maker
-from visavis.study.sections import ConcludeOf, Confusion, SectionOf, named
+from visavis.study.sections import ConcludeOf, Confusion, SectionOf, import_object
 from visavis.study.study_functions import (
     AnswerOf,
     CheckOf,
@@ -40,13 +40,13 @@ from visavis.study.study_functions import (
 )
 from visavis.study.trial import TrialPlan, TrialScript
 
-RESERVED: Final = frozenset(name for name in dir(TrialScript) if not name.startswith("_")) | {
+RESERVED_NAMES: Final = frozenset(name for name in dir(TrialScript) if not name.startswith("_")) | {
     "trial",
     "settings",
     "row",
     "view",
 }
-"""Names a trial script has already; no factor or parameter can be called so."""
+"""Names that a trial script uses itself; no factor or parameter may have them."""
 SETTABLE: Final = (
     "repetitions",
     "practice",
@@ -71,10 +71,10 @@ class StudyDesign:
     """What varies between trials or people. A factor between people that has one level makes no
     groups."""
     repetitions: int = 1
-    """How often every combination of the factors within people comes."""
+    """Number of repetitions of every combination of the factors within people."""
     practice: int | Sequence[Mapping[str, Any]] = 0
-    """Trials that never count, before the others: so many, drawn from the combinations, or each
-    as its levels by factor."""
+    """Practice trials before the others, which never count: a number of trials, drawn from the
+    combinations, or each trial as its levels by factor."""
     blocks: int = 1
     """Number of equal blocks, for each level of `blocked_by` where there is one."""
     order: TrialOrder = "random"
@@ -82,21 +82,21 @@ class StudyDesign:
     random within blocks that hold equally many of every level; "latin_square" or "williams", a row
     of the square over the combinations for every repetition."""
     balanced: Sequence[str] = ()
-    """Factors of which "balanced_blocks" puts equally many of every level into a block; all that
-    divide, where none is named."""
+    """Factors whose levels "balanced_blocks" makes equally frequent in every block. By default all
+    factors for which the numbers allow it."""
     blocked_by: str | None = None
-    """The factor that changes between blocks alone."""
+    """The factor that changes only between blocks."""
     block_order: BlockOrder = "fixed"
-    """In which order, over participants, the levels of `blocked_by` come: "fixed", "random",
-    "latin_square" or "williams"."""
+    """Order of the levels of `blocked_by`, over participants: "fixed", "random", "latin_square" or
+    "williams"."""
     constraints: Sequence[Constraint] = ()
     """Rules about neighbours in a random order."""
     derived: Mapping[str, Callable[[Mapping[str, Any]], Scalar]] = field(default_factory=dict)
-    """Columns that follow from a trial's factors: a place from its zone and its depth."""
+    """Columns computed from a trial's factors, such as a place from its zone and its depth."""
     parameters: Mapping[str, Any] = field(default_factory=dict)
-    """Numbers, texts and truths that a lab may replace; a trial reads them as attributes."""
+    """Numbers, texts and booleans that a lab may change; a trial reads them as attributes."""
     ranges: Mapping[str, Range] = field(default_factory=dict)
-    """What parameters may be, and which levels factors may have: `Within(0, 1)`, or names."""
+    """Limits of parameters, and the levels that factors may have: `Within(0, 1)`, or names."""
     check_of: CheckOf | None = None
     """Raises DesignError for parameters in force that do not fit each other."""
 
@@ -106,12 +106,16 @@ class StudyDesign:
         return [
             *([] if names else ["there is no factor; add one, if need be with one level"]),
             *(
-                f"nothing can be called {name!r}: a trial uses that name itself"
+                f"{name!r} cannot be a name: a trial uses that name itself, or it is no identifier"
                 for name in (*names, *self.parameters, *self.derived)
-                if name in RESERVED or not name.isidentifier()
+                if name in RESERVED_NAMES or not name.isidentifier()
             ),
             *(f"{n!r} is a factor and a parameter" for n in names if n in self.parameters),
-            *(f"{n!r} is a parameter of every study" for n in self.parameters if n in SETTABLE),
+            *(
+                f"{n!r} is a parameter of every study; name yours otherwise"
+                for n in self.parameters
+                if n in SETTABLE
+            ),
         ]
 
 
@@ -134,12 +138,12 @@ class Procedure:
     views_of: ViewsOf | None = None
     """Rebuilds the views that a recorded frame may have shown, the likeliest first."""
     people: int | PeopleOf = 0
-    """At most how many people are seen at once, where scenes show others than their agents."""
+    """Largest number of people in one picture, where scenes show more people than their agents."""
     on: On = "lab"
     """Where it is performed: on the lab's devices, or on a page in a browser."""
     screening: Sequence[Screening] = ()
-    """What a page looks at before its first trial: "card", how large the screen is; "sound",
-    whether spoken digits are heard."""
+    """What a page checks before its first trial: "card", the size of the screen; "sound", whether
+    spoken digits are heard."""
 
     def problems(self) -> list[str]:
         """Say what is wrong with it."""
@@ -155,19 +159,19 @@ class Asks:
     """What participants are asked, and how they answer."""
 
     responses: Sequence[Response] = ()
-    """What trials ask. Reading a trial without performing it finds them; list those that it asks
-    in some cases only."""
+    """Questions of the trials. A dry run of the trials finds them; list those that a trial asks
+    only in some cases."""
     questionnaires: Sequence[str] = ()
     """Questionnaires at the end, by name."""
     after_block: Sequence[str] = ()
     """Questionnaires after every block that counts, by name."""
-    unasked: RolesOf | None = None
-    """Returns those of `after_block` that make no sense with the parameters in force."""
+    skip_after_block: RolesOf | None = None
+    """Returns the questionnaires of `after_block` to skip with the parameters in force."""
     answer_by: AnswerBy = "board"
     """How questions are answered: on boards by hand, gaze or head; by hand or head; at the
     terminal."""
     answer_limit_s: float = 30.0
-    """Seconds after which a question is left."""
+    """Time limit of a question in seconds."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,7 +185,8 @@ class DeviceNeeds:
     and the body tracker where answers are pointed (by ray, at people, on boards where no gaze is
     calibrated that could choose)."""
     spares: Sequence[str] | None = None
-    """Roles without which the operator may go on. None: all used on which nothing rests."""
+    """Roles without which the operator may go on. None: all roles that are used and not needed,
+    except a calibrated eye tracker and the response devices of the answers."""
     demands_of: DemandsOf | None = None
     """Returns what the study asks of a lab beyond devices being there."""
     calibrate: bool = True
@@ -189,7 +194,7 @@ class DeviceNeeds:
     calibrate_blocks: bool = False
     """Whether it is calibrated before every other block, too."""
     validate: bool = True
-    """Whether calibrations are validated. If not, gaze is recorded and nothing rests on it."""
+    """Whether calibrations are validated. If not, gaze is recorded and no result depends on it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -197,11 +202,11 @@ class SimulatedPeople:
     """Who takes part in simulations."""
 
     answer_of: AnswerOf | None = None
-    """What simulated people answer; the rest of them is as in every study."""
+    """Answers of simulated people, who otherwise behave as in every study."""
     person_of: PersonOf | None = None
     """Makes a simulated participant of the study's own."""
     scaled_of: ScaledOf | None = None
-    """The same for people to whom what is shown makes a multiple of the usual difference."""
+    """The same for people on whom the stimuli have a multiple of the usual effect."""
     quick_of: QuickOf | None = None
     """A path through trials that is shorter than the kit's, for power."""
 
@@ -228,23 +233,26 @@ class AnalysisPlan:
     """Families of simple tests: pairs of levels, correlations with a score. The first one of
     pairs is made again without rules of exclusion, and by padding and minimum duration."""
     questions: Mapping[str, str] = field(default_factory=dict)
-    """What `conclude_of` answers, by name, and what a yes would claim: power is found of them."""
+    """Questions that `conclude_of` answers, by name, with the claim of a yes. Power is computed for
+    them."""
     thresholds: Any = None
     """A dataclass of numbers of the study's own analysis; `analyse --set` replaces its fields."""
     pieces: Pieces | str | None = None
     """How trials are measured one by one, or "module:name" of it; `analyse --set` replaces fields
     of its `how`."""
     facts_of: FactsOf | None = None
-    """Returns what is known of each person, from all trials."""
+    """Returns facts about each person, computed from all trials."""
     further_of: FurtherOf | None = None
-    """Returns what the study finds besides, from the analysis."""
+    """Returns further results of the study, computed from the analysis."""
     conclude_of: ConcludeOf | None = None
     """Answers the study's questions from the analysis."""
 
     @property
     def measured_in_pieces(self) -> Pieces | None:
         """How its trials are measured one by one; None where a session is measured at once."""
-        pieces: Pieces | None = named(self.pieces) if isinstance(self.pieces, str) else self.pieces
+        pieces: Pieces | None = (
+            import_object(self.pieces) if isinstance(self.pieces, str) else self.pieces
+        )
         return pieces
 
     def cells_of(self, design: Design) -> tuple[Factor, ...]:
@@ -261,7 +269,7 @@ class MeanSd(NamedTuple):
 
 @dataclass(frozen=True)
 class Source:
-    """Where a study comes from: the citation, and what is printed of it.
+    """The publication that a study repeats: its citation and its published values.
 
     `cells` are published means (and SDs) by measure and level: {"dwell_ms": {"D": (1210, 480)}}.
     """
@@ -271,7 +279,7 @@ class Source:
     cells: Mapping[str, Mapping[str, tuple[float, float | None]]] = field(default_factory=dict)
     note: str = ""
     only: Mapping[str, Scalar] = field(default_factory=dict)
-    """Levels of other factors that trials must have to stand beside it."""
+    """Levels of other factors that trials must have to be compared with it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -302,7 +310,7 @@ class StudyFiles:
     path: Path | None = None
     """The file it was read from; None for a study of an installed package."""
     plan_folder: Path | None = None
-    """Where the files of a trial lie that was taken over; None: in the study's own folder."""
+    """The folder of an inherited trial's files; None: the study's own folder."""
 
     @property
     def trial_folder(self) -> Path:

@@ -76,7 +76,7 @@ class Pieces:
         """Return the columns that say in every table how it was measured."""
         return {f"measure_{name}": getattr(how, name) for name in self.kept_by}
 
-    def measured(self, recording: Recording, how: Any) -> dict[str, MeasuredTrial]:
+    def measure_all(self, recording: Recording, how: Any) -> dict[str, MeasuredTrial]:
         """Measure every trial of a session that can be measured; return them by identifier."""
         return {name: self.measure(recording, name, how) for name in self.trials(recording)}
 
@@ -84,7 +84,7 @@ class Pieces:
         self,
         recording: Recording,
         rows: pd.DataFrame,
-        measured: Mapping[str, MeasuredTrial],
+        measures_by_trial: Mapping[str, MeasuredTrial],
         factors: Sequence[str],
         how: Any,
     ) -> tuple[pd.DataFrame, dict[str, pd.DataFrame]]:
@@ -92,12 +92,14 @@ class Pieces:
 
         Rows of these begin with participant, trial and the levels of `factors`.
         """
-        columns = dict.fromkeys((*rows, *(c for m in measured.values() for c in m.row)))
+        columns = dict.fromkeys((*rows, *(c for m in measures_by_trial.values() for c in m.row)))
         session_rows: Rows = []
         tables: dict[str, Rows] = {name: [] for name in self.tables}
         for row in rows.to_dict("records"):
             own = {str(k): v for k, v in row.items()} | self.marks(how)
-            mine = measured.get(str(row["trial_id"])) if row["status"] == "complete" else None
+            mine = (
+                measures_by_trial.get(str(row["trial_id"])) if row["status"] == "complete" else None
+            )
             if mine is not None:
                 place = {n: own[n] for n in ("participant", "trial_id", *factors) if n in own}
                 own |= mine.row

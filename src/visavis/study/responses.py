@@ -37,7 +37,7 @@ class _Response:
     def columns(self) -> tuple[Column, ...]:
         """Return the columns an answer adds to a trial's row."""
         return (
-            self._given,
+            self._answer_column,
             Column(f"{self.name}_by", "", f"how it was answered: {WAYS}"),
             Column(
                 f"{self.name}_ms",
@@ -52,7 +52,7 @@ class _Response:
         return {}
 
     @property
-    def _given(self) -> Column:
+    def _answer_column(self) -> Column:
         raise NotImplementedError
 
     @property
@@ -61,7 +61,7 @@ class _Response:
 
 
 @dataclass(frozen=True)
-class _Judged(_Response):
+class _OptionResponse(_Response):
     """One of several `options`; `right` is the correct one, if there is one."""
 
     options: Sequence[str]
@@ -84,7 +84,7 @@ class _Judged(_Response):
         return {f"{self.name}_is_right": None if option is None else option == self.right}
 
     @property
-    def _given(self) -> Column:
+    def _answer_column(self) -> Column:
         return Column(self.name, "", f"{self._words[2]}: {', '.join(self.options)}")
 
     @property
@@ -121,12 +121,12 @@ class Rating(_Response):
         return int(option)
 
     @property
-    def _given(self) -> Column:
+    def _answer_column(self) -> Column:
         return Column(self.name, "1", f"{self.low} low to {self.high} high")
 
 
 @dataclass(frozen=True)
-class Choice(_Judged):
+class Choice(_OptionResponse):
     """One of several options (n-AFC); `right` is the correct one, if there is one.
 
     `labels` are the words for the options on this occasion, in their order, if they vary between
@@ -165,7 +165,7 @@ class SideBySide(_Response):
         return {f"{self.name}_side": option}
 
     @property
-    def _given(self) -> Column:
+    def _answer_column(self) -> Column:
         return Column(self.name, "", "what stood on the side chosen")
 
     @property
@@ -181,7 +181,7 @@ class Text(_Response):
     aggregate: ClassVar[str] = ""
 
     @property
-    def _given(self) -> Column:
+    def _answer_column(self) -> Column:
         return Column(self.name, "", "in the participant's words")
 
 
@@ -218,7 +218,7 @@ class Number(_Response):
         return {f"{self.name}_typed": option}
 
     @property
-    def _given(self) -> Column:
+    def _answer_column(self) -> Column:
         return Column(self.name, self.unit, "the number answered")
 
     @property
@@ -227,7 +227,7 @@ class Number(_Response):
 
 
 @dataclass(frozen=True)
-class Keys(_Judged):
+class Keys(_OptionResponse):
     """A press of one of `options` (controls of the response device), timed from the onset.
 
     No board appears and the scene stays. `right` is the correct press, if there is one; without a
@@ -256,7 +256,7 @@ class Pointing(_Response):
     aggregate: ClassVar[str] = ""
 
     @property
-    def _given(self) -> Column:
+    def _answer_column(self) -> Column:
         description = "place of the nearest head within 10° of the ray; none: empty"
         return Column(self.name, "", description)
 

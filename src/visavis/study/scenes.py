@@ -1,7 +1,7 @@
 """Scenes by name: those that come with Visavis, and those that a study adds.
 
 A study writes `Scene("two_people", active="left", eyes="directed")`; a maker turns that into a
-`Staged` scene: geometry, roles, and the changes from frame to frame.
+`StagedScene`: geometry, roles, and the changes from frame to frame.
 """
 
 from collections.abc import Callable, Mapping
@@ -88,7 +88,7 @@ class Scene:
         return hash((self.name, tuple(sorted(self.options.items()))))
 
 
-class Staged(Protocol):
+class StagedScene(Protocol):
     """A scene ready to be shown, frame by frame."""
 
     @property
@@ -158,7 +158,7 @@ class Staging:
     folder: Path = Path()
 
 
-Maker = Callable[..., Staged]
+Maker = Callable[..., StagedScene]
 """Makes a staged scene: called with a `Staging` and the scene's options by name."""
 
 
@@ -171,7 +171,7 @@ def two_people(
     apart_deg: float = 32.0,
     left: str = "female_01",
     right: str = "male_01",
-) -> Staged:
+) -> StagedScene:
     """Return two people who sit beside each other and face the participant.
 
     The `active` one ("left" or "right") looks at the participant ("directed") or past them
@@ -189,7 +189,7 @@ def two_people(
         x, z = distance_m * float(np.sin(bearing)), -distance_m * float(np.cos(bearing))
         turn = 180.0 - sign * apart_deg / 2
         people.append(Standing(character, side, x, z - 0.16, turn, Sit(hands="lap"), 11))
-    return gathered(staging, "two_people", tuple(people), active, eyes)
+    return scene_of_people(staging, "two_people", tuple(people), active, eyes)
 
 
 def person(
@@ -202,7 +202,7 @@ def person(
     turn_deg: float = 0.0,
     eyes: str = "averted",
     **how: Any,
-) -> Staged:
+) -> StagedScene:
     """Return one person who does something: a motion by name with its settings, or a clip's path.
 
     `bearing_deg` is to the participant's right; with `turn_deg` 0 the person faces them.
@@ -216,10 +216,12 @@ def person(
     x, z = distance_m * float(np.sin(bearing)), -distance_m * float(np.cos(bearing))
     does = _does(motion, how, staging.folder, character)
     one = Standing(character, "person", x, z, 180.0 - bearing_deg + turn_deg, does, 7)
-    return gathered(staging, f"person_{motion}", (one,), "person", eyes)
+    return scene_of_people(staging, f"person_{motion}", (one,), "person", eyes)
 
 
-def audience(staging: Staging, *, active: str = "centre_middle", eyes: str = "directed") -> Staged:
+def audience(
+    staging: Staging, *, active: str = "centre_middle", eyes: str = "directed"
+) -> StagedScene:
     """Return the seated audience of eleven; `active` names the place of the one whose eyes count.
 
     Everyone else looks at the speaker, behind the participant on the left.
@@ -246,33 +248,33 @@ SCENES: Final[Mapping[str, Maker]] = {
 """The scenes that come with Visavis."""
 
 
-def stage(wanted: Scene, staging: Staging, own: Mapping[str, Maker]) -> Staged:
+def stage(scene: Scene, staging: Staging, own: Mapping[str, Maker]) -> StagedScene:
     """Make a scene; the study's `own` makers, by name, come before those of Visavis.
 
     Raises:
         DesignError: there is no such scene, or it does not take such options.
     """
     makers = {**SCENES, **own}
-    name = wanted.name
+    name = scene.name
     if name == PAIR:
-        sides = {side: stage(scene, staging, own) for side, scene in wanted.options.items()}
+        sides = {side: stage(half, staging, own) for side, half in scene.options.items()}
         return _beside(staging, sides)
     maker = makers.get(name)
     if maker is None:
         raise DesignError(
             f"there is no scene {name!r}{did_you_mean(name, makers)}; there are {', '.join(makers)}"
         )
-    if (option_names := _taken(name, maker, wanted.options)) is not None:
-        for option in wanted.options:
+    if (option_names := _option_names(name, maker, scene.options)) is not None:
+        for option in scene.options:
             if option not in option_names:
                 raise DesignError(unknown_argument(f"scene {name}", option, option_names))
     try:
-        return maker(staging, **wanted.options)
+        return maker(staging, **scene.options)
     except TypeError as error:
         raise DesignError(f"scene {name}: {str(error).partition('() ')[2] or error}") from error
 
 
-def _taken(name: str, maker: Maker, options: Mapping[str, Any]) -> tuple[str, ...] | None:
+def _option_names(name: str, maker: Maker, options: Mapping[str, Any]) -> tuple[str, ...] | None:
     """Return the options that a scene takes; None if its maker takes any option."""
     option_names = argument_names(maker)[1:]
     passes_on = any(q.kind is q.VAR_KEYWORD for q in signature(maker).parameters.values())
@@ -285,7 +287,7 @@ def _taken(name: str, maker: Maker, options: Mapping[str, Any]) -> tuple[str, ..
     return (*option_names, *of_motion)
 
 
-def gathered(
+def scene_of_people(
     staging: Staging,
     name: str,
     people: tuple[Standing, ...],
@@ -293,7 +295,7 @@ def gathered(
     eyes: str,
     *,
     room_by: str = "",
-) -> Staged:
+) -> StagedScene:
     """Return people in a room; `eyes` is the gaze of the person at the place `active`.
 
     `room_by` names what makes the room ("module:function"); a plain one is made without.
@@ -311,7 +313,7 @@ def gathered(
     return WithEyes(scene, {"active": who, **places(scene)}, behaviour)
 
 
-def _beside(staging: Staging, sides: Mapping[str, Staged]) -> Staged:
+def _beside(staging: Staging, sides: Mapping[str, StagedScene]) -> StagedScene:
     """Return two scenes of one person each as one scene, the first on the participant's left."""
     people = []
     for sign, (side, gathering) in zip((-1.0, 1.0), sides.items(), strict=True):
@@ -319,7 +321,7 @@ def _beside(staging: Staging, sides: Mapping[str, Staged]) -> Staged:
         if len(alone) != 1:
             raise DesignError(f"a pair shows one person on each side; {side} has {len(alone)}")
         people.append(replace(alone[0], place=side, x_m=alone[0].x_m + sign * BESIDE_M))
-    return gathered(staging, PAIR, tuple(people), people[0].place, "averted")
+    return scene_of_people(staging, PAIR, tuple(people), people[0].place, "averted")
 
 
 def places(scene: StageScene) -> dict[str, int]:
@@ -352,9 +354,9 @@ def _does(motion: str, how: Mapping[str, Any], folder: Path, character: str) -> 
     return Recorded(read_motion(path, default_casting(character).skeleton, **how))
 
 
-def _one_of(scene: str, option: str, value: str, known: tuple[str, ...]) -> None:
-    if value not in known:
+def _one_of(scene: str, option: str, value: str, values: tuple[str, ...]) -> None:
+    if value not in values:
         raise DesignError(
-            f"scene {scene}: {option} is {value!r}{did_you_mean(value, known)}; it is one of "
-            f"{', '.join(known)}"
+            f"scene {scene}: {option} is {value!r}{did_you_mean(value, values)}; it is one of "
+            f"{', '.join(values)}"
         )

@@ -48,7 +48,7 @@ class Confusion:
     `shown` is the column of the right answer, `answered` the `Choice`, whose options are the
     rows and columns in their order; `by` makes one matrix for each level of a factor. A study that
     has no such column, choice or factor is refused when it is opened. Trials without an answer are
-    told, not counted. Writes NAME.csv and the figure NAME.
+    reported, but not counted. Writes NAME.csv and the figure NAME.
     """
 
     shown: str
@@ -88,7 +88,7 @@ ConcludeOf: TypeAlias = Callable[[AnalysisOfStudy], Sequence[Conclusion]]
 """Answers the questions of a study from its analysis."""
 
 
-def named(reference: str) -> Any:
+def import_object(reference: str) -> Any:
     """Return the object that "module:name" names; imports the module."""
     module, _, name = reference.partition(":")
     return getattr(importlib.import_module(module), name)

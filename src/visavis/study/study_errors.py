@@ -15,25 +15,27 @@ from visavis.study.trial import TrialScript
 
 MODULE_OF_STUDY: Final = "visavis_study_"
 """Prefix of the module names under which study files are imported."""
-_NOT_TAKEN: Final = re.compile(
+_UNEXPECTED_ARGUMENT: Final = re.compile(
     r"(?:(?P<owner>\w+)\.)?(?P<called>\w+)\(\) got an unexpected keyword argument '(?P<given>\w+)'"
 )
 
-_NOT_GIVEN: Final = frozenset(("base", "folder", "makers", "path", "plan_folder"))
+_IMPLICIT_ARGUMENTS: Final = frozenset(("base", "folder", "makers", "path", "plan_folder"))
 """Arguments set by decorators and the reader of a study file, besides all that end in "_of"."""
 
 
 def explain(error: BaseException) -> str:
-    """Return what was wrong, in words that the author of a study file knows.
+    """Return the cause of an error in terms that the author of a study file knows.
 
     For an unknown argument of the kit the message lists the known ones.
     """
-    match = _NOT_TAKEN.search(str(error)) if isinstance(error, TypeError) else None
+    match = _UNEXPECTED_ARGUMENT.search(str(error)) if isinstance(error, TypeError) else None
     taker = None if match is None else _of_kit(match["owner"] or "", match["called"])
     if match is not None and taker is not None:
         callee = match["owner"] if match["called"] == "__init__" else match["called"]
         arguments = tuple(
-            n for n in argument_names(taker) if not n.endswith("_of") and n not in _NOT_GIVEN
+            n
+            for n in argument_names(taker)
+            if not n.endswith("_of") and n not in _IMPLICIT_ARGUMENTS
         )
         return unknown_argument(str(callee), match["given"], arguments)
     own = isinstance(error, LabError)
@@ -49,13 +51,17 @@ def _is_of_kit(thing: object) -> bool:
     return type(thing).__module__.partition(".")[0] == "visavis"
 
 
-def _of_kit(owner: str, called: str) -> Callable[..., Any] | None:
-    for name in filter(None, (owner, called)):
+def _of_kit(owner: str, function_name: str) -> Callable[..., Any] | None:
+    for name in filter(None, (owner, function_name)):
         if name in HOMES:
             target = public_object(name)
-            taker = target if called in ("__init__", name) else getattr(target, called, None)
+            taker = (
+                target
+                if function_name in ("__init__", name)
+                else getattr(target, function_name, None)
+            )
             return taker if callable(taker) else None
-    step = getattr(TrialScript, called, None) if owner in ("", "TrialScript") else None
+    step = getattr(TrialScript, function_name, None) if owner in ("", "TrialScript") else None
     return step if callable(step) else None
 
 

@@ -11,7 +11,7 @@ from visavis.lab.geometry import Vector
 from visavis.protocol.people.simulated_participant import SimulatedParticipant
 from visavis.protocol.plan.experiment import Demands
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
-from visavis.protocol.plan.shown_scene import Shown
+from visavis.protocol.plan.shown_scene import RecordedScene
 from visavis.protocol.plan.steps import Step
 from visavis.stimuli.scene import SceneFrame
 from visavis.study.responses import Response
@@ -93,7 +93,7 @@ QuickOf: TypeAlias = Callable[
     Callable[[SessionPlan], Iterator[tuple[Trial, Mapping[str, Any]]]],
 ]
 """Performs a plan for a person and a tracker without the engine: trials with their rows."""
-ViewsOf: TypeAlias = Callable[[Shown, ExperimentOfStudy], Iterator[SceneFrame]]
+ViewsOf: TypeAlias = Callable[[RecordedScene, ExperimentOfStudy], Iterator[SceneFrame]]
 """The views that a recorded frame may have shown, the likeliest first."""
 FactsOf: TypeAlias = Callable[["pd.DataFrame"], "pd.DataFrame"]
 """The facts about each participant, from all trials."""

@@ -52,15 +52,16 @@ class Texts:
                     f"{self.source} ({self.language}), {name}: nothing fills {{{placeholder}}}"
                     f"{hint}; it can name {', '.join(sorted(fillers)) or 'nothing'}"
                 )
-        return text.format_map({k: shown(v) for k, v in fillers.items()})
+        return text.format_map({k: format_value(v) for k, v in fillers.items()})
 
-    def _in_words(self, placeholder: str, known: Mapping[str, Any]) -> dict[str, str]:
+    def _in_words(self, placeholder: str, values: Mapping[str, Any]) -> dict[str, str]:
         """Return {trials_in_words} and {part_ordinal}: words up to twelve, digits beyond."""
         for ending, words in (("_in_words", "numbers"), ("_ordinal", "ordinals")):
             name = placeholder.removesuffix(ending)
-            if name != placeholder and name in known:
+            if name != placeholder and name in values:
                 return {
-                    placeholder: self.find(f"{words}.{shown(known[name])}") or shown(known[name])
+                    placeholder: self.find(f"{words}.{format_value(values[name])}")
+                    or format_value(values[name])
                 }
         return {}
 
@@ -78,7 +79,7 @@ class Texts:
                 yield name.removeprefix(prefix + ".")
 
 
-def shown(value: Any) -> str:
+def format_value(value: Any) -> str:
     """Write a value as a participant reads it: 4, not 4.0."""
     return f"{value:g}" if isinstance(value, float) else str(value)
 
@@ -148,7 +149,7 @@ def _require_all(
 
 
 def own_texts(path: Path) -> dict[str, str]:
-    """Return the texts of one file by dotted name, whatever other languages have.
+    """Return the texts of one file by dotted name, without a check against other languages.
 
     Raises:
         ConfigError: it cannot be read.
@@ -173,7 +174,7 @@ def _read(path: Path) -> tuple[tuple[str, str], ...]:
         raise ConfigError(f"{path}: {'; '.join(str(p) for p in document.problems)}")
     raw = document.data
     if not isinstance(raw, Mapping):
-        raise ConfigError(f"{path} holds no names with texts")
+        raise ConfigError(f"{path} has no texts; write NAME: TEXT on each line")
     return tuple(_flat(raw, path))
 
 

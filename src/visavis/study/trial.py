@@ -20,7 +20,7 @@ from visavis.lab.errors import DataError, DesignError
 from visavis.lab.geometry import Pose, Vector
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import (
-    Answered,
+    AskReply,
     FrameView,
     Hush,
     Mark,
@@ -31,7 +31,7 @@ from visavis.protocol.plan.steps import (
     Scalar,
     Show,
     Silence,
-    Sounded,
+    SoundOnset,
     Step,
     TrialInterrupted,
 )
@@ -43,17 +43,17 @@ from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.sound import Sound, read_sound
 from visavis.study.asking import (
     Answer,
-    asked_elsewhere,
+    ask_at_terminal,
     asked_on_board,
+    await_pointing,
+    await_press,
     direction_columns,
     frame,
-    pointed,
-    pressed,
 )
-from visavis.study.background import Beside
-from visavis.study.films import Shown, Watched, scene_of, seconds_of
+from visavis.study.background import BackgroundExecutor
+from visavis.study.films import Stimulus, Viewing, scene_of, seconds_of
 from visavis.study.responses import Keys, Number, Pointing, Rating, Response, Text, labels_of
-from visavis.study.scenes import Maker, Scene, Staged, Staging, stage
+from visavis.study.scenes import Maker, Scene, StagedScene, Staging, stage
 from visavis.study.texts import Texts
 
 DRAIN_MS: Final = 50.0
@@ -66,7 +66,7 @@ MAX_GAIN_DB: Final = 20.0
 STAMP_LIMIT_S: Final = 1.0
 """How long a trial waits for the report that a sound began."""
 Wait: TypeAlias = Literal["onset", "end", "no"]
-Performing: TypeAlias = Generator[Step, FrameView | Answered | None, Any]
+Performing: TypeAlias = Generator[Step, FrameView | AskReply | None, Any]
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ class Action:
     seconds: float = 0.0
     response: Response | None = None
     scene: Scene | None = None
-    watched: Watched | None = None
+    viewing: Viewing | None = None
     sound: Sound | Path | None = None
     column: str = ""
     waits_for_end: bool = False
@@ -113,8 +113,8 @@ class Action:
     @property
     def responses(self) -> tuple[Response, ...]:
         """All questions, in order."""
-        if self.watched is not None:
-            return self.watched.responses
+        if self.viewing is not None:
+            return self.viewing.responses
         return () if self.response is None else (self.response,)
 
 
@@ -138,25 +138,25 @@ class Settings:
     answer_by: str
     folder: Path
     memory: dict[str, Any] = field(default_factory=dict)
-    beside: Beside = field(default_factory=Beside)
+    beside: BackgroundExecutor = field(default_factory=BackgroundExecutor)
     sounds: dict[Path, Sound] = field(default_factory=dict)
-    measured: frozenset[str] = frozenset()
+    measured_roles: frozenset[str] = frozenset()
     """Roles with a measure: a row names them even if the role is a place."""
 
-    def sound_of(self, played: Sound | Path) -> Sound:
+    def sound_of(self, source: Sound | Path) -> Sound:
         """Return what is played; files are read once.
 
         Raises:
             DesignError: the file cannot be played.
         """
-        if isinstance(played, Sound):
-            return played
-        if played not in self.sounds:
+        if isinstance(source, Sound):
+            return source
+        if source not in self.sounds:
             try:
-                self.sounds[played] = read_sound(played)
+                self.sounds[source] = read_sound(source)
             except DataError as problem:
                 raise DesignError(f"t.play: {problem}") from problem
-        return self.sounds[played]
+        return self.sounds[source]
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ class TrialScript:
         self.row: dict[str, Scalar | None] = {}
         self.view: FrameView | None = None
         self.is_read = False
-        self._staged: Staged | None = None
+        self._staged_scene: StagedScene | None = None
         self._onset_ns = 0
         self._sound_on_ns = 0
         self._names: dict[str, int] = {}
@@ -219,7 +219,7 @@ class TrialScript:
         return self.settings.memory
 
     @property
-    def beside(self) -> Beside:
+    def beside(self) -> BackgroundExecutor:
         """Executor that runs functions without delaying a frame: `beside.submit(function, …)`."""
         return self.settings.beside
 
@@ -251,8 +251,10 @@ class TrialScript:
         `NAME_frames`, and `NAME_ROLE` for the agent that plays a role. The step returns a
         `ShownScene`. The scene stays until the next step shows something else.
         """
-        shown_s = _duration("show", seconds)
-        return Action("show", lambda: self._show(scene, seconds, name, until), shown_s, scene=scene)
+        duration_s = _duration("show", seconds)
+        return Action(
+            "show", lambda: self._show(scene, seconds, name, until), duration_s, scene=scene
+        )
 
     def ask(
         self,
@@ -272,7 +274,7 @@ class TrialScript:
         return Action("ask", lambda: self._ask(response, place), response=response)
 
     def watch(
-        self, shown: Shown, *responses: Response, caption: str = "", min_rounds: int = 1
+        self, stimulus: Stimulus, *responses: Response, caption: str = "", min_rounds: int = 1
     ) -> Action:
         """Show a `Film` or a `Pair` round after round, with questions below it.
 
@@ -282,10 +284,14 @@ class TrialScript:
         a monitor the scene itself is shown for so many rounds (one at least), then questions
         follow on boards; a `caption` is read on pages alone.
         """
-        viewing = Watched(shown, responses, caption, min_rounds)
-        seconds = max(1, min_rounds) * seconds_of(shown)
+        viewing = Viewing(stimulus, responses, caption, min_rounds)
+        seconds = max(1, min_rounds) * seconds_of(stimulus)
         return Action(
-            "watch", lambda: self._watch(viewing), seconds, scene=scene_of(shown), watched=viewing
+            "watch",
+            lambda: self._watch(viewing),
+            seconds,
+            scene=scene_of(stimulus),
+            viewing=viewing,
         )
 
     def key(self, response: Keys) -> Action:
@@ -369,12 +375,12 @@ class TrialScript:
         place = (x_m, z_m)
         return Action("walk_to", lambda: self._walk_to(place, within_m, limit_s))
 
-    def showing(self, staged: Staged, onset_ns: int) -> None:
+    def showing(self, staged_scene: StagedScene, onset_ns: int) -> None:
         """Report that the study itself shows a scene frame by frame, lit since a session time.
 
         Boards then appear before it, and it stays during waiting.
         """
-        self._staged, self._onset_ns = staged, onset_ns
+        self._staged_scene, self._onset_ns = staged_scene, onset_ns
 
     # ---- how they are performed ----
 
@@ -399,23 +405,23 @@ class TrialScript:
 
     def _dark(self, seconds: float) -> Performing:
         view = yield from self._now()
-        self._staged = None
+        self._staged_scene = None
         yield dark_view(view.t_ns)
         yield from self._until(view.t_ns + round(seconds * NS_PER_S), _nothing)
 
     def _show(
-        self, wanted: Scene, seconds: float, name: str, until: Callable[[FrameView], bool] | None
+        self, scene: Scene, seconds: float, name: str, until: Callable[[FrameView], bool] | None
     ) -> Performing:
         before = yield from self._now()
-        name = self.numbered(name)
-        staged_scene = self._stage(wanted, seconds, len(self._names), before.t_ns)
-        self._staged, self._onset_ns = staged_scene, before.t_ns
+        name = self.next_prefix(name)
+        staged_scene = self._stage(scene, seconds, len(self._names), before.t_ns)
+        self._staged_scene, self._onset_ns = staged_scene, before.t_ns
         self._sound_on_ns = 0
-        yield from shown(staged_scene.frame(before, 0))
+        yield from show_frame(staged_scene.frame(before, 0))
         view = yield from self._frame()
         on_ns = self._onset_ns = view.t_ns
         self.row.setdefault("t_start_ns", on_ns)
-        yield Mark("shown", _payload(self.trial, name, wanted, staged_scene, before.t_ns))
+        yield Mark("shown", _payload(self.trial, name, scene, staged_scene, before.t_ns))
         end_ns = on_ns + round(seconds * NS_PER_S)
         frames, off_ns = 0, end_ns
         while True:
@@ -423,9 +429,9 @@ class TrialScript:
             if until is not None and until(view):
                 off_ns = view.t_ns
                 break
-            if view.t_ns >= end_ns and arrived(view, end_ns):
+            if view.t_ns >= end_ns and gaze_has_arrived(view, end_ns):
                 break
-            yield from shown(staged_scene.frame(view, view.t_ns - on_ns))
+            yield from show_frame(staged_scene.frame(view, view.t_ns - on_ns))
             view = yield from self._frame()
         self.row |= {
             f"{name}_on_ns": on_ns,
@@ -434,34 +440,34 @@ class TrialScript:
             **{
                 f"{name}_{role}": index
                 for role, index in staged_scene.roles.items()
-                if role in self.settings.measured
+                if role in self.settings.measured_roles
                 or role not in {a.place for a in staged_scene.scene.agents}
             },
             "t_end_ns": off_ns,
         }
         return ShownScene(on_ns, off_ns, staged_scene.roles, view)
 
-    def _watch(self, watched: Watched) -> Performing:
-        seconds = max(1, watched.min_rounds) * seconds_of(watched.shown)
-        yield from self._show(scene_of(watched.shown), seconds, "film", None)
+    def _watch(self, viewing: Viewing) -> Performing:
+        seconds = max(1, viewing.min_rounds) * seconds_of(viewing.stimulus)
+        yield from self._show(scene_of(viewing.stimulus), seconds, "film", None)
         answers = {}
-        for response in watched.responses:
+        for response in viewing.responses:
             answers[response.name] = yield from self._ask(response, _Board(False, None, SIZE_M))
         return answers
 
-    def _stage(self, wanted: Scene, seconds: float, number: int, start_ns: int) -> Staged:
+    def _stage(self, scene: Scene, seconds: float, number: int, start_ns: int) -> StagedScene:
         rng = self.trial.rng(SCENE_STREAM + number)
         staging = Staging(rng, seconds, start_ns, self.settings.folder)
-        return stage(wanted, staging, self.settings.makers)
+        return stage(scene, staging, self.settings.makers)
 
     def _ask(self, response: Response, board: _Board) -> Performing:
         view = yield from self._now()
         prompt, labels = self.words_of(response)
         if isinstance(response, Pointing):
-            answer = yield from pointed(response.limit_s, view, self._still)
+            answer = yield from await_pointing(response.limit_s, view, self._still)
         elif not is_on_board(response, self.settings):
             yield from self._clear(board.over_scene, view)
-            answer = yield from asked_elsewhere(
+            answer = yield from ask_at_terminal(
                 response.name, prompt, tuple(response.options), labels, view
             )
         else:
@@ -473,21 +479,21 @@ class TrialScript:
                 view,
                 self._board_shown(board.over_scene),
             )
-        yield from self._answered(response, answer)
+        yield from self._record_answer(response, answer)
         if not board.over_scene and not isinstance(response, Pointing):
             yield dark_view(answer.view.t_ns)
-            self._staged = None
+            self._staged_scene = None
         return answer
 
     def _key(self, response: Keys) -> Performing:
         view = yield from self._now()
         from_ns = self._sound_on_ns or self._onset_ns or view.t_ns
         controls = tuple(response.options)
-        answer = yield from pressed(controls, response.limit_s, view, from_ns, self._still)
-        yield from self._answered(response, answer)
+        answer = yield from await_press(controls, response.limit_s, view, from_ns, self._still)
+        yield from self._record_answer(response, answer)
         return answer
 
-    def _answered(self, response: Response, answer: Answer) -> Performing:
+    def _record_answer(self, response: Response, answer: Answer) -> Performing:
         self.view = answer.view
         self.take(response, answer)
         name, option = response.name, answer.option
@@ -514,7 +520,7 @@ class TrialScript:
         self.row["t_end_ns"] = answer.answered_ns
 
     def _pointed_at(self, name: str, pose: Pose | None) -> dict[str, Scalar | None]:
-        agents = () if self._staged is None else self._staged.scene.agents
+        agents = () if self._staged_scene is None else self._staged_scene.scene.agents
         heads: Vector = np.array([a.head_centre_m for a in agents]).reshape(-1, 3)
         return direction_columns(name, pose, heads, tuple(a.place for a in agents))
 
@@ -534,7 +540,7 @@ class TrialScript:
         return prompt, labels
 
     def _board_shown(self, over_scene: bool) -> Callable[[FrameView, Panel], Show | None]:
-        staged_scene = self._staged if over_scene else None
+        staged_scene = self._staged_scene if over_scene else None
         last: list[tuple[SceneFrame, int | None]] = []
 
         def show(view: FrameView, panel: Panel) -> Show | None:
@@ -563,7 +569,7 @@ class TrialScript:
 
     def _still(self, view: FrameView) -> Show | None:
         """Return the step that updates the current scene; None without a change."""
-        staged_scene = self._staged
+        staged_scene = self._staged_scene
         next_frame = (
             None if staged_scene is None else staged_scene.frame(view, view.t_ns - self._onset_ns)
         )
@@ -594,7 +600,7 @@ class TrialScript:
         name: str,
     ) -> Performing:
         view = yield from self._now()
-        column = f"{self.numbered(name)}_on_ns"
+        column = f"{self.next_prefix(name)}_on_ns"
         self.row[column] = None
         yield PlaySound(column, sound, self._place_of(at), gain_db, loops)
         if wait != "no":
@@ -620,8 +626,8 @@ class TrialScript:
     ) -> tuple[float, float, float] | None:
         if not isinstance(at, str):
             return at
-        roles = {} if self._staged is None else self._staged.roles
-        agents = () if self._staged is None else self._staged.scene.agents
+        roles = {} if self._staged_scene is None else self._staged_scene.roles
+        agents = () if self._staged_scene is None else self._staged_scene.scene.agents
         heads = {agent.place: agent for agent in agents} | {
             role: agents[index] for role, index in roles.items()
         }
@@ -633,9 +639,9 @@ class TrialScript:
         x, y, z = (float(v) for v in heads[at].head_centre_m)
         return x, y, z
 
-    def heard(self, sounded: tuple[Sounded, ...]) -> None:
+    def store_onsets(self, sounds: tuple[SoundOnset, ...]) -> None:
         """Store the onsets of sounds."""
-        for sound in sounded:
+        for sound in sounds:
             self.row[sound.key] = sound.on_ns
 
     def _hush(self) -> Performing:
@@ -663,7 +669,7 @@ class TrialScript:
         self.row |= {"walk_ms": took if is_there else None, "walk_reached": is_there}
         return is_there
 
-    def numbered(self, name: str) -> str:
+    def next_prefix(self, name: str) -> str:
         """Return the prefix of the next scene's or sound's columns: "scene", then "scene2"."""
         count = self._names[name] = self._names.get(name, 0) + 1
         return name if count == 1 else f"{name}{count}"
@@ -671,8 +677,8 @@ class TrialScript:
 
 STEPS: Final = frozenset(
     name
-    for name, made in vars(TrialScript).items()
-    if not name.startswith("_") and getattr(made, "__annotations__", {}).get("return") is Action
+    for name, member in vars(TrialScript).items()
+    if not name.startswith("_") and getattr(member, "__annotations__", {}).get("return") is Action
 )
 """The steps of a trial; each has to be yielded."""
 
@@ -703,7 +709,7 @@ def perform(script: TrialScript, plan: TrialPlan) -> Plan:
                 reply = yield step
                 if isinstance(step, NextFrame):
                     script.view = reply
-                    script.heard(reply.sounded)
+                    script.store_onsets(reply.sound_onsets)
     except StopIteration as end:
         return {**script.row, **(end.value or {})}
     except TrialInterrupted as stop:
@@ -727,8 +733,8 @@ def _listening(script: TrialScript, steps: Performing) -> Performing:
             go_on, value = steps.throw, stop
         else:
             go_on = steps.send
-            if isinstance(value, FrameView) and value.sounded:
-                script.heard(value.sounded)
+            if isinstance(value, FrameView) and value.sound_onsets:
+                script.store_onsets(value.sound_onsets)
 
 
 def _unwound(steps: Any, stop: TrialInterrupted) -> Performing:
@@ -761,13 +767,13 @@ def _nothing(view: FrameView) -> Show | None:
     return None
 
 
-def shown(view: SceneFrame | None) -> Performing:
+def show_frame(view: SceneFrame | None) -> Performing:
     """Show a frame if there is a new one."""
     if view is not None:
         yield Show(view)
 
 
-def arrived(view: FrameView, end_ns: int, drain_ms: float = DRAIN_MS) -> bool:
+def gaze_has_arrived(view: FrameView, end_ns: int, drain_ms: float = DRAIN_MS) -> bool:
     """Tell whether all gaze samples from before the end have arrived, or the wait is over."""
     stamps = view.gaze.t_ns
     has_timed_out = view.t_ns >= end_ns + round(drain_ms * NS_PER_MS)
@@ -775,18 +781,18 @@ def arrived(view: FrameView, end_ns: int, drain_ms: float = DRAIN_MS) -> bool:
 
 
 def _payload(
-    trial: Trial, name: str, wanted: Scene, staged: Staged, start_ns: int
+    trial: Trial, name: str, scene: Scene, staged_scene: StagedScene, start_ns: int
 ) -> dict[str, Scalar | None]:
     return {
         "trial_id": trial.trial_id,
         "name": name,
-        "scene": wanted.name,
+        "scene": scene.name,
         "start_ns": start_ns,
         **{
             f"option_{k}": v if isinstance(v, str | int | float | bool) else str(v)
-            for k, v in wanted.options.items()
+            for k, v in scene.options.items()
         },
-        **{f"role_{role}": index for role, index in staged.roles.items()},
+        **{f"role_{role}": index for role, index in staged_scene.roles.items()},
     }
 
 

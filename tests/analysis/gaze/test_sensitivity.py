@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from tests.analysis.gaze.streams import TRIAL_NS, TRIAL_ROWS, stamps
+from visavis.analysis.gaze.aoi import aoi_by_pad
 from visavis.analysis.gaze.sensitivity import sensitivity_of_trial
 
 
@@ -12,7 +13,8 @@ def test_each_pad_and_minimum_has_its_row():
     angle[500:515] = 4.7  # 125 ms within 2 degrees
     hit = np.where(angle[:, 0] < 3, 0, -1).astype(np.int16)
     radius, limit = np.full(angle.shape, 3.0), np.full(angle.shape, 9.0)
-    rows = list(sensitivity_of_trial(stamps(TRIAL_ROWS), angle, radius, limit, hit, 0, 0, TRIAL_NS))
+    areas = aoi_by_pad(angle, radius, limit, hit)
+    rows = list(sensitivity_of_trial(stamps(TRIAL_ROWS), areas, 0, 0, TRIAL_NS))
     expected = {
         (0.0, 100.0): 1, (0.0, 150.0): 1, (0.0, 200.0): 1,
         (0.5, 100.0): 1, (0.5, 150.0): 1, (0.5, 200.0): 1,

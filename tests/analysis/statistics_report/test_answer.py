@@ -3,7 +3,7 @@
 import re
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import FrozenInstanceError, replace
 
 import numpy as np
 import pandas as pd
@@ -384,3 +384,20 @@ def test_a_mean_difference_has_the_unit_and_the_decimals_of_the_data() -> None:
         "− directed, t(3)"
     )
     assert re.search(r"mean difference −500 ms, 95% CI \[−\d+, −\d+\] ms", said)
+
+
+def test_a_question_takes_keywords_flat_and_has_them_in_parts():
+    question = Question("tost", dv="y", low=-1.0, high=1.0, alpha=0.01, measured_in="ms")
+
+    assert (-1.0, 1.0, "raw") == (
+        question.reference.low,
+        question.reference.high,
+        question.reference.unit,
+    )
+    assert (0.01, "ms") == (question.decision.alpha, question.wording.measured_in)
+    assert question == replace(question, test="tost")
+    assert 0.1 == replace(question, decision=replace(question.decision, alpha=0.1)).decision.alpha
+    with pytest.raises(FrozenInstanceError):
+        question.test = "t"
+    with pytest.raises(TypeError, match="'alfa'; did you mean 'alpha'"):
+        Question("t", alfa=0.01)

@@ -28,9 +28,9 @@ from visavis.cli.desk.link import (
     line_of,
     meeting_folder,
     meeting_name,
-    told,
+    status_message,
 )
-from visavis.cli.desk.seen import GAZE_KEPT, Looking
+from visavis.cli.desk.scene_view import GAZE_KEPT, LastGaze
 from visavis.cli.desk.watch import SessionWatch
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, StopWatch
 from visavis.lab.geometry import Pose
@@ -151,7 +151,7 @@ def test_a_desk_hears_that_a_session_has_ended_and_which(cache: Path, tmp_path: 
         with made:
             await until(watch, lambda: watch.about is not None)
         await until(watch, lambda: watch.about is None)
-        return (watch.ended or {})["path"], await watch.tell(Command(Action.FLAG))
+        return (watch.last_ended or {})["path"], await watch.tell(Command(Action.FLAG))
 
     assert (str(tmp_path), False) == with_desk(tmp_path, act)
 
@@ -334,7 +334,7 @@ def test_what_is_not_known_is_nothing_never_a_number() -> None:
         trial_left_s=math.nan,
         calibration=replace(STATUS.calibration, accuracy_deg=None),
     )
-    found = json.loads(line_of(told(1, unknown, Looking())))
+    found = json.loads(line_of(status_message(1, unknown, LastGaze())))
     assert (None, None) == (found["trial_left_s"], found["accuracy_deg"])
     assert None is found["above"]
 
@@ -359,14 +359,14 @@ def seen(valid: bool, *, brightness_01: float = 1.0) -> SessionStatus:
     agent = Agent("a1", "anna", "right_close", at, 0.11, np.array([0.0, 0.0, 1.0]), at)
     scene = Scene("rows", (agent,), brightness_01=brightness_01)
     shown = SceneFrame(scene, 0, np.array([[0.0, 0.0, 1.0]]), np.ones(1))
-    return replace(STATUS, frame=FrameView(0, 0, head, True, gaze), shown=shown)
+    return replace(STATUS, frame=FrameView(0, 0, head, True, gaze), scene_frame=shown)
 
 
 def above_of(link: SessionLink, status: SessionStatus) -> Any:
     link.show(status)
     latest = link._latest
     assert latest is not None
-    return told(*latest)["above"]
+    return status_message(*latest)["above"]
 
 
 def test_from_above_people_head_and_gaze_are_where_they_are(link: SessionLink) -> None:
@@ -396,7 +396,7 @@ def test_areas_of_interest_are_as_wide_as_looks_are_counted(link: SessionLink) -
 def test_areas_stay_while_gaze_is_lost_and_go_with_their_scene(link: SessionLink) -> None:
     status = seen(True)
     link.show(status)
-    lost = replace(seen(False), shown=status.shown)
+    lost = replace(seen(False), scene_frame=status.scene_frame)
     assert 1 == len([above_of(link, lost) for _ in range(2 * GAZE_KEPT)][-1]["areas"])
     assert [] == above_of(link, seen(False))["areas"]
 
@@ -404,7 +404,7 @@ def test_areas_stay_while_gaze_is_lost_and_go_with_their_scene(link: SessionLink
 def view_of(link: SessionLink, status: SessionStatus) -> Any:
     link.show(status)
     assert link._latest is not None
-    return told(*link._latest)["from_head"]
+    return status_message(*link._latest)["from_head"]
 
 
 def test_before_the_participant_heads_gaze_and_areas_are_where_they_are(link: SessionLink) -> None:
@@ -430,12 +430,12 @@ def test_a_crowd_is_seen_and_who_is_touched_is_told(link: SessionLink) -> None:
     scene = CrowdScene("crowd_1", (), crowd=crowd)
     shown = CrowdFrame(scene, 0, np.empty((0, 3)), np.empty(0))
     contact = BodyContact("armband_left_forearm", "left_hand", 7, vibrates=True)
-    status = replace(seen(True), shown=shown, contacts=(contact,), contacts_begun=3)
+    status = replace(seen(True), scene_frame=shown, contacts=(contact,), contacts_begun=3)
     above = above_of(link, status)
     places = [[x, z] for _, x, z, _ in above["people"]]
     assert crowd.position_m.tolist() == places
     assert ([7], []) == (above["touched"], above["areas"])
-    said = told(1, status, Looking())
+    said = status_message(1, status, LastGaze())
     assert ("left_hand", 3) == (said["contacts"][0]["segment"], said["contacts_begun"])
     assert 0 < len(view_of(link, status)["heads"]) < len(crowd)
 
@@ -456,10 +456,10 @@ def test_a_desk_sees_what_the_participant_sees(link: SessionLink, tmp_path: Path
     glancing = Glancing()
 
     async def act(watch: SessionWatch) -> Any:
-        while not (found := watch.of()) or found.seen is None:
+        while not (found := watch.of()) or found.last_view is None:
             link.show(replace(seen(True), glance=glancing))
             await watch.wait(watch.number, 0.1)
-        return found.seen
+        return found.last_view
 
     view = with_desk(tmp_path, act)
     image = Image.open(io.BytesIO(base64.b64decode(view["jpeg"])))

@@ -61,7 +61,7 @@ pytestmark = [
 def address(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """Serve a desk beside the test, as a terminal of its own would."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(desk_server, "_examined", lambda lab: DOCTOR)
+    monkeypatch.setattr(desk_server, "_run_doctor", lambda lab: DOCTOR)
     found: list[str] = []
     stops: list[Any] = []
     listens = threading.Event()
@@ -196,7 +196,7 @@ def test_contacts_and_vibrations_are_seen_and_said(
         CrowdScene("crowd_1", (), crowd=station_crowd(1)), 0, np.empty((0, 3)), np.empty(0)
     )
     touch = BodyContact("armband_left_forearm", "left_hand", 7, vibrates=True)
-    status = replace(seen(True), shown=shown_crowd, contacts=(touch,), contacts_begun=3)
+    status = replace(seen(True), scene_frame=shown_crowd, contacts=(touch,), contacts_begun=3)
     with session(tmp_path) as link:
         link.show(status)
         page = opened(browser, address)

@@ -23,7 +23,7 @@ FOUND = {"made_wall_iso": "2026-01-01T00:00:00+00:00", "count": {}, "findings": 
 @pytest.fixture(autouse=True)
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(desk_server, "_examined", lambda lab: FOUND)
+    monkeypatch.setattr(desk_server, "_run_doctor", lambda lab: FOUND)
 
 
 Post = Callable[..., Awaitable[tuple[int, Any]]]
@@ -128,7 +128,7 @@ def test_the_doctor_leaves_devices_of_a_session_alone(
         def opened(lab: Any) -> Any:
             raise AssertionError("the devices are the session's")
 
-        monkeypatch.setattr(desk_server, "_examined", opened)
+        monkeypatch.setattr(desk_server, "_run_doctor", opened)
         about = About("stare", "S01B", 1, str(tmp_path), is_simulated=True, is_blind=False)
         with SessionLink(UnattendedOperator(), about, tmp_path):
             told: dict[str, Any] = {"session": None, "number": -1}

@@ -36,22 +36,22 @@ def test_no_camera_of_the_study_goes_through_a_wall_and_all_of_them_see_the_walk
     walk = "between"
     for film in films[0]:
         if film.scene.options["walk"] == walk:
-            seen = films[1].seen(film)
+            seen = films[1].film_seen(film)
             assert seen.sheet.collisions == 0, film.lens
-            assert seen.seen.mean() > 0.9, film.lens
+            assert seen.is_visible.mean() > 0.9, film.lens
             assert seen.t_s[-1] == pytest.approx(timed_walk(walk).seconds, abs=0.05)
 
 
 def clear(film: FilmSeen, share: float) -> FilmSeen:
     """Return a film in which the walker is seen for a share of it, from the beginning on."""
     n = len(film.t_s)
-    return replace(film, seen=np.arange(n) < share * n, height_01=np.full(n, 0.5))
+    return replace(film, is_visible=np.arange(n) < share * n, height_01=np.full(n, 0.5))
 
 
 def test_a_viewer_sees_what_was_done_only_where_film_and_size_show_it(
     films: tuple[tuple[Film, ...], FilmStore],
 ) -> None:
-    film = films[1].seen(films[0][0])
+    film = films[1].film_seen(films[0][0])
     window_s = (0.0, float(film.t_s[-1]))
     assert could_tell(clear(film, 0.6), window_s)
     assert not could_tell(clear(film, 0.4), window_s)

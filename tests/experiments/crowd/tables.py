@@ -40,7 +40,7 @@ def analysed(
         experiment,
         trials,
         pd.DataFrame({"participant": people}),
-        planned=dict.fromkeys(people, per_block * blocks),
+        planned_counts=dict.fromkeys(people, per_block * blocks),
         settings={**QUICK, **settings},
         tables={k: v for k, v in tables.items() if k != "trials"},
     )

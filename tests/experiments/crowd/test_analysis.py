@@ -13,7 +13,7 @@ from visavis.experiments.crowd.measures import MeasureParameters
 from visavis.experiments.crowd.measuring import narrow_gaps
 from visavis.experiments.crowd.sections import collision_facts
 from visavis.lab.errors import ConfigError, DataError, UsageError
-from visavis.recording.integrity import DAMAGED, LOST
+from visavis.recording.integrity import DAMAGED_STATUS, LOST_STATUS
 
 
 @pytest.fixture(scope="module")
@@ -51,8 +51,8 @@ def test_the_published_pattern_is_found_where_it_was_put_in(study):
 
 def test_published_differences_and_absences_are_counted_apart(study):
     def agreeing(analysis, published_as_different):
-        found = [c.agreement for f in analysis.findings for c in f.contrasts if c.printed]
-        return [a.agrees for a in found if a.published == published_as_different]
+        found = [c.agreement for f in analysis.findings for c in f.contrasts if c.published_result]
+        return [a.agrees for a in found if a.published_significant == published_as_different]
 
     assert 7 == len(agreeing(study, True))
     assert sum(agreeing(study, True)) >= 5
@@ -99,8 +99,8 @@ def test_walks_not_tracked_or_not_finished_are_left_out_with_the_reason():
 @pytest.mark.parametrize(
     ("status", "why"),
     [
-        (DAMAGED, "the recording is damaged"),
-        (LOST, "the recording is damaged"),
+        (DAMAGED_STATUS, "the recording is damaged"),
+        (LOST_STATUS, "the recording is damaged"),
         ("interrupted", "not finished"),
     ],
 )

@@ -139,10 +139,10 @@ def test_the_operator_is_shown_each_contact_while_it_lasts(tmp_path: Path) -> No
     touching = [s for s in operator.seen if s.contacts]
     assert {"T02"} == {s.trial_id for s in touching if any(c.vibrates for c in s.contacts)}
     for status in touching:
-        assert status.shown is not None
+        assert status.scene_frame is not None
         assert status.frame is not None
         head_m = status.frame.head.position_m[[0, 2]]
-        stand_m = status.shown.scene.stand_m[[c.person for c in status.contacts]]
+        stand_m = status.scene_frame.scene.stand_m[[c.person for c in status.contacts]]
         assert (np.linalg.norm(stand_m - head_m, axis=1) < ARM_M).all()
     assert not operator.seen[-1].contacts
 

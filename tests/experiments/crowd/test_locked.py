@@ -13,10 +13,10 @@ from visavis.lab.clock import SimClock
 from visavis.lab.config_files import EXAMPLE
 from visavis.results.locked_plan.deviations import deviations_between
 from visavis.running.sessions.plan_lock import content_now, lock_plan, read_lock
-from visavis.running.sessions.studies import Quiet, analyse_study
+from visavis.running.sessions.studies import QuietNotifier, analyse_study
 
 
-class Silent(Quiet):
+class Silent(QuietNotifier):
     """Hears of deviations, and keeps them."""
 
     def warn(self, text: str) -> None:
@@ -89,7 +89,7 @@ def test_a_locked_crowd_study_is_analysed_and_its_report_names_what_deviates(
     assert 0 == locked.exit_code, locked.output
     data = visavis.simulate("crowd", 1, output=tmp_path, parameters=short, processes=1)
     settings = ["surface=capsules", "came_back=null"]
-    report = analyse_study(data.path, processes=1, measure=settings, telling=Silent())
+    report = analyse_study(data.path, processes=1, measure=settings, notifier=Silent())
     found = pd.read_csv(report.parent / "deviations.csv")
     assert ["test rule surface", "exclusion came_back: limit"] == found["what"].tolist()
     assert "came_back" in report.read_text(encoding="utf-8").partition('id="plan"')[2]

@@ -19,10 +19,10 @@ from visavis.recording.reader import Recording
 from visavis.results.intake import SessionIntake
 from visavis.running.sessions.piecewise import (
     TrialJob,
-    kept_at,
     measure_job,
     measure_sessions,
-    read_kept,
+    read_stored_trial,
+    stored_trial_path,
 )
 from visavis.running.sessions.runners import on_scheduler, on_this_machine
 from visavis.study.pieces import MeasuredTrial
@@ -96,7 +96,7 @@ def test_only_a_walk_whose_file_is_damaged_is_measured_again(path, tmp_path):
     measured([path], tmp_path, counting)
     kept = sorted(tmp_path.glob("*.json"))
     kept[0].write_text("{", encoding="utf-8")
-    assert read_kept(kept[0]) is None
+    assert read_stored_trial(kept[0]) is None
     measured([path], tmp_path, counting)
     assert [3, 1] == counts
 
@@ -104,10 +104,10 @@ def test_only_a_walk_whose_file_is_damaged_is_measured_again(path, tmp_path):
 def test_walks_measured_another_way_are_not_taken_for_these(path, tmp_path):
     recording, trial = Recording(path), "T01"
     others = [MeasureParameters("centres"), MeasureParameters("published"), HOW]
-    names = {kept_at(tmp_path, recording, trial, PIECES, how) for how in others}
+    names = {stored_trial_path(tmp_path, recording, trial, PIECES, how) for how in others}
     newer = replace(PIECES, version=PIECES.version + 1)
-    names.add(kept_at(tmp_path, recording, trial, newer, HOW))
-    names.add(kept_at(tmp_path, recording, "T02", PIECES, HOW))
+    names.add(stored_trial_path(tmp_path, recording, trial, newer, HOW))
+    names.add(stored_trial_path(tmp_path, recording, "T02", PIECES, HOW))
     assert 5 == len(names)
 
 
@@ -201,7 +201,7 @@ def test_a_walk_that_lost_samples_of_any_stream_is_marked_and_has_no_measures(
 def test_a_kept_file_of_another_shape_is_measured_again(content, tmp_path):
     kept = tmp_path / "kept.json"
     kept.write_text(content, encoding="utf-8")
-    assert read_kept(kept) is None
+    assert read_stored_trial(kept) is None
 
 
 def test_a_walk_that_does_not_exist_is_named(path):
@@ -220,5 +220,5 @@ def test_a_measured_trial_survives_json_bit_for_bit():
 
 def test_another_width_of_narrow_gaps_measures_no_walk_again(path, tmp_path):
     narrow = MeasureParameters(surface="capsules", narrow_gap_m=0.9)
-    at = [kept_at(tmp_path, Recording(path), "T01", PIECES, how) for how in (HOW, narrow)]
+    at = [stored_trial_path(tmp_path, Recording(path), "T01", PIECES, how) for how in (HOW, narrow)]
     assert at[0] == at[1]

@@ -90,6 +90,6 @@ def test_a_study_with_one_group_has_none() -> None:
 def test_a_thinner_crowd_is_planned_shown_and_prepared_for() -> None:
     thin = find_study("crowd").experiment({"density_per_m2": 0.8, "configurations": [1]})
     (read, *_) = thin.read.values()
-    people = len(read.lit.scene.crowd)
+    people = len(read.lit_frame.scene.crowd)
     assert people == pytest.approx(0.8 * 64, abs=0.04 * 64)
     assert people <= thin.people_count < find_study("crowd").experiment({}).people_count == 97

@@ -8,7 +8,7 @@ from visavis.experiments.crowd.study import plan_session
 from visavis.experiments.crowd.trial import run_trial
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.geometry import Pose
-from visavis.protocol.plan.steps import Answered, Ask, FrameView, Mark, NextFrame, Show, Silence
+from visavis.protocol.plan.steps import Ask, AskReply, FrameView, Mark, NextFrame, Show, Silence
 from visavis.stimuli.scenes.station_crowd import BOARD_M, READ_WITHIN_M, START_M, CrowdFrame
 
 FRAME_NS = NS_PER_S // 100
@@ -44,7 +44,7 @@ def walk(*places, params=None, lost=()):
                 reply = FrameView(frame, frame * FRAME_NS, head, frame - 1 not in lost, None)
                 frame += 1
             elif isinstance(step, Ask):
-                reply = Answered(step.options[0], frame * FRAME_NS)
+                reply = AskReply(step.options[0], frame * FRAME_NS)
             elif isinstance(step, Show) and isinstance(step.view, CrowdFrame):
                 shown.append(step.view)
             elif isinstance(step, Mark):

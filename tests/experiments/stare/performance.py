@@ -8,7 +8,7 @@ import numpy as np
 
 from visavis.lab.geometry import Pose, unit
 from visavis.protocol.plan.steps import (
-    Answered,
+    AskReply,
     FrameView,
     GazeView,
     Mark,
@@ -94,7 +94,7 @@ def perform(
                 elif isinstance(step, Prompt):
                     done.prompts.append(step.text)
                 answered = isinstance(step, Prompt) and step.text and not is_attended
-                step = plan.send(Answered(None, t_ns) if answered else None)
+                step = plan.send(AskReply(None, t_ns) if answered else None)
             t_ns += FRAME_NS
             stamps = []
             while sample_ns + sample_delay_ns < t_ns:

@@ -27,12 +27,12 @@ from visavis.results.family_tests import (
 )
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.quick import quick_study
-from visavis.study.measures import Measure, aggregated
+from visavis.study.measures import Measure, aggregate_cells
 
 
 def condition_means(rows: pd.DataFrame) -> pd.DataFrame:
     """Return one row per participant and condition: means over trials and `n_trials`."""
-    return aggregated(rows, MEASURES, ["condition"]).rename(columns={"n": "n_trials"})
+    return aggregate_cells(rows, MEASURES, ["condition"]).rename(columns={"n": "n_trials"})
 
 
 @dataclass(frozen=True)

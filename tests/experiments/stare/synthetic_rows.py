@@ -91,9 +91,9 @@ def analysed(
         opened.experiment(parameters or {}),
         whole,
         people,
-        planned={},
+        planned_counts={},
         settings=settings,
-        varied=varied,
+        sensitivity_rows=varied,
     )
 
 

@@ -14,7 +14,7 @@ LIMIT_DEG = 2.5
 def select_trials(rows: pd.DataFrame, **settings: float | None) -> Selection:
     """Decide by the study's rules which trials count."""
     opened = OpenedStudy(study)
-    return opened.selection_of(opened.experiment({}), rows, planned={}, settings=settings)
+    return opened.selection_of(opened.experiment({}), rows, planned_counts={}, settings=settings)
 
 
 def left(selection: Selection) -> dict[str, int]:
@@ -126,7 +126,7 @@ def test_last_finished_attempt_counts_and_unfinished_ones_are_listed(rows):
 
     first = kept[(kept["participant"] == "S01") & kept["trial_id"].isin(["T01", "T02"])]
     assert first["dwell_ms"].tolist() == [4321.0, 4321.0]
-    assert selection.performed == len(rows) + 2
+    assert selection.row_count == len(rows) + 2
     assert left(selection) == {"unfinished": 1, "repeated": 1}
     assert len(selection.finished) == len(rows)
 
@@ -157,7 +157,7 @@ def test_counts_of_the_flow_add_up(rows):
     out = selection.rows["participant"].isin(people_out(selection))
     with_people = int((out & (selection.rows["lost_01"] <= 0.3)).sum())
 
-    assert selection.performed - trials - with_people == len(selection.counted)
+    assert selection.row_count - trials - with_people == len(selection.counted)
 
 
 @pytest.mark.parametrize(
@@ -181,6 +181,6 @@ def test_person_who_broke_off_half_way_is_left_out(rows):
     opened = OpenedStudy(study)
     planned = dict.fromkeys(sorted(set(rows["participant"])), 72)
 
-    found = opened.selection_of(opened.experiment({}), kept, planned=planned)
+    found = opened.selection_of(opened.experiment({}), kept, planned_counts=planned)
 
     assert ["S02"] == people_out(found)

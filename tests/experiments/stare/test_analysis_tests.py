@@ -171,7 +171,7 @@ def test_verdicts_agree_in_significance_and_direction(printed, ours, same_direct
 
 
 def test_data_at_the_published_means_agree_with_most_published_verdicts(study):
-    assert count_agreement(study.pairs_of("conditions")).published == 30
+    assert count_agreement(study.pairs_of("conditions")).published_count == 30
     assert count_agreement(study.pairs_of("conditions")).agree >= 24
 
 
@@ -211,7 +211,7 @@ def test_too_few_participants_are_said_not_computed(participants):
     found = analysed(rows, anxiety_answers(participants))
 
     assert {c.status for c in found.conclusions} == {"undecided"}
-    assert count_agreement(found.pairs_of("conditions")).compared == 0
+    assert count_agreement(found.pairs_of("conditions")).comparable_count == 0
     assert all("not tested" in c.sentence() for c in found.pairs_of("conditions"))
 
 
@@ -259,7 +259,7 @@ def test_sensitivity_repeats_the_main_analysis_at_its_own_setting(study):
     assert len(study.sensitivity) == 15
     assert own[0].same_verdicts == 30
     main = find_test(study.pairs_of("conditions"), DWELL.column, ("A", "D"))
-    assert own[0].shown[0].first_mean == pytest.approx(main.first_mean)
+    assert own[0].first_tests[0].first_mean == pytest.approx(main.first_mean)
 
 
 def test_sensitivity_leaves_out_excluded_trials():
@@ -269,7 +269,7 @@ def test_sensitivity_leaves_out_excluded_trials():
     varied.loc[varied["trial_id"] == "T01", "dwell_ms"] = 1e9
     found = analysed(rows, anxiety_answers(5), varied=varied)
 
-    assert max(r.shown[0].first_mean for r in found.sensitivity) < 1e5
+    assert max(r.first_tests[0].first_mean for r in found.sensitivity) < 1e5
 
 
 def test_second_view_compares_fixations_of_the_velocity_detector(study):

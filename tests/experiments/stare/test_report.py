@@ -21,7 +21,7 @@ from visavis.results.quality import quality_of
 from visavis.results.report.family_report import agreement_table
 from visavis.results.report.methods import method_paragraphs
 from visavis.results.report.reporting_list import OPEN, SETUP_ITEMS, reporting_table
-from visavis.results.report.study_report import kept_of
+from visavis.results.report.study_report import exclusion_counts_of
 
 PROVENANCE = ReportProvenance(
     study="stare",
@@ -196,7 +196,7 @@ def test_interruption_and_exclusion_are_listed(html):
 
 def test_reporting_list_leaves_open_what_nobody_recorded(html, analysis):
     quality = quality_of(analysis, {"eye_tracker": "Pupil Core", **study.report.setup})
-    table = reporting_table(kept_of(analysis), quality, PROVENANCE)
+    table = reporting_table(exclusion_counts_of(analysis), quality, PROVENANCE)
     cells = [c for row in table.rows for c in row[1:]]
     texts = [c if isinstance(c, str) else c.text for c in cells]
 

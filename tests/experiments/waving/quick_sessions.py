@@ -75,5 +75,5 @@ def quick_analysis(
         opened.experiment(parameters or {}),
         trials,
         trials[["participant"]].drop_duplicates(),
-        planned={str(name): int(n) for name, n in planned.items()},
+        planned_counts={str(name): int(n) for name, n in planned.items()},
     )

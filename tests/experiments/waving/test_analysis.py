@@ -53,7 +53,7 @@ def analysed(table, people=None):
     names = sorted(set(table["participant"]))
     answers = pd.DataFrame({"participant": names}) if people is None else people
     planned = dict.fromkeys(names, 54)
-    return WAVING.analysis_of_rows(EXPERIMENT, table, answers, planned=planned)
+    return WAVING.analysis_of_rows(EXPERIMENT, table, answers, planned_counts=planned)
 
 
 def verdicts(analysis, dv):

@@ -7,7 +7,7 @@ from visavis.experiments.waving.clips import DIRECTIONS, TECHNIQUES
 from visavis.experiments.waving.sections import relative_confusion
 from visavis.experiments.waving.study import study
 from visavis.results.opened_study import OpenedStudy
-from visavis.study.measures import aggregated
+from visavis.study.measures import aggregate_cells
 
 WAVING = OpenedStudy(study)
 
@@ -38,7 +38,7 @@ def selected(*rows):
     table = pd.DataFrame(rows)
     planned = dict.fromkeys(table["participant"], 54)
     off = dict.fromkeys(("min_cell_trials", "min_cell_01", "min_completed_01"))
-    return WAVING.selection_of(WAVING.experiment({}), table, planned=planned, settings=off)
+    return WAVING.selection_of(WAVING.experiment({}), table, planned_counts=planned, settings=off)
 
 
 def counted(*rows):
@@ -77,7 +77,9 @@ def test_only_a_participant_with_every_cell_is_complete():
         for i, (t, d) in enumerate(met)
     ]
     table = pd.DataFrame(every)
-    kept = WAVING.selection_of(WAVING.experiment({}), table, planned={"S01": 6, "S02": 6}).counted
+    kept = WAVING.selection_of(
+        WAVING.experiment({}), table, planned_counts={"S01": 6, "S02": 6}
+    ).counted
     assert {"S01"} == set(kept["participant"])
 
 
@@ -88,7 +90,7 @@ def test_response_time_is_the_median_and_accuracy_the_mean_of_a_cell():
         trial(who_ms=900.0, realism=4, trial_id="T03"),
     )
     measures = WAVING.measures(WAVING.experiment({}))
-    (cell,) = aggregated(table, measures, ["technique", "direction"]).to_dict("records")
+    (cell,) = aggregate_cells(table, measures, ["technique", "direction"]).to_dict("records")
     assert (200.0, 2.0, 3) == (cell["who_ms"], cell["realism"], cell["n"])
     assert 2 / 3 == pytest.approx(cell["is_right"])
 

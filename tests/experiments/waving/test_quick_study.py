@@ -53,7 +53,7 @@ def test_waves_of_other_headings_have_other_hashes():
 def test_what_was_kept_is_not_that_of_another_light(monkeypatch):
     def dimmed(clerk, place):
         view = reach_view(clerk, place)
-        return replace(view, lamps=0.5 * view.lamps)
+        return replace(view, lighting=view.lighting._replace(lamps=0.5 * view.lighting.lamps))
 
     lit = surroundings_sha256.__wrapped__()
     monkeypatch.setattr(quick_study, "reach_view", dimmed)

@@ -17,7 +17,7 @@ from visavis.experiments.waving.clips import (
 from visavis.experiments.waving.study import study, track_shown, warp_columns, wave_record
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.geometry import Pose, angle_deg, rotate, turn_towards, unit
-from visavis.protocol.plan.steps import Answered, Ask, FrameView, Mark, NextFrame, Show
+from visavis.protocol.plan.steps import Ask, AskReply, FrameView, Mark, NextFrame, Show
 from visavis.results.opened_study import OpenedStudy
 from visavis.stimuli.dressing.office import office_picture, office_scene, pose_of_waver
 from visavis.stimuli.motion.skeleton import forward
@@ -70,7 +70,7 @@ class Answering:
             self.marks.append(step)
         elif isinstance(step, Ask):
             self.asked.append(step)
-            return Answered(self._operator if len(step.options) == 5 else "7", self._t_ns)
+            return AskReply(self._operator if len(step.options) == 5 else "7", self._t_ns)
         elif isinstance(step, NextFrame):
             return self._frame()
         return None

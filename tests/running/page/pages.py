@@ -18,7 +18,7 @@ from visavis.recording.writer import VIRTUAL_TIME_BATCH_NS, Recorder
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.running.film_store import film_store
 from visavis.running.page.course import Notes, Visit, course
-from visavis.running.page.desk import PageDesk, Past
+from visavis.running.page.desk import EarlierParts, PageDesk
 from visavis.running.page.perform import past_of
 from visavis.running.page.steps import PageStep
 from visavis.running.page.visitor import Visitor, visitor_of
@@ -58,7 +58,7 @@ class Page:
 
     def event(self) -> dict[str, Any]:
         """Return the reply to the step that is told."""
-        told = self.desk.told()
+        told = self.desk.state()
         step = dict(told["step"])
         content = self.visitor.reply(PageStep(step.pop("kind"), step))
         self.clock.sleep_until_ns(round(self.visitor.now_ms * 1e6))
@@ -103,7 +103,7 @@ def gone_on(path: Path) -> Iterator[Page]:
         yield page_of(folder, past_of(Recording(path)))
 
 
-def page_of(folder: SessionFolder, past: Past | None) -> Page:
+def page_of(folder: SessionFolder, past: EarlierParts | None) -> Page:
     """Return a page with a desk that records into a new part of a session."""
     clock = SimClock()
     part = folder.begin_part(clock)
@@ -119,7 +119,7 @@ def page_of(folder: SessionFolder, past: Past | None) -> Page:
         1,
         folder.manifest.parts[-1].number,
         study().questionnaires(config(folder.path)),
-        lambda film: store.told(film, is_simulated=True),
+        lambda film: store.describe(film, is_simulated=True),
         clock.now_ns,
         notes,
     )

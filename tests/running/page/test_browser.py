@@ -19,7 +19,7 @@ from visavis.lab.clock import StopWatch
 from visavis.lab.config_files import EXAMPLE
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
-from visavis.running.page.desk import ASLEEP, RELOADED, RESTARTED
+from visavis.running.page.desk import RELOAD_FLAG, RESTART_FLAG, SLEEP_FLAG
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 PATIENCE_S = 120.0
@@ -194,8 +194,8 @@ def test_from_consent_to_thanks_with_a_reload_a_second_tab_and_a_server_killed(
     assert "complete" == recording.status, said
     rows = recording.trials()
     assert ["complete"] * 3 == list(rows["status"])
-    assert RELOADED in rows["flags"].iloc[0]
-    assert RESTARTED in ";".join(rows["flags"])
+    assert RELOAD_FLAG in rows["flags"].iloc[0]
+    assert RESTART_FLAG in ";".join(rows["flags"])
     counted = rows[~rows["is_practice"]]
     assert (counted["film_frames"] > 0).all()
     assert (counted["film_rounds"] >= 1).all()
@@ -239,7 +239,7 @@ def test_a_double_click_passes_over_no_page_and_a_sleep_is_told(
     page.wait_for_timeout(4500)  # the page tells every four seconds that it is there
     until(page, "Thank you")
     server.end()
-    assert [ASLEEP, "", ""] == list(recorded(server).trials()["flags"])
+    assert [SLEEP_FLAG, "", ""] == list(recorded(server).trials()["flags"])
 
 
 def axe() -> str:
@@ -348,7 +348,7 @@ def test_in_firefox_from_consent_to_thanks_with_a_reload(
     assert "complete" == recording.status, told
     rows = recording.trials()
     assert ["complete"] * 3 == list(rows["status"])
-    assert RELOADED in ";".join(rows["flags"])
+    assert RELOAD_FLAG in ";".join(rows["flags"])
     counted = rows[~rows["is_practice"]]
     assert (counted["film_frames"] > 0).all()
     assert (counted["film_rounds"] >= 1).all()

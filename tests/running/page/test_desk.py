@@ -13,9 +13,9 @@ from tests.running.page.pages import TAB, begun, gone_on, study
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.recording.reader import Recording
-from visavis.running.page.desk import ASLEEP, LEASE_NS, RELOADED, RESTARTED
+from visavis.running.page.desk import LEASE_NS, RELOAD_FLAG, RESTART_FLAG, SLEEP_FLAG
 from visavis.running.page.server import FILES, SITE
-from visavis.running.page.spoken_digits import HOW_MANY, heard, spoken, spoken_digits
+from visavis.running.page.spoken_digits import HOW_MANY, hear_digits, say_digits, spoken_digits
 from visavis.running.page.steps import OpenElsewhereError, PageError
 from visavis.study.careless_answers import NOT_HEARD, Careless
 
@@ -45,15 +45,15 @@ def test_every_acknowledged_answer_is_on_the_disk_before_the_next_step_is_told(
             numbers = [
                 p["n"] for p in events.loc[events["name"] == "page_event", "payload"] if "n" in p
             ]
-            assert list(range(1, page.desk.told()["ack"] + 1)) == numbers
-            assert sent["n"] == page.desk.told()["ack"]
+            assert list(range(1, page.desk.state()["ack"] + 1)) == numbers
+            assert sent["n"] == page.desk.state()["ack"]
 
 
 def test_whoever_is_cut_off_at_any_step_goes_on_there_and_loses_nothing(tmp_path: Path) -> None:
     with begun(tmp_path, "S99") as (page, whole):
         steps = []
         while not page.desk.is_over:
-            steps.append(page.desk.told())
+            steps.append(page.desk.state())
             page.answer()
         page.desk.recorder.close("complete")
     rows = Recording(whole).trials().set_index("trial_id")
@@ -62,7 +62,7 @@ def test_whoever_is_cut_off_at_any_step_goes_on_there_and_loses_nothing(tmp_path
             for _ in range(cut):
                 page.answer()
         with gone_on(path) as page:
-            assert steps[cut] == page.desk.told()
+            assert steps[cut] == page.desk.state()
             page.answer_all()
             page.desk.recorder.close("complete")
         again = Recording(path).trials()
@@ -71,7 +71,7 @@ def test_whoever_is_cut_off_at_any_step_goes_on_there_and_loses_nothing(tmp_path
         for name in ("motion", "lively", "livelier", "effort", "status", "attempt"):
             assert rows[name].equals(again[name]), (cut, name)
         assert answers_in(whole) == answers_in(path)
-        flagged = list(again.index[again["flags"].str.contains(RESTARTED)])
+        flagged = list(again.index[again["flags"].str.contains(RESTART_FLAG)])
         in_trial = steps[cut]["step"].get("trial")
         assert (1 if in_trial else 0) == len(flagged)
 
@@ -80,29 +80,29 @@ def test_a_page_that_is_reloaded_gets_the_same_step_and_its_trial_is_flagged(
     tmp_path: Path,
 ) -> None:
     with begun(tmp_path) as (page, path):
-        while page.desk.told()["step"]["kind"] != "watch":
+        while page.desk.state()["step"]["kind"] != "watch":
             page.answer()
-        before = page.desk.told()
+        before = page.desk.state()
         page.desk.leave(TAB)
         page.desk.hello("two")
         page.desk.hello(TAB, before="two")
-        assert before == page.desk.told()
+        assert before == page.desk.state()
         page.answer_all()
         page.desk.recorder.close("complete")
     flags = Recording(path).trials()["flags"]
-    assert [RELOADED, "", ""] == list(flags)
+    assert [RELOAD_FLAG, "", ""] == list(flags)
 
 
 @pytest.mark.parametrize(
     ("flags", "late_s", "wall_s"),
-    [(ASLEEP, 60, 60), ("", 60, 0), ("", 0, 3600), ("", 0, -3600)],
+    [(SLEEP_FLAG, 60, 60), ("", 60, 0), ("", 0, 3600), ("", 0, -3600)],
     ids=["asleep", "slow network", "clock set forward", "clock set back"],
 )
 def test_a_computer_that_slept_is_told_and_its_page_dated_anew(
     flags: str, late_s: int, wall_s: int, tmp_path: Path
 ) -> None:
     with begun(tmp_path) as (page, path):
-        while page.desk.told()["step"]["kind"] != "watch":
+        while page.desk.state()["step"]["kind"] != "watch":
             page.answer()
         at_ms = page.visitor.now_ms
         page.desk.take(TAB, [], (at_ms, 1.7e12))
@@ -122,7 +122,7 @@ def test_a_computer_that_slept_is_told_and_its_page_dated_anew(
 
 def test_that_a_computer_slept_outlives_its_server(tmp_path: Path) -> None:
     with begun(tmp_path) as (page, path):
-        while page.desk.told()["step"]["kind"] != "watch":
+        while page.desk.state()["step"]["kind"] != "watch":
             page.answer()
         for late_s in (0, 60):
             page.clock.sleep_until_ns(page.clock.now_ns() + late_s * NS_PER_S)
@@ -131,7 +131,7 @@ def test_that_a_computer_slept_outlives_its_server(tmp_path: Path) -> None:
     with gone_on(path) as page:
         page.answer_all()
         page.desk.recorder.close("complete")
-    assert {ASLEEP, RESTARTED} == set(Recording(path).trials().iloc[0]["flags"].split(";"))
+    assert {SLEEP_FLAG, RESTART_FLAG} == set(Recording(path).trials().iloc[0]["flags"].split(";"))
 
 
 def test_a_second_tab_is_refused_until_the_first_has_gone(tmp_path: Path) -> None:
@@ -148,9 +148,9 @@ def test_what_is_sent_again_is_taken_once_and_a_gap_is_refused(tmp_path: Path) -
     with begun(tmp_path) as (page, _):
         sent = page.event()
         page.desk.take(TAB, [sent])
-        told = page.desk.told()
+        told = page.desk.state()
         page.desk.take(TAB, [sent])
-        assert told == page.desk.told()
+        assert told == page.desk.state()
         with pytest.raises(PageError, match="one is missing"):
             page.desk.take(TAB, [{**page.event(), "n": sent["n"] + 2}])
 
@@ -174,13 +174,13 @@ def test_a_reply_that_no_page_of_ours_sends_is_refused_and_the_session_goes_on(
     kind: str, wrong: dict[str, Any], tmp_path: Path
 ) -> None:
     with begun(tmp_path) as (page, path):
-        while page.desk.told()["step"]["kind"] != kind:
+        while page.desk.state()["step"]["kind"] != kind:
             page.answer()
         sent = page.event()
-        before = page.desk.told()
+        before = page.desk.state()
         with pytest.raises(PageError):
             page.desk.take(TAB, [{**sent, "reply": {**sent["reply"], **wrong}}])
-        assert before == page.desk.told()
+        assert before == page.desk.state()
         page.desk.take(TAB, [sent])
         page.answer_all()
         page.desk.recorder.close("complete")
@@ -200,14 +200,14 @@ def test_whoever_declines_or_stops_is_asked_nothing_more(
 ) -> None:
     with begun(tmp_path) as (page, path):
         page.desk.take(TAB, [{**page.event(), "reply": reply}])
-        assert {"kind": "end", "outcome": outcome} == page.desk.told()["step"]
+        assert {"kind": "end", "outcome": outcome} == page.desk.state()["step"]
         page.desk.recorder.close("aborted")
     assert Recording(path).trials().empty
 
 
 def test_a_film_that_fails_is_named_and_its_trial_counts_as_skipped(tmp_path: Path) -> None:
     with begun(tmp_path) as (page, path):
-        while page.desk.told()["step"]["kind"] != "watch":
+        while page.desk.state()["step"]["kind"] != "watch":
             page.answer()
         failed = {"film": "abc", "place": "film", "why": "error 4: no decoder"}
         sent = page.event()
@@ -220,7 +220,7 @@ def test_a_film_that_fails_is_named_and_its_trial_counts_as_skipped(tmp_path: Pa
 
 def test_response_time_runs_from_the_first_picture_that_was_presented(tmp_path: Path) -> None:
     with begun(tmp_path) as (page, path):
-        while page.desk.told()["step"]["kind"] != "watch":
+        while page.desk.state()["step"]["kind"] != "watch":
             page.answer()
         sent = page.event()
         sent["reply"]["films"]["film"]["first_ms"] = 5000.0
@@ -240,9 +240,9 @@ def test_the_width_of_a_card_tells_how_large_a_screen_is(
 ) -> None:
     screen_for(monkeypatch, "card")
     with begun(tmp_path) as (page, path):
-        while page.desk.told()["step"]["kind"] != "card":
+        while page.desk.state()["step"]["kind"] != "card":
             page.answer()
-        assert (85.6, 53.98) == tuple(page.desk.told()["step"]["card_mm"])
+        assert (85.6, 53.98) == tuple(page.desk.state()["step"]["card_mm"])
         sent = page.event()
         for wrong in (0.0, 1e3, "large", float("nan")):
             with pytest.raises(PageError):
@@ -260,7 +260,7 @@ def test_who_does_not_type_the_digits_that_were_said_is_flagged_and_goes_on(
 ) -> None:
     screen_for(monkeypatch, "sound")
     with begun(tmp_path) as (page, path):
-        while page.desk.told()["step"]["kind"] != "sound":
+        while page.desk.state()["step"]["kind"] != "sound":
             page.answer()
         sent = page.event()
         assert HOW_MANY == len(sent["reply"]["heard"])
@@ -289,7 +289,7 @@ def test_what_is_said_is_what_somebody_hears_who_knows_the_voice(
     language: str, digits: list[int]
 ) -> None:
     files = spoken_digits(language, None)
-    assert "".join(map(str, digits)) == heard(spoken(digits, files), files)
+    assert "".join(map(str, digits)) == hear_digits(say_digits(digits, files), files)
 
 
 def test_a_page_with_three_spoken_digits_is_below_300_kilobytes() -> None:
@@ -297,7 +297,7 @@ def test_a_page_with_three_spoken_digits_is_below_300_kilobytes() -> None:
     for language in ("en", "de", "fr"):
         files = spoken_digits(language, None)
         longest = max(range(10), key=lambda digit: len(files[digit]))
-        said = base64.b64encode(spoken([longest] * HOW_MANY, files))
+        said = base64.b64encode(say_digits([longest] * HOW_MANY, files))
         assert 300_000 > page + len(said)
 
 

@@ -19,14 +19,14 @@ from tests.running.page.pages import config
 from visavis.lab.clock import StopWatch, SystemClock
 from visavis.lab.errors import DesignError, UsageError
 from visavis.protocol.people.ledger import Ledger
-from visavis.protocol.plan.experiment import untold
+from visavis.protocol.plan.experiment import no_progress
 from visavis.protocol.session.operator import UnattendedOperator
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
 from visavis.running.film_store import FilmStore, film_store
 from visavis.running.page.other_hosts.bundle import steps_of_place, write_bundle
 from visavis.running.page.other_hosts.results import import_runs, read_runs
-from visavis.running.page.spoken_digits import heard, spoken_digits
+from visavis.running.page.spoken_digits import hear_digits, spoken_digits
 from visavis.running.sessions.session_request import Request, SessionPerson
 from visavis.study.experiment import StudyExperiment
 
@@ -111,7 +111,7 @@ class Host:
             self.ledger,
             runs,
             identify=self.who.__setitem__,
-            known=self.who.get,
+            identity_of=self.who.get,
             **options,
         )
 
@@ -168,7 +168,7 @@ def test_what_people_did_elsewhere_becomes_a_session_like_any_other(host: Host) 
     lines = lines_of(bundle, 1, told={"PROLIFIC_PID": "5f3a99c"})
     results = written(host.root / "r.jsonl", [*lines[:3], *lines])  # some came twice
     made = host.imported(results)
-    assert () == made.refused
+    assert () == made.refused_runs
     ((label, path),) = made.sessions.items()
     recording = Recording(path)
     assert "complete" == recording.status
@@ -183,7 +183,7 @@ def test_what_people_did_elsewhere_becomes_a_session_like_any_other(host: Host) 
     assert all(b"5f3a99c" not in p.read_bytes() for p in path.rglob("*") if p.is_file())
 
     again = host.imported(results)
-    assert (1, {}) == (again.known, again.sessions)
+    assert (1, {}) == (again.recorded_before, again.sessions)
 
 
 def test_a_place_that_two_people_had_loses_nobody(host: Host) -> None:
@@ -193,7 +193,7 @@ def test_a_place_that_two_people_had_loses_nobody(host: Host) -> None:
     )
     assert 2 == len(made.sessions)
     assert [2, 3] == [entry.index for entry in host.ledger.list()]
-    assert (list(made.sessions)[1],) == made.moved
+    assert (list(made.sessions)[1],) == made.moved_labels
     plans = [Recording(path).manifest.plan for path in made.sessions.values()]
     assert plans[0] == plans[1]
 
@@ -204,7 +204,7 @@ def test_who_left_is_recorded_when_asked_for_and_who_withdrew_never(host: Host) 
     gone[-1]["event"]["reply"] = {"stop": "delete", "hidden_ms": 0.0}
     results = written(host.root / "r.jsonl", left, gone)
     made = host.imported(results)
-    assert ({}, 1, ("r2",)) == (made.sessions, made.unfinished, made.withdrawn)
+    assert ({}, 1, ("r2",)) == (made.sessions, made.unfinished, made.withdrawn_runs)
     made = host.imported(results, unfinished_too=True)
     (path,) = made.sessions.values()
     assert ("aborted", 1) == (Recording(path).status, len(Recording(path).trials()))
@@ -231,9 +231,9 @@ def test_who_was_recorded_unfinished_goes_on_in_the_same_session_once_more_is_th
         line["line"] = n
     results = written(host.root / "r.jsonl", later)
     made = host.imported(results)
-    assert ((), {}) == (made.refused, made.sessions)
-    assert begun.sessions == made.continued
-    (path,) = made.continued.values()
+    assert ((), {}) == (made.refused_runs, made.sessions)
+    assert begun.sessions == made.continued_sessions
+    (path,) = made.continued_sessions.values()
     recording = Recording(path)
     assert "complete" == recording.status
     rows = recording.trials()
@@ -244,7 +244,7 @@ def test_who_was_recorded_unfinished_goes_on_in_the_same_session_once_more_is_th
     assert sorted(set(replies)) == replies
     assert [0] == [entry.index for entry in host.ledger.list()]
     again = host.imported(results)
-    assert (1, {}, {}) == (again.known, again.sessions, again.continued)
+    assert (1, {}, {}) == (again.recorded_before, again.sessions, again.continued_sessions)
 
 
 def test_one_identifier_in_two_browsers_is_one_participant_whose_whole_run_counts(
@@ -277,7 +277,7 @@ def test_a_link_that_names_somebody_of_the_ledger_is_recorded_as_theirs(host: Ho
     assert (("r2", entry.label),) == made.twice
     assert [entry.label, host.ledger.list()[2].label] == list(made.sessions)
     assert "complete" == Recording(made.sessions[entry.label]).status
-    assert () == made.refused
+    assert () == made.refused_runs
 
 
 @pytest.mark.parametrize(
@@ -299,7 +299,7 @@ def test_results_that_do_not_fit_are_left_out_whole_with_the_reason(
     lines = lines_of(bundle, 0)
     spoil(lines)
     made = host.imported(written(host.root / "r.jsonl", lines))
-    assert said in made.refused[0]
+    assert said in made.refused_runs[0]
     assert (0, []) == (len(made.sessions), list(host.ledger.list()))
 
 
@@ -362,7 +362,7 @@ def test_one_damaged_line_leaves_the_results_of_everybody_else(host: Host) -> No
     _, unreadable = read_runs([results])
     assert 1 == unreadable
     made = host.imported(results)
-    assert (1, 1) == (len(made.sessions), len(made.refused))
+    assert (1, 1) == (len(made.sessions), len(made.refused_runs))
 
 
 def with_damaged_films(host: Host) -> Host:
@@ -395,7 +395,7 @@ def test_whose_film_failed_is_recorded_with_that_trial_skipped(tmp_path: Path) -
         elif step["kind"] == "watch":
             line["event"]["reply"] = {"shown_ms": 0.0, "failed": {"film": "f", "why": "error 4"}}
     made = host.imported(written(host.root / "r.jsonl", lines))
-    assert () == made.refused
+    assert () == made.refused_runs
     (path,) = made.sessions.values()
     rows = Recording(path).trials()
     assert ["skipped", "skipped"] == list(rows["status"])
@@ -448,7 +448,7 @@ def saved(page: Any, host: Host) -> Path:
 def recorded(host: Host, results: Path) -> tuple[str, Recording]:
     """Import the answers of one person; return label and session."""
     made = host.imported(results)
-    assert () == made.refused
+    assert () == made.refused_runs
     ((label, path),) = made.sessions.items()
     return label, Recording(path)
 
@@ -486,7 +486,7 @@ def test_who_types_what_the_page_says_has_heard_it(tmp_path: Path, browser: Any)
     bundle = host.exported()
     steps = json.loads((bundle / "places" / "1.json").read_text("utf-8"))["steps"]
     (wav,) = (base64.b64decode(step["wav"]) for step in steps if step["kind"] == "sound")
-    digits = heard(wav, spoken_digits("en", None))
+    digits = hear_digits(wav, spoken_digits("en", None))
     page = browser.new_context(accept_downloads=True).new_page()
     with served_files(bundle) as address:
         page.goto(f"{address}?place=2")
@@ -546,7 +546,7 @@ def test_a_page_that_is_reloaded_without_a_network_goes_on_with_its_films(
 ) -> None:
     host = Host(tmp_path, FILMS)
     host.store = FilmStore(host.store.makers, host.store.study_folder, tmp_path / "films")
-    host.store.build(host.base.experiment.films, untold)
+    host.store.build(host.base.experiment.films, no_progress)
     page = browser.new_context(accept_downloads=True).new_page()
     with served_files(host.exported()) as address:
         page.goto(f"{address}?place=1")

@@ -135,7 +135,7 @@ def test_films_by_different_cameras_are_told_apart_and_whom_they_film_must_be_th
 ) -> None:
     made, near = store(tmp_path), replace(SHORT, lens=Following(back_m=2.0))
     assert made.name_of(near) != made.name_of(replace(SHORT, lens=Following()))
-    assert near.frame_count == len(made.cameras(near)) == len(made.seen(near).seen)
+    assert near.frame_count == len(made.cameras(near)) == len(made.film_seen(near).is_visible)
     nobody = replace(SHORT, lens=Placed(((0.0, 2.0, 1.0),), subject="walker"))
     with pytest.raises(DesignError, match="nobody who is 'walker'"):
         made.name_of(nobody)

@@ -23,7 +23,7 @@ from visavis.running.film_store import film_store
 from visavis.running.page.arrivals import arrival_of, check_completion, completion_of, least_filled
 from visavis.running.page.client import arrive, visit
 from visavis.running.page.perform import about_of
-from visavis.running.page.reception import IDLE_NS, Brake, Reception, Rules
+from visavis.running.page.reception import IDLE_NS, RateLimit, Reception, Rules
 from visavis.running.page.server import KEY, PageServer
 from visavis.running.page.steps import PageError, PageStep
 from visavis.running.page.visitor import Visitor, visitor_of
@@ -71,7 +71,7 @@ class Place:
             self.ledger,
             self.rules,
             identify=self.who.__setitem__,
-            known=self.who.get,
+            identity_of=self.who.get,
             withdraw=lambda label: void(self.ledger.withdraw(label, [self.folder])),
         )
 
@@ -270,7 +270,7 @@ def test_a_session_that_cannot_be_gone_on_with_is_refused_in_words(
     said: list[str] = []
 
     async def again(base: str, reception: Reception) -> tuple[int, str]:
-        monkeypatch.setattr(reception, "_said", said.append)
+        monkeypatch.setattr(reception, "_say", said.append)
         path = place.sessions()[0] / "manifest.json"
         path.write_text(path.read_text("utf-8").replace('"seed"', '"sown"'), "utf-8")
         async with aiohttp.ClientSession(base, headers={KEY: key}) as http:
@@ -367,7 +367,7 @@ def test_the_secret_of_a_page_lies_with_no_data_and_is_the_same_of_another_serve
         assert not (path.is_file() and key.encode() in path.read_bytes()), path
 
     async def again(base: str, reception: Reception) -> bool:
-        return await reception.held(key) is not None
+        return await reception.session_of(key) is not None
 
     assert served(place, again)
 
@@ -492,7 +492,7 @@ def test_a_placeholder_that_no_panel_filled_is_refused_in_words(place: Place) ->
 
 
 def test_a_flood_of_arrivals_is_held_up_and_lets_people_in_again() -> None:
-    brake = Brake(at_once=3, a_second=2, _left=3)
+    brake = RateLimit(at_once=3, a_second=2, _left=3)
     assert [True] * 3 + [False] == [brake.lets_pass(0) for _ in range(4)]
     assert [False, True] == [brake.lets_pass(ns) for ns in (400_000_000, 1_000_000_000)]
     assert [True] * 3 + [False] == [brake.lets_pass(10**12) for _ in range(4)]

@@ -10,7 +10,7 @@ import aiohttp
 import pytest
 
 from tests.running.page.pages import Page, begun
-from visavis.running.page.server import KEY, SITE, Held, PageServer
+from visavis.running.page.server import KEY, SITE, PageServer, PageSession
 
 MAX_PAGE_BYTES = 300_000
 
@@ -25,7 +25,7 @@ def served(
             server = PageServer()
             await server.start()
             try:
-                server.add(Held(page.desk, {"words": {}}))
+                server.add(PageSession(page.desk, {"words": {}}))
                 async with aiohttp.ClientSession(f"http://127.0.0.1:{server.port}") as http:
                     return await ask(http, page, server)
             finally:
@@ -114,7 +114,7 @@ def test_a_recording_that_fails_is_told_and_nothing_is_acknowledged(tmp_path: Pa
 def test_a_session_that_is_over_already_is_not_waited_for(tmp_path: Path) -> None:
     async def ask(http: aiohttp.ClientSession, page: Page, server: PageServer) -> bool:
         page.desk.take("one", [{**page.event(), "reply": {"agreed": False}}])
-        held = Held(page.desk, {})
+        held = PageSession(page.desk, {})
         server.add(held)
         return held.over.is_set()
 

@@ -9,7 +9,7 @@ from tests.stimuli.camera.outlined import outlined_room
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector
-from visavis.stimuli.camera.choosing import is_free, place_on, points_of_interest
+from visavis.stimuli.camera.choosing import Clearance, is_free, place_on, points_of_interest
 from visavis.stimuli.camera.director import (
     STYLES,
     Cut,
@@ -81,14 +81,13 @@ def alternatives(place: FilmedPlace, style: Style, cut: Cut) -> int:
     """Count the places a cut could have gone to that see the head and turn the view enough."""
     graph, moment = place.graph, walking(cut.t_ns)
     edge, share = np.empty(3 * len(graph.edges), np.int64), np.empty(3 * len(graph.edges))
-    n = points_of_interest(
-        cut.subject_m, 3.0, 100.0, graph.nodes_m, graph.edges, graph.component, -1, edge, share
-    )
+    n = points_of_interest(cut.subject_m, 3.0, 100.0, graph.network, -1, edge, share)
+    clearance = Clearance(place.obstacles.arrays, moment.people, 0.1, 0.15)
     head = above(moment.subject_m, 0.93 * moment.height_m)
     places = [place_on(graph.nodes_m, graph.edges, edge[i], share[i]) for i in range(n)]
     return sum(
         view_angle_deg(cut.subject_m, cut.from_m, p) >= style.min_angle_deg
-        and is_free(p, moment.people, 0.1, 0.15, *place.obstacles.arrays)
+        and is_free(p, clearance)
         and place.obstacles.sees(p, head, moment.people)
         for p in places
     )

@@ -19,7 +19,7 @@ from visavis.stimuli.motion.warping.features import FeatureTarget
 from visavis.stimuli.motion.warping.outlook import looking_at, outlook
 from visavis.stimuli.motion.warping.track import SHOWN_AHEAD_S, TrackLoop, WarpTrack, solve_offsets
 from visavis.stimuli.motion.warping.units import units_named
-from visavis.study.background import AtOnce
+from visavis.study.background import InlineExecutor
 
 UNITS = units_named(("neck_head",))
 START_S, GAP_S, FADE_S = 1.0, 1 / 30, 0.5
@@ -96,7 +96,7 @@ def frames(loop, beside=None, until_s=2.2):
     return drawn
 
 
-@pytest.mark.parametrize("beside", [AtOnce(), Later(1), Later(8)])
+@pytest.mark.parametrize("beside", [InlineExecutor(), Later(1), Later(8)])
 def test_what_a_frame_showed_is_what_the_last_track_says_of_its_time(beside):
     loop = TrackLoop(track(), moved, beside)
     drawn = frames(loop, beside)
@@ -107,7 +107,7 @@ def test_what_a_frame_showed_is_what_the_last_track_says_of_its_time(beside):
 
 def test_every_key_is_corrected_once_where_solutions_come_at_once():
     asked = []
-    loop = TrackLoop(track(), lambda t_s, start, eye: asked.append(t_s) or start, AtOnce())
+    loop = TrackLoop(track(), lambda t_s, start, eye: asked.append(t_s) or start, InlineExecutor())
     frames(loop)
     # When the arm begins to rise the lead is shorter than the keys that shape it.
     np.testing.assert_allclose(asked, [loop.track.key_s[0], *loop.track.key_s[1:]])
@@ -125,7 +125,7 @@ def test_an_error_of_the_loop_is_raised_in_a_frame():
     def fails(*_):
         raise ValueError("no body")
 
-    loop = TrackLoop(track(), fails, AtOnce())
+    loop = TrackLoop(track(), fails, InlineExecutor())
     loop.step(0.0, EYE)
     with pytest.raises(ValueError, match="no body"):
         loop.step(FRAME_S, EYE)

@@ -20,10 +20,10 @@ from visavis.cli.app import (
     say_written,
     verbatim,
 )
+from visavis.cli.notifier import say_when_compiling
 from visavis.cli.preview.people import distance_sheet, people_sheet
 from visavis.cli.preview.pictures import check_picture_name
 from visavis.cli.preview.readable_gaze import LIMIT_01, readable_at
-from visavis.cli.telling import say_when_compiling
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import UsageError
 from visavis.lab.yaml_lines import ProblemsError, read_document
@@ -42,7 +42,7 @@ app.add_typer(characters, name="character")
 SHEET_TILE_PX = (480, 300)
 VALID_ADDRESS = "https://github.com/c-frame/valid-avatars-glb"
 VALID_LICENCE = "MIT, T. Do 2022"
-VALID_TOLD = f"""VALID: 210 adults of seven ethnicities in five outfits, whose labels people from
+VALID_NOTE = f"""VALID: 210 adults of seven ethnicities in five outfits, whose labels people from
 33 countries validated (Do, Zelenty, Gonzalez-Franco and McMahan, 2023, Frontiers in Virtual
 Reality 4:1248915, doi 10.3389/frvir.2023.1248915). Licence: {VALID_LICENCE}; cite the article.
 
@@ -123,15 +123,15 @@ def sheet_command(
     ] = 12.0,
     gaze: Annotated[
         bool,
-        typer.Option("--gaze", help="With --at: say how well it is told at whom they look."),
+        typer.Option("--gaze", help="With --at: how well one sees whether they look at one."),
     ] = False,
     config: ConfigOption = None,
     library: LibraryOption = None,
 ) -> None:
     """Draw people's faces at conversation distance: look at people before you use them.
 
-    With --gaze a simulated observer tells, from the pixels, eyes on it from eyes 10° aside; half of
-    its answers are right by chance. That takes some seconds a face.
+    With --gaze a simulated observer judges from the pixels whether eyes look at it or 10° aside;
+    half of its answers are right by chance. This takes some seconds for each face.
 
     Example: visavis character sheet imported.png
     """
@@ -169,9 +169,9 @@ def sheet_command(
 def _tell_gaze(
     people: Sequence[Character], distances_m: Sequence[float], px_per_deg: float
 ) -> None:
-    """Say for each person how often a direct gaze is told from one 10° aside."""
+    """Print for each person how often direct gaze is told apart from gaze 10° aside."""
     for person, distance_m, right_01 in readable_at(people, distances_m, px_per_deg):
-        line = f"{person.name}: gaze told at {distance_m:g} m in {right_01:.0%} of looks"
+        line = f"{person.name}: gaze recognised at {distance_m:g} m in {right_01:.0%} of looks"
         if right_01 < LIMIT_01:
             line += f"  [yellow]below {LIMIT_01:.0%}: let them look from nearer[/]"
         say(line)
@@ -187,9 +187,7 @@ def import_command(
     ] = None,
     joint_map: Annotated[
         Path | None,
-        typer.Option(
-            help="YAML file of joints of ours and the file's bones, where names tell not."
-        ),
+        typer.Option(help="YAML file of joints of ours and the file's bones, where names differ."),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -201,7 +199,7 @@ def import_command(
         raise UsageError(f"--gender takes female or male, not {gender!r}")
     folder = library or library_of(load_lab(config, quiet=as_json, with_cast=False))
     checked_gender = cast("Literal['female', 'male'] | None", gender)
-    joints = None if joint_map is None else _joints_said(joint_map)
+    joints = None if joint_map is None else _read_joint_map(joint_map)
     _import(source, folder, checked_gender, joints, as_json=as_json)
 
 
@@ -228,7 +226,7 @@ def fetch_command(
         if as_json:
             say_json({"name": which, "address": VALID_ADDRESS, "licence": VALID_LICENCE})
         else:
-            say_plainly(VALID_TOLD)
+            say_plainly(VALID_NOTE)
         return
     folder = library or library_of(load_lab(config, quiet=as_json, with_cast=False))
     with people_in(download, only) as people:
@@ -250,7 +248,7 @@ def _distances_m(text: str) -> tuple[float, ...]:
     return distances_m
 
 
-def _joints_said(path: Path) -> dict[str, str]:
+def _read_joint_map(path: Path) -> dict[str, str]:
     """Read which bone of a character file stands for which of our joints.
 
     Raises:

@@ -56,7 +56,7 @@ def check(
 ) -> None:
     """Can they leave? Compare what was planned with what was recorded.
 
-    Of a study's folder, every file of every session is verified, settings and ledger too.
+    Given a study's folder, it verifies every file of every session, the settings and the ledger.
 
     Recordings made elsewhere (an XDF file, a BIDS data set) are judged by their times: missing
     clock offsets, stamps that go back, gaps, rates, streams apart from the others.
@@ -132,11 +132,11 @@ def _check_study(folder: Path, *, as_json: bool, list_trials: bool = False) -> N
     else:
         console.print(f"[green]{count_of(count, 'session')}, every file verified[/]")
     if not as_json:
-        for path, (status, done, trial_count) in unfinished_sessions.items():
+        for path, (status, complete_count, trial_count) in unfinished_sessions.items():
             way_on = "it goes on now" if status == "running" else f"visavis resume {path}"
             say_plainly(
-                f"{MARK[Level.AMBER]} not finished: {path}, {done} of {trial_count} trials; "
-                f"{way_on}",
+                f"{MARK[Level.AMBER]} not finished: {path}, {complete_count} of {trial_count} "
+                f"trials; {way_on}",
                 style="yellow",
             )
         for session, verdict in verdicts.items():
@@ -154,8 +154,8 @@ def _unfinished(sessions: Sequence[Path]) -> dict[str, tuple[str, int, int]]:
             parts = recording.manifest.parts
             if not parts or parts[-1].status != "complete":
                 trials = check_session(recording).trials
-                done = sum(t.status == "complete" for t in trials)
-                progress_by_path[str(session)] = (recording.status, done, len(trials))
+                complete_count = sum(t.status == "complete" for t in trials)
+                progress_by_path[str(session)] = (recording.status, complete_count, len(trials))
     return progress_by_path
 
 
@@ -169,7 +169,7 @@ def print_check(verdict: SessionCheck, path: Path, *, list_trials: bool = False)
     table = Table(box=None, pad_edge=False)
     for name in ("", "what", "finding"):
         table.add_column(name)
-    for finding in sorted(verdict.findings, key=lambda found: -found.level):
+    for finding in sorted(verdict.findings, key=lambda finding: -finding.level):
         mark = f"[{STYLE[finding.level]}]{MARK[finding.level]}[/]"
         table.add_row(mark, finding.subject, finding.message)
     console.print(table)

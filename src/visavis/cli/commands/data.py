@@ -20,7 +20,7 @@ from visavis.cli.app import (
     say,
     verbatim,
 )
-from visavis.cli.leaving import leave
+from visavis.cli.personal_copies import protect_and_register
 from visavis.cli.sharing import (
     BLURRED_RISK,
     LOSS_NAME,
@@ -100,13 +100,13 @@ def _print_columns(title: str, columns: Mapping[str, list[Any]], across: str = "
             table.add_column(str(name), justify="right" if name else "left")
         for name, values in columns.items():
             if name not in (across, "recording"):
-                table.add_row(name, *(_shown(v) for v in values))
+                table.add_row(name, *(_cell_text(v) for v in values))
     else:
         data_columns = {k: v for k, v in columns.items() if k != "recording"}
         for name in data_columns:
             table.add_column(name)
         for row in zip(*data_columns.values(), strict=True):
-            table.add_row(*(_shown(v) for v in row))
+            table.add_row(*(_cell_text(v) for v in row))
     console.print(table)
 
 
@@ -114,7 +114,7 @@ def _columns(frame: Any) -> dict[str, list[Any]]:
     return {str(name): frame[name].tolist() for name in frame.columns}
 
 
-def _shown(value: object) -> str:
+def _cell_text(value: object) -> str:
     return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
@@ -149,7 +149,7 @@ def export(
 ) -> None:
     """Copy a session into files that other programs read; the recording is not touched.
 
-    Of a study every session is copied, or --participant's.
+    Given a study, it copies every session, or the one of --participant.
 
     People bear a pseudonym that only the study's key file links to their label. With --tier
     public the measures are computed before and after the blur, which takes as long as analyse.
@@ -158,13 +158,13 @@ def export(
     """
     if format_name not in FORMATS:
         raise UsageError(f"--format takes {', '.join(FORMATS)}, not {format_name!r}")
-    sessions = _exported(session_path, config, participant)
+    sessions = _sessions_to_export(session_path, config, participant)
     require_intact(sessions, accept=accept_damage)
     is_simulated = all(Recording(session).is_simulated for session in sessions)
     # Looking up a study by its name has already printed which configuration is used.
     lab = load_lab(config, only_simulates=is_simulated, quiet=not session_path.is_dir())
     recordings = [shared_recording(s, lab, tier=tier, keep_label=keep_label) for s in sessions]
-    paths = _written(recordings, format_name, output, lab)
+    paths = _write_recordings(recordings, format_name, output, lab)
     if tier == "public":
         loss_table = losses(recordings, lab)
         note = output / ("README.md" if format_name == "bids" else LOSS_NAME)
@@ -174,35 +174,35 @@ def export(
         _print_columns("what measures lose by the blur", _columns(loss_table))
         say(f"[yellow]{BLURRED_RISK}[/]")
     say(f"{len(paths)} files of {count_of(len(sessions), 'session')} in [b]{verbatim(output)}[/]")
-    leave(format_name, sessions, output, paths, tells_risk=tier != "public")
+    protect_and_register(format_name, sessions, output, paths, tells_risk=tier != "public")
 
 
-def _written(
-    shown: Sequence[Recording], format_name: str, output: Path, lab: LabConfig
+def _write_recordings(
+    recordings: Sequence[Recording], format_name: str, output: Path, lab: LabConfig
 ) -> tuple[Path, ...]:
     """Export recordings and return the files.
 
     BIDS is one data set for all; Parquet tables of several sessions go to a folder each.
     """
     if format_name == "bids":
-        return export_together(shown, output, dataset_about(shown[0], lab))
+        return export_together(recordings, output, dataset_about(recordings[0], lab))
     paths: list[Path] = []
-    for recording in shown:
+    for recording in recordings:
         manifest = recording.manifest
         session_folder = output / f"sub-{manifest.participant}" / f"ses-{manifest.session:03d}"
         if format_name == "pedpy":
             paths += export_walks(recording, output)
         else:
-            target = session_folder if format_name == "parquet" and len(shown) > 1 else output
+            target = session_folder if format_name == "parquet" and len(recordings) > 1 else output
             paths += export_recording(recording, format_name, target)
     return tuple(paths)
 
 
-def _exported(wanted: Path, config: Path | None, participant: str) -> list[Path]:
+def _sessions_to_export(path: Path, config: Path | None, participant: str) -> list[Path]:
     """Return the sessions to export: one given by its folder, or those of a study."""
-    if participant or (wanted.is_dir() and not is_study(wanted)):
-        return [session_of(wanted, config, participant)]
-    return list(sessions_of(folder_of(wanted, config, "export")))
+    if participant or (path.is_dir() and not is_study(path)):
+        return [session_of(path, config, participant)]
+    return list(sessions_of(folder_of(path, config, "export")))
 
 
 @app.command()

@@ -63,7 +63,7 @@ def list_devices(config: ConfigOption = None, as_json: JsonOption = False) -> No
     table.title_justify = "left"
     for role in roles:
         fine = role.simulated and role.ok
-        state = f"[magenta]{role.state}[/]" if fine else _styled(role.state, role.ok)
+        state = f"[magenta]{role.state}[/]" if fine else _state_markup(role.state, role.ok)
         table.add_row(role.role, role.driver, state)
     console.print(table)
     console.print()
@@ -72,7 +72,7 @@ def list_devices(config: ConfigOption = None, as_json: JsonOption = False) -> No
     before = ""
     for driver in drivers:
         kind, before = driver.kind if driver.kind != before else "", driver.kind
-        table.add_row(driver.driver, kind, driver.wire, _styled(driver.state, driver.ok))
+        table.add_row(driver.driver, kind, driver.wire, _state_markup(driver.state, driver.ok))
     console.print(table)
     console.print("\n[dim]whether they work: visavis devices test ROLE[/]")
 
@@ -100,7 +100,7 @@ def listen(
                 devices,
                 SystemClock(),
                 seconds,
-                tick=lambda done: status.update(f"listening: {done:.0f} of {seconds:g} s"),
+                tick=lambda passed_s: status.update(f"listening: {passed_s:.0f} of {seconds:g} s"),
             )
         print_trials(trials)
     if any(trial.error for trial in trials):
@@ -286,7 +286,7 @@ def _check_seconds(seconds: float) -> None:
         raise UsageError(f"--seconds takes 0.5 to {MAX_S:g}, not {seconds:g}")
 
 
-def _styled(text: str, ok: bool | None) -> str:
+def _state_markup(text: str, ok: bool | None) -> str:
     if ok is None:
         return f"[dim]{escape(text)}[/]"
     return f"[green]{escape(text)}[/]" if ok else f"[yellow]{escape(text)}[/]"

@@ -108,19 +108,21 @@ def import_web(
         here.ledger,
         runs,
         identify=lambda label, who: None if key_file is None else key_file.identify(label, who),
-        known=lambda label: None if key_file is None else key_file.identity(label),
+        identity_of=lambda label: None if key_file is None else key_file.identity(label),
         unfinished_too=unfinished,
     )
     mark = "[magenta]SIMULATED[/]  " if here.is_simulated else ""
-    console.print(f"{mark}{len(summary.sessions)} recorded, {summary.known} were recorded already")
+    console.print(
+        f"{mark}{len(summary.sessions)} recorded, {summary.recorded_before} were recorded already"
+    )
     for label, path in summary.sessions.items():
-        place_note = "; the place was somebody else's, the next one counts" * (
-            label in summary.moved
+        place_note = "; its place was taken, so it has the next free one" * (
+            label in summary.moved_labels
         )
         console.print(
             f"  {label}  {verbatim(str(path))}{place_note}", soft_wrap=True, highlight=False
         )
-    for label, path in summary.continued.items():
+    for label, path in summary.continued_sessions.items():
         text = f"  {label}  {verbatim(str(path))}; went on since it was recorded"
         console.print(text, soft_wrap=True, highlight=False)
     for run, label in summary.twice:
@@ -131,7 +133,7 @@ def import_web(
         )
     if summary.unfinished:
         console.print(f"{summary.unfinished} are not at their end; --unfinished records them, too")
-    for run in summary.withdrawn:
+    for run in summary.withdrawn_runs:
         errors.print(
             f"[yellow]run {verbatim(run[:8])} wanted everything deleted: nothing was recorded; "
             "delete it from your files and from the host, too[/]",
@@ -139,7 +141,7 @@ def import_web(
         )
     if unreadable:
         errors.print(f"[yellow]{unreadable} lines are not results of a bundle, or were cut[/]")
-    for why in summary.refused:
+    for why in summary.refused_runs:
         errors.print(f"[red]left out: {verbatim(why)}[/]", soft_wrap=True)
-    if summary.refused:
+    if summary.refused_runs:
         raise typer.Exit(DataError.exit_code)

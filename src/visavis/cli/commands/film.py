@@ -18,10 +18,10 @@ from visavis.cli.app import (
 )
 from visavis.cli.commands.preview import picture_size
 from visavis.cli.film.cameras import CameraKind, Cuts
-from visavis.cli.film.film import Overlay, write_film
-from visavis.cli.leaving import leave, require_whole
+from visavis.cli.film.film import FilmSettings, Overlay, write_film
+from visavis.cli.notifier import NOTIFIER, Forecast
+from visavis.cli.personal_copies import protect_and_register, require_whole
 from visavis.cli.studies import session_of
-from visavis.cli.telling import TELLING, Forecast
 from visavis.lab.errors import UsageError
 from visavis.recording.cached import CachedRecording
 from visavis.running.sessions.study_folder import study_of_folder
@@ -40,7 +40,7 @@ def film(
     shot: Annotated[str, typer.Option(help="extreme-long, long, full, medium or close.")] = "long",
     cuts: Annotated[str, typer.Option(help="auto, none or static.")] = "auto",
     overlay: Annotated[
-        str, typer.Option(help="Of gaze, contacts and clock, with commas; none for none.")
+        str, typer.Option(help="Any of gaze, contacts and clock, with commas; or none.")
     ] = "gaze,contacts,clock",
     seed: Annotated[int, typer.Option(help="Draws the lengths of shots.")] = 0,
     sheet: Annotated[
@@ -92,25 +92,27 @@ def film(
     with Progress(console=console, transient=True) as bar:
         line = bar.add_task("drawing", total=None)
 
-        def told(done: int, of: int) -> None:
-            bar.update(line, completed=done, total=of)
-            if forecast_text := forecast.told(done, of):
-                TELLING.say(forecast_text.removesuffix(", --png draws one"))
+        def report_frame(count: int, total: int) -> None:
+            bar.update(line, completed=count, total=total)
+            if forecast_text := forecast.line_after(count, total):
+                NOTIFIER.say(forecast_text.removesuffix(", --png draws one"))
 
         result = write_film(
             study,
             recording,
             trial,
             output,
-            camera=camera_choice,
-            shot=shot_size,
-            cuts=rule,
-            overlays=overlays,
-            seed=seed,
-            size_px=size_px,
-            rate_hz=rate,
-            seconds=seconds,
-            on_frame=told,
+            FilmSettings(
+                camera=camera_choice,
+                shot=shot_size,
+                cuts=rule,
+                seed=seed,
+                overlays=overlays,
+                size_px=size_px,
+                rate_hz=rate,
+                seconds=seconds,
+            ),
+            on_frame=report_frame,
         )
     summary = f"written [b]{verbatim(output)}[/], {result.pictures / rate:.1f} s"
     if camera == "auto" and result.camera is CameraKind.ORBIT:
@@ -127,23 +129,23 @@ def film(
     # A film is personal data: protect its files and register them, so that a withdrawal finds them.
     files = [output] if result.decisions is None else [output, decisions_path]
     files += [] if result.sheet is None or sheet is None else [sheet]
-    leave("film", [session_path], output.parent, files)
+    protect_and_register("film", [session_path], output.parent, files)
 
 
-def _one_of(option: str, wanted: str, known: list[str]) -> str:
-    if wanted not in known:
-        raise UsageError(f"{option} {wanted!r}; choose one of {', '.join(known)}")
-    return wanted
+def _one_of(option: str, value: str, choices: list[str]) -> str:
+    if value not in choices:
+        raise UsageError(f"{option} {value!r}; choose one of {', '.join(choices)}")
+    return value
 
 
-def _camera_named(wanted: str) -> "CameraKind | Path":
-    if wanted.endswith(".json"):
-        return Path(wanted)
-    if wanted not in [*CameraKind]:
-        raise UsageError(f"--camera {wanted!r}; choose one of {CAMERAS}")
-    return CameraKind(wanted)
+def _camera_named(value: str) -> "CameraKind | Path":
+    if value.endswith(".json"):
+        return Path(value)
+    if value not in [*CameraKind]:
+        raise UsageError(f"--camera {value!r}; choose one of {CAMERAS}")
+    return CameraKind(value)
 
 
-def _overlays_named(wanted: str) -> "list[Overlay]":
-    names = [name for name in wanted.replace(" ", "").split(",") if name not in ("", "none")]
+def _overlays_named(text: str) -> "list[Overlay]":
+    names = [name for name in text.replace(" ", "").split(",") if name not in ("", "none")]
     return [Overlay(_one_of("--overlay", name, [*Overlay])) for name in names]

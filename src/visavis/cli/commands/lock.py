@@ -56,9 +56,11 @@ def lock(
     if output is not None:
         lab = lab.model_copy(update={"data_root": output.resolve()})
     here = study_here(study, lab)
-    requested_settings = here.wanted(seed=seed, assignments=assignments, language=language)
+    requested_settings = here.requested_settings(
+        seed=seed, assignments=assignments, language=language
+    )
     experiment = here.study.experiment(requested_settings.parameters)
-    settings = here.settled(requested_settings, seed_given=seed is not None)
+    settings = here.settle(requested_settings, seed_given=seed is not None)
     folder = here.folder
     before = len(session_folders(folder))
     locked_plan = lock_plan(

@@ -54,8 +54,8 @@ def add(
     """
     lab = load_lab(config, devices)
     here = study_here(study, lab)
-    requested_settings = here.wanted(seed=seed, assignments=assignments)
-    settings = here.settled(requested_settings, seed_given=seed is not None)
+    requested_settings = here.requested_settings(seed=seed, assignments=assignments)
+    settings = here.settle(requested_settings, seed_given=seed is not None)
     entry = here.ledger.add(
         None if number is None else here.ledger.number_of(number),
         group=here.group_of(settings),
@@ -134,7 +134,7 @@ def withdraw(
         console.print(
             f"[yellow]{label} is at a page now.[/] `visavis serve` ends it and deletes everything "
             "within seconds; a page of `visavis run` is yours to end (Ctrl-C). Give this command "
-            "again afterwards: it tells whether it is done"
+            "again afterwards to see whether it is done"
         )
         return
     key_file = None if here.is_simulated else here.key_file
@@ -147,7 +147,7 @@ def withdraw(
         console.print(f"[yellow]made with this person's data, make it again: {verbatim(path)}[/]")
     for path in removal.unreadable:
         console.print(f"[yellow]could not be read, look yourself: {verbatim(path)}[/]")
-    for line in removal.unreached:
+    for line in removal.unreached_exports:
         say(f"[yellow]not reached: {verbatim(line)}[/]")
     exports = [e for e in registered_exports(folder) if label in e.labels]
     for export in exports:

@@ -25,7 +25,7 @@ from visavis.analysis.power import (
 )
 from visavis.analysis.power.summary import target_text
 from visavis.analysis.statistics import PowerPoint
-from visavis.analysis.statistics.power import AdequacyRule
+from visavis.analysis.statistics.power_estimates import AdequacyRule
 from visavis.analysis.statistics.results import number
 from visavis.cli.app import (
     ConfigOption,
@@ -40,8 +40,8 @@ from visavis.cli.app import (
     verbatim,
 )
 from visavis.cli.commands.study import ProcessesOption
+from visavis.cli.notifier import counting, say_when_compiling
 from visavis.cli.quick_tracker import tracker_of
-from visavis.cli.telling import counting, say_when_compiling
 from visavis.lab.clock import StopWatch
 from visavis.lab.errors import UsageError
 from visavis.recording.csv_file import write_csv
@@ -211,7 +211,9 @@ class _Run:
         with counting(errors, quiet=self._quiet) as bar:
             line = bar.add_task(f"getting {self._study.name} ready", total=None)
             self._study.prepare(
-                lambda done, of: bar.update(line, completed=done, total=of, visible=of > 0)
+                lambda count, total: bar.update(
+                    line, completed=count, total=total, visible=total > 0
+                )
             )
 
     def jobs(self, work: Any, jobs: list[Any], what: str) -> Iterator[tuple[int, Any]]:
@@ -346,17 +348,17 @@ def read_rule(text: str) -> AdequacyRule:
     return rules[text]
 
 
-def read_tests(study: PowerStudy, asked: list[str] | None) -> tuple[str, ...]:
+def read_tests(study: PowerStudy, names: list[str] | None) -> tuple[str, ...]:
     """Return the planned tests to simulate.
 
     Raises:
         UsageError: the study plans no test of this name; the message suggests the nearest.
     """
-    if not asked:
+    if not names:
         return tuple(study.shown_tests)
-    if asked == ["all"]:
+    if names == ["all"]:
         return tuple(study.tests)
-    for name in asked:
+    for name in names:
         if name not in study.tests:
             near = difflib.get_close_matches(name, study.tests, n=1, cutoff=0.3)
             hint = f"; did you mean {near[0]}?" if near else ""
@@ -364,7 +366,7 @@ def read_tests(study: PowerStudy, asked: list[str] | None) -> tuple[str, ...]:
                 f"{study.name} plans no test {name!r}{hint} All: visavis power {study.name} "
                 "--test list"
             )
-    return tuple(dict.fromkeys(asked))
+    return tuple(dict.fromkeys(names))
 
 
 def free_folder(name: str) -> Path:
@@ -389,7 +391,7 @@ def write_power(summary: PowerSummary, folder: Path) -> tuple[Path, ...]:
     return (table, words, *write_figure(figure, folder))
 
 
-def as_data(summary: PowerSummary, written: tuple[Path, ...]) -> dict[str, Any]:
+def as_data(summary: PowerSummary, files: tuple[Path, ...]) -> dict[str, Any]:
     """Return the summary for other programs; numbers that do not exist are null."""
     return {
         "smallest_n": summary.smallest_n,
@@ -410,7 +412,7 @@ def as_data(summary: PowerSummary, written: tuple[Path, ...]) -> dict[str, Any]:
             for t in summary.tests
         ],
         "notes": list(summary.notes),
-        "files": [str(p) for p in written],
+        "files": [str(p) for p in files],
     }
 
 

@@ -2,8 +2,8 @@
 
 from visavis.cli.app import ConfigOption, StudyArgument, app, console, load_lab, verbatim
 from visavis.cli.commands.session import SetOption
+from visavis.cli.notifier import make_ready
 from visavis.cli.studies import study_here
-from visavis.cli.telling import make_ready
 from visavis.lab.clock import StopWatch
 
 
@@ -21,6 +21,6 @@ def prepare(
     watch = StopWatch()
     lab = load_lab(config, only_simulates=True)
     here = study_here(study, lab)
-    experiment = here.study.experiment(here.wanted(assignments=assignments).parameters)
+    experiment = here.study.experiment(here.requested_settings(assignments=assignments).parameters)
     make_ready(here.study, experiment, lab)
     console.print(f"[b]{verbatim(here.study.name)}[/] is ready after {watch.elapsed_s():.0f} s")

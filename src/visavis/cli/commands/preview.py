@@ -21,21 +21,28 @@ from visavis.cli.app import (
     new_file,
     say_written,
 )
-from visavis.cli.commands.session import LanguageOption, SeedOption, SetOption, who_is_shown
+from visavis.cli.commands.session import LanguageOption, SeedOption, SetOption, plan_inputs_of
 from visavis.cli.film.renderer import film_renderer
-from visavis.cli.preview.capture import Capture, Meanwhile, Seen, has_board, is_lit, spread
+from visavis.cli.notifier import NOTIFIER, Forecast
+from visavis.cli.preview.capture import (
+    BackgroundPerformance,
+    Capture,
+    CapturedFrame,
+    has_board,
+    is_lit,
+    spread,
+)
 from visavis.cli.preview.on_page import preview_page
 from visavis.cli.preview.pictures import (
     SIMULATED,
     Viewpoint,
+    add_label,
     camera_of,
     check_picture_name,
     contact_sheet,
-    labelled,
     simulated_panel,
 )
 from visavis.cli.studies import study_here
-from visavis.cli.telling import TELLING, Forecast
 from visavis.lab.clock import NS_PER_S, SystemClock
 from visavis.lab.errors import UsageError
 from visavis.stage.card.context import draws_on_processor
@@ -108,7 +115,7 @@ def preview(
     on_page = here.study.study.procedure.on == "browser"
     if on_page:
         _refuse_on_page(here.study.name, view, png or sheet or video)
-    plan_inputs = who_is_shown(here, participant, seed, assignments, language)
+    plan_inputs = plan_inputs_of(here, participant, seed, assignments, language)
     # A simulated participant performs the trial of that plan; every device is simulated, too.
     lab = load_lab(config, "sim", only_simulates=True, quiet=True)
     following = FOLLOWING if video is not None else 0
@@ -127,7 +134,7 @@ def preview(
     if on_page:
         preview_page(capture, here.study, label, size_px, png, sheet, video, at, seconds, rate)
         return
-    showing = _Showing(capture, picture_of, view, size_px, label)
+    showing = _TrialPreview(capture, picture_of, view, size_px, label)
     if png is not None:
         _write_picture(showing, png, at)
     elif sheet is not None:
@@ -154,8 +161,8 @@ def _refuse_on_page(study: str, view: Viewpoint, path: Path | None) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class _Showing:
-    """A trial to preview: how it looks, from which viewpoint and at which size."""
+class _TrialPreview:
+    """A trial to preview, with its viewpoint, the size of pictures and a label."""
 
     capture: Capture
     dress: Callable[[SceneFrame], Picture]
@@ -163,18 +170,18 @@ class _Showing:
     size_px: tuple[int, int]
     label: str
 
-    def at(self, seen: Seen) -> tuple[Picture, Camera]:
+    def at(self, frame: CapturedFrame) -> tuple[Picture, Camera]:
         """Return the picture of a frame and the camera that sees it."""
-        picture = self.dress(replace(seen.view, t_ns=seen.t_ns))
+        picture = self.dress(replace(frame.view, t_ns=frame.t_ns))
         aspect = self.size_px[0] / self.size_px[1]
-        passed_s = self.passed_s(seen)
-        return picture, camera_of(self.view, picture, seen.head, aspect, passed_s=passed_s)
+        passed_s = self.passed_s(frame)
+        return picture, camera_of(self.view, picture, frame.head, aspect, passed_s=passed_s)
 
-    def passed_s(self, seen: Seen) -> float:
+    def passed_s(self, frame: CapturedFrame) -> float:
         """Return the time in seconds since the first lit frame."""
-        return (seen.t_ns - self.capture.frames[0].t_ns) / NS_PER_S
+        return (frame.t_ns - self.capture.frames[0].t_ns) / NS_PER_S
 
-    def frames(self, until_s: float | None = None) -> list[Seen]:
+    def frames(self, until_s: float | None = None) -> list[CapturedFrame]:
         """Perform the trial and return its frames, up to `until_s` seconds.
 
         Raises:
@@ -190,23 +197,23 @@ class _Showing:
         return frames
 
 
-def _write_picture(showing: _Showing, path: Path, at_s: float | None) -> None:
+def _write_picture(showing: _TrialPreview, path: Path, at_s: float | None) -> None:
     frames = showing.frames(USUAL_AT_S if at_s is None else at_s)
     frame = frames[-1]
     length_s = showing.passed_s(frame)
     if showing.capture.is_whole and at_s is not None and at_s > length_s:
         raise UsageError(f"--at {at_s} s: the trial lasts {length_s:.1f} s")
     if at_s is None and (has_board(frame.view) or not is_lit(frame.view) or length_s < USUAL_AT_S):
-        lit = [f for f in frames if is_lit(f.view) and not has_board(f.view)] or frames
-        frame = lit[len(lit) // 2]
+        lit_frames = [f for f in frames if is_lit(f.view) and not has_board(f.view)] or frames
+        frame = lit_frames[len(lit_frames) // 2]
     with Stills() as stills:
         image = stills.image(*showing.at(frame), showing.size_px)
     time_s = showing.passed_s(frame) if at_s is None else at_s
-    labelled(image, f"{SIMULATED}  ·  {showing.label}, {time_s:.1f} s").save(path)
+    add_label(image, f"{SIMULATED}  ·  {showing.label}, {time_s:.1f} s").save(path)
     say_written(path)
 
 
-def _write_sheet(showing: _Showing, path: Path) -> None:
+def _write_sheet(showing: _TrialPreview, path: Path) -> None:
     frames = showing.frames()
     width, height = showing.size_px[0] // 2, showing.size_px[1] // 2
     frame_positions = np.linspace(0.0, 1.0, SHEET_COLUMNS * SHEET_ROWS) * (len(frames) - 1)
@@ -214,12 +221,12 @@ def _write_sheet(showing: _Showing, path: Path) -> None:
     with Stills() as stills, Progress(console=console, transient=True) as bar:
         for k in bar.track(frame_positions.round().astype(int).tolist(), description="drawing"):
             image = stills.image(*showing.at(frames[k]), (width, height))
-            tiles.append(labelled(image, f"{SIMULATED}  {showing.passed_s(frames[k]):.1f} s"))
+            tiles.append(add_label(image, f"{SIMULATED}  {showing.passed_s(frames[k]):.1f} s"))
     contact_sheet(tiles, f"{showing.label}  ·  {SIMULATED}", SHEET_COLUMNS).save(path)
     say_written(path)
 
 
-def _write_film(showing: _Showing, path: Path, rate_hz: int, most_s: float) -> None:
+def _write_film(showing: _TrialPreview, path: Path, rate_hz: int, most_s: float) -> None:
     frames = spread(showing.frames(most_s), rate_hz, most_s)
     label = f"{SIMULATED}  ·  from {showing.label} on"
     with (
@@ -228,15 +235,15 @@ def _write_film(showing: _Showing, path: Path, rate_hz: int, most_s: float) -> N
         Progress(console=console, transient=True) as bar,
     ):
         forecast = Forecast()
-        for done, frame in enumerate(bar.track(frames, description="drawing"), start=1):
+        for number, frame in enumerate(bar.track(frames, description="drawing"), start=1):
             image: npt.NDArray[np.uint8] = renderer.image(*showing.at(frame), showing.size_px)
-            film.add(np.asarray(labelled(image, label)))
-            if forecast_text := forecast.told(done, len(frames)):
-                TELLING.say(forecast_text)
+            film.add(np.asarray(add_label(image, label)))
+            if forecast_text := forecast.line_after(number, len(frames)):
+                NOTIFIER.say(forecast_text)
     say_written(path, f", {len(frames) / rate_hz:.1f} s")
 
 
-def _play(showing: _Showing) -> None:
+def _play(showing: _TrialPreview) -> None:
     """Show the trial in a window at its own speed, again and again, until it is closed."""
     from visavis.stage.window import Window  # late: GLFW, which not every server has
 
@@ -245,7 +252,7 @@ def _play(showing: _Showing) -> None:
     try:
         quality = ON_PROCESSOR if draws_on_processor(display.context) else Quality()
         with (
-            Meanwhile(showing.capture) as meanwhile,
+            BackgroundPerformance(showing.capture) as meanwhile,
             Renderer(display.context, quality=quality) as renderer,
         ):
             mirror = Mirror(display)
@@ -259,7 +266,7 @@ def _play(showing: _Showing) -> None:
                 if passed_ns > until_ns and showing.capture.is_whole:
                     begin_ns, passed_ns = clock.now_ns(), 0
                 t_ns = frames[0].t_ns + min(passed_ns, until_ns)
-                k = max(0, bisect.bisect_right(frames, t_ns, key=lambda seen: seen.t_ns) - 1)
+                k = max(0, bisect.bisect_right(frames, t_ns, key=lambda frame: frame.t_ns) - 1)
                 picture, camera = showing.at(replace(frames[k], t_ns=t_ns))
                 marked_picture = replace(picture, panels=(*picture.panels, simulated_panel(camera)))
                 renderer.draw(marked_picture, [camera], [target])

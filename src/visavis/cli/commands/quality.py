@@ -25,7 +25,7 @@ from visavis.cli.app import (
     say,
     verbatim,
 )
-from visavis.cli.leaving import leave, require_whole
+from visavis.cli.personal_copies import protect_and_register, require_whole
 from visavis.cli.studies import session_of
 from visavis.lab.errors import UsageError
 from visavis.recording.reader import Recording
@@ -68,4 +68,4 @@ def quality(
         table.add_row(name, value)
     console.print(table)
     say(f"the page is [b]{verbatim(page)}[/]")
-    leave("gaze quality", [session_path], output, [page])
+    protect_and_register("gaze quality", [session_path], output, [page])

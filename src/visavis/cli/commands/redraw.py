@@ -16,7 +16,7 @@ from visavis.cli.app import (
     say,
     say_written,
 )
-from visavis.cli.leaving import leave, require_whole
+from visavis.cli.personal_copies import protect_and_register, require_whole
 from visavis.cli.preview.pictures import SIMULATED, check_picture_name, write_below
 from visavis.cli.redraw import redraw as draw_again
 from visavis.cli.redraw import was_drawn
@@ -57,6 +57,6 @@ def redraw(
     else:
         Image.fromarray(both).save(png)
     say_written(png)
-    leave("picture", [session_path], png.parent, [png])
+    protect_and_register("picture", [session_path], png.parent, [png])
     if not was_drawn(recording):
         say("nothing was drawn in this session; the picture is what would have been")

@@ -74,7 +74,7 @@ def _verify(recording: CachedRecording, study: OpenedStudy, config: Path | None)
         TemporaryDirectory(prefix="visavis") as scratch,
     ):
         verdict = verify(recording, study, lab, Path(scratch))
-    rows = sum(verdict.compared.values())
+    rows = sum(verdict.row_counts.values())
     left_out_note = f"; not compared: {', '.join(verdict.left_out)}" if verdict.left_out else ""
     for number in verdict.ended_early:
         say(f"part {number} was cut off; what is there of it was compared")
@@ -87,11 +87,11 @@ def _verify(recording: CachedRecording, study: OpenedStudy, config: Path | None)
         return
     if verdict.first is None:
         say(
-            f"[green]the same, bit for bit[/]: {rows} rows of {len(verdict.compared)} streams, "
+            f"[green]the same, bit for bit[/]: {rows} rows of {len(verdict.row_counts)} streams, "
             f"events and trial rows{left_out_note}"
         )
         return
-    say(f"[red]differs[/], first {verbatim(verdict.first.told())}")
+    say(f"[red]differs[/], first {verbatim(verdict.first.as_sentence())}")
     for name, count in verdict.differing.items():
-        say(f"  {verbatim(name)}: {count} of {verdict.compared[name]} rows differ")
+        say(f"  {verbatim(name)}: {count} of {verdict.row_counts[name]} rows differ")
     raise typer.Exit(EXIT_RED)

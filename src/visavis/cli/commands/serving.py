@@ -23,8 +23,8 @@ from visavis.cli.app import (
     verbatim,
 )
 from visavis.cli.commands.session import ENDING_SIGNALS, LanguageOption, SeedOption, SetOption
+from visavis.cli.notifier import NOTIFIER
 from visavis.cli.studies import StudyHere, study_here, study_of_lab
-from visavis.cli.telling import TELLING
 from visavis.lab.clock import SystemClock
 from visavis.lab.errors import UsageError
 from visavis.protocol.session.operator import UnattendedOperator
@@ -60,7 +60,11 @@ def serve(
     port: Annotated[int, typer.Option("--port", min=0, max=65535, help="0: a free one.")] = 8080,
     participants: Annotated[
         int | None,
-        typer.Option("--participants", min=1, help="How many people are wanted; more are told."),
+        typer.Option(
+            "--participants",
+            min=1,
+            help="How many people may take part; then it is full.",
+        ),
     ] = None,
     completion: CompletionOption = "",
     seed: SeedOption = None,
@@ -111,12 +115,14 @@ def page_study(
     if devices != "sim":
         lab = lab.model_copy(update={"devices": {}})
     here = StudyHere(lab, opened_study)
-    requested_settings = here.wanted(seed=seed, assignments=assignments, language=language)
+    requested_settings = here.requested_settings(
+        seed=seed, assignments=assignments, language=language
+    )
     require_space(lab)
-    settings = here.settled(requested_settings, seed_given=seed is not None)
+    settings = here.settle(requested_settings, seed_given=seed is not None)
     note = here.require_same_design(settings, requested_settings)
     if note:
-        TELLING.warn(note)
+        NOTIFIER.warn(note)
     experiment = opened_study.experiment(settings.parameters)
     if not isinstance(experiment, StudyExperiment):
         raise UsageError(f"{opened_study.name} is not declared on the kit; it shows no page")
@@ -140,7 +146,7 @@ def built_films(base: Request) -> "FilmStore":
     assert isinstance(experiment, StudyExperiment)  # noqa: S101  # page_study has checked it
     store = film_store(experiment)
     if experiment.films:
-        with TELLING.progress("building films") as on_progress:
+        with NOTIFIER.progress("building films") as on_progress:
             store.build(experiment.films, on_progress)
     return store
 
@@ -170,9 +176,9 @@ async def _serve(
         here.ledger,
         Rules(quota, completion),
         identify=lambda label, who: None if key_file is None else key_file.identify(label, who),
-        known=lambda label: None if key_file is None else key_file.identity(label),
+        identity_of=lambda label: None if key_file is None else key_file.identity(label),
         withdraw=withdraw,
-        said=lambda text: errors.print(f"[yellow]{verbatim(text)}[/]", soft_wrap=True),
+        say=lambda text: errors.print(f"[yellow]{verbatim(text)}[/]", soft_wrap=True),
     )
     hosts = dict.fromkeys((LOCAL, "localhost", host, urlsplit(public).hostname or LOCAL))
     server = PageServer(tuple(hosts), reception)
@@ -189,7 +195,7 @@ async def _serve(
     console.print(f"{mark}For participants:", soft_wrap=True)
     for line in (address, f"{address}/?PROLIFIC_PID={{{{%PROLIFIC_PID%}}}}"):
         console.print(f"  [b]{verbatim(line)}[/]", soft_wrap=True, highlight=False)
-    console.print("For you, to nobody else:", soft_wrap=True)
+    console.print("For you alone; do not share it:", soft_wrap=True)
     console.print(f"  [b]{own}/board#{reception.board_key}[/]", soft_wrap=True, highlight=False)
     console.print("Ctrl-C ends it; every answer is kept, and people go on when it is back.")
     try:
@@ -212,10 +218,10 @@ def board(
     here = study_here(study, load_lab(config, devices, quiet=as_json))
     study_board = board_of(here.ledger.list(), here.folder)
     if as_json:
-        say_json(study_board.told())
+        say_json(study_board.as_data())
         return
     if not study_board.places:
-        console.print(f"Nobody has come to {verbatim(here.study.name)} yet.")
+        console.print(f"No participants of {verbatim(here.study.name)} yet.")
         return
     mark = "SIMULATED  " if here.is_simulated else ""
     table = Table(title=f"{mark}{here.study.name}", title_justify="left", box=None)

@@ -33,10 +33,10 @@ from visavis.cli.desk.link import ACTIONS, About, SessionLink
 from visavis.cli.doctor.findings import Finding
 from visavis.cli.doctor.station import station_findings
 from visavis.cli.lab_companion import LabCompanion
+from visavis.cli.notifier import NOTIFIER, counting, make_ready
 from visavis.cli.operator_screen import TerminalOperator
 from visavis.cli.questions import TerminalRespondent
 from visavis.cli.studies import StudyHere, require_session, study_here, study_of_lab
-from visavis.cli.telling import TELLING, counting, make_ready
 from visavis.lab.clock import SimClock, SystemClock
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import DeviceError, RecordingError, SessionAborted, UsageError
@@ -151,7 +151,7 @@ def plan(
     """
     lab = load_lab(config, devices, only_simulates=True, quiet=as_json)
     here = study_here(study, lab)
-    plan_inputs = who_is_shown(here, participant, seed, assignments, language)
+    plan_inputs = plan_inputs_of(here, participant, seed, assignments, language)
     if here.study.study.procedure.on == "lab":  # a page needs none of the lab's devices
         check_rig(devices_for(lab, plan_inputs.experiment))
     session_plan = plan_inputs.experiment.plan(
@@ -170,7 +170,7 @@ def plan(
 
 
 @dataclass(frozen=True)
-class Shown:
+class PlanInputs:
     """What a plan is made from: the experiment, a seed, and a person's place and group."""
 
     experiment: StudyExperiment
@@ -181,20 +181,20 @@ class Shown:
     note: str
 
 
-def who_is_shown(
+def plan_inputs_of(
     here: StudyHere,
     participant: str | None,
     seed: int | None,
     assignments: list[str] | None,
     language: str | None,
-) -> Shown:
+) -> PlanInputs:
     """Return what the plan of a participant, or of the next new one, is made from.
 
     Raises:
         UsageError: the study was begun with other parameters.
     """
     settings = read_settings(here.folder)
-    requested_settings = here.wanted(assignments=assignments, language=language)
+    requested_settings = here.requested_settings(assignments=assignments, language=language)
     if settings is not None and not may_become(here.folder, settings, requested_settings):
         refuse_other(here.folder, settings, requested_settings)
     in_force = seed if seed is not None else settings.seed if settings else DEFAULT_SEED
@@ -204,7 +204,7 @@ def who_is_shown(
     if changes:
         warning = f"The sessions in {here.folder} had another design: {in_words(changes)}."
         note = " ".join(filter(None, (note, warning)))
-    return Shown(experiment, in_force, label, index, group, note)
+    return PlanInputs(experiment, in_force, label, index, group, note)
 
 
 def _place_shown(
@@ -229,16 +229,17 @@ def _place_shown(
     )
 
 
-def _print_plan(made: SessionPlan, label: str, note: str, texts: Texts) -> None:
+def _print_plan(session_plan: SessionPlan, label: str, note: str, texts: Texts) -> None:
     console.print(
-        f"[b]{verbatim(made.study)}[/b]  "
+        f"[b]{verbatim(session_plan.study)}[/b]  "
         + (f"participant [b]{verbatim(label)}[/b]  " if label else "[b]next new participant[/b]  ")
-        + f"place {made.participant_index + 1}  "
-        f"seed {made.seed}" + (f"  group {made.group}" if made.group else "")
+        + f"place {session_plan.participant_index + 1}  "
+        f"seed {session_plan.seed}"
+        + (f"  group {session_plan.group}" if session_plan.group else "")
     )
     if note:
         console.print(f"[yellow]{verbatim(note)}[/]")
-    for block in made.blocks:
+    for block in session_plan.blocks:
         calibration = "calibration and validation first" if block.calibrate else ""
         table = Table(title=f"{block.name}  ({calibration})" if calibration else block.name)
         table.title_justify = "left"
@@ -250,21 +251,21 @@ def _print_plan(made: SessionPlan, label: str, note: str, texts: Texts) -> None:
         console.print(table)
         if block.questionnaires:
             console.print(f"then {', '.join(block.questionnaires)}")
-    total = sum(not t.is_practice for t in made.trials)
-    practice = len(made.trials) - total
-    blocks = sum(any(not t.is_practice for t in b.trials) for b in made.blocks)
+    total = sum(not t.is_practice for t in session_plan.trials)
+    practice = len(session_plan.trials) - total
+    blocks = sum(any(not t.is_practice for t in b.trials) for b in session_plan.blocks)
     console.print(
         f"{count_of(total, 'trial')} in {count_of(blocks, 'block')}, {practice} practice; then "
-        f"{', '.join(made.questionnaires) or 'no questions'}."
+        f"{', '.join(session_plan.questionnaires) or 'no questions'}."
     )
-    for legend in legends(made, texts):
+    for legend in legends(session_plan, texts):
         console.print(f"[dim]{verbatim(legend)}[/]", soft_wrap=True)
 
 
-def legends(made: SessionPlan, texts: Texts) -> Iterator[str]:
+def legends(session_plan: SessionPlan, texts: Texts) -> Iterator[str]:
     """Yield a line for each factor whose reports use other names for its levels."""
     levels: dict[str, dict[str, None]] = {}
-    for trial in made.trials:
+    for trial in session_plan.trials:
         for name, level in trial.factors.items():
             levels.setdefault(name, {})[str(level)] = None
     for name, factor_levels in levels.items():
@@ -298,7 +299,7 @@ def run(
 ) -> None:
     """Perform one session on the devices of lab_config.yaml, or on a page in a browser.
 
-    A page needs no device; with --devices sim it is a rehearsal, with --fast somebody simulated.
+    A page needs no device; with --devices sim it is a rehearsal, with --fast a simulation.
 
     Example: visavis run stare --participant 07
     """
@@ -312,14 +313,16 @@ def run(
     here = StudyHere(lab, opened_study)
     if fast and not here.is_simulated:
         raise UsageError("--fast runs on a virtual clock, which people cannot; add --devices sim")
-    requested_settings = here.wanted(seed=seed, assignments=assignments, language=language)
+    requested_settings = here.requested_settings(
+        seed=seed, assignments=assignments, language=language
+    )
     if where == "lab":
         check_rig(
             devices_for(lab, opened_study.experiment(requested_settings.parameters), without or ())
         )
     # From here on the study's folder is written: with its settings, then with the participant.
     require_space(lab)
-    settings = here.settled(requested_settings, seed_given=seed is not None)
+    settings = here.settle(requested_settings, seed_given=seed is not None)
     note = here.require_same_design(settings, requested_settings)
     if note:
         errors.print(f"[yellow]{verbatim(note)}[/]", soft_wrap=True)
@@ -328,9 +331,9 @@ def run(
     path = _session_dir(here, entry, session)
     if path.exists():
         others = len(list(path.parent.glob("ses-*")))
-        done = Recording(path).status == "complete"
+        is_complete = Recording(path).status == "complete"
         way_on = f"visavis resume {path}{' --fast' if fast else ''}"
-        first = f"look at it: visavis check {path}" if done else f"continue: {way_on}"
+        first = f"look at it: visavis check {path}" if is_complete else f"continue: {way_on}"
         raise UsageError(
             f"participant {entry.label} already has session {session}; nothing was overwritten\n"
             f"  {first}\n  or run a further one: add --session {others + 1}"
@@ -482,7 +485,7 @@ def _perform(
     is_rehearsal = here.is_simulated
     experiment = here.study.experiment(settings.parameters)
     if not fast and on == "browser" and isinstance(experiment, StudyExperiment):
-        with TELLING.progress("building films") as on_progress:
+        with NOTIFIER.progress("building films") as on_progress:
             film_store(experiment).build(experiment.films, on_progress)
     # Compute and compile before the operator's screen opens, which would stay empty meanwhile.
     if not fast and on == "lab":
@@ -545,7 +548,7 @@ def _perform(
             effect=settings.effect,
             blind=blind,
             companion=LabCompanion(
-                lambda said: errors.print(f"[yellow]{verbatim(said)}[/]"), station
+                lambda text: errors.print(f"[yellow]{verbatim(text)}[/]"), station
             ),
             without=tuple(dict.fromkeys(without or ())),
             on=on,
@@ -581,39 +584,39 @@ def _performing(study: str) -> Iterator[Callable[[str, int, int], None]]:
         errors.print(what, soft_wrap=True, highlight=False)
     with counting(errors) as bar:
         line = bar.add_task(what, total=None)
-        yield lambda _, done, of: bar.update(line, completed=done, total=of)
+        yield lambda _, count, total: bar.update(line, completed=count, total=total)
 
 
 def ask_body(
-    here: StudyHere, settings: StudySettings, entry: Participant, given: str | None
+    here: StudyHere, settings: StudySettings, entry: Participant, requested_body: str | None
 ) -> None:
     """Ask once which body a participant sees as their own, where the study needs it; save it.
 
     Raises:
         UsageError: there is no such body, or no terminal at which to ask.
     """
-    if given is not None and given not in BODIES:
-        raise UsageError(f"--body is {given!r}; {' or '.join(BODIES)}")
+    if requested_body is not None and requested_body not in BODIES:
+        raise UsageError(f"--body is {requested_body!r}; {' or '.join(BODIES)}")
     wants = demands_of(here.study.experiment(settings.parameters)).own_body
     if not wants or here.lab.display.own_body != "none":
         return
     own = here.ledger.own_body(entry.label)
-    if given is None and (own.body or here.is_simulated):
+    if requested_body is None and (own.body or here.is_simulated):
         return
-    if given is None and not sys.stdin.isatty():
+    if requested_body is None and not sys.stdin.isatty():
         raise UsageError(
             f"{here.study.name} shows participants a body of their own, and nobody was asked yet "
             f"which is that of {entry.label}: add --body female or --body male"
         )
-    body, stature_m = given or "", own.stature_m
+    body, stature_m = requested_body or "", own.stature_m
     while body not in BODIES:
         answer = console.input(
             f"Which body does {entry.label} see as their own?  1 female  2 male > "
         ).strip()
         body = {"1": BODIES[0], "2": BODIES[1]}.get(answer, answer)
-    while given is None and stature_m is None:
+    while requested_body is None and stature_m is None:
         stature_text = console.input(
-            "How tall are they with shoes, in m (Enter: not told)? > "
+            "How tall are they with shoes, in m (Enter: unknown)? > "
         ).strip()
         if not stature_text:
             break
@@ -627,12 +630,12 @@ def _print_way_on(path: Path, *, fast: bool, without: Sequence[str] = ()) -> Non
     if not path.exists():
         return
     trials = check_session(Recording(path)).trials
-    done = sum(t.status == "complete" for t in trials)
+    complete_count = sum(t.status == "complete" for t in trials)
     skip_count = sum(t.status == "skipped" for t in trials)
     again = f"visavis resume {shlex.quote(str(path))}{' --fast' if fast else ''}"
     without_options = "".join(f" --without {role}" for role in without)
     errors.print(
-        f"{done} of {len(trials)} trials are done and kept"
+        f"{complete_count} of {len(trials)} trials are done and kept"
         + (f", {skip_count} skipped" if skip_count else "")
         + f". Go on with:\n  {again}"
         + (f"\nor, with every trial flagged:\n  {again}{without_options}" if without else ""),
@@ -641,9 +644,9 @@ def _print_way_on(path: Path, *, fast: bool, without: Sequence[str] = ()) -> Non
     )
 
 
-def _tell_station(found: tuple[Finding, ...]) -> None:
+def _tell_station(findings: tuple[Finding, ...]) -> None:
     """Print how this computer's timing compares with its locked timing, if there is one."""
-    for one in found:
+    for one in findings:
         if one.level == "warning":
             what = f"{one.found}\n  → {one.remedy}" if one.remedy else one.found
             errors.print(f"[yellow]station: {verbatim(what)}[/]", soft_wrap=True, highlight=False)

@@ -149,14 +149,15 @@ def stats(
         typer.Option("--levels", help="Order of levels: --levels technique=ray,touch,gaze"),
     ] = None,
     family: Annotated[
-        str, typer.Option("--family", help="Of gee: gaussian, binomial or poisson.")
+        str, typer.Option("--family", help="For gee: gaussian, binomial or poisson.")
     ] = "gaussian",
     random: Annotated[
         str,
         typer.Option(
             "--random",
-            help="How people differ. Of lmm: maximal, or components (one variance per effect); of "
-            "clmm: intercept, maximal, effects (method+gesture); of bradleyterry: alike, maximal.",
+            help="How people differ. For lmm: maximal, or components (one variance per effect); "
+            "for clmm: intercept, maximal, effects (method+gesture); for bradleyterry: alike, "
+            "maximal.",
         ),
     ] = "",
     nodes: Annotated[
@@ -175,20 +176,21 @@ def stats(
         ),
     ] = "",
     equal_variances: Annotated[
-        bool, typer.Option("--equal-variances", help="Of t between groups: Student's, not Welch's.")
+        bool,
+        typer.Option("--equal-variances", help="For t between groups: Student's, not Welch's."),
     ] = False,
     bayes: Annotated[
-        bool, typer.Option("--bayes", help="Of t: the Bayes factor too (JZS).")
+        bool, typer.Option("--bayes", help="For t: the Bayes factor too (JZS).")
     ] = False,
     side: Annotated[
-        bool, typer.Option("--side", help="Of bradleyterry: the odds of what stands first, too.")
+        bool, typer.Option("--side", help="For bradleyterry: the odds of what stands first, too.")
     ] = False,
     scale: Annotated[
         str,
-        typer.Option("--scale", help="Of krippendorff, kappa: nominal, ordinal, interval, ratio."),
+        typer.Option("--scale", help="For krippendorff, kappa: nominal, ordinal, interval, ratio."),
     ] = "",
     kind: Annotated[
-        str, typer.Option("--kind", help="Of icc: only this one (ICC2 …); all when left out.")
+        str, typer.Option("--kind", help="For icc: only this one (ICC2 …); all when left out.")
     ] = "",
     error_rate: Annotated[
         int,
@@ -288,12 +290,12 @@ def read_levels(texts: Sequence[str]) -> dict[str, list[str]]:
     return read
 
 
-def print_outcome(outcome: Outcome, chosen: Sequence[str] = ()) -> None:
-    """Print an outcome on the terminal; the lines of `chosen` say which rows were tested."""
+def print_outcome(outcome: Outcome, row_notes: Sequence[str] = ()) -> None:
+    """Print an outcome on the terminal; the lines of `row_notes` say which rows were tested."""
     mark = "[magenta]SIMULATED[/]  " if outcome.is_simulated else ""
     of = outcome.question.dv or "the items"
     console.print(f"{mark}[b]{verbatim(outcome.title)}[/] of {verbatim(of)}")
-    _print_lines("", chosen)
+    _print_lines("", row_notes)
     if outcome.cells:
         _print_rows("", outcome.cells, tuple(outcome.cells[0]))
     if "term" in outcome.rows[0]:
@@ -312,7 +314,7 @@ def print_outcome(outcome: Outcome, chosen: Sequence[str] = ()) -> None:
     if outcome.error_rates:
         title = "\n[b]Found where it is not, in simulated studies like this one[/]"
         _print_rows(title, outcome.error_rates, ERROR_RATE_COLUMNS)
-    _print_lines("Notes", [f"- {note}" for note in outcome.notes if note not in chosen])
+    _print_lines("Notes", [f"- {note}" for note in outcome.notes if note not in row_notes])
 
 
 def _print_lines(heading: str, lines: Sequence[str]) -> None:

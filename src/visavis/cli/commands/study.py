@@ -9,9 +9,9 @@ import typer
 
 from visavis.cli.app import ConfigOption, StudyArgument, app, console, load_lab, say, verbatim
 from visavis.cli.commands.session import LanguageOption
+from visavis.cli.notifier import NOTIFIER
 from visavis.cli.studies import DRY_RUNS, folder_of, study_of_lab
-from visavis.cli.telling import TELLING
-from visavis.cli.viewer.beside_report import write_views
+from visavis.cli.viewer.report_views import write_views
 from visavis.lab.clock import StopWatch
 from visavis.recording.folder import SIMULATED_ROOT
 from visavis.running.sessions.data_root import require_space
@@ -105,7 +105,7 @@ def simulate(
         output,
         processes=processes,
         scheduler=scheduler,
-        telling=TELLING,
+        notifier=NOTIFIER,
     )
     say(f"[magenta]SIMULATED[/] study in [b]{verbatim(folder)}[/]")
     say(f"next: visavis analyse {verbatim(folder)}")
@@ -151,7 +151,7 @@ def analyse(
         accept_damage=accept_damage,
         peek=peek,
         sync=sync,
-        telling=TELLING,
+        notifier=NOTIFIER,
     )
     say(f"tables, figures and report in [b]{verbatim(report_path.parent)}[/]")
     say(f"report: [b]{verbatim(report_path)}[/]")
@@ -190,7 +190,7 @@ def report(
         peek=peek,
         sync=sync,
         make_views=make_views,
-        telling=TELLING,
+        notifier=NOTIFIER,
     )
     say(f"report: [b]{verbatim(path)}[/]")
     if open_it:
@@ -220,8 +220,8 @@ def demo(
     settings = StudySettings("stare", DEFAULT_SEED, is_simulated=True)
     opened_study = study_of_lab("stare", lab)
     folder = simulate_study(
-        lab, opened_study, settings, participants, output, processes=processes, telling=TELLING
+        lab, opened_study, settings, participants, output, processes=processes, notifier=NOTIFIER
     )
-    path = analyse_study(folder, processes=processes, telling=TELLING)
+    path = analyse_study(folder, processes=processes, notifier=NOTIFIER)
     console.print(f"done in {watch.elapsed_s():.0f} s; everything is marked [magenta]SIMULATED[/]")
     say(f"[b]report: {verbatim(path)}[/]")

@@ -40,7 +40,7 @@ def sync_test(
     simulated: Annotated[
         bool, typer.Option("--simulated", help="Rehearse in a simulated room.")
     ] = False,
-    seed: Annotated[int, typer.Option(help="Of the simulated room.")] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of the simulated room.")] = 1,
     config: ConfigOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -59,8 +59,8 @@ def sync_test(
     with Progress(console=console, transient=True, disable=as_json) as bar:
         task = bar.add_task("flash, click, buzz", total=repeats)
 
-        def progress(done: int) -> None:
-            bar.update(task, completed=done)
+        def progress(count: int) -> None:
+            bar.update(task, completed=count)
 
         if simulated:
             delays, stimuli, sensor_device, _ = perform_simulated(
@@ -90,7 +90,7 @@ def sync_test(
         "sensor": sensor_device.display_name,
         "samples_lost": sensor_device.loss_count(),
         "frames": stimuli.frames,
-        "frames_dropped": stimuli.dropped,
+        "frames_dropped": stimuli.dropped_frames,
         "frame_ms": stimuli.frame_ns / 1e6,
         "offsets_ms": offsets_ms(delays),
         "delays": [one.as_record() for one in delays],
@@ -102,7 +102,7 @@ def sync_test(
     _tell(record, delays, path)
 
 
-def _keep(lab: LabConfig, record: dict[str, Any], found: Sequence["Delays"]) -> Path:
+def _keep(lab: LabConfig, record: dict[str, Any], delays: Sequence["Delays"]) -> Path:
     folder = lab.data_root / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     stamp = "".join(c for c in str(record["made"])[:19] if c.isdigit() or c == "T")
@@ -117,14 +117,14 @@ def _keep(lab: LabConfig, record: dict[str, Any], found: Sequence["Delays"]) -> 
             number += 1
             continue
         break
-    _draw(path.with_suffix(".png"), found, is_simulated=bool(record["is_simulated"]))
+    _draw(path.with_suffix(".png"), delays, is_simulated=bool(record["is_simulated"]))
     return path
 
 
-def _draw(path: Path, found: Sequence["Delays"], *, is_simulated: bool) -> None:
+def _draw(path: Path, delays: Sequence["Delays"], *, is_simulated: bool) -> None:
     from matplotlib.figure import Figure
 
-    plotted_delays = [one for one in found if one.answered]
+    plotted_delays = [one for one in delays if one.answered]
     if not plotted_delays:
         return
     figure = Figure(figsize=(7, 2.2 * len(plotted_delays)), layout="constrained")
@@ -140,11 +140,11 @@ def _draw(path: Path, found: Sequence["Delays"], *, is_simulated: bool) -> None:
     figure.savefig(path, dpi=120)
 
 
-def _tell(record: dict[str, Any], found: Sequence["Delays"], path: Path) -> None:
+def _tell(record: dict[str, Any], delays: Sequence["Delays"], path: Path) -> None:
     if record["is_simulated"]:
         console.print("[magenta]SIMULATED room: these are no delays of this lab.[/]")
     table = Table("", "answered", "median", "jitter (SD)", "5 to 95 %, ms", "drift", box=None)
-    for one in found:
+    for one in delays:
         drift = f"{one.drift_ms_per_min:+.2f} ms/min"
         if one.drift_low_ms_per_min <= 0 <= one.drift_high_ms_per_min:
             drift = "none seen"
@@ -158,14 +158,14 @@ def _tell(record: dict[str, Any], found: Sequence["Delays"], path: Path) -> None
             drift if sound else "",
         )
     console.print(table)
-    wrong = sum(one.shown_wrong for one in found)
+    wrong = sum(one.shown_wrong for one in delays)
     console.print(
         f"frames: {record['frames']}, dropped {record['frames_dropped']}; flashes of a wrong "
         f"length {wrong}; samples lost {record['samples_lost']}"
     )
     for name, delay_ms in record["offsets_ms"].items():
         console.print(f"  {verbatim(name)}: {delay_ms:g}")
-    missing_modalities = [one.modality for one in found if not one.is_sound]
+    missing_modalities = [one.modality for one in delays if not one.is_sound]
     if missing_modalities:
         console.print(
             f"[yellow]No offset for {', '.join(missing_modalities)}: fewer than 80 % were "

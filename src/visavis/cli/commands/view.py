@@ -16,7 +16,7 @@ from visavis.cli.app import (
     console,
     verbatim,
 )
-from visavis.cli.leaving import leave, require_whole
+from visavis.cli.personal_copies import protect_and_register, require_whole
 from visavis.cli.studies import session_of
 from visavis.cli.viewer.content import page_content, trial_lengths_ns
 from visavis.cli.viewer.page import page_of
@@ -84,7 +84,7 @@ def view(
                 recording,
                 trial_names,
                 path,
-                lambda done, of: bar.update(line, completed=done, total=of),
+                lambda count, total: bar.update(line, completed=count, total=total),
             )
             console.print(f"written [b]{verbatim(path)}[/]; rerun {verbatim(path)} shows it")
             return
@@ -92,7 +92,7 @@ def view(
             study,
             recording,
             trial_names,
-            lambda done, of: bar.update(line, completed=done, total=of),
+            lambda count, total: bar.update(line, completed=count, total=total),
         )
     path.write_text(page_of(header, bundle), encoding="utf-8")
     size_mb = path.stat().st_size / 1e6
@@ -104,7 +104,7 @@ def view(
             soft_wrap=True,
         )
     # A page is personal data: protect and register it, so that a withdrawal finds it.
-    leave("page", [session_path], path.parent, [path])
+    protect_and_register("page", [session_path], path.parent, [path])
     if show:
         webbrowser.open(path.resolve().as_uri())
 

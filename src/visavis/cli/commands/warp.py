@@ -88,7 +88,7 @@ def warp(
             raise UsageError("give --observer X,Y,Z and at least one --feature, or a --case")
         targets = tuple(parse_feature(text) for text in feature)
         movable_units = units_named(tuple(name.strip() for name in units.split(",")))
-        motion, body, view = _posed(clip, who, _point(observer), seconds, unit_m)
+        motion, body, view = _motion_on_character(clip, who, _point(observer), seconds, unit_m)
         things, lamps, settings = (), (), SEARCHED
     settings = replace(settings, threads=threads)
     with Progress(console=console, transient=True, disable=as_json) as bar:
@@ -100,7 +100,7 @@ def warp(
             targets,
             movable_units,
             settings,
-            progress=lambda done, of: bar.update(task, completed=done, total=of),
+            progress=lambda count, total: bar.update(task, completed=count, total=total),
         )
     # The motion twice (for other programs, and with our skeleton), two figures, one record.
     output.mkdir(parents=True, exist_ok=True)
@@ -135,7 +135,7 @@ def warp(
     say(f"written to [b]{verbatim(output)}[/]: {', '.join(OUT_NAMES)}")
 
 
-def _posed(
+def _motion_on_character(
     name: str, who: Character, eye_m: Vector, seconds: float, unit_m: float
 ) -> tuple[Clip, SeenBody, Outlook]:
     """Return the motion on the character, its body, and the observer's view of it."""

@@ -1,4 +1,4 @@
-"""The session's side of the desk: say how it goes, take commands; both outside the frame loop."""
+"""The session's side of the desk: send its status, take commands, outside the frame loop."""
 
 import asyncio
 import contextlib
@@ -19,7 +19,7 @@ import numpy as np
 import platformdirs
 
 from visavis.analysis.gaze.aoi import DEFAULT_PAD_DEG
-from visavis.cli.desk.seen import Looking, above, from_head, jpeg_of
+from visavis.cli.desk.scene_view import LastGaze, above, from_head, jpeg_of
 from visavis.cli.operator_screen import needs_look
 from visavis.devices.contracts import Health
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
@@ -82,12 +82,12 @@ class SessionLink:
         self._name = meeting_name(data_root)
         own_ns = operator.status_period_ns
         self._every = max(1, round(own_ns / STATUS_PERIOD_NS)) if own_ns else 0
-        self._shown = 0
+        self._status_number = 0
         self._token = secrets.token_urlsafe(24)
         self._commands: deque[Command] = deque()
-        self._latest: tuple[int, SessionStatus, Looking] | None = None
-        self._looking = Looking()
-        self._seen: tuple[int, SessionStatus, Looking, Glance] | None = None
+        self._latest: tuple[int, SessionStatus, LastGaze] | None = None
+        self._looking = LastGaze()
+        self._latest_glance: tuple[int, SessionStatus, LastGaze, Glance] | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._over: asyncio.Event | None = None
         self._listens = threading.Event()
@@ -128,13 +128,13 @@ class SessionLink:
 
     def show(self, status: SessionStatus) -> None:
         """Keep the status for the desk, and show it at the terminal as often as that wants."""
-        self._shown += 1
+        self._status_number += 1
         self._looking = self._looking.after(status, self._about.pad_deg)
-        self._latest = (self._shown, status, self._looking)
+        self._latest = (self._status_number, status, self._looking)
         glance = status.glance() if self._desks and not self._about.is_blind else None
         if glance is not None:
-            self._seen = (self._shown, status, self._looking, glance)
-        if self._every and self._shown % self._every == 0:
+            self._latest_glance = (self._status_number, status, self._looking, glance)
+        if self._every and self._status_number % self._every == 0:
             self._operator.show(status)
 
     def waits_for_advance(self, prompt: str) -> bool:
@@ -191,9 +191,9 @@ class SessionLink:
             latest = self._latest
             if latest is not None and latest[0] != sent_number:
                 sent_number = latest[0]
-                writer.write(line_of(told(*latest)))
+                writer.write(line_of(status_message(*latest)))
                 await writer.drain()
-            latest_view = self._seen
+            latest_view = self._latest_glance
             if latest_view is not None and latest_view[0] != sent_seen:
                 sent_seen = latest_view[0]
                 writer.write(line_of({"seen": from_head(*latest_view[1:])}))
@@ -224,15 +224,15 @@ def command_of(
     return Command(action, plain, code)
 
 
-def told(number: int, status: SessionStatus, looking: Looking) -> dict[str, Any]:
+def status_message(number: int, status: SessionStatus, looking: LastGaze) -> dict[str, Any]:
     """Return a status as a message to a desk; NaN and unknown values are None."""
     return {
         "number": number,
         "state": status.state.value,
         "trial_id": status.trial_id,
-        "trials_done": status.trials.done,
-        "trials_skipped": status.trials.skipped,
-        "trials_planned": status.trials.planned,
+        "trials_done": status.trials.done_count,
+        "trials_skipped": status.trials.skipped_count,
+        "trials_planned": status.trials.planned_count,
         "block": status.block,
         "condition": status.condition,
         "trial_left_s": status.trial_left_s,

@@ -19,14 +19,14 @@ from visavis.recording.manifest import PartStatus, read_manifest
 from visavis.recording.reader import Recording
 from visavis.running.sessions.device_setup import is_simulated
 from visavis.running.sessions.folder_check import SIMULATED_PREFIX, is_study
-from visavis.study.catalogue import SHIPPED
+from visavis.study.catalogue import SHIPPED_STUDIES
 
 
 class Verdicts:
     """Status and verdict of sessions, read once for each state of a session's files."""
 
     def __init__(self) -> None:
-        self._kept: dict[Path, tuple[int, PartStatus, SessionCheck]] = {}
+        self._by_session: dict[Path, tuple[int, PartStatus, SessionCheck]] = {}
 
     def of(self, session: Path) -> tuple[PartStatus, SessionCheck]:
         """Return a session's status and the verdict on it.
@@ -38,11 +38,11 @@ class Verdicts:
             LabError: the session cannot be read.
         """
         changed_ns = (session / "manifest.json").stat().st_mtime_ns
-        entry = self._kept.get(session)
+        entry = self._by_session.get(session)
         if entry is None or entry[0] != changed_ns or entry[1] == "running":
             recording = Recording(session)
             entry = (changed_ns, recording.status, check_session(recording))
-            self._kept[session] = entry
+            self._by_session[session] = entry
         return entry[1:]
 
 
@@ -58,7 +58,7 @@ def people_today(
     prefix = SIMULATED_PREFIX if is_simulated(lab) else ""
     studies = []
     for folder in sorted(path for path in root.glob("*") if is_study(path)):
-        is_known = folder.name in SHIPPED or folder.name in lab.studies
+        is_known = folder.name in SHIPPED_STUDIES or folder.name in lab.studies
         study = folder.name if is_known else f"./{folder.name}.py"
         summary: dict[str, Any] = {"study": folder.name, "people": [], "before": 0, "problem": ""}
         try:

@@ -68,7 +68,7 @@ class DeskServer:
             DeviceError: the port is taken.
         """
         try:
-            self._remote = await asyncio.start_server(self._told_remotely, LOCAL, port)
+            self._remote = await asyncio.start_server(self._take_remote_commands, LOCAL, port)
         except OSError as error:
             raise DeviceError(
                 f"cannot listen at {LOCAL}:{port} ({error.strerror or error})",
@@ -103,15 +103,15 @@ class DeskServer:
                 "which": next((name for name, one in watch.live.items() if one is session), ""),
                 "session": None if session is None else session.about,
                 "status": None if session is None else session.status,
-                "seen": None if session is None else session.seen,
-                "sessions": _listed(watch),
-                "ended": None if watch.ended is None else watch.ended["path"],
+                "seen": None if session is None else session.last_view,
+                "sessions": _session_choices(watch),
+                "ended": None if watch.last_ended is None else watch.last_ended["path"],
             }
         )
 
     async def _sessions(self, request: web.Request) -> web.StreamResponse:
         """Answer another program: the sessions that go on, each with its status."""
-        self._known(request)
+        self._require_key(request)
         return web.json_response(
             {
                 "sessions": [
@@ -143,11 +143,11 @@ class DeskServer:
         async with self._examining:
             running = self._watch.about
             if running is not None:
-                findings = await asyncio.to_thread(_noted_with, Path(running["path"]))
+                findings = await asyncio.to_thread(_doctor_notes_of, Path(running["path"]))
                 self._doctor = findings or self._doctor
             else:
                 with contextlib.suppress(LabError):
-                    self._doctor = await asyncio.to_thread(_examined, self._lab)
+                    self._doctor = await asyncio.to_thread(_run_doctor, self._lab)
         return web.json_response({"doctor": self._doctor})
 
     async def _command(self, request: web.Request) -> web.StreamResponse:
@@ -175,7 +175,7 @@ class DeskServer:
             return web.json_response({"refused": "no session goes on"}, status=409)
         return web.json_response({})
 
-    async def _told_remotely(
+    async def _take_remote_commands(
         self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
     ) -> None:
         """Serve a program that speaks LabRecorder's protocol; answer lines as LabRecorder does."""
@@ -192,15 +192,15 @@ class DeskServer:
             writer.close()
 
     async def _body(self, request: web.Request) -> Mapping[str, Any]:
-        self._known(request)
+        self._require_key(request)
         return await body_of(request)
 
-    def _known(self, request: web.Request) -> None:
+    def _require_key(self, request: web.Request) -> None:
         if not hmac.compare_digest(request.headers.get(KEY, "").encode(), self.key.encode()):
             raise PageError("this address is of another desk; open the one the terminal shows")
 
 
-def _listed(watch: SessionWatch) -> list[dict[str, Any]]:
+def _session_choices(watch: SessionWatch) -> list[dict[str, Any]]:
     """Return the sessions that go on, as choices for a page."""
     return [
         {"which": name, **{k: one.about[k] for k in ("study", "participant", "session")}}
@@ -208,12 +208,12 @@ def _listed(watch: SessionWatch) -> list[dict[str, Any]]:
     ]
 
 
-def _examined(lab: LabConfig) -> dict[str, Any]:
+def _run_doctor(lab: LabConfig) -> dict[str, Any]:
     report = examine(lab, SystemClock())
     return _at_a_glance([asdict(f) for f in report.findings], report.made_wall_iso)
 
 
-def _noted_with(session: Path) -> dict[str, Any] | None:
+def _doctor_notes_of(session: Path) -> dict[str, Any] | None:
     """Return what the doctor noted as a session's devices were opened."""
     notes = sorted(session.glob(f"part-*/{FILE_NAME}"))
     if not notes:

@@ -1,4 +1,4 @@
-"""The desk's side of the link: find the sessions that go on, hear of them, and command them."""
+"""The desk's side of the link: find running sessions, read their status, send commands."""
 
 import asyncio
 import contextlib
@@ -18,13 +18,13 @@ MAX_LINE_BYTES: Final = 1 << 20
 
 
 @dataclass(eq=False)
-class Live:
+class LiveSession:
     """A session that goes on: its description of itself, its status, and the connection."""
 
     about: Mapping[str, Any]
     writer: asyncio.StreamWriter
     status: Mapping[str, Any] | None = None
-    seen: Mapping[str, Any] | None = None
+    last_view: Mapping[str, Any] | None = None
     """The last picture of what the participant saw; None where none came."""
 
 
@@ -32,15 +32,15 @@ class SessionWatch:
     """Own the connections to the sessions that record under a data root.
 
     `live` are those that go on, by a name of their own, in the order in which they were met;
-    `number` counts changes; `ended` is the session that ended last while this desk looked on.
+    `number` counts changes; `last_ended` is the session that ended last while this desk looked on.
     """
 
     def __init__(self, data_root: Path) -> None:
         self._name = meeting_name(data_root)
         self._changed = asyncio.Condition()
-        self._followed: dict[Path, asyncio.Task[None]] = {}
-        self.live: dict[str, Live] = {}
-        self.ended: Mapping[str, Any] | None = None
+        self._followers: dict[Path, asyncio.Task[None]] = {}
+        self.live: dict[str, LiveSession] = {}
+        self.last_ended: Mapping[str, Any] | None = None
         self.number = 0
 
     @property
@@ -55,7 +55,7 @@ class SessionWatch:
         session = self.of()
         return None if session is None else session.status
 
-    def of(self, which: str = "") -> Live | None:
+    def of(self, which: str = "") -> LiveSession | None:
         """Return a session by its name, the first where it has ended or none is named."""
         return self.live.get(which) or next(iter(self.live.values()), None)
 
@@ -64,13 +64,13 @@ class SessionWatch:
         try:
             while True:
                 for meeting in sorted(meeting_folder().glob(f"{self._name}-*.json")):
-                    if meeting not in self._followed:
-                        self._followed[meeting] = asyncio.create_task(self._follow(meeting))
-                for meeting in [m for m, following in self._followed.items() if following.done()]:
-                    del self._followed[meeting]
+                    if meeting not in self._followers:
+                        self._followers[meeting] = asyncio.create_task(self._follow(meeting))
+                for meeting in [m for m, following in self._followers.items() if following.done()]:
+                    del self._followers[meeting]
                 await asyncio.sleep(LOOK_AGAIN_S)
         finally:
-            following_all = list(self._followed.values())
+            following_all = list(self._followers.values())
             for following in following_all:
                 following.cancel()
             await asyncio.gather(*following_all, return_exceptions=True)
@@ -84,13 +84,13 @@ class SessionWatch:
                 )
 
     async def wake(self) -> None:
-        """End everybody's waiting, though nothing has changed."""
+        """End every wait, although nothing has changed."""
         async with self._changed:
             self.number += 1
             self._changed.notify_all()
 
     async def tell(self, command: Command, which: str = "") -> bool:
-        """Send a command to a session (the first, where none is named); tell whether it was there.
+        """Send a command to a session (by default the first); return whether it was there.
 
         A session that has ended takes no command, and no other takes it instead.
         """
@@ -117,19 +117,19 @@ class SessionWatch:
         except (OSError, ValueError, KeyError, TypeError):
             meeting.unlink(missing_ok=True)  # of a process that was killed
             return
-        session: Live | None = None
+        session: LiveSession | None = None
         try:
             writer.write(str(how["token"]).encode() + b"\n")
             about = _about(await asyncio.wait_for(reader.readline(), HELLO_S))
             if about is None:
                 meeting.unlink(missing_ok=True)  # another program has that port now
                 return
-            session = self.live[meeting.stem] = Live(about, writer)
+            session = self.live[meeting.stem] = LiveSession(about, writer)
             await self.wake()
             while line := await reader.readline():
                 message = json.loads(line)
                 if "seen" in message:
-                    session.seen = message["seen"]
+                    session.last_view = message["seen"]
                 else:
                     session.status = message
                 await self.wake()
@@ -141,7 +141,7 @@ class SessionWatch:
             writer.close()
             if session is not None:
                 del self.live[meeting.stem]
-                self.ended = session.about
+                self.last_ended = session.about
                 await self.wake()
 
 

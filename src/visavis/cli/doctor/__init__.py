@@ -1,1 +1,1 @@
-"""What is examined by `visavis doctor`."""
+"""Examinations that `visavis doctor` makes, and their report."""

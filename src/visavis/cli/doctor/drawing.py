@@ -21,7 +21,7 @@ COMPUTER = "computer"
 USUAL_RATE_HZ = 90.0
 
 
-def measured(lab: LabConfig, clock: Clock) -> Finding:
+def measure_drawing(lab: LabConfig, clock: Clock) -> Finding:
     """Measure how long the station's crowd takes to draw for both eyes at a headset's usual size.
 
     Raises:
@@ -70,7 +70,7 @@ def advice(
     now = Choice(quality.samples, display_quality.render_scale)
     now_ms = cost_ms(now)
     text = (
-        f"{card}: {now_ms:.1f} ms a stereo frame of the station's crowd with {_told(now)}; "
+        f"{card}: {now_ms:.1f} ms a stereo frame of the station's crowd with {_setting_text(now)}; "
         f"a frame at {rate_hz:g} Hz has {1e3 / rate_hz:.1f} ms"
     )
     if fits(now_ms, rate_hz):
@@ -81,7 +81,7 @@ def advice(
         return Finding(COMPUTER, "drawing", "ok", text)
     less = [c for c in CHOICES if c.samples <= now.samples and c.render_scale <= now.render_scale]
     choice, chosen_ms = best_choice(cost_ms, rate_hz, [c for c in less if c != now] or CHOICES[-1:])
-    remedy = f"set under display.quality {_told(choice)} ({chosen_ms:.1f} ms)"
+    remedy = f"set under display.quality {_setting_text(choice)} ({chosen_ms:.1f} ms)"
     if quality.shadows == "area":
         remedy = f"set shadows: maps under display.quality and ask again, or {remedy}"
     if not fits(chosen_ms, rate_hz):
@@ -89,7 +89,7 @@ def advice(
     return Finding(COMPUTER, "drawing", "warning", text, remedy)
 
 
-def _told(choice: Choice) -> str:
+def _setting_text(choice: Choice) -> str:
     return f"samples: {choice.samples}, render_scale: {choice.render_scale:g}"
 
 

@@ -27,7 +27,7 @@ from visavis.running.sessions.device_setup import (
 
 COMPUTER, LIBRARIES = "computer", "libraries"
 GB_PER_HOUR = 0.3
-"""Of a session with gaze at 120 Hz and a tracked body; an eye tracker at 1 kHz doubles it."""
+"""Size of a session with gaze at 120 Hz and a tracked body; gaze at 1 kHz doubles it."""
 FEW_GB = 20.0
 NAPS = 20
 NAP_NS = NS_PER_MS
@@ -227,21 +227,21 @@ def _drawing(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
         return ()
     try:
         # Late: it loads what draws, which `serve` and sessions on a page do without.
-        from visavis.cli.doctor.drawing import measured
+        from visavis.cli.doctor.drawing import measure_drawing
 
-        return (measured(lab, clock),)
+        return (measure_drawing(lab, clock),)
     except (ImportError, LabError) as problem:
         text = f"no frame could be measured: {problem}"
         return (Finding(COMPUTER, "drawing", "warning", text, "update the graphics driver"),)
 
 
-def _of_screen(screen: Screen, shown: Sequence["Monitor"], text: str) -> Finding:
+def _of_screen(screen: Screen, monitor_list: Sequence["Monitor"], text: str) -> Finding:
     """Compare the participants' monitor with display.screen of the configuration."""
     remedy = "correct display.screen, or the monitor's mode in the system's settings"
-    if screen.monitor >= len(shown):
-        text += f": there is none of this number, counted from 0 to {len(shown) - 1}"
+    if screen.monitor >= len(monitor_list):
+        text += f": there is none of this number, counted from 0 to {len(monitor_list) - 1}"
         return Finding(COMPUTER, "display", "missing", text, remedy)
-    monitor = shown[screen.monitor]
+    monitor = monitor_list[screen.monitor]
     if screen.fullscreen and (monitor.width_px, monitor.height_px) != (
         screen.width_px,
         screen.height_px,

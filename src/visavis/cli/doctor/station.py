@@ -139,20 +139,24 @@ def station_findings(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
             text = "its timing was never locked, so nothing is compared"
             remedy = f"once sessions run well: {LOCK_AGAIN}"
             return (Finding(STATION, "timing", "note", text, remedy),)
-        return compared(locked_station, measure(lab, clock))
+        return compare_stations(locked_station, measure(lab, clock))
     except (RecordingError, UsageError) as problem:
         return (Finding(STATION, "timing", "warning", str(problem)),)
 
 
-def compared(kept: Station, now: Station) -> tuple[Finding, ...]:
+def compare_stations(before: Station, now: Station) -> tuple[Finding, ...]:
     """Return one finding per difference from the locked station, or one that there is none."""
-    findings = [*_worse(kept, now), *_delayed(kept, now), *_changed(kept, now)]
+    findings = [
+        *_worse(before, now),
+        *_changed_delays(before, now),
+        *_changed(before, now),
+    ]
     if findings:
         return tuple(findings)
     figures_text = ", ".join(
-        _told(name, now.figures[name]) for name in LIMITS if name in now.figures
+        _figure_text(name, now.figures[name]) for name in LIMITS if name in now.figures
     )
-    return (Finding(STATION, "timing", "ok", f"as locked on {kept.made[:10]}: {figures_text}"),)
+    return (Finding(STATION, "timing", "ok", f"as locked on {before.made[:10]}: {figures_text}"),)
 
 
 def station_path(lab: LabConfig) -> Path:
@@ -164,47 +168,49 @@ def station_path(lab: LabConfig) -> Path:
 # ---- within ----------------------------------------------------------------------------------
 
 
-def _worse(kept: Station, now: Station) -> list[Finding]:
+def _worse(before: Station, now: Station) -> list[Finding]:
     findings = []
     for name, limit in LIMITS.items():
-        was, is_now = kept.figures.get(name), now.figures.get(name)
+        was, is_now = before.figures.get(name), now.figures.get(name)
         if was is None or is_now is None or is_now <= was * limit.times + limit.more:
             continue
-        text = f"{_told(name, is_now)}; locked on {kept.made[:10]}: {_told(name, was)}"
+        text = (
+            f"{_figure_text(name, is_now)}; locked on {before.made[:10]}: {_figure_text(name, was)}"
+        )
         remedy = "close other programs, look at the power plan and the disk; then visavis doctor"
         findings.append(Finding(STATION, "timing", "warning", text, remedy))
     return findings
 
 
-def _delayed(kept: Station, now: Station) -> list[Finding]:
+def _changed_delays(before: Station, now: Station) -> list[Finding]:
     return [
         Finding(
             STATION,
             "delays",
             "warning",
-            f"{name} {now.delays_ms[name]:g} ms late; locked on {kept.made[:10]}: {was:g} ms",
+            f"{name} {now.delays_ms[name]:g} ms late; locked on {before.made[:10]}: {was:g} ms",
             f"find what changed (cable, mode, driver), or lock what is right now: {LOCK_AGAIN}",
         )
-        for name, was in kept.delays_ms.items()
+        for name, was in before.delays_ms.items()
         if name in now.delays_ms and abs(now.delays_ms[name] - was) > MAX_DELAY_OFF_MS
     ]
 
 
-def _changed(kept: Station, now: Station) -> list[Finding]:
+def _changed(before: Station, now: Station) -> list[Finding]:
     return [
         Finding(
             STATION,
             name,
             "warning",
-            f"{now.depends_on[name]}; locked on {kept.made[:10]} with {was}",
+            f"{now.depends_on[name]}; locked on {before.made[:10]} with {was}",
             f"measure delays again (visavis sync-test), then lock anew: {LOCK_AGAIN}",
         )
-        for name, was in kept.depends_on.items()
+        for name, was in before.depends_on.items()
         if name in now.depends_on and now.depends_on[name] != was
     ]
 
 
-def _told(name: str, value: float) -> str:
+def _figure_text(name: str, value: float) -> str:
     limit = LIMITS[name]
     value_text = f"{100 * value:.0f} %" if limit.unit == "%" else f"{value:.1f} {limit.unit}"
     return f"{limit.words} {value_text}"

@@ -263,7 +263,7 @@ def network(lab: LabConfig, *, are_open: bool = False) -> tuple[Finding, ...]:
     specs = [(d, driver_spec(d.driver)) for d in real]
     if not are_open:
         rows += [_dial(d) for d, spec in specs if spec.wire.dials]
-        rows += [row for d in real for row in _taken(d)]
+        rows += [row for d in real for row in _taken_port(d)]
     let_in = sorted(
         {
             rule.format(**spec.checked_options(d.role, d.options).model_dump())
@@ -314,7 +314,7 @@ def _dial(device: DeviceConfig) -> Finding:
     return Finding(NETWORK, subject, "ok", f"{address}:{port} answers")
 
 
-def _taken(device: DeviceConfig) -> Sequence[Finding]:
+def _taken_port(device: DeviceConfig) -> Sequence[Finding]:
     key = driver_spec(device.driver).wire.binds
     if not key:
         return ()

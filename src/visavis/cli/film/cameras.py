@@ -9,7 +9,7 @@ from typing import Any, Final, Protocol
 
 import numpy as np
 
-from visavis.cli.preview.pictures import Viewpoint, camera_of, framed
+from visavis.cli.preview.pictures import Viewpoint, camera_of, symmetric_camera
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError, UsageError
 from visavis.lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg, rotate, yaw_pitch_deg_of
@@ -64,7 +64,7 @@ class FilmCamera(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class FromViewpoint:
+class ViewpointCamera:
     """A camera at the participant's eyes, above the scene, or around it."""
 
     view: Viewpoint
@@ -78,8 +78,8 @@ class FromViewpoint:
 
 
 @dataclass(frozen=True, eq=False)
-class Behind:
-    """Over the shoulder, always behind where the participant faces."""
+class FollowCamera:
+    """A camera over the participant's shoulder, behind the direction in which they face."""
 
     aspect: float
 
@@ -90,7 +90,7 @@ class Behind:
         level = quat_from_yaw_pitch_deg(float(yaw_deg))
         place = head.position_m + rotate(level, np.array([0.35, FOLLOW_UP_M, FOLLOW_BACK_M]))
         turn = quat_from_yaw_pitch_deg(float(yaw_deg), -9.0)
-        return framed(Pose(place, turn), FOLLOW_TANGENT, self.aspect)
+        return symmetric_camera(Pose(place, turn), FOLLOW_TANGENT, self.aspect)
 
 
 @dataclass(frozen=True)
@@ -113,8 +113,8 @@ class Decisions:
         path.write_text(json.dumps(head)[:-1] + f', "views": [\n{lines}\n]}}\n', encoding="utf-8")
 
 
-class ByTopology:
-    """A director who knows the place films the participant, wherever they go.
+class TopologyCamera:
+    """A camera whose director knows the room and follows the participant wherever they go.
 
     `people_at` returns what stands about at a time, `head_at` where the participant's head is.
     """
@@ -133,7 +133,7 @@ class ByTopology:
         self._room: Room | None = None
         self._people: tuple[int, Vector] = (-1, np.empty((0, 7)))
         self._views: list[list[float]] = []
-        self._seen: list[bool] = []
+        self._sees_subject: list[bool] = []
 
     def at(self, t_ns: int, picture: Picture, head: Pose) -> Camera:
         """Return the camera at a time."""
@@ -144,7 +144,7 @@ class ByTopology:
             )
         view = self._director.view_at(t_ns)
         self._views.append([t_ns, *view.position_m.tolist(), *view.looks_at_m.tolist()])
-        self._seen.append(self._director.sees_subject)
+        self._sees_subject.append(self._director.sees_subject)
         return camera_of_view(view, self._style.fov_v_deg, self._aspect)
 
     def decisions(self) -> Decisions:
@@ -162,9 +162,9 @@ class ByTopology:
             rule,
             self._seed,
             self._style.fov_v_deg,
-            [{k: _known(v) for k, v in cut.items()} for cut in cut_rows],
+            [{k: _json_value(v) for k, v in cut.items()} for cut in cut_rows],
             self._views,
-            self._seen,
+            self._sees_subject,
         )
 
     def _moment(self, t_ns: int) -> Moment:
@@ -176,10 +176,10 @@ class ByTopology:
         return Moment(floor, float(head[1]) * HEAD_ABOVE_EYES, self._people[1])
 
 
-def _known(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
     """Return a value that JSON can hold; NaN becomes None."""
     if isinstance(value, list):
-        return [_known(v) for v in value]
+        return [_json_value(v) for v in value]
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
@@ -207,7 +207,7 @@ def _place_of(room: Room) -> FilmedPlace:
     return _PLACES[id(room)][1]
 
 
-class AsDecided:
+class RecordedCamera:
     """The camera of an earlier film, from the file of its decisions."""
 
     def __init__(self, path: Path, aspect: float) -> None:

@@ -18,21 +18,21 @@ import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
 from visavis.cli.film.cameras import (
-    AsDecided,
-    Behind,
-    ByTopology,
     CameraKind,
     Cuts,
     Decisions,
     FilmCamera,
-    FromViewpoint,
+    FollowCamera,
+    RecordedCamera,
+    TopologyCamera,
+    ViewpointCamera,
     films_by_topology,
     style_of,
 )
 from visavis.cli.film.on_page import write_page_film
 from visavis.cli.film.renderer import film_renderer
 from visavis.cli.film.stand_in import StandIn
-from visavis.cli.preview.pictures import SIMULATED, Viewpoint, labelled
+from visavis.cli.preview.pictures import SIMULATED, Viewpoint, add_label
 from visavis.cli.recorded_trial import RecordedTrial, factors_of, recorded_trial
 from visavis.cli.redraw import board_at
 from visavis.cli.session_lanes import lanes_of
@@ -75,8 +75,33 @@ class Overlay(StrEnum):
 ALL_OVERLAYS: Final = tuple(Overlay)
 
 
+@dataclass(frozen=True)
+class FilmSettings:
+    """How a trial is filmed; a film of a page has no camera, shots or cuts."""
+
+    camera: CameraKind | Path = CameraKind.EYES
+    """The camera, or a file of the decisions of one."""
+    shot: ShotSize = ShotSize.LONG
+    """How large people appear."""
+    cuts: Cuts = Cuts.AUTO
+    """When the camera that knows the place cuts."""
+    seed: int = 0
+    """Seed of what that camera leaves to chance."""
+    overlays: Sequence[Overlay] = ALL_OVERLAYS
+    size_px: tuple[int, int] = (1280, 720)
+    rate_hz: int = 25
+    """Pictures per second, 1 to 240."""
+    seconds: float | None = None
+    """Length of the film from the trial's begin; the whole trial if left out."""
+
+    @property
+    def aspect(self) -> float:
+        """Width by height."""
+        return self.size_px[0] / self.size_px[1]
+
+
 @dataclass(frozen=True, eq=False)
-class Filmed:
+class FilmResult:
     """A film as it was made: the number of pictures, the camera, its decisions if it takes any, and
     the film's objective sheet. For a page, which has no camera, all but `pictures` are None.
     """
@@ -92,17 +117,10 @@ def write_film(
     recording: Recording,
     trial_id: str,
     video: Path,
+    settings: FilmSettings,
     *,
-    camera: CameraKind | Path = CameraKind.EYES,
-    shot: ShotSize = ShotSize.LONG,
-    cuts: Cuts = Cuts.AUTO,
-    overlays: Sequence[Overlay] = ALL_OVERLAYS,
-    seed: int = 0,
-    size_px: tuple[int, int] = (1280, 720),
-    rate_hz: int = 25,
-    seconds: float | None = None,
     on_frame: Callable[[int, int], None] | None = None,
-) -> Filmed:
+) -> FilmResult:
     """Write the film of a trial; a trial on a page is filmed as the page was, without a camera.
 
     A question asked in the dark is seen from the participant's eyes, whatever the camera.
@@ -112,56 +130,58 @@ def write_film(
             place in this room from where the camera could film.
         StageError: the film cannot be written, or nothing draws here.
     """
+    rate_hz, camera = settings.rate_hz, settings.camera
     if not 1 <= rate_hz <= 240:
         raise UsageError(f"--rate {rate_hz}; give 1 to 240 pictures a second")
     if is_on_page(recording):
-        shows_clock = Overlay.CLOCK in overlays
+        shows_clock = Overlay.CLOCK in settings.overlays
         n = write_page_film(
             study,
             recording,
             trial_id,
             video,
             clock=shows_clock,
-            size_px=size_px,
+            size_px=settings.size_px,
             rate_hz=rate_hz,
-            seconds=seconds,
+            seconds=settings.seconds,
             on_frame=on_frame,
         )
-        return Filmed(n, None, None)
+        return FilmResult(n, None, None)
     trial = recorded_trial(recording, trial_id)
     start_ns, end_ns = trial.span_ns
-    if seconds is not None:
-        end_ns = min(end_ns, start_ns + round(seconds * NS_PER_S))
+    if settings.seconds is not None:
+        end_ns = min(end_ns, start_ns + round(settings.seconds * NS_PER_S))
     times = list(range(start_ns, end_ns + 1, NS_PER_S // rate_hz))
     factors = ", ".join(str(trial.row[name]) for name in factors_of(recording, trial_id))
     label = f"{recording.manifest.study} {recording.manifest.participant} {trial_id}  {factors}"
     label = f"{SIMULATED}  ·  {label}" if recording.is_simulated else label
-    aspect = size_px[0] / size_px[1]
 
     shown_at = pictures_of(study, trial)
     # The camera that knows the place needs room to stand in every scene of the trial.
     if camera is CameraKind.AUTO:
         scenes = recording.events_named("scene", trial.part)["t_ns"]
-        lit = [start_ns, *(int(t) for t in scenes if start_ns < t <= end_ns)]
-        is_place = films_by_topology(shown_at(t) for t in lit)
+        scene_starts_ns = [start_ns, *(int(t) for t in scenes if start_ns < t <= end_ns)]
+        is_place = films_by_topology(shown_at(t) for t in scene_starts_ns)
         camera = CameraKind.TOPOLOGY if is_place else CameraKind.ORBIT
-    looks = _camera(camera, shot, cuts, aspect, start_ns, seed, trial, shown_at)
-    log = FilmLog(None if isinstance(camera, Path) or camera is CameraKind.EYES else shot)
-    scene = FilmedTrial(trial, shown_at, looks, overlays, size_px, log)
+        settings = replace(settings, camera=camera)
+    looks = _camera(settings, start_ns, trial, shown_at)
+    log = FilmLog(None if isinstance(camera, Path) or camera is CameraKind.EYES else settings.shot)
+    scene = FilmedTrial(trial, shown_at, looks, settings.overlays, settings.size_px, log)
     with ExitStack() as stack:
         renderer = stack.enter_context(film_renderer(FILM_ON_PROCESSOR))
         scene.looks_from(renderer)
         pictures = scene.pictures(times, renderer.image)
         first = next(pictures)  # a camera that finds no place says so before there is a file
-        film = stack.enter_context(open_movie(video, size_px, rate_hz))
+        film = stack.enter_context(open_movie(video, settings.size_px, rate_hz))
         for k, image in enumerate(chain((first,), pictures)):
             caption = f"{label}  {(times[k] - start_ns) / NS_PER_S:.1f} s"
-            film.add(np.asarray(labelled(image, caption if Overlay.CLOCK in overlays else label)))
+            shown_caption = caption if Overlay.CLOCK in settings.overlays else label
+            film.add(np.asarray(add_label(image, shown_caption)))
             if on_frame is not None:
                 on_frame(k + 1, len(times))
-    decisions = looks.decisions() if isinstance(looks, ByTopology) else None
+    decisions = looks.decisions() if isinstance(looks, TopologyCamera) else None
     cut_ns = None if decisions is None else np.array([cut["t_ns"] for cut in decisions.cuts])
-    return Filmed(len(times), camera, decisions, log.sheet(cut_ns))
+    return FilmResult(len(times), camera, decisions, log.sheet(cut_ns))
 
 
 def pictures_of(study: OpenedStudy, trial: RecordedTrial) -> Callable[[int], Picture]:
@@ -176,22 +196,20 @@ def pictures_of(study: OpenedStudy, trial: RecordedTrial) -> Callable[[int], Pic
 
 
 def _camera(
-    camera: CameraKind | Path,
-    shot: ShotSize,
-    cuts: Cuts,
-    aspect: float,
+    settings: FilmSettings,
     start_ns: int,
-    seed: int,
     trial: RecordedTrial,
     shown_at: Callable[[int], Picture],
 ) -> FilmCamera:
+    camera, aspect = settings.camera, settings.aspect
     if isinstance(camera, Path):
-        return AsDecided(camera, aspect)
+        return RecordedCamera(camera, aspect)
     if camera is CameraKind.TOPOLOGY:
-        return ByTopology(style_of(shot, cuts), aspect, shown_at, trial.head_at, seed)
+        style = style_of(settings.shot, settings.cuts)
+        return TopologyCamera(style, aspect, shown_at, trial.head_at, settings.seed)
     if camera is CameraKind.FOLLOW:
-        return Behind(aspect)
-    return FromViewpoint(Viewpoint(camera.value), aspect, start_ns)
+        return FollowCamera(aspect)
+    return ViewpointCamera(Viewpoint(camera.value), aspect, start_ns)
 
 
 class FilmedTrial:
@@ -211,8 +229,8 @@ class FilmedTrial:
         self._looked_ns = -LOOK_EVERY_NS
         self._trial, self._shown_at, self._looks = trial, shown_at, looks
         self._overlays, self._size_px = overlays, size_px
-        self._from_eyes = isinstance(looks, FromViewpoint) and looks.view is Viewpoint.EYES
-        self._eyes = FromViewpoint(Viewpoint.EYES, size_px[0] / size_px[1], trial.span_ns[0])
+        self._from_eyes = isinstance(looks, ViewpointCamera) and looks.view is Viewpoint.EYES
+        self._eyes = ViewpointCamera(Viewpoint.EYES, size_px[0] / size_px[1], trial.span_ns[0])
         self._stand_in = None if self._from_eyes else StandIn(trial)
         wants = Overlay.CONTACTS in overlays
         self._lanes = lanes_of(trial.recording, trial.part) if wants else []
@@ -221,7 +239,7 @@ class FilmedTrial:
         """Look for the participant in identity images of this renderer."""
         self._identity = IdentityBuffer(renderer)
 
-    def _noted(self, t_ns: int, picture: Picture, camera: Camera, head_m: Vector) -> None:
+    def _note_camera(self, t_ns: int, picture: Picture, camera: Camera, head_m: Vector) -> None:
         """Note where the camera is and, now and then, whether it sees the participant."""
         self._log.add(t_ns, camera, head_m, picture.room, capsules(picture))
         if self._from_eyes or self._identity is None or t_ns < self._looked_ns + LOOK_EVERY_NS:
@@ -248,26 +266,26 @@ class FilmedTrial:
             camera = self._looks.at(t_ns, picture, head)
             if self._stand_in is not None:
                 picture = self._stand_in.in_picture(picture, t_ns, head)
-            self._noted(t_ns, picture, camera, head.position_m)
+            self._note_camera(t_ns, picture, camera, head.position_m)
             pixels = image(picture, camera, self._size_px)
             if Overlay.GAZE in self._overlays:
                 pixels = self._with_gaze(pixels, camera, t_ns, head.position_m)
-            yield _listed(pixels, [lane for lane in self._lanes if lane.is_on(t_ns)])
+            yield _with_lanes(pixels, [lane for lane in self._lanes if lane.is_on(t_ns)])
 
     def _with_gaze(
-        self, drawn: npt.NDArray[np.uint8], camera: Camera, t_ns: int, eyes_m: Vector
+        self, image: npt.NDArray[np.uint8], camera: Camera, t_ns: int, eyes_m: Vector
     ) -> npt.NDArray[np.uint8]:
         """Mark where gaze fell, from outside with its ray; nothing where it was lost."""
         gaze = self._trial.gaze_at(t_ns)
         if gaze is None:
-            return drawn
+            return image
         met_m = self._trial.met_m(t_ns)
-        aim = self._seen(camera, eyes_m + (GAZE_AT_M if met_m is None else met_m) * gaze)
+        aim = self._pixel_of(camera, eyes_m + (GAZE_AT_M if met_m is None else met_m) * gaze)
         if aim is None:
-            return drawn
-        canvas = Image.fromarray(drawn)
+            return image
+        canvas = Image.fromarray(image)
         pen = ImageDraw.Draw(canvas)
-        begin = None if self._from_eyes else self._seen(camera, eyes_m + 0.12 * gaze)
+        begin = None if self._from_eyes else self._pixel_of(camera, eyes_m + 0.12 * gaze)
         if begin is not None:
             pen.line((*begin, *aim), fill=RING, width=max(2, self._size_px[1] // 300))
         if met_m is None and not self._from_eyes:
@@ -277,7 +295,7 @@ class FilmedTrial:
             pen.ellipse((aim[0] - r, aim[1] - r, aim[0] + r, aim[1] + r), outline=colour, width=3)
         return np.asarray(canvas)
 
-    def _seen(self, camera: Camera, place_m: Vector) -> tuple[float, float] | None:
+    def _pixel_of(self, camera: Camera, place_m: Vector) -> tuple[float, float] | None:
         """Return the pixel that shows a place; None behind the camera."""
         own = rotate(quat_conjugate(camera.pose.orientation_wxyz), place_m - camera.pose.position_m)
         if own[2] >= -camera.near_m:
@@ -288,11 +306,11 @@ class FilmedTrial:
         return float(x), float(y)
 
 
-def _listed(drawn: npt.NDArray[np.uint8], lanes: Sequence[Any]) -> npt.NDArray[np.uint8]:
+def _with_lanes(image: npt.NDArray[np.uint8], lanes: Sequence[Any]) -> npt.NDArray[np.uint8]:
     """Write what touches or vibrates into the upper left corner."""
     if not lanes:
-        return drawn
-    canvas = Image.fromarray(drawn)
+        return image
+    canvas = Image.fromarray(image)
     pen = ImageDraw.Draw(canvas, "RGBA")
     size_px = max(11, canvas.height // 40)
     font = ImageFont.load_default(size_px)

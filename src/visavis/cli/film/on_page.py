@@ -9,7 +9,7 @@ import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
 from visavis.cli.film.renderer import film_renderer
-from visavis.cli.preview.pictures import SIMULATED, labelled
+from visavis.cli.preview.pictures import SIMULATED, add_label
 from visavis.cli.recorded_trial import factors_of, trial_row
 from visavis.lab.clock import NS_PER_S
 from visavis.recording.reader import Recording
@@ -25,8 +25,8 @@ FILM_SHARE: Final = 0.68
 """Height of films as a share of the picture's, at most."""
 QUESTION_SHARE: Final = 0.125
 """Share of the height that a question with its options takes."""
-BACK, INK, QUIET, CHOSEN = (250, 250, 248), (30, 30, 32), (120, 122, 126), (38, 104, 173)
-TYPED: Final = "…"
+BACK, INK, QUIET, ACCENT = (250, 250, 248), (30, 30, 32), (120, 122, 126), (38, 104, 173)
+PLACEHOLDER: Final = "…"
 
 
 class FilmPictures:
@@ -37,7 +37,7 @@ class FilmPictures:
     def __init__(self, store: FilmStore, height_px: int, image: Callable[..., Pixels]) -> None:
         self.store, self._height_px, self._image = store, height_px, image
         self._scenes: dict[Film, list[Picture]] = {}
-        self._made: dict[tuple[Film, int], Pixels] = {}
+        self._pixels_by_frame: dict[tuple[Film, int], Pixels] = {}
 
     def size_px(self, film: Film) -> tuple[int, int]:
         """Return width and height of a film's pictures here."""
@@ -47,13 +47,13 @@ class FilmPictures:
     def at(self, film: Film, seconds: float) -> Pixels:
         """Return the picture that a film shows at a moment of it."""
         k = min(int(seconds * film.rate_hz + 1e-6), film.frame_count - 1)
-        if (film, k) not in self._made:
+        if (film, k) not in self._pixels_by_frame:
             if film not in self._scenes and not self._decoded(film):
                 self._scenes[film] = list(self.store.pictures(film))
             if film in self._scenes:
                 picture, camera = self._scenes[film][k], self.store.cameras(film)[k]
-                self._made[film, k] = self._image(picture, camera, self.size_px(film))
-        return self._made[film, k]
+                self._pixels_by_frame[film, k] = self._image(picture, camera, self.size_px(film))
+        return self._pixels_by_frame[film, k]
 
     def _decoded(self, film: Film) -> bool:
         """Take the pictures of the film's file; tell whether it is there, and whole."""
@@ -69,7 +69,7 @@ class FilmPictures:
         if len(frames) < film.frame_count:
             return False
         for k, frame in enumerate(frames):
-            self._made[film, k] = np.asarray(frame.resize(self.size_px(film)))
+            self._pixels_by_frame[film, k] = np.asarray(frame.resize(self.size_px(film)))
         return True
 
 
@@ -98,15 +98,15 @@ def write_page_film(
         return list(range(start_ns, end_ns, NS_PER_S // rate_hz)) or [start_ns]
 
     label = page_label(recording, trial_id)
-    done = 0
+    count = 0
     with open_movie(video, size_px, rate_hz) as movie:
         for passed_s, image, n in page_pictures(study, recording, trial_id, times_of, size_px):
             caption = f"{label}  {passed_s:.1f} s" if clock else label
-            movie.add(np.asarray(labelled(image, caption)))
-            done += 1
+            movie.add(np.asarray(add_label(image, caption)))
+            count += 1
             if on_frame is not None:
-                on_frame(done, n)
-    return done
+                on_frame(count, n)
+    return count
 
 
 def page_label(recording: Recording, trial_id: str) -> str:
@@ -171,11 +171,11 @@ def page_picture(
     tall = max((image.shape[0] for image in images), default=0)
     y = 0.13 * height + tall if step.films else 0.3 * height
     for question in step.questions:
-        y = _asked(pen, font, question, t_ns, y, width)
+        y = _draw_question(pen, font, question, t_ns, y, width)
     return np.asarray(page)
 
 
-def _asked(
+def _draw_question(
     pen: ImageDraw.ImageDraw, font: Any, question: Question, t_ns: int, y: float, width: int
 ) -> float:
     """Write a question and its options; return where the next one begins."""
@@ -185,14 +185,16 @@ def _asked(
     labels = [label for _, label in question.options]
     is_chosen = [value == question.answer and is_given for value, _ in question.options]
     if not labels:
-        labels, is_chosen = [question.answer or "" if is_given else TYPED], [is_given]
+        labels, is_chosen = [question.answer or "" if is_given else PLACEHOLDER], [is_given]
     small = _fitting(pen, labels, width, font)
     widths = [pen.textlength(label, small) + 1.6 * small.size for label in labels]
     x = (width - sum(widths)) / 2
-    for label, wide, lit in zip(labels, widths, is_chosen, strict=True):
+    for label, wide, is_filled in zip(labels, widths, is_chosen, strict=True):
         box = (x + 3, y + 0.75 * line, x + wide - 3, y + 1.85 * line)
-        pen.rounded_rectangle(box, 5, CHOSEN if lit else None, CHOSEN if lit else QUIET)
-        pen.text((x + wide / 2, y + 1.3 * line), label, BACK if lit else INK, small, anchor="mm")
+        pen.rounded_rectangle(box, 5, ACCENT if is_filled else None, ACCENT if is_filled else QUIET)
+        pen.text(
+            (x + wide / 2, y + 1.3 * line), label, BACK if is_filled else INK, small, anchor="mm"
+        )
         x += wide
     return y + 2.6 * line
 

@@ -29,8 +29,10 @@ FRESH_NS = NS_PER_S // 5
 
 
 class StandIn:
-    """Put a person into pictures where the participant was: as the body tracker saw them, or where
-    nothing did, or saw them elsewhere, standing at ease under the head that was measured.
+    """Add a person to pictures where the participant was.
+
+    The pose is the body tracker's. Without a tracker, or where its head is far from the one that
+    the headset measured, the person stands at rest under the measured head.
     """
 
     def __init__(self, trial: RecordedTrial) -> None:

@@ -1,1 +1,1 @@
-"""What is drawn by `visavis preview`."""
+"""Pictures and films that `visavis preview` draws."""

@@ -28,7 +28,7 @@ from visavis.study.experiment import StudyExperiment
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class CapturedFrame:
     """One frame: what was shown, when its light left the display, where the head was."""
 
     view: SceneFrame
@@ -50,21 +50,21 @@ class _EnoughError(Exception):
     """Ends a performance when enough frames are there."""
 
 
-class _Watching(GeometryStage):
-    """A stage that draws nothing and keeps what it was asked to show, from light to darkness."""
+class _CapturingStage(GeometryStage):
+    """A stage that draws nothing; it stores the frames to show, from light to darkness."""
 
     def __init__(
-        self, viewers: Sequence[Viewer], frames: list[Seen], enough: Callable[[], bool]
+        self, viewers: Sequence[Viewer], frames: list[CapturedFrame], enough: Callable[[], bool]
     ) -> None:
         super().__init__(viewers)
         self._frames, self._enough = frames, enough
-        self._dark: list[Seen] = []
+        self._dark: list[CapturedFrame] = []
 
     def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[object]:
         """Keep the frame and tell every viewer."""
         if self._enough():
             raise _EnoughError
-        self._dark.append(Seen(view, frame.predicted_display_ns, head))
+        self._dark.append(CapturedFrame(view, frame.predicted_display_ns, head))
         if is_lit(view) or (self._frames and has_board(view)):
             self._frames += self._dark if self._frames else self._dark[-1:]
             self._dark.clear()
@@ -134,16 +134,16 @@ class Capture:
         self.trial = trial_of(self._experiment, number, index, seed, group)
         trials = self._experiment.plan(index, seed, group).trials
         first = trials.index(self.trial)
-        self._wanted = frozenset(t.trial_id for t in trials[first : first + 1 + following])
-        self.frames: list[Seen] = []
+        self._trial_ids = frozenset(t.trial_id for t in trials[first : first + 1 + following])
+        self.frames: list[CapturedFrame] = []
         self.is_whole = False
-        self._left = threading.Event()
+        self._is_stopped = threading.Event()
 
-    def perform(self, until_s: float | None = None) -> list[Seen]:
+    def perform(self, until_s: float | None = None) -> list[CapturedFrame]:
         """Perform the trial, or its first `until_s` seconds of light; return its frames."""
 
         def enough() -> bool:
-            if self._left.is_set():
+            if self._is_stopped.is_set():
                 return True
             if until_s is None or not self.frames:
                 return False
@@ -152,7 +152,7 @@ class Capture:
         with tempfile.TemporaryDirectory(prefix="preview") as folder:
 
             def stage_for(viewers: Sequence[Viewer]) -> Stage:
-                return _Watching(viewers, self.frames, enough)
+                return _CapturingStage(viewers, self.frames, enough)
 
             try:
                 request = self._request(Path(folder))
@@ -173,7 +173,7 @@ class Capture:
     def _request(self, folder: Path) -> Request:
         return simulated_request(
             self._study,
-            _FewTrials(self._experiment.study, self._experiment.overrides, self._wanted),
+            _FewTrials(self._experiment.study, self._experiment.overrides, self._trial_ids),
             self._config.model_copy(update={"data_root": folder}),
             label=f"{self._index:02d}",
             index=self._index,
@@ -181,13 +181,13 @@ class Capture:
             group=self._group,
         )
 
-    def leave(self) -> None:
+    def stop(self) -> None:
         """Stop the performance; called from another thread than the one that performs."""
-        self._left.set()
+        self._is_stopped.set()
 
 
-class Meanwhile:
-    """Performs a trial in a thread of its own while the frames that exist are shown."""
+class BackgroundPerformance:
+    """Perform a trial in a thread of its own, while its first frames are shown already."""
 
     def __init__(self, capture: Capture) -> None:
         self.capture = capture
@@ -195,7 +195,7 @@ class Meanwhile:
         self._news = threading.Event()
         self._thread = threading.Thread(target=self._run, name="preview", daemon=True)
 
-    def __enter__(self) -> "Meanwhile":
+    def __enter__(self) -> "BackgroundPerformance":
         """Begin, and wait for the first frame."""
         self._thread.start()
         while not self.capture.frames and self._thread.is_alive():
@@ -204,7 +204,7 @@ class Meanwhile:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.capture.leave()
+        self.capture.stop()
         self._thread.join()
 
     def check(self) -> None:
@@ -219,7 +219,7 @@ class Meanwhile:
             self._problem = problem
 
 
-def spread(frames: Sequence[Seen], rate_hz: int, most_s: float) -> list[Seen]:
+def spread(frames: Sequence[CapturedFrame], rate_hz: int, most_s: float) -> list[CapturedFrame]:
     """Return one frame for every picture of a film of `rate_hz`, at most `most_s` long."""
     if not frames:
         return []

@@ -10,7 +10,7 @@ from rich.progress import Progress
 from visavis.cli.app import console, say_written
 from visavis.cli.film.on_page import page_pictures, write_page_film
 from visavis.cli.preview.capture import Capture
-from visavis.cli.preview.pictures import SIMULATED, contact_sheet, labelled
+from visavis.cli.preview.pictures import SIMULATED, add_label, contact_sheet
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import UsageError
 from visavis.results.opened_study import OpenedStudy
@@ -73,7 +73,7 @@ def preview_page(
             tiles = []
             times_of = once if png is not None else spread
             for s, image, n in page_pictures(study, recording, trial_id, times_of, size_px):
-                tiles.append(labelled(image, f"{SIMULATED}  ·  {label}, {s:.1f} s"))
+                tiles.append(add_label(image, f"{SIMULATED}  ·  {label}, {s:.1f} s"))
                 bar.update(drawing, completed=len(tiles), total=n)
             if png is not None:
                 tiles[0].save(path)

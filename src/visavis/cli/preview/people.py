@@ -5,7 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 from PIL import Image
 
-from visavis.cli.preview.pictures import contact_sheet, face_camera, framed, labelled, looking
+from visavis.cli.preview.pictures import (
+    add_label,
+    contact_sheet,
+    face_camera,
+    looking,
+    symmetric_camera,
+)
 from visavis.lab.geometry import Vector, unit
 from visavis.stage.stills import Stills
 from visavis.stimuli.characters.character import Character
@@ -33,7 +39,7 @@ def people_sheet(size_px: tuple[int, int], people: Sequence[Character]) -> Image
                 picture, eyes_m = portrait(character, yaw_deg)
                 camera = face_camera(eyes_m, yaw_deg, size_px[0] / size_px[1])
                 image = stills.image(picture, camera, size_px)
-                tiles.append(labelled(image, f"{character.name}, {character.stature_m:.2f} m"))
+                tiles.append(add_label(image, f"{character.name}, {character.stature_m:.2f} m"))
     return contact_sheet(tiles, "everybody at 1.1 m, looking at the camera", COLUMNS)
 
 
@@ -50,14 +56,14 @@ def distance_sheet(
             for distance_m in distances_m:
                 at = eyes_m + distance_m * np.array([0.0, 0.04, 1.0])
                 half = FRAME_M / 2 / distance_m
-                camera = framed(looking(at, eyes_m - at), half, 1.0)
+                camera = symmetric_camera(looking(at, eyes_m - at), half, 1.0)
                 side_px = max(round(2 * float(np.degrees(np.arctan(half))) * px_per_deg), 8)
                 image = stills.image(picture, camera, (side_px, side_px))
                 tile = Image.fromarray(np.asarray(image)).resize(
                     (TILE_PX, TILE_PX), Image.Resampling.NEAREST
                 )
                 label = f"{character.name}  {distance_m:g} m"
-                tiles.append(labelled(np.asarray(tile), label))
+                tiles.append(add_label(np.asarray(tile), label))
     title = f"faces as {px_per_deg:g} pixels a degree show them"
     in_a_row = max(COLUMNS // len(distances_m), 1)
     return contact_sheet(tiles, title, in_a_row * len(distances_m))

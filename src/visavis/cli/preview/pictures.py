@@ -29,7 +29,7 @@ FACE_AWAY_M = 1.1
 ORBIT_START_DEG = 40.0
 ORBIT_DEG_PER_S = 12.0
 SIMULATED = "simulated"
-"""What stands on every picture."""
+"""The word on every picture."""
 TITLE_PX = 40
 TITLE_LEFT_PX = 10
 CUT_AT_M = 2.75
@@ -51,7 +51,7 @@ def camera_of(
     away the ceiling or the walls that stand before them.
     """
     if view is Viewpoint.EYES:
-        return framed(head, EYES_TANGENT, aspect)
+        return symmetric_camera(head, EYES_TANGENT, aspect)
     points = np.concatenate([picture.people.root_m, head.position_m[None]])
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     middle[1] = 1.0
@@ -59,12 +59,12 @@ def camera_of(
     if view is Viewpoint.ABOVE:
         height = radius / AROUND_TANGENT
         towards = np.array([0.0, -height, -0.02])
-        camera = framed(looking(middle - towards, towards), AROUND_TANGENT, aspect)
+        camera = symmetric_camera(looking(middle - towards, towards), AROUND_TANGENT, aspect)
         return replace(camera, near_m=max(camera.near_m, height + middle[1] - CUT_AT_M))
     back = min(radius / AROUND_TANGENT, 3.4 + radius)
     angle = np.radians(ORBIT_START_DEG + ORBIT_DEG_PER_S * passed_s)
     place = middle + np.array([np.sin(angle) * back, 1.4 + 0.12 * back, np.cos(angle) * back])
-    camera = framed(looking(place, middle - place), AROUND_TANGENT, aspect)
+    camera = symmetric_camera(looking(place, middle - place), AROUND_TANGENT, aspect)
     return replace(camera, near_m=max(camera.near_m, back - radius - 0.7))
 
 
@@ -73,7 +73,7 @@ def face_camera(eyes_m: Vector, yaw_deg: float, aspect: float) -> Camera:
     angle = np.radians(yaw_deg)
     place = eyes_m + FACE_AWAY_M * np.array([np.sin(angle), 0.04, np.cos(angle)])
     aim = eyes_m + np.array([0.0, 0.01, 0.0])  # with all of a tall head of hair
-    return framed(looking(place, aim - place), FACE_TANGENT, aspect)
+    return symmetric_camera(looking(place, aim - place), FACE_TANGENT, aspect)
 
 
 def simulated_panel(camera: Camera) -> Panel:
@@ -85,8 +85,8 @@ def simulated_panel(camera: Camera) -> Panel:
     return Panel(SIMULATED, (), Pose(place, camera.pose.orientation_wxyz), size)
 
 
-def labelled(image: npt.NDArray[np.uint8], text: str) -> Image.Image:
-    """Write a line along the lower edge."""
+def add_label(image: npt.NDArray[np.uint8], text: str) -> Image.Image:
+    """Return a picture with a line of text along its lower edge."""
     picture = Image.fromarray(image)
     draw = ImageDraw.Draw(picture, "RGBA")
     size_px = max(11, picture.height // 44)
@@ -131,7 +131,7 @@ def looking(place: Vector, towards: Vector) -> Pose:
     return Pose(place, quat_from_yaw_pitch_deg(float(yaw_deg), float(pitch_deg)))
 
 
-def framed(pose: Pose, top: float, aspect: float) -> Camera:
+def symmetric_camera(pose: Pose, top: float, aspect: float) -> Camera:
     """Return a camera whose picture reaches from `−top` to `top`, as tangents."""
     return Camera(pose, -top * aspect, top * aspect, -top, top)
 

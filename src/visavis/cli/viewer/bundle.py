@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 MISSING = 65535
-"""Stands for a value that is missing in `quantised` arrays."""
+"""Stands for a value that is missing in quantised arrays."""
 
 
 class Bundle:
@@ -39,7 +39,7 @@ class Bundle:
         self._append(content)
         return reference
 
-    def quantised(self, values: npt.NDArray[Any]) -> dict[str, Any]:
+    def add_quantised(self, values: npt.NDArray[Any]) -> dict[str, Any]:
         """Take numbers in at 1 part in 65,000 of each column's range; NaN stays missing."""
         columns = values.reshape(len(values), int(np.prod(values.shape[1:]))).astype(np.float64)
         numbers = np.where(np.isfinite(columns), columns, np.nan)

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.analysis.session_check import check_session
-from visavis.cli.film.cameras import ByTopology, Cuts, style_of
+from visavis.cli.film.cameras import Cuts, TopologyCamera, style_of
 from visavis.cli.recorded_trial import RecordedTrial, factors_of, recorded_trial
 from visavis.cli.session_lanes import lanes_of
 from visavis.cli.viewer.bundle import Bundle
@@ -62,10 +62,10 @@ class Times:
 def page_content(
     study: OpenedStudy,
     recording: CachedRecording,
-    wanted: Sequence[str],
+    trial_ids: Sequence[str],
     on_trial: Callable[[int, int], None] | None = None,
 ) -> tuple[dict[str, Any], Bundle]:
-    """Return a page's header and arrays; `wanted` are the trials it shows in space.
+    """Return a page's header and arrays; `trial_ids` are the trials it shows in space.
 
     Raises:
         UsageError: the session has no such trial.
@@ -74,9 +74,9 @@ def page_content(
     times = times_of(recording)
     on_page = is_on_page(recording)
     pages, films = (
-        pages_of(study, recording, wanted, bundle, times.s, on_trial) if on_page else ([], [])
+        pages_of(study, recording, trial_ids, bundle, times.s, on_trial) if on_page else ([], [])
     )
-    trials = [] if on_page else [recorded_trial(recording, name) for name in wanted]
+    trials = [] if on_page else [recorded_trial(recording, name) for name in trial_ids]
     samples_by_trial: list[tuple[RecordedTrial, list[Sample]]] = []
     for k, trial in enumerate(trials):
         samples_by_trial.append((trial, samples_of(study, trial)))
@@ -101,7 +101,7 @@ def page_content(
         "status": recording.status,
         "created": manifest.created_wall_iso,
         "version": manifest.provenance.packages.get("visavis", ""),
-        "trials": list(_trials(recording, times, set(wanted))),
+        "trials": list(_trials(recording, times, set(trial_ids))),
         "events": list(_events(recording, times)),
         "findings": _findings(recording),
         "lanes": _lanes(recording, times),
@@ -149,7 +149,9 @@ def times_of(recording: CachedRecording) -> Times:
     return Times(offset_s)
 
 
-def _trials(recording: CachedRecording, times: Times, shown: set[str]) -> Iterator[dict[str, Any]]:
+def _trials(
+    recording: CachedRecording, times: Times, ids_on_page: set[str]
+) -> Iterator[dict[str, Any]]:
     rows = recording.trials()
     if "trial_id" not in rows:
         return
@@ -167,7 +169,7 @@ def _trials(recording: CachedRecording, times: Times, shown: set[str]) -> Iterat
             "attempt": int(row.get("attempt", 1)),
             "factors": {f: _plain(row[f]) for f in factors_of(recording, name) if f in row},
             "row": {str(k): _plain(v) for k, v in row.items()},
-            "shown": name in shown and last_of[name] == i,
+            "shown": name in ids_on_page and last_of[name] == i,
         }
 
 
@@ -257,7 +259,7 @@ def _stream(
                 "of": flat,
                 "unit": unit,
                 "about": field.description,
-                "v": bundle.quantised(values),
+                "v": bundle.add_quantised(values),
             }
         )
     micros = np.rint(1e6 * t_s).astype(np.int64)
@@ -355,7 +357,7 @@ def _scene(
         ),
         "morphs": _keys(bundle, morphs.transpose(1, 0, 2), OFF_BY_SHARE, 1 / 1000),
         "topology": _topology(trial, samples, bundle),
-        "light": bundle.quantised(np.array([[s.picture.brightness_01] for s in samples])),
+        "light": bundle.add_quantised(np.array([[s.picture.brightness_01] for s in samples])),
         "mark": None if first.mark_m is None else [float(x) for x in first.mark_m],
         # Taken from the first sample: `_runs` cuts where things, boards or agents change.
         "moving": [
@@ -402,7 +404,7 @@ def _topology(trial: RecordedTrial, samples: list[Sample], bundle: Bundle) -> di
         k = (t_ns - start_ns) * SAMPLES_PER_S // NS_PER_S
         return samples[min(max(k, 0), len(samples) - 1)].picture
 
-    camera = ByTopology(style_of(ShotSize.LONG, Cuts.AUTO), 16 / 9, shown_at, trial.head_at)
+    camera = TopologyCamera(style_of(ShotSize.LONG, Cuts.AUTO), 16 / 9, shown_at, trial.head_at)
     try:
         for sample in samples:
             camera.at(sample.t_ns, sample.picture, trial.head_at(sample.t_ns))
@@ -410,7 +412,7 @@ def _topology(trial: RecordedTrial, samples: list[Sample], bundle: Bundle) -> di
         return None
     decisions = camera.decisions()
     return {
-        "views": bundle.quantised(np.array(decisions.views)[:, 1:]),
+        "views": bundle.add_quantised(np.array(decisions.views)[:, 1:]),
         "fov": decisions.fov_v_deg,
         "cuts": [round((cut["t_ns"] - start_ns) / NS_PER_S, 3) for cut in decisions.cuts],
     }

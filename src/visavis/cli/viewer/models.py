@@ -35,7 +35,7 @@ class Models:
         self.people: list[dict[str, Any]] = []
         self.rooms: list[dict[str, Any]] = []
         self.textures: list[dict[str, Any]] = []
-        self._known: dict[int, int] = {}
+        self._numbers: dict[int, int] = {}
         self._kept_alive: list[object] = []
 
     def person(self, character: Character) -> int:
@@ -52,20 +52,20 @@ class Models:
         texture = prop.material.texture_srgb if mesh.uv is not None else None
         uv = np.zeros((len(mesh.vertices_m), 2)) if mesh.uv is None else mesh.uv
         return {
-            "uv": self._bundle.quantised(uv),
+            "uv": self._bundle.add_quantised(uv),
             "picture": -1 if texture is None else self._texture(texture, "thing"),
-            "place": self._bundle.quantised(mesh.vertices_m),
+            "place": self._bundle.add_quantised(mesh.vertices_m),
             "normal": self._bundle.add(_bytes_of(mesh.normals)),
             "colour": self._bundle.add(mesh.colour_srgb),
             "index": self._bundle.add(mesh.triangles.ravel().astype(np.uint32)),
         }
 
-    def _number(self, thing: object, into: list[dict[str, Any]], made: Any) -> int:
-        if id(thing) not in self._known:
+    def _number(self, thing: object, into: list[dict[str, Any]], make: Any) -> int:
+        if id(thing) not in self._numbers:
             self._kept_alive.append(thing)  # keeps its id from being reused
-            into.append(made())
-            self._known[id(thing)] = len(into) - 1
-        return self._known[id(thing)]
+            into.append(make())
+            self._numbers[id(thing)] = len(into) - 1
+        return self._numbers[id(thing)]
 
     def _person(self, character: Character) -> dict[str, Any]:
         level = min(self._level, len(character.levels) - 1)
@@ -74,15 +74,15 @@ class Models:
         skeleton = character.skeleton
         model = {
             "name": character.name,
-            "place": self._bundle.quantised(vertices["rest_m"]),
-            "detail": self._bundle.quantised(vertices["detail"]),
+            "place": self._bundle.add_quantised(vertices["rest_m"]),
+            "detail": self._bundle.add_quantised(vertices["detail"]),
             "normal": add(_bytes_of(vertices["normal"][:, :3])),
             "colour": add(vertices["colour"][:, :3]),
             "surface": add(vertices["surface"]),
             "joints": add(vertices["joints"]),
             "weights": add(np.rint(255 * vertices["weights"].astype(np.float32)).astype(np.uint8)),
             "morph": add(vertices["morph"].astype(np.int16)),
-            "deltas": self._bundle.quantised(mesh.deltas[:, :6, :3].reshape(-1, 18)),
+            "deltas": self._bundle.add_quantised(mesh.deltas[:, :6, :3].reshape(-1, 18)),
             "index": add(mesh.indices.astype(np.uint16 if len(vertices) < 65536 else np.uint32)),
             "runs": [self._run(run) for run in mesh.runs],
             "parents": [int(p) for p in skeleton.parents],
@@ -97,7 +97,7 @@ class Models:
         """Return the mesh drawn while time moves where a processor draws: coloured vertices of few
         triangles, those with two sides after the others, eyes last.
         """
-        add, add_quantised = self._bundle.add, self._bundle.quantised
+        add, add_quantised = self._bundle.add, self._bundle.add_quantised
         mesh = person_vertices(character, character.levels[-1])
         vertices, colour = mesh.vertices, mesh.vertices["colour"][:, :3].copy()
         for run in mesh.runs:
@@ -110,17 +110,17 @@ class Models:
             own = [mesh.indices[r.first : r.first + r.count] for r in mesh.runs if of(r)]
             return np.concatenate([*own, np.zeros(0, mesh.indices.dtype)])
 
-        closed_index, kept_closed = _clustered(
+        closed_index, kept_closed = _cluster(
             vertices, corners(lambda r: r.kind != "eye" and not r.double_sided), self._cell_m
         )
-        open_, kept_open = _clustered(
+        open_, kept_open = _cluster(
             vertices, corners(lambda r: r.kind != "eye" and r.double_sided), self._cell_m
         )
         index, eyes = np.concatenate([closed_index, open_]), corners(lambda r: r.kind == "eye")
-        used = np.unique(np.concatenate([kept_closed, kept_open, eyes]))
+        kept_vertices = np.unique(np.concatenate([kept_closed, kept_open, eyes]))
         number = np.zeros(len(vertices), np.int64)
-        number[used] = np.arange(len(used))
-        vertices, colour = vertices[used], colour[used]
+        number[kept_vertices] = np.arange(len(kept_vertices))
+        vertices, colour = vertices[kept_vertices], colour[kept_vertices]
         return {
             "place": add_quantised(vertices["rest_m"]),
             "detail": add_quantised(vertices["detail"]),
@@ -141,9 +141,9 @@ class Models:
         return [run.first, run.count, texture, int(run.double_sided), run.kind]
 
     def _texture(self, texture: npt.NDArray[np.uint8], kind: str) -> int:
-        return self._number(texture, self.textures, lambda: self._packed(texture, kind))
+        return self._number(texture, self.textures, lambda: self._pack_texture(texture, kind))
 
-    def _packed(self, texture: npt.NDArray[np.uint8], kind: str) -> dict[str, Any]:
+    def _pack_texture(self, texture: npt.NDArray[np.uint8], kind: str) -> dict[str, Any]:
         side = SIDE_PX.get(kind, OTHER_SIDE_PX)
         image = Image.fromarray(texture)
         if max(image.size) > side:
@@ -155,15 +155,15 @@ class Models:
         return {"file": self._bundle.add_bytes(content.getvalue()), "holes": holes}
 
     def _room(self, room: Room) -> dict[str, Any]:
-        lit = baked_room(room_vertices(room.props), room)
-        vertices, add = lit.vertices.vertices, self._bundle.add
+        lit_room = baked_room(room_vertices(room.props), room)
+        vertices, add = lit_room.vertices.vertices, self._bundle.add
         return {
             "name": room.name,
-            "place": self._bundle.quantised(vertices["place_m"]),
-            "uv": self._bundle.quantised(vertices["uv"]),
-            "light": add(np.rint(127 * np.clip(lit.light, 0, 2)).astype(np.uint8)),
-            "index": add(lit.vertices.indices.astype(np.uint32)),
-            "runs": [self._run(run) for run in lit.vertices.runs],
+            "place": self._bundle.add_quantised(vertices["place_m"]),
+            "uv": self._bundle.add_quantised(vertices["uv"]),
+            "light": add(np.rint(127 * np.clip(lit_room.light, 0, 2)).astype(np.uint8)),
+            "index": add(lit_room.vertices.indices.astype(np.uint32)),
+            "runs": [self._run(run) for run in lit_room.vertices.runs],
             "lamps": [_lamp(light) for light in room.lights],
             "sky": room.sky.tolist(),
             "ground": room.ground.tolist(),
@@ -195,7 +195,7 @@ def _at_uv(texture: npt.NDArray[np.uint8], uv: npt.NDArray[np.float64]) -> npt.N
     return colours
 
 
-def _clustered(
+def _cluster(
     vertices: npt.NDArray[Any], index: npt.NDArray[Any], cell_m: float
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Return corners (3 m,) of the triangles that stay when near vertices are one, and vertices

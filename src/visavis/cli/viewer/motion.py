@@ -10,7 +10,7 @@ Ints = npt.NDArray[np.int64]
 
 
 @compiled
-def _kept(values: Vector, off_by: float, longest: int, turns: bool) -> npt.NDArray[np.bool_]:
+def _find_keys(values: Vector, off_by: float, longest: int, turns: bool) -> npt.NDArray[np.bool_]:
     """Tell which samples (n,) of one track (n, k) are keys: straight lines between keys stay within
     `off_by` of every sample.
     """
@@ -45,10 +45,12 @@ def _kept(values: Vector, off_by: float, longest: int, turns: bool) -> npt.NDArr
 
 
 @compiled
-def _all_kept(tracks: Vector, off_by: float, longest: int, turns: bool) -> npt.NDArray[np.bool_]:
+def _find_all_keys(
+    tracks: Vector, off_by: float, longest: int, turns: bool
+) -> npt.NDArray[np.bool_]:
     is_key = np.zeros(tracks.shape[:2], np.bool_)
     for t in range(tracks.shape[0]):
-        is_key[t] = _kept(tracks[t], off_by, longest, turns)
+        is_key[t] = _find_keys(tracks[t], off_by, longest, turns)
     return is_key
 
 
@@ -58,7 +60,7 @@ def key_samples(
     """Return how many keys each of the tracks (t, n, k) has (t,), and which samples they are, one
     track after the other. Tracks of quaternions (`turns`) are normalised between keys.
     """
-    is_key = _all_kept(np.ascontiguousarray(tracks, np.float64), off_by, longest, turns)
+    is_key = _find_all_keys(np.ascontiguousarray(tracks, np.float64), off_by, longest, turns)
     return is_key.sum(axis=1), np.nonzero(is_key)[1]
 
 

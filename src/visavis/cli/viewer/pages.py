@@ -29,31 +29,31 @@ WEBP_QUALITY: Final = 72
 def pages_of(
     study: OpenedStudy,
     recording: CachedRecording,
-    wanted: Sequence[str],
+    trial_ids: Sequence[str],
     bundle: Bundle,
     second_of: Callable[[int, int], float],
     on_trial: Callable[[int, int], None] | None,
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """Return steps of trials in order, and the films that they show; each film is drawn once."""
-    trials = [seen_trial(study, recording, trial_row(recording, name)) for name in wanted]
+    trials = [seen_trial(study, recording, trial_row(recording, name)) for name in trial_ids]
     numbers: dict[Film, int] = {}
     films: list[dict[str, Any]] = []
     steps: list[dict[str, Any]] = []
     with film_renderer() as renderer:
-        for done, trial in enumerate(trials, start=1):
+        for number, trial in enumerate(trials, start=1):
             pictures = FilmPictures(trial.store, HEIGHT_PX, renderer.image)
             for step in trial.steps:
                 for film in step.films.values():
                     if film not in numbers:
                         numbers[film] = len(films)
-                        films.append(_packed(film, pictures, bundle))
-                steps.append(_told(trial, step, numbers, second_of))
+                        films.append(_pack_film(film, pictures, bundle))
+                steps.append(_step_data(trial, step, numbers, second_of))
             if on_trial is not None:
-                on_trial(done, len(trials))
+                on_trial(number, len(trials))
     return steps, films
 
 
-def _packed(film: Film, pictures: FilmPictures, bundle: Bundle) -> dict[str, Any]:
+def _pack_film(film: Film, pictures: FilmPictures, bundle: Bundle) -> dict[str, Any]:
     rate_hz = min(PICTURES_PER_S, film.rate_hz)
     seconds = film.frame_count / film.rate_hz
     count = max(1, round(seconds * rate_hz))
@@ -78,35 +78,35 @@ def _packed(film: Film, pictures: FilmPictures, bundle: Bundle) -> dict[str, Any
     }
 
 
-def _read(kept: Path, count: int) -> list[bytes] | None:
+def _read(path: Path, count: int) -> list[bytes] | None:
     """Return small pictures that were made before; None where they are not there, or not whole."""
     try:
-        with zipfile.ZipFile(kept) as file:
+        with zipfile.ZipFile(path) as file:
             frames = [file.read(f"{k}.webp") for k in range(count)]
     except (OSError, KeyError, zipfile.BadZipFile):
         return None
     return frames
 
 
-def _keep(kept: Path, frames: Sequence[bytes]) -> None:
+def _keep(path: Path, frames: Sequence[bytes]) -> None:
     """Keep small pictures under the name of what their film shows, for the next page."""
-    kept.parent.mkdir(parents=True, exist_ok=True)
-    draft = kept.with_name(f".{kept.name}.{os.getpid()}")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft = path.with_name(f".{path.name}.{os.getpid()}")
     with zipfile.ZipFile(draft, "w") as file:
         for k, frame in enumerate(frames):
             file.writestr(f"{k}.webp", frame)
-    draft.replace(kept)
+    draft.replace(path)
 
 
-def _told(
-    seen: SeenTrial,
+def _step_data(
+    trial: SeenTrial,
     step: SeenStep,
     numbers: dict[Film, int],
     second_of: Callable[[int, int], float],
 ) -> dict[str, Any]:
-    part = int(seen.row["recording_part"])
+    part = int(trial.row["recording_part"])
     return {
-        "trial": str(seen.row["trial_id"]),
+        "trial": str(trial.row["trial_id"]),
         "t0": second_of(part, step.shown_ns),
         "t1": second_of(part, step.gone_ns),
         "on": second_of(part, step.films_on_ns),

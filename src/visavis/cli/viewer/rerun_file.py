@@ -30,11 +30,11 @@ GAZE_M: Final = 2.5
 def write_rerun(
     study: OpenedStudy,
     recording: CachedRecording,
-    wanted: Sequence[str],
+    trial_ids: Sequence[str],
     path: Path,
     on_trial: Callable[[int, int], None] | None = None,
 ) -> None:
-    """Write a session as a file of Rerun (.rrd); `wanted` are the trials that it shows in space.
+    """Write a session as a file of Rerun (.rrd); `trial_ids` are the trials that it shows in space.
 
     Raises:
         UsageError: Rerun is not installed, or the session has no such trial or no space.
@@ -61,11 +61,11 @@ def write_rerun(
             _events(rr, stream, recording, part.number, times.s)
         for name_of_stream in recording.stream_names:
             _columns(rr, stream, recording, name_of_stream, times.s)
-        for k, name_of_trial in enumerate(wanted):
+        for k, name_of_trial in enumerate(trial_ids):
             trial = recorded_trial(recording, name_of_trial)
             _trial(rr, stream, trial, samples_of(study, trial), times.s)
             if on_trial is not None:
-                on_trial(k + 1, len(wanted))
+                on_trial(k + 1, len(trial_ids))
 
 
 def _at(rr: Any, stream: Any, seconds: float) -> None:
@@ -126,16 +126,16 @@ def _trial(
         if picture.room is not room:
             room = picture.room
             _room(rr, stream, room)
-        lit = picture.brightness_01 > 0
+        is_lit = picture.brightness_01 > 0
         bones = [
             line
-            for i, character in enumerate(picture.cast if lit else ())
+            for i, character in enumerate(picture.cast if is_lit else ())
             for line in _bones(
                 character, picture.people.root_m[i], picture.people.orientation_wxyz[i]
             )
         ]
         stream.log("world/people", rr.LineStrips3D(bones, radii=0.02))
-        agents = sample.agents if lit else ()
+        agents = sample.agents if is_lit else ()
         stream.log(
             "world/areas",
             rr.Ellipsoids3D(

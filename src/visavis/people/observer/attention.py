@@ -50,14 +50,14 @@ def _worth(mind: Records, person: Records, targets: Records, i: int, t_ns: int) 
         if g.kind == HEAD:
             worth *= p.familiar_share
             worth *= 1.0 + p.second_look_gain * math.exp(-away_s / p.second_look_s)
-        if g.believed == 1:
+        if g.is_noticed == 1:
             worth *= p.return_gain * p.return_habituation ** (g.visits - 1)
             if g.caught == 1:
                 worth *= p.caught_return
         elif g.lost_ns >= 0:
             worth *= 1.0 + p.recheck_gain * math.exp(-(t_ns - g.lost_ns) * 1e-9 / p.recheck_s)
         worth *= 1.0 - math.exp(-away_s / p.recovery_s)
-    if g.visits == 0 and g.believed == 1:
+    if g.visits == 0 and g.is_noticed == 1:
         worth *= 1.0 + p.capture_gain
     return float(worth)
 
@@ -80,13 +80,13 @@ def _choose(
         g = targets[i]
         apart = angle(gaze, g.direction)
         scratch[i] = 0.0
-        if g.kind == HEAD and g.contact == 1 and g.believed == 0 and i != m.target:
+        if g.kind == HEAD and g.contact == 1 and g.is_noticed == 0 and i != m.target:
             chance = p.parafovea_p * math.exp(-((apart / p.parafovea_rad) ** 2))
             if m.target == NO_TARGET:
                 aside = math.atan2(-g.direction[0], -g.direction[2]) - m.rest_yaw
                 chance = p.onset_p * math.exp(-((aside / p.onset_rad) ** 2))
             if chance > 1e-4 and draw(mind) < chance:
-                g.believed = 1
+                g.is_noticed = 1
         if i != m.target:
             scratch[i] = _worth(mind, person, targets, i, t_ns) * math.exp(-apart / p.amplitude_rad)
             total += scratch[i]
@@ -150,10 +150,10 @@ def _visit(
     lasts = log_normal_ns(mind, p.other_visit_s, p.other_visit_log_sd)
     if g.kind == HEAD:
         lasts = log_normal_ns(mind, p.head_visit_s, p.head_visit_log_sd)
-        if g.contact != g.believed:
+        if g.contact != g.is_noticed:
             if draw(mind) < p.notice_p:
                 m.notice_ns = arrival + log_normal_ns(mind, p.notice_s, p.notice_log_sd)
-        elif g.believed == 1:
+        elif g.is_noticed == 1:
             lasts += _hold_ns(mind, person, targets, target)
             m.arousal_01 = 1.0
     g.visits += 1
@@ -206,13 +206,13 @@ def _notice(mind: Records, person: Records, targets: Records, t_ns: int) -> None
     if m.target == NO_TARGET or targets[m.target].kind != HEAD:
         return
     g = targets[m.target]
-    if g.contact == 1 and g.believed == 0:
-        g.believed = 1
+    if g.contact == 1 and g.is_noticed == 0:
+        g.is_noticed = 1
         g.caught = 1 if m.saw_change == 1 or g.visits > 1 else 0
         m.arousal_01 = 1.0
         m.visit_end_ns = max(t_ns, m.visit_end_ns + _hold_ns(mind, person, targets, m.target))
-    elif g.contact == 0 and (g.believed == 1 or m.saw_change == 1):
-        g.believed = 0
+    elif g.contact == 0 and (g.is_noticed == 1 or m.saw_change == 1):
+        g.is_noticed = 0
         g.lost_ns = t_ns
         m.arousal_01 = 0.5
         stays_ns = log_normal_ns(mind, abs(p.startle_s), p.hold_log_sd)

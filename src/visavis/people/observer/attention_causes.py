@@ -79,7 +79,7 @@ def begin_stretch(
     `key` and `blink_key` must have been set; gaze rests on the direction given.
     """
     m, p = mind[0], person[0]
-    m.drawn = 0
+    m.draws = 0
     m.blinks_drawn = 0
     m.now_ns = 0
     m.mode = IDLE
@@ -138,7 +138,7 @@ def begin_scene(
     """
     m, p = mind[0], person[0]
     m.key = key
-    m.drawn = 0
+    m.draws = 0
     m.brightness_01 = brightness_01
     m.n_targets = n_targets
     m.target = NO_TARGET

@@ -28,8 +28,8 @@ def _uniform(key: np.uint64, count: np.uint64) -> float:
 def draw(mind: Records) -> float:
     """Draw from (0, 1), the next number of this stretch."""
     m = mind[0]
-    value = _uniform(m.key, m.drawn)
-    m.drawn += np.uint64(1)
+    value = _uniform(m.key, m.draws)
+    m.draws += np.uint64(1)
     return value
 
 

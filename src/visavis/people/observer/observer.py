@@ -84,7 +84,7 @@ class Observer(PressesNothing):
         self._scene: Scene | None = None
         self._gaze: npt.NDArray[np.float64] | None = None
         self._openness: npt.NDArray[np.float64] | None = None
-        self._instructed: tuple[float, ...] | None = None
+        self._instructed_point: tuple[float, ...] | None = None
         self._scene_keys = np.uint64(0), np.uint64(0)
         self._stretch = 0
         self._fit = 0
@@ -106,11 +106,11 @@ class Observer(PressesNothing):
         self._scene_keys = keys[2], keys[3]
         mind["rest_yaw"] = mind["rest_pitch"] = 0.0
         direction, dioptre = np.array([0.0, 0.0, -1.0]), 1 / ROOM_DISTANCE_M
-        if self._instructed is not None:
-            direction, dioptre = self._towards(self._instructed)
+        if self._instructed_point is not None:
+            direction, dioptre = self._towards(self._instructed_point)
         attention_causes.begin_stretch(mind, self._person, self._segments, direction, dioptre)
         self._scene = self._gaze = self._openness = None
-        if self._instructed is not None:
+        if self._instructed_point is not None:
             attention_causes.instruct(mind, self._person, direction, dioptre, 0)
 
     def wear(self, fit: int) -> None:
@@ -120,13 +120,13 @@ class Observer(PressesNothing):
     def look_at(self, target_world_m: Sequence[float] | None, t_ns: int) -> None:
         """Follow the instruction to look at a point (calibration, mark); None ends it."""
         if target_world_m is None:
-            self._instructed = None
+            self._instructed_point = None
             attention_causes.release(self._mind, self._person, t_ns - self._origin_ns)
             return
         point = tuple(float(x) for x in target_world_m)
-        if point == self._instructed:
+        if point == self._instructed_point:
             return
-        self._instructed = point
+        self._instructed_point = point
         direction, dioptre = self._towards(point)
         attention_causes.instruct(
             self._mind, self._person, direction, dioptre, t_ns - self._origin_ns
@@ -239,8 +239,8 @@ class Observer(PressesNothing):
     def _meet(self, scene: Scene, t_ns: int) -> None:
         """Receive a scene: its targets and their appeal."""
         self._scene = scene
-        lit = scene.brightness_01 > 0 and len(scene.agents) > 0
-        if lit:
+        is_lit = scene.brightness_01 > 0 and len(scene.agents) > 0
+        if is_lit:
             if self._layout is None or self._layout.scene is not scene:
                 self._layout = Layout(scene, self._seat)
                 self._appeal = self._appeal_of(self._layout)
@@ -252,13 +252,13 @@ class Observer(PressesNothing):
             self._mind["rest_yaw"], self._mind["rest_pitch"] = what.rest
         else:
             self._mind["rest_yaw"] = self._mind["rest_pitch"] = 0.0
-        n = len(self._targets) if lit else 0
-        key = self._scene_keys[int(lit)]
+        n = len(self._targets) if is_lit else 0
+        key = self._scene_keys[int(is_lit)]
         attention_causes.begin_scene(self._mind, self._person, key, scene.brightness_01, n, t_ns)
-        if self._instructed is None and not lit and scene.mark_m is not None:
+        if self._instructed_point is None and not is_lit and scene.mark_m is not None:
             direction, dioptre = self._towards(scene.mark_m.tolist())
             attention_causes.instruct(self._mind, self._person, direction, dioptre, t_ns)
-        elif self._instructed is None:
+        elif self._instructed_point is None:
             attention_causes.release(self._mind, self._person, t_ns)
 
     def _appeal_of(self, what: "Layout") -> npt.NDArray[np.float64]:

@@ -23,7 +23,7 @@ COMMENTS_TENSE = (
 )
 
 
-def _graded(who: Temperament, population: Population, rng: np.random.Generator, top: int) -> int:
+def _rate_item(who: Temperament, population: Population, rng: np.random.Generator, top: int) -> int:
     """Answer an item on a scale 0..top so that totals follow the trait."""
     middle = population.anxiety.lsas_mean / LSAS_ITEMS
     slope = population.anxiety.lsas_sd / LSAS_ITEMS
@@ -78,4 +78,4 @@ def answer_question(
         return _closest(options, "normal", "none", "no") or options[0]
     if (yes_no := _closest(options, "yes")) is not None and len(options) == 2:
         return yes_no
-    return options[_graded(who, population, rng, len(options) - 1)]
+    return options[_rate_item(who, population, rng, len(options) - 1)]

@@ -21,7 +21,7 @@ TARGET_DTYPE = np.dtype(
         ("radius_rad", "f8"),  # fixations scatter round the centre by a share of this
         ("appeal", "f8"),  # attraction from place and size, before novelty and contact
         ("contact", "i8"),  # 1 while its gaze meets the observer's eyes
-        ("believed", "i8"),  # 1 once that has been noticed
+        ("is_noticed", "i8"),  # 1 once that has been noticed
         ("caught", "i8"),  # 1 when it was seen to look elsewhere before
         ("lost_ns", "i8"),  # when contact was seen to end, -1 never
         ("visits", "i8"),
@@ -56,7 +56,7 @@ SEGMENT_DTYPE = np.dtype(
 MIND_DTYPE = np.dtype(
     [
         ("key", "u8"),
-        ("drawn", "u8"),
+        ("draws", "u8"),  # random numbers used of stream `key`
         ("blink_key", "u8"),
         ("blinks_drawn", "u8"),
         ("now_ns", "i8"),

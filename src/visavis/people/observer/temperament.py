@@ -267,7 +267,7 @@ def _correlated(z: float, fresh: float, r: float) -> float:
     return float(r * z + np.sqrt(1 - r * r) * fresh)
 
 
-def _levelled(z: float, by: float) -> float:
+def _compress_upper_side(z: float, by: float) -> float:
     """Return a standard normal with its upper side drawn in by `by`; mean 0 and SD 1 stay."""
     square = by * by
     mean = (1 - np.exp(square / 2)) / by
@@ -287,8 +287,8 @@ def draw_temperament(population: Population, rng: np.random.Generator) -> Temper
     come_back = _correlated(anxiety, rest, q.anxiety.anxiety_on_return)
     visit = _correlated(anxiety, z[3], q.anxiety.anxiety_on_visit)
     hold_level, return_level = (
-        _levelled(hold, q.contact.hold_levels),
-        _levelled(come_back, q.contact.return_levels),
+        _compress_upper_side(hold, q.contact.hold_levels),
+        _compress_upper_side(come_back, q.contact.return_levels),
     )
     # What does not differ between people has the name of the population's constant.
     values = {

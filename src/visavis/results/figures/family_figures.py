@@ -29,7 +29,7 @@ from visavis.results.figures.study_figures import (
     trials_of_who_is_out,
     trials_with_left_out,
 )
-from visavis.study.measures import Measure, aggregated
+from visavis.study.measures import Measure, aggregate_cells
 from visavis.study.pairs import Correlate, Pairs
 from visavis.study.texts import Texts, label_of
 
@@ -61,7 +61,7 @@ def _pairs(analysis: StudyAnalysis, family: str, of: Pairs, texts: Texts) -> Ite
     percent = f"{100 * analysis.rules.interval_level:.0f} %"
     cells = {} if analysis.study.report.source is None else analysis.study.report.source.cells
     has_published = any(m.column in cells for m in measures)
-    level_names = ", ".join(f"{v} {of.called(str(v))}" for v in analysis.levels[of.factor])
+    level_names = ", ".join(f"{v} {of.level_words(str(v))}" for v in analysis.levels[of.factor])
     stars = ", ".join(threshold(analysis.rules.alpha / divisor) for divisor in (1, 5, 50))
     names = figure_names(family)
     yield draw(
@@ -108,7 +108,7 @@ def _values(
     """Return a measure, one row per participant and one column per level, NaN where missing, and
     whose the rows are.
     """
-    means = aggregated(trials, [measure], [factor])
+    means = aggregate_cells(trials, [measure], [factor])
     means[factor] = means[factor].astype(str)
     if measure.column not in means or means.empty:
         return np.empty((0, len(of))), []
@@ -116,7 +116,9 @@ def _values(
     return wide.reindex(columns=list(of)).to_numpy(float), [str(p) for p in wide.index]
 
 
-def _published(analysis: StudyAnalysis, measure: Measure) -> dict[str, tuple[float, float | None]]:
+def _published_means(
+    analysis: StudyAnalysis, measure: Measure
+) -> dict[str, tuple[float, float | None]]:
     source = analysis.study.report.source
     return {} if source is None else dict(source.cells.get(measure.column, {}))
 
@@ -127,7 +129,7 @@ def _levels(axes: Axes, analysis: StudyAnalysis, of: Pairs, measure: Measure) ->
     table, people = _values(analysis.selection.counted, of.factor, measure, levels)
     paired_lines(axes, table, levels, colours, people=people)
     outside = trials_of_who_is_out(analysis)
-    published_means = _published(analysis, measure)
+    published_means = _published_means(analysis, measure)
     for x, level in enumerate(levels):
         if level in published_means:
             published_mark(axes, x + 0.26, *published_means[level])
@@ -140,7 +142,7 @@ def _levels(axes: Axes, analysis: StudyAnalysis, of: Pairs, measure: Measure) ->
 
 def _offs(axes: Axes, analysis: StudyAnalysis, family: str, measure: Measure, panel: int) -> None:
     tests = [t for t in analysis.pairs_of(family) if t.measure == measure]
-    published_means = _published(analysis, measure)
+    published_means = _published_means(analysis, measure)
     columns, labels = [], []
     people: list[str] = []
     for j, test in enumerate(tests):
@@ -176,7 +178,7 @@ def _score_panels(analysis: StudyAnalysis, of: Correlate, measure: Measure) -> F
     figure = new_figure(2.4 * max(len(levels), 2), 5.4)
     grid = figure.subplots(2, len(levels), sharey="row", sharex="row", squeeze=False)
     scores = scores_of(analysis.people, of.score)
-    means = aggregated(analysis.selection.counted, [measure], [of.factor])
+    means = aggregate_cells(analysis.selection.counted, [measure], [of.factor])
     for j, level in enumerate(levels):
         top, bottom = grid[0, j], grid[1, j]
         here = means[means[of.factor].astype(str) == level].set_index("participant")

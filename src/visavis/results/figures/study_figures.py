@@ -37,9 +37,9 @@ from visavis.analysis.plots.panels import (
 from visavis.analysis.report.notation import count_of
 from visavis.results.analysis import Finding, StudyAnalysis
 from visavis.results.quality import QUALITY_COLUMNS, Quality
-from visavis.results.selection import COUNTED, Selection, rule_words
+from visavis.results.selection import IS_ANALYSED, Selection, rule_words
 from visavis.study.exclusions import Exclusion
-from visavis.study.measures import aggregated
+from visavis.study.measures import aggregate_cells
 from visavis.study.texts import Texts, label_of
 
 SCALE_MARGIN_01: Final = 0.04
@@ -95,13 +95,13 @@ def _panels(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> Figure:
     axes = figure.subplots(1, len(panel_levels), sharey=True, squeeze=False)[0]
     levels = analysis.levels[x]
     labels = [label_of(texts, str(v)) for v in levels]
-    counted_rows = finding.compare.chosen(analysis.selection.counted)
-    cells = aggregated(counted_rows, [finding.measure], factors[:2])
-    outside = aggregated(
-        finding.compare.chosen(trials_of_who_is_out(analysis)), [finding.measure], factors[:2]
+    counted_rows = finding.compare.select(analysis.selection.counted)
+    cells = aggregate_cells(counted_rows, [finding.measure], factors[:2])
+    outside = aggregate_cells(
+        finding.compare.select(trials_of_who_is_out(analysis)), [finding.measure], factors[:2]
     )
-    besides = aggregated(
-        finding.compare.chosen(trials_with_left_out(analysis)), [finding.measure], factors[:2]
+    besides = aggregate_cells(
+        finding.compare.select(trials_with_left_out(analysis)), [finding.measure], factors[:2]
     )
     for ax, panel in zip(axes, panel_levels, strict=True):
         mine = cells if not panels else cells[cells[panels[0]] == panel]
@@ -134,7 +134,7 @@ def _panels(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> Figure:
 def trials_of_who_is_out(analysis: StudyAnalysis) -> pd.DataFrame:
     """Return the finished trials of participants who do not count."""
     people = analysis.selection.people
-    out = people.loc[~people[COUNTED].astype(bool), "participant"]
+    out = people.loc[~people[IS_ANALYSED].astype(bool), "participant"]
     trials = analysis.selection.finished
     their_trials: pd.DataFrame = trials[trials["participant"].isin(out)]
     return their_trials
@@ -143,9 +143,9 @@ def trials_of_who_is_out(analysis: StudyAnalysis) -> pd.DataFrame:
 def trials_with_left_out(analysis: StudyAnalysis) -> pd.DataFrame:
     """Return the finished trials of participants who count but lost some to a rule."""
     trials, people = analysis.selection.finished, analysis.selection.people
-    counts = people.loc[people[COUNTED].astype(bool), "participant"]
+    counts = people.loc[people[IS_ANALYSED].astype(bool), "participant"]
     mine = trials[trials["participant"].isin(counts)]
-    names = mine.loc[~mine[COUNTED].astype(bool), "participant"].unique()
+    names = mine.loc[~mine[IS_ANALYSED].astype(bool), "participant"].unique()
     their_trials: pd.DataFrame = mine[mine["participant"].isin(names)]
     return their_trials
 
@@ -185,7 +185,7 @@ def exclusions_figure(
     people, counts = selection.people, selection.counted
     stages = [
         Stage(
-            f"{count_of(len(people), 'participant')}, {count_of(selection.performed, 'trial')} "
+            f"{count_of(len(people), 'participant')}, {count_of(selection.row_count, 'trial')} "
             "performed",
             "\n".join(
                 f"{count_of(left.count, left.level)}: {rule_words(selection, rules, left.rule)}"

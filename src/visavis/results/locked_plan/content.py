@@ -16,7 +16,7 @@ from visavis.study.measures import Measure
 LOCK_VERSION: Final = 1
 VERSIONS: Final = "versions"
 FILE_SHA256: Final = "study_file_sha256"
-COMPARED: Final = (
+COMPARED_PARTS: Final = (
     "parameters",
     "factors",
     "measures",
@@ -114,7 +114,7 @@ def plan_content(
 def _comparisons(
     compare: Sequence[Compare], levels: dict[str, tuple[str, ...]]
 ) -> Iterator[tuple[str, dict[str, Any]]]:
-    for name, one in named(compare).items():
+    for name, one in comparisons_by_name(compare).items():
         is_in_design = {*one.within, *one.between} <= set(levels)
         about = {f.name: getattr(one, f.name) for f in fields(one)}
         del about["published"], about["pairs"]
@@ -128,7 +128,7 @@ def _comparisons(
         yield name, about
 
 
-def named(compare: Sequence[Compare]) -> dict[str, Compare]:
+def comparisons_by_name(compare: Sequence[Compare]) -> dict[str, Compare]:
     """Return comparisons by name; a number is added where several have the same name."""
     by_name: dict[str, Compare] = {}
     for one in compare:

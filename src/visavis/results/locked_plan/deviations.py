@@ -4,12 +4,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
-from visavis.results.locked_plan.content import COMPARED, FILE_SHA256, VERSIONS, named
+from visavis.results.locked_plan.content import (
+    COMPARED_PARTS,
+    FILE_SHA256,
+    VERSIONS,
+    comparisons_by_name,
+)
 from visavis.study.comparisons import Compare
 
 NOTHING: Final = "–"
-UNPLANNED: Final = "not planned"
-"""The family of comparisons that a locked plan does not name; planned ones do not pay for them."""
+UNPLANNED_FAMILY: Final = "not planned"
+"""The family of comparisons that a locked plan does not name. They do not change the correction of
+planned ones."""
 _PART: Final[Mapping[str, str]] = {
     "parameters": "parameter", "factors": "factor", "measures": "measure",
     "comparisons": "comparison", "families": "family", "tests": "test rule",
@@ -21,7 +27,7 @@ _PART: Final[Mapping[str, str]] = {
 class Deviation:
     """One deviation: what it concerns, as planned, as done, and `since` when.
 
-    `part` is one of COMPARED, "sample" or "study file"; `name` what it concerns.
+    `part` is one of COMPARED_PARTS, "sample" or "study file"; `name` what it concerns.
     """
 
     part: str
@@ -41,15 +47,15 @@ class Deviation:
         return self.part in ("comparisons", "families") and self.planned == NOTHING
 
 
-def deviations_between(
-    planned: Mapping[str, Any], done: Mapping[str, Any]
-) -> tuple[Deviation, ...]:
+def deviations_between(plan: Mapping[str, Any], actual: Mapping[str, Any]) -> tuple[Deviation, ...]:
     """Return every difference between two contents of `plan_content`.
 
     A changed study file is reported only where nothing else differs, versions aside.
     """
-    deviations = tuple(d for part in COMPARED for d in differing(part, planned[part], done[part]))
-    before, after = str(planned[FILE_SHA256]), str(done[FILE_SHA256])
+    deviations = tuple(
+        d for part in COMPARED_PARTS for d in differing(part, plan[part], actual[part])
+    )
+    before, after = str(plan[FILE_SHA256]), str(actual[FILE_SHA256])
     in_file = any(d.part != VERSIONS for d in deviations)
     if before != after and before and after and not in_file:
         about = "(what is shown or said)"
@@ -57,24 +63,24 @@ def deviations_between(
     return deviations
 
 
-def differing(part: str, planned: Any, done: Any) -> Iterator[Deviation]:
+def differing(part: str, plan: Any, actual: Any) -> Iterator[Deviation]:
     """Yield the differences within one part of a content, name by name."""
-    if not isinstance(planned, Mapping):
-        if planned != done:
-            yield Deviation(part, "", _said(planned), _said(done))
+    if not isinstance(plan, Mapping):
+        if plan != actual:
+            yield Deviation(part, "", _as_text(plan), _as_text(actual))
         return
-    for name in dict.fromkeys((*planned, *done)):
-        if name not in planned or name not in done:
-            before, after = planned.get(name), done.get(name)
+    for name in dict.fromkeys((*plan, *actual)):
+        if name not in plan or name not in actual:
+            before, after = plan.get(name), actual.get(name)
             yield Deviation(part, str(name), _in_short(before), _in_short(after))
-        elif not isinstance(planned[name], Mapping):
-            if planned[name] != done[name]:
-                yield Deviation(part, str(name), _said(planned[name]), _said(done[name]))
+        elif not isinstance(plan[name], Mapping):
+            if plan[name] != actual[name]:
+                yield Deviation(part, str(name), _as_text(plan[name]), _as_text(actual[name]))
         else:
-            for key in dict.fromkeys((*planned[name], *done[name])):
-                before, after = planned[name].get(key), done[name].get(key)
+            for key in dict.fromkeys((*plan[name], *actual[name])):
+                before, after = plan[name].get(key), actual[name].get(key)
                 if before != after:
-                    yield Deviation(part, f"{name}: {key}", _said(before), _said(after))
+                    yield Deviation(part, f"{name}: {key}", _as_text(before), _as_text(after))
 
 
 def _in_short(value: Any) -> str:
@@ -82,28 +88,30 @@ def _in_short(value: Any) -> str:
         return NOTHING
     if isinstance(value, Mapping):
         summary = value.get("test") or value.get("words") or value.get("limit")
-        return "there" if summary is None else _said(summary)
-    return _said(value)
+        return "there" if summary is None else _as_text(summary)
+    return _as_text(value)
 
 
-def _said(value: Any) -> str:
+def _as_text(value: Any) -> str:
     if value is None or value == "":
         return NOTHING
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, list):
-        return ", ".join(map(_said, value)) or NOTHING
+        return ", ".join(map(_as_text, value)) or NOTHING
     if isinstance(value, Mapping):
-        return ", ".join(f"{k} {_said(v)}" for k, v in value.items()) or NOTHING
+        return ", ".join(f"{k} {_as_text(v)}" for k, v in value.items()) or NOTHING
     return str(value)
 
 
-def marked(compare: Sequence[Compare], planned: Mapping[str, Any]) -> tuple[Compare, ...]:
+def mark_exploratory(compare: Sequence[Compare], plan: Mapping[str, Any]) -> tuple[Compare, ...]:
     """Return comparisons; those that a locked plan does not name are marked as exploratory.
 
     These form a family of their own, so that planned comparisons are corrected as planned.
     """
     return tuple(
-        one if name in planned["comparisons"] else replace(one, exploratory=True, family=UNPLANNED)
-        for name, one in named(compare).items()
+        one
+        if name in plan["comparisons"]
+        else replace(one, exploratory=True, family=UNPLANNED_FAMILY)
+        for name, one in comparisons_by_name(compare).items()
     )

@@ -42,14 +42,14 @@ class Peek:
 class PlanReview:
     """The locked plan of a study, the deviations from it and the exploratory comparisons.
 
-    `carried` of the `recorded` sessions have the plan's hash in their manifest.
+    `sessions_with_hash` of the `session_count` sessions have the plan's hash in their manifest.
     """
 
     locked: LockedPlan
     deviations: tuple[Deviation, ...]
     exploratory: tuple[str, ...]
-    carried: int
-    recorded: int
+    sessions_with_hash: int
+    session_count: int
     peeks: tuple[Peek, ...] = ()
 
     def lines(self) -> tuple[str, ...]:
@@ -74,13 +74,13 @@ class PlanReview:
 
 def review_of(
     locked: LockedPlan,
-    done: Mapping[str, Any],
+    actual: Mapping[str, Any],
     manifests: Sequence[Manifest],
     peeks: Sequence[Peek] = (),
 ) -> PlanReview:
     """Compare an analysis and its sessions with a locked plan.
 
-    `done` is the content of `plan_content` as analysed now. A deviation dates from the first
+    `actual` is the content of `plan_content` as analysed now. A deviation dates from the first
     session that recorded it. One that no session recorded belongs to this analysis.
     """
     by_time = sorted(manifests, key=lambda m: m.created_wall_iso)
@@ -88,7 +88,7 @@ def review_of(
     for manifest in by_time:
         for deviation in recorded_deviations(manifest):
             first.setdefault(deviation, _whose(manifest))
-    differences = deviations_between(locked.plan, done)
+    differences = deviations_between(locked.plan, actual)
     besides = tuple(d.name for d in differences if d.is_exploratory)
     deviations = [d for d in differences if not d.is_exploratory]
     now = [replace(d, since=first.pop(d, IN_ANALYSIS)) for d in deviations]
@@ -97,7 +97,7 @@ def review_of(
         for d, since in first.items()
         if not d.is_exploratory
     ]
-    with_hash = [m for m in by_time if hash_carried(m) == locked.sha256]
+    with_hash = [m for m in by_time if hash_of_plan(m) == locked.sha256]
     without = [m for m in by_time if m not in with_hash]
     more = list(_about_sample(locked, len({m.participant for m in manifests})))
     if without:
@@ -111,21 +111,21 @@ def review_of(
     )
 
 
-def hash_carried(manifest: Manifest) -> str:
+def hash_of_plan(manifest: Manifest) -> str:
     """Return the hash of the locked plan in a session's manifest; empty without one."""
-    return str(_carried(manifest).get("sha256", ""))
+    return str(_plan_entry(manifest).get("sha256", ""))
 
 
 def recorded_deviations(manifest: Manifest) -> tuple[Deviation, ...]:
     """Return the deviations from the locked plan at the beginning of a session."""
-    entries = _carried(manifest).get("deviations", [])
+    entries = _plan_entry(manifest).get("deviations", [])
     return tuple(
         Deviation(str(d["part"]), str(d["name"]), str(d["planned"]), str(d["done"]))
         for d in entries
     )
 
 
-def _carried(manifest: Manifest) -> Mapping[str, Any]:
+def _plan_entry(manifest: Manifest) -> Mapping[str, Any]:
     entry = manifest.configuration.get(CONFIGURATION_KEY)
     return entry if isinstance(entry, Mapping) else {}
 
@@ -155,8 +155,9 @@ def review_section(review: PlanReview) -> Section:
         Paragraph(
             f"The plan was locked on {locked_plan.locked_at[:10]}, {before} "
             f"(SHA-256 {locked_plan.sha256}). "
-            f"{review.carried} of {count_of(review.recorded, 'session')} bear its hash. Planned "
-            f"were {locked_plan.participants} participants. {locked_plan.rule}".strip()
+            f"{review.sessions_with_hash} of {count_of(review.session_count, 'session')} bear its "
+            f"hash. Planned were {locked_plan.participants} participants. "
+            f"{locked_plan.rule}".strip()
         ),
         Table(
             (Column("Planned comparison"), Column("Test"), Column("Done")),

@@ -37,7 +37,7 @@ from visavis.results.family_tests import (
 from visavis.results.figures.family_figures import figure_names
 from visavis.study.pairs import Printed
 
-HERE, PRINTED = "This study", "Published"
+HERE, SOURCE = "This study", "Published"
 ARROWS = {1: "↗", -1: "↘"}
 
 
@@ -65,7 +65,7 @@ def family_verdicts(analysis: StudyAnalysis) -> tuple[Verdict, ...]:
     return tuple(verdicts)
 
 
-FITTED: Final = (
+FITTED_NOTE: Final = (
     " The people are simulated and fitted to the published study: agreement shows that recording "
     "and analysis work, and is no evidence about people."
 )
@@ -77,8 +77,10 @@ def agreement_table(analysis: StudyAnalysis) -> Table | None:
     for family in analysis.families():
         tests = analysis.tests_of(family)
         count = count_agreement(tests)
-        if count.published:
-            where = dict.fromkeys(t.printed.where for t in tests if t.printed is not None)
+        if count.published_count:
+            where = dict.fromkeys(
+                t.published_result.where for t in tests if t.published_result is not None
+            )
             words = next(r.of.words for r in analysis.results if r.of.family == family)
             rows.append((words or family, str(count), ", ".join(filter(None, where))))
     if not rows:
@@ -95,7 +97,7 @@ def agreement_table(analysis: StudyAnalysis) -> Table | None:
 
 def fitted_note(analysis: StudyAnalysis) -> str:
     """Return what agreement with a source means where people are simulated; else an empty text."""
-    return FITTED if analysis.is_simulated else ""
+    return FITTED_NOTE if analysis.is_simulated else ""
 
 
 def family_sections(
@@ -143,7 +145,7 @@ def _robustness(analysis: StudyAnalysis) -> tuple[Section, ...]:
 def _pair_table(tests: Sequence[PairTest]) -> Table:
     """Return the tests of two levels, one row per measure (and place)."""
     of, first, second = tests[0].of, tests[0].first, tests[0].second
-    beside = any(t.printed is not None for t in tests)
+    beside = any(t.published_result is not None for t in tests)
     columns = [
         Column("Measure"),
         Column(first, "right", HERE),
@@ -158,19 +160,21 @@ def _pair_table(tests: Sequence[PairTest]) -> Table:
     ]
     if beside:
         columns += [
-            Column(f"t, {first} − {second}", "right", PRINTED),
-            Column("p", "right", PRINTED),
-            Column("", "tight", PRINTED),
-            Column("η²p", "right", PRINTED),
+            Column(f"t, {first} − {second}", "right", SOURCE),
+            Column("p", "right", SOURCE),
+            Column("", "tight", SOURCE),
+            Column("η²p", "right", SOURCE),
             Column("Verdict", "centre"),
         ]
     rows = tuple((*_pair_cells(t), *(_printed_cells(t) if beside else ())) for t in tests)
     stars = [threshold(tests[0].threshold / divisor) for divisor in (1, 5, 50)]
-    where = ", ".join(dict.fromkeys(t.printed.where for t in tests if t.printed is not None))
+    where = ", ".join(
+        dict.fromkeys(t.published_result.where for t in tests if t.published_result is not None)
+    )
     return Table(
         tuple(columns),
         rows,
-        f"{first} against {second}: {of.called(first)} and {of.called(second)}",
+        f"{first} against {second}: {of.level_words(first)} and {of.level_words(second)}",
         "Mean (SD) over participants who have both values. "
         f"* p < {stars[0]}, ** p < {stars[1]}, *** p < {stars[2]} (alpha shared by "
         f"{count_of(tests[0].n_tests, 'test')}). t: paired t test with dz; V: Wilcoxon signed-rank "
@@ -222,7 +226,7 @@ def _pair_cells(test: PairTest) -> tuple[Cell | str, ...]:
 
 
 def _printed_cells(test: PairTest) -> tuple[Cell, ...]:
-    printed_result = test.printed or Printed(False)
+    printed_result = test.published_result or Printed(False)
     wilcoxon = printed_result.is_wilcoxon
     return (
         Cell("wilc." if wilcoxon else decimal(printed_result.statistic), "weak"),
@@ -233,27 +237,27 @@ def _printed_cells(test: PairTest) -> tuple[Cell, ...]:
     )
 
 
-def verdict_cell(found: Agreement | None) -> Cell:
+def verdict_cell(verdicts: Agreement | None) -> Cell:
     """Return a cell that compares our verdict with the published one."""
-    if found is None:
+    if verdicts is None:
         return Cell(MISSING, "weak")
-    if found.ours is not None and not found.is_decidable:
+    if verdicts.ours is not None and not verdicts.is_decidable:
         return Cell(
             "? undecided", "weak", "with so few participants the test cannot reach its threshold"
         )
-    if found.agrees is None:
+    if verdicts.agrees is None:
         return Cell("not tested", "weak")
-    if found.agrees:
+    if verdicts.agrees:
         return Cell("✓ same", "agree")
-    if found.published and found.ours:
+    if verdicts.published_significant and verdicts.ours:
         return Cell("✗ opposite", "differ")
-    return Cell("✗ only publ." if found.published else "✗ only here", "differ")
+    return Cell("✗ only publ." if verdicts.published_significant else "✗ only here", "differ")
 
 
 def _correlation_table(tests: Sequence[CorrelationTest]) -> Table:
     """Return the coefficients, one row per measure and a group of columns per level."""
     levels = list(dict.fromkeys(t.level for t in tests))
-    beside = any(t.printed is not None for t in tests)
+    beside = any(t.published_result is not None for t in tests)
     columns = [Column("Measure")]
     for level in levels:
         columns += [Column("rs", "right", level), Column("p", "right", level)]
@@ -271,7 +275,7 @@ def _correlation_table(tests: Sequence[CorrelationTest]) -> Table:
                 p = Cell(probability(test.outcome.p), "strong" if test.is_significant else "")
                 row += [Cell(fraction(test.outcome.r), hint=test.sentence()), p]
             if beside:
-                printed_result, verdict = test.printed, verdict_cell(agreement(test))
+                printed_result, verdict = test.published_result, verdict_cell(agreement(test))
                 unknown = printed_result is None or printed_result.r is None
                 text = "n.s." if unknown else fraction(getattr(printed_result, "r", None))
                 row += [Cell(text, "weak"), Cell(verdict.text[:1], verdict.mark, verdict.text)]
@@ -297,13 +301,13 @@ def _sensitivity_table(analysis: StudyAnalysis) -> Table:
     """Return the first tests of the family for other paddings and minimum durations."""
     rows: list[tuple[Any, ...]] = []
     columns = [Column("Padding (°)", "right"), Column("Minimum fixation (ms)", "right")]
-    for test in analysis.sensitivity[0].shown:
+    for test in analysis.sensitivity[0].first_tests:
         group = test.measure.axis
         columns += [Column(n, "right", group) for n in (test.first, test.second, "p")]
     columns += [Column("Significant", "right"), Column("Verdict as in the main analysis", "right")]
     for r in analysis.sensitivity:
         cells: list[str] = []
-        for test in r.shown:
+        for test in r.first_tests:
             means = (test.first_mean, test.second_mean)
             cells += [decimal(mean, test.measure.digits) for mean in means]
             cells.append(probability(test.outcome.p if test.outcome else None))

@@ -11,7 +11,7 @@ from visavis.study.experiment import StudyExperiment
 from visavis.study.look_measures import MeasureParameters
 from visavis.study.pairs import Correlate, Pairs
 from visavis.study.responses import Rating, Response
-from visavis.study.texts import Texts, label_in_unit, label_of, shown
+from visavis.study.texts import Texts, format_value, label_in_unit, label_of
 from visavis.study.trial import TrialScript
 
 
@@ -24,10 +24,10 @@ def method_paragraphs(analysis: StudyAnalysis, experiment: StudyExperiment) -> t
     every = (
         *own_methods(experiment),
         _procedure(experiment),
-        _measured(analysis),
+        _measures_paragraph(analysis),
         *looks,
-        _excluded(analysis),
-        _compared(analysis, experiment.texts),
+        _exclusions_paragraph(analysis),
+        _comparisons_paragraph(analysis, experiment.texts),
         *_families(analysis),
     )
     return tuple(filter(None, every))
@@ -35,7 +35,7 @@ def method_paragraphs(analysis: StudyAnalysis, experiment: StudyExperiment) -> t
 
 def own_methods(experiment: StudyExperiment) -> tuple[str, ...]:
     """Return the paragraphs that need no analysis: the study's own words, its design."""
-    values = {k: shown(v) for k, v in experiment.parameters.items()}
+    values = {k: format_value(v) for k, v in experiment.parameters.items()}
     own = experiment.study.report.methods.format_map(values)
     parts = (p.strip() for p in own.split("\n\n") if p.strip())
     return (*parts, _design(experiment))
@@ -82,13 +82,13 @@ def _procedure(experiment: StudyExperiment) -> str:
             f"the scene {scene_name.replace('_', ' ')}"
             + (f" ({options_text})" if options_text else "")
         )
-    questions = [_asked(experiment, response) for response in experiment.responses.values()]
+    questions = [_question_text(experiment, response) for response in experiment.responses.values()]
     parts = [f"Trials showed {' and '.join(scene_texts)}." if scene_texts else ""]
     parts.append(f"Participants were asked: {'; '.join(questions)}." if questions else "")
     return " ".join(filter(None, parts))
 
 
-def _asked(experiment: StudyExperiment, response: Response) -> str:
+def _question_text(experiment: StudyExperiment, response: Response) -> str:
     """Return a question in the participants' words, with its scale or options."""
     cell = dict(next(iter(experiment.read)))
     script = TrialScript(Trial("T1", 1, 0, False, cell, 1), experiment.settings)
@@ -103,8 +103,8 @@ def _blocks(count: int) -> str:
     return "one block" if count == 1 else f"{count} blocks"
 
 
-def _measured(analysis: StudyAnalysis) -> str:
-    used = dict.fromkeys(
+def _measures_paragraph(analysis: StudyAnalysis) -> str:
+    measures = dict.fromkeys(
         (
             *(f.measure for f in analysis.findings),
             *(t.measure for r in analysis.results for t in r.tests),
@@ -112,7 +112,7 @@ def _measured(analysis: StudyAnalysis) -> str:
     )
     words = [
         f"{m.words[:1].lower()}{m.words[1:]} ({m.column}, {m.aggregate} over the trials of a cell)"
-        for m in used
+        for m in measures
     ]
     return f"Measures were {'; '.join(words)}." if words else "No measure was compared."
 
@@ -133,7 +133,7 @@ def _looks(rules: MeasureParameters) -> str:
     )
 
 
-def _excluded(analysis: StudyAnalysis) -> str:
+def _exclusions_paragraph(analysis: StudyAnalysis) -> str:
     selection = analysis.selection
     exclusions = selection.applied(analysis.study.analysis.exclusions)
     rules = [
@@ -147,14 +147,16 @@ def _excluded(analysis: StudyAnalysis) -> str:
     )
 
 
-def _compared(analysis: StudyAnalysis, texts: Texts) -> str:
+def _comparisons_paragraph(analysis: StudyAnalysis, texts: Texts) -> str:
     parts = []
     for finding in analysis.findings:
         title = "not tested" if finding.outcome is None else finding.outcome.title
         how = finding.compare.correction
         of = f"the family “{finding.compare.family}”"
         family = f", {ADJUSTMENT_NAME.get(how, how)} over {of}" if how != "none" else ""
-        parts.append(f"{spoken(finding, texts)}: {title} (α = {finding.compare.alpha:g}{family})")
+        parts.append(
+            f"{comparison_words(finding, texts)}: {title} (α = {finding.compare.alpha:g}{family})"
+        )
     with_outcome = [f for f in analysis.findings if f.outcome is not None]
     is_art = any(
         f.compare.test == f.compare.model == "" and _factor_count(f) > 1 for f in with_outcome
@@ -202,7 +204,7 @@ def _families(analysis: StudyAnalysis) -> Iterator[str]:
         yield f"Families of tests: {'; '.join(dict.fromkeys(parts))}."
 
 
-def spoken(finding: Finding, texts: Texts) -> str:
+def comparison_words(finding: Finding, texts: Texts) -> str:
     """Return the name of a comparison in sentences: measure, factors and selected levels."""
     words = finding.measure.words
     factors = " × ".join(

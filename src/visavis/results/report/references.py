@@ -82,10 +82,13 @@ def references_of(analysis: StudyAnalysis, *, with_gaze: bool) -> tuple[Referenc
         references += [HOLM]
     study = analysis.study
     source = () if study.report.source is None else (study.report.source.citation,)
-    return (*references, *(_quoted(t) for t in dict.fromkeys((*study.report.references, *source))))
+    return (
+        *references,
+        *(_reference_from_text(t) for t in dict.fromkeys((*study.report.references, *source))),
+    )
 
 
-def _quoted(text: str) -> Reference:
+def _reference_from_text(text: str) -> Reference:
     year = re.search(r"\b(?:19|20)\d\d\b", text)
     words = re.findall(r"[A-Za-zÀ-ÿ]{3,}", text)
     key = f"{words[0].lower() if words else 'work'}{year.group() if year else ''}"

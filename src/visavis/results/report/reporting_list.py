@@ -67,7 +67,7 @@ WHY_NOT: Mapping[str, str] = {
 
 
 @dataclass(frozen=True)
-class Kept:
+class ExclusionCounts:
     """How many people and trials there were, how many of them were excluded, by which limits."""
 
     people: int
@@ -104,7 +104,7 @@ def stamp_rule(looks: LookParameters) -> str:
 
 
 def reporting_table(
-    kept: Kept,
+    counts: ExclusionCounts,
     quality: Quality,
     provenance: ReportProvenance,
     measures: MeasureParameters = DEFAULT_MEASURE_PARAMETERS,
@@ -133,11 +133,11 @@ def reporting_table(
         *((f"Data loss with {name}", share) for name, share in losses),
         (
             "Participants excluded, with reasons",
-            f"{kept.people_out} of {kept.people}; see {WHO_WAS_LEFT_OUT}",
+            f"{counts.people_out} of {counts.people}; see {WHO_WAS_LEFT_OUT}",
         ),
         (
             "Trials excluded, with reasons",
-            f"{kept.trials_out} of {kept.trials}; see {WHO_WAS_LEFT_OUT}",
+            f"{counts.trials_out} of {counts.trials}; see {WHO_WAS_LEFT_OUT}",
         ),
         (
             "Areas of interest",
@@ -160,7 +160,7 @@ def reporting_table(
         ),
         (
             "Exclusion limits, set before analysis",
-            kept.limits,
+            counts.limits,
         ),
         ("Analysis software", ", ".join(f"{k} {v}" for k, v in provenance.versions.items())),
         ("Recordings: SHA-256 of all together", _hash_of_all(provenance)),
@@ -181,13 +181,13 @@ def reporting_table(
     )
 
 
-def _setup_cell(key: str, recorded: Mapping[str, str], given: Mapping[str, str]) -> Cell:
+def _setup_cell(key: str, facts: Mapping[str, str], setup: Mapping[str, str]) -> Cell:
     """Return an item's answer. The lab's own is complete, a recording's may be partial."""
-    if given.get(key):
-        return Cell(given[key])
-    answer = recorded.get(key, "")
+    if setup.get(key):
+        return Cell(setup[key])
+    answer = facts.get(key, "")
     if key == "viewing":
-        whole = [part for part in (answer, recorded.get("distances", "")) if part]
+        whole = [part for part in (answer, facts.get("distances", "")) if part]
         if answer or not whole:
             return Cell("; ".join(whole)) if whole else _missing(key)
         return Cell(f"{whole[0]}; posture and head restraint: {FILL_IN}", "differ")

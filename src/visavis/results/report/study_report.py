@@ -40,14 +40,14 @@ from visavis.results.report.family_report import (
     fitted_note,
     verdict_cell,
 )
-from visavis.results.report.methods import method_paragraphs, spoken
-from visavis.results.report.reporting_list import Kept, reporting_table
+from visavis.results.report.methods import comparison_words, method_paragraphs
+from visavis.results.report.reporting_list import ExclusionCounts, reporting_table
 from visavis.results.selection import rule_words
-from visavis.results.unusual import VIEWS, looks_table, striking_trials
+from visavis.results.unusual import VIEWS, looks_table, unusual_trials
 from visavis.study.comparisons import trials_of
 from visavis.study.experiment import StudyExperiment
 from visavis.study.look_measures import LooksOn
-from visavis.study.measures import aggregated
+from visavis.study.measures import aggregate_cells
 from visavis.study.texts import Texts, label_in_unit, label_of
 
 REPORT_NAME: Final = "report.html"
@@ -119,9 +119,9 @@ def _by_group(analysis: StudyAnalysis) -> str:
     return f" ({', '.join(parts)})" if parts else ""
 
 
-def picture_of(drawn: ReportFigure) -> Picture:
+def picture_of(figure: ReportFigure) -> Picture:
     """Return a figure as a block of a report."""
-    return Picture(svg_for_page(drawn), drawn.title, drawn.caption, drawn.alternative)
+    return Picture(svg_for_page(figure), figure.title, figure.caption, figure.alternative)
 
 
 def _summary(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
@@ -204,8 +204,8 @@ def _direction(
     if len(factors) != 1 or len(analysis.levels[factors[0]]) != 2:
         return None
     column = finding.measure.column
-    counted_rows = finding.compare.chosen(analysis.selection.counted)
-    cells = aggregated(counted_rows, [finding.measure], factors)
+    counted_rows = finding.compare.select(analysis.selection.counted)
+    cells = aggregate_cells(counted_rows, [finding.measure], factors)
     means = cells.groupby(factors[0])[column].mean()
     one, other = analysis.levels[factors[0]]
     if one not in means or other not in means or means[one] == means[other]:
@@ -256,7 +256,7 @@ def _beside_published(analysis: StudyAnalysis, texts: Texts) -> Table | None:
         for factor, levels in analysis.levels.items():
             if not set(map(str, levels)) >= set(cells):
                 continue
-            means = aggregated(counted_rows, [measure], [factor])
+            means = aggregate_cells(counted_rows, [measure], [factor])
             for level, (mean, sd) in cells.items():
                 ours = means.loc[means[factor].astype(str) == level, column].to_numpy(float)
                 here = _mean_sd(ours, measure.digits)
@@ -277,12 +277,12 @@ def _beside_published(analysis: StudyAnalysis, texts: Texts) -> Table | None:
             misfits += printed_result.misfits
         for contrast in finding.contrasts:
             beside = contrast.agreement
-            if beside is not None and contrast.printed is not None:
+            if beside is not None and contrast.published_result is not None:
                 rows.append(
                     (
                         f"{finding.measure.words}, {contrast.name}",
                         f"p {_p(contrast.p)}",
-                        str(contrast.printed),
+                        str(contrast.published_result),
                         verdict_cell(beside),
                     )
                 )
@@ -314,12 +314,12 @@ def _mean_sd(values: Values, digits: int = 2) -> str:
     return mean_sd(float(finite.mean()), sd, digits)
 
 
-def _off(ours: Values, printed: float) -> str:
+def _off(ours: Values, published_mean: float) -> str:
     """Return how far a mean lies from the published one, as a signed share of it."""
     finite = ours[np.isfinite(ours)]
-    if finite.size == 0 or printed == 0:
+    if finite.size == 0 or published_mean == 0:
         return ""
-    text = percentage(float(finite.mean()) / printed - 1, 0)
+    text = percentage(float(finite.mean()) / published_mean - 1, 0)
     return text if text[:1] in "-−0" else f"+{text}"
 
 
@@ -360,7 +360,7 @@ def _nobody_has(measures: Sequence[str]) -> Paragraph:
 
 
 def _tests(finding: Finding, texts: Texts) -> list[Block]:
-    name = spoken(finding, texts)
+    name = comparison_words(finding, texts)
     if finding.outcome is None:
         return [Paragraph(f"{name[:1].upper()}{name[1:]}: not tested, {finding.why_not}.")]
     outcome = finding.outcome
@@ -412,7 +412,7 @@ def _quality(
 ) -> Section:
     looks = analysis.study.analysis.looks
     rules = looks[0].rules({"parameters": experiment.parameters}) if looks else LooksOn().rules({})
-    selection, exclusion_counts = analysis.selection, kept_of(analysis)
+    selection, exclusion_counts = analysis.selection, exclusion_counts_of(analysis)
     checklist = reporting_table(
         exclusion_counts,
         quality,
@@ -462,7 +462,7 @@ def _losses(analysis: StudyAnalysis, texts: Texts) -> list[tuple[str, str]]:
     return losses
 
 
-def kept_of(analysis: StudyAnalysis) -> Kept:
+def exclusion_counts_of(analysis: StudyAnalysis) -> ExclusionCounts:
     """Return the numbers and limits of exclusions, for the reporting list."""
     selection = analysis.selection
     limits = "; ".join(
@@ -470,7 +470,7 @@ def kept_of(analysis: StudyAnalysis) -> Kept:
         for rule in selection.applied(analysis.study.analysis.exclusions)
     )
     trials = selection.finished
-    return Kept(
+    return ExclusionCounts(
         len(selection.people),
         int((~selection.people["is_analysed"].astype(bool)).sum()),
         len(trials),
@@ -494,7 +494,7 @@ def _people(
         if len(ages):
             blocks.append(Paragraph(f"Age {_mean_sd(ages, AGE_DIGITS)} years."))
     for questionnaire in questionnaires:
-        blocks += _said(questionnaire, people)
+        blocks += _answer_blocks(questionnaire, people)
     blocks += [
         Paragraph(_answered_by(analysis, name))
         for name in experiment.responses
@@ -519,14 +519,14 @@ def _people(
         )
         heads = tuple(Column(h) for h in ("Participant", "Trial", "Status", "Reason"))
         blocks.append(Fold("Interrupted and skipped trials", (Table(heads, trial_rows, "Trials"),)))
-    blocks += _flagged(analysis.selection.rows)
-    blocks += _happened(provenance)
-    looks = looks_table(striking_trials(analysis), provenance.folder, out_dir / VIEWS)
+    blocks += _flag_table(analysis.selection.rows)
+    blocks += _incident_table(provenance)
+    looks = looks_table(unusual_trials(analysis), provenance.folder, out_dir / VIEWS)
     blocks += [] if looks is None else [Fold(f"{looks.caption}: {len(looks.rows)}", (looks,))]
     return Section("people", "Participants", tuple(blocks))
 
 
-def _flagged(rows: pd.DataFrame) -> Iterator[Block]:
+def _flag_table(rows: pd.DataFrame) -> Iterator[Block]:
     """Yield a table of the flags that devices and operators set, with numbers of trials and people.
 
     Practice trials are not counted, as they are not analysed.
@@ -555,7 +555,7 @@ def _flagged(rows: pd.DataFrame) -> Iterator[Block]:
         )
 
 
-def _happened(provenance: ReportProvenance) -> Iterator[Block]:
+def _incident_table(provenance: ReportProvenance) -> Iterator[Block]:
     """Yield what happened between trials: pauses with their reasons, sessions that broke off."""
     rows = tuple(
         (source.participant, source.session, one.where, one.what, one.why or "no reason given")
@@ -568,13 +568,13 @@ def _happened(provenance: ReportProvenance) -> Iterator[Block]:
         yield Fold(f"{table.caption}: {len(rows)}", (table,))
 
 
-def _said(asked: Questionnaire, people: pd.DataFrame) -> Iterator[Block]:
+def _answer_blocks(questionnaire: Questionnaire, people: pd.DataFrame) -> Iterator[Block]:
     """Yield how often each option was chosen, and the answers in free words.
 
     A questionnaire with scores shows these first; its questions are then folded.
     """
     sentences = []
-    for question in asked.questions():
+    for question in questionnaire.questions():
         name = question.question_id
         if name not in people:
             continue
@@ -597,25 +597,25 @@ def _said(asked: Questionnaire, people: pd.DataFrame) -> Iterator[Block]:
             counts["no answer"] = len(answers) - sum(counts.values())
             tally = ", ".join(f"{label} {n}" for label, n in counts.items() if n)
             sentences.append(f"{question.prompt} {tally}.")
-    if asked.scores:
-        yield from _scores(asked, people)
-        title = f"{asked.title}: every answer, {count_of(len(sentences), 'question')}"
+    if questionnaire.scores:
+        yield from _scores(questionnaire, people)
+        title = f"{questionnaire.title}: every answer, {count_of(len(sentences), 'question')}"
         yield from [Fold(title, (Bullets(tuple(sentences)),))] if sentences else []
     else:
         yield from map(Paragraph, sentences)
 
 
-def _scores(asked: Questionnaire, people: pd.DataFrame) -> Iterator[Table]:
+def _scores(questionnaire: Questionnaire, people: pd.DataFrame) -> Iterator[Table]:
     rows = []
-    for name in asked.scores:
-        column = f"{asked.name}_{name}"
+    for name in questionnaire.scores:
+        column = f"{questionnaire.name}_{name}"
         values = pd.to_numeric(people[column], errors="coerce") if column in people else None
         if values is not None and values.notna().any():
             n = str(int(values.notna().sum()))
             rows.append((name.replace("_", " "), _mean_sd(values.to_numpy(float), SCORE_DIGITS), n))
     if rows:
         heads = (Column("Score"), Column("Mean (SD)", "right"), Column("People", "right"))
-        yield Table(heads, tuple(rows), f"{asked.title}: scores")
+        yield Table(heads, tuple(rows), f"{questionnaire.title}: scores")
 
 
 def _answered_by(analysis: StudyAnalysis, response: str) -> str:

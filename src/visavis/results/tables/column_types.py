@@ -1,4 +1,4 @@
-"""One type per column of a table, whatever the data of a study are.
+"""One fixed type for each column of a table, independent of the data.
 
 Inferred types change with the data: an integer column becomes a float with its first missing
 value, a flag nobody set becomes an object. Fixed types let two studies' tables be concatenated.
@@ -49,7 +49,7 @@ def column_type(column: Column) -> str:
     return "boolean" if name in _FLAGS or name.startswith("is_") else "string"
 
 
-def typed(table: pd.DataFrame, columns: Mapping[str, Column]) -> pd.DataFrame:
+def with_column_types(table: pd.DataFrame, columns: Mapping[str, Column]) -> pd.DataFrame:
     """Return a table with the types of its dictionary; columns it does not name stay.
 
     Raises DataError naming a column whose values do not fit its type.

@@ -13,13 +13,13 @@ from visavis.protocol.plan.columns import ENGINE_COLUMNS, Column, read_columns
 from visavis.protocol.plan.questionnaires import Questionnaire, score_range
 from visavis.recording.csv_file import note_escaped_columns, write_csv
 from visavis.results.picture_delay import LATE
-from visavis.study.exclusions import ANSWERED
+from visavis.study.exclusions import ANSWERED_COLUMN
 from visavis.study.experiment import StudyExperiment
 from visavis.study.films import film_columns
 from visavis.study.look_measures import LOOK_COLUMNS
 from visavis.study.measures import Measure
 
-ANALYSED: Final = (
+ANALYSED_COLUMNS: Final = (
     Column("is_analysed", "", "the trial counts in means and tests"),
     Column("left_out_because", "", "why it does not count; empty where it does"),
 )
@@ -30,7 +30,9 @@ PEOPLE: Final = (
     Column("bad_trials_01", "1", "share of the finished trials that were left out"),
     Column("smallest_cell_trials", "1", "trials that count in the emptiest cell"),
     Column("smallest_cell_01", "1", "their share of the trials planned for a cell"),
-    Column(ANSWERED, "1", "share of the questionnaires' required questions that were answered"),
+    Column(
+        ANSWERED_COLUMN, "1", "share of the questionnaires' required questions that were answered"
+    ),
     Column("calibration_error_deg", "deg", "mean error over the validations of these trials"),
     Column("end_accuracy_deg", "deg", "mean error of the validation after the last trial"),
     Column("drift_deg", "deg", "error after the last trial minus that before; positive: worse"),
@@ -45,7 +47,7 @@ STATISTICS: Final = read_columns(Path(__file__).with_name("statistics_columns.cs
 
 def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> dict[str, Column]:
     """Return the descriptions of the columns of a study's trial table, by name."""
-    columns = {c.name: c for c in (*ENGINE_COLUMNS, *ANALYSED, LATE)}
+    columns = {c.name: c for c in (*ENGINE_COLUMNS, *ANALYSED_COLUMNS, LATE)}
     for factor in experiment.study.design.factors:
         levels = ", ".join(map(str, factor.levels))
         kind = "between" if factor.between else "within"
@@ -146,7 +148,7 @@ def block_columns(questionnaires: Sequence[Questionnaire]) -> dict[str, Column]:
 
 
 def write_table(
-    table: pd.DataFrame, known: dict[str, Column], path: Path, *, scenes: bool = False
+    table: pd.DataFrame, descriptions: dict[str, Column], path: Path, *, scenes: bool = False
 ) -> tuple[Path, Path]:
     """Write a table as CSV with the JSON dictionary of its columns, as BIDS sidecars are.
 
@@ -155,7 +157,7 @@ def write_table(
     """
     entries: dict[str, dict[str, Any]] = {}
     for name in map(str, table.columns):
-        column = known.get(name) or (scene_column(name) if scenes else None)
+        column = descriptions.get(name) or (scene_column(name) if scenes else None)
         if column is None:
             raise DataError(f"column {name!r} of {path.name} is not described")
         entries[name] = {"Description": column.description}
@@ -170,6 +172,6 @@ def write_table(
     return path, sidecar
 
 
-def undescribed(columns: Iterable[str], known: dict[str, Column]) -> tuple[str, ...]:
+def undescribed_columns(columns: Iterable[str], descriptions: dict[str, Column]) -> tuple[str, ...]:
     """Return the columns that nothing describes."""
-    return tuple(c for c in columns if c not in known and scene_column(c) is None)
+    return tuple(c for c in columns if c not in descriptions and scene_column(c) is None)

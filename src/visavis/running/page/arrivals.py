@@ -24,7 +24,7 @@ PANELS: Final = {
     "id": LINK,
 }
 """Address parameters that name a participant, and the panel that uses each."""
-KEPT: Final = ("STUDY_ID", "SESSION_ID")
+STORED_PARAMETERS: Final = ("STUDY_ID", "SESSION_ID")
 ID: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
 MIN_SECRET: Final = 12
 """Identifiers with this many characters cannot be guessed, unless they are numbers."""
@@ -50,19 +50,21 @@ class Arrival:
         return self.identifier.isdigit() or len(self.identifier) < MIN_SECRET
 
 
-def arrival_of(told: Mapping[str, str]) -> Arrival:
+def arrival_of(parameters: Mapping[str, str]) -> Arrival:
     """Return the arrival that an address's parameters describe.
 
     Raises:
         PageError: the value is not an identifier, for example a panel's placeholder.
     """
     for name, panel in PANELS.items():
-        if name not in told:
+        if name not in parameters:
             continue
-        if not ID.fullmatch(told[name]):
-            raise PageError(f"{name}={told[name][:40]} is no identifier (letters, digits, - and _)")
-        more = {n: told[n] for n in KEPT if ID.fullmatch(told.get(n, ""))}
-        return Arrival(panel, told[name], more)
+        if not ID.fullmatch(parameters[name]):
+            raise PageError(
+                f"{name}={parameters[name][:40]} is no identifier (letters, digits, - and _)"
+            )
+        more = {n: parameters[n] for n in STORED_PARAMETERS if ID.fullmatch(parameters.get(n, ""))}
+        return Arrival(panel, parameters[name], more)
     return Arrival()
 
 
@@ -94,15 +96,15 @@ def order_of(plan: SessionPlan, *, trials_too: bool) -> Order:
 
 
 def least_filled(
-    taken: Iterable[int], counting: Sequence[int], order: Callable[[int], Order]
+    taken_places: Iterable[int], counting: Sequence[int], order: Callable[[int], Order]
 ) -> int:
     """Return the free place whose order the fewest people have.
 
-    `taken` are places already given away, `counting` those of people who completed or are taking
-    part: the order of a person who left is filled again. Ties go to the first place.
+    `taken_places` are places already given away, `counting` those of people who completed or are
+    taking part: the order of a person who left is filled again. Ties go to the first place.
     """
-    taken_places = set(taken)
-    free = (index for index in count() if index not in taken_places)
+    places_in_use = set(taken_places)
+    free = (index for index in count() if index not in places_in_use)
     people_by_order: dict[Order, int] = {}
     for index in counting:
         people_by_order[order(index)] = people_by_order.get(order(index), 0) + 1

@@ -65,7 +65,7 @@ class Board:
         times = [p.minutes for p in self.places if p.state == "complete" and p.minutes is not None]
         return median(times) if times else None
 
-    def told(self) -> dict[str, Any]:
+    def as_data(self) -> dict[str, Any]:
         """Return the board as JSON data."""
         return {
             "states": dict(STATES),
@@ -85,10 +85,10 @@ def place_of(entry: Participant, session: Path) -> Place:
     recording = Recording(session)
     events, trials = recording.events(), recording.trials()
     flags: Counter[str] = Counter()
-    done = 0
+    trials_done = 0
     if len(trials):
         main_trials = trials[~trials["is_practice"].astype(bool)]
-        done = len(main_trials)
+        trials_done = len(main_trials)
         for flag_text in main_trials["flags"].dropna():
             flags.update(filter(None, str(flag_text).split(";")))
     plan = recording.manifest.plan
@@ -100,7 +100,7 @@ def place_of(entry: Participant, session: Path) -> Place:
         entry.index,
         entry.group,
         _state(recording, events, session),
-        done,
+        trials_done,
         planned_count,
         minutes,
         tuple(f"{name} ({n})" for name, n in flags.most_common()),
@@ -124,10 +124,13 @@ def board_of(
     folder: Path,
     *,
     quota: int | None = None,
-    known: dict[str, Place] | None = None,
+    cached_places: dict[str, Place] | None = None,
 ) -> Board:
-    """Return the progress of all participants; `known` caches places that no longer change."""
-    final_places = {} if known is None else known
+    """Return the progress of all participants.
+
+    `cached_places` holds, by label, the places that no longer change; new ones are added to it.
+    """
+    final_places = {} if cached_places is None else cached_places
     places = []
     for entry in entries:
         place = final_places.get(entry.label)

@@ -14,14 +14,14 @@ from visavis.running.page.visitor import Visitor
 TAB: Final = "simulated"
 
 
-async def arrive(base: str, told: Mapping[str, str]) -> str:
+async def arrive(base: str, parameters: Mapping[str, str]) -> str:
     """Arrive at a served study; return the address of the new session.
 
     Raises:
         DataError: the server gave no session; says why.
     """
     async with aiohttp.ClientSession(base) as http:
-        async with http.post("/api/arrive", json={"told": dict(told)}) as response:
+        async with http.post("/api/arrive", json={"told": dict(parameters)}) as response:
             answer: dict[str, Any] = await response.json()
     if "key" not in answer:
         raise DataError(f"no session for a simulated page: {answer}")

@@ -15,7 +15,7 @@ import numpy as np
 from visavis.protocol.plan.questionnaires import Question, Questionnaire, read_answer
 from visavis.protocol.plan.session_plan import Block, SessionPlan, Trial, asked_after
 from visavis.protocol.plan.steps import Mark, Row
-from visavis.running.page.spoken_digits import HOW_MANY, spoken, spoken_digits
+from visavis.running.page.spoken_digits import HOW_MANY, say_digits, spoken_digits
 from visavis.running.page.steps import PageStep, Reply, mapping, number, put
 from visavis.running.page.trial import FilmFailed, FilmFiles, perform_on_page
 from visavis.study.careless_answers import NOT_HEARD
@@ -92,7 +92,7 @@ Out: TypeAlias = PageStep | Event | TrialRow
 Course: TypeAlias = Generator[Out, Reply | None, str]
 
 
-class Stopped(Exception):
+class StopRequest(Exception):
     """A participant stopped; `keep` says whether what was recorded may stay."""
 
     def __init__(self, keep: bool) -> None:
@@ -149,7 +149,7 @@ def course(visit: Visit) -> Course:
         for questionnaire in visit.questionnaires:
             if questionnaire.name not in of_blocks:
                 yield from _questionnaire(visit, questionnaire, questionnaire.name)
-    except Stopped as stop:
+    except StopRequest as stop:
         yield Event("stopped", {"keep": stop.keep})
         return STOPPED if stop.keep else WITHDRAWN
     return DONE
@@ -161,7 +161,7 @@ def _sound(visit: Visit) -> Generator[Out, Reply | None, None]:
     files = spoken_digits(experiment.language, experiment.settings.folder)
     rng = np.random.default_rng([plan.seed, plan.participant_index, SOUND_STREAM])
     digits = [int(digit) for digit in rng.integers(0, 10, HOW_MANY)]
-    wav = base64.b64encode(spoken(digits, files)).decode()
+    wav = base64.b64encode(say_digits(digits, files)).decode()
     reply = yield from _step(PageStep("sound", {"wav": wav}))
     typed_digits, correct_digits = reply.content["heard"], "".join(map(str, digits))
     yield Event(
@@ -260,7 +260,7 @@ def _trial(visit: Visit, block: Block, trial: Trial) -> Generator[Out, Reply | N
 def _step(step: PageStep) -> Generator[Out, Reply | None, Reply]:
     reply = yield from put(step)
     if reply.content.get("stop") is not None:
-        raise Stopped(reply.content["stop"] == "keep")
+        raise StopRequest(reply.content["stop"] == "keep")
     return reply
 
 
@@ -306,8 +306,8 @@ def _question(question: Question) -> dict[str, Any]:
     }
 
 
-def _read(question: Question, given: Any) -> str | None:
-    read = read_answer(question, given)
+def _read(question: Question, content: Any) -> str | None:
+    read = read_answer(question, content)
     return None if read is None else str(read)
 
 

@@ -26,19 +26,19 @@ MAX_EVENTS: Final = 500
 """How many events a page may send at once."""
 KINDS: Final = ("reply", "visibility", "fullscreen", "resize", "problem")
 PAGE_EVENT: Final = "page_event"
-RESTARTED: Final = "server restarted"
-RELOADED: Final = "page reloaded"
-ASLEEP: Final = "computer asleep"
+RESTART_FLAG: Final = "server restarted"
+RELOAD_FLAG: Final = "page reloaded"
+SLEEP_FLAG: Final = "computer asleep"
 ASLEEP_NS: Final = 5 * NS_PER_S
 """A page's clock that stops for longer than this means that the computer slept."""
 
 
 @dataclass(frozen=True)
-class Past:
+class EarlierParts:
     """Content of the earlier parts of a session: page events in order, and what else was written.
 
     `events` are (part, session time, payload). `rows` are trials that have a row, `answers` pairs
-    (questionnaire, question), `answered` pairs (trial, question), `complete` finished
+    (questionnaire, question), `answered_questions` pairs (trial, question), `complete` finished
     questionnaires. A trial that continues in a later part is flagged with `broken_by`; "" means
     that nothing interrupted it.
     """
@@ -47,9 +47,9 @@ class Past:
     rows: frozenset[str] = frozenset()
     started: frozenset[str] = frozenset()
     answers: frozenset[tuple[str, str]] = frozenset()
-    answered: frozenset[tuple[str, str]] = frozenset()
+    answered_questions: frozenset[tuple[str, str]] = frozenset()
     complete: frozenset[str] = frozenset()
-    broken_by: str = RESTARTED
+    broken_by: str = RESTART_FLAG
 
 
 @dataclass
@@ -78,7 +78,7 @@ class _Origin:
         """Start a new estimate."""
         self.least_ns = t_ns - ns_of_ms(at_ms)
 
-    def heard(self, at_ms: float, t_ns: int) -> None:
+    def add_event(self, at_ms: float, t_ns: int) -> None:
         offset_ns = t_ns - ns_of_ms(at_ms)
         self.least_ns = offset_ns if self.least_ns is None else min(self.least_ns, offset_ns)
 
@@ -98,9 +98,9 @@ class PageDesk:
     recorder: Recorder
     clock: Clock
     notes: Notes
-    past: Past | None = None
+    past: EarlierParts | None = None
     key: str = field(default_factory=lambda: secrets.token_urlsafe(24))
-    acknowledged: int = 0
+    last_event_number: int = 0
     step_number: int = 0
     step: PageStep = field(default_factory=lambda: PageStep("end"))
     outcome: str = ""
@@ -145,16 +145,16 @@ class PageDesk:
             raise OpenElsewhereError("the study is open in another tab or browser")
         payload = {"kind": "opened", "tab": tab, "at_ms": at_ms, "about": dict(about or {})}
         self.recorder.event(PAGE_EVENT, now_ns, **payload)
-        self._opened(payload, now_ns)
+        self._apply_opening(payload, now_ns)
         self._heard_ns, self._has_left = now_ns, False
 
     def take(
-        self, tab: str, events: Sequence[Any], sent: tuple[float, float] | None = None
+        self, tab: str, events: Sequence[Any], sent_at_ms: tuple[float, float] | None = None
     ) -> bool:
         """Take numbered events of the page that has the session; skip acknowledged ones.
 
-        `sent` is when they were sent: by the page's clock and by the time of day there, in ms.
-        Returns whether there may be something to write.
+        `sent_at_ms` is when they were sent, in ms: by the page's clock and by its time of day.
+        Return whether there may be something to write.
 
         Raises:
             OpenElsewhereError: another page has it.
@@ -166,32 +166,32 @@ class PageDesk:
             raise PageError(f"{len(events)} events at once; {MAX_EVENTS} are taken")
         now_ns = self.clock.now_ns()
         self._heard_ns = now_ns
-        slept = sent is not None and self._origin(tab).has_slept(*sent, now_ns)
-        if sent is not None and slept:
-            payload = {"kind": "slept", "tab": tab, "at_ms": sent[0]}
+        slept = sent_at_ms is not None and self._origin(tab).has_slept(*sent_at_ms, now_ns)
+        if sent_at_ms is not None and slept:
+            payload = {"kind": "slept", "tab": tab, "at_ms": sent_at_ms[0]}
             self.recorder.event(PAGE_EVENT, now_ns, **payload)
-            self._slept(payload, now_ns)
+            self._apply_sleep(payload, now_ns)
         for content in events:
             event = mapping(content, "an event")
             n = count(event.get("n"), "n")
-            if n <= self.acknowledged:
+            if n <= self.last_event_number:
                 continue
-            if n != self.acknowledged + 1:
-                raise PageError(f"event {n} came after {self.acknowledged}; one is missing")
+            if n != self.last_event_number + 1:
+                raise PageError(f"event {n} came after {self.last_event_number}; one is missing")
             if event.get("kind") not in KINDS:
                 raise PageError(f"there is no event {str(event.get('kind'))[:40]!r}")
             number(event.get("at_ms"), "at_ms")
             payload = {**event, "tab": tab}
-            self._checked(payload)
-            self._told_trial()
+            self._check_event(payload)
+            self._report_trial()
             self.recorder.event(PAGE_EVENT, now_ns, **payload)
             self._apply(payload, now_ns)
         return slept or bool(events)
 
-    def told(self) -> dict[str, Any]:
+    def state(self) -> dict[str, Any]:
         """Return the state for the page: the last event on the disk, and the step to show."""
         return {
-            "ack": self.acknowledged,
+            "ack": self.last_event_number,
             "number": self.step_number,
             "step": {"kind": self.step.kind, **self.step.content},
         }
@@ -213,11 +213,11 @@ class PageDesk:
 
     # ---- within ------------------------------------------------------------------------------
 
-    def _told_trial(self) -> None:
+    def _report_trial(self) -> None:
         if self.on_trial is not None and self.trial_id:
             self.on_trial()
 
-    def _checked(self, payload: Mapping[str, Any]) -> None:
+    def _check_event(self, payload: Mapping[str, Any]) -> None:
         if payload["kind"] == "reply":
             if self.is_over or payload.get("step") != self.step_number:
                 raise PageError(
@@ -226,23 +226,23 @@ class PageDesk:
             check_reply(self.step, mapping(payload.get("reply"), "a reply"))
 
     def _apply(self, payload: Mapping[str, Any], t_ns: int) -> None:
-        self.acknowledged = int(payload["n"])
+        self.last_event_number = int(payload["n"])
         origin = self._origin(str(payload["tab"]))
-        origin.heard(float(payload["at_ms"]), t_ns)
+        origin.add_event(float(payload["at_ms"]), t_ns)
         if payload["kind"] == "problem":
             self.notes.add("page problem")
         elif payload["kind"] == "reply":
             self._advance(Reply(payload["reply"], t_ns, origin.t_ns))
 
-    def _opened(self, payload: Mapping[str, Any], t_ns: int) -> None:
+    def _apply_opening(self, payload: Mapping[str, Any], t_ns: int) -> None:
         tab = str(payload["tab"])
         if self._tab and tab != self._tab:
-            self.notes.add(RELOADED)
+            self.notes.add(RELOAD_FLAG)
         self._tab = tab
-        self._origin(tab).heard(float(payload["at_ms"]), t_ns)
+        self._origin(tab).add_event(float(payload["at_ms"]), t_ns)
 
-    def _slept(self, payload: Mapping[str, Any], t_ns: int) -> None:
-        self.notes.add(ASLEEP)
+    def _apply_sleep(self, payload: Mapping[str, Any], t_ns: int) -> None:
+        self.notes.add(SLEEP_FLAG)
         self._origin(str(payload["tab"])).begin_anew(float(payload["at_ms"]), t_ns)
 
     def _origin(self, tab: str) -> _Origin:
@@ -256,7 +256,7 @@ class PageDesk:
                 if isinstance(out, PageStep):
                     self.step, self.step_number = out, self.step_number + 1
                     self.trial_steps.append(out)
-                    self._told_trial()
+                    self._report_trial()
                     return
                 self._write(out)
         except StopIteration as end:
@@ -277,29 +277,29 @@ class PageDesk:
         elif not (self._is_replaying and self.past is not None and _is_known(out, self.past)):
             self.recorder.event(out.name, self.clock.now_ns(), **out.payload)
 
-    def _replay(self, past: Past) -> None:
+    def _replay(self, past: EarlierParts) -> None:
         """Replay the course up to its last reply; flag a trial that a restart interrupted."""
         part = None
         for its_part, t_ns, payload in past.events:
             if part is not None and its_part != part:
-                self._broken(past)
+                self._flag_interruption(past)
             part = its_part
             if payload["kind"] == "opened":
-                self._opened(payload, t_ns)
+                self._apply_opening(payload, t_ns)
             elif payload["kind"] == "slept":
-                self._slept(payload, t_ns)
+                self._apply_sleep(payload, t_ns)
             else:
                 self._apply(payload, t_ns)
-        self._broken(past)
+        self._flag_interruption(past)
         self._has_left = False
         self._heard_ns = self.clock.now_ns()
 
-    def _broken(self, past: Past) -> None:
+    def _flag_interruption(self, past: EarlierParts) -> None:
         if past.broken_by:
             self.notes.add(past.broken_by)
 
 
-def _is_known(event: Event, past: Past) -> bool:
+def _is_known(event: Event, past: EarlierParts) -> bool:
     """Tell whether an event that the course repeats is in an earlier part."""
     payload = event.payload
     match event.name:
@@ -308,7 +308,7 @@ def _is_known(event: Event, past: Past) -> bool:
         case "answer":
             return (payload["questionnaire"], payload["question"]) in past.answers
         case "answered":
-            return (payload["trial_id"], payload["question"]) in past.answered
+            return (payload["trial_id"], payload["question"]) in past.answered_questions
         case "questionnaire_complete":
             return payload["questionnaire"] in past.complete
         case _:

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from visavis.lab.errors import ConfigError, SessionAborted
 from visavis.protocol.people.key_file import KeyFile
-from visavis.protocol.plan.experiment import untold
+from visavis.protocol.plan.experiment import no_progress
 from visavis.protocol.session.operator import SessionStatus, TrialCounts
 from visavis.protocol.session.states import SessionState
 from visavis.recording.folder import SessionFolder, create_session, open_session, study_dir
@@ -29,8 +29,8 @@ from visavis.running.page.course import (
     course,
     texts_of_page,
 )
-from visavis.running.page.desk import PageDesk, Past
-from visavis.running.page.server import Held, PageServer
+from visavis.running.page.desk import EarlierParts, PageDesk
+from visavis.running.page.server import PageServer, PageSession
 from visavis.running.page.visitor import Visitor, visitor_of
 from visavis.running.sessions.device_setup import is_simulated
 from visavis.running.sessions.plan_lock import carried_by_session
@@ -41,7 +41,7 @@ from visavis.study.cast import use_cast_of, use_recorded_cast
 from visavis.study.experiment import StudyExperiment
 from visavis.study.films import MIME
 
-SERVED: Final = "page_served"
+SERVED_EVENT: Final = "page_served"
 ENDINGS: Final = {
     DECLINED: "consent was declined; nothing was asked",
     STOPPED: "the participant stopped; what is finished is kept",
@@ -119,16 +119,18 @@ def perform_rest(request: Request, session_path: Path) -> Path:
         return folder.path
 
 
-def prepared_films(request: Request, told: Callable[[int, int], None] = untold) -> FilmStore:
+def prepared_films(
+    request: Request, report_progress: Callable[[int, int], None] = no_progress
+) -> FilmStore:
     """Return a session's films; build them if a person will watch."""
     experiment = experiment_of(request)
     store = film_store(experiment)
     if not request.clock.is_virtual:
-        store.build(experiment.films, told)
+        store.build(experiment.films, report_progress)
     return store
 
 
-def past_of(recording: Recording) -> Past:
+def past_of(recording: Recording) -> EarlierParts:
     """Return the content of the earlier parts of a session."""
     events = recording.events()
     pages: list[tuple[int, int, Mapping[str, Any]]] = []
@@ -148,7 +150,7 @@ def past_of(recording: Recording) -> Past:
                 complete.add(str(payload["questionnaire"]))
     trials = recording.trials()
     rows = frozenset(map(str, trials["trial_id"])) if "trial_id" in trials else frozenset()
-    return Past(
+    return EarlierParts(
         pages,
         rows,
         frozenset(started_trials),
@@ -195,19 +197,19 @@ def key_of(request: Request) -> str:
 def port_before(recording: Recording) -> int:
     """Return the port at which a session was served last; 0 where it was not."""
     events = recording.events()
-    payloads = list(events.loc[events["name"] == SERVED, "payload"])
+    payloads = list(events.loc[events["name"] == SERVED_EVENT, "payload"])
     return int(payloads[-1]["port"]) if payloads else 0
 
 
-def held_of(
+def page_session_of(
     request: Request,
     experiment: StudyExperiment,
     store: FilmStore,
     folder: SessionFolder,
     recorder: Recorder,
-    past: Past | None,
+    past: EarlierParts | None,
     key: str,
-) -> Held:
+) -> PageSession:
     """Return a session ready to be served: its desk, where it was left, and its films.
 
     Raises:
@@ -218,7 +220,7 @@ def held_of(
         raise ConfigError(f"{study.name} is not declared on the kit; it shows no page")
     config = request.config.model_copy(update={"language": experiment.language})
     notes = Notes()
-    describe_film = lru_cache(maxsize=None)(lambda film: store.told(film, is_simulated=virtual))
+    describe_film = lru_cache(maxsize=None)(lambda film: store.describe(film, is_simulated=virtual))
     plan = experiment.plan(request.person.index, request.seed, request.person.group)
     visit_of = Visit(
         experiment,
@@ -242,7 +244,7 @@ def held_of(
         }
     )
     about = about_of(experiment, folder.manifest.is_simulated, config.privacy.contact)
-    return Held(desk, about, files)
+    return PageSession(desk, about, files)
 
 
 def _perform_part(
@@ -250,12 +252,12 @@ def _perform_part(
     experiment: StudyExperiment,
     store: FilmStore,
     folder: SessionFolder,
-    past: Past | None,
+    past: EarlierParts | None,
     port: int,
 ) -> None:
     make = partial(recorder_of, clock=request.clock, is_simulated=folder.manifest.is_simulated)
     with recorded_part(request.clock, folder, make, "every answer is kept") as recorder:
-        outcome = asyncio.run(_served(request, experiment, store, folder, recorder, past, port))
+        outcome = asyncio.run(_serve(request, experiment, store, folder, recorder, past, port))
         if outcome in ENDINGS:
             todo = (
                 f"; do it now: visavis participant withdraw {request.study.name} "
@@ -264,13 +266,13 @@ def _perform_part(
             raise SessionAborted(ENDINGS[outcome] + (todo if outcome == WITHDRAWN else ""))
 
 
-async def _served(
+async def _serve(
     request: Request,
     experiment: StudyExperiment,
     store: FilmStore,
     folder: SessionFolder,
     recorder: Recorder,
-    past: Past | None,
+    past: EarlierParts | None,
     port: int,
 ) -> str:
     virtual = request.clock.is_virtual
@@ -278,9 +280,9 @@ async def _served(
     address = request.page or PageAddress()
     await server.start(port=address.port or port)
     try:
-        recorder.event(SERVED, request.clock.now_ns(), port=0 if virtual else server.port)
+        recorder.event(SERVED_EVENT, request.clock.now_ns(), port=0 if virtual else server.port)
         key = "simulated" if virtual else key_of(request)
-        session = held_of(request, experiment, store, folder, recorder, past, key)
+        session = page_session_of(request, experiment, store, folder, recorder, past, key)
         desk = session.desk
         plan = experiment.plan(request.person.index, request.seed, request.person.group)
         desk.on_trial = lambda: _tell(request, desk, len(plan.trials))
@@ -292,8 +294,8 @@ async def _served(
                     visitor.look(step.content)
             await visit(server.address_of(session), visitor, request.clock)
         else:
-            if address.told is not None:
-                address.told(server.address_of(session))
+            if address.on_address is not None:
+                address.on_address(server.address_of(session))
             await session.over.wait()
             await asyncio.sleep(LAST_STEP_S)
         if session.failures:
@@ -303,17 +305,17 @@ async def _served(
         await server.stop()
 
 
-def _tell(request: Request, desk: PageDesk, planned: int) -> None:
+def _tell(request: Request, desk: PageDesk, trial_count: int) -> None:
     """Show the operator the current trial, as a session on devices does."""
     if request.on_trial is not None and desk.trials_done:
-        request.on_trial(desk.trial_id, desk.trials_done, planned)
+        request.on_trial(desk.trial_id, desk.trials_done, trial_count)
     if request.operator.status_period_ns:
         request.operator.show(
             SessionStatus(
                 SessionState.TRIAL,
                 request.person.label,
                 desk.trial_id,
-                TrialCounts(desk.trials_done, planned),
+                TrialCounts(desk.trials_done, trial_count),
                 block="",
                 condition="",
             )

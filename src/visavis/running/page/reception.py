@@ -29,15 +29,15 @@ from visavis.running.page.board import COUNTING, Board, Place, board_of
 from visavis.running.page.course import DONE, WITHDRAWN, texts_of_page
 from visavis.running.page.perform import (
     ENDINGS,
-    SERVED,
+    SERVED_EVENT,
     about_of,
     experiment_of,
-    held_of,
     key_of,
     manifest_of,
+    page_session_of,
     past_of,
 )
-from visavis.running.page.server import Ended, Held, PageServer
+from visavis.running.page.server import EndedSession, PageServer, PageSession
 from visavis.running.page.steps import PageError
 from visavis.running.sessions.device_setup import is_simulated
 from visavis.running.sessions.recorded_part import end_part, recorder_of, refuse_other_plan
@@ -50,7 +50,7 @@ MAX_OPEN: Final = 500
 """Sessions that are open at once."""
 SQUARES: Final = ("latin_square", "williams")
 LEFT: Final = "the page was left"
-ENDED: Final = "the server was ended"
+SERVER_ENDED: Final = "the server was ended"
 WITHDRAWN_ELSEWHERE: Final = "the researchers withdrew the participant"
 CANNOT_GO_ON: Final = "this session cannot go on; please tell the researchers"
 
@@ -64,7 +64,7 @@ class Rules:
 
 
 @dataclass
-class Brake:
+class RateLimit:
     """Limits how many new people come at once, then per second; it ignores network addresses."""
 
     at_once: float = 60.0
@@ -84,11 +84,11 @@ class Brake:
 
 
 @dataclass(eq=False)
-class _Open:
+class _OpenSession:
     """An open session: what serves it, and the recorder that writes it."""
 
     entry: Participant
-    held: Held
+    page: PageSession
     folder: SessionFolder
     recorder: Recorder
     begun_ns: int
@@ -99,7 +99,7 @@ class Reception:
     """Own the sessions of everybody who comes to a served study.
 
     `base` is a request that is completed for each person. `identify` stores a person's identity
-    separately from the data and `known` returns it; `withdraw` deletes a participant's data.
+    separately from the data and `identity_of` returns it; `withdraw` deletes a participant's data.
     """
 
     def __init__(
@@ -110,18 +110,23 @@ class Reception:
         rules: Rules,
         *,
         identify: Callable[[str, Mapping[str, str]], None],
-        known: Callable[[str], Mapping[str, str] | None],
+        identity_of: Callable[[str], Mapping[str, str] | None],
         withdraw: Callable[[str], None],
-        said: Callable[[str], None] = lambda text: None,
+        say: Callable[[str], None] = lambda text: None,
     ) -> None:
         self.board_key = secrets.token_urlsafe(24)
         self._base, self._store, self._ledger, self._rules = base, store, ledger, rules
         self._experiment = experiment_of(base)
-        self._identify, self._known, self._withdraw, self._said = identify, known, withdraw, said
+        self._identify, self._identity_of, self._withdraw, self._say = (
+            identify,
+            identity_of,
+            withdraw,
+            say,
+        )
         self._simulated = is_simulated(base.config)
         self._contact = base.config.privacy.contact
         self._root = base.config.data_root
-        self._open: dict[str, _Open] = {}
+        self._open: dict[str, _OpenSession] = {}
         self._keys: dict[str, str] = {}
         self._of_panel: dict[tuple[str, str], str] = {}
         self._orders: dict[int, Order] = {}
@@ -129,8 +134,8 @@ class Reception:
         self._turn = asyncio.Lock()
         self._closing: set[asyncio.Task[None]] = set()
         self._port = 0
-        self._noticed = self._ledger_changed()
-        self._brake = Brake()
+        self._ledger_state = self._read_ledger_state()
+        self._rate_limit = RateLimit()
         for entry in ledger.list():
             self._read(entry)
         self._states = {place.label: place.state for place in self._board().places}
@@ -138,7 +143,7 @@ class Reception:
 
     # ---- what the server asks ----------------------------------------------------------------
 
-    async def arrive(self, told: Mapping[str, str], before: str = "") -> Mapping[str, Any]:
+    async def arrive(self, parameters: Mapping[str, str], before: str = "") -> Mapping[str, Any]:
         """Return the key of a session for a person who arrives, or why there is none.
 
         `before` is the key that their browser remembers. If others could guess the identifier, a
@@ -146,61 +151,61 @@ class Reception:
         """
         words = dict(texts_of_page(self._experiment))
         try:
-            arrival = self._named(arrival_of(told))
+            arrival = self._with_label(arrival_of(parameters))
         except PageError as error:
-            self._said(f"somebody came and got no session: {error}")
+            self._say(f"somebody came and got no session: {error}")
             return {"refused": "address", "text": words.get("address", "")}
         await self._notice_withdrawals()
         async with self._turn:
             key = self._of_panel.get((arrival.panel, arrival.identifier))
             if arrival.identifier and key is not None:
                 if arrival.can_be_guessed and key != before:
-                    self._said(
+                    self._say(
                         f"{arrival.panel} {arrival.identifier} has a session and came again from "
                         "another browser, with an identifier that others could guess: refused"
                     )
                     return {"refused": "begun", "text": words.get("begun_elsewhere", "")}
                 return {"key": key}
             busy = sum(state in COUNTING for state in self._states.values())
-            is_open = sum(not session.held.closed.is_set() for session in self._open.values())
+            is_open = sum(not session.page.closed.is_set() for session in self._open.values())
             quota = self._rules.quota
             if is_open >= MAX_OPEN or (quota is not None and busy >= quota):
                 return {"refused": "full", "text": words.get("full", "")}
-            if not self._brake.lets_pass(self._base.clock.now_ns()):
+            if not self._rate_limit.lets_pass(self._base.clock.now_ns()):
                 return {"refused": "busy", "text": words.get("busy", "")}
             try:
                 session = await self._run(self._begin, arrival)
             except LabError as error:
-                self._said(f"somebody came and got no session: {error}")
+                self._say(f"somebody came and got no session: {error}")
                 return {"refused": "failed", "text": words.get("failed", "")}
             self._keep(session)
-            return {"key": session.held.desk.key}
+            return {"key": session.page.desk.key}
 
-    async def held(self, key: str) -> Held | Ended | None:
+    async def session_of(self, key: str) -> PageSession | EndedSession | None:
         """Return the session of a key, continued where it was left; None if there is none.
 
         Raises:
             PageError: it cannot continue; the operator of the server is told why.
         """
         if key in self._open:
-            return self._open[key].held
+            return self._open[key].page
         await self._notice_withdrawals()
         async with self._turn:
             if key not in self._open and key in self._keys:
-                if (ending := self._ended(key)) is not None:
+                if (ending := self._ending_of(key)) is not None:
                     return ending
                 try:
                     self._keep(await self._run(self._go_on, key))
                 except LabError as error:
-                    self._said(f"{self._keys[key]} came again and could not go on: {error}")
+                    self._say(f"{self._keys[key]} came again and could not go on: {error}")
                     raise PageError(CANNOT_GO_ON) from error
-        return self._open[key].held if key in self._open else None
+        return self._open[key].page if key in self._open else None
 
     async def board(self) -> Mapping[str, Any]:
         """Return what the researcher's page shows."""
         board = await self._run(self._board)
         title = self._experiment.study.title
-        return {"title": title, "is_simulated": self._simulated, **board.told()}
+        return {"title": title, "is_simulated": self._simulated, **board.as_data()}
 
     # ---- what whoever serves asks --------------------------------------------------------------
 
@@ -224,16 +229,16 @@ class Reception:
         finally:
             await server.stop()  # an event that arrives now would reopen its session
             for session in list(self._open.values()):
-                await self._close(session, "aborted", ENDED)
+                await self._close(session, "aborted", SERVER_ENDED)
             if self._closing:
                 await asyncio.gather(*self._closing)
 
     # ---- within ------------------------------------------------------------------------------
 
-    async def _run(self, act: Callable[..., Any], *given: Any) -> Any:
+    async def _run(self, act: Callable[..., Any], *arguments: Any) -> Any:
         if self._base.clock.is_virtual:
-            return act(*given)
-        return await asyncio.to_thread(act, *given)
+            return act(*arguments)
+        return await asyncio.to_thread(act, *arguments)
 
     def _path(self, entry: Participant) -> Path:
         return session_dir(
@@ -242,7 +247,9 @@ class Reception:
 
     def _board(self) -> Board:
         folder = self._path_of_study()
-        return board_of(self._ledger.list(), folder, quota=self._rules.quota, known=self._places)
+        return board_of(
+            self._ledger.list(), folder, quota=self._rules.quota, cached_places=self._places
+        )
 
     def _path_of_study(self) -> Path:
         return self._ledger.path.parent
@@ -262,18 +269,18 @@ class Reception:
         try:
             is_of_page = read_manifest(path).configuration.get("on") == "browser"
         except LabError as error:
-            self._said(f"{entry.label} is passed over: {error}")
+            self._say(f"{entry.label} is passed over: {error}")
             return
         if not is_of_page:
             return
         key = key_of(self._request(entry))
         self._keys[key] = entry.label
-        who = self._known(entry.label)
+        who = self._identity_of(entry.label)
         if who and who.get("identifier"):
             self._of_panel[who.get("panel", ""), who["identifier"]] = key
 
-    def _begin(self, arrival: Arrival) -> _Open:
-        entry = self._registered(arrival) or self._added()
+    def _begin(self, arrival: Arrival) -> _OpenSession:
+        entry = self._registered(arrival) or self._add_to_ledger()
         if arrival.identifier:
             self._identify(entry.label, arrival.identity)
         request = self._request(entry)
@@ -284,12 +291,12 @@ class Reception:
             )
             session = self._part(request, entry, folder, None, key_of(request), arrival)
             session.stack = stack.pop_all()
-        self._keys[session.held.desk.key] = entry.label
+        self._keys[session.page.desk.key] = entry.label
         if arrival.identifier:
-            self._of_panel[arrival.panel, arrival.identifier] = session.held.desk.key
+            self._of_panel[arrival.panel, arrival.identifier] = session.page.desk.key
         return session
 
-    def _named(self, arrival: Arrival) -> Arrival:
+    def _with_label(self, arrival: Arrival) -> Arrival:
         """Return the arrival, with the ledger's label if a link (participant=07) names an entry.
 
         This holds if that participant has no session yet, or came by such a link before.
@@ -312,7 +319,7 @@ class Reception:
         matches = [e for e in entries if e.label == arrival.identifier and e.status == "active"]
         return matches[0] if matches and not self._has_session(matches[0]) else None
 
-    def _added(self) -> Participant:
+    def _add_to_ledger(self) -> Participant:
         """Add a participant to the ledger, at the place whose order the fewest people have."""
         entries = [e for e in self._ledger.list() if not e.has_freed_place]
         counting = [e.index for e in entries if self._states.get(e.label) in COUNTING]
@@ -320,7 +327,7 @@ class Reception:
         plan = self._experiment.plan(index, self._base.seed)
         return self._ledger.add(index=index, group=plan.group)
 
-    def _go_on(self, key: str) -> _Open:
+    def _go_on(self, key: str) -> _OpenSession:
         entry = self._ledger.resolve(self._keys[key])
         path, request = self._path(entry), self._request(entry)
         arrival = self._arrival(entry.label)
@@ -335,7 +342,7 @@ class Reception:
             session.stack = stack.pop_all()
         return session
 
-    def _ended(self, key: str) -> Ended | None:
+    def _ending_of(self, key: str) -> EndedSession | None:
         """Return a session that is over and takes no more events; None if it continues."""
         label = self._keys[key]
         state = self._states.get(label, "")
@@ -345,10 +352,10 @@ class Reception:
         arrival = self._arrival(label)
         about = about_of(self._experiment, self._simulated, self._contact)
         where = self._rules.completion
-        return Ended(outcome, {**about, "completion": completion_of(where, arrival)})
+        return EndedSession(outcome, {**about, "completion": completion_of(where, arrival)})
 
     def _arrival(self, label: str) -> Arrival:
-        who = self._known(label) or {}
+        who = self._identity_of(label) or {}
         return Arrival(who.get("panel", ""), who.get("identifier", ""))
 
     def _request(self, entry: Participant) -> Request:
@@ -367,14 +374,14 @@ class Reception:
         past: Any,
         key: str,
         arrival: Arrival,
-    ) -> _Open:
+    ) -> _OpenSession:
         clock = request.clock
         part_dir = folder.begin_part(clock)
         recorder: Recorder | None = None
         try:
             recorder = recorder_of(part_dir, clock, is_simulated=self._simulated)
-            recorder.event(SERVED, clock.now_ns(), port=self._port)
-            served_session = held_of(
+            recorder.event(SERVED_EVENT, clock.now_ns(), port=self._port)
+            page_session = page_session_of(
                 request, self._experiment, self._store, folder, recorder, past, key
             )
         except BaseException as error:
@@ -382,49 +389,47 @@ class Reception:
             raise
         if self._rules.completion:
             where = completion_of(self._rules.completion, arrival)
-            served_session = replace(
-                served_session, about={**served_session.about, "completion": where}
-            )
-        return _Open(entry, served_session, folder, recorder, clock.now_ns())
+            page_session = replace(page_session, about={**page_session.about, "completion": where})
+        return _OpenSession(entry, page_session, folder, recorder, clock.now_ns())
 
-    def _keep(self, opened: _Open) -> None:
-        key = opened.held.desk.key
-        self._states[opened.entry.label] = "running"
-        self._open[key] = opened
-        task = asyncio.get_running_loop().create_task(self._end_when_over(opened))
+    def _keep(self, session: _OpenSession) -> None:
+        key = session.page.desk.key
+        self._states[session.entry.label] = "running"
+        self._open[key] = session
+        task = asyncio.get_running_loop().create_task(self._end_when_over(session))
         self._closing.add(task)
         task.add_done_callback(self._closing.discard)
-        if opened.held.desk.is_over:
-            opened.held.over.set()
+        if session.page.desk.is_over:
+            session.page.over.set()
 
-    async def _end_when_over(self, opened: _Open) -> None:
-        over = asyncio.ensure_future(opened.held.over.wait())
-        closing = asyncio.ensure_future(opened.held.closed.wait())
+    async def _end_when_over(self, session: _OpenSession) -> None:
+        over = asyncio.ensure_future(session.page.over.wait())
+        closing = asyncio.ensure_future(session.page.closed.wait())
         try:
             await asyncio.wait({over, closing}, return_when=asyncio.FIRST_COMPLETED)
         finally:
             over.cancel()
             closing.cancel()
-        if opened.held.closed.is_set():
+        if session.page.closed.is_set():
             return
-        if opened.held.failures:
-            self._states[opened.entry.label] = "left"
-            await self._close(opened, "aborted", str(opened.held.failures[0]))
+        if session.page.failures:
+            self._states[session.entry.label] = "left"
+            await self._close(session, "aborted", str(session.page.failures[0]))
             return
-        outcome = opened.held.desk.outcome
+        outcome = session.page.desk.outcome
         why = ENDINGS.get(outcome, "")
-        self._states[opened.entry.label] = outcome if why else "complete"
-        await self._close(opened, "aborted" if why else "complete", why.partition(";")[0])
+        self._states[session.entry.label] = outcome if why else "complete"
+        await self._close(session, "aborted" if why else "complete", why.partition(";")[0])
         if outcome == WITHDRAWN:
-            await self._delete(opened.entry.label)
+            await self._delete(session.entry.label)
 
     async def _delete(self, label: str) -> None:
         try:
             await self._run(self._withdraw, label)
         except LabError as error:
-            self._said(f"{label} wants everything deleted: {error}")
+            self._say(f"{label} wants everything deleted: {error}")
 
-    def _ledger_changed(self) -> tuple[int, int]:
+    def _read_ledger_state(self) -> tuple[int, int]:
         """Return the time and size of the ledger's file, which change with every entry."""
         try:
             file_status = self._ledger.path.stat()
@@ -434,10 +439,10 @@ class Reception:
 
     async def _notice_withdrawals(self) -> None:
         """Forget participants who were withdrawn meanwhile; delete those who are at a page."""
-        ledger_state = self._ledger_changed()
-        if ledger_state == self._noticed:
+        ledger_state = self._read_ledger_state()
+        if ledger_state == self._ledger_state:
             return
-        self._noticed = ledger_state
+        self._ledger_state = ledger_state
         for entry in await self._run(self._ledger.list):
             state = self._states.get(entry.label, WITHDRAWN)
             if entry.status == "active" or state == WITHDRAWN:  # the page itself asked for it
@@ -448,34 +453,36 @@ class Reception:
             self._keys.pop(key, None)
             self._of_panel = {who: of for who, of in self._of_panel.items() if of != key}
             session = self._open.pop(key, None)
-            if session is not None and not session.held.closed.is_set():
+            if session is not None and not session.page.closed.is_set():
                 await self._close(session, "aborted", WITHDRAWN_ELSEWHERE)
                 await self._delete(entry.label)
-                self._said(f"{entry.label} was at a page, and is withdrawn and deleted")
+                self._say(f"{entry.label} was at a page, and is withdrawn and deleted")
 
     async def _leave_idle(self) -> None:
         now_ns = self._base.clock.now_ns()
         for session in list(self._open.values()):
-            if now_ns - max(session.held.desk.heard_ns, session.begun_ns) > IDLE_NS:
-                if not session.held.desk.is_over:
+            if now_ns - max(session.page.desk.heard_ns, session.begun_ns) > IDLE_NS:
+                if not session.page.desk.is_over:
                     self._states[session.entry.label] = "left"
                     await self._close(session, "aborted", LEFT)
 
-    async def _close(self, opened: _Open, status: CloseStatus, reason: str) -> None:
+    async def _close(self, session: _OpenSession, status: CloseStatus, reason: str) -> None:
         """Close a recording; its page gets the last state until it says hello again."""
-        key = opened.held.desk.key
-        async with opened.held.lock:
-            if opened.held.closed.is_set():
+        key = session.page.desk.key
+        async with session.page.lock:
+            if session.page.closed.is_set():
                 return
-            opened.held.closed.set()
+            session.page.closed.set()
 
             def end() -> None:
-                with opened.stack:
-                    end_part(self._base.clock, opened.folder, opened.recorder, status, reason, None)
+                with session.stack:
+                    end_part(
+                        self._base.clock, session.folder, session.recorder, status, reason, None
+                    )
 
             try:
                 await self._run(end)
             except (LabError, OSError) as error:  # a failing session must not end the others
-                self._said(f"{opened.entry.label}: {error}")
-        if not opened.held.desk.is_over:
+                self._say(f"{session.entry.label}: {error}")
+        if not session.page.desk.is_over:
             self._open.pop(key, None)

@@ -17,7 +17,7 @@ from visavis.running.film_store import FilmStore, film_store
 from visavis.running.page.steps import PageStep, Reply, ns_of_ms
 from visavis.running.page.trial import FilmFailed, perform_on_page
 from visavis.study.experiment import StudyExperiment
-from visavis.study.films import Film, Watched, films_of
+from visavis.study.films import Film, Viewing, films_of
 from visavis.study.trial import Action, TrialScript
 
 
@@ -88,9 +88,9 @@ def seen_trial(study: OpenedStudy, recording: Recording, row: Mapping[str, Any])
         t for block in plan["blocks"] for t in block["trials"] if t["trial_id"] == row["trial_id"]
     )
     script = TrialScript(Trial(**trial_content), experiment.settings)
-    watched_steps: list[Watched | None] = []
+    watched_steps: list[Viewing | None] = []
 
-    def watched(t: TrialScript) -> Any:
+    def note_steps(t: TrialScript) -> Any:
         """Perform the study's own steps, and note what each puts on the page."""
         steps: Any = experiment.study.trial_plan(t)
         reply: Any = None
@@ -100,11 +100,11 @@ def seen_trial(study: OpenedStudy, recording: Recording, row: Mapping[str, Any])
             except StopIteration as end:
                 return end.value
             if isinstance(action, Action) and action.name != "mark":
-                watched_steps.append(action.watched)
+                watched_steps.append(action.viewing)
             reply = yield action
 
     replies = _replies(recording, str(row["trial_id"]))
-    performing = perform_on_page(script, watched, lambda film: {"film": "", "sha256": ""})
+    performing = perform_on_page(script, note_steps, lambda film: {"film": "", "sha256": ""})
     seen_steps: list[SeenStep] = []
     reply: Reply | None = None
     try:
@@ -120,12 +120,12 @@ def seen_trial(study: OpenedStudy, recording: Recording, row: Mapping[str, Any])
     return SeenTrial(row, tuple(seen_steps), film_store(experiment))
 
 
-def _step(step: PageStep, watched: Watched | None, reply: Reply) -> SeenStep:
+def _step(step: PageStep, watch: Viewing | None, reply: Reply) -> SeenStep:
     content = reply.content
     shown_ns = reply.t_ns_of(float(content.get("shown_ms") or 0.0))
     if step.kind == "blank":
         shown_ns = reply.t_ns - round(1e9 * float(step.content.get("seconds", 0.0)))
-    films = {} if watched is None or content.get("failed") else films_of(watched.shown)
+    films = {} if watch is None or content.get("failed") else films_of(watch.stimulus)
     film_replies = content.get("films") or {}
     first = [float(film_replies[place]["first_ms"]) for place in films if place in film_replies]
     answers = content.get("answers") or {}

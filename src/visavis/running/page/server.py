@@ -26,7 +26,7 @@ FILES: Final = {
 BOARD_FILES: Final = {"/board": "board.html", "/board.js": "board.js"}
 KEY: Final = "X-Visavis-Key"
 MAX_REQUEST_BYTES: Final = 1 << 20
-MAX_TOLD: Final = 20
+MAX_PARAMETERS: Final = 20
 SHUTDOWN_S: Final = 5.0
 """How long the server waits for films in transfer when it stops."""
 LOCAL: Final = "127.0.0.1"
@@ -45,7 +45,7 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
+class PageSession:
     """A session that is being served: its desk, the page's first information, and its lock."""
 
     desk: PageDesk
@@ -59,13 +59,13 @@ class Held:
 
 
 @dataclass(frozen=True, eq=False)
-class Ended:
+class EndedSession:
     """A session that was over before this server began: its page is told how it ended."""
 
     outcome: str
     about: Mapping[str, Any]
 
-    def told(self) -> dict[str, Any]:
+    def state(self) -> dict[str, Any]:
         """Return the final state for the page."""
         return {"ack": 0, "number": 0, "step": {"kind": "end", "outcome": self.outcome}}
 
@@ -75,14 +75,14 @@ class Reception(Protocol):
 
     board_key: str
 
-    async def arrive(self, told: Mapping[str, str], before: str = "") -> Mapping[str, Any]:
+    async def arrive(self, parameters: Mapping[str, str], before: str = "") -> Mapping[str, Any]:
         """Return the key of a session for a person who arrives, or why there is none.
 
         `before` is the key that their browser remembers, "" where it remembers none.
         """
         ...
 
-    async def held(self, key: str) -> Held | Ended | None:
+    async def session_of(self, key: str) -> PageSession | EndedSession | None:
         """Return the session of a key, continued where it was left."""
         ...
 
@@ -149,15 +149,15 @@ class LocalServer:
     @web.middleware
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
         if request.host.partition(":")[0] not in self._hosts:
-            return _refused(403, "this address is not served")
+            return _refusal(403, "this address is not served")
         try:
             response = await handler(request)
         except OpenElsewhereError as error:
-            response = _refused(409, str(error))
+            response = _refusal(409, str(error))
         except PageError as error:
-            response = _refused(400, str(error))
+            response = _refusal(400, str(error))
         except (ValueError, UnicodeDecodeError):
-            response = _refused(400, "that is no JSON")
+            response = _refusal(400, "that is no JSON")
         if not response.prepared:
             response.headers.update(HEADERS)
         return response
@@ -176,7 +176,7 @@ class PageServer(LocalServer):
         self, hosts: tuple[str, ...] = (LOCAL, "localhost"), reception: Reception | None = None
     ) -> None:
         self._reception = reception
-        self._held: dict[str, Held] = {}
+        self._sessions: dict[str, PageSession] = {}
         files = dict(FILES)
         posts: dict[str, Handler] = {
             "/api/hello": self._hello,
@@ -189,21 +189,21 @@ class PageServer(LocalServer):
         super().__init__(SITE, files, posts, hosts)
         self._app.router.add_get("/films/{name}", self._film)
 
-    def add(self, held: Held) -> None:
+    def add(self, session: PageSession) -> None:
         """Serve a session; mark one that is over already, so that nobody waits for it."""
-        self._held[held.desk.key] = held
-        if held.desk.is_over:
-            held.over.set()
+        self._sessions[session.desk.key] = session
+        if session.desk.is_over:
+            session.over.set()
 
-    def address_of(self, held: Held) -> str:
+    def address_of(self, session: PageSession) -> str:
         """Return the address of a session's page."""
-        return self.address(held.desk.key)
+        return self.address(session.desk.key)
 
     # ---- within ------------------------------------------------------------------------------
 
     async def _film(self, request: web.Request) -> web.StreamResponse:
         session = await self._of(request.headers.get(KEY, ""))
-        if isinstance(session, Ended):
+        if isinstance(session, EndedSession):
             raise PageError("the session is over")
         path = session.films.get(request.match_info["name"])
         if path is None:
@@ -213,8 +213,8 @@ class PageServer(LocalServer):
     async def _hello(self, request: web.Request) -> web.StreamResponse:
         body = await body_of(request)
         session, tab = await self._of(request.headers.get(KEY, "")), text_of(body, "tab")
-        if isinstance(session, Ended):
-            return web.json_response({**session.about, **session.told()})
+        if isinstance(session, EndedSession):
+            return web.json_response({**session.about, **session.state()})
         about = body.get("about")
         at_ms = body.get("at_ms")
 
@@ -227,13 +227,13 @@ class PageServer(LocalServer):
                 at_ms=float(at_ms) if isinstance(at_ms, int | float) else 0.0,
             )
 
-        return web.json_response({**session.about, **await self._done(session, hello)})
+        return web.json_response({**session.about, **await self._act(session, hello)})
 
     async def _events(self, request: web.Request) -> web.StreamResponse:
         body = await body_of(request)
         session, tab = await self._of(request.headers.get(KEY, "")), text_of(body, "tab")
-        if isinstance(session, Ended):
-            return web.json_response(session.told())
+        if isinstance(session, EndedSession):
+            return web.json_response(session.state())
         events = body.get("events", [])
         if not isinstance(events, list):
             raise PageError("events are a list")
@@ -243,13 +243,13 @@ class PageServer(LocalServer):
             if None in clocks_ms
             else (number(clocks_ms[0], "sent_ms"), number(clocks_ms[1], "wall_ms"))
         )
-        message = await self._done(session, lambda: session.desk.take(tab, events, times))
+        message = await self._act(session, lambda: session.desk.take(tab, events, times))
         return web.json_response(message)
 
     async def _arrive(self, request: web.Request) -> web.StreamResponse:
         body = await body_of(request)
         content, before = body.get("told", {}), text_of(body, "before", is_needed=False)
-        if not isinstance(content, Mapping) or len(content) > MAX_TOLD:
+        if not isinstance(content, Mapping) or len(content) > MAX_PARAMETERS:
             raise PageError("told is a few short texts")
         assert self._reception is not None  # noqa: S101  # the route exists only with it
         parameters = {str(name): text_of(content, str(name), is_needed=False) for name in content}
@@ -265,52 +265,52 @@ class PageServer(LocalServer):
     async def _leave(self, request: web.Request) -> web.StreamResponse:
         body = await body_of(request)
         session, tab = await self._of(text_of(body, "key")), text_of(body, "tab")
-        if isinstance(session, Held):
+        if isinstance(session, PageSession):
             session.desk.leave(tab)
         return web.json_response({})
 
-    async def _done(self, held: Held, act: Callable[[], bool | None]) -> dict[str, Any]:
+    async def _act(self, session: PageSession, act: Callable[[], bool | None]) -> dict[str, Any]:
         """Act, wait until everything is on the disk, and return the state for the page.
 
         If `act` returns False, it wrote nothing and there is no wait.
         """
 
         def whole() -> dict[str, Any]:
-            if held.closed.is_set():
-                return held.desk.told()
+            if session.closed.is_set():
+                return session.desk.state()
             if act() is not False:
-                held.desk.recorder.checkpoint()
-            return held.desk.told()
+                session.desk.recorder.checkpoint()
+            return session.desk.state()
 
-        async with held.lock:
+        async with session.lock:
             try:
-                if held.desk.clock.is_virtual:
+                if session.desk.clock.is_virtual:
                     message = whole()
                 else:
                     message = await asyncio.to_thread(whole)
             except (PageError, OpenElsewhereError):
                 raise
             except Exception as error:
-                held.failures.append(error)
-                held.over.set()
+                session.failures.append(error)
+                session.over.set()
                 reason = (
                     "the recording failed" if isinstance(error, RecordingError) else "it failed"
                 )
                 return {"failed": reason, "ack": -1}
-            if held.desk.is_over:
-                held.over.set()
+            if session.desk.is_over:
+                session.over.set()
             return message
 
-    async def _of(self, key: str) -> Held | Ended:
-        session: Held | Ended | None = self._held.get(key)
+    async def _of(self, key: str) -> PageSession | EndedSession:
+        session: PageSession | EndedSession | None = self._sessions.get(key)
         if session is None and self._reception is not None:
-            session = await self._reception.held(key)
+            session = await self._reception.session_of(key)
         if session is None:
             raise PageError("this address leads to no session; ask for a new one")
         return session
 
 
-def _refused(status: int, why: str) -> web.Response:
+def _refusal(status: int, why: str) -> web.Response:
     return web.json_response({"refused": why}, status=status)
 
 

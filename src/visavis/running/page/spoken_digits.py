@@ -49,7 +49,7 @@ def spoken_digits(language: str, folder: Path | None) -> tuple[bytes, ...]:
     return tuple(files)
 
 
-def spoken(digits: Sequence[int], files: Sequence[bytes]) -> bytes:
+def say_digits(digits: Sequence[int], files: Sequence[bytes]) -> bytes:
     """Return a WAV file in which digits are said one after another."""
     buffer, pieces = io.BytesIO(), []
     for digit in digits:
@@ -66,7 +66,7 @@ def spoken(digits: Sequence[int], files: Sequence[bytes]) -> bytes:
     return buffer.getvalue()
 
 
-def heard(sound: bytes, files: Sequence[bytes]) -> str:
+def hear_digits(sound: bytes, files: Sequence[bytes]) -> str:
     """Return the digits in a sound, found by comparison with the files; "" if there are none."""
     with wave.open(io.BytesIO(sound)) as read:
         left = read.readframes(read.getnframes())

@@ -12,7 +12,7 @@ from visavis.study.responses import Choice, Number, Rating, Response, SideBySide
 
 WAYS: Final = ("keys", "mouse", "touch", "pen")
 NUMBER: Final = re.compile(r"-?\d{1,12}([.,]\d{1,12})?")
-HEARD: Final = re.compile(r"\d{1,8}")
+TYPED_DIGITS: Final = re.compile(r"\d{1,8}")
 MAX_TEXT: Final = 10_000
 """Longest answer in words, in characters."""
 MIN_PX_PER_MM: Final = 0.5
@@ -45,7 +45,7 @@ class Reply:
 
 
 @dataclass(frozen=True)
-class Given:
+class PageAnswer:
     """An answer as the page sent it: its time on the page's clock, and the input it came from."""
 
     option: str | None
@@ -54,12 +54,12 @@ class Given:
 
 
 @dataclass(frozen=True)
-class FilmTruth:
+class FilmPlayback:
     """What a browser presented of one film; times on the page's clock."""
 
     first_ms: float
     frames: int
-    dropped: int
+    frames_dropped: int
     rounds: int
     stalls: int
 
@@ -72,7 +72,7 @@ def put(step: PageStep) -> Generator[PageStep, Reply | None, Reply]:
     return reply
 
 
-def asked(response: Response, prompt: str, labels: Sequence[str]) -> dict[str, Any]:
+def page_question(response: Response, prompt: str, labels: Sequence[str]) -> dict[str, Any]:
     """Return a question in the form that a page needs.
 
     Raises:
@@ -99,7 +99,7 @@ def asked(response: Response, prompt: str, labels: Sequence[str]) -> dict[str, A
             raise PageError(f"{type(response).__name__} {response.name} cannot be asked on a page")
 
 
-def read_given(response: Response, content: Any) -> Given:
+def read_page_answer(response: Response, content: Any) -> PageAnswer:
     """Read an answer to a response.
 
     Raises:
@@ -113,18 +113,18 @@ def read_given(response: Response, content: Any) -> Given:
         raise PageError(f"{response.name}: {option!r} is none of its options")
     if by not in WAYS:
         raise PageError(f"{response.name}: answered by {by!r}")
-    return Given(option, number(answer.get("at_ms"), "at_ms"), by)
+    return PageAnswer(option, number(answer.get("at_ms"), "at_ms"), by)
 
 
-def read_film(content: Any) -> FilmTruth:
+def read_film(content: Any) -> FilmPlayback:
     """Read a browser's report of how it presented a film.
 
     Raises:
         PageError: the content is malformed.
     """
     report = mapping(content, "what was presented of a film")
-    counts = {n: count(report.get(n), n) for n in ("frames", "dropped", "rounds", "stalls")}
-    return FilmTruth(number(report.get("first_ms"), "first_ms"), **counts)
+    counts = [count(report.get(name), name) for name in ("frames", "dropped", "rounds", "stalls")]
+    return FilmPlayback(number(report.get("first_ms"), "first_ms"), *counts)
 
 
 def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
@@ -145,7 +145,7 @@ def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
     if step.kind == "sound":
         count(content.get("played"), "played")
         digits = content.get("heard", "")
-        if digits is not None and not (isinstance(digits, str) and HEARD.fullmatch(digits)):
+        if digits is not None and not (isinstance(digits, str) and TYPED_DIGITS.fullmatch(digits)):
             raise PageError(f"heard are digits, not {str(digits)[:40]!r}")
     if step.kind == "preload":
         mapping(content.get("films", {}), "films")
@@ -167,16 +167,19 @@ def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
         _check_answer(question, answers.get(question["name"]), is_timed=step.kind == "watch")
 
 
-def _check_size(told: Any) -> None:
+def _check_size(px_per_mm: Any) -> None:
     """Refuse an impossible size of the screen; None means that the participant has no card."""
-    if told is not None and not MIN_PX_PER_MM <= number(told, "px_per_mm") <= MAX_PX_PER_MM:
-        raise PageError(f"px_per_mm is {told}")
+    if (
+        px_per_mm is not None
+        and not MIN_PX_PER_MM <= number(px_per_mm, "px_per_mm") <= MAX_PX_PER_MM
+    ):
+        raise PageError(f"px_per_mm is {px_per_mm}")
 
 
-def _check_answer(question: Mapping[str, Any], given: Any, *, is_timed: bool) -> None:
-    name, option = question["name"], given
+def _check_answer(question: Mapping[str, Any], content: Any, *, is_timed: bool) -> None:
+    name, option = question["name"], content
     if is_timed:
-        answer = mapping(given, f"the answer to {name}")
+        answer = mapping(content, f"the answer to {name}")
         number(answer.get("at_ms"), "at_ms")
         if answer.get("by") not in WAYS:
             raise PageError(f"{name}: answered by {str(answer.get('by'))[:40]!r}")

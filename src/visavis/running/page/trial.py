@@ -7,20 +7,20 @@ from visavis.lab.clock import NS_PER_MS
 from visavis.lab.errors import DesignError
 from visavis.protocol.plan.steps import Mark, Row, TrialInterrupted
 from visavis.running.page.steps import (
-    FilmTruth,
+    FilmPlayback,
     PageStep,
     Reply,
-    asked,
     mapping,
     ns_of_ms,
     number,
+    page_question,
     put,
     read_film,
-    read_given,
+    read_page_answer,
 )
 from visavis.study.asking import Answer
 from visavis.study.dry_run import still_view
-from visavis.study.films import Film, Watched, films_of
+from visavis.study.films import Film, Viewing, films_of
 from visavis.study.responses import Response
 from visavis.study.trial import Action, TrialPlan, TrialScript
 
@@ -46,7 +46,7 @@ def perform_on_page(script: TrialScript, plan: TrialPlan, files: FilmFiles) -> O
         while True:
             step = steps.send(reply)
             if isinstance(step, Action):
-                reply = yield from _performed(script, step, files)
+                reply = yield from _perform_action(script, step, files)
             elif isinstance(step, Mark):
                 reply = yield step
             else:
@@ -59,29 +59,29 @@ def perform_on_page(script: TrialScript, plan: TrialPlan, files: FilmFiles) -> O
         return row
 
 
-def _performed(script: TrialScript, wanted: Action, files: FilmFiles) -> OnPage:
-    if wanted.watched is not None:
-        return (yield from _watched(script, wanted.watched, files))
-    if wanted.name == "ask" and wanted.response is not None:
-        answers = yield from _asked(script, (wanted.response,))
-        return answers[wanted.response.name]
-    if wanted.name in ("dark", "wait"):
-        reply = yield from put(PageStep("blank", {"seconds": wanted.seconds}))
+def _perform_action(script: TrialScript, action: Action, files: FilmFiles) -> OnPage:
+    if action.viewing is not None:
+        return (yield from _watch(script, action.viewing, files))
+    if action.name == "ask" and action.response is not None:
+        answers = yield from _ask(script, (action.response,))
+        return answers[action.response.name]
+    if action.name in ("dark", "wait"):
+        reply = yield from put(PageStep("blank", {"seconds": action.seconds}))
         script.view = still_view(reply.t_ns)
         return None
-    if wanted.name == "mark":
+    if action.name == "mark":
         script.view = script.view or still_view()
-        return (yield from wanted.perform())  # type: ignore[misc]  # marks alone
+        return (yield from action.perform())  # type: ignore[misc]  # marks alone
     raise DesignError(
-        f"t.{wanted.name} cannot be performed on a page; it shows t.watch, t.ask, t.wait, t.dark"
+        f"t.{action.name} cannot be performed on a page; it shows t.watch, t.ask, t.wait, t.dark"
     )
 
 
 def _questions(script: TrialScript, responses: tuple[Response, ...]) -> list[dict[str, Any]]:
-    return [asked(r, *script.words_of(r)) for r in responses]
+    return [page_question(r, *script.words_of(r)) for r in responses]
 
 
-def _asked(script: TrialScript, responses: tuple[Response, ...]) -> OnPage:
+def _ask(script: TrialScript, responses: tuple[Response, ...]) -> OnPage:
     step = {"films": [], "questions": _questions(script, responses), "caption": "", "min_rounds": 0}
     reply = yield from put(PageStep("watch", step))
     return (
@@ -91,14 +91,14 @@ def _asked(script: TrialScript, responses: tuple[Response, ...]) -> OnPage:
     )
 
 
-def _watched(script: TrialScript, watched: Watched, files: FilmFiles) -> OnPage:
-    films = films_of(watched.shown)
+def _watch(script: TrialScript, watch: Viewing, files: FilmFiles) -> OnPage:
+    films = films_of(watch.stimulus)
     film_entries = [{"place": place, **files(film)} for place, film in films.items()]
     step = {
         "films": film_entries,
-        "questions": _questions(script, watched.responses),
-        "caption": watched.caption,
-        "min_rounds": watched.min_rounds,
+        "questions": _questions(script, watch.responses),
+        "caption": watch.caption,
+        "min_rounds": watch.min_rounds,
     }
     reply = yield from put(PageStep("watch", step))
     content = reply.content
@@ -106,22 +106,22 @@ def _watched(script: TrialScript, watched: Watched, files: FilmFiles) -> OnPage:
         failure = mapping(content["failed"], "what failed")
         raise FilmFailed(f"film {failure.get('film')}: {failure.get('why')}"[:300])
     film_replies = mapping(content.get("films"), "films")
-    truth = {place: read_film(film_replies.get(place)) for place in films}
-    first_ms = max(t.first_ms for t in truth.values())
-    name = script.numbered("film")
+    playback = {place: read_film(film_replies.get(place)) for place in films}
+    first_ms = max(t.first_ms for t in playback.values())
+    name = script.next_prefix("film")
     on_ns = reply.t_ns_of(first_ms)
     script.row.setdefault("t_start_ns", on_ns)
-    script.row |= _film_columns(name, truth, content, on_ns, first_ms)
+    script.row |= _film_columns(name, playback, content, on_ns, first_ms)
     script.row[f"{name}_sha256"] = (
         ",".join(f["sha256"] for f in film_entries if f["sha256"]) or None
     )
     script.row["t_end_ns"] = script.row[f"{name}_off_ns"]
-    return (yield from _answers(script, watched.responses, reply, first_ms))
+    return (yield from _answers(script, watch.responses, reply, first_ms))
 
 
 def _film_columns(
     name: str,
-    truth: Mapping[str, FilmTruth],
+    playback: Mapping[str, FilmPlayback],
     content: Mapping[str, Any],
     on_ns: int,
     first_ms: float,
@@ -132,13 +132,13 @@ def _film_columns(
     columns = {
         "on_ns": on_ns,
         "off_ns": on_ns + ns_of_ms(off_ms - first_ms),
-        "frames": sum(t.frames for t in truth.values()),
+        "frames": sum(t.frames for t in playback.values()),
         "wait_ms": first_ms - shown_ms,
-        "rounds": min(t.rounds for t in truth.values()),
-        "frames_dropped": sum(t.dropped for t in truth.values()),
-        "stalls": sum(t.stalls for t in truth.values()),
+        "rounds": min(t.rounds for t in playback.values()),
+        "frames_dropped": sum(t.frames_dropped for t in playback.values()),
+        "stalls": sum(t.stalls for t in playback.values()),
         "hidden_ms": number(content.get("hidden_ms"), "hidden_ms"),
-        "apart_ms": None if len(truth) < 2 or apart is None else number(apart, "apart_ms"),
+        "apart_ms": None if len(playback) < 2 or apart is None else number(apart, "apart_ms"),
     }
     return {f"{name}_{column}": value for column, value in columns.items()}
 
@@ -149,7 +149,7 @@ def _answers(
     contents = mapping(reply.content.get("answers"), "answers")
     answers = {}
     for response in responses:
-        page_answer = read_given(response, contents.get(response.name))
+        page_answer = read_page_answer(response, contents.get(response.name))
         asked_ns = reply.t_ns_of(from_ms)
         answered_ns = asked_ns + ns_of_ms(page_answer.at_ms - from_ms)
         script.view = still_view(answered_ns)

@@ -15,7 +15,7 @@ from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import ConfigError, DataError
 from visavis.people.person import StudyPerson
 from visavis.running.film_store import FilmStore
-from visavis.running.page.spoken_digits import heard, spoken_digits
+from visavis.running.page.spoken_digits import hear_digits, spoken_digits
 from visavis.running.page.steps import PageStep
 from visavis.stimuli.scene import SceneFrame
 from visavis.study.dry_run import still_view
@@ -31,7 +31,7 @@ FIRST_FRAME_MS: Final = 40.0
 PX_PER_MM: Final = 96 / 25.4
 """Size of a CSS pixel by its standard (96 to the inch)."""
 PRACTICE_STRETCH: Final = 100_000
-SHOWN: Final = "keys"
+ANSWERED_BY: Final = "keys"
 
 Views = Callable[[Mapping[str, Film]], tuple[SceneFrame, SceneFrame]]
 """Returns the first and the last frame of films by place: what is seen of them."""
@@ -67,7 +67,10 @@ class Visitor:
                 return {"px_per_mm": PX_PER_MM}
             case "sound":
                 self.now_ms += READING_S * 1000
-                return {"heard": heard(base64.b64decode(content["wav"]), self.digits), "played": 1}
+                return {
+                    "heard": hear_digits(base64.b64decode(content["wav"]), self.digits),
+                    "played": 1,
+                }
             case "preload":
                 return {"films": {f["film"]: "simulated" for f in content["films"]}}
             case "text":
@@ -101,7 +104,7 @@ class Visitor:
         self.person.see(first, 0)
         self.person.see(last, max(1, round(round_ms * NS_PER_MS)))
         moving = {p: film for p, film in films.items() if not isinstance(film.lens, Lens)}
-        self.person.watch({p: self.store.seen(film) for p, film in moving.items()})
+        self.person.watch({p: self.store.film_seen(film) for p, film in moving.items()})
         return round_ms
 
     def _watch(self, content: Mapping[str, Any]) -> dict[str, Any]:
@@ -118,7 +121,7 @@ class Visitor:
             answer = self.person.answer(question["name"], question["prompt"], labels)
             if answer is not None and labels:
                 answer = question["options"][labels.index(answer)]["value"]
-            answers[question["name"]] = {"option": answer, "at_ms": at_ms, "by": SHOWN}
+            answers[question["name"]] = {"option": answer, "at_ms": at_ms, "by": ANSWERED_BY}
         self.now_ms = at_ms
         rounds = int((at_ms - first_ms) // round_ms) if round_ms else 0
         return {
@@ -170,29 +173,29 @@ def visitor_of(person: Any, experiment: StudyExperiment, store: FilmStore) -> Vi
             f"the simulated person of {experiment.name} looks at no page; give the study an "
             "@study.answer, or perform it on the lab's devices"
         )
-    films = {store.told(film, is_simulated=True)["film"]: film for film in experiment.films}
+    films = {store.describe(film, is_simulated=True)["film"]: film for film in experiment.films}
     digits = (
         spoken_digits(experiment.language, experiment.settings.folder)
         if "sound" in experiment.study.procedure.screening
         else ()
     )
     return Visitor(
-        person, films, experiment.words, scenes_seen(_seen_by(store)), store, digits=digits
+        person, films, experiment.words, scenes_seen(_frames_of_films(store)), store, digits=digits
     )
 
 
-def _seen_by(store: FilmStore) -> Callable[[Film | Pair], tuple[SceneFrame, SceneFrame]]:
+def _frames_of_films(store: FilmStore) -> Callable[[Film | Pair], tuple[SceneFrame, SceneFrame]]:
     @lru_cache(maxsize=256)
-    def seen(shown: Film | Pair) -> tuple[SceneFrame, SceneFrame]:
-        seconds = seconds_of(shown)
-        film = next(iter(films_of(shown).values()))
-        staging = Staging(np.random.default_rng(film.seed), seconds, 0, store.study_folder)
-        staged_scene = stage(scene_of(shown), staging, store.makers)
+    def first_and_last(film: Film | Pair) -> tuple[SceneFrame, SceneFrame]:
+        seconds = seconds_of(film)
+        seed = next(iter(films_of(film).values())).seed
+        staging = Staging(np.random.default_rng(seed), seconds, 0, store.study_folder)
+        staged_scene = stage(scene_of(film), staging, store.makers)
         end_ns = max(1, round(seconds * NS_PER_S))
         first = staged_scene.frame(still_view(0), 0)
         if first is None:
-            raise ConfigError(f"scene {scene_of(shown).name} shows nothing at its onset")
+            raise ConfigError(f"scene {scene_of(film).name} shows nothing at its onset")
         last = staged_scene.frame(still_view(end_ns), end_ns) or first
         return first, replace(last, t_ns=end_ns)
 
-    return seen
+    return first_and_last

@@ -35,33 +35,33 @@ def require_intact(sessions: Sequence[Path], *, accept: bool) -> tuple[DamageRep
     return damage_reports
 
 
-def counted_damage(damaged: Sequence[DamageReport], of: int) -> str:
+def counted_damage(reports: Sequence[DamageReport], of: int) -> str:
     """Say how many recordings are damaged."""
-    return f"{len(damaged)} of {of} recordings {'is' if len(damaged) == 1 else 'are'} damaged"
+    return f"{len(reports)} of {of} recordings {'is' if len(reports) == 1 else 'are'} damaged"
 
 
-def describe(damaged: Sequence[DamageReport]) -> str:
+def describe(reports: Sequence[DamageReport]) -> str:
     """Return what every session misses, a line each."""
     lines = [
         f"  {report.session.parent.name}/{report.session.name}: {line}"
-        for report in damaged
+        for report in reports
         for line in report.summary()
     ]
     more = len(lines) - MAX_LINES
     return "\n".join([*lines[:MAX_LINES], *([f"  and {more} more"] if more > 0 else [])])
 
 
-def write_damage(damaged: Sequence[DamageReport], out_dir: Path) -> None:
+def write_damage(reports: Sequence[DamageReport], out_dir: Path) -> None:
     """Write the list of damaged trials beside the tables; without damage there is no file."""
     path = out_dir / TABLE_NAME
     path.unlink(missing_ok=True)
     rows = [
         (r.participant, r.number, t.part, t.trial_id, t.attempt, t.status, t.reason)
-        for r in damaged
+        for r in reports
         for t in r.trials
     ] + [
         (r.participant, r.number, None, None, None, "damaged", line)
-        for r in damaged
+        for r in reports
         for line in r.summary()
     ]
     if rows:

@@ -56,26 +56,26 @@ def repair_study(folder: Path) -> tuple[str, ...]:
 
     Raises RecordingError where the ledger and its copy are both damaged.
     """
-    done = []
+    repairs = []
     if _settings_problems(folder):
-        done += _mended(folder / SETTINGS_NAME, lambda: read_settings(folder))
+        repairs += _mend(folder / SETTINGS_NAME, lambda: read_settings(folder))
     for name in (LEDGER_NAME, REGISTER_NAME, PEEKS_NAME):
         try:
             note = repair_lines(folder / name)
         except ValueError as error:
             raise RecordingError(str(error)) from error
-        done += [note] if note else []
+        repairs += [note] if note else []
     if _lock_problems(folder):
-        done += _mended(folder / LOCK_NAME, lambda: read_lock(folder))
+        repairs += _mend(folder / LOCK_NAME, lambda: read_lock(folder))
     for path in _bodies(folder):
         if _body_problems(path):
-            done += _mended(path, partial(read_own_body, path.parent))
+            repairs += _mend(path, partial(read_own_body, path.parent))
     for session in session_folders(folder):
-        done += recover(session).repaired
-    return tuple(done)
+        repairs += recover(session).repaired
+    return tuple(repairs)
 
 
-def _mended(path: Path, read: Callable[[], object]) -> list[str]:
+def _mend(path: Path, read: Callable[[], object]) -> list[str]:
     """Put a sealed file back from its copy, or renew the copy of one that `read` returns."""
     try:
         is_intact = read() is not None

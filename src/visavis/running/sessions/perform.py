@@ -19,7 +19,7 @@ from visavis.lab.compiled import forget_old_kernels
 from visavis.lab.config import INCIDENTS, LabConfig, with_devices
 from visavis.lab.errors import ConfigError, LabError, SessionAborted
 from visavis.protocol.people.simulated_participant import SimulatedParticipant
-from visavis.protocol.plan.experiment import Experiment, Respondent, untold
+from visavis.protocol.plan.experiment import Experiment, Respondent, no_progress
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.protocol.session.progress import Progress, progress_of_recording
 from visavis.protocol.session.rig import Rig
@@ -50,9 +50,9 @@ from visavis.study.experiment import StudyExperiment
 from visavis.study.texts import read_texts
 
 REHEARSED_TRIALS, REHEARSED_S = 8, 130.0
-"""Limits of the rehearsal, in trials and seconds, beside the first trial of every block.
+"""Limits of the rehearsal, in trials and seconds, besides the first trial of every block.
 
-A further level brings other numbers, seldom other code.
+Further levels bring other numbers, but rarely run other code.
 """
 
 
@@ -166,15 +166,15 @@ def of_no_session() -> Iterator[None]:
     """Raise KeyboardInterrupt for an interrupted session that is not kept for a resumption."""
     try:
         yield
-    except SessionAborted as ended:
-        if isinstance(ended.__cause__, KeyboardInterrupt):
-            raise KeyboardInterrupt from ended
+    except SessionAborted as abort:
+        if isinstance(abort.__cause__, KeyboardInterrupt):
+            raise KeyboardInterrupt from abort
         raise
 
 
 @dataclass(frozen=True, eq=False)
 class FewTrials(StudyExperiment):
-    """An experiment whose plan holds the first trial of every block, and levels not met there."""
+    """An experiment with the first trial of every block, and trials with further levels."""
 
     def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
         """Return the plan with those trials alone."""
@@ -192,7 +192,7 @@ class FewTrials(StudyExperiment):
 
 
 def _of_other_levels(trials: Sequence[Trial], met_in: Sequence[Trial], most: int) -> list[Trial]:
-    """Return trials in which further levels are met, those of the smallest factors first."""
+    """Return trials with levels that `met_in` lacks, those of the smallest factors first."""
     everything = {level for trial in trials for level in trial.factors.items()}
     worth = Counter(name for name, _ in everything)
     met_levels = {level for trial in met_in for level in trial.factors.items()}
@@ -216,37 +216,37 @@ def get_ready(
     study: OpenedStudy,
     experiment: StudyExperiment,
     config: LabConfig,
-    told: Callable[[int, int], None] = untold,
+    report_progress: Callable[[int, int], None] = no_progress,
 ) -> str:
     """Do in advance what would delay a frame; return why a part was left out, usually "".
 
     First the study prepares itself. Then a simulated person rehearses a few trials on simulated
     devices, unseen and without a recording: code is compiled for the types it is called with, so
-    only calls compile all of it. `told` is called with the amount done and the total. A second
-    call takes no time.
+    only calls compile all of it. `report_progress` is called with the amount done and the total. A
+    second call takes no time.
     """
     if experiment in _READY:
         return ""
     few = FewTrials(experiment.study, experiment.overrides)
     trials, steps = len(few.plan(0, 0).trials), 0
 
-    def prepared(done: int, of: int) -> None:
+    def report_preparation(count: int, of: int) -> None:
         nonlocal steps
         steps = of
-        told(done, steps + trials)
+        report_progress(count, steps + trials)
 
-    def rehearsed(_: str, done: int, __: int) -> None:
-        told(steps + done, steps + trials)
+    def report_rehearsal(_: str, count: int, __: int) -> None:
+        report_progress(steps + count, steps + trials)
 
-    experiment.prepare(prepared)
+    experiment.prepare(report_preparation)
     trouble = ""
     with TemporaryDirectory(prefix="visavis-rehearsal-") as folder:
-        unseen = config.display.model_copy(update={"show": "none"})
+        hidden_display = config.display.model_copy(update={"show": "none"})
         lab = with_devices(config, "sim").model_copy(
-            update={"data_root": Path(folder), "display": unseen}
+            update={"data_root": Path(folder), "display": hidden_display}
         )
         request = simulated_request(
-            study, few, lab, label="REHEARSAL", index=0, seed=0, on_trial=rehearsed
+            study, few, lab, label="REHEARSAL", index=0, seed=0, on_trial=report_rehearsal
         )
         try:
             with of_no_session():
@@ -254,7 +254,7 @@ def get_ready(
         except LabError as problem:
             trouble = f"not rehearsed, so the first frames may be late: {problem}"
     forget_old_kernels()
-    told(steps + trials, steps + trials)
+    report_progress(steps + trials, steps + trials)
     _READY.add(experiment)
     return trouble
 
@@ -290,13 +290,13 @@ def _perform_part(
     progress: Progress,
 ) -> None:
     try:
-        _perform_companied(request, devices, folder, plan, progress)
+        _perform_recorded(request, devices, folder, plan, progress)
     finally:
         if request.companion is not None and not request.clock.is_virtual:
-            request.companion.closed()
+            request.companion.on_close()
 
 
-def _perform_companied(
+def _perform_recorded(
     request: Request,
     devices: _Devices,
     folder: SessionFolder,
@@ -305,7 +305,7 @@ def _perform_companied(
 ) -> None:
     make = partial(_recorder, request, folder)
     with recorded_part(request.clock, folder, make, "every finished trial is kept") as recorder:
-        with _guarded(devices, request.clock) as guarded_devices:
+        with _guard_armbands(devices, request.clock) as guarded_devices:
             setup = _setup(request, guarded_devices, folder, plan, progress, recorder)
             Session(setup).run()
 
@@ -323,8 +323,8 @@ def _recorder(request: Request, folder: SessionFolder, part_dir: Path) -> Record
 
 
 @contextmanager
-def _guarded(devices: _Devices, clock: Clock) -> Iterator[_Devices]:
-    """Watch over the armbands from here on: they are silent however this block is left."""
+def _guard_armbands(devices: _Devices, clock: Clock) -> Iterator[_Devices]:
+    """Guard the armbands in this block; they are silent after it, however it ends."""
     bands = {r: d for r, d in devices.rig.others.items() if isinstance(d, Armband)}
     if not bands:
         yield devices
@@ -364,8 +364,8 @@ def _setup(
         lost_device_s=request.lost_device_s,
         listeners=SessionListeners(
             on_open=lambda infos: _describe(request, devices, folder, recorder, infos),
-            on_validation=lambda found: folder.describe(
-                calibrations=[*folder.manifest.calibrations, found]
+            on_validation=lambda calibration: folder.describe(
+                calibrations=[*folder.manifest.calibrations, calibration]
             ),
             on_trial=request.on_trial,
         ),
@@ -398,7 +398,7 @@ def _describe(
         if isinstance(device, OwnRecording):
             device.begin_recording(name, part_dir)
     if request.companion is not None:
-        request.companion.opened(
+        request.companion.on_open(
             request,
             part_dir,
             devices.rig.by_role(),

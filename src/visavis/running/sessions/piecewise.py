@@ -77,28 +77,30 @@ def measure_sessions(
     for recording in recordings:
         session = str(recording.path.resolve())
         own = {
-            trial: kept_at(store, recording, trial, pieces, how)
+            trial: stored_trial_path(store, recording, trial, pieces, how)
             for trial in pieces.trials(recording)
         }
         paths_by_session.append(own)
         jobs += [(TrialJob(reference, session, trial, how), at) for trial, at in own.items()]
-    missing = [(job, at) for job, at in jobs if read_kept(at) is None]
-    done = len(jobs) - len(missing)
-    report_progress = on_trial or (lambda done, of: None)
-    report_progress(done, len(jobs))
+    missing = [(job, at) for job, at in jobs if read_stored_trial(at) is None]
+    stored_count = len(jobs) - len(missing)
+    report_progress = on_trial or (lambda count, total: None)
+    report_progress(stored_count, len(jobs))
     if missing:
         store.mkdir(parents=True, exist_ok=True)
         for number, result in run(measure_job, [job for job, _ in missing]):
             replace_file(missing[number][1], seal(asdict(result)))
-            done += 1
-            report_progress(done, len(jobs))
+            stored_count += 1
+            report_progress(stored_count, len(jobs))
     return [
-        study.measure(recording, settings, {trial: _kept(at) for trial, at in paths.items()})
+        study.measure(
+            recording, settings, {trial: _stored_trial(at) for trial, at in paths.items()}
+        )
         for recording, paths in zip(recordings, paths_by_session, strict=True)
     ]
 
 
-def read_kept(path: Path) -> MeasuredTrial | None:
+def read_stored_trial(path: Path) -> MeasuredTrial | None:
     """Return a trial measured before; None when there is none, or a damaged file."""
     try:
         sealed_file = read_sealed(path)
@@ -110,14 +112,16 @@ def read_kept(path: Path) -> MeasuredTrial | None:
         return None
 
 
-def _kept(path: Path) -> MeasuredTrial:
-    trial = read_kept(path)
+def _stored_trial(path: Path) -> MeasuredTrial:
+    trial = read_stored_trial(path)
     if trial is None:
         raise DataError(f"{path} was measured and is gone or damaged; run the analysis again")
     return trial
 
 
-def kept_at(store: Path, recording: Recording, trial_id: str, pieces: Pieces, how: Any) -> Path:
+def stored_trial_path(
+    store: Path, recording: Recording, trial_id: str, pieces: Pieces, how: Any
+) -> Path:
     """Return the file of a measured trial. Its name changes with the recording and with the way of
     measuring, so an outdated result is never used.
     """

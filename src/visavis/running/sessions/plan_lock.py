@@ -137,12 +137,12 @@ def carried_by_session(
     return {
         CONFIGURATION_KEY: {
             "sha256": locked_plan.sha256,
-            "deviations": [_kept(d) for d in deviations],
+            "deviations": [_as_fields(d) for d in deviations],
         }
     }
 
 
-def _kept(deviation: Deviation) -> dict[str, str]:
+def _as_fields(deviation: Deviation) -> dict[str, str]:
     fields = asdict(deviation)
     del fields["since"]
     return fields
@@ -159,18 +159,18 @@ def write_deviations(review: PlanReview | None, out_dir: Path) -> None:
 # ---- looking at results before the end -------------------------------------------------------
 
 
-def refuse_to_peek(
+def check_interim_analysis(
     folder: Path,
     locked: LockedPlan | None,
     manifests: Sequence[Manifest],
     clock: Clock,
     *,
-    asked: bool,
+    is_requested: bool,
     reason: str = "",
 ) -> tuple[Peek, ...]:
     """Return the looks at results so far; refuse a further one while a blinded study runs.
 
-    A further look that is `asked` for is recorded before anything is computed.
+    A further look that is `is_requested` for is recorded before anything is computed.
 
     Raises:
         UsageError: the study is blinded and not complete, and nobody asked to look.
@@ -180,7 +180,7 @@ def refuse_to_peek(
     whole = [m for m in manifests if m.parts and m.parts[-1].status == "complete"]
     people = len({m.participant for m in whole})
     if people < locked.participants:
-        if not asked:
+        if not is_requested:
             raise UsageError(
                 f"the plan of {folder} keeps results hidden until {locked.participants} "
                 f"participants are complete; {people} are. Wait for the others, or look all the "

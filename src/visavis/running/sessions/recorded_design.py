@@ -66,7 +66,7 @@ def _scenes(experiment: StudyExperiment) -> dict[str, dict[str, Any]]:
     for scene in (scene for trial in experiment.read.values() for scene in trial.scenes):
         options = options_by_scene.setdefault(scene.name, {})
         for name, value in scene.options.items():
-            options.setdefault(name, set()).add(_told(value))
+            options.setdefault(name, set()).add(_value_text(value))
     return {
         scene: {
             name: sorted(values) if len(values) <= MAX_VALUES else f"{len(values)} values"
@@ -76,7 +76,7 @@ def _scenes(experiment: StudyExperiment) -> dict[str, dict[str, Any]]:
     }
 
 
-def _told(value: Any) -> str:
+def _value_text(value: Any) -> str:
     """Return an option's value in words that are the same on every machine."""
     if isinstance(value, float):
         return f"{value:.6g}"
@@ -85,7 +85,7 @@ def _told(value: Any) -> str:
     if isinstance(value, str | int | bool | None):
         return str(value)
     if isinstance(value, list | tuple):
-        return ", ".join(map(_told, value))
+        return ", ".join(map(_value_text, value))
     return type(value).__name__
 
 
@@ -98,16 +98,16 @@ def design_of_session(manifest: Manifest) -> dict[str, Any]:
     return {"parameters": {k: v for k, v in parameters.items() if k != "language"}}
 
 
-def changes_since(begun: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[Deviation, ...]:
+def changes_since(first: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[Deviation, ...]:
     """Return the differences between a design and the first one, in the parts that both have."""
-    if "factors" not in begun:  # only a plan's parameters, and factors that were set
+    if "factors" not in first:  # only a plan's parameters, and factors that were set
         now = {"parameters": _as_planned(now["parameters"])}
-        begun = {
-            "parameters": {k: v for k, v in begun["parameters"].items() if k in now["parameters"]}
+        first = {
+            "parameters": {k: v for k, v in first["parameters"].items() if k in now["parameters"]}
         }
     return tuple(
         d
-        for part, before in begun.items()
+        for part, before in first.items()
         if part in now
         for d in differing(part, before, now[part])
     )
@@ -120,12 +120,12 @@ def _as_planned(parameters: Mapping[str, Any]) -> dict[str, Any]:
 def in_words(changes: Sequence[Deviation]) -> str:
     """Describe changes of a design: what changed, its value at first and its value now."""
 
-    def said(c: Deviation) -> str:
+    def describe(c: Deviation) -> str:
         if c.planned == NOTHING:
             return f"{c.what} is new"
         return f"{c.what} is gone" if c.done == NOTHING else f"{c.what} {c.planned}, now {c.done}"
 
-    return "; ".join(map(said, changes))
+    return "; ".join(map(describe, changes))
 
 
 def manifests_of(folder: Path) -> Iterator[Manifest]:
@@ -157,7 +157,7 @@ def require_same_design(folder: Path, experiment: StudyExperiment, way_out: str)
         )
 
 
-def as_recorded(chosen: OpenedStudy, manifests: Sequence[Manifest]) -> OpenedStudy:
+def as_recorded(study: OpenedStudy, manifests: Sequence[Manifest]) -> OpenedStudy:
     """Return a study whose factors have the levels that sessions were made with."""
     recorded_levels: dict[str, list[Any]] = {}
     for manifest in manifests:
@@ -168,11 +168,11 @@ def as_recorded(chosen: OpenedStudy, manifests: Sequence[Manifest]) -> OpenedStu
         replace(f, levels=tuple(recorded_levels[f.name]))
         if f.name in recorded_levels and set(recorded_levels[f.name]) != set(f.levels)
         else f
-        for f in chosen.study.design.factors
+        for f in study.study.design.factors
     ]
-    if factors == list(chosen.study.design.factors):
-        return chosen
-    return replace(chosen, study=chosen.study.with_changes(factors=factors))
+    if factors == list(study.study.design.factors):
+        return study
+    return replace(study, study=study.study.with_changes(factors=factors))
 
 
 def require_recorded_factors(
@@ -198,7 +198,7 @@ def require_recorded_factors(
         )
 
 
-def told_of_designs(
+def compare_designs(
     manifests: Sequence[Manifest], experiment: StudyExperiment
 ) -> tuple[tuple[Deviation, ...], str]:
     """Return how the sessions' design differs from the study's now, and a warning of sessions that

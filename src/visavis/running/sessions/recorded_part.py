@@ -34,11 +34,11 @@ def recorder_of(
 
 @contextmanager
 def recorded_part(
-    clock: Clock, folder: SessionFolder, make: Callable[[Path], Recorder], kept: str
+    clock: Clock, folder: SessionFolder, make: Callable[[Path], Recorder], what_is_kept: str
 ) -> Iterator[Recorder]:
     """Record a part of a session; files and manifest say how the block ended.
 
-    `make` gets the part's folder; `kept` tells a person who interrupts what is not lost.
+    `make` gets the part's folder; `what_is_kept` ends the message after an interruption.
 
     Raises:
         SessionAborted: it ended early.
@@ -51,7 +51,7 @@ def recorded_part(
     except KeyboardInterrupt as error:
         reason = "interrupted from the keyboard or by the system"
         end_part(clock, folder, recorder, "aborted", reason, error)
-        raise SessionAborted(f"{reason}; {kept}") from error
+        raise SessionAborted(f"{reason}; {what_is_kept}") from error
     except SessionAborted as error:
         end_part(clock, folder, recorder, "aborted", str(error).partition(";")[0], error)
         raise

@@ -9,7 +9,7 @@ from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import DataError, UsageError
 from visavis.lab.geometry import Pose
 from visavis.lab.schema import SampleBatch, StreamSchema, empty_values
-from visavis.protocol.plan.shown_scene import shown_in
+from visavis.protocol.plan.shown_scene import recorded_scene
 from visavis.protocol.session.observation import GazeObserver
 from visavis.protocol.session.row_buffer import RowBuffer
 from visavis.recording.reader import PART_COLUMN, Recording
@@ -98,19 +98,19 @@ class _Scenes:
         self._recording, self._study, self._part = recording, study, part
         self._frames = recording.stream_arrays("frames", part=part)
         self._states = recording.stream_arrays("scene_states", part=part)
-        self._made: dict[int, Scene] = {}
+        self._scene_by_number: dict[int, Scene] = {}
 
     def in_frame(self, k: int) -> Scene:
         """Return the scene on display in the k-th frame."""
         number = int(self._states["scene"][int(self._frames["scene_row"][k])])
-        if number not in self._made:
+        if number not in self._scene_by_number:
             # A row tells what was drawn in the frame before.
             frame = int(self._frames["frame_index"][max(0, k - 1)])
             t_ns = int(self._frames["t_host_ns"][max(0, k - 1)])
-            frame_content = shown_in(self._recording, self._part, frame, t_ns, np.zeros(3))
+            frame_content = recorded_scene(self._recording, self._part, frame, t_ns, np.zeros(3))
             view = next(iter(self._study.views_of(frame_content)))
-            self._made[number] = view.scene
-        return self._made[number]
+            self._scene_by_number[number] = view.scene
+        return self._scene_by_number[number]
 
 
 def _delay_ns(recording: Recording) -> int:
@@ -164,23 +164,25 @@ def _batch(recording: Recording, gaze: Columns, rows: list[int]) -> SampleBatch:
     )
 
 
-def _columns(schema: StreamSchema, made: list[SampleBatch], part: int) -> Columns:
+def _columns(schema: StreamSchema, batches: list[SampleBatch], part: int) -> Columns:
     """Return batches as a recording returns a stream."""
-    n = sum(len(batch.seq) for batch in made)
+    n = sum(len(batch.seq) for batch in batches)
 
-    def joined(of: Any) -> Any:
-        return np.concatenate([of(batch) for batch in made]) if made else np.zeros(0, np.int64)
+    def join(of: Any) -> Any:
+        return (
+            np.concatenate([of(batch) for batch in batches]) if batches else np.zeros(0, np.int64)
+        )
 
     columns: Columns = {
-        "seq": joined(lambda b: b.seq),
-        "t_device_ns": joined(lambda b: b.t_device_ns),
-        "t_host_ns": joined(lambda b: b.t_host_ns),
+        "seq": join(lambda b: b.seq),
+        "t_device_ns": join(lambda b: b.t_device_ns),
+        "t_host_ns": join(lambda b: b.t_host_ns),
     }
     for field in schema.fields:
         name = field.name
         columns[name] = (
-            np.concatenate([batch.values[name] for batch in made])
-            if made
+            np.concatenate([batch.values[name] for batch in batches])
+            if batches
             else empty_values(schema, 0)[name]
         )
     return {**columns, PART_COLUMN: np.full(n, part, np.int16)}

@@ -14,7 +14,7 @@ from visavis.lab.errors import UsageError
 from visavis.recording.provenance import provenance
 
 Job = TypeVar("Job")
-Done = TypeVar("Done")
+Result = TypeVar("Result")
 Versions: TypeAlias = tuple[tuple[str, str], ...]
 
 CONNECT_S = 10
@@ -25,8 +25,8 @@ LIBRARY_MISSING = (
 
 
 def on_this_machine(
-    work: Callable[[Job], Done], jobs: list[Job], processes: int
-) -> Iterator[tuple[int, Done]]:
+    work: Callable[[Job], Result], jobs: list[Job], processes: int
+) -> Iterator[tuple[int, Result]]:
     """Yield (job number, result) as they finish; with one process, here and in order.
 
     An error or a signal here ends the other processes, which ignore signals themselves.
@@ -47,7 +47,7 @@ def on_this_machine(
             initializer=_leave_signals_to_parent,
         ) as pool:
             try:
-                numbers: dict[Future[Done], int] = {
+                numbers: dict[Future[Result], int] = {
                     pool.submit(work, j): i for i, j in enumerate(jobs)
                 }
                 workers += multiprocessing.active_children()
@@ -60,15 +60,15 @@ def on_this_machine(
                 for worker in multiprocessing.active_children():
                     worker.terminate()
                 raise
-    except BrokenProcessPool as broken:
+    except BrokenProcessPool as pool_error:
         # A signal to the whole group may appear here first as a broken pool. The pool ends the
         # rest by SIGTERM, so a process that was killed otherwise has another exit code.
         if workers and all(worker.exitcode == -signal.SIGTERM for worker in workers):
-            raise KeyboardInterrupt from broken
+            raise KeyboardInterrupt from pool_error
         raise UsageError(
-            "a process that computed was killed from outside, mostly for want of memory; give "
+            "a worker process was killed from outside, mostly for lack of memory; give "
             "the command again with a smaller --processes"
-        ) from broken
+        ) from pool_error
 
 
 def _leave_signals_to_parent() -> None:
@@ -77,8 +77,8 @@ def _leave_signals_to_parent() -> None:
 
 
 def on_scheduler(
-    work: Callable[[Job], Done], jobs: list[Job], address: str
-) -> Iterator[tuple[int, Done]]:
+    work: Callable[[Job], Result], jobs: list[Job], address: str
+) -> Iterator[tuple[int, Result]]:
     """Yield (job number, result) as a Dask scheduler's workers finish them.
 
     Results are those of `on_this_machine`: a job holds everything it depends on. Raises a
@@ -86,13 +86,13 @@ def on_scheduler(
     another version of Visavis or of what it computes with.
     """
     try:
-        distributed: Any = importlib.import_module("distributed")
+        dask: Any = importlib.import_module("distributed")
     except ImportError:
         raise UsageError(LIBRARY_MISSING) from None
     with ExitStack() as stack:
         try:
             client = stack.enter_context(
-                distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
+                dask.Client(address, timeout=CONNECT_S, set_as_default=False)
             )
         except (TimeoutError, OSError, ValueError) as error:
             raise UsageError(
@@ -102,9 +102,9 @@ def on_scheduler(
         refuse_other_versions(versions(), _versions_of_workers(client, address))
         futures = {client.submit(work, job, pure=False): n for n, job in enumerate(jobs)}
         try:
-            for future in distributed.as_completed(list(futures), loop=client.loop):
+            for future in dask.as_completed(list(futures), loop=client.loop):
                 yield futures[future], future.result()
-        except distributed.scheduler.KilledWorker as error:
+        except dask.scheduler.KilledWorker as error:
             raise UsageError(
                 f"workers of {address} died of a job ({error}); look at their logs, give them "
                 "more memory, or run on this machine without --scheduler"

@@ -91,10 +91,12 @@ class Request:
 
 @dataclass(frozen=True)
 class PageAddress:
-    """Where a page is served (port 0: a free one); `told` is called with the address to open."""
+    """Where a page is served."""
 
     port: int = 0
-    told: Callable[[str], None] | None = None
+    """0: a free one."""
+    on_address: Callable[[str], None] | None = None
+    """Called with the address to open."""
 
 
 class Companion(Protocol):
@@ -107,7 +109,7 @@ class Companion(Protocol):
         """Return a recorder that tells others what it records; None for the usual one."""
         ...
 
-    def opened(
+    def on_open(
         self,
         request: Request,
         part_dir: Path,
@@ -119,7 +121,7 @@ class Companion(Protocol):
         """Called when the devices are open and their streams declared."""
         ...
 
-    def closed(self) -> None:
+    def on_close(self) -> None:
         """Called when the session's part has ended in any way, and its files are closed."""
         ...
 

@@ -30,10 +30,10 @@ class SimulationTask:
     parameters: dict[str, Any]
 
 
-def worker_count(asked: int | None) -> int:
+def worker_count(processes: int | None) -> int:
     """Return how many processes to use: as asked, or one per usable core."""
-    if asked is not None:
-        return max(asked, 1)
+    if processes is not None:
+        return max(processes, 1)
     cores: int | None
     if sys.platform == "linux":
         cores = len(os.sched_getaffinity(0))

@@ -1,6 +1,6 @@
 """Simulate a whole study, and analyse one: the work of the commands with these names.
 
-Messages go to `telling`: the command line prints them, a script gets only warnings.
+Messages go to `notifier`: the command line prints them, a script gets only warnings.
 """
 
 import warnings
@@ -23,28 +23,27 @@ from visavis.recording.durable import make_folder, protect
 from visavis.recording.folder import SIMULATED_ROOT
 from visavis.recording.manifest import Manifest, read_manifest
 from visavis.recording.reader import Recording
-from visavis.results.locked_plan.deviations import marked
 from visavis.results.locked_plan.review import LockedPlan, Peek, PlanReview, review_of
 from visavis.results.opened_study import OpenedStudy, overrides_of
 from visavis.results.picture_delay import SETTING, read_sync_test, required_for
-from visavis.results.selection import COUNTED
-from visavis.results.unusual import Striking
+from visavis.results.selection import IS_ANALYSED
+from visavis.results.unusual import UnusualTrial
 from visavis.running.sessions.damage import counted_damage, describe, require_intact, write_damage
 from visavis.running.sessions.data_root import prepare_data_root
 from visavis.running.sessions.folder_check import SIMULATED_PREFIX
 from visavis.running.sessions.piecewise import measure_sessions
 from visavis.running.sessions.plan_lock import (
+    check_interim_analysis,
     content_now,
     read_lock,
-    refuse_to_peek,
     write_deviations,
 )
 from visavis.running.sessions.recorded_design import (
     as_recorded,
+    compare_designs,
     in_words,
     require_recorded_factors,
     require_same_design,
-    told_of_designs,
 )
 from visavis.running.sessions.runners import on_scheduler, on_this_machine
 from visavis.running.sessions.simulation import (
@@ -54,8 +53,8 @@ from visavis.running.sessions.simulation import (
     worker_count,
 )
 from visavis.running.sessions.study_folder import (
-    DERIVED,
-    MEASURED,
+    DERIVED_FOLDER,
+    MEASURED_FOLDER,
     StudySettings,
     made_files,
     one_per_participant,
@@ -71,7 +70,7 @@ from visavis.study.catalogue import reference_of
 from visavis.study.pieces import Pieces
 
 
-class Telling(Protocol):
+class Notifier(Protocol):
     """Receives messages while a study is simulated or analysed."""
 
     def say(self, text: str) -> None:
@@ -87,7 +86,7 @@ class Telling(Protocol):
         ...
 
 
-class Quiet:
+class QuietNotifier:
     """Says nothing but warnings, as Python's."""
 
     def say(self, text: str) -> None:
@@ -99,48 +98,50 @@ class Quiet:
 
     def progress(self, what: str) -> AbstractContextManager[Callable[[int, int], None]]:
         """Keep quiet."""
-        return nullcontext(lambda done, of: None)
+        return nullcontext(lambda count, total: None)
 
 
-QUIET: Final = Quiet()
+QUIET: Final = QuietNotifier()
 
 
 def simulate_study(
     lab: LabConfig,
-    chosen: OpenedStudy,
-    wanted: StudySettings,
+    opened_study: OpenedStudy,
+    requested_settings: StudySettings,
     participants: int,
     data_root: Path,
     *,
     processes: int | None = None,
     scheduler: str | None = None,
-    telling: Telling = QUIET,
+    notifier: Notifier = QUIET,
 ) -> Path:
     """Simulate what is missing of a study; sessions already there are kept.
 
     Raises:
         UsageError: the folder was begun with other settings, or with another design.
     """
-    study, effect = reference_of(chosen.study), wanted.effect
+    study, effect = reference_of(opened_study.study), requested_settings.effect
     data_root = data_root.resolve()
     lab = lab.model_copy(update={"data_root": data_root})
-    folder = data_root / SIMULATED_ROOT / chosen.name
-    chosen.experiment(wanted.parameters)
+    folder = data_root / SIMULATED_ROOT / opened_study.name
+    opened_study.experiment(requested_settings.parameters)
     prepare_data_root(lab)
     # A folder holds sessions of one design with one set of settings.
-    settings = settle(folder, wanted, seed_given=True, way_out="choose another --output")
-    experiment = chosen.experiment(settings.parameters)
+    settings = settle(
+        folder, requested_settings, seed_given=True, way_out="choose another --output"
+    )
+    experiment = opened_study.experiment(settings.parameters)
     require_same_design(
         folder,
         experiment,
         "Choose another --output; or put the study file back as it was, and "
         "the same command goes on with what is missing",
     )
-    has_changed = settings.source_sha256 not in ("", wanted.source_sha256)
+    has_changed = settings.source_sha256 not in ("", requested_settings.source_sha256)
     if has_changed and session_folders(folder):
-        telling.say(
-            f"{wanted.source}, or a text beside it, has changed since {folder} was begun: sessions "
-            "there stay as they are, further ones are made with it as it is now"
+        notifier.say(
+            f"{requested_settings.source}, or a text beside it, has changed since {folder} was "
+            "begun: sessions there stay as they are, further ones are made with it as it is now"
         )
     entries = [
         _entry(folder, number, experiment.plan, settings.seed)
@@ -157,22 +158,24 @@ def simulate_study(
         if f"sub-{e.label}" not in present
     ]
     if present:
-        telling.say(f"{len(present)} sessions are there already and are kept")
+        notifier.say(f"{len(present)} sessions are there already and are kept")
     if len(sessions) > len(present):
-        telling.say(f"{len(sessions) - len(present)} broken off before: what is left is simulated")
+        notifier.say(f"{len(sessions) - len(present)} were interrupted; their rest is simulated")
     watch = StopWatch()
-    with telling.progress("simulating") as report_progress:
+    with notifier.progress("simulating") as report_progress:
         report_progress(0, len(tasks))
         try:
-            for done, _ in enumerate(_run(simulate_one, tasks, processes, scheduler), start=1):
-                report_progress(done, len(tasks))
+            for number, _ in enumerate(_run(simulate_one, tasks, processes, scheduler), start=1):
+                report_progress(number, len(tasks))
         except (KeyboardInterrupt, SessionAborted) as stop:
             raise SessionAborted(
                 f"interrupted; what is finished is kept in {folder}. Give the same command again: "
                 "it goes on from there"
             ) from stop
     if tasks:
-        telling.say(f"{count_of(len(tasks), 'participant')} simulated in {watch.elapsed_s():.0f} s")
+        notifier.say(
+            f"{count_of(len(tasks), 'participant')} simulated in {watch.elapsed_s():.0f} s"
+        )
     return folder
 
 
@@ -195,8 +198,8 @@ def analyse_study(
     accept_damage: bool = False,
     peek: str | None = None,
     sync: Path | None = None,
-    make_views: Callable[[Path, Sequence[Striking]], None] | None = None,
-    telling: Telling = QUIET,
+    make_views: Callable[[Path, Sequence[UnusualTrial]], None] | None = None,
+    notifier: Notifier = QUIET,
 ) -> Path:
     """Measure every session of a study and analyse them together; return the report's path.
 
@@ -211,7 +214,7 @@ def analyse_study(
     folder = folder.resolve()
     sessions, left_out = one_per_participant(sessions_of(folder))
     for path in left_out:
-        telling.warn(
+        notifier.warn(
             f"left out: {path.parent.name}/{path.name}; of several sessions of one person the "
             "first complete one is analysed"
         )
@@ -229,54 +232,56 @@ def analyse_study(
     study = names.pop()
     # A blinded study shows no results before it is complete, unless they are asked for.
     locked_plan, clock = read_lock(folder), SystemClock()
-    peeks = refuse_to_peek(
-        folder, locked_plan, manifests, clock, asked=peek is not None, reason=peek or ""
+    peeks = check_interim_analysis(
+        folder, locked_plan, manifests, clock, is_requested=peek is not None, reason=peek or ""
     )
     watch = StopWatch()
     damage_reports = require_intact(sessions, accept=accept_damage)
     if damage_reports:
-        telling.warn(
+        notifier.warn(
             f"{counted_damage(damage_reports, len(sessions))}; what cannot be read is missing\n"
             f"{describe(damage_reports)}"
         )
-    out_dir = output.resolve() if output is not None else folder / DERIVED
+    out_dir = output.resolve() if output is not None else folder / DERIVED_FOLDER
     is_ours = output is None or not out_dir.exists()
     make_folder(out_dir, exist_ok=True)
     use_recorded_cast(Recording(sessions[0]))  # before anything of the study is made
     opened_study, change_warning = study_of_folder(folder, study)
-    opened_study = _with_recorded_design(opened_study, change_warning, folder, manifests, telling)
+    opened_study = _with_recorded_design(opened_study, change_warning, folder, manifests, notifier)
     settings = read_parameters(list(measure))
     if sync is not None:
         test = read_sync_test(sync)
         settings = {**settings, SETTING: required_for(test, kinds)}
-        telling.say(f"pictures {test.picture_delay_ms:g} ms late, by {test.name} of {test.made}")
+        notifier.say(
+            f"pictures {test.picture_delay_ms:g} ms late, by {test.name} of {test.made_at}"
+        )
     opened_study.check_settings(settings)  # before anything is measured
     review = None
     if locked_plan is not None:
-        opened_study, review = _reviewed(opened_study, locked_plan, manifests, settings, peeks)
+        opened_study, review = _review(opened_study, locked_plan, manifests, settings, peeks)
         for line in review.lines():
-            telling.warn(line) if review.deviations else telling.say(line)
+            notifier.warn(line) if review.deviations else notifier.say(line)
     # Long measurements go trial by trial, so that a stop loses at most one.
     pieces = opened_study.pieces
     if pieces is not None:
-        intakes = _measured_piecewise(
-            opened_study, pieces, sessions, folder, processes, scheduler, settings, telling
+        intakes = _measure_piecewise(
+            opened_study, pieces, sessions, folder, processes, scheduler, settings, notifier
         )
     else:
-        intakes = _measured(
-            reference_of(opened_study.study), sessions, processes, scheduler, settings, telling
+        intakes = _measure_sessions(
+            reference_of(opened_study.study), sessions, processes, scheduler, settings, notifier
         )
     # Keep one manifest per session, not two: with a hundred people they take most memory.
     intakes = [replace(one, manifest=m) for one, m in zip(intakes, manifests, strict=True)]
     halves = _unfinished(intakes)
     analysis = opened_study.analysis_of(intakes, settings)
-    counts = analysis.selection.people.set_index("participant")[COUNTED]
+    counts = analysis.selection.people.set_index("participant")[IS_ANALYSED]
     for who, summary in halves.items():
-        verdict = "it is taken in" if counts.get(who, False) else "they are left out"
-        telling.warn(f"not finished: {summary}; {verdict}")
+        verdict = "it is included" if counts.get(who, False) else "they are left out"
+        notifier.warn(f"not finished: {summary}; {verdict}")
     intakes = [one.without_tables() for one in intakes]  # the analysis holds everybody's
     # The report names the command that makes it again, and simulated data how they were made.
-    report_path = replace(opened_study, tell=telling.warn, make_views=make_views).write(
+    report_path = replace(opened_study, tell=notifier.warn, make_views=make_views).write(
         analysis,
         intakes,
         out_dir,
@@ -305,17 +310,17 @@ def analyse_study(
     try:
         register_export(folder, SystemClock(), ANALYSIS, out_dir, labels, files)
     except LedgerError as error:  # a read-only archive
-        telling.warn(str(error))
-    telling.say(f"{count_of(len(sessions), 'session')} analysed in {watch.elapsed_s():.0f} s")
+        notifier.warn(str(error))
+    notifier.say(f"{count_of(len(sessions), 'session')} analysed in {watch.elapsed_s():.0f} s")
     return report_path
 
 
 def _with_recorded_design(
-    chosen: OpenedStudy,
+    opened_study: OpenedStudy,
     changed: str,
     folder: Path,
     manifests: Sequence[Manifest],
-    telling: Telling,
+    notifier: Notifier,
 ) -> OpenedStudy:
     """Return a study with the levels its sessions had; warn of what was changed since, by name.
 
@@ -323,19 +328,19 @@ def _with_recorded_design(
         DataError: it has a factor now that none of its sessions had.
     """
     settings = read_settings(folder)
-    now = chosen.experiment({} if settings is None else settings.parameters)
-    changes, mixture_warning = told_of_designs(manifests, now)
+    now = opened_study.experiment({} if settings is None else settings.parameters)
+    changes, mixture_warning = compare_designs(manifests, now)
     require_recorded_factors(folder, manifests, now)
     if changes:
-        telling.warn(
+        notifier.warn(
             f"the study has changed since {folder} was begun: {in_words(changes)}. Analysed is "
             "what the sessions had"
         )
     elif changed:
-        telling.warn(f"{changed}. What sessions show and ask is the same")
+        notifier.warn(f"{changed}. What sessions show and ask is the same")
     if mixture_warning:
-        telling.warn(mixture_warning)
-    return as_recorded(chosen, manifests)
+        notifier.warn(mixture_warning)
+    return as_recorded(opened_study, manifests)
 
 
 def _unfinished(sessions: Sequence[Any]) -> dict[str, str]:
@@ -345,40 +350,43 @@ def _unfinished(sessions: Sequence[Any]) -> dict[str, str]:
         parts = one.manifest.parts
         if not parts or parts[-1].status != "complete":
             counts = one.rows[~one.rows["is_practice"].astype(bool)]
-            done = counts.loc[counts["status"] == "complete", "trial_id"].nunique()
+            trials_done = counts.loc[counts["status"] == "complete", "trial_id"].nunique()
             summaries[str(one.manifest.participant)] = (
-                f"session of {one.manifest.participant}, {done} of {count_of(one.planned, 'trial')}"
+                f"session of {one.manifest.participant}, {trials_done} of "
+                f"{count_of(one.planned, 'trial')}"
             )
     return summaries
 
 
-def _reviewed(
-    chosen: OpenedStudy,
+def _review(
+    opened_study: OpenedStudy,
     locked: LockedPlan,
     manifests: Sequence[Manifest],
     settings: Mapping[str, Any],
     peeks: Sequence[Peek],
 ) -> tuple[OpenedStudy, PlanReview]:
     """Compare a study with its locked plan; what the plan does not name becomes exploratory."""
-    experiment = chosen.experiment(overrides_of(manifests[0].plan))
-    done = content_now(chosen, experiment, manifests[0].seed, settings)
-    review = review_of(locked, done, manifests, peeks)
-    compare = marked(chosen.study.analysis.compare, locked.plan)
-    return replace(chosen, study=chosen.study.with_changes(compare=compare), plan=review), review
+    experiment = opened_study.experiment(overrides_of(manifests[0].plan))
+    content = content_now(opened_study, experiment, manifests[0].seed, settings)
+    review = review_of(locked, content, manifests, peeks)
+    compare = mark_exploratory(opened_study.study.analysis.compare, locked.plan)
+    return replace(
+        opened_study, study=opened_study.study.with_changes(compare=compare), plan=review
+    ), review
 
 
-def _measured(
+def _measure_sessions(
     study: str,
     sessions: Sequence[Path],
     processes: int | None,
     scheduler: str | None,
     settings: Mapping[str, Any],
-    telling: Telling,
+    notifier: Notifier,
 ) -> list[Any]:
     """Measure session by session, here or on a scheduler."""
     jobs = [(study, s, settings) for s in sessions]
     results: dict[int, Any] = {}
-    with telling.progress("measuring") as report_progress:
+    with notifier.progress("measuring") as report_progress:
         report_progress(0, len(jobs))
         for number, result in _run(measure_one, jobs, processes, scheduler):
             results[number] = result
@@ -395,7 +403,7 @@ def _run(
     return on_this_machine(work, jobs, processes=worker_count(processes))
 
 
-def _measured_piecewise(
+def _measure_piecewise(
     study: OpenedStudy,
     pieces: Pieces,
     sessions: Sequence[Path],
@@ -403,12 +411,12 @@ def _measured_piecewise(
     processes: int | None,
     scheduler: str | None,
     settings: Mapping[str, Any],
-    telling: Telling,
+    notifier: Notifier,
 ) -> list[Any]:
     """Measure trial by trial, here or on a scheduler; those measured before are kept."""
     run = partial(_run, processes=processes, scheduler=scheduler)
-    store = folder / DERIVED / MEASURED
-    with telling.progress("measuring") as report_progress:
+    store = folder / DERIVED_FOLDER / MEASURED_FOLDER
+    with notifier.progress("measuring") as report_progress:
         return measure_sessions(study, pieces, sessions, store, run, settings, report_progress)
 
 

@@ -23,8 +23,8 @@ SEALED_SINCE = 2
 """Settings of this version and later end in their own checksum."""
 
 DEFAULT_SEED = 1
-DERIVED = "derived"
-MEASURED = "measured"
+DERIVED_FOLDER = "derived"
+MEASURED_FOLDER = "measured"
 """In `derived`: walks measured one by one, kept so that a stop loses at most one."""
 
 
@@ -151,7 +151,7 @@ def wanted_settings(
 
 def settle(
     folder: Path,
-    wanted: StudySettings,
+    requested_settings: StudySettings,
     *,
     seed_given: bool,
     fits: Callable[[StudySettings], bool] | None = None,
@@ -168,31 +168,35 @@ def settle(
     present = read_settings(folder)
     if present is None:
         make_folder(folder, exist_ok=True)
-        write_sealed(folder / SETTINGS_NAME, asdict(wanted))
-        return wanted
-    if seed_given and wanted.seed != present.seed:
+        write_sealed(folder / SETTINGS_NAME, asdict(requested_settings))
+        return requested_settings
+    if seed_given and requested_settings.seed != present.seed:
         raise UsageError(
             f"{folder} was begun with seed {present.seed}; another seed would change every "
             f"order. Leave --seed out, or use another data root"
         )
-    new_settings = replace(present, parameters=wanted.parameters)
+    new_settings = replace(present, parameters=requested_settings.parameters)
     if (
         new_settings != present
-        and may_become(folder, present, wanted)
+        and may_become(folder, present, requested_settings)
         and fits
         and fits(new_settings)
     ):
         write_sealed(folder / SETTINGS_NAME, asdict(new_settings))
         return new_settings
-    refuse_other(folder, present, wanted, way_out)
+    refuse_other(folder, present, requested_settings, way_out)
     # Participants who read another language take part in the same study.
-    return replace(present, parameters={**present.parameters, **wanted.parameters})
+    return replace(present, parameters={**present.parameters, **requested_settings.parameters})
 
 
-def may_become(folder: Path, present: StudySettings, wanted: StudySettings) -> bool:
+def may_become(folder: Path, present: StudySettings, requested_settings: StudySettings) -> bool:
     """Tell whether nothing was recorded yet, and all that was chosen before stays as it was."""
-    keeps_parameters = present.parameters.items() <= wanted.parameters.items()
-    return keeps_parameters and present.effect == wanted.effect and not session_folders(folder)
+    keeps_parameters = present.parameters.items() <= requested_settings.parameters.items()
+    return (
+        keeps_parameters
+        and present.effect == requested_settings.effect
+        and not session_folders(folder)
+    )
 
 
 def session_folders(folder: Path) -> tuple[Path, ...]:
@@ -201,7 +205,7 @@ def session_folders(folder: Path) -> tuple[Path, ...]:
 
 
 def refuse_other(
-    folder: Path, present: StudySettings, wanted: StudySettings, way_out: str = ""
+    folder: Path, present: StudySettings, requested_settings: StudySettings, way_out: str = ""
 ) -> None:
     """Refuse parameters that a study was not begun with; `way_out` is what else can be done.
 
@@ -209,9 +213,10 @@ def refuse_other(
         UsageError: naming those it was begun with.
     """
     before, after = (
-        {k: v for k, v in of.parameters.items() if k != "language"} for of in (present, wanted)
+        {k: v for k, v in of.parameters.items() if k != "language"}
+        for of in (present, requested_settings)
     )
-    if present.effect != wanted.effect or before != after:
+    if present.effect != requested_settings.effect or before != after:
         assignments = ", ".join(f"{name}={value}" for name, value in present.parameters.items())
         raise UsageError(
             f"{folder} was begun with {assignments or 'no --set'}"
@@ -227,7 +232,7 @@ def _was_completed(session: Path) -> bool:
 
 def made_files(out_dir: Path) -> tuple[Path, ...]:
     """Return the files that an analysis made, without measured walks, which are kept for later."""
-    measured_dir = out_dir / MEASURED
+    measured_dir = out_dir / MEASURED_FOLDER
     return tuple(
         p for p in sorted(out_dir.rglob("*")) if p.is_file() and not p.is_relative_to(measured_dir)
     )

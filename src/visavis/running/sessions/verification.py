@@ -1,11 +1,11 @@
 """Perform a recorded session again, and find the first thing in which the two differ.
 
-A simulated session is its plan, its seed and its devices: the same code performs them again on the
-virtual clock, through the same drivers over the same simulated wires, and every sample, event and
-trial row must come out bit for bit. A part that went on with a session goes on again from the
-earlier parts as recorded, and what an operator did is done again at the same moments. Sessions
-with people, and simulations in real time, do not repeat, since their times differ in every run:
-there the recorded samples of the devices are fed to the engine.
+Plan, seed and devices determine a simulated session. The same code performs it again on the virtual
+clock, through the same drivers and simulated wires, and every sample, event and trial row must be
+equal bit for bit. A resumed part starts again from the earlier parts as recorded, and commands of
+the operator are repeated at the same times. Sessions with people, and simulations in real time,
+cannot be repeated, since their times differ in every run; there the engine is fed with the recorded
+samples of the devices.
 """
 
 import json
@@ -39,7 +39,7 @@ from visavis.running.sessions.perform import of_no_session, perform_new, perform
 from visavis.running.sessions.reevaluation import TARGETS, targets_again
 from visavis.running.sessions.session_request import Request, SessionPerson
 
-DRAWN: Final = ("drawn", "drawn_gpu", "drawn_views", "mirror")
+DRAWN_STREAMS: Final = ("drawn", "drawn_gpu", "drawn_views", "mirror")
 """Streams of what was drawn: nothing is drawn when a session is performed again."""
 
 
@@ -48,22 +48,22 @@ class Difference:
     """The first thing in which two recordings of a session differ.
 
     `where` names the stream, or events or trial rows; `row` counts in it from 0 within the part,
-    `frame` is the display's then, None before the first. `recorded` and `again` are the values, or
-    what is missing.
+    `frame` is the display's then, None before the first. `old_value` and `new_value` are the
+    recorded value and that of the repetition, or what is missing.
     """
 
     t_ns: int
     where: str
     row: int
     column: str
-    recorded: str
-    again: str
+    old_value: str
+    new_value: str
     frame: int | None = None
     trial_id: str | None = None
     part: int = 1
     has_frames: bool = True
 
-    def told(self) -> str:
+    def as_sentence(self) -> str:
         """Return the difference as a sentence."""
         frame = "before the first frame" if self.frame is None else f"in frame {self.frame}"
         frame = frame if self.has_frames else "on the page"
@@ -71,7 +71,7 @@ class Difference:
         trial = f", trial {self.trial_id}" if self.trial_id else ""
         return (
             f"{frame} ({self.t_ns / NS_PER_S:.6f} s{trial}): {self.where}, row {self.row}, "
-            f"{self.column}: recorded {self.recorded}, again {self.again}"
+            f"{self.column}: recorded {self.old_value}, again {self.new_value}"
         )
 
 
@@ -79,7 +79,7 @@ class Difference:
 class Verdict:
     """The result of performing a session again.
 
-    `compared` counts rows by stream, in the longer of both recordings, and `differing` those that
+    `row_counts` counts rows by stream, in the longer of both recordings, and `differing` those that
     are not equal. `ended_early` are parts that were cut off, of which the existing rows were
     compared. `is_fed` means that people, or a simulation in real time, were recorded, and that the
     engine was fed with the samples of the devices.
@@ -87,7 +87,7 @@ class Verdict:
 
     first: Difference | None
     differing: Mapping[str, int]
-    compared: Mapping[str, int]
+    row_counts: Mapping[str, int]
     left_out: tuple[str, ...]
     ended_early: tuple[int, ...] = ()
     is_fed: bool = False
@@ -105,17 +105,17 @@ def verify(recording: Recording, study: OpenedStudy, lab: LabConfig, scratch: Pa
     if recording.status == "running":
         raise UsageError(f"{recording.path} is being recorded; verify it when it has ended")
     if not recording.manifest.is_simulated:
-        return _fed(recording, study)
+        return _verify_by_feeding(recording, study)
     if is_in_real_time(recording):
         _require_same_plan(recording, study)
-        return _fed(recording, study)
+        return _verify_by_feeding(recording, study)
     verdicts = []
     for part in recording.manifest.parts:
         below = scratch / part.folder
         again = Recording(perform_again(recording, study, lab, below, part.number))
-        verdicts.append(compared(recording, again, part.number))
+        verdicts.append(compare_recordings(recording, again, part.number))
         shutil.rmtree(below)
-    return _joined(verdicts)
+    return _join(verdicts)
 
 
 def is_in_real_time(recording: Recording) -> bool:
@@ -185,22 +185,22 @@ def perform_again(
     before = tuple(p for p in manifest.parts if p.number < part)
     with suppress(SessionAborted), of_no_session():  # the recorded part may have ended early, too
         if before:
-            _put_down(recording, before, path)
+            _copy_parts(recording, before, path)
             perform_rest(request, path)
         else:
             perform_new(request)
     return path
 
 
-def _put_down(recording: Recording, parts: Sequence[Part], path: Path) -> None:
-    """Lay parts of a session into a folder as if nothing had followed them."""
+def _copy_parts(recording: Recording, parts: Sequence[Part], path: Path) -> None:
+    """Copy parts of a session into a folder, without the parts after them."""
     for part in parts:
         shutil.copytree(recording.path / part.folder, path / part.folder)
     write_manifest(path, replace(recording.manifest, parts=tuple(parts)))
 
 
 class RecordedOperator:
-    """Do again, at the same moments of a part, what its operator did."""
+    """Repeat the commands of a part's operator at the same times."""
 
     status_period_ns = 1
 
@@ -233,7 +233,7 @@ def _operator_of(recording: Recording, part: int, clock: SimClock) -> Operator:
     return RecordedOperator(commands, clock) if commands else UnattendedOperator()
 
 
-def _fed(recording: Recording, study: OpenedStudy) -> Verdict:
+def _verify_by_feeding(recording: Recording, study: OpenedStudy) -> Verdict:
     """Feed the engine with the recorded samples of real devices, and compare what it makes."""
     if TARGETS not in recording.stream_names:
         of = "with people, whom"
@@ -248,19 +248,19 @@ def _fed(recording: Recording, study: OpenedStudy) -> Verdict:
         old = recording.stream_arrays(TARGETS, part=part.number)
         new = targets_again(recording, study, part.number)
         first, count = _of_stream(TARGETS, old, new)
-        difference = None if first is None else _placed(first, recording, part.number)
+        difference = None if first is None else _with_place(first, recording, part.number)
         differing = {TARGETS: count} if count else {}
         rows = {TARGETS: max(len(old["seq"]), len(new["seq"]))}
         verdicts.append(Verdict(difference, differing, rows, (), is_fed=True))
-    return _joined(verdicts)
+    return _join(verdicts)
 
 
-def _joined(verdicts: Sequence[Verdict]) -> Verdict:
+def _join(verdicts: Sequence[Verdict]) -> Verdict:
     """Combine the verdicts of all parts; the first difference is that of the earliest part."""
     differing: dict[str, int] = {}
     rows: dict[str, int] = {}
     for verdict in verdicts:
-        for into, counts in ((differing, verdict.differing), (rows, verdict.compared)):
+        for into, counts in ((differing, verdict.differing), (rows, verdict.row_counts)):
             for name, count in counts.items():
                 into[name] = into.get(name, 0) + count
     return Verdict(
@@ -291,35 +291,35 @@ def _short(value: Any) -> str:
     return text if len(text) <= 80 else f"{text[:77]}…"
 
 
-def compared(recorded: Recording, again: Recording, part: int = 1) -> Verdict:
+def compare_recordings(recording: Recording, again: Recording, part: int = 1) -> Verdict:
     """Compare two recordings of one part of a session, bit for bit.
 
     If a part was cut off (killed, or ended from the keyboard), only its existing rows are compared,
     because the repetition goes on to the end.
     """
-    cut_off = (_closed(recorded, part), _closed(again, part)) == (False, True)
+    cut_off = (_closed(recording, part), _closed(again, part)) == (False, True)
     differences: list[Difference] = []
     differing: dict[str, int] = {}
     rows: dict[str, int] = {}
     left_out = []
-    names = [*recorded.stream_states(part), *again.stream_states(part)]
+    names = [*recording.stream_states(part), *again.stream_states(part)]
     for name in dict.fromkeys(names):
-        if name in DRAWN:
+        if name in DRAWN_STREAMS:
             left_out.append(name)
             continue
         old, new = (
             r.stream_arrays(name, part=part) if name in r.stream_names else {}
-            for r in (recorded, again)
+            for r in (recording, again)
         )
         if cut_off:
-            n = int((old["t_host_ns"] < _last_frame_ns(recorded, part)).sum()) if old else 0
+            n = int((old["t_host_ns"] < _last_frame_ns(recording, part)).sum()) if old else 0
             old, new = ({c: values[:n] for c, values in side.items()} for side in (old, new))
         rows[name] = max(len(old.get("seq", ())), len(new.get("seq", ())))
         first, count = _of_stream(name, old, new)
         if first is not None:
             differences.append(first)
             differing[name] = count
-    old_journal, new_journal = recorded.journal(part), again.journal(part)
+    old_journal, new_journal = recording.journal(part), again.journal(part)
     for where, old_lines, new_lines in (
         ("events", old_journal.events, new_journal.events),
         ("trial rows", old_journal.trials, new_journal.trials),
@@ -331,7 +331,7 @@ def compared(recorded: Recording, again: Recording, part: int = 1) -> Verdict:
             differences.append(different[0])
             differing[where] = len(different)
     first = min(differences, key=lambda d: d.t_ns, default=None)
-    difference = None if first is None else _placed(first, again, part)
+    difference = None if first is None else _with_place(first, again, part)
     return Verdict(difference, differing, rows, tuple(left_out), (part,) if cut_off else ())
 
 
@@ -422,15 +422,15 @@ def _what(line: Mapping[str, Any]) -> str:
     return str(line.get("name") or line.get("row", {}).get("trial_id") or "line")
 
 
-def _placed(found: Difference, recording: Recording, part: int) -> Difference:
+def _with_place(difference: Difference, recording: Recording, part: int) -> Difference:
     """Add the frame and the trial in which a difference lies."""
     has_frames = "frames" in recording.stream_names
     frame = None
     if has_frames:
         frames = recording.stream_arrays("frames", part=part)
-        before = np.flatnonzero(frames["t_host_ns"] <= found.t_ns)
+        before = np.flatnonzero(frames["t_host_ns"] <= difference.t_ns)
         frame = int(frames["frame_index"][before[-1]]) if len(before) else None
     trial_starts = recording.events_named("trial_start", part)
-    past = trial_starts[trial_starts["t_ns"] <= found.t_ns]
+    past = trial_starts[trial_starts["t_ns"] <= difference.t_ns]
     trial = str(past.iloc[-1]["payload"]["trial_id"]) if len(past) else None
-    return replace(found, frame=frame, trial_id=trial, part=part, has_frames=has_frames)
+    return replace(difference, frame=frame, trial_id=trial, part=part, has_frames=has_frames)

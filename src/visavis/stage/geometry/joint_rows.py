@@ -1,5 +1,7 @@
 """Place every joint of everyone in one pass, as the matrices that move their skin."""
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -16,25 +18,34 @@ WATCHED_JOINTS = ("hips", "head")
 """Joints whose places drawing needs for distance and culling."""
 
 
+class _Bones(NamedTuple):
+    """What never moves of n people with j joints: `parents` (j,), `offsets` and `rest` (n, j, 3);
+    the numbers of the joints that are watched, and those that bear the `soles` (n, s, 4).
+    """
+
+    parents: npt.NDArray[np.int64]
+    offsets: Vector
+    rest: Vector
+    watched_joints: npt.NDArray[np.int64]
+    sole_joints: npt.NDArray[np.int64]
+    soles: Vector
+
+
 @compiled
 def _fill_rows(
-    parents: npt.NDArray[np.int64],
-    offsets: Vector,
-    rest: Vector,
+    bones: _Bones,
     root: Vector,
     local: Vector,
     morphs: Vector,
-    watched_joints: npt.NDArray[np.int64],
-    sole_joints: npt.NDArray[np.int64],
-    soles: Vector,
     world: Vector,
     place: Vector,
     rows: npt.NDArray[np.float32],
     watched_m: Vector,
 ) -> None:
     """Chain the turns of n people and write 3 rows of [R | p - R b] per joint, then soles and
-    face.
+    face. `world` (j, 4) and `place` (j, 3) are room to work in.
     """
+    parents, offsets, rest, watched_joints, sole_joints, soles = bones
     joints = parents.shape[0]
     for r in range(root.shape[0]):
         for j in range(joints):
@@ -108,19 +119,17 @@ class JointRows:
         self.joint_count = joints
         self.rows = np.zeros((n, 3 * joints + SOLE_TEXELS + FACE_TEXELS, 4), np.float32)
         self.watched_m = np.zeros((n, len(WATCHED_JOINTS), 3))
-        self._parents = (
-            np.asarray(cast[0].skeleton.parents, np.int64) if cast else np.zeros(1, np.int64)
-        )
-        self._offsets = np.array([c.skeleton.offsets_m for c in cast]).reshape(n, joints, 3)
-        self._rest = np.array([c.skeleton.rest_m for c in cast]).reshape(n, joints, 3)
-        self._soles = np.array([soles_of(c) for c in cast]).reshape(n, SOLE_TEXELS, 4)
 
         def indices_of(names: tuple[str, ...]) -> npt.NDArray[np.int64]:
             return np.array([cast[0].skeleton.index(k) if cast else 0 for k in names], np.int64)
 
-        self._watched_joints, self._sole_joints = (
+        self._bones = _Bones(
+            np.asarray(cast[0].skeleton.parents, np.int64) if cast else np.zeros(1, np.int64),
+            np.array([c.skeleton.offsets_m for c in cast]).reshape(n, joints, 3),
+            np.array([c.skeleton.rest_m for c in cast]).reshape(n, joints, 3),
             indices_of(WATCHED_JOINTS),
             indices_of(SOLE_JOINTS),
+            np.array([soles_of(c) for c in cast]).reshape(n, SOLE_TEXELS, 4),
         )
         self._world, self._place = np.empty((joints, 4)), np.empty((joints, 3))
 
@@ -146,15 +155,10 @@ class JointRows:
                 remedy="pose every person of the cast, in its order",
             )
         _fill_rows(
-            self._parents,
-            self._offsets,
-            self._rest,
+            self._bones,
             np.ascontiguousarray(people.root_m, np.float64),
             np.ascontiguousarray(people.orientation_wxyz, np.float64),
             np.ascontiguousarray(people.morphs_01, np.float64),
-            self._watched_joints,
-            self._sole_joints,
-            self._soles,
             self._world,
             self._place,
             self.rows,

@@ -21,7 +21,7 @@ from visavis.stage.card.textures import Layers
 from visavis.stage.card.vertices import Run
 from visavis.stage.geometry.joint_rows import SOLE_TEXELS, JointRows
 from visavis.stage.geometry.projection import projection, view
-from visavis.stage.processor.layout import Counts, FreeRows, JoinedModels
+from visavis.stage.processor.layout import FreeRows, JoinedModels
 from visavis.stage.processor.models import (
     PLAIN,
     POSED_LAYOUT,
@@ -34,7 +34,11 @@ from visavis.stage.processor.models import (
 from visavis.stage.processor.vertex_light import (
     CODES_OF_ROOT,
     FACTORS_OF_ROOT,
+    Counts,
     Floats,
+    GroupedTriangles,
+    PeopleRows,
+    Views,
     gather_front,
     light_drawn,
     pose,
@@ -101,15 +105,6 @@ class _Room:
         self.vertex_arrays.clear()
 
 
-@dataclass(frozen=True, eq=False)
-class _Drawing:
-    """Into which group whose triangles go, (2 n, groups), where each begins, the last ends."""
-
-    group_of: Counts
-    single_sided: npt.NDArray[np.bool_]
-    first: Counts
-
-
 class ProcessorCrowd:
     """Everyone of one cast; `choose` says who is drawn how, `skin` poses and lights them.
 
@@ -137,7 +132,7 @@ class ProcessorCrowd:
         self._models: dict[tuple[int, int, bool], int] = {}
         self._joined_models = JoinedModels(_rank(self.layers))
         self._room: _Room | None = None
-        self._drawing: _Drawing | None = None
+        self._grouped: GroupedTriangles | None = None
         self._levels: tuple[int, ...] = ()
         self._model_of = np.zeros(2 * len(cast), np.int64)
         self._slot_of = np.zeros(2 * len(cast), np.int64)
@@ -177,8 +172,8 @@ class ProcessorCrowd:
         gives the display's codes, otherwise linear light. What falls on no pixel of a `grid`, one
         picture an eye, is left out.
         """
-        room, drawing, models = self._room, self._drawing, self._joined_models
-        if room is None or drawing is None:
+        room, grouped, models = self._room, self._grouped, self._joined_models
+        if room is None or grouped is None:
             return
         # Nearest people first: the depth test then rejects most of what lies behind them.
         nearest_first = self._visible_people[
@@ -186,26 +181,22 @@ class ProcessorCrowd:
         ]
         is_far = distance_m[nearest_first] > textured_to_m
         people = nearest_first + np.where(is_far, len(self.cast), 0)
-        a = models.arrays
+        shapes, looks = models.shapes, models.looks
         vertices_of = models.vertices_of[self._model_of]
+        own_rows = PeopleRows(self._model_of, vertices_of, self._slot_of, self._plain_of)
         # With many eyes nearly every triangle faces one, so that culling is not worth its time.
         few = len(eyes_m) <= MAX_EYES_CULLED
         eyes = np.ascontiguousarray(eyes_m if few else eyes_m[:0], np.float32)
         grid = NO_GRID if grid is None or not len(eyes) else grid
+        views = Views(eyes, grid.size_px, grid.between)
         pixel = self._pixels(len(room.positions), len(grid.size_px))
 
         def pose_and_gather(some: Counts, corners: npt.NDArray[np.int32]) -> Counts:
             pose(
                 some,
-                vertices_of,
-                self._slot_of,
+                own_rows,
                 self.joints.rows,
-                a["rest"],
-                a["normal"],
-                a["column"],
-                a["weight"],
-                a["morph"],
-                a["deltas"],
+                shapes,
                 grid.pixels_from_world,
                 room.positions,
                 pixel,
@@ -213,33 +204,19 @@ class ProcessorCrowd:
             count = np.zeros(len(models.groups), np.int64)
             gather_front(
                 some,
-                self._model_of,
-                self._slot_of,
-                self._plain_of,
-                drawing.group_of,
-                models.stretches,
-                a["triangles"],
-                drawing.single_sided,
+                own_rows,
+                grouped,
                 room.positions,
-                eyes,
                 pixel,
-                grid.size_px,
-                grid.between,
+                views,
                 room.is_drawn,
-                drawing.first,
                 count,
                 corners,
             )
             light_drawn(
                 some,
-                vertices_of,
-                self._slot_of,
-                self._plain_of,
-                a["albedo"],
-                a["plain_albedo"],
-                a["wrap"],
-                a["kind"],
-                a["has_picture"],
+                own_rows,
+                looks,
                 *lamps,
                 CODES_OF_ROOT,
                 FACTORS_OF_ROOT,
@@ -258,7 +235,7 @@ class ProcessorCrowd:
         self._count = nearer + farther
         for first, last in _stretches(self._slot_of[people], size[people]):
             room.moving.write(room.positions[first:last], offset=POSED_BYTES * first)
-        starts = drawing.first[:-1].tolist()
+        starts = grouped.first[:-1].tolist()
         for first, n, more in zip(starts, nearer.tolist(), farther.tolist(), strict=True):
             if n:
                 room.indices.write(room.corners[first : first + n], offset=12 * first)
@@ -274,8 +251,8 @@ class ProcessorCrowd:
 
     def draw(self, program_of: Callable[[Run], moderngl.Program]) -> None:
         """Draw everyone skinned."""
-        room, drawing = self._room, self._drawing
-        if room is None or drawing is None:
+        room, grouped = self._room, self._grouped
+        if room is None or grouped is None:
             return
         context = self._context
         for g, group in enumerate(self._joined_models.groups):
@@ -288,7 +265,7 @@ class ProcessorCrowd:
                 self.layers.arrays[group.array].use(UNITS["picture"])
             (context.disable if group.double_sided else context.enable)(moderngl.CULL_FACE)
             self._array(program, room).render(
-                vertices=3 * int(self._count[g]), first=3 * int(drawing.first[g])
+                vertices=3 * int(self._count[g]), first=3 * int(grouped.first[g])
             )
 
     def use_soles(self) -> int:
@@ -330,7 +307,7 @@ class ProcessorCrowd:
             for slot, size in zip(self._slot_of[entries], self._sizes(entries), strict=True):
                 room.free.give(int(slot), int(size))
         self._model_of[entries] = numbers
-        self._drawing = self._group_triangles()
+        self._grouped = self._group_triangles()
         self._levels = levels
         if room is None or not self._move(room, entries):
             self._lay_out_afresh()
@@ -394,9 +371,9 @@ class ProcessorCrowd:
 
     def _triangles(self) -> int:
         """Return how many triangles there are at most, were none turned away."""
-        return 0 if self._drawing is None else int(self._drawing.first[-1])
+        return 0 if self._grouped is None else int(self._grouped.first[-1])
 
-    def _group_triangles(self) -> _Drawing:
+    def _group_triangles(self) -> GroupedTriangles:
         """Assign triangles to groups; opaque triangles of far people are drawn without textures."""
         models, n = self._joined_models, len(self.cast)
         groups, plain = models.groups, models.groups.index(PLAIN)
@@ -408,10 +385,12 @@ class ProcessorCrowd:
         plain_group = np.where(np.array(opaque), plain, own_group)
         most = np.diff(models.stretches, axis=2)[..., 0][self._model_of[:n]].sum(axis=0)
         most[plain] += most[opaque].sum()
-        return _Drawing(
-            np.concatenate([np.tile(own_group, (n, 1)), np.tile(plain_group, (n, 1))]),
-            np.array([not g.double_sided for g in groups]),
-            np.concatenate([[0], np.cumsum(most)]).astype(np.int64),
+        return GroupedTriangles(
+            triangles=models.arrays["triangles"],
+            stretches=models.stretches,
+            single_sided=np.array([not g.double_sided for g in groups]),
+            group_of=np.concatenate([np.tile(own_group, (n, 1)), np.tile(plain_group, (n, 1))]),
+            first=np.concatenate([[0], np.cumsum(most)]).astype(np.int64),
         )
 
     def _array(self, program: moderngl.Program, room: _Room) -> moderngl.VertexArray:

@@ -8,21 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.stage.processor.models import PLAIN, Group, Model
+from visavis.stage.processor.vertex_light import VertexLooks, VertexShapes
 
-MODEL_ARRAYS = (
-    "rest",
-    "normal",
-    "column",
-    "weight",
-    "morph",
-    "deltas",
-    "albedo",
-    "plain_albedo",
-    "wrap",
-    "kind",
-    "has_picture",
-)
-Counts = npt.NDArray[np.int64]
+MODEL_ARRAYS = (*VertexShapes._fields, *VertexLooks._fields)
 Rank = Callable[[Group], tuple[object, ...]]
 
 
@@ -64,6 +52,16 @@ class JoinedModels:
             [[own.get(g, (0, 0)) for g in self.groups] for own in self._triangles_of], np.int64
         )
         return len(self.models) - 1
+
+    @property
+    def shapes(self) -> VertexShapes:
+        """How the vertices of all models are moved."""
+        return VertexShapes(*(self.arrays[name] for name in VertexShapes._fields))
+
+    @property
+    def looks(self) -> VertexLooks:
+        """How the vertices of all models are lit."""
+        return VertexLooks(*(self.arrays[name] for name in VertexLooks._fields))
 
     def _append(self, name: str, own: npt.NDArray[Any]) -> tuple[int, int]:
         """Copy rows behind those there are, into twice the room where it ends."""

@@ -4,6 +4,8 @@ Processors that draw have no shader units to spare: compiled loops move every ve
 the number of eyes, pick the triangles that show, and light and encode the vertices of those.
 """
 
+from typing import NamedTuple, TypeAlias
+
 import numpy as np
 import numpy.typing as npt
 
@@ -12,6 +14,9 @@ from visavis.stage.card.lamps import KIND_NUMBERS, lamp_axis, lamp_place
 from visavis.stimuli.picture import Room
 
 Floats = npt.NDArray[np.float32]
+Counts = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+Triple: TypeAlias = tuple[np.float32, np.float32, np.float32]
 EYE_KIND = 1
 """Kind of the vertices whose light pixels compute: they get their normal instead."""
 LEAST_DEPTH_M = 0.02
@@ -27,6 +32,68 @@ CODES_OF_ROOT: Floats = np.where(
 """The display's codes (0 to 1) by the square root of the light, in steps of 1/1024."""
 FACTORS_OF_ROOT: Floats = (_roots ** (2 / 2.2)).astype(np.float32)
 """What light does to a texture's codes, by the square root of the light, in steps of 1/1024."""
+
+
+class PeopleRows(NamedTuple):
+    """Which rows belong to whom, of n people seen from near, then of the same from far (2 n,).
+
+    `model_of` (2 n,) is their model, `vertices_of` (2 n, 2) its stretch of the model arrays,
+    `slot_of` (2 n,) the first row that is written; `plain_of` (2 n,) says whose textures are left
+    out.
+    """
+
+    model_of: Counts
+    vertices_of: Counts
+    slot_of: Counts
+    plain_of: Flags
+
+
+class VertexShapes(NamedTuple):
+    """How the vertices of all models are moved; see `models.Model`."""
+
+    rest: Floats
+    normal: Floats
+    column: npt.NDArray[np.int32]
+    weight: Floats
+    morph: npt.NDArray[np.int32]
+    deltas: Floats
+
+
+class VertexLooks(NamedTuple):
+    """How the vertices of all models are lit; see `models.Model`."""
+
+    albedo: Floats
+    plain_albedo: Floats
+    wrap: Floats
+    kind: npt.NDArray[np.uint8]
+    has_picture: Flags
+
+
+class GroupedTriangles(NamedTuple):
+    """Triangles (t, 3) by the groups in which they are drawn.
+
+    `stretches` (models, groups, 2) are rows of `triangles`; `single_sided` (groups,); `group_of`
+    (2 n, groups) says in which group a person's are drawn. Group g is written from row `first[g]`
+    on; the last of `first` is where all end.
+    """
+
+    triangles: npt.NDArray[np.int32]
+    stretches: Counts
+    single_sided: Flags
+    group_of: Counts
+    first: Counts
+
+
+class Views(NamedTuple):
+    """What e eyes at `eyes_m` (e, 3) see: pictures whose sizes are `size_px` (e, 2).
+
+    With no eyes every triangle faces one; with no pictures every triangle falls on a pixel. Those
+    between the middles of pixels fall on none where `between` says so.
+    """
+
+    eyes_m: Floats
+    size_px: Floats
+    between: bool
 
 
 def lamp_rows(room: Room) -> tuple[Floats, Floats]:
@@ -45,24 +112,20 @@ def lamp_rows(room: Room) -> tuple[Floats, Floats]:
 
 @compiled
 def _lit(
-    px: np.float32,
-    py: np.float32,
-    pz: np.float32,
-    nx: np.float32,
-    ny: np.float32,
-    nz: np.float32,
-    wr: np.float32,
-    wg: np.float32,
-    wb: np.float32,
-    sr: np.float32,
-    sg: np.float32,
-    sb: np.float32,
+    place: Triple,
+    normal: Triple,
+    bleeding: Triple,
+    spread: Triple,
     lamps: Floats,
     ambient: Floats,
-) -> tuple[np.float32, np.float32, np.float32]:
+) -> Triple:
     """Return the light that a surface gives back, before its own colour; it bleeds round edges
-    by `w` and is spread by `s`, one number a colour.
+    and is spread by one number a colour.
     """
+    px, py, pz = place
+    nx, ny, nz = normal
+    wr, wg, wb = bleeding
+    sr, sg, sb = spread
     # Ambient light: between the ground's and the sky's by how far the surface faces up.
     up = np.float32(0.5) + np.float32(0.5) * ny
     r = ambient[1, 0] + (ambient[0, 0] - ambient[1, 0]) * up
@@ -115,8 +178,9 @@ def _falling(x: np.float32) -> np.float32:
 @compiled
 def _in_codes(
     r: np.float32, g: np.float32, b: np.float32, has_picture: bool, codes: Floats, factors: Floats
-) -> tuple[np.float32, np.float32, np.float32]:
+) -> Triple:
     """Return light as pixels that work in codes want it: see `in_codes` in `glsl_lighting`."""
+    # A picture's own codes are multiplied by it later; all else is the code itself.
     if has_picture:
         return looked_up(factors, r), looked_up(factors, g), looked_up(factors, b)
     most = max(r, max(g, b))
@@ -144,26 +208,15 @@ def light_points(
     out: Floats,
 ) -> None:
     """Write what still points (n, 3) of these colours look like, in codes at full brightness."""
+    # Rooms are of hard stuff: light neither bleeds round their edges nor is it spread.
     none, one = np.float32(0.0), np.float32(1.0)
+    bleeding, spread = (none, none, none), (one, one, one)
     for v in range(place.shape[0]):
         nx, ny, nz = normal[v, 0], normal[v, 1], normal[v, 2]
         share = np.float32(1.0) / np.sqrt(max(nx * nx + ny * ny + nz * nz, np.float32(1e-12)))
-        r, g, b = _lit(
-            place[v, 0],
-            place[v, 1],
-            place[v, 2],
-            nx * share,
-            ny * share,
-            nz * share,
-            none,
-            none,
-            none,
-            one,
-            one,
-            one,
-            lamps,
-            ambient,
-        )
+        at = place[v, 0], place[v, 1], place[v, 2]
+        facing = nx * share, ny * share, nz * share
+        r, g, b = _lit(at, facing, bleeding, spread, lamps, ambient)
         # What glows adds to reflected light without ever exceeding white: r + (1 − r) × emission.
         own = emission[v]
         r = albedo[v, 0] * (r + (np.float32(1.0) - r) * own)
@@ -174,16 +227,10 @@ def light_points(
 
 @compiled
 def pose(
-    people: npt.NDArray[np.int64],
-    vertices_of: npt.NDArray[np.int64],
-    slot_of: npt.NDArray[np.int64],
-    rows: Floats,
-    rest: Floats,
-    normal: Floats,
-    column: npt.NDArray[np.int32],
-    weight: Floats,
-    morph: npt.NDArray[np.int32],
-    deltas: Floats,
+    people: Counts,
+    own_rows: PeopleRows,
+    joint_rows: Floats,
+    shapes: VertexShapes,
     pixels_from_world: Floats,
     out: Floats,
     pixel: Floats,
@@ -191,14 +238,15 @@ def pose(
     """Write place and normal (slot, 6) of everyone in `people`, and the pixel (slot, e, 2) of each
     of e pictures it falls on; what lies beside or behind an eye falls on none, NaN.
 
-    `vertices_of` (2 n, 2) is each person's stretch of the model arrays, of n seen from near, then
-    of the same from far; `slot_of` (2 n,) is where it is written. Pixels times depth, and depth,
-    are `pixels_from_world` (e, 3, 4) times places.
+    `joint_rows` (n, …) are those of `JointRows`. Pixels times depth, and depth, are
+    `pixels_from_world` (e, 3, 4) times places.
     """
-    face = rows.shape[1] - 2
+    _, vertices_of, slot_of, _ = own_rows
+    rest, normal, column, weight, morph, deltas = shapes
+    face = joint_rows.shape[1] - 2
     one = np.float32(1.0)
     for person in people:
-        row, slot = rows[person % rows.shape[0]], slot_of[person]
+        row, slot = joint_rows[person % joint_rows.shape[0]], slot_of[person]
         for v in range(vertices_of[person, 0], vertices_of[person, 1]):
             x, y, z = rest[v, 0], rest[v, 1], rest[v, 2]
             m = morph[v]
@@ -263,28 +311,22 @@ def pose(
 
 @compiled
 def light_drawn(
-    people: npt.NDArray[np.int64],
-    vertices_of: npt.NDArray[np.int64],
-    slot_of: npt.NDArray[np.int64],
-    plain_of: npt.NDArray[np.bool_],
-    albedo: Floats,
-    plain_albedo: Floats,
-    wrap: Floats,
-    kind: npt.NDArray[np.uint8],
-    has_picture: npt.NDArray[np.bool_],
+    people: Counts,
+    own_rows: PeopleRows,
+    looks: VertexLooks,
     lamps: Floats,
     ambient: Floats,
     codes: Floats,
     factors: Floats,
     encode: bool,
-    is_drawn: npt.NDArray[np.bool_],
+    is_drawn: Flags,
     out: Floats,
 ) -> None:
     """Write light over normals in `out` (slot, 6), as linear light or in codes, where `is_drawn`
     (slot,) says so, which it then says no more. Normals of eyes, which pixels light, stay.
-
-    `plain_of` says whose textures are left out for the colours in `plain_albedo`.
     """
+    _, vertices_of, slot_of, plain_of = own_rows
+    albedo, plain_albedo, wrap, kind, has_picture = looks
     for person in people:
         slot, plain = slot_of[person], plain_of[person]
         own = plain_albedo if plain else albedo
@@ -293,22 +335,13 @@ def light_drawn(
             if is_drawn[slot]:
                 is_drawn[slot] = False
                 if kind[v] != EYE_KIND:
-                    r, g, b = _lit(
-                        out[slot, 0],
-                        out[slot, 1],
-                        out[slot, 2],
-                        out[slot, 3],
-                        out[slot, 4],
-                        out[slot, 5],
-                        wrap[v, 0],
-                        wrap[v, 1],
-                        wrap[v, 2],
-                        wrap[v, 3],
-                        wrap[v, 4],
-                        wrap[v, 5],
-                        lamps,
-                        ambient,
+                    place = out[slot, 0], out[slot, 1], out[slot, 2]
+                    normal = out[slot, 3], out[slot, 4], out[slot, 5]
+                    bleeding, spread = (
+                        (wrap[v, 0], wrap[v, 1], wrap[v, 2]),
+                        (wrap[v, 3], wrap[v, 4], wrap[v, 5]),
                     )
+                    r, g, b = _lit(place, normal, bleeding, spread, lamps, ambient)
                     r, g, b = r * own[v, 0], g * own[v, 1], b * own[v, 2]
                     if encode:
                         r, g, b = _in_codes(r, g, b, has_picture[v] and not plain, codes, factors)
@@ -317,38 +350,84 @@ def light_drawn(
 
 
 @compiled
-def gather_front(
-    people: npt.NDArray[np.int64],
-    model_of: npt.NDArray[np.int64],
-    slot_of: npt.NDArray[np.int64],
-    plain_of: npt.NDArray[np.bool_],
-    group_of: npt.NDArray[np.int64],
-    stretches: npt.NDArray[np.int64],
-    triangles: npt.NDArray[np.int32],
-    single_sided: npt.NDArray[np.bool_],
-    position: Floats,
-    eyes_m: Floats,
+def _falls_on_pixel(
+    a: np.uint64,
+    b: np.uint64,
+    c: np.uint64,
     pixel: Floats,
     size_px: Floats,
     between: bool,
-    is_drawn: npt.NDArray[np.bool_],
-    first: npt.NDArray[np.int64],
-    count: npt.NDArray[np.int64],
+    two_sided: bool,
+) -> bool:
+    """Tell whether a triangle may show in one of the pictures, unless it is seen from behind."""
+    near, half = np.float32(NEAR_PX), np.float32(0.5)
+    for e in range(size_px.shape[0]):
+        ax, ay = pixel[a, e, 0], pixel[a, e, 1]
+        bx, by = pixel[b, e, 0], pixel[b, e, 1]
+        cx, cy = pixel[c, e, 0], pixel[c, e, 1]
+        # A corner behind the eye: the card clips such a triangle, so that it is kept.
+        if np.isnan(ax + bx + cx):
+            return True
+        left, right = min(ax, min(bx, cx)) - near, max(ax, max(bx, cx)) + near
+        # Twice the signed area in pixels: negative is seen from behind. `near` allows for rounding.
+        double_area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        if not two_sided and double_area < -near * (right - left):
+            continue
+        if right < 0 or left > size_px[e, 0]:
+            continue
+        # No pixel's middle lies within: without several samples nothing would be drawn.
+        if between and np.floor(right - half) < np.ceil(left - half):
+            continue
+        low, high = min(ay, min(by, cy)) - near, max(ay, max(by, cy)) + near
+        if high < 0 or low > size_px[e, 1]:
+            continue
+        if between and np.floor(high - half) < np.ceil(low - half):
+            continue
+        return True
+    return False
+
+
+@compiled
+def _faces_an_eye(
+    a: np.uint64, b: np.uint64, c: np.uint64, position: Floats, eyes_m: Floats
+) -> bool:
+    """Tell whether a triangle faces an eye, by its normal in space."""
+    # Without pixels every eye is asked; what faces one of them may be seen by it.
+    ax, ay, az = position[a, 0], position[a, 1], position[a, 2]
+    ux, uy, uz = position[b, 0] - ax, position[b, 1] - ay, position[b, 2] - az
+    wx, wy, wz = position[c, 0] - ax, position[c, 1] - ay, position[c, 2] - az
+    nx, ny, nz = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
+    for e in range(eyes_m.shape[0]):
+        towards = nx * (eyes_m[e, 0] - ax) + ny * (eyes_m[e, 1] - ay) + nz * (eyes_m[e, 2] - az)
+        if towards > 0:
+            return True
+    return False
+
+
+@compiled
+def gather_front(
+    people: Counts,
+    own_rows: PeopleRows,
+    grouped: GroupedTriangles,
+    position: Floats,
+    pixel: Floats,
+    views: Views,
+    is_drawn: Flags,
+    count: Counts,
     out: npt.NDArray[np.int32],
 ) -> None:
     """Write the triangles that face an eye and fall on a pixel, person after person as listed,
     group by group; `is_drawn` (slot,) becomes true where they have a corner.
 
-    `stretches` (models, groups, 2) are rows of `triangles` (t, 3), `slot_of` (n,) is added to
-    their vertices, `group_of` (n, groups) says in which group a person's are drawn. Group g is
-    written from row `first[g]` of `out` on; `count` (groups,) is how many it has. Of plain people
-    sheets have one side, too. With no eyes every triangle faces one; with no pictures, whose sizes
-    are `size_px` (e, 2), every triangle falls on a pixel. Those between the middles of pixels fall
-    on none where `between` says so.
+    `position` (slot, 6) and `pixel` (slot, e, 2) are as `pose` writes them. `count` (groups,) is
+    how many rows of `out` each group has from its first on. Of plain people sheets have one side,
+    too.
     """
+    model_of, _, slot_of, plain_of = own_rows
+    triangles, stretches, single_sided, group_of, first = grouped
+    eyes_m, size_px, between = views
     count[:] = 0
-    near, half = np.float32(NEAR_PX), np.float32(0.5)
-    pictures = size_px.shape[0]
+    has_pictures = size_px.shape[0] > 0
     for person in people:
         model, shift = model_of[person], slot_of[person]
         for g in range(stretches.shape[1]):
@@ -363,46 +442,11 @@ def gather_front(
                     np.uint64(triangles[t, 1] + shift),
                     np.uint64(triangles[t, 2] + shift),
                 )
-                is_kept = two_sided and pictures == 0
-                for e in range(pictures):
-                    ax, ay = pixel[a, e, 0], pixel[a, e, 1]
-                    bx, by = pixel[b, e, 0], pixel[b, e, 1]
-                    cx, cy = pixel[c, e, 0], pixel[c, e, 1]
-                    # A corner behind the eye: the card clips such a triangle, so that it is kept.
-                    if np.isnan(ax + bx + cx):
-                        is_kept = True
-                        break
-                    left, right = min(ax, min(bx, cx)) - near, max(ax, max(bx, cx)) + near
-                    # Twice the signed area in pixels: negative is seen from behind. `near` allows
-                    # for rounding.
-                    double_area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-                    if not two_sided and double_area < -near * (right - left):
-                        continue
-                    if right < 0 or left > size_px[e, 0]:
-                        continue
-                    # No pixel's middle lies within: without several samples nothing would be drawn.
-                    if between and np.floor(right - half) < np.ceil(left - half):
-                        continue
-                    low, high = min(ay, min(by, cy)) - near, max(ay, max(by, cy)) + near
-                    if high < 0 or low > size_px[e, 1]:
-                        continue
-                    if between and np.floor(high - half) < np.ceil(low - half):
-                        continue
-                    is_kept = True
-                    break
-                if pictures == 0 and not is_kept:
-                    ax, ay, az = position[a, 0], position[a, 1], position[a, 2]
-                    ux, uy, uz = position[b, 0] - ax, position[b, 1] - ay, position[b, 2] - az
-                    wx, wy, wz = position[c, 0] - ax, position[c, 1] - ay, position[c, 2] - az
-                    # Without pictures, facing is decided in space, by the triangle's normal.
-                    nx, ny, nz = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
-                    for e in range(eyes_m.shape[0]):
-                        towards = (
-                            nx * (eyes_m[e, 0] - ax)
-                            + ny * (eyes_m[e, 1] - ay)
-                            + nz * (eyes_m[e, 2] - az)
-                        )
-                        is_kept = is_kept or towards > 0
+                # Pictures decide by pixels which side shows, and leave out what is too small.
+                if has_pictures:
+                    is_kept = _falls_on_pixel(a, b, c, pixel, size_px, between, two_sided)
+                else:
+                    is_kept = two_sided or _faces_an_eye(a, b, c, position, eyes_m)
                 if is_kept:
                     is_drawn[a] = is_drawn[b] = is_drawn[c] = True
                     out[at, 0], out[at, 1], out[at, 2] = a, b, c

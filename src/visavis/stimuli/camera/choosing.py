@@ -4,11 +4,14 @@ Everything but sight is cheap. Places are therefore ranked as if all of them saw
 rays are cast from the best downwards until none that follows could win.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
+from visavis.stimuli.camera.graph import Network
 from visavis.stimuli.camera.obstacles import NOBODY, is_near, sees
 from visavis.stimuli.camera.shots import flow_cosine, shot_size_score, view_angle_deg
 
@@ -26,6 +29,51 @@ MIN_FLAT_01 = 0.17
 """Least horizontal part of the distance to the subject: the camera looks down at most 80°."""
 
 
+class Subject(NamedTuple):
+    """Who is filmed, and from how far.
+
+    `centre` (3,) of the picture; `points` (4, 3) to be seen, in the order of `SEEN`. `wanted_m` is
+    the distance that gives the shot its size; ways with an end within `reach_m` are looked at.
+    """
+
+    centre: Vector
+    points: Vector
+    wanted_m: float
+    reach_m: float
+
+
+class Clearance(NamedTuple):
+    """What a camera keeps clear of: surfaces by `clear_m`, people (c, 7) by `people_clear_m`.
+
+    `surfaces` are the arrays of `Obstacles`.
+    """
+
+    surfaces: tuple[Vector, Ints, Vector]
+    people: Vector
+    clear_m: float
+    people_clear_m: float
+
+
+class GraphPosition(NamedTuple):
+    """Where a camera is on the graph: at a share of an edge, from whose ends every place (n,) is
+    `from_a_m` and `from_b_m` along the graph.
+    """
+
+    edge: int
+    share: float
+    from_a_m: Floats32
+    from_b_m: Floats32
+
+
+class _Choice(NamedTuple):
+    """A place on an edge, its score, and how well it sees the subject."""
+
+    edge: int
+    share: float
+    score: float
+    seen_01: float
+
+
 @compiled
 def _stands_in(place: Vector, people: Vector, clear_m: float) -> bool:
     """Tell whether somebody (c, 7) comes nearer to a place than a margin."""
@@ -33,6 +81,7 @@ def _stands_in(place: Vector, people: Vector, clear_m: float) -> bool:
         p = people[j]
         ax, ay, az = p[3] - p[0], p[4] - p[1], p[5] - p[2]
         sx, sy, sz = place[0] - p[0], place[1] - p[1], place[2] - p[2]
+        # The nearest point of the person's axis decides.
         length2 = ax * ax + ay * ay + az * az
         share = 0.0
         if length2 > 0.0:
@@ -45,35 +94,21 @@ def _stands_in(place: Vector, people: Vector, clear_m: float) -> bool:
 
 
 @compiled
-def is_free(
-    place: Vector,
-    people: Vector,
-    clear_m: float,
-    people_clear_m: float,
-    boxes: Vector,
-    links: Ints,
-    corners: Vector,
-) -> bool:
+def is_free(place: Vector, clearance: Clearance) -> bool:
     """Tell whether a camera keeps its distances from surfaces and people at a place."""
     return not (
-        _stands_in(place, people, people_clear_m) or is_near(place, clear_m, boxes, links, corners)
+        _stands_in(place, clearance.people, clearance.people_clear_m)
+        or is_near(place, clearance.clear_m, *clearance.surfaces)
     )
 
 
 @compiled
-def is_free_step(
-    a: Vector,
-    b: Vector,
-    people: Vector,
-    clear_m: float,
-    people_clear_m: float,
-    boxes: Vector,
-    links: Ints,
-    corners: Vector,
-) -> bool:
+def is_free_step(a: Vector, b: Vector, clearance: Clearance) -> bool:
     """Tell whether a camera may go straight from a to b, which may lead away from people."""
-    if not sees(a, b, NOBODY, boxes, links, corners) or is_near(b, clear_m, boxes, links, corners):
+    surfaces, people, clear_m, people_clear_m = clearance
+    if not sees(a, b, NOBODY, *surfaces) or is_near(b, clear_m, *surfaces):
         return False
+    # Somebody may have walked into the camera: it must be free to leave.
     return not _stands_in(b, people, people_clear_m) or _stands_in(a, people, people_clear_m)
 
 
@@ -82,9 +117,7 @@ def points_of_interest(
     subject: Vector,
     wanted_m: float,
     reach_m: float,
-    nodes: Vector,
-    edges: Ints,
-    component: Ints,
+    network: Network,
     only_component: int,
     edge_out: Ints,
     share_out: Vector,
@@ -93,6 +126,7 @@ def points_of_interest(
 
     Only edges with an end within `reach_m`, and of one component unless that is −1.
     """
+    nodes, edges, component = network
     n = 0
     near = np.empty(nodes.shape[0], np.bool_)
     for i in range(nodes.shape[0]):
@@ -134,80 +168,109 @@ def place_on(nodes: Vector, edges: Ints, edge: int, share: float) -> Vector:
 
 
 @compiled
-def _length_m(nodes: Vector, edges: Ints, edge: int) -> float:
-    a, b = edges[edge, 0], edges[edge, 1]
+def _length_m(network: Network, edge: int) -> float:
+    nodes = network.nodes
+    a, b = network.edges[edge, 0], network.edges[edge, 1]
     x, y, z = nodes[b, 0] - nodes[a, 0], nodes[b, 1] - nodes[a, 1], nodes[b, 2] - nodes[a, 2]
     return float(np.sqrt(x * x + y * y + z * z))
 
 
 @compiled
-def _score_without_sight(
+def _view_score(
     place: Vector,
     edge: int,
     share: float,
-    subject: Vector,
-    velocity: Vector,
-    wanted_m: float,
-    nodes: Vector,
-    edges: Ints,
+    subject: Subject,
+    network: Network,
     around: Floats32,
     weights: Vector,
-    current_edge: int,
-    current_share: float,
-    way_a: Floats32,
-    way_b: Floats32,
-    before: Vector,
 ) -> float:
-    """Return the weighted parts of a place's score that need no ray; −1 where none can be filmed.
-
-    `before` (3,) is the camera before a cut, NaN when there was none.
-    """
-    x, y, z = place[0] - subject[0], place[1] - subject[1], place[2] - subject[2]
+    """Return the weighted size and indirect sight of a place; −1 where nobody can be filmed."""
+    centre = subject.centre
+    x, y, z = place[0] - centre[0], place[1] - centre[1], place[2] - centre[2]
     distance = np.sqrt(x * x + y * y + z * z)
     # Within half a metre, or nearly from above, nobody can be framed.
     if distance < 0.5 or np.hypot(x, z) < MIN_FLAT_01 * distance:
         return -1.0
-    a, b = edges[edge, 0], edges[edge, 1]
-    score = weights[SIZE] * shot_size_score(distance, wanted_m)
+    a, b = network.edges[edge, 0], network.edges[edge, 1]
+    score = weights[SIZE] * shot_size_score(distance, subject.wanted_m)
     score += weights[INDIRECT] * ((1.0 - share) * around[a] + share * around[b])
-    if weights[DISTANCE] > 0.0 and current_edge >= 0:
-        length = _length_m(nodes, edges, edge)
-        if edge == current_edge:
-            way = abs(share - current_share) * length
-        else:
-            # Shortest way along the graph: out by either end of the current edge, in by either end
-            # here.
-            own = _length_m(nodes, edges, current_edge)
-            from_a, from_b = current_share * own, (1.0 - current_share) * own
-            to_a = min(from_a + way_a[a], from_b + way_b[a])
-            to_b = min(from_a + way_a[b], from_b + way_b[b])
-            way = min(to_a + share * length, to_b + (1.0 - share) * length)
-        score += weights[DISTANCE] * np.exp(-way / FAR_M)
+    return float(score)
+
+
+@compiled
+def _way_m(edge: int, share: float, network: Network, current: GraphPosition) -> float:
+    """Return the shortest way along the graph from where the camera is."""
+    length = _length_m(network, edge)
+    if edge == current.edge:
+        return float(abs(share - current.share) * length)
+    # Out by either end of the current edge, in by either end of this one.
+    a, b = network.edges[edge, 0], network.edges[edge, 1]
+    own = _length_m(network, current.edge)
+    from_a, from_b = current.share * own, (1.0 - current.share) * own
+    to_a = min(from_a + current.from_a_m[a], from_b + current.from_b_m[a])
+    to_b = min(from_a + current.from_a_m[b], from_b + current.from_b_m[b])
+    return float(min(to_a + share * length, to_b + (1.0 - share) * length))
+
+
+@compiled
+def _moving_score(
+    place: Vector,
+    edge: int,
+    share: float,
+    subject: Subject,
+    current: GraphPosition,
+    network: Network,
+    around: Floats32,
+    weights: Vector,
+) -> float:
+    """Return what a place to move to scores without sight; −1 where nobody can be filmed."""
+    score = _view_score(place, edge, share, subject, network, around, weights)
+    if score >= 0.0 and weights[DISTANCE] > 0.0:
+        score += weights[DISTANCE] * np.exp(-_way_m(edge, share, network, current) / FAR_M)
+    return float(score)
+
+
+@compiled
+def _cutting_score(
+    place: Vector,
+    edge: int,
+    share: float,
+    subject: Subject,
+    velocity: Vector,
+    before: Vector,
+    network: Network,
+    around: Floats32,
+    weights: Vector,
+) -> float:
+    """Return what a place to cut to scores without sight; −1 where nobody can be filmed.
+
+    `velocity` (3,) is the subject's, `before` (3,) the camera before the cut: NaN at the start,
+    when any angle and flow will do.
+    """
+    score = _view_score(place, edge, share, subject, network, around, weights)
+    if score < 0.0:
+        return score
+    # A cut that turns the view by less than 30° looks like a jump, and one that reverses the way
+    # the subject crosses the picture confuses; more than 30° is no better.
+    is_first = np.isnan(before[0])
     if weights[ANGLE] > 0.0:
-        angle = 30.0 if np.isnan(before[0]) else view_angle_deg(subject, before, place)
+        angle = 30.0 if is_first else view_angle_deg(subject.centre, before, place)
         score += weights[ANGLE] * min(1.0, angle / 30.0)
     if weights[FLOW] > 0.0:
-        flow = 1.0 if np.isnan(before[0]) else flow_cosine(subject, velocity, before, place)
+        flow = 1.0 if is_first else flow_cosine(subject.centre, velocity, before, place)
         score += weights[FLOW] * (0.5 if np.isnan(flow) else (1.0 + flow) / 2.0)
     return float(score)
 
 
 @compiled
-def _seen_part(
-    place: Vector,
-    subject: Vector,
-    min_share: float,
-    people: Vector,
-    boxes: Vector,
-    links: Ints,
-    corners: Vector,
-) -> float:
-    """Return how well a place sees the subject (4 points, see `SEEN`), 0 to 1; 0 as soon as it
-    cannot be more than what is needed.
+def _seen_part(place: Vector, points: Vector, min_share: float, clearance: Clearance) -> float:
+    """Return how well a place sees points (4, 3) of the subject, see `SEEN`, 0 to 1; 0 as soon as
+    it cannot be more than what is needed.
     """
     part, possible = 0.0, 1.0
     for k in range(4):
-        if sees(place, subject[k], people, boxes, links, corners):
+        if sees(place, points[k], clearance.people, *clearance.surfaces):
             part += SEEN[k]
         else:
             # Stop early: what is left to see can no longer reach the share that is needed.
@@ -218,189 +281,139 @@ def _seen_part(
 
 
 @compiled
-def move_to(
-    subject: Vector,
-    points: Vector,
-    wanted_m: float,
-    reach_m: float,
+def _may_go(camera: Vector, place: Vector, clearance: Clearance) -> bool:
+    """Tell whether the camera can stand at a place and go there in a straight line.
+
+    People on the way do not count: they will have walked on, and `is_free_step` watches them.
+    """
+    return is_free(place, clearance) and sees(camera, place, NOBODY, *clearance.surfaces)
+
+
+@compiled
+def _climb(
+    best: _Choice,
+    subject: Subject,
     camera: Vector,
-    current_edge: int,
-    current_share: float,
+    current: GraphPosition,
+    step_m: float,
+    network: Network,
+    around: Floats32,
+    weights: Vector,
+    clearance: Clearance,
+) -> _Choice:
+    """Return a place on the same edge, in fixed steps either way as long as the score rises."""
+    length = _length_m(network, best.edge)
+    if length == 0.0:
+        return best
+    for side in (-1.0, 1.0):
+        while True:
+            share = best.share + side * step_m / length
+            if share < 0.0 or share > 1.0:
+                break
+            place = place_on(network.nodes, network.edges, best.edge, share)
+            # Sight is taken to be as good as before and tested only where the score rises.
+            score = _moving_score(
+                place, best.edge, share, subject, current, network, around, weights
+            )
+            score += weights[DIRECT] * best.seen_01
+            if (
+                score <= best.score
+                or not _may_go(camera, place, clearance)
+                or _seen_part(place, subject.points, 0.0, clearance) < best.seen_01
+            ):
+                break
+            best = _Choice(best.edge, share, score, best.seen_01)
+    return best
+
+
+@compiled
+def move_to(
+    subject: Subject,
+    camera: Vector,
+    current: GraphPosition,
     step_m: float,
     max_tests: int,
-    nodes: Vector,
-    edges: Ints,
-    component: Ints,
+    network: Network,
     around: Floats32,
-    way_a: Floats32,
-    way_b: Floats32,
     weights: Vector,
-    people: Vector,
-    clear_m: float,
-    people_clear_m: float,
-    boxes: Vector,
-    links: Ints,
-    corners: Vector,
+    clearance: Clearance,
 ) -> tuple[int, float, float]:
     """Return edge, share and score of the best place to move to; edge −1 when there is none.
 
-    Only places that the camera can reach in a straight line count. The best one is then shifted
-    along its edge in fixed steps as long as the score rises.
+    Only places that the camera (3,) can reach in a straight line count. The best one is then
+    shifted along its edge in fixed steps as long as the score rises.
     """
     # Candidates: up to three points an edge (nearest, and twice at the wanted distance), and where
-    # the camera is now.
+    # the camera is now. Other parts of the graph cannot be reached without a cut.
+    nodes, edges, component = network
     edge_of = np.empty(3 * edges.shape[0] + 1, np.int64)
     share_of = np.empty(3 * edges.shape[0] + 1)
+    part = component[edges[current.edge, 0]]
     n = points_of_interest(
-        subject,
-        wanted_m,
-        reach_m,
-        nodes,
-        edges,
-        component,
-        component[edges[current_edge, 0]],
-        edge_of,
-        share_of,
+        subject.centre, subject.wanted_m, subject.reach_m, network, part, edge_of, share_of
     )
-    edge_of[n], share_of[n] = current_edge, current_share
+    edge_of[n], share_of[n] = current.edge, current.share
     n += 1
-    # Without a cut there is no view before (NaN), so flow and angle count in full everywhere.
-    velocity, before = np.zeros(3), np.full(3, np.nan)
     score = np.empty(n)
     for i in range(n):
         place = place_on(nodes, edges, edge_of[i], share_of[i])
-        score[i] = _score_without_sight(
-            place,
-            edge_of[i],
-            share_of[i],
-            subject,
-            velocity,
-            wanted_m,
-            nodes,
-            edges,
-            around,
-            weights,
-            current_edge,
-            current_share,
-            way_a,
-            way_b,
-            before,
+        score[i] = _moving_score(
+            place, edge_of[i], share_of[i], subject, current, network, around, weights
         )
     # Rays are the expensive part. The best unseen score goes first; the search ends as soon as even
     # a perfect view could not beat the best found, or after `max_tests` places.
-    best, best_edge, best_share, best_sees = 0.0, NO_EDGE, 0.0, 0.0
+    best = _Choice(NO_EDGE, 0.0, 0.0, 0.0)
     for _ in range(max_tests):
         i = int(np.argmax(score))
-        if score[i] < 0.0 or score[i] + weights[DIRECT] <= best:
+        if score[i] < 0.0 or score[i] + weights[DIRECT] <= best.score:
             break
         place = place_on(nodes, edges, edge_of[i], share_of[i])
-        min_share = (best - score[i]) / weights[DIRECT] if weights[DIRECT] > 0.0 else -1.0
-        is_seen = _seen_part(place, points, min_share, people, boxes, links, corners)
-        total = score[i] + weights[DIRECT] * is_seen
+        min_share = (best.score - score[i]) / weights[DIRECT] if weights[DIRECT] > 0.0 else -1.0
+        seen_01 = _seen_part(place, subject.points, min_share, clearance)
+        total = score[i] + weights[DIRECT] * seen_01
         score[i] = -2.0
-        if (
-            total > best
-            and is_free(place, people, clear_m, people_clear_m, boxes, links, corners)
-            and sees(camera, place, NOBODY, boxes, links, corners)
-        ):
-            best, best_edge, best_share, best_sees = total, edge_of[i], share_of[i], is_seen
-    if best_edge == NO_EDGE:
+        if total > best.score and _may_go(camera, place, clearance):
+            best = _Choice(edge_of[i], share_of[i], total, seen_01)
+    if best.edge == NO_EDGE:
         return NO_EDGE, 0.0, 0.0
-    # Climb along the edge both ways in fixed steps, as long as the score rises and sight holds.
-    length = _length_m(nodes, edges, best_edge)
-    if length > 0.0:
-        for side in (-1.0, 1.0):
-            while True:
-                share = best_share + side * step_m / length
-                if share < 0.0 or share > 1.0:
-                    break
-                place = place_on(nodes, edges, best_edge, share)
-                total = (
-                    _score_without_sight(
-                        place,
-                        best_edge,
-                        share,
-                        subject,
-                        velocity,
-                        wanted_m,
-                        nodes,
-                        edges,
-                        around,
-                        weights,
-                        current_edge,
-                        current_share,
-                        way_a,
-                        way_b,
-                        before,
-                    )
-                    + weights[DIRECT] * best_sees
-                )
-                if (
-                    total <= best
-                    or not is_free(place, people, clear_m, people_clear_m, boxes, links, corners)
-                    or not sees(camera, place, NOBODY, boxes, links, corners)
-                    or _seen_part(place, points, 0.0, people, boxes, links, corners) < best_sees
-                ):
-                    break
-                best, best_share = total, share
-    return best_edge, best_share, best
+    # The points of interest know nothing of sight or of the way; a little aside may be better.
+    best = _climb(best, subject, camera, current, step_m, network, around, weights, clearance)
+    return best.edge, best.share, best.score
 
 
 @compiled
 def cut_to(
-    subject: Vector,
-    points: Vector,
+    subject: Subject,
     velocity: Vector,
-    wanted_m: float,
-    reach_m: float,
     before: Vector,
     min_angle_deg: float,
-    nodes: Vector,
-    edges: Ints,
-    component: Ints,
+    network: Network,
     around: Floats32,
-    way: Floats32,
     weights: Vector,
-    people: Vector,
-    clear_m: float,
-    people_clear_m: float,
-    boxes: Vector,
-    links: Ints,
-    corners: Vector,
+    clearance: Clearance,
 ) -> tuple[int, float, float, bool]:
     """Return edge, share and score to which to cut, and whether that keeps the angle.
 
-    `points` (4, 3) are the subject's head and chest now, and the head twice later. Only places
-    that see the head; edge −1 when none does. One that turns the view by less than `min_angle_deg`
-    only where every other one does too.
+    `velocity` (3,) is the subject's, `before` (3,) the camera before the cut. Only places that see
+    the head; edge −1 when none does. One that turns the view by less than `min_angle_deg` only
+    where every other one does too.
     """
+    nodes, edges, _ = network
     edge_of = np.empty(3 * edges.shape[0], np.int64)
     share_of = np.empty(3 * edges.shape[0])
     n = points_of_interest(
-        subject, wanted_m, reach_m, nodes, edges, component, -1, edge_of, share_of
+        subject.centre, subject.wanted_m, subject.reach_m, network, -1, edge_of, share_of
     )
     score = np.empty(n)
     keeps = np.empty(n, np.bool_)
     for i in range(n):
         place = place_on(nodes, edges, edge_of[i], share_of[i])
-        score[i] = _score_without_sight(
-            place,
-            edge_of[i],
-            share_of[i],
-            subject,
-            velocity,
-            wanted_m,
-            nodes,
-            edges,
-            around,
-            weights,
-            NO_EDGE,
-            0.0,
-            way,
-            way,
-            before,
+        score[i] = _cutting_score(
+            place, edge_of[i], share_of[i], subject, velocity, before, network, around, weights
         )
-        keeps[i] = np.isnan(before[0]) or view_angle_deg(subject, before, place) >= min_angle_deg
+        keeps[i] = (
+            np.isnan(before[0]) or view_angle_deg(subject.centre, before, place) >= min_angle_deg
+        )
     best, best_edge, best_share = 0.0, NO_EDGE, 0.0
     # First only places that turn the view enough (the 30° rule of cutting), then all others.
     for wants_angle in (True, False):
@@ -414,13 +427,12 @@ def cut_to(
                 break
             rank[i] = -2.0
             place = place_on(nodes, edges, edge_of[i], share_of[i])
-            if not sees(place, points[0], people, boxes, links, corners) or not is_free(
-                place, people, clear_m, people_clear_m, boxes, links, corners
-            ):
+            # A cut to somewhere from which the face is hidden would look like a mistake.
+            sees_head = sees(place, subject.points[0], clearance.people, *clearance.surfaces)
+            if not sees_head or not is_free(place, clearance):
                 continue
-            total = score[i] + weights[DIRECT] * _seen_part(
-                place, points, 0.0, people, boxes, links, corners
-            )
+            seen_01 = _seen_part(place, subject.points, 0.0, clearance)
+            total = score[i] + weights[DIRECT] * seen_01
             if total > best:
                 best, best_edge, best_share = total, edge_of[i], share_of[i]
         if best_edge != NO_EDGE:

@@ -14,7 +14,16 @@ import numpy.typing as npt
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector
-from visavis.stimuli.camera.choosing import NO_EDGE, cut_to, is_free_step, move_to, place_on
+from visavis.stimuli.camera.choosing import (
+    NO_EDGE,
+    Clearance,
+    GraphPosition,
+    Subject,
+    cut_to,
+    is_free_step,
+    move_to,
+    place_on,
+)
 from visavis.stimuli.camera.floors import Walkers, walkable_floors
 from visavis.stimuli.camera.following import Drive, follow, pull
 from visavis.stimuli.camera.graph import (
@@ -50,6 +59,9 @@ DECISIONS_PER_S: Final = 30
 HEAD_SHARE: Final = 0.93
 """Height of the eyes and mouth as a share of a person's."""
 CHEST_SHARE: Final = 0.72
+SPARE_TO_CUT_M: Final = 4.0
+SPARE_TO_MOVE_M: Final = 2.0
+"""How much farther than one and a half times the distance of the shot places may be."""
 VELOCITY_OVER: Final = 10
 """Decisions over which a subject's velocity is averaged."""
 
@@ -288,12 +300,27 @@ class Director:
         self._head = _above(moment.subject_m, HEAD_SHARE * height_m)
         self._wanted_m = shot_distance_m(height_m, self._style.fov_v_deg, share)
 
-    def _points(self) -> Vector:
-        """Return the subject's head and chest now, and the head soon and later (4, 3)."""
+    def _subject(self, spare_m: float) -> Subject:
+        """Return whom to film: their head and chest now, and the head soon and later.
+
+        Places may be `spare_m` more than one and a half times the shot's distance away.
+        """
         head = self._head
         chest = _above(self._moment.subject_m, CHEST_SHARE * self._moment.height_m)
         ahead = self._style.ahead_s * self._subject_velocity()
-        return np.stack([head, chest, head + ahead / 2, head + ahead])
+        points = np.stack([head, chest, head + ahead / 2, head + ahead])
+        wanted_m = self._wanted_m
+        return Subject(self._centre, points, wanted_m, 1.5 * wanted_m + spare_m)
+
+    def _clearance(self) -> Clearance:
+        """Return what the camera keeps clear of now."""
+        style = self._style
+        return Clearance(
+            self._place.obstacles.arrays,
+            self._moment.people,
+            style.clear_m,
+            style.people_clear_m,
+        )
 
     def _decide(self) -> None:
         """Cut, or move the target, at the time of the present decision."""
@@ -346,27 +373,17 @@ class Director:
         return row
 
     def _cut(self, reason: str, *, may_break_angle: bool) -> bool:
-        style, moment, graph = self._style, self._moment, self._place.graph
-        centre, velocity, wanted_m = self._centre, self._subject_velocity(), self._wanted_m
-        around = self._around()
+        style, graph = self._style, self._place.graph
+        centre, velocity = self._centre, self._subject_velocity()
         edge, share, _, keeps = cut_to(
-            centre,
-            self._points(),
+            self._subject(SPARE_TO_CUT_M),
             velocity,
-            wanted_m,
-            1.5 * wanted_m + 4.0,
             self._position,
             style.min_angle_deg,
-            graph.nodes_m,
-            graph.edges,
-            graph.component,
-            around,
-            around,
+            graph.network,
+            self._around(),
             self._weights[1],
-            moment.people,
-            style.clear_m,
-            style.people_clear_m,
-            *self._place.obstacles.arrays,
+            self._clearance(),
         )
         if edge == NO_EDGE or not (keeps or may_break_angle):
             return False
@@ -392,30 +409,18 @@ class Director:
         return True
 
     def _retarget(self) -> None:
-        style, moment, graph = self._style, self._moment, self._place.graph
-        wanted_m = self._wanted_m
+        style, graph = self._style, self._place.graph
         a, b = graph.edges[self._edge]
         edge, share, _ = move_to(
-            self._centre,
-            self._points(),
-            wanted_m,
-            1.5 * wanted_m + 2.0,
+            self._subject(SPARE_TO_MOVE_M),
             self._position,
-            self._edge,
-            self._share,
+            GraphPosition(self._edge, self._share, graph.distance_m[a], graph.distance_m[b]),
             style.step_m,
             style.max_tests,
-            graph.nodes_m,
-            graph.edges,
-            graph.component,
+            graph.network,
             self._around(),
-            graph.distance_m[a],
-            graph.distance_m[b],
             self._weights[0],
-            moment.people,
-            style.clear_m,
-            style.people_clear_m,
-            *self._place.obstacles.arrays,
+            self._clearance(),
         )
         if edge != NO_EDGE:
             self._edge, self._share = edge, share
@@ -426,14 +431,7 @@ class Director:
         if self._style.moves:
             dt_s = (self._time_of(self._tick + 1) - self._time_of(self._tick)) / NS_PER_S
             there, _ = self._follow(dt_s)
-            self._is_held = not is_free_step(
-                self._position,
-                there,
-                self._moment.people,
-                self._style.clear_m,
-                self._style.people_clear_m,
-                *self._place.obstacles.arrays,
-            )
+            self._is_held = not is_free_step(self._position, there, self._clearance())
 
 
 def _above(place_m: Vector, by_m: float) -> Vector:

@@ -7,6 +7,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -36,6 +37,16 @@ class GraphRules:
     clear_m: float = 0.12
 
 
+class Network(NamedTuple):
+    """Places `nodes` (n, 3), ways `edges` (m, 2) between them and the connected part of each place
+    (n,), as compiled code takes them.
+    """
+
+    nodes: Vector
+    edges: Ints
+    component: Ints
+
+
 @dataclass(frozen=True, eq=False)
 class CameraGraph:
     """Places `nodes_m` (n, 3) and the ways `edges` (m, 2) along which a camera may move."""
@@ -52,6 +63,11 @@ class CameraGraph:
     def distance_m(self) -> npt.NDArray[np.float32]:
         """Length of the shortest way between nodes (n, n); inf where there is none."""
         return dijkstra(self._lengths, directed=False).astype(np.float32)
+
+    @cached_property
+    def network(self) -> Network:
+        """The graph as compiled code takes it."""
+        return Network(self.nodes_m, self.edges, self.component)
 
     @property
     def _lengths(self) -> "csr_array[np.float64]":
@@ -261,26 +277,16 @@ def _seen_shares(
     rays = points.shape[1]
     stack = np.empty(STACK, np.int64)
     for i in range(nodes.shape[0]):
+        node = nodes[i, 0], nodes[i, 1], nodes[i, 2]
         for t in range(points.shape[0]):
-            x, y = nodes[i, 0] - points[t, 0, 0], nodes[i, 1] - points[t, 0, 1]
-            z = nodes[i, 2] - points[t, 0, 2]
+            x, y = node[0] - points[t, 0, 0], node[1] - points[t, 0, 1]
+            z = node[2] - points[t, 0, 2]
             # Beyond `reach_m` nobody is filmed, so that no ray is spent.
             count = 0
             if x * x + y * y + z * z <= reach_m * reach_m:
                 for r in range(rays):
-                    if sees_between(
-                        points[t, r, 0],
-                        points[t, r, 1],
-                        points[t, r, 2],
-                        nodes[i, 0],
-                        nodes[i, 1],
-                        nodes[i, 2],
-                        nobody,
-                        stack,
-                        boxes,
-                        links,
-                        corners,
-                    ):
+                    point = points[t, r, 0], points[t, r, 1], points[t, r, 2]
+                    if sees_between(point, node, nobody, stack, boxes, links, corners):
                         count += 1
             share[i, t] = count / rays
 

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from visavis.lab.compiled import compiled
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector
+from visavis.stimuli.motion.quaternion_kernels import Triple
 from visavis.stimuli.picture import Room
 from visavis.stimuli.visibility import capsule_entry_m
 
@@ -69,12 +70,8 @@ def _divide(low: Vector, high: Vector, order: Ints, boxes: Vector, links: Ints, 
 
 @compiled
 def ray_hit_m(
-    ox: float,
-    oy: float,
-    oz: float,
-    dx: float,
-    dy: float,
-    dz: float,
+    origin: Triple,
+    direction: Triple,
     reach_m: float,
     first_will_do: bool,
     stack: Ints,
@@ -87,6 +84,8 @@ def ray_hit_m(
     `corners` (t, 9): a corner and two edges of every triangle in the order of the leaves;
     `stack` (STACK,) is room to work in.
     """
+    ox, oy, oz = origin
+    dx, dy, dz = direction
     ix = 1.0 / dx if dx != 0.0 else np.inf
     iy = 1.0 / dy if dy != 0.0 else np.inf
     iz = 1.0 / dz if dz != 0.0 else np.inf
@@ -98,6 +97,7 @@ def ray_hit_m(
         depth -= 1
         node = stack[depth]
         # Slab test: the ray is inside the box between t0 and t1 on all three axes, if at all.
+        # `nearest` shrinks with every hit, so that boxes beyond it are skipped, too.
         t0, t1 = 0.0, nearest
         if dx != 0.0:
             a, b = (boxes[node, 0] - ox) * ix, (boxes[node, 3] - ox) * ix
@@ -148,12 +148,8 @@ def ray_hit_m(
 
 @compiled
 def sees_between(
-    ax: float,
-    ay: float,
-    az: float,
-    bx: float,
-    by: float,
-    bz: float,
+    a: Triple,
+    b: Triple,
     people: Vector,
     stack: Ints,
     boxes: Vector,
@@ -161,7 +157,8 @@ def sees_between(
     corners: Vector,
 ) -> bool:
     """Tell whether nothing stands between two points; `stack` (STACK,) is room to work in."""
-    dx, dy, dz = bx - ax, by - ay, bz - az
+    ax, ay, az = a
+    dx, dy, dz = b[0] - ax, b[1] - ay, b[2] - az
     length = np.sqrt(dx * dx + dy * dy + dz * dz)
     if length == 0.0:
         return True
@@ -171,16 +168,15 @@ def sees_between(
     for j in range(people.shape[0]):
         if capsule_entry_m(ax, ay, az, dx, dy, dz, people[j]) < reach:
             return False
-    return bool(
-        ray_hit_m(ax, ay, az, dx, dy, dz, reach, True, stack, boxes, links, corners) == np.inf
-    )
+    return bool(ray_hit_m(a, (dx, dy, dz), reach, True, stack, boxes, links, corners) == np.inf)
 
 
 @compiled
 def sees(a: Vector, b: Vector, people: Vector, boxes: Vector, links: Ints, corners: Vector) -> bool:
     """Tell whether nothing stands between two points (3,), neither the place nor people (c, 7)."""
     stack = np.empty(STACK, np.int64)
-    return sees_between(a[0], a[1], a[2], b[0], b[1], b[2], people, stack, boxes, links, corners)
+    here, there = (a[0], a[1], a[2]), (b[0], b[1], b[2])
+    return sees_between(here, there, people, stack, boxes, links, corners)
 
 
 @compiled
@@ -288,7 +284,7 @@ class Obstacles:
         """Return how far along a unit direction (3,) the first surface is; inf when none is."""
         (x, y, z), (dx, dy, dz) = start_m, direction
         stack = np.empty(STACK, np.int64)
-        return float(ray_hit_m(x, y, z, dx, dy, dz, reach_m, False, stack, *self.arrays))
+        return float(ray_hit_m((x, y, z), (dx, dy, dz), reach_m, False, stack, *self.arrays))
 
     def sees(self, a_m: Vector, b_m: Vector, people: Vector = NOBODY) -> bool:
         """Tell whether nothing stands between two points (3,)."""

@@ -63,6 +63,7 @@ def view_angle_deg(subject: Vector, before: Vector, after: Vector) -> float:
     """Return the angle (degrees) at a subject (3,) between two cameras (3,); NaN at the subject."""
     ax, ay, az = before[0] - subject[0], before[1] - subject[1], before[2] - subject[2]
     bx, by, bz = after[0] - subject[0], after[1] - subject[1], after[2] - subject[2]
+    # By sine and cosine: an arc cosine alone loses small angles to rounding.
     x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
     if (ax == ay == az == 0.0) or (bx == by == bz == 0.0):
         return np.nan

@@ -4,6 +4,8 @@ For studies simulated by the hundred. Recordings are measured with meshes
 (`visavis.analysis.collisions`).
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from visavis.lab.compiled import compiled
@@ -13,6 +15,14 @@ from visavis.stimuli.contact.idle import N_JOINTS, place_person
 from visavis.stimuli.contact.touch import pose_capsules, segment_distance
 
 _MAX_SPANS = 64
+
+
+class Capsules(NamedTuple):
+    """A body's capsules: `start_m`, `end_m` (m, 3) from their joints at rest, `radius_m` (m,)."""
+
+    start_m: Vector
+    end_m: Vector
+    radius_m: Vector
 
 
 @compiled
@@ -52,6 +62,7 @@ def _stretch(a: Vector, b: Vector, r: float, x: float, z: float) -> tuple[float,
 @compiled
 def _merge(lows: Vector, highs: Vector, n: int) -> int:
     """Merge overlapping stretches in place, rising; return how many are left."""
+    # Insertion sort: a column meets a handful of capsules, often in order already.
     for i in range(1, n):
         low, high = lows[i], highs[i]
         j = i - 1
@@ -185,9 +196,7 @@ def volumes_along(
     positions: Vector,
     worlds: Vector,
     crowd_t_s: Vector,
-    own_start_m: Vector,
-    own_end_m: Vector,
-    own_radius_m: Vector,
+    own: Capsules,
     people: Vector,
     figures: Figures,
     reach_m: float,
@@ -207,14 +216,14 @@ def volumes_along(
     n_people = people.shape[0]
     theirs, their_ends = np.empty((n_people, m, 3)), np.empty((n_people, m, 3))
     posed_s = np.full(n_people, -np.inf)
-    radii = own_radius_m
+    radii = own.radius_m
     root, local = np.empty((1, 3)), np.empty((1, N_JOINTS, 4))
     position, world = np.empty((1, N_JOINTS, 3)), np.empty((1, N_JOINTS, 4))
     for i in range(positions.shape[0]):
         if not np.isfinite(positions[i].sum() + worlds[i].sum()):
             volumes[i] = np.nan
             continue
-        pose_capsules(positions[i], worlds[i], columns, own_start_m, own_end_m, 1.0, starts, ends)
+        pose_capsules(positions[i], worlds[i], columns, own.start_m, own.end_m, 1.0, starts, ends)
         low_x = low_z = np.inf
         high_x = high_z = -np.inf
         for k in range(m):

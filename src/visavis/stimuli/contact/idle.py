@@ -13,7 +13,7 @@ from visavis.lab.body_joints import BODY_JOINTS
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 from visavis.stimuli.contact.figures import Figures, crowd_figures
-from visavis.stimuli.gaze.gaze_shift_kernels import turn_rows
+from visavis.stimuli.gaze.gaze_shift_kernels import Schedule, turn_rows
 from visavis.stimuli.motion import posture as p
 from visavis.stimuli.motion.gesture_kernels import phone_but_fingers
 from visavis.stimuli.motion.kinds import Idle, Kind, Phone
@@ -99,12 +99,10 @@ def idle_turns(person: Vector, t_s: float, figures: Figures, root: Vector, local
     # Where people look follows from where their eyes are, so the trunk is posed first.
     look_from(controls, offsets, rows, eyes, head, chest)
     gaze_turn = np.zeros((1, 3))
+    no_looks = Schedule(np.zeros(2, np.int64), np.zeros(0, np.int64), np.zeros(0), np.zeros((1, 3)))
     turn_rows(
         t_s,
-        np.zeros(2, np.int64),
-        np.zeros(0, np.int64),
-        np.zeros(0),
-        np.zeros((1, 3)),
+        no_looks,
         eyes,
         head,
         controls[:, p.FRONT : p.ATTEND + 3].copy(),

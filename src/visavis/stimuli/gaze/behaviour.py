@@ -138,6 +138,7 @@ def _distances(
     m = eyes.shape[0]
     distance_m = np.empty(m)
     for j in range(m):
+        # Row 0 is where the eyes look before their turn, row 1 where they look from then on.
         now = 1 if t_ns >= turn_ns[j] else 0
         point = observer if follows[now, j] else targets[now, j]
         x, y, z = point[0] - eyes[j, 0], point[1] - eyes[j, 1], point[2] - eyes[j, 2]

@@ -57,6 +57,7 @@ def sway_rows(t_s: float, seeds: npt.NDArray[np.int64], eyes_m: Vector, facing: 
         level = np.hypot(fx, fz)
         if not level > 1e-6:
             continue
+        # Sway has its own size ahead and aside, so it goes along the way the body faces.
         fx, fz = fx / level, fz / level
         side = SWAY_M[0] * drift(t_s, 0.11, seeds[r], 601)
         ahead = SWAY_M[2] * drift(t_s, 0.10, seeds[r], 602)

@@ -6,7 +6,6 @@ from functools import cached_property
 from typing import Literal, Self
 
 import numpy as np
-import numpy.typing as npt
 
 from visavis.lab.geometry import Vector
 from visavis.stimuli.gaze.gaze_shift_kernels import (
@@ -15,6 +14,7 @@ from visavis.stimuli.gaze.gaze_shift_kernels import (
     OBSERVER,
     PERSON,
     POINT,
+    Schedule,
     gaze_rows,
     turn_rows,
 )
@@ -73,25 +73,28 @@ class GazePlan:
     def watched_from(self, observer_m: Vector) -> Self:
         """Return the same plan with the observer's eyes at a point (3,) in world."""
         plan = replace(self, observer_m=np.asarray(observer_m, np.float64))
-        plan.__dict__["_table"] = self._table
+        # Both are the same however the observer moves, which it does every frame.
+        plan.__dict__["_schedule"] = self._schedule
+        plan.__dict__["_looks_at_observer"] = self._looks_at_observer
         return plan
 
     @cached_property
-    def _table(
-        self,
-    ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], Vector, Vector, bool]:
+    def _looks_at_observer(self) -> bool:
+        return any(look.target == "observer" for own in self.looks for look in own)
+
+    @cached_property
+    def _schedule(self) -> Schedule:
         flat = [look for own in self.looks for look in own]
         first = np.concatenate([[0], np.cumsum([len(own) for own in self.looks])])
         vectors = np.zeros((max(1, len(flat)), 3))
         for i, look in enumerate(flat):
             where = np.radians(look.where) if look.target == "aside" else look.where
             vectors[i, : len(look.where)] = where
-        return (
+        return Schedule(
             first.astype(np.int64),
             np.array([_CODES[look.target] for look in flat], dtype=np.int64),
             np.array([look.start_s for look in flat], dtype=np.float64),
             vectors,
-            any(look.target == "observer" for look in flat),
         )
 
     def _checked_eyes(self, look: Look) -> Vector:
@@ -101,7 +104,7 @@ class GazePlan:
             )
         if self.observer_m is not None:
             return self.observer_m
-        if self._table[4]:
+        if self._looks_at_observer:
             raise MotionError("a look at the observer needs a place; give it with watched_from()")
         return _NOBODY
 
@@ -110,7 +113,14 @@ class GazePlan:
         observer = self._checked_eyes(look)
         out = np.zeros((len(look.eyes_m), 3))
         turn_rows(
-            t_s, *self._table[:4], look.eyes_m, look.head_wxyz, look.front, look.seed, observer, out
+            t_s,
+            self._schedule,
+            look.eyes_m,
+            look.head_wxyz,
+            look.front,
+            look.seed,
+            observer,
+            out,
         )
         return out
 
@@ -120,7 +130,7 @@ class GazePlan:
         direction, distance, openness = np.empty((n, 3)), np.empty(n), np.empty(n)
         gaze_rows(
             t_s,
-            *self._table[:4],
+            self._schedule,
             look.eyes_m,
             look.front,
             look.seed,

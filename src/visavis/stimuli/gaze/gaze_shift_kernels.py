@@ -6,6 +6,8 @@ along. Every shift starts from the state that earlier ones have left, so that sc
 dense.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -35,6 +37,19 @@ BLINK_MEAN_S = 3.75
 EVOKES_BLINK_RAD = np.radians(33.0)
 """Shifts larger than this mostly come with a blink (Evinger et al. 1994, Exp Brain Res 100:337)."""
 AHEAD: Triple = (0.0, 0.0, -1.0)
+
+
+class Schedule(NamedTuple):
+    """The looks of n people in order of time: those of person r are rows `first[r]:first[r + 1]`.
+
+    A row is the kind of its target, when it starts, and a vector (3,): the place of a point, the
+    number of a person, or yaw and pitch aside.
+    """
+
+    first: npt.NDArray[np.int64]
+    kinds: npt.NDArray[np.int64]
+    start_s: Vector
+    vectors: Vector
 
 
 @compiled
@@ -80,6 +95,7 @@ def _target(
     """Return the direction from the eyes to a target and its distance, infinite if it has none."""
     if kind == ASIDE:
         return _along(front + vector[0], vector[1]), np.inf
+    # People are looked at in the eyes, wherever these are by now.
     goal = vector[0], vector[1], vector[2]
     if kind == PERSON:
         other = int(vector[0])
@@ -127,10 +143,7 @@ def _slot_at(t_s: float, person: int) -> int:
 def recent_looks(
     t_s: float,
     r: int,
-    first: npt.NDArray[np.int64],
-    kinds: npt.NDArray[np.int64],
-    start_s: Vector,
-    vectors: Vector,
+    schedule: Schedule,
     eyes_m: Vector,
     front: Vector,
     person: int,
@@ -141,6 +154,7 @@ def recent_looks(
 
     A row of `looks` is start, direction (3,) from the eyes in world, distance.
     """
+    first, kinds, start_s, vectors = schedule
     low, last = first[r], first[r + 1] - 1
     ahead, attend = front[0], front[1:]
     while last > low and start_s[last] > t_s:
@@ -176,10 +190,7 @@ def recent_looks(
 @compiled
 def turn_rows(
     t_s: float,
-    first: npt.NDArray[np.int64],
-    kinds: npt.NDArray[np.int64],
-    start_s: Vector,
-    vectors: Vector,
+    schedule: Schedule,
     eyes_m: Vector,
     head_wxyz: Vector,
     fronts: Vector,
@@ -187,14 +198,12 @@ def turn_rows(
     observer: Vector,
     out: Vector,
 ) -> None:
-    """Write what trunk and head add (n, 3), for rows `first[r]:first[r + 1]` of a schedule."""
+    """Write what trunk and head add (n, 3): yaw of the trunk, yaw and pitch of the head."""
     looks = np.empty(((RECENT + 1) ** 2, 5))
     for r in range(eyes_m.shape[0]):
         person = seeds[r]
         to_head = inverse((head_wxyz[r, 0], head_wxyz[r, 1], head_wxyz[r, 2], head_wxyz[r, 3]))
-        count = recent_looks(
-            t_s, r, first, kinds, start_s, vectors, eyes_m, fronts[r], person, observer, looks
-        )
+        count = recent_looks(t_s, r, schedule, eyes_m, fronts[r], person, observer, looks)
         # Seconds by which the head follows the eyes, and how slowly this person turns.
         lag = 0.03 + 0.05 * chance(person, 213, 0)
         slow = 0.85 + 0.4 * chance(person, 214, 0)
@@ -219,6 +228,7 @@ def turn_rows(
 
 @compiled
 def _slerp(a: Triple, b: Triple, angle: float, share: float) -> Triple:
+    # No arc is given between equal or opposite directions; the sine below would be 0.
     if angle < 1e-7 or np.pi - angle < 1e-7:
         return b if share > 0.5 else a
     s = np.sin(angle)
@@ -245,6 +255,8 @@ def _lids(t_s: float, start_s: float, lasting_s: float) -> float:
 @compiled
 def openness_01(t_s: float, person: int) -> float:
     """Return how open somebody's lids are who blinks about 16 times a minute."""
+    # One blink a slot, at a random time in it: any instant is known without its past. A blink that
+    # began late in the slot before may still go on.
     slot = int(np.floor(t_s / BLINK_MEAN_S))
     least = 1.0
     for k in range(slot - 1, slot + 1):
@@ -257,10 +269,7 @@ def openness_01(t_s: float, person: int) -> float:
 @compiled
 def gaze_rows(
     t_s: float,
-    first: npt.NDArray[np.int64],
-    kinds: npt.NDArray[np.int64],
-    start_s: Vector,
-    vectors: Vector,
+    schedule: Schedule,
     eyes_m: Vector,
     fronts: Vector,
     seeds: npt.NDArray[np.int64],
@@ -273,9 +282,7 @@ def gaze_rows(
     looks = np.empty(((RECENT + 1) ** 2, 5))
     for r in range(eyes_m.shape[0]):
         person = seeds[r]
-        count = recent_looks(
-            t_s, r, first, kinds, start_s, vectors, eyes_m, fronts[r], person, observer, looks
-        )
+        count = recent_looks(t_s, r, schedule, eyes_m, fronts[r], person, observer, looks)
         now, nearness = (looks[0, 1], looks[0, 2], looks[0, 3]), 1.0 / max(0.1, looks[0, 4])
         lids = openness_01(t_s, person)
         for i in range(1, count):

@@ -78,6 +78,7 @@ def gone_m(clock_m: float, step: float, distance_m: float) -> float:
 
 @compiled
 def _hermite(x: float, x0: float, x1: float, y0: float, y1: float, m0: float, m1: float) -> float:
+    # The cubic through both ends with slopes m0 and m1 there: no jump of place or speed.
     d = x1 - x0
     h = (x - x0) / d
     h2, h3 = h * h, h * h * h
@@ -189,6 +190,8 @@ def _foot(
 @compiled
 def _reach_height_m(b: Vector, half: float, shift: float, strike: float, push: float) -> float:
     """Return how high above a standing ankle both legs let the hip joints be, ahead and behind."""
+    # The hips are lowest where a step is longest: the front leg stands on its heel, the rear one on
+    # its ball, and neither may be stretched beyond its reach.
     forward, up = _about_heel(b, -strike)
     ahead = half - shift + forward
     height = np.sqrt((REACH * b[p.B_LEG]) ** 2 - ahead * ahead) + up

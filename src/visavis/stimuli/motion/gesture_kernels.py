@@ -54,6 +54,7 @@ def _at_ease(
     if seat_m > 0.0:
         sit(c, t_s, b, seat_m, person, lively, 0.0, 0.0)
         lap_arms(c, b, 0, person)
+        # A hand that is about to do something else must no longer be held to the lap.
         for side in range(2):
             if hand == BOTH or hand == side:
                 arm_of(c, side)[p.HOLD : p.HOLD + p.HOLDS * p.HOLD_SIZE] = 0.0
@@ -94,12 +95,15 @@ def wave_rows(
             if hand != BOTH and hand != side:
                 continue
             a = arm_of(c, side)
+            # Nobody waves like a clock: tempo and width wander. Both hands wave against each other.
             uneven = 0.22 * drift(t, 0.35, person, 311 + side)
             phase = 2.0 * np.pi * rate * t + uneven + (np.pi * side if hand == BOTH else 0.0)
             size = 0.5 * swing * (1.0 + 0.12 * drift(t, 0.3, person, 313 + side))
             forearm = size * np.sin(phase) - 0.10
             # The hand trails behind the forearm and swings a little farther.
             palm_swing = 1.25 * size * np.sin(phase - 0.55) - 0.10
+            # The upper arm sets the elbow's height; the hand's place follows along the forearm, so
+            # that the arm is as long as it is.
             out = np.radians(28.0 + 58.0 * height)
             forward = np.radians(34.0 - 14.0 * height)
             ex, ey, ez = (
@@ -115,19 +119,18 @@ def wave_rows(
             f = b[p.B_FOREARM] / np.sqrt(fx * fx + fy * fy + fz * fz)
             lift = np.radians(2.0 + 8.0 * height)
             a[p.SHOULDER_UP] += lift
+            place = (
+                sx + upper * ex + f * fx,
+                sy + upper * ey + f * fy + 0.6 * lift * b[p.B_SHOULDER_X],
+                sz + upper * ez + f * fz,
+            )
             hold(
                 a,
                 p.CHEST,
                 1.0,
-                sx + upper * ex + f * fx,
-                sy + upper * ey + f * fy + 0.6 * lift * b[p.B_SHOULDER_X],
-                sz + upper * ez + f * fz,
-                -np.sin(palm_swing),
-                np.cos(palm_swing),
-                -0.12,
-                0.10,
-                0.15,
-                -1.0,
+                place,
+                (-np.sin(palm_swing), np.cos(palm_swing), -0.12),
+                (0.10, 0.15, -1.0),
             )
             pole(a, ex, ey, ez)
             open_hand = 0.07 + 0.03 * chance(person, 315, side)
@@ -142,7 +145,8 @@ def wave_rows(
 def listen(a: Vector, b: Vector) -> None:
     """Bring a hand to where the telephone in it lies at the ear, as `telephoning` says."""
     at = b[p.B_AT_EAR : p.B_AT_EAR + 9]
-    hold(a, p.HEAD, 1.0, at[0], at[1], at[2], at[3], at[4], at[5], at[6], at[7], at[8])
+    place = (at[0], at[1], at[2])
+    hold(a, p.HEAD, 1.0, place, (at[3], at[4], at[5]), (at[6], at[7], at[8]))
 
 
 @compiled
@@ -165,10 +169,8 @@ def phone_but_fingers(
     other = arm_of(c, 1 - side)
     if chance(person, 321, 0) < 0.4:
         # The free arm lies across the belly and carries the other elbow.
-        hold(
-            other, p.CHEST, 1.0, 0.30 * b[p.B_SHOULDER_X], -0.115, -b[p.B_BELLY] - 0.055,
-            0.95, 0.10, 0.10, -0.1, 0.3, 1.0,
-        )  # fmt: skip
+        place = (0.30 * b[p.B_SHOULDER_X], -0.115, -b[p.B_BELLY] - 0.055)
+        hold(other, p.CHEST, 1.0, place, (0.95, 0.10, 0.10), (-0.1, 0.3, 1.0))
         pole(other, -0.7, -1.0, 0.2)
     stir_body(c, t_s, person, lively)
     breathe(c, t_s, person, 1.0)
@@ -201,6 +203,7 @@ def phone_rows(
         lively, side = numbers[r, 0], int(numbers[r, 1])
         phone_but_fingers(c, t, builds[r], person, lively, side)
         stir_fingers(c, t, person, lively)
+        # The hand at the ear closes last: its grip replaces what stirs its fingers.
         a = arm_of(c, side)
         grip(a, builds[r])
         speak(c, t, person, numbers[r, 2])
@@ -239,10 +242,15 @@ def text_rows(
             reach = 0.58 * (b[p.B_UPPER_ARM] + b[p.B_FOREARM])
             drop = 0.80 * b[p.B_UPPER_ARM]
             hand_apart_m = 0.058 if both else 0.015
+            place = (-hand_apart_m, b[p.B_SHOULDER_Y] - drop - 0.008 * k, -reach)
             hold(
-                a, p.CHEST, 1.0, -hand_apart_m, b[p.B_SHOULDER_Y] - drop - 0.008 * k, -reach,
-                0.50 if both else 0.30, 0.30, -0.80, 0.40 if both else 0.22, 0.72, 0.50,
-            )  # fmt: skip
+                a,
+                p.CHEST,
+                1.0,
+                place,
+                (0.50 if both else 0.30, 0.30, -0.80),
+                (0.40 if both else 0.22, 0.72, 0.50),
+            )
             curl(a, 0.36, 0.44, 0.48, 0.50, 0.25)
             pole(a, -0.8, -1.0, 0.35)
             a[p.OPPOSE] = np.radians(30.0)
@@ -304,10 +312,15 @@ def _gesture(a: Vector, b: Vector, t_s: float, person: int, side: int, size: flo
     if part > 0.05:
         # Beats of the voice: short strokes down.
         beat = part * max(0.0, drift(t_s, 1.1, person, 350)) ** 2
+    place = (x, b[p.B_SHOULDER_Y] + y - 0.035 * beat, z - 0.02 * beat)
     hold(
-        a, p.CHEST, 1.0, x, b[p.B_SHOULDER_Y] + y - 0.035 * beat, z - 0.02 * beat,
-        0.45, 0.22 + 0.25 * part - 0.2 * beat, -0.85, inward, upward - 0.25, 0.25,
-    )  # fmt: skip
+        a,
+        p.CHEST,
+        1.0,
+        place,
+        (0.45, 0.22 + 0.25 * part - 0.2 * beat, -0.85),
+        (inward, upward - 0.25, 0.25),
+    )
     pole(a, -0.75, -1.0, 0.45)
     loose = 0.30 - 0.17 * part
     curl(a, loose - 0.06, loose, loose + 0.05, loose + 0.10, 0.25 - 0.1 * part)
@@ -383,11 +396,8 @@ def crouch_rows(
             foot[p.ANKLE + 2] -= forward * np.cos(foot[p.FOOT_YAW])
             a = arm_of(c, side)
             weight = ease(2.0 * depth)
-            hold(
-                a, p.THIGH, weight,
-                0.070, -(0.84 + 0.24 * depth) * b[p.B_THIGH], -b[p.B_THIGH_RADIUS] - 0.035,
-                0.70, -0.70, 0.60, 0.15, -0.1, 1.0,
-            )  # fmt: skip
+            place = (0.070, -(0.84 + 0.24 * depth) * b[p.B_THIGH], -b[p.B_THIGH_RADIUS] - 0.035)
+            hold(a, p.THIGH, weight, place, (0.70, -0.70, 0.60), (0.15, -0.1, 1.0))
             pole(a, -0.55, -0.9, 0.45)
         stir(c, t, person, 0.6 * lively)
         breathe(c, t, person, 1.2)

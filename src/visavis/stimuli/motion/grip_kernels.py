@@ -1,5 +1,7 @@
 """Bend one finger or thumb in many ways and find the one that lies best at a flat case."""
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -37,6 +39,38 @@ EASY_CURL, EASY_KNUCKLE = 0.42, 0.15
 THUMB_EASY_M2 = 4e-6
 
 
+class Digit(NamedTuple):
+    """Skin of a finger or thumb: points (k, 3) at rest from the wrist, their weights (k, 4) of
+    hand and phalanges, to which of those each belongs (k,); the joints (3, 3) from the wrist.
+    """
+
+    points_m: Vector
+    weights: Vector
+    phalanx: npt.NDArray[np.int64]
+    joints_m: Vector
+
+
+class Case(NamedTuple):
+    """A flat box in a hand at rest, in metres from its wrist: `middle_m` (3,), `axes` (3, 3) as
+    rows (its length, across it towards the finger tips, out of the palm), half its size (3,).
+    """
+
+    middle_m: Vector
+    axes: Vector
+    half_m: Vector
+
+
+class Search(NamedTuple):
+    """Bends between `least` and `most` (3,) to try: first `counts` (3,) of each, evenly, then
+    `rounds` times half as far about the best.
+    """
+
+    least: Vector
+    most: Vector
+    counts: npt.NDArray[np.int64]
+    rounds: int
+
+
 @compiled
 def _seen_by_case(
     moves: Vector, row: int, q: Quat, at: Triple, joint: Triple, middle: Triple, axes: Vector
@@ -49,6 +83,7 @@ def _seen_by_case(
         rotate_vector(q, (0.0, 1.0, 0.0)),
         rotate_vector(q, (0.0, 0.0, 1.0)),
     )
+    # A point p at rest goes to q (p − joint) + at; what of that is constant is the shift.
     shift = minus(minus(at, rotate_vector(q, joint)), middle)
     for i in range(3):
         axis = (axes[i, 0], axes[i, 1], axes[i, 2])
@@ -58,18 +93,11 @@ def _seen_by_case(
 
 @compiled
 def _cost(
-    points: Vector,
-    weights: Vector,
-    phalanx: npt.NDArray[np.int64],
-    joints: Vector,
-    turns: tuple[Quat, Quat, Quat],
-    middle_m: Vector,
-    axes: Vector,
-    half: Vector,
-    room: Vector,
-    which: int,
+    digit: Digit, turns: tuple[Quat, Quat, Quat], case: Case, room_m: Vector, which: int
 ) -> float:
     """Return how badly a digit that is turned so lies at the case, in m²."""
+    points, weights, phalanx, joints = digit
+    middle_m, axes, half = case
     middle = (middle_m[0], middle_m[1], middle_m[2])
     a = (joints[0, 0], joints[0, 1], joints[0, 2])
     b = (joints[1, 0], joints[1, 1], joints[1, 2])
@@ -108,9 +136,9 @@ def _cost(
         for i in range(3):
             sums[of, i] += point[i]
         # How far a finger may stand out before the case there: the face's skin leaves little room.
-        share = min(max(0.5 + 0.5 * point[0] / half[0], 0.0), 1.0) * (room.shape[0] - 1)
-        below = min(int(share), room.shape[0] - 2)
-        deep = room[below] + (share - below) * (room[below + 1] - room[below])
+        share = min(max(0.5 + 0.5 * point[0] / half[0], 0.0), 1.0) * (room_m.shape[0] - 1)
+        below = min(int(share), room_m.shape[0] - 2)
+        deep = room_m[below] + (share - below) * (room_m[below + 1] - room_m[below])
         beyond = max(beyond, point[2] - half[2] - deep)
     # All terms are squared metres: going in costs more than staying off.
     cost = GOES_IN * beyond * beyond
@@ -132,26 +160,14 @@ def _cost(
 
 @compiled
 def best_bend(
-    points: Vector,
-    weights: Vector,
-    phalanx: npt.NDArray[np.int64],
-    joints: Vector,
-    middle: Vector,
-    axes: Vector,
-    half: Vector,
-    room: Vector,
-    which: int,
-    spread: float,
-    least: Vector,
-    most: Vector,
-    counts: npt.NDArray[np.int64],
-    rounds: int,
+    digit: Digit, case: Case, room_m: Vector, which: int, spread_rad: float, search: Search
 ) -> Vector:
-    """Return the bends (3,) between `least` and `most` (3,) that lie best: of a finger its curl,
-    its knuckle and nothing, of the thumb how far it is in, opposed and bent.
+    """Return the bends (3,) that lie best: of a finger its curl, its knuckle and nothing, of the
+    thumb how far it is in, opposed and bent.
 
-    First `counts` (3,) of each are tried, evenly, then `rounds` times half as far about the best.
+    `room_m` is how far the digit may reach beyond the case's face, evenly spaced along it.
     """
+    least, most, counts, rounds = search
     # A grid that shrinks: the cost has flat stretches on which a gradient would stop.
     step = (most - least) / np.maximum(counts - 1, 1)
     start, n_steps = least.copy(), counts.copy()
@@ -165,17 +181,16 @@ def best_bend(
                     w = min(max(start[2] + k * step[2], least[2]), most[2])
                     if which == FINGER:
                         # The knuckle is searched relative to −1.25 times the curl.
-                        turns = finger_turns(u, v - 1.25 * u, spread)
+                        turns = finger_turns(u, v - 1.25 * u, spread_rad)
                         easy = EASY_M2 * ((u - EASY_CURL) ** 2 + 0.3 * (v - EASY_KNUCKLE) ** 2)
                     else:
                         turns = thumb_turns(w, v, u)
                         easy = THUMB_EASY_M2 * (u * u + v * v + w * w)
-                    cost = easy + _cost(
-                        points, weights, phalanx, joints, turns, middle, axes, half, room, which
-                    )
+                    cost = easy + _cost(digit, turns, case, room_m, which)
                     if cost < best:
                         best = cost
                         best_turns[0], best_turns[1], best_turns[2] = u, v, w
+        # From the second round on three of each: the best, and half a step to either side.
         step = step / 2.0
         for k in range(3):
             n_steps[k] = 3 if counts[k] > 1 else 1

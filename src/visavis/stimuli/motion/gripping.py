@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from visavis.lab.geometry import Vector
 from visavis.stimuli.characters.body_parts import PART_INDEX
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.motion import posture as p
-from visavis.stimuli.motion.grip_kernels import FINGER, THUMB, best_bend
+from visavis.stimuli.motion.grip_kernels import FINGER, THUMB, Case, Digit, Search, best_bend
 from visavis.stimuli.motion.posture_kernels import spread_of
 from visavis.stimuli.motion.skeleton import Skeleton
 
@@ -38,17 +37,6 @@ THUMB_BENDS: Final = (0.0, 0.5)
 
 
 @dataclass(frozen=True, eq=False)
-class Case:
-    """A flat box in a hand at rest, in metres from its wrist: `middle_m` (3,), `axes` (3, 3) as
-    rows (its length, across it towards the finger tips, out of the palm), half its size (3,).
-    """
-
-    middle_m: Vector
-    axes: Vector
-    half_m: Vector
-
-
-@dataclass(frozen=True, eq=False)
 class Skin:
     """Points (k, 3) of the left hand at rest, in metres from its wrist, at vertices and in the
     middle of triangles, with their weights (k, 55).
@@ -56,18 +44,6 @@ class Skin:
 
     points_m: Vector
     weights: Vector
-
-
-@dataclass(frozen=True, eq=False)
-class _Digit:
-    """Skin of a finger or thumb: points (k, 3) at rest from the wrist, their weights (k, 4) of
-    hand and phalanges, to which of those each belongs (k,); the joints (3, 3) from the wrist.
-    """
-
-    points_m: Vector
-    weights: Vector
-    phalanx: npt.NDArray[np.int64]
-    joints_m: Vector
 
 
 def skin_of_hand(character: Character) -> Skin:
@@ -88,7 +64,7 @@ def skin_of_hand(character: Character) -> Skin:
     )
 
 
-def _digit(skin: Skin, skeleton: Skeleton, name: str) -> _Digit | None:
+def _digit(skin: Skin, skeleton: Skeleton, name: str) -> Digit | None:
     """Return a left finger, or None where the figure has no bones for it."""
     joints = [skeleton.index(f"left_{name}_{phalanx}") for phalanx in PHALANGES]
     weights = skin.weights[:, joints]
@@ -97,7 +73,7 @@ def _digit(skin: Skin, skeleton: Skeleton, name: str) -> _Digit | None:
     phalanx = weights.argmax(axis=1)
     if (np.bincount(phalanx, minlength=3) < MIN_POINTS).any():
         return None
-    return _Digit(
+    return Digit(
         skin.points_m[rows],
         np.column_stack([1.0 - weights.sum(axis=1), weights]),
         phalanx,
@@ -106,7 +82,7 @@ def _digit(skin: Skin, skeleton: Skeleton, name: str) -> _Digit | None:
 
 
 def _best(
-    digit: _Digit,
+    digit: Digit,
     case: Case,
     room_m: Vector,
     which: int,
@@ -114,22 +90,13 @@ def _best(
     *ranges: tuple[float, float],
 ) -> Vector:
     least, most = np.array(ranges).T
-    return best_bend(
-        digit.points_m,
-        digit.weights,
-        digit.phalanx,
-        digit.joints_m,
-        case.middle_m,
-        np.ascontiguousarray(case.axes),
-        case.half_m,
-        room_m,
-        which,
-        spread_rad,
+    search = Search(
         np.ascontiguousarray(least),
         np.ascontiguousarray(most),
         np.array([9, 9, 1] if which == FINGER else [7, 7, 2]),
         4,
     )
+    return best_bend(digit, case, room_m, which, spread_rad, search)
 
 
 def grip_of_character(character: Character, case: Case, room_m: Vector) -> Vector:

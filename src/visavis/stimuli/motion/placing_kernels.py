@@ -23,6 +23,7 @@ def placed_rows(controls: Vector, place_m: Vector, heading_rad: Vector) -> None:
     for r in range(controls.shape[0]):
         c, heading = controls[r], heading_rad[r]
         cosine, sine = np.cos(heading), np.sin(heading)
+        # Hips and feet are places in world; all else turns with the hips.
         _move_point(c, p.HIPS, place_m[r], cosine, sine)
         c[p.HIPS_YAW] += heading
         c[p.FRONT] += heading

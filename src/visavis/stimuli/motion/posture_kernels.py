@@ -400,6 +400,7 @@ def look_from(
     world, turns, place = np.empty((p.JOINTS, 4)), np.empty((p.JOINTS, 4)), np.empty((p.JOINTS, 3))
     for r in range(controls.shape[0]):
         own = offsets[skeleton_of[r]]
+        # The trunk alone is enough: arms and legs do not carry the eyes.
         _trunk(controls[r], own, turns, world, place)
         eyes = _eyes_middle(own, world, place)
         _set(eyes_m, r, eyes)

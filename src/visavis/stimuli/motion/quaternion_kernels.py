@@ -122,6 +122,7 @@ def square_to(a: Triple, axis: Triple, otherwise: Triple) -> Triple:
 @compiled
 def of_axes(x: Triple, y: Triple, z: Triple) -> Quat:
     """Return the rotation that takes the coordinate axes to three orthonormal vectors."""
+    # Divide by the largest of the four numbers: near half a turn w is about 0.
     trace = x[0] + y[1] + z[2]
     if trace > 0.0:
         s = 2.0 * np.sqrt(trace + 1.0)
@@ -156,6 +157,7 @@ def frame_to_frame(a: Triple, a_side: Triple, b: Triple, b_side: Triple) -> Quat
 @compiled
 def between(a: Triple, b: Triple) -> Quat:
     """Return the smallest rotation that takes unit a to unit b; opposite ones turn about x."""
+    # Half the angle without trigonometry: (1 + a·b, a × b), scaled to length 1.
     w = 1.0 + dot(a, b)
     if w < 1e-9:
         return 0.0, 1.0, 0.0, 0.0

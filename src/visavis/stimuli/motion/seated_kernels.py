@@ -101,11 +101,15 @@ def hand_on_thigh(a: Vector, b: Vector, person: int, side: int, weight: float) -
     """Lay a palm on the thigh, fingers over it towards the knee."""
     along = b[p.B_THIGH] * (0.44 + 0.22 * chance(person, 121, side))
     # In the thigh's axes the knee is at −y, the upper side at −z, the inner one at +x.
+    place = (-0.012, -along, -b[p.B_THIGH_RADIUS] - 0.030)
     hold(
-        a, p.THIGH, weight,
-        -0.012, -along, -b[p.B_THIGH_RADIUS] - 0.030,
-        0.22 + 0.25 * chance(person, 122, side), -1.0, 0.12, 0.10, 0.10, 1.0,
-    )  # fmt: skip
+        a,
+        p.THIGH,
+        weight,
+        place,
+        (0.22 + 0.25 * chance(person, 122, side), -1.0, 0.12),
+        (0.10, 0.10, 1.0),
+    )
     pole(a, -0.9, -0.5, 0.85)
     for finger in range(4):
         target = 0.14 + 0.03 * finger + 0.06 * chance(person, 123 + side, finger)

@@ -26,6 +26,7 @@ def _series(h: float, dot: float) -> float:
 
     The series is Eberly's: each term is the one before times (h²/(i(2i+1)) - i/(2i+1)) (dot - 1).
     """
+    # Without sines of small angles, whose quotient would lose digits where poses hardly differ.
     x, h2 = dot - 1.0, h * h
     term, total = 1.0, 1.0
     for i in range(1, 13):

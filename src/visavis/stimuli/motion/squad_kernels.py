@@ -50,6 +50,7 @@ def arcs_of(a: Vector, b: Vector) -> tuple[Vector, Vector]:
 def _arc_row(ends: Vector, angles: Vector, h: float, out: Vector) -> None:
     """Interpolate one segment's joints at share h; `ends` (8, joints), `out` (4, joints)."""
     for j in range(ends.shape[1]):
+        # Sines by series in the squared angle: no call and no branch, so joints go side by side.
         y = h * h * angles[0, j]
         sine = 1.0 + y * (S1 + y * (S2 + y * (S3 + y * (S4 + y * (S5 + y * (S6 + y * (
             S7 + y * (S8 + y * (S9 + y * S10)))))))))  # fmt: skip

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 from visavis.stimuli.motion import posture as p
+from visavis.stimuli.motion.quaternion_kernels import Triple
 from visavis.stimuli.motion.rhythm_kernels import chance, drift, stepping
 
 HANGING, CLASPED, FOLDED, BEHIND = 0, 1, 2, 3
@@ -95,20 +96,12 @@ def hang_arms(c: Vector, person: int) -> None:
 
 @compiled
 def hold(
-    a: Vector,
-    which: int,
-    weight: float,
-    x: float,
-    y: float,
-    z: float,
-    fx: float,
-    fy: float,
-    fz: float,
-    px: float,
-    py: float,
-    pz: float,
+    a: Vector, which: int, weight: float, place: Triple, fingers: Triple, palm: Triple
 ) -> None:
-    """Bring a wrist to a place of the held thing, fingers along f, palm towards p."""
+    """Bring a wrist to a place of the held thing; fingers and palm point these ways."""
+    x, y, z = place
+    fx, fy, fz = fingers
+    px, py, pz = palm
     h = a[p.HOLD + which * p.HOLD_SIZE : p.HOLD + (which + 1) * p.HOLD_SIZE]
     # Directions are stored multiplied by the weight, so that holds can be mixed by adding.
     f, q = (
@@ -134,11 +127,8 @@ def clasp_in_front(c: Vector, b: Vector, height_m: float, weight: float, person:
         a = c[p.ARM + side * p.ARM_SIZE : p.ARM + (side + 1) * p.ARM_SIZE]
         # The palm of one lies on the back of the other, knuckles on knuckles.
         over = b[p.B_HAND_THICK] + 0.003 if side == upper_side else 0.0
-        hold(
-            a, p.PELVIS, weight,
-            -0.85 * b[p.B_HAND], height_m, -b[p.B_BELLY] - 0.025 - over,
-            0.96, -0.20, -0.06, 0.06, 0.0, 1.0,
-        )  # fmt: skip
+        place = (-0.85 * b[p.B_HAND], height_m, -b[p.B_BELLY] - 0.025 - over)
+        hold(a, p.PELVIS, weight, place, (0.96, -0.20, -0.06), (0.06, 0.0, 1.0))
         pole(a, -1.0, -0.35, 0.75)
         for finger in range(4):
             flat = 0.14 if side == upper_side else 0.22
@@ -154,13 +144,21 @@ def fold_arms(c: Vector, b: Vector, weight: float, person: int) -> None:
     upper_side = 1 if chance(person, 72, 0) < 0.5 else 0
     for side in range(2):
         a = c[p.ARM + side * p.ARM_SIZE : p.ARM + (side + 1) * p.ARM_SIZE]
+        # The upper forearm lies higher and before the other.
         over = side == upper_side
-        hold(
-            a, p.CHEST, weight,
-            0.52 * b[p.B_SHOULDER_X], -0.055 if over else -0.085,
+        place = (
+            0.52 * b[p.B_SHOULDER_X],
+            -0.055 if over else -0.085,
             -b[p.B_BELLY] - (0.075 if over else 0.030),
-            0.93, 0.28 if over else 0.05, 0.42 if over else 0.30, -0.25, -0.35, 1.0,
-        )  # fmt: skip
+        )
+        hold(
+            a,
+            p.CHEST,
+            weight,
+            place,
+            (0.93, 0.28 if over else 0.05, 0.42 if over else 0.30),
+            (-0.25, -0.35, 1.0),
+        )
         pole(a, -0.75, -1.0, -0.05)
         for finger in range(4):
             a[p.CURL + finger] += weight * (0.18 + 0.03 * finger - a[p.CURL + finger])
@@ -171,11 +169,8 @@ def clasp_behind(c: Vector, b: Vector, weight: float) -> None:
     """Clasp the hands behind the back."""
     for side in range(2):
         a = c[p.ARM + side * p.ARM_SIZE : p.ARM + (side + 1) * p.ARM_SIZE]
-        hold(
-            a, p.PELVIS, weight,
-            -0.055, 0.015 - 0.02 * side, 0.072 * b[p.B_STATURE] + 0.02 * side,
-            0.80, -0.60, 0.15, 0.0, 0.1, 1.0,
-        )  # fmt: skip
+        place = (-0.055, 0.015 - 0.02 * side, 0.072 * b[p.B_STATURE] + 0.02 * side)
+        hold(a, p.PELVIS, weight, place, (0.80, -0.60, 0.15), (0.0, 0.1, 1.0))
         pole(a, -1.0, -0.2, 0.85)
         for finger in range(4):
             a[p.CURL + finger] += weight * (0.45 - a[p.CURL + finger])
@@ -232,6 +227,7 @@ def idle_but_fingers(
     c: Vector, t_s: float, b: Vector, person: int, lively: float, way: int
 ) -> None:
     """Write the posture of somebody who stands idle, but for how the fingers stir."""
+    # Stirring and breath add to the posture, so that they come last.
     c[:] = 0.0
     stand(c, t_s, b, person, lively)
     arms_of(c, b, way, person)

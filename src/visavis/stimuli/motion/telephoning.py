@@ -12,7 +12,8 @@ import numpy as np
 from visavis.lab.geometry import Vector, unit
 from visavis.stimuli.characters.body_parts import PART_INDEX
 from visavis.stimuli.characters.character import Character
-from visavis.stimuli.motion.gripping import FINGERS, Case, grip_of_character, skin_of_hand
+from visavis.stimuli.motion.grip_kernels import Case
+from visavis.stimuli.motion.gripping import FINGERS, grip_of_character, skin_of_hand
 from visavis.stimuli.motion.posture_kernels import DOWN, LEFT_X
 from visavis.stimuli.motion.skeleton import Skeleton
 

@@ -1,18 +1,12 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.analysis.gaze.streams import looks, shaken, stamps
-from visavis.analysis.gaze.movements.detect import (
-    AUTO,
-    DETECTOR_NAMES,
-    MovementParameters,
-    detect_movements,
-)
+from visavis.analysis.gaze.movements.detect import DETECTOR_NAMES, detect_movements
 from visavis.analysis.gaze.movements.kinds import Movement, fixations_of
+from visavis.analysis.gaze.movements.parameters import AUTO, MovementParameters
 from visavis.lab.errors import DataError, UsageError
 from visavis.lab.geometry import (
     direction_from_yaw_pitch_deg,
@@ -125,7 +119,7 @@ def test_pursuit_is_told_from_fixation_and_can_be_left_out():
     assert share > 0.85
     assert (found.movement[:150] == Movement.FIXATION).all()
     assert (found.movement[-150:] == Movement.FIXATION).all()
-    as_published = detect_movements(t, gaze, replace(AUTO, pursuit=False))
+    as_published = detect_movements(t, gaze, MovementParameters(pursuit=False))
     assert 0 == (as_published.movement == Movement.PURSUIT).sum()
 
 
@@ -234,3 +228,17 @@ def test_wrong_input_is_refused_with_its_reason():
         detect_movements(t, gaze, head_deg_s=np.zeros(3))
     with pytest.raises(DataError, match="row 5"):
         detect_movements(np.where(np.arange(len(t)) == 5, 0, t), gaze)
+
+
+def test_parameters_list_every_threshold_by_name_without_the_parts():
+    params = MovementParameters("i2mc", min_fixation_ms=80.0, nominal_rate_hz=250.0)
+    names = list(params.by_name())
+
+    assert ["detector", "windows_ms"] == names[:2]
+    assert ["max_saccade_ms", "nominal_rate_hz"] == names[-2:]
+    assert 29 == len(names) == len(set(names))
+    assert ("i2mc", 80.0, 250.0) == (
+        params.by_name()["detector"],
+        params.fixations.min_fixation_ms,
+        params.nominal_rate_hz,
+    )

@@ -96,7 +96,7 @@ def steps_of_place(request: Request, store: FilmStore, index: int) -> tuple[Page
         DesignError: the steps depend on what is answered.
     """
     experiment = experiment_of(request)
-    describe_film = _told_by(store)
+    describe_film = _film_descriptions(store)
     plan = experiment.plan(index, request.seed)
     common_steps: tuple[PageStep, ...] | None = None
     for choose in _ways_to_answer(index):
@@ -118,7 +118,7 @@ def steps_of_place(request: Request, store: FilmStore, index: int) -> tuple[Page
 
 
 def visit_of(
-    request: Request, told: Callable[[Any], Mapping[str, Any]], index: int, group: str
+    request: Request, describe_film: Callable[[Any], Mapping[str, Any]], index: int, group: str
 ) -> Visit:
     """Return what the course of a place depends on, with a clock that stands still."""
     study, experiment = request.study, experiment_of(request)
@@ -126,12 +126,14 @@ def visit_of(
         raise UsageError(f"{study.name} is not declared on the kit; it shows no page")
     config = request.config.model_copy(update={"language": experiment.language})
     plan = experiment.plan(index, request.seed, group)
-    return Visit(experiment, plan, "", 1, 1, study.questionnaires(config), told, lambda: 0, Notes())
+    return Visit(
+        experiment, plan, "", 1, 1, study.questionnaires(config), describe_film, lambda: 0, Notes()
+    )
 
 
 def digest_of(steps: Sequence[PageStep]) -> str:
     """Return the SHA-256 of steps."""
-    return hashlib.sha256(_json(_as_told(steps))).hexdigest()
+    return hashlib.sha256(_json(_as_data(steps))).hexdigest()
 
 
 # ---- within ----------------------------------------------------------------------------------
@@ -152,7 +154,7 @@ def _write(
     for index in range(places):
         steps = steps_of_place(request, store, index)
         digests.append(digest_of(steps))
-        content = {"sha256": digests[-1], "steps": _as_told(steps)}
+        content = {"sha256": digests[-1], "steps": _as_data(steps)}
         (folder / "places" / f"{index}.json").write_bytes(_json(content))
     config = request.config
     about = about_of(experiment, is_simulated(config), config.privacy.contact)
@@ -235,8 +237,8 @@ def _archive(request: Request, folder: Path, path: Path) -> None:
 
 
 @lru_cache(maxsize=8)
-def _told_by(store: FilmStore) -> Callable[[Any], Mapping[str, Any]]:
-    return lru_cache(maxsize=None)(store.told)
+def _film_descriptions(store: FilmStore) -> Callable[[Any], Mapping[str, Any]]:
+    return lru_cache(maxsize=None)(store.describe)
 
 
 def _steps(visit: Visit, choose: "Choose") -> "list[PageStep]":
@@ -307,7 +309,7 @@ def _reply(step: PageStep, choose: Choose) -> dict[str, Any]:
             return {}
 
 
-def _as_told(steps: Sequence[PageStep]) -> list[dict[str, Any]]:
+def _as_data(steps: Sequence[PageStep]) -> list[dict[str, Any]]:
     return [{"kind": step.kind, **step.content} for step in steps]
 
 

@@ -25,16 +25,22 @@ from visavis.recording.writer import REAL_TIME_BATCH_NS, CloseStatus, Recorder
 from visavis.running.film_store import FilmStore
 from visavis.running.page.arrivals import LINK, Arrival, arrival_of
 from visavis.running.page.course import DONE, WITHDRAWN, course
-from visavis.running.page.desk import PageDesk, Past
+from visavis.running.page.desk import EarlierParts, PageDesk
 from visavis.running.page.other_hosts.bundle import FORMAT, digest_of, steps_of_place, visit_of
-from visavis.running.page.perform import ENDINGS, experiment_of, held_of, manifest_of, past_of
+from visavis.running.page.perform import (
+    ENDINGS,
+    experiment_of,
+    manifest_of,
+    page_session_of,
+    past_of,
+)
 from visavis.running.page.reception import LEFT
 from visavis.running.page.steps import PageError, PageStep, count, mapping, number
 from visavis.running.sessions.device_setup import is_simulated
 from visavis.running.sessions.recorded_part import end_part
 from visavis.running.sessions.session_request import Request, SessionPerson
 
-IMPORTED: Final = "imported"
+IMPORT_KEY: Final = "imported"
 """Key in a session's configuration for the run and the bundle that it comes from."""
 ARCHIVES: Final = (".zip", ".jrzip")
 TEXTS: Final = (".jsonl", ".txt", ".json")
@@ -45,30 +51,31 @@ ENDED_EARLY: Final = tuple(why.partition(";")[0] for why in ENDINGS.values())
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What one person did with a bundle: how they came, and their lines in order."""
+    """What one person did with a bundle: how they arrived, and their lines in order."""
 
     key: str
-    arrived: Mapping[str, Any]
+    header: Mapping[str, Any]
     lines: tuple[Mapping[str, Any], ...]
 
     @property
     def place(self) -> int:
         """Which place of the plan they had, from 0."""
-        return count(self.arrived.get("place"), "place")
+        return count(self.header.get("place"), "place")
 
-    def lines_after(self, opened: int, taken: int) -> "tuple[Mapping[str, Any], ...]":
-        """Return the lines after `opened` openings of the page and after event number `taken`.
+    def lines_after(self, opening_count: int, last_number: int) -> "tuple[Mapping[str, Any], ...]":
+        """Return the lines after the first openings of the page and after an event's number.
 
-        The tab that was open last continues with its own lines.
+        Left out are `opening_count` openings, and events up to the number `last_number`. The tab
+        that was open last continues with its own lines.
         """
-        left = opened
+        left = opening_count
         rest = []
         for line in self.lines:
             if "opened" in line:
                 left -= 1
                 if left < 0:
                     rest.append(line)
-            elif left <= 0 and "event" in line and int(line["event"]["n"]) > taken:
+            elif left <= 0 and "event" in line and int(line["event"]["n"]) > last_number:
                 rest.append(line)
         return tuple(rest)
 
@@ -80,25 +87,25 @@ class Run:
     @cached_property
     def arrival(self) -> Arrival:
         """The panel they came from, and its identifier for them."""
-        parameters = mapping(self.arrived.get("told", {}), "told")
+        parameters = mapping(self.header.get("told", {}), "told")
         return arrival_of({name: str(value) for name, value in parameters.items()})
 
 
 @dataclass
-class Imported:
+class ImportSummary:
     """Outcome of an import: sessions by label, and what was left out and why."""
 
     sessions: dict[str, Path]
-    continued: dict[str, Path] = field(default_factory=dict)
+    continued_sessions: dict[str, Path] = field(default_factory=dict)
     """Participants who were imported before they finished, and have continued since."""
-    known: int = 0
+    recorded_before: int = 0
     unfinished: int = 0
-    withdrawn: tuple[str, ...] = ()
-    moved: tuple[str, ...] = ()
+    withdrawn_runs: tuple[str, ...] = ()
+    moved_labels: tuple[str, ...] = ()
     """Participants whose place was taken, and who have another one in the ledger."""
     twice: tuple[tuple[str, str], ...] = ()
     """Further runs of people who have a session, with their label: they used two browsers."""
-    refused: tuple[str, ...] = ()
+    refused_runs: tuple[str, ...] = ()
     unreadable: int = 0
 
 
@@ -141,41 +148,41 @@ def import_runs(
     runs: Iterable[Run],
     *,
     identify: Callable[[str, Mapping[str, str]], None],
-    known: Callable[[str], Mapping[str, str] | None] = lambda label: None,
+    identity_of: Callable[[str], Mapping[str, str] | None] = lambda label: None,
     unfinished_too: bool = False,
-) -> Imported:
+) -> ImportSummary:
     """Record every run that is not recorded yet; identities go to `identify`, not to the data.
 
-    `known` returns the stored identity of a participant. A person who came in two browsers is one
-    participant, and the run that got furthest counts. A run that was recorded before its end
+    `identity_of` returns the stored identity of a participant. A person who came in two browsers is
+    one participant, and the run that got furthest counts. A run that was recorded before its end
     continues in its session.
     """
-    summary = Imported({})
-    people = _People(base, ledger, known)
-    sessions_by_run = _recorded(ledger.path.parent)
+    summary = ImportSummary({})
+    people = _People(base, ledger, identity_of)
+    sessions_by_run = _sessions_by_run(ledger.path.parent)
     # Check every run first: the ledger takes people in order of rank, not of lines in files.
-    fit: list[_Fit] = []
+    fit: list[_ReadyRun] = []
     for run in runs:
         try:
             session = sessions_by_run.get(run.key)
             if session is not None and _is_over(session):
-                summary.known += 1
+                summary.recorded_before += 1
                 continue
-            outcome = _checked(base, store, run)
-            one = _Fit(run, people.named(run.arrival), outcome, run.begun_ms)
+            outcome = _check_run(base, store, run)
+            one = _ReadyRun(run, people.with_label(run.arrival), outcome, run.begun_ms)
             if outcome == WITHDRAWN:
-                summary.withdrawn += (run.key,)
+                summary.withdrawn_runs += (run.key,)
             elif session is not None:
-                if _goes_on(base, store, one, session):
-                    summary.continued[read_manifest(session).participant] = session
+                if _record_rest(base, store, one, session):
+                    summary.continued_sessions[read_manifest(session).participant] = session
                 else:
-                    summary.known += 1
+                    summary.recorded_before += 1
             elif not outcome and not unfinished_too:
                 summary.unfinished += 1
             else:
                 fit.append(one)
         except (PageError, LabError) as error:
-            summary.refused += (f"run {run.key[:8]}: {error}",)
+            summary.refused_runs += (f"run {run.key[:8]}: {error}",)
     # Of several runs of one person, the first in this order is recorded.
     for one in sorted(fit, key=lambda one: one.rank):
         try:
@@ -186,9 +193,9 @@ def import_runs(
             label, path, place = _import(base, store, ledger, one, entry, identify)
             people.add(one.arrival, label)
             summary.sessions[label] = path
-            summary.moved += () if place == one.run.place else (label,)
+            summary.moved_labels += () if place == one.run.place else (label,)
         except (PageError, LabError) as error:
-            summary.refused += (f"run {one.run.key[:8]}: {error}",)
+            summary.refused_runs += (f"run {one.run.key[:8]}: {error}",)
     return summary
 
 
@@ -204,7 +211,7 @@ def _texts(paths: Iterable[Path]) -> Iterator[str]:
         else:
             try:
                 yield from (
-                    _packed(path)
+                    _texts_in_archive(path)
                     if zipfile.is_zipfile(path)
                     else [_text(read_plain(path, max_bytes=MAX_UNPACKED_BYTES))]
                 )
@@ -221,7 +228,7 @@ def _texts(paths: Iterable[Path]) -> Iterator[str]:
                 raise DataError(f"{path} cannot be read ({error}); download it again") from error
 
 
-def _packed(path: Path) -> list[str]:
+def _texts_in_archive(path: Path) -> list[str]:
     """Return the texts of results in an archive; together they may be as large as one file."""
     texts, left = [], MAX_UNPACKED_BYTES
     with zipfile.ZipFile(path) as archive:
@@ -241,7 +248,7 @@ def _text(data: bytes) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class _Fit:
+class _ReadyRun:
     """A run that can be recorded: whose it is, how it ended ("" where it did not)."""
 
     run: Run
@@ -262,7 +269,7 @@ class _People:
     """Index of the people who have a session, by their identifier at a panel or in a link."""
 
     def __init__(
-        self, base: Request, ledger: Ledger, known: Callable[[str], Mapping[str, str] | None]
+        self, base: Request, ledger: Ledger, identity_of: Callable[[str], Mapping[str, str] | None]
     ) -> None:
         self._base, self._ledger = base, ledger
         self._labels: dict[tuple[str, str], str] = {}
@@ -270,11 +277,11 @@ class _People:
             if entry.status != "active" or not self._has_session(entry):
                 continue
             self._labels[LINK, entry.label] = entry.label
-            who = known(entry.label)
+            who = identity_of(entry.label)
             if who and who.get("identifier"):
                 self._labels[who.get("panel", ""), who["identifier"]] = entry.label
 
-    def named(self, arrival: Arrival) -> Arrival:
+    def with_label(self, arrival: Arrival) -> Arrival:
         """Return the arrival, with the ledger's label if a link names an entry."""
         if arrival.panel != LINK:
             return arrival
@@ -305,23 +312,23 @@ class _People:
         return any(folder.glob("ses-*/manifest.json"))
 
 
-def _recorded(study_folder: Path) -> dict[str, Path]:
+def _sessions_by_run(study_folder: Path) -> dict[str, Path]:
     """Return the existing sessions by the key of their run."""
     sessions = {}
     for manifest in study_folder.glob("sub-*/ses-*/manifest.json"):
-        origin = read_manifest(manifest.parent).configuration.get(IMPORTED)
+        origin = read_manifest(manifest.parent).configuration.get(IMPORT_KEY)
         if isinstance(origin, Mapping):
             sessions[str(origin.get("run"))] = manifest.parent
     return sessions
 
 
 def _is_over(session: Path) -> bool:
-    """Tell whether a session ended: not merely left before its end."""
+    """Return whether a session has ended, and was not only left before its end."""
     part = read_manifest(session).parts[-1]
     return part.status == "complete" or part.reason in ENDED_EARLY
 
 
-def _goes_on(base: Request, store: FilmStore, one: _Fit, session: Path) -> bool:
+def _record_rest(base: Request, store: FilmStore, one: _ReadyRun, session: Path) -> bool:
     """Record the lines of a run that are new since its last import; return whether it had any."""
     past = replace(past_of(Recording(session)), broken_by="")
     opening_count = sum(payload["kind"] == "opened" for _, _, payload in past.events)
@@ -347,7 +354,7 @@ def _goes_on(base: Request, store: FilmStore, one: _Fit, session: Path) -> bool:
     return True
 
 
-class _Nobody:
+class _NullRecorder:
     """A recorder that writes nothing."""
 
     def event(self, name: str, t_ns: int, **content: object) -> None: ...
@@ -355,17 +362,17 @@ class _Nobody:
     def trial(self, row: Mapping[str, Any]) -> None: ...
 
 
-def _checked(base: Request, store: FilmStore, run: Run) -> str:
+def _check_run(base: Request, store: FilmStore, run: Run) -> str:
     """Feed a run's replies to the study's course; return how it ended, "" if it did not.
 
     Raises:
         PageError: it is of another study or version, or the course would show other steps.
     """
-    header, ours = run.arrived, {"format": FORMAT, "study": base.study.name, "seed": base.seed}
+    header, ours = run.header, {"format": FORMAT, "study": base.study.name, "seed": base.seed}
     for name, our_value in ours.items():
         if header.get(name) != our_value:
             raise PageError(
-                f"it is of {name} {str(header.get(name))[:40]!r}, here is {our_value!r}"
+                f"its {name} is {str(header.get(name))[:40]!r}, but here it is {our_value!r}"
             )
     steps = steps_of_place(base, store, run.place)
     if digest_of(steps) != header.get("sha256"):
@@ -375,11 +382,11 @@ def _checked(base: Request, store: FilmStore, run: Run) -> str:
         )
     clock = StampClock(run.begun_ms)
     plan = experiment_of(base).plan(run.place, base.seed)
-    visit = replace(visit_of(base, store.told, run.place, plan.group), now_ns=clock.now_ns)
-    recorder: Any = _Nobody()
+    visit = replace(visit_of(base, store.describe, run.place, plan.group), now_ns=clock.now_ns)
+    recorder: Any = _NullRecorder()
     desk = PageDesk(course(visit), recorder, clock, visit.notes)
     step_index, number_shown = 0, desk.step_number
-    for line in _led(desk, clock, run):
+    for line in _replay_lines(desk, clock, run):
         if desk.is_over:
             continue
         if desk.step_number != number_shown:
@@ -407,7 +414,7 @@ def _plain(step: PageStep) -> Any:
     return step.kind, json.loads(json.dumps(dict(step.content)))
 
 
-def _led(desk: PageDesk, clock: StampClock, run: Run) -> Iterator[Mapping[str, Any]]:
+def _replay_lines(desk: PageDesk, clock: StampClock, run: Run) -> Iterator[Mapping[str, Any]]:
     """Pass a run's lines to a desk at their times; yield each line afterwards."""
     for line in run.lines:
         clock.tell(number(line.get("at_ms"), "at_ms"))
@@ -429,7 +436,7 @@ def _import(
     base: Request,
     store: FilmStore,
     ledger: Ledger,
-    one: _Fit,
+    one: _ReadyRun,
     registered: Participant | None,
     identify: Callable[[str, Mapping[str, str]], None],
 ) -> tuple[str, Path, int]:
@@ -445,8 +452,8 @@ def _import(
         clock=clock,
     )
     manifest = manifest_of(request, experiment)
-    of_bundle = {"run": run.key, "bundle": str(run.arrived.get("bundle"))}
-    manifest = replace(manifest, configuration={**manifest.configuration, IMPORTED: of_bundle})
+    of_bundle = {"run": run.key, "bundle": str(run.header.get("bundle"))}
+    manifest = replace(manifest, configuration={**manifest.configuration, IMPORT_KEY: of_bundle})
     with create_session(base.config.data_root, manifest) as folder:
         _record(request, store, folder, run, None, one.outcome)
         return entry.label, folder.path, entry.index
@@ -457,7 +464,7 @@ def _record(
     store: FilmStore,
     folder: SessionFolder,
     run: Run,
-    past: Past | None,
+    past: EarlierParts | None,
     outcome: str,
 ) -> None:
     """Record a part of a session from lines of a run, by their own times."""
@@ -474,8 +481,8 @@ def _record(
             is_simulated=is_simulated(request.config),
         )
         experiment = experiment_of(request)
-        session = held_of(request, experiment, store, folder, recorder, past, run.key)
-        for _ in _led(session.desk, clock, run):
+        session = page_session_of(request, experiment, store, folder, recorder, past, run.key)
+        for _ in _replay_lines(session.desk, clock, run):
             pass
     except BaseException as error:
         end_part(clock, folder, recorder, "aborted", str(error) or repr(error), error)
@@ -491,11 +498,11 @@ def _ending(outcome: str) -> tuple[CloseStatus, str]:
     return ("aborted" if why else "complete"), why
 
 
-def _free_place(base: Request, ledger: Ledger, wanted: int, group: str) -> int:
-    """Return the wanted place, or if it is taken the next free one of the same group."""
+def _free_place(base: Request, ledger: Ledger, place: int, group: str) -> int:
+    """Return the place, or if it is taken the next free one of the same group."""
     taken_places = {entry.index for entry in ledger.list() if not entry.has_freed_place}
-    if wanted not in taken_places:
-        return wanted
+    if place not in taken_places:
+        return place
     experiment = experiment_of(base)
     for index in range(max(taken_places) + 1, max(taken_places) + 1 + MAX_PLACES_LOOKED_AT):
         if experiment.plan(index, base.seed).group == group:

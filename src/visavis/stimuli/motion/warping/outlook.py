@@ -14,8 +14,10 @@ from visavis.stimuli.motion.warping.raster_kernels import (
     LAMP,
     NEAR_M,
     Bytes,
+    Faces,
     Floats,
     Ints,
+    Lighting,
     draw,
     project_points,
 )
@@ -25,24 +27,18 @@ SHADOW_PX: Final = 192
 SUN_DISTANCE_M: Final = 200.0
 MIN_LIGHT_01: Final = 0.15
 """Share of the luminance of a fully lit white surface below which nothing is perceived."""
-NO_LAMPS: Final = np.zeros((0, LAMP))
+UNLIT: Final = Lighting(0.0, np.zeros((0, LAMP)), np.zeros((0, 1, 1)), np.zeros((0, EYE)), 0.0)
+"""Without lamps everything counts as lit."""
 
 
 @dataclass(frozen=True, eq=False)
 class Outlook:
-    """A still view: camera, inverse depth of the surroundings (h, w), lamps with shadow maps.
-
-    Without lamps everything counts as lit.
-    """
+    """A still view: camera, inverse depth of the surroundings (h, w), lamps with shadow maps."""
 
     camera: Camera
     eye: Floats
     behind: Floats
-    ambient: float
-    lamps: Floats
-    maps: Floats
-    map_eyes: Floats
-    least_light: float
+    lighting: Lighting
 
     @property
     def size_px(self) -> tuple[int, int]:
@@ -98,25 +94,12 @@ def depth_of(meshes: Sequence[StaticMesh], eye: Floats, height: int, width: int)
     """Return the inverse depth (h, w) of rigid meshes seen by a packed camera; both sides hide."""
     nearness = np.zeros((height, width))
     ids: Bytes = np.zeros((height, width), dtype=np.uint8)
-    nothing = np.zeros((0, 1, 1))
     for mesh in meshes:
         points, triangles = _cut_at_eye(mesh, eye)
         screen = np.empty_like(points)
         project_points(points, eye, width, height, screen)
         labels: Bytes = np.full(len(triangles), BOTH_SIDES, dtype=np.uint8)
-        draw(
-            points,
-            screen,
-            triangles,
-            labels,
-            ids,
-            nearness,
-            0.0,
-            NO_LAMPS,
-            nothing,
-            np.zeros((0, EYE)),
-            0.0,
-        )
+        draw(points, screen, Faces(triangles, labels), ids, nearness, UNLIT)
     return nearness
 
 
@@ -184,11 +167,13 @@ def outlook(
         camera=camera,
         eye=eye,
         behind=depth_of(occluders, eye, height, width),
-        ambient=ambient_01,
-        lamps=np.array(lamps).reshape(-1, LAMP),
-        maps=np.array(maps).reshape(-1, SHADOW_PX, SHADOW_PX),
-        map_eyes=np.array(eyes).reshape(-1, EYE),
-        least_light=least_light_01,
+        lighting=Lighting(
+            ambient=ambient_01,
+            lamps=np.array(lamps).reshape(-1, LAMP),
+            maps=np.array(maps).reshape(-1, SHADOW_PX, SHADOW_PX),
+            map_eyes=np.array(eyes).reshape(-1, EYE),
+            least_light=least_light_01,
+        ),
     )
 
 

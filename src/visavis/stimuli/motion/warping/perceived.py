@@ -18,7 +18,10 @@ from visavis.stimuli.motion.warping.outlook import Outlook
 from visavis.stimuli.motion.warping.raster_kernels import (
     BOTH_SIDES,
     Bytes,
+    Faces,
     Floats,
+    Moving,
+    Skin,
     joint_matrices,
     perceive,
     skin_points,
@@ -28,19 +31,6 @@ from visavis.stimuli.picture import StaticMesh
 MAX_KNOWN: Final = 64
 INSIDE_TURNS: Final = 0.5
 """Winding number above which a point counts as inside a body."""
-
-
-@dataclass(frozen=True, eq=False)
-class Moving:
-    """The moving part of a body when some joints turn: vertices by number, triangles with their
-    labels; and the still triangles.
-    """
-
-    vertices: npt.NDArray[np.int64]
-    triangles: npt.NDArray[np.int32]
-    labels: Bytes
-    still_triangles: npt.NDArray[np.int32]
-    still_labels: Bytes
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +46,11 @@ class SeenBody:
     triangles: npt.NDArray[np.int32]
     labels: Bytes
 
+    @property
+    def skin(self) -> Skin:
+        """The vertices as the kernels read them."""
+        return Skin(self.rest, self.joints, self.weights)
+
     @cached_property
     def _moving_of(self) -> dict[bytes, Moving]:
         return {}
@@ -69,10 +64,8 @@ class SeenBody:
             triangle = vertex[self.triangles].any(axis=1)
             moving = Moving(
                 np.flatnonzero(vertex),
-                self.triangles[triangle],
-                self.labels[triangle],
-                self.triangles[~triangle],
-                self.labels[~triangle],
+                Faces(self.triangles[triangle], self.labels[triangle]),
+                Faces(self.triangles[~triangle], self.labels[~triangle]),
             )
             if len(self._moving_of) >= MAX_KNOWN:
                 self._moving_of.clear()
@@ -179,24 +172,14 @@ def perceived_parts(
     def work(share: Sequence[tuple[Moving, npt.NDArray[np.int64]]]) -> None:
         for moving, rows in share:
             perceive(
-                body.rest,
-                body.joints,
-                body.weights,
-                moving.still_triangles,
-                moving.still_labels,
-                moving.vertices,
-                moving.triangles,
-                moving.labels,
+                body.skin,
+                moving,
                 matrices[0],
                 matrices,
                 rows,
                 view.eye,
                 view.behind,
-                view.ambient,
-                view.lamps,
-                view.maps,
-                view.map_eyes,
-                view.least_light,
+                view.lighting,
                 ids,
             )
 
@@ -224,7 +207,7 @@ def _deal(
     groups: list[tuple[Moving, npt.NDArray[np.int64]]], threads: int
 ) -> list[list[tuple[Moving, npt.NDArray[np.int64]]]]:
     """Deal poses to threads so that each draws about as many triangles."""
-    costs = np.concatenate([np.full(len(r), 1.0 + len(m.triangles)) for m, r in groups])
+    costs = np.concatenate([np.full(len(r), 1.0 + len(m.faces.triangles)) for m, r in groups])
     cost_before = np.cumsum(costs) - costs / 2
     thread_of = np.minimum((cost_before * threads / costs.sum()).astype(int), threads - 1)
     shares: list[list[tuple[Moving, npt.NDArray[np.int64]]]] = [[] for _ in range(threads)]
@@ -241,7 +224,7 @@ def posed_points(body: SeenBody, root_m: Vector, local_wxyz: Vector) -> Floats:
     """Return the vertices (v, 3) of a body in one pose."""
     out = np.empty_like(body.rest)
     matrix = matrices_of(body.skeleton, root_m[None], local_wxyz[None])[0]
-    skin_points(body.rest, body.joints, body.weights, matrix, out)
+    skin_points(body.skin, matrix, out)
     return out
 
 

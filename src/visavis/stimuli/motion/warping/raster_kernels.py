@@ -5,14 +5,14 @@ surface at its centre; equal depths go to the larger part number, so the order o
 not matter.
 """
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
-from visavis.stimuli.motion.quaternion_kernels import write_matrix
+from visavis.stimuli.motion.quaternion_kernels import Triple, write_matrix
 
 Bytes = npt.NDArray[np.uint8]
 Ints = npt.NDArray[np.int32]
@@ -27,16 +27,45 @@ LAMP: Final = 9
 """Length of a packed lamp: intensity, position 3, direction 3, cosine of half angle, falls off."""
 
 
+class Skin(NamedTuple):
+    """Vertices at `rest` (v, 3), each moved by up to four `joints` with their `weights` (v, 4)."""
+
+    rest: Floats
+    joints: Bytes
+    weights: Floats
+
+
+class Faces(NamedTuple):
+    """Triangles (t, 3) of a body and the label of each (t,): a part, perhaps with `BOTH_SIDES`."""
+
+    triangles: Ints
+    labels: Bytes
+
+
+class Moving(NamedTuple):
+    """What of a body moves when some joints turn: vertices by number and faces; the other faces."""
+
+    vertices: npt.NDArray[np.int64]
+    faces: Faces
+    still_faces: Faces
+
+
+class Lighting(NamedTuple):
+    """The light in a view: ambient, k packed lamps (k, LAMP) with square shadow maps of inverse
+    depth (k, s, s) and the cameras (k, EYE) that drew those; below `least_light` nothing is seen.
+    """
+
+    ambient: float
+    lamps: Floats
+    maps: Floats
+    map_eyes: Floats
+    least_light: float
+
+
 @compiled
-def skin_some(
-    which: npt.NDArray[np.int64],
-    rest: Floats,
-    joints: Bytes,
-    weights: Floats,
-    matrices: Floats,
-    out: Floats,
-) -> None:
+def skin_some(which: npt.NDArray[np.int64], skin: Skin, matrices: Floats, out: Floats) -> None:
     """Place some of the rest vertices (v, 3) as `skin_points` places all."""
+    rest, joints, weights = skin
     for n in range(which.shape[0]):
         i = which[n]
         x, y, z = rest[i, 0], rest[i, 1], rest[i, 2]
@@ -83,11 +112,9 @@ def project_some(
 
 
 @compiled
-def skin_points(
-    rest: Floats, joints: Bytes, weights: Floats, matrices: Floats, out: Floats
-) -> None:
+def skin_points(skin: Skin, matrices: Floats, out: Floats) -> None:
     """Place rest vertices (v, 3) by joint matrices (j, 3, 4) into out (v, 3)."""
-    skin_some(np.arange(rest.shape[0]), rest, joints, weights, matrices, out)
+    skin_some(np.arange(skin.rest.shape[0]), skin, matrices, out)
 
 
 @compiled
@@ -97,22 +124,12 @@ def project_points(points: Floats, eye: Floats, width: int, height: int, screen:
 
 
 @compiled
-def _illumination(
-    ax: float,
-    ay: float,
-    az: float,
-    bx: float,
-    by: float,
-    bz: float,
-    cx: float,
-    cy: float,
-    cz: float,
-    ambient: float,
-    lamps: Floats,
-    maps: Floats,
-    map_eyes: Floats,
-) -> float:
+def _illumination(a: Triple, b: Triple, c: Triple, lighting: Lighting) -> float:
     """Return the luminance a white surface in this triangle's place would have."""
+    ambient, lamps, maps, map_eyes, _ = lighting
+    ax, ay, az = a
+    bx, by, bz = b
+    cx, cy, cz = c
     ux, uy, uz, vx, vy, vz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
     length = np.sqrt(nx * nx + ny * ny + nz * nz)
@@ -155,25 +172,23 @@ def _illumination(
 def draw(
     points: Floats,
     screen: Floats,
-    triangles: Ints,
-    labels: Bytes,
+    faces: Faces,
     ids: Bytes,
     nearness: Floats,
-    ambient: float,
-    lamps: Floats,
-    maps: Floats,
-    map_eyes: Floats,
-    least_light: float,
+    lighting: Lighting,
 ) -> None:
-    """Draw triangles (t, 3) with `labels` (t,) over what `ids` and `nearness` (h, w) hold.
+    """Draw faces of points (v, 3), projected to `screen` (v, 3), over what `ids` and `nearness`
+    (h, w) hold.
 
-    A triangle in less light than `least_light` hides what is behind it and counts as nobody (0).
-    Faces seen from behind are left out unless their label has `BOTH_SIDES`.
+    A triangle in too little light hides what is behind it and counts as nobody (0). Faces seen
+    from behind are left out unless their label has `BOTH_SIDES`.
     """
+    triangles, labels = faces
     height, width = ids.shape
     for t in range(triangles.shape[0]):
         ia, ib, ic = triangles[t, 0], triangles[t, 1], triangles[t, 2]
         wa, wb, wc = screen[ia, 2], screen[ib, 2], screen[ic, 2]
+        # A corner behind the eye has no place on the screen; surroundings are cut there before.
         if wa == 0.0 or wb == 0.0 or wc == 0.0:
             continue
         xa, ya, xb, yb = screen[ia, 0], screen[ia, 1], screen[ib, 0], screen[ib, 1]
@@ -181,6 +196,7 @@ def draw(
         area = (xc - xa) * (yb - ya) - (xb - xa) * (yc - ya)
         if area == 0.0:
             continue
+        # Below 0 the triangle is seen from behind; turned round, it is drawn like any other.
         if area < 0.0:
             if labels[t] < BOTH_SIDES:
                 continue
@@ -202,6 +218,8 @@ def draw(
             y = r + 0.5
             for c in range(c0, c1 + 1):
                 x = c + 0.5
+                # Edge functions: the pixel's centre is inside where none of them is above 0. They
+                # also weigh the corners' inverse depth, which is linear on the screen.
                 ea = (xc - xb) * (y - yb) - (yc - yb) * (x - xb)
                 eb = (xa - xc) * (y - yc) - (ya - yc) * (x - xc)
                 ec = (xb - xa) * (y - ya) - (yb - ya) * (x - xa)
@@ -210,25 +228,17 @@ def draw(
                 near = -(ea * wa + eb * wb + ec * wc) / area
                 if near < nearness[r, c]:
                     continue
+                # Light is found once for a triangle, and only when a pixel of it shows.
                 if lit < 0:
                     lit = 1
-                    if lamps.shape[0] > 0 and label > 0:
+                    if lighting.lamps.shape[0] > 0 and label > 0:
                         light = _illumination(
-                            points[ia, 0],
-                            points[ia, 1],
-                            points[ia, 2],
-                            points[ib, 0],
-                            points[ib, 1],
-                            points[ib, 2],
-                            points[ic, 0],
-                            points[ic, 1],
-                            points[ic, 2],
-                            ambient,
-                            lamps,
-                            maps,
-                            map_eyes,
+                            (points[ia, 0], points[ia, 1], points[ia, 2]),
+                            (points[ib, 0], points[ib, 1], points[ib, 2]),
+                            (points[ic, 0], points[ic, 1], points[ic, 2]),
+                            lighting,
                         )
-                        lit = 1 if light >= least_light else 0
+                        lit = 1 if light >= lighting.least_light else 0
                 tag = label if lit == 1 else np.uint8(0)
                 if near > nearness[r, c] or tag > ids[r, c]:
                     nearness[r, c] = near
@@ -237,70 +247,36 @@ def draw(
 
 @compiled
 def perceive(
-    rest: Floats,
-    joints: Bytes,
-    weights: Floats,
-    still_triangles: Ints,
-    still_labels: Bytes,
-    moving_vertices: npt.NDArray[np.int64],
-    moved_triangles: Ints,
-    moved_labels: Bytes,
+    skin: Skin,
+    moving: Moving,
     first: Floats,
     matrices: Floats,
     rows: npt.NDArray[np.int64],
     eye: Floats,
     behind: Floats,
-    ambient: float,
-    lamps: Floats,
-    maps: Floats,
-    map_eyes: Floats,
-    least_light: float,
+    lighting: Lighting,
     ids: Bytes,
 ) -> None:
     """Fill some rows of ids (n, h, w) with the perceived parts of a body in poses (n, j, 3, 4).
 
-    All these poses differ from the pose `first` (j, 3, 4) in `moving_vertices` only, so the other
-    triangles are drawn once. `behind` (h, w) is the inverse depth of everything else in view.
+    All these poses differ from the pose `first` (j, 3, 4) in what is `moving` only, so the other
+    faces are drawn once. `behind` (h, w) is the inverse depth of everything else in view.
     """
     height, width = behind.shape
-    points, screen = np.empty_like(rest), np.empty_like(rest)
-    skin_points(rest, joints, weights, first, points)
+    points, screen = np.empty_like(skin.rest), np.empty_like(skin.rest)
+    skin_points(skin, first, points)
     project_points(points, eye, width, height, screen)
     # Probes move a few joints only; the rest of the body is drawn once and copied.
     still_ids = np.zeros((height, width), dtype=np.uint8)
     still_near = behind.copy()
-    draw(
-        points,
-        screen,
-        still_triangles,
-        still_labels,
-        still_ids,
-        still_near,
-        ambient,
-        lamps,
-        maps,
-        map_eyes,
-        least_light,
-    )
+    draw(points, screen, moving.still_faces, still_ids, still_near, lighting)
     nearness = np.empty_like(behind)
     for k in rows:
-        skin_some(moving_vertices, rest, joints, weights, matrices[k], points)
-        project_some(moving_vertices, points, eye, width, height, screen)
+        skin_some(moving.vertices, skin, matrices[k], points)
+        project_some(moving.vertices, points, eye, width, height, screen)
         nearness[:] = still_near
         ids[k][:] = still_ids
-        draw(
-            points,
-            screen,
-            moved_triangles,
-            moved_labels,
-            ids[k],
-            nearness,
-            ambient,
-            lamps,
-            maps,
-            map_eyes,
-            least_light,
-        )
+        draw(points, screen, moving.faces, ids[k], nearness, lighting)
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""What a desk draws of a session's scene: from above, and from the participant's head."""
+"""Views of a session's scene for the desk: from above, and from the participant's head."""
 
 import base64
 import io
@@ -53,7 +53,7 @@ class Areas:
 
 
 @dataclass(frozen=True, eq=False)
-class Looking:
+class LastGaze:
     """The last gaze, kept between statuses that may bring none."""
 
     ray: Ray | None = None
@@ -61,9 +61,9 @@ class Looking:
     areas: Areas | None = None
 
     def after(self, status: SessionStatus, pad_deg: float) -> Self:
-        """Return what is known after a status; heads' areas are `pad_deg` wider than heads."""
+        """Return the last gaze after a status; areas of interest are `pad_deg` wider than heads."""
         ray, areas = _last_ray(status), _last_areas(status, pad_deg)
-        scene = None if status.shown is None else status.shown.scene
+        scene = None if status.scene_frame is None else status.scene_frame.scene
         if areas is None and self.areas is not None and self.areas.scene is scene:
             areas = self.areas
         if ray is not None:
@@ -72,13 +72,13 @@ class Looking:
         return type(self)(self.ray if age <= GAZE_KEPT else None, age, areas)
 
 
-def above(status: SessionStatus, looking: Looking) -> dict[str, Any] | None:
+def above(status: SessionStatus, looking: LastGaze) -> dict[str, Any] | None:
     """Return where everybody is, seen from above: metres to the right (x) and backwards (z).
 
     `people` have name, x, z and radius; `areas` the radii of areas of interest round as many of
     them; `touched` are the places in `people` of those whom the participant touches.
     """
-    frame, scene_frame = status.frame, status.shown
+    frame, scene_frame = status.frame, status.scene_frame
     if frame is None or scene_frame is None:
         return None
     is_dark = scene_frame.scene.brightness_01 == 0.0
@@ -102,7 +102,7 @@ def above(status: SessionStatus, looking: Looking) -> dict[str, Any] | None:
 
 
 def from_head(
-    status: SessionStatus, looking: Looking, glance: Glance | None = None
+    status: SessionStatus, looking: LastGaze, glance: Glance | None = None
 ) -> dict[str, Any] | None:
     """Return what is before the participant, in tangents to the right and up of straight ahead.
 
@@ -110,7 +110,7 @@ def from_head(
     corners each; `hit` is the place in `heads` of the person that gaze meets. With a glance, all
     places are those in its picture, which is included as JPEG in base64.
     """
-    frame, scene_frame = status.frame, status.shown
+    frame, scene_frame = status.frame, status.scene_frame
     if frame is None or scene_frame is None or not (frame.head_valid or glance):
         return None
     camera = Camera(frame.head, *VIEW) if glance is None else glance.camera
@@ -158,7 +158,7 @@ def jpeg_of(image: npt.NDArray[np.uint8]) -> str:
 
 def _people(status: SessionStatus) -> list[tuple[str, Vector, float]]:
     """Return name, centre of the head (3,) and its radius of everybody in the scene."""
-    scene_frame = status.shown
+    scene_frame = status.scene_frame
     assert scene_frame is not None  # noqa: S101 - asked by both views
     if scene_frame.people is not None:
         up = np.array([0.0, ABOVE_HIPS_M, 0.0])
@@ -176,7 +176,7 @@ def _people(status: SessionStatus) -> list[tuple[str, Vector, float]]:
 
 
 def _hit(status: SessionStatus, ray: Ray | None, *, is_dark: bool) -> int:
-    scene_frame = status.shown
+    scene_frame = status.scene_frame
     is_agent = scene_frame is not None and scene_frame.people is None and not is_dark
     return ray.hit if ray is not None and is_agent else -1
 
@@ -193,9 +193,9 @@ def _last_ray(status: SessionStatus) -> Ray | None:
 
 
 def _last_areas(status: SessionStatus, pad_deg: float) -> Areas | None:
-    if status.frame is None or status.shown is None or status.shown.people is not None:
+    if status.frame is None or status.scene_frame is None or status.scene_frame.people is not None:
         return None
-    gaze, scene = status.frame.gaze, status.shown.scene
+    gaze, scene = status.frame.gaze, status.scene_frame.scene
     if gaze.radius_deg.shape[1] != len(scene.agents) or not scene.agents:
         return None
     finite_rows = np.flatnonzero(np.isfinite(gaze.radius_deg).all(axis=1))

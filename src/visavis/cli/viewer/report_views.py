@@ -4,26 +4,26 @@ from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
 
-from visavis.cli.telling import TELLING
+from visavis.cli.notifier import NOTIFIER
 from visavis.cli.viewer.content import page_content, trial_lengths_ns
 from visavis.cli.viewer.page import page_of
 from visavis.recording.cached import CachedRecording
 from visavis.recording.durable import make_folder, replace_file
-from visavis.results.unusual import VIEWS, Striking, view_name
+from visavis.results.unusual import VIEWS, UnusualTrial, view_name
 from visavis.running.sessions.study_folder import study_of_folder
 from visavis.study.cast import use_recorded_cast
 
 
-def write_views(folder: Path, out_dir: Path, striking: Sequence[Striking]) -> None:
+def write_views(folder: Path, out_dir: Path, striking: Sequence[UnusualTrial]) -> None:
     """Write one page for every session of a study's `folder` with trials to look at.
 
     Trials that never began have nothing to show; a page made before is replaced.
     """
     of_session = groupby(sorted(striking, key=_session), key=_session)
     trials_by_session = {key: tuple(one.trial_id for one in trials) for key, trials in of_session}
-    with TELLING.progress("making pages of trials") as on_progress:
-        for done, ((participant, session), names) in enumerate(trials_by_session.items()):
-            on_progress(done, len(trials_by_session))
+    with NOTIFIER.progress("making pages of trials") as on_progress:
+        for number, ((participant, session), names) in enumerate(trials_by_session.items()):
+            on_progress(number, len(trials_by_session))
             recording = CachedRecording(folder / f"sub-{participant}" / session)
             use_recorded_cast(recording)
             study, _ = study_of_folder(folder, recording.manifest.study)
@@ -36,5 +36,5 @@ def write_views(folder: Path, out_dir: Path, striking: Sequence[Striking]) -> No
         on_progress(len(trials_by_session), len(trials_by_session))
 
 
-def _session(one: Striking) -> tuple[str, str]:
+def _session(one: UnusualTrial) -> tuple[str, str]:
     return one.participant, one.session

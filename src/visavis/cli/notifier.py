@@ -1,4 +1,4 @@
-"""What long work says while it runs: lines, warnings, and a bar of how much is done."""
+"""Messages, warnings and progress bars of long work."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -29,14 +29,14 @@ everything.
 """
 SOON_S = 10.0
 """Work that ends within this time is not announced."""
-COMPILES_FIRST = (
-    "compiling the numeric loops first, once after installing or updating: a minute or two, more "
-    "where other programs compute"
+COMPILING_NOTE = (
+    "first start after installing or updating: compiling numeric code, once (a minute or two, "
+    "longer on a busy computer)"
 )
 
 
 def counting(shown_on: Console, *, quiet: bool = False) -> Progress:
-    """Return a bar that says how many of how many are done, since when and how much longer."""
+    """Return a progress bar with the amount done, the total, and the time passed and left."""
     columns = (
         TextColumn("{task.description}", markup=False),
         BarColumn(),
@@ -47,8 +47,8 @@ def counting(shown_on: Console, *, quiet: bool = False) -> Progress:
     return Progress(*columns, console=shown_on, disable=quiet)
 
 
-class TerminalTelling:
-    """Follow `visavis.running.sessions.studies.Telling` on the terminal."""
+class TerminalNotifier:
+    """Follow `visavis.running.sessions.studies.Notifier` on the terminal."""
 
     def say(self, text: str) -> None:
         """Print it."""
@@ -64,49 +64,51 @@ class TerminalTelling:
         with counting(console) as bar:
             line = bar.add_task(what, total=None)
             # Show no bar when there is nothing to do.
-            yield lambda done, of: bar.update(line, completed=done, total=of, visible=of > 0)
+            yield lambda count, total: bar.update(
+                line, completed=count, total=total, visible=total > 0
+            )
 
 
-TELLING = TerminalTelling()
+NOTIFIER = TerminalNotifier()
 
 
 @cache
 def say_when_compiling() -> None:
-    """Say on stderr, once in a process, that compiling has begun, which nothing else would show."""
+    """Print once per process, on stderr, that compiling has begun; nothing else would show it."""
     from visavis.lab.compiled import announce_compiling  # late: it loads numba
 
-    announce_compiling(lambda: errors.print(f"[dim]{COMPILES_FIRST}[/]", soft_wrap=True))
+    announce_compiling(lambda: errors.print(f"[dim]{COMPILING_NOTE}[/]", soft_wrap=True))
 
 
 def make_ready(study: "OpenedStudy", experiment: "StudyExperiment", config: "LabConfig") -> None:
-    """Do what would hold up a frame before anything is shown; done already, it takes no time."""
+    """Prepare a study so that no frame is held up later; a second call takes no time."""
     # Late: verbs that run no session load neither devices nor pumps.
     from visavis.running.sessions.perform import get_ready
 
-    with TELLING.progress(f"getting {experiment.name} ready") as on_progress:
+    with NOTIFIER.progress(f"getting {experiment.name} ready") as on_progress:
         trouble = get_ready(study, experiment, config, on_progress)
     if trouble:
-        TELLING.warn(trouble)
+        NOTIFIER.warn(trouble)
 
 
 class Forecast:
-    """Say once how long a film will take, from its first pictures, and what takes less."""
+    """Estimate a film's time from its first pictures, and say once what would shorten it."""
 
     def __init__(self, elapsed_s: Callable[[], float] | None = None) -> None:
         self._elapsed_s = elapsed_s or StopWatch().elapsed_s
         self._first_s = 0.0
 
-    def told(self, done: int, of: int) -> str:
-        """Take how many pictures of how many are drawn; return a line to say, mostly ''."""
-        if done == 1:
+    def line_after(self, count: int, total: int) -> str:
+        """Return the line to print after `count` of `total` pictures; mostly empty."""
+        if count == 1:
             self._first_s = self._elapsed_s()
-        if done != MEASURED_PICTURES + 1:
+        if count != MEASURED_PICTURES + 1:
             return ""
-        left_s = (self._elapsed_s() - self._first_s) / MEASURED_PICTURES * (of - done)
+        left_s = (self._elapsed_s() - self._first_s) / MEASURED_PICTURES * (total - count)
         if left_s < SOON_S:
             return ""
         about = f"{left_s:.0f} s" if left_s < 90 else f"{left_s / 60:.0f} min"
         return (
-            f"{of} pictures, about {about} more; --seconds, --rate and --size make it fewer and "
+            f"{total} pictures, about {about} more; --seconds, --rate and --size make it fewer and "
             "smaller ones, --png draws one"
         )

@@ -36,7 +36,7 @@ def require_whole(session: Path, *, accept: bool) -> None:
         )
 
 
-def leave(
+def protect_and_register(
     what: str,
     sessions: Sequence[Path],
     where: Path,
