@@ -113,6 +113,7 @@ class Tiers:
         self._compiling = _listen_to_compiling()
         self._fixture_s: dict[tuple[str, str], float] = {}
         self._start_s = 0.0
+        self._is_skipped = False
         self._shared_s = 0.0
         self.measured: dict[str, float] = {}
 
@@ -144,7 +145,7 @@ class Tiers:
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Generator[None, Any, Any]:
         """Begin to measure a test."""
-        self._start_s, self._shared_s = self._now_s(), 0.0
+        self._start_s, self._shared_s, self._is_skipped = self._now_s(), 0.0, False
         return (yield)
 
     @pytest.hookimpl(wrapper=True)
@@ -153,7 +154,8 @@ class Tiers:
     ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
         """End to measure it; fail a test of the first tier that has grown."""
         report = yield
-        if call.when == "teardown":
+        self._is_skipped |= report.skipped
+        if call.when == "teardown" and not self._is_skipped:  # skipped: its cost is not known
             own_s = self._now_s() - self._start_s - self._shared_s
             cost_s = own_s + sum(map(self._shared_cost, _fixtures(item)))
             self.measured[item.nodeid] = round(cost_s, 2)
