@@ -43,7 +43,20 @@ def draw(
         figure = make()
         if is_simulated:
             mark_simulated(figure)
+        _lay_out(figure)
     return ReportFigure(name, title, caption, alternative, figure)
+
+
+def _lay_out(figure: Figure) -> None:
+    """Give panels, labels and legends their places once: that takes longer than drawing, and a
+    figure that is written three times has them in the same places each time.
+    """
+    if figure.get_layout_engine() is not None:
+        FigureCanvasSVG(figure)  # which measures texts for the file that comes first
+        dpi = figure.dpi
+        figure.draw_without_rendering()
+        figure.set_layout_engine(None)
+        figure.dpi = dpi
 
 
 def svg_text(figure: ReportFigure, *, names_people: bool = False) -> str:

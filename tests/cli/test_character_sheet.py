@@ -99,7 +99,7 @@ def test_whose_gaze_is_hardly_told_from_afar_is_said(
         str(tmp_path),
     ]
     result = CliRunner().invoke(app, ["character", "sheet", *given])
-    near, far = (line for line in result.output.splitlines() if "gaze told" in line)
+    near, far = (line for line in result.output.splitlines() if "gaze recognised" in line)
     assert "anna: gaze recognised at 2 m in" in near
     assert "below 90%" not in near
     assert "below 90%" in far

@@ -28,6 +28,13 @@ def test_same_data_give_the_same_bytes():
     assert png_bytes(figure_of()) == png_bytes(figure_of())
 
 
+def test_a_figure_is_the_same_file_before_and_after_it_was_written_in_another_form():
+    figure = figure_of()
+    first = svg_text(figure)
+    png_bytes(figure)
+    assert first == svg_text(figure)
+
+
 def test_writing_twice_gives_the_same_bytes():
     drawn = figure_of()
 

@@ -23,6 +23,7 @@ from visavis.recording.durable import make_folder, protect
 from visavis.recording.folder import SIMULATED_ROOT
 from visavis.recording.manifest import Manifest, read_manifest
 from visavis.recording.reader import Recording
+from visavis.results.intake import SessionIntake
 from visavis.results.locked_plan.deviations import mark_exploratory
 from visavis.results.locked_plan.review import LockedPlan, Peek, PlanReview, review_of
 from visavis.results.opened_study import OpenedStudy, overrides_of
@@ -344,7 +345,7 @@ def _with_recorded_design(
     return as_recorded(opened_study, manifests)
 
 
-def _unfinished(sessions: Sequence[Any]) -> dict[str, str]:
+def _unfinished(sessions: Sequence[SessionIntake]) -> dict[str, str]:
     """Describe how far unfinished sessions came, by participant."""
     summaries = {}
     for one in sessions:
@@ -354,7 +355,7 @@ def _unfinished(sessions: Sequence[Any]) -> dict[str, str]:
             trials_done = counts.loc[counts["status"] == "complete", "trial_id"].nunique()
             summaries[str(one.manifest.participant)] = (
                 f"session of {one.manifest.participant}, {trials_done} of "
-                f"{count_of(one.planned, 'trial')}"
+                f"{count_of(one.planned_count, 'trial')}"
             )
     return summaries
 
