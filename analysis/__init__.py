@@ -1,1 +1,1 @@
-"""Pure functions on arrays and frames: gaze, quality, statistics, plots, report."""
+"""Functions on arrays, tables and recordings: gaze, quality, statistics, plots, report."""

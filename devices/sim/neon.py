@@ -1,4 +1,4 @@
-"""The Neon Companion app as seen from the network, without its sockets (see `neon_host`).
+"""The Neon Companion app as seen from the network, without its sockets.
 
 Written from pupil-labs-realtime-api 1.9. Not modelled: video, blinks, fixations, IMU, recordings,
 templates, mDNS. A lost or closed eye only changes the lid apertures: the gaze point goes on.

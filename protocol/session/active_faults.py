@@ -15,7 +15,7 @@ _FIGURES = re.compile(r"[0-9]+")
 
 
 @dataclass
-class _Standing:
+class _ActiveFault:
     """An active fault: since when, its present message, and since when it has that message."""
 
     since_ns: int
@@ -24,7 +24,7 @@ class _Standing:
     is_reported: bool = False
 
 
-class StandingFaults:
+class ActiveFaults:
     """Record faults when they come and when they are over.
 
     `present` are those of the last look; `accepted_absences` the roles whose absence the operator
@@ -35,18 +35,18 @@ class StandingFaults:
         self.present: tuple[Fault, ...] = ()
         self.accepted_absences: set[str] = set()
         self._recorder = recorder
-        self._standing: dict[tuple[str, str], _Standing] = {}
+        self._active: dict[tuple[str, str], _ActiveFault] = {}
 
     def report(self, fault: Fault, t_ns: int, *, is_set_up: bool) -> None:
         """Record a fault once; a warning only when the devices have been set up."""
         key = _key(fault)
-        standing = self._standing.get(key)
-        if standing is None:
-            standing = self._standing[key] = _Standing(t_ns, fault.message, t_ns)
-        elif standing.message != fault.message:
-            standing.message, standing.changed_ns = fault.message, t_ns
-        if not standing.is_reported and (is_set_up or fault.severity == "blocking"):
-            standing.is_reported = True
+        active = self._active.get(key)
+        if active is None:
+            active = self._active[key] = _ActiveFault(t_ns, fault.message, t_ns)
+        elif active.message != fault.message:
+            active.message, active.changed_ns = fault.message, t_ns
+        if not active.is_reported and (is_set_up or fault.severity == "blocking"):
+            active.is_reported = True
             self._recorder.event(
                 "fault",
                 t_ns,
@@ -62,8 +62,8 @@ class StandingFaults:
         for fault in self.present:
             self.report(fault, t_ns, is_set_up=is_set_up)
         holding = {_key(f) for f in self.present}
-        for key in [k for k in self._standing if k not in holding]:
-            over = self._standing.pop(key)
+        for key in [k for k in self._active if k not in holding]:
+            over = self._active.pop(key)
             if over.is_reported:
                 self._recorder.event(
                     "fault_over",
@@ -85,12 +85,12 @@ class StandingFaults:
 
     def since_ns(self, fault: Fault) -> int:
         """Return the session time since which a present fault has been active."""
-        return self._standing[_key(fault)].since_ns
+        return self._active[_key(fault)].since_ns
 
     def concerns(self, fault: Fault, start_ns: int) -> bool:
         """Tell whether a fault concerns the time since then, not a count from before it."""
         is_count = fault.severity == "warning" and _FIGURES.search(fault.message)
-        return not is_count or self._standing[_key(fault)].changed_ns > start_ns
+        return not is_count or self._active[_key(fault)].changed_ns > start_ns
 
     def for_screen(self, t_ns: int) -> tuple[Fault, ...]:
         """Return the faults for the operator's screen; accepted absences become warnings."""
@@ -101,12 +101,12 @@ class StandingFaults:
         )
 
     def _is_fresh(self, fault: Fault, t_ns: int) -> bool:
-        standing = self._standing[_key(fault)]
-        if not standing.is_reported:
+        active = self._active[_key(fault)]
+        if not active.is_reported:
             return False
         if fault.severity == "blocking" or not _FIGURES.search(fault.message):
             return True
-        return t_ns - standing.changed_ns < STALE_NS
+        return t_ns - active.changed_ns < STALE_NS
 
 
 def _key(fault: Fault) -> tuple[str, str]:

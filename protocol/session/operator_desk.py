@@ -8,7 +8,7 @@ from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import SessionAborted
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import FrameView
-from visavis.protocol.session.active_faults import StandingFaults
+from visavis.protocol.session.active_faults import ActiveFaults
 from visavis.protocol.session.calibration_record import CalibrationInForce
 from visavis.protocol.session.frame_loop import FrameLoop
 from visavis.protocol.session.operator import (
@@ -96,7 +96,7 @@ class OperatorDesk:
         )
         self._pending: set[Action] = set()
         self._advance = False
-        self._faults = StandingFaults(setup.recorder)
+        self._faults = ActiveFaults(setup.recorder)
         self._repeats: list[Trial] = []
         self._answers: list[str] = []
         self._last_trial: Trial | None = None

@@ -68,7 +68,7 @@ def learn_layout(payload: bytes) -> Layout | None:
 
 
 class GazeDecoder:
-    """Decode gaze data one after another, as `pupil_codec.decode_gaze` does."""
+    """Decode gaze data one after another, as `codec.decode_gaze` does."""
 
     def __init__(self, threshold_01: float) -> None:
         self._threshold_01 = threshold_01

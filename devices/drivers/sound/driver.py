@@ -83,7 +83,7 @@ class SoundCard(HasLife):
         self._life.require("open", DeviceState.CLOSED)
         self._library = self._load()
         self._connect()
-        host = getattr(self._library, "device_name", _nobody)(self._device)
+        host = getattr(self._library, "device_name", _given_device)(self._device)
         self.info = replace(self.info, model=host or self.info.model)
         self._life.state = DeviceState.OPEN
 
@@ -302,5 +302,5 @@ class SoundCard(HasLife):
         return len(rows)
 
 
-def _nobody(device: str | None) -> str:
+def _given_device(device: str | None) -> str:
     return device or ""

@@ -1,4 +1,4 @@
-"""Light at vertices, computed on the processor: Lambert's law of `glsl_lighting`, without shine.
+"""Light at vertices on the processor: Lambert's law of the shader `lighting`, without shine.
 
 Processors that draw have no shader units to spare: compiled loops move every vertex once, whatever
 the number of eyes, pick the triangles that show, and light and encode the vertices of those.
@@ -179,7 +179,7 @@ def _falling(x: np.float32) -> np.float32:
 def _in_codes(
     r: np.float32, g: np.float32, b: np.float32, has_picture: bool, codes: Floats, factors: Floats
 ) -> Triple:
-    """Return light as pixels that work in codes want it: see `in_codes` in `glsl_lighting`."""
+    """Return light as pixels that work in codes want it: see `in_codes` in its shader."""
     # A picture's own codes are multiplied by it later; all else is the code itself.
     if has_picture:
         return looked_up(factors, r), looked_up(factors, g), looked_up(factors, b)

@@ -8,7 +8,7 @@ import pytest
 
 from visavis.devices.contracts import Fault
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
-from visavis.protocol.session.active_faults import STALE_NS, StandingFaults
+from visavis.protocol.session.active_faults import STALE_NS, ActiveFaults
 
 GONE = Fault("armband", "blocking", "disconnected; reconnecting", "look at its cable")
 SILENT = Fault("eye_tracker", "blocking", "silent for 12 s", "look at its cable")
@@ -22,7 +22,7 @@ class Recorded:
     def __init__(self) -> None:
         self.events: list[tuple[str, int, dict[str, Any]]] = []
         recorder: Any = SimpleNamespace(event=lambda n, t_ns, **p: self.events.append((n, t_ns, p)))
-        self.faults = StandingFaults(recorder)
+        self.faults = ActiveFaults(recorder)
 
     def shown(self, t_ns: int, *faults: Fault, is_set_up: bool = True) -> list[tuple[str, str]]:
         """Look at a time; return the messages on the operator's screen and how bad they are."""
@@ -99,7 +99,7 @@ def test_a_trial_is_flagged_for_what_is_counted_in_it() -> None:
 def test_a_device_that_is_done_without_is_shown_as_a_warning_until_it_is_back() -> None:
     events: list[str] = []
     recorder: Any = SimpleNamespace(event=lambda name, t_ns, **_: events.append(name))
-    faults = StandingFaults(recorder)
+    faults = ActiveFaults(recorder)
     faults.look((GONE,), 0, is_set_up=True)
     assert ["blocking"] == [fault.severity for fault in faults.for_screen(0)]
 
