@@ -19,7 +19,7 @@ class DecisionRule:
     alpha: float = 0.05
     """The level of significance."""
     normality_alpha: float = 0.05
-    """Of conditions: the level of the test of normality that decides which test is taken."""
+    """For conditions: the level of the test of normality that decides which test is taken."""
     posthoc: str = ""
     """How contrasts are adjusted, or none; the test's own way if left out."""
     always_posthoc: bool = False
@@ -31,23 +31,23 @@ class ModelChoices:
     """How tests that fit a model do it; each test takes some of these."""
 
     transform: str = "art"
-    """Of art: "art" ranks aligned values, "int" takes normal scores of plain ranks."""
+    """For art: "art" ranks aligned values, "int" takes normal scores of plain ranks."""
     error: str = "strata"
-    """Of art: the error of within effects, "strata", "pooled" or "mixed"."""
+    """For art: the error of within effects, "strata", "pooled" or "mixed"."""
     family: str = "gaussian"
-    """Of gee: gaussian, binomial or poisson."""
+    """For gee: gaussian, binomial or poisson."""
     random: str = ""
-    """Of lmm, clmm and bradleyterry: in what people differ; the test's own choice if left out."""
+    """For lmm, clmm and bradleyterry: in what people differ; the test's own choice if left out."""
     nodes: int = 0
-    """Of clmm and bradleyterry: nodes of quadrature to a random effect; 0 is Laplace."""
+    """For clmm and bradleyterry: nodes of quadrature to a random effect; 0 is Laplace."""
     correction: str = ""
-    """Of rm and art, for sphericity: mauchly, gg, hf or none; the test's own choice if left out."""
+    """For rm and art, sphericity: mauchly, gg, hf or none; the test's own choice if left out."""
     equal_variances: bool = False
-    """Of t between groups: Student's test instead of Welch's."""
+    """For t between groups: Student's test instead of Welch's."""
     bayes: bool = False
-    """Of t: the Bayes factor beside it."""
+    """For t: the Bayes factor beside it."""
     side: bool = False
-    """Of bradleyterry: the odds of what stands first as well."""
+    """For bradleyterry: whether the odds of the first item (side preference) are reported, too."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,11 +55,11 @@ class ReferenceValues:
     """The values with which tests compare the response."""
 
     mu: float = 0.0
-    """Of t with one sample, sign, binomial, icc, krippendorff, kappa: the value of no effect."""
+    """For t with one sample, sign, binomial, icc, krippendorff, kappa: the value of no effect."""
     low: float | None = None
-    """Of tost and t: the lower bound of equivalence."""
+    """For tost and t: the lower bound of equivalence."""
     high: float | None = None
-    """Of tost and t: the upper bound of equivalence."""
+    """For tost and t: the upper bound of equivalence."""
     unit: str = "raw"
     """What these bounds are given in: "raw", as the response, or "sd", its standard deviation."""
 
@@ -69,13 +69,13 @@ class ReliabilityChoices:
     """What tests of reliability and agreement are asked of."""
 
     items: tuple[str, ...] = ()
-    """Of cronbach: the columns of the scale's items."""
+    """For cronbach: the columns of the scale's items."""
     reverse: tuple[str, ...] = ()
-    """Of cronbach: those items that are turned round."""
+    """For cronbach: those items that are turned round."""
     scale: str = ""
-    """Of krippendorff and kappa: nominal, ordinal, interval or ratio."""
+    """For krippendorff and kappa: nominal, ordinal, interval or ratio."""
     kind: str = ""
-    """Of icc: the one coefficient to report, such as ICC2; all six if left out."""
+    """For icc: the one coefficient to report, such as ICC2; all six if left out."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -39,7 +39,7 @@ class Walking:
     wander_m: float = 0.046
     """How far the body strays from its way."""
     wander_s: float = 1.2
-    """Over which time it does; assumed."""
+    """Time constant of that, in seconds; assumed."""
     reading_s: float = 2.2
     """How long reading the board takes; assumed."""
     reaction_s: float = 0.7

@@ -23,7 +23,7 @@ from visavis.study.experiment import StudyExperiment
 
 @dataclass(frozen=True)
 class SessionPerson:
-    """Whose session it is."""
+    """Participant of the session."""
 
     label: str
     """The label under which the ledger has them."""
@@ -52,7 +52,7 @@ class Request:
     config: LabConfig
     """The lab with its devices, and where data go."""
     person: SessionPerson
-    """Whose session it is."""
+    """Participant of the session."""
     seed: int
     """The seed of the plan and of what is simulated."""
     clock: Clock

@@ -91,7 +91,7 @@ class CrossFade:
 
     @property
     def skeleton(self) -> Skeleton:
-        """Whose joints turn."""
+        """Skeleton whose joints turn."""
         return self.before.skeleton
 
     def _pair(self, since_s: Vector) -> tuple[Frames, Frames]:
@@ -148,7 +148,7 @@ class InertialTransition:
 
     @property
     def skeleton(self) -> Skeleton:
-        """Whose joints turn."""
+        """Skeleton whose joints turn."""
         return self.before.skeleton
 
     @cached_property

@@ -32,7 +32,7 @@ class Motion(Protocol):
 
     @property
     def skeleton(self) -> Skeleton:
-        """Whose joints turn."""
+        """Skeleton whose joints turn."""
         ...
 
     def at(self, t_s: npt.ArrayLike) -> Frames:

@@ -126,7 +126,7 @@ class Sprung:
 
     @property
     def skeleton(self) -> Skeleton:
-        """Whose joints turn."""
+        """Skeleton whose joints turn."""
         return self.poses.skeleton
 
     @cached_property
