@@ -36,6 +36,17 @@ def test_a_session_is_recorded_once_and_everybody_may_change_their_copy(
     assert "recorded" == (second / "trials.jsonl").read_text("utf-8")
 
 
+def test_what_recording_took_counts_for_everybody_who_gets_a_copy(
+    store: Store, tmp_path: Path
+) -> None:
+    times_s = iter((10.0, 14.5, 20.0))
+    store.processor_s = lambda: next(times_s)
+    store.copy("session", recorder([]), tmp_path / "a")
+    assert 0.0 == store.saved_s
+    store.copy("session", recorder([]), tmp_path / "b")
+    assert 4.5 == store.saved_s
+
+
 def test_another_name_is_another_session(store: Store, tmp_path: Path) -> None:
     times: list[Path] = []
     for name in ("one", "other"):

@@ -67,7 +67,6 @@ def test_analysis_of_damaged_recordings_is_refused_with_what_is_missing(damaged:
     assert not (damaged / "derived").exists()
 
 
-@pytest.mark.slow
 def test_accepted_damage_is_missing_and_marked_and_nobodys_fault(damaged: Path) -> None:
     accepted = visavis("analyse", str(damaged), "--processes", "1", "--accept-damage")
 
@@ -92,7 +91,6 @@ def test_accepted_damage_is_missing_and_marked_and_nobodys_fault(damaged: Path) 
     assert "--accept-damage" in page
 
 
-@pytest.mark.slow
 def test_an_intact_study_leaves_no_list_of_damage(intact: Path) -> None:
     done = visavis("analyse", str(intact), "--processes", "1")
 

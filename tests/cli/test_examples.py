@@ -36,7 +36,6 @@ def test_every_ready_study_is_sound(name: str, tmp_path: Path) -> None:
     check_study(tmp_path / name, SHORT[name])
 
 
-@pytest.mark.slow  # two sessions
 def test_the_ready_script_reads_what_the_ready_study_records(tmp_path: Path) -> None:
     write_examples(tmp_path)
     simulate = (

@@ -396,7 +396,6 @@ def test_a_missing_library_says_what_to_install(monkeypatch: pytest.MonkeyPatch)
 # ---- the command ----
 
 
-@pytest.mark.slow
 def test_whole_studies_are_simulated_and_marked(tmp_path: Path) -> None:
     result = run(
         *["stare", "--participants", "3,4", "--replicates", "2", "--processes", "1"],

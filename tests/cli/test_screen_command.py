@@ -20,7 +20,6 @@ from tests.recording.test_export import issues_of
 from visavis.recording.reader import Recording
 
 ROOT = Path(__file__).parents[2]
-pytestmark = pytest.mark.slow
 """A minute: a session in real time, with everything but the person real."""
 
 

@@ -76,7 +76,6 @@ def session(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     return Session(reference, perform_new(asked))
 
 
-@pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_a_session_is_shown_in_a_page(session: Session, tmp_path: Path) -> None:
     page = tmp_path / "page.html"
@@ -90,7 +89,6 @@ def test_a_session_is_shown_in_a_page(session: Session, tmp_path: Path) -> None:
     assert page.stat().st_size < 15e6
 
 
-@pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_a_session_is_filmed(session: Session, tmp_path: Path) -> None:
     film, options = tmp_path / "film.avi", ("--seconds", "0.5", "--rate", "4", "--size", "160x90")
@@ -100,7 +98,6 @@ def test_a_session_is_filmed(session: Session, tmp_path: Path) -> None:
         assert json.loads(film.with_suffix(".json").read_text())["views"]
 
 
-@pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_a_frame_of_a_session_is_drawn_again(
     session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -127,7 +124,6 @@ def test_a_frame_of_a_session_is_drawn_again(
     assert np.asarray(Image.open(png).convert("L")).std() > 5
 
 
-@pytest.mark.slow
 def test_a_second_page_of_a_session_draws_no_film_anew(
     session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -53,7 +53,6 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return simulate(tmp_path_factory.mktemp("étude 1"), participants=2)
 
 
-@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bytes_however_many_processes(
     study: Path, tmp_path: Path
 ) -> None:
@@ -108,7 +107,6 @@ def test_the_page_of_recordings_names_the_paths_that_a_session_has(study: Path) 
     assert told_of("Streams") <= streams | WITH_OTHER_STUDIES
 
 
-@pytest.mark.slow
 def test_analysis_writes_a_row_per_trial_in_two_formats_and_a_report(study: Path) -> None:
     result = CliRunner().invoke(app, ["analyse", str(study), "--processes", "1"])
 

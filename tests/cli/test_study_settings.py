@@ -152,7 +152,6 @@ def test_other_parameters_than_those_begun_with_are_refused_by_name(lab_config: 
             visavis(lab_config, *command, "--set", "limit_s=60")
 
 
-@pytest.mark.slow
 def test_parameters_can_come_with_the_first_session_of_somebody_registered_before(
     lab_config: Path,
 ) -> None:

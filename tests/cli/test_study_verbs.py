@@ -13,8 +13,6 @@ from visavis.lab.config_files import EXAMPLE
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import LIGHTEST, Renderer
 
-pytestmark = pytest.mark.slow
-
 
 @pytest.fixture(scope="module")
 def here(tmp_path_factory: pytest.TempPathFactory) -> Path:

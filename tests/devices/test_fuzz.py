@@ -72,7 +72,6 @@ def test_a_run_goes_on_with_other_inputs_where_a_tally_stopped(tmp_path: Path) -
     assert {"any": {"inputs": 30}} == tallied(at, 1)
 
 
-@pytest.mark.slow
 def test_every_reader_refuses_damaged_files_in_words(tmp_path: Path) -> None:
     found = {
         target.name: fuzz(target, 40, float("inf"), seed=7).where for target in files(tmp_path)

@@ -18,7 +18,6 @@ from visavis.lab.config_files import EXAMPLE
 from visavis.recording.reader import Recording
 
 __all__ = ["package"]
-pytestmark = pytest.mark.slow
 
 OWN = """devices:
   heart_belt: {driver: heart_belt, simulated: true}

@@ -44,7 +44,6 @@ def recording_of(study: str, root: Path) -> Recording:
     return Recording(perform_new(replace(request, on=on)))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("study", ["interpolation", "hybrid", "stare before a screen"])
 def test_a_study_on_a_page_or_a_screen_passes_the_official_validator(
     study: str, tmp_path: Path
@@ -59,7 +58,6 @@ def test_a_study_on_a_page_or_a_screen_passes_the_official_validator(
     assert study.endswith("screen") == any(p.name.endswith("_physio.tsv.gz") for p in written)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("study", ["stare", "crowd", "waving"])
 def test_a_studys_data_set_passes_the_official_validator(study: str, tmp_path: Path) -> None:
     recording = recording_of(study, tmp_path / "data")

@@ -6,7 +6,6 @@ from tests.experiments.fingerprint import first_difference, in_layout, read_fing
 from tests.experiments.small_studies import NAMES, PINNED, fingerprint
 
 
-@pytest.mark.slow
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("name", NAMES)
 def test_a_study_records_and_computes_what_it_did_before(name, tmp_path):

@@ -88,7 +88,6 @@ def test_a_killed_session_ends_with_every_walk_once_and_with_what_was_learned(
     assert learned[-1] == pytest.approx(cautions(recording)[3], rel=0.15)
 
 
-@pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_all_24_walks_of_a_session_killed_in_its_haptic_block_are_there_once(
     tmp_path: Path,

@@ -130,7 +130,6 @@ def test_a_second_process_on_a_session_is_refused_with_the_way_out(tmp_path: Pat
     assert str(path) in str(refused.value)
 
 
-@pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_a_session_typed_twice_is_refused_and_nothing_is_overwritten(tmp_path: Path) -> None:
     configured(tmp_path)
@@ -209,7 +208,6 @@ def test_a_missing_role_is_named() -> None:
         build_rig(config.model_copy(update={"devices": {}}), SimClock(), None, 1, ExitStack())
 
 
-@pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_spaces_accents_and_a_decimal_comma_change_nothing(tmp_path: Path) -> None:
     here = tmp_path / "Étude d’été 2026, salle 3"

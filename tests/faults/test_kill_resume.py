@@ -8,7 +8,6 @@ import pytest
 KILLS = {"stare": 30, "crowd": 10, "waving": 10}
 
 
-@pytest.mark.slow
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("study", ["stare", "crowd", "waving"])
 def test_killed_sessions_lose_nothing_and_end_as_uninterrupted_ones(

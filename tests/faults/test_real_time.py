@@ -90,7 +90,6 @@ def test_a_session_on_the_system_clock_over_sockets_is_complete(
     ]
 
 
-@pytest.mark.slow
 @pytest.mark.timeout(600)
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_leaves_an_aborted_session_that_resume_completes(

@@ -26,7 +26,6 @@ def answers(recording: Recording) -> dict[tuple[str, str], object]:
     }
 
 
-@pytest.mark.slow
 def test_answers_after_a_block_do_not_depend_on_a_resume(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

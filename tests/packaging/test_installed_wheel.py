@@ -62,7 +62,7 @@ class Absent(MetaPathFinder):
 sys.meta_path.insert(0, Absent())
 """
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(1200)]
+pytestmark = pytest.mark.timeout(1200)
 
 
 class Installed(NamedTuple):

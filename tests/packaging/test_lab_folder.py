@@ -44,12 +44,10 @@ def test_command_runs_beside_own_modules(folder: Path) -> None:
     )
 
 
-@pytest.mark.slow
 def test_pytest_runs_beside_own_modules(folder: Path) -> None:
     assert "1 passed" in printed(folder, "-m", "pytest", "-q", "test_duel.py")
 
 
-@pytest.mark.slow
 def test_type_checker_in_a_users_folder_knows_what_visavis_takes(folder: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "mypy", "typed.py"],

@@ -256,7 +256,6 @@ def test_the_stature_that_somebody_told_is_in_no_blurred_event(tmp_path: Path) -
     assert {False: told, True: {**told, "stature_told_m": None}} == own
 
 
-@pytest.mark.slow
 def test_the_public_tier_says_its_risk_and_what_every_measure_loses(tmp_path: Path) -> None:
     session = perform(lab_of(tmp_path / "lab"), trial_s=1.0)
     out = tmp_path / "out"

@@ -12,7 +12,6 @@ from tests.reference.stats_compare import Outcome
 FOLDER = Path(__file__).parent / "collision"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cells", "volumes", "series"])
 def test_every_known_answer_is_reached(name: str) -> None:
     outcome = run_file(FOLDER / f"{name}.json")

@@ -99,7 +99,6 @@ def test_a_delay_that_is_none_is_refused(late, value):
         opened(late[0]).check_settings({"picture_delay_ms": value})
 
 
-@pytest.mark.slow
 def test_analysis_by_a_kept_test_says_so_in_tables_and_report(late, tmp_path):
     file, _ = late
     data = visavis.simulate(file, 2, output=tmp_path, processes=1)

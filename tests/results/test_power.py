@@ -115,7 +115,6 @@ def test_a_claim_is_about_the_effect_of_all_factors(term: str) -> None:
     assert (True, False) == (of.is_claimed(term), of.is_claimed("motion"))
 
 
-@pytest.mark.slow
 def test_people_of_the_quick_path_are_those_of_sessions(people: pd.DataFrame) -> None:
     plan = opened("duel").experiment({}).plan(2, 1)
     mine = people[people["participant"] == "00002"]
@@ -125,7 +124,6 @@ def test_people_of_the_quick_path_are_those_of_sessions(people: pd.DataFrame) ->
     assert mine["realism"].between(1, 9).all()
 
 
-@pytest.mark.slow
 def test_directed_gaze_is_looked_at_longer_only_with_the_effect(
     power: KitPower, people: pd.DataFrame
 ) -> None:
@@ -135,7 +133,6 @@ def test_directed_gaze_is_looked_at_longer_only_with_the_effect(
     assert 0.7 < without["directed"] / without["averted"] < 1.4
 
 
-@pytest.mark.slow
 def test_power_is_found_in_a_pool_and_does_not_depend_on_the_jobs(
     power: KitPower, people: pd.DataFrame
 ) -> None:

@@ -152,7 +152,6 @@ def test_texts_agree_between_languages_and_name_no_number_themselves(reference: 
     assert [] == text_problems(on_kit(reference).study)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("reference", EVERY, ids=name_of)
 def test_columns_are_described_and_people_are_not_told_conditions(reference: str) -> None:
     study = on_kit(reference)
@@ -169,7 +168,6 @@ def renderer() -> Iterator[Renderer]:
         yield opened
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("reference", EVERY, ids=name_of)
 def test_every_condition_can_be_drawn_and_shows_something(
     reference: str, renderer: Renderer
@@ -226,7 +224,6 @@ def killed(request: Request) -> bool:
     return os.WIFSIGNALED(os.waitpid(pid, 0)[1])
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system cannot fork a process")
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("reference", EVERY, ids=name_of)
@@ -263,7 +260,6 @@ def test_three_people_one_killed_and_resumed_are_analysed(reference: str, tmp_pa
     assert (trials[IS_ANALYSED] == trials["left_out_because"].isna()).all()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("reference", EVERY, ids=name_of)
 def test_names_of_conditions_change_nothing_that_is_recorded(
     reference: str, tmp_path: Path
@@ -300,7 +296,6 @@ def without_effect(study: OpenedStudy, experiment: StudyExperiment, people: int)
     )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("reference", EVERY, ids=name_of)
 def test_everybody_answers_in_time_on_the_quick_path(reference: str) -> None:
     study = on_kit(reference)
@@ -309,7 +304,6 @@ def test_everybody_answers_in_time_on_the_quick_path(reference: str) -> None:
     assert ways <= {"ray", "gaze", "keys", "gaze and button"}
 
 
-@pytest.mark.slow
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("reference", EVERY, ids=name_of)
 def test_without_an_effect_nothing_is_found(reference: str) -> None:

@@ -52,7 +52,6 @@ def met_in_trials(reference: str, root: Path, how: str, **variables: Path) -> li
     return met
 
 
-@pytest.mark.slow  # a minute: every kernel of every study is compiled, as on a new computer
 @pytest.mark.timeout(900)
 def test_trials_meet_nothing_new_even_where_nothing_is_kept_yet(tmp_path: Path) -> None:
     empty = {"NUMBA_CACHE_DIR": tmp_path / "numba", "XDG_CACHE_HOME": tmp_path / "kept"}
@@ -60,7 +59,6 @@ def test_trials_meet_nothing_new_even_where_nothing_is_kept_yet(tmp_path: Path) 
     assert {name: [] for name in SHIPPED_STUDIES} == met
 
 
-@pytest.mark.slow  # a process that loads everything
 def test_what_is_met_in_a_trial_for_the_first_time_is_heard(tmp_path: Path) -> None:
     met = met_in_trials("stare", tmp_path, "unready")
     assert any("see_gaze" in what for what in met)
@@ -114,7 +112,6 @@ class Watching(GeometryStage):
         return super().draw(view, frame, head)
 
 
-@pytest.mark.slow  # trials of three studies
 @pytest.mark.parametrize("reference", ["stare", "crowd", "waving"])
 def test_what_a_trial_shows_first_is_foreseen(reference: str, tmp_path: Path) -> None:
     made: list[Watching] = []

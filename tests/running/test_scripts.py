@@ -18,14 +18,12 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> visavis.StudyData:
     )
 
 
-@pytest.mark.slow
 def test_trials_are_measured_and_say_what_counts(data: visavis.StudyData) -> None:
     trials = visavis.open_study(data.path).trials()
     assert (8, True) == (len(trials), bool(trials["is_analysed"].all()))
     assert trials["dwell_ms"].notna().all()
 
 
-@pytest.mark.slow
 def test_streams_are_frames_whose_columns_are_described(data: visavis.StudyData) -> None:
     session = data.session("S01B")
     gaze = session.stream("gaze_targets")
@@ -35,18 +33,15 @@ def test_streams_are_frames_whose_columns_are_described(data: visavis.StudyData)
     assert "gaze" in session.streams
 
 
-@pytest.mark.slow
 def test_session_of_somebody_unknown_names_those_there(data: visavis.StudyData) -> None:
     with pytest.raises(UsageError, match="there are S01B, S02C"):
         data.session("S09")
 
 
-@pytest.mark.slow
 def test_analysis_takes_other_limits(data: visavis.StudyData) -> None:
     assert 0.2 == data.analysis(max_trial_lost_01=0.2).selection.limits["max_trial_lost_01"]
 
 
-@pytest.mark.slow
 def test_tables_are_read_as_written(data: visavis.StudyData) -> None:
     with pytest.raises(UsageError, match="make them"):
         visavis.tables(data)

@@ -28,7 +28,6 @@ def run(command: list[str], folder: Path) -> str:
     return done.stdout
 
 
-@pytest.mark.slow
 @pytest.mark.timeout(900)  # a whole page, on a busy machine
 def test_page_runs_as_it_stands(tmp_path: Path) -> None:
     shutil.copy(STUDIES / "duel.py", tmp_path)

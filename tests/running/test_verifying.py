@@ -71,7 +71,6 @@ def test_a_fresh_session_is_the_same_bit_for_bit(duel: Recording, tmp_path: Path
     )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("study", ["stare", "crowd", "waving"])
 def test_a_fresh_session_of_every_study_is_the_same_bit_for_bit(study: str, tmp_path: Path) -> None:
     chosen = find_study(study)

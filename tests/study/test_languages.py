@@ -47,7 +47,6 @@ def test_leaving_out_has_a_word_in_every_language(language: str) -> None:
     assert read_texts((), language).get("no_answer")
 
 
-@pytest.mark.slow
 def test_answers_given_in_german_are_read_as_those_given_in_english(tmp_path: Path) -> None:
     def asked_in(language: str) -> tuple[dict[str, object], list[dict[str, object]]]:
         recording = perform("asking", tmp_path / language, language=language)

@@ -136,7 +136,6 @@ def test_trial_without_such_a_factor_says_what_there_is() -> None:
         _ = script.colour
 
 
-@pytest.mark.slow
 def test_session_is_recorded_and_measured_from_the_recording_alone(tmp_path: Path) -> None:
     recording = perform("duel", tmp_path, **SMALL)
     study = opened("duel")
@@ -153,7 +152,6 @@ def test_session_is_recorded_and_measured_from_the_recording_alone(tmp_path: Pat
     assert "tests need 3" in analysis.findings[0].why_not
 
 
-@pytest.mark.slow
 def test_study_without_people_is_performed_and_recorded(tmp_path: Path) -> None:
     path = written(
         tmp_path,

@@ -21,7 +21,6 @@ COMMANDS_ON_THE_PAGE = 15
 FILE = re.compile(r"# ([\w/]+\.(?:py|yaml))(, at its end)?\n")
 
 
-@pytest.mark.slow
 @pytest.mark.timeout(900)  # a whole page, on a busy machine
 def test_everything_on_the_page_works_in_its_order(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch

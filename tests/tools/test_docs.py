@@ -42,7 +42,6 @@ def test_the_index_of_decisions_leads_to_every_record() -> None:
     assert records == re.findall(r"^\| \[\d{4}\]\(([^)]+)\) \|", index, re.MULTILINE)
 
 
-@pytest.mark.slow  # every page
 @pytest.mark.timeout(300)
 def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     built = subprocess.run(
@@ -59,7 +58,6 @@ def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     assert not re.search(r'(?:src|href)="https?://(?!www\.w3)[^"]+\.(?:js|css|woff2?)"', front)
 
 
-@pytest.mark.slow  # a whole study, from an empty folder
 @pytest.mark.timeout(600)
 def test_the_first_report_is_reached_by_its_page_alone(tmp_path: Path) -> None:
     page = (ROOT / "docs" / "first-report.md").read_text("utf-8")

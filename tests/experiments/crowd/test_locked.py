@@ -60,7 +60,6 @@ def test_another_alpha_than_locked_is_a_deviation_of_every_comparison() -> None:
     assert len(OPENED.study.analysis.compare) == len(found)
 
 
-@pytest.mark.slow
 def test_a_locked_crowd_study_is_analysed_and_its_report_names_what_deviates(
     tmp_path: Path,
 ) -> None:

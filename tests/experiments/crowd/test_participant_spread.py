@@ -32,7 +32,6 @@ def implied(measure):
 
 
 # Slow: whole blocks, since people's form wanders over as many walks as a block has.
-@pytest.mark.slow
 @pytest.mark.parametrize("measure", FITTED)
 def test_people_change_from_block_to_block_as_the_printed_f_implies(walks, measure):
     cells = walks.groupby(["participant", "condition"])[measure].mean().unstack()
@@ -40,7 +39,6 @@ def test_people_change_from_block_to_block_as_the_printed_f_implies(walks, measu
     assert implied(measure) == pytest.approx(changed(cells[list(CONDITIONS)].to_numpy()), rel=0.4)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("measure", FITTED)
 def test_people_differ_from_each_other_as_printed(walks, measure):
     cells = walks.groupby(["participant", "condition"])[measure].mean().unstack()
@@ -49,7 +47,6 @@ def test_people_differ_from_each_other_as_printed(walks, measure):
     assert np.mean(printed) == pytest.approx(np.mean(cells.std(ddof=1)), rel=0.4)
 
 
-@pytest.mark.slow
 def test_some_people_go_against_the_others(walks):
     cells = walks.groupby(["participant", "condition"])["collisions"].mean().unstack()
     before, haptic = (cells[c] for c in CONDITIONS[:2])

@@ -16,7 +16,6 @@ SHORT = {"repetitions": 1, "trial_s": 6.0}
 SEED, INDEX = 7, 2
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("agents", [MAX_AGENTS, MIN_AGENTS])
 def test_the_short_path_measures_what_the_full_engine_measures(tmp_path: Path, agents: int) -> None:
     parameters = {**SHORT, "agents": agents}

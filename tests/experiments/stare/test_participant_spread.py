@@ -50,7 +50,6 @@ def even_sample(many, seed, *, of):
     return sorted(np.random.default_rng(seed).permuted(parts, axis=1)[:, 0].tolist())
 
 
-@pytest.mark.slow
 def test_differences_have_the_published_size_and_spread_both_signs_and_little_skew() -> None:
     # A seed on which nothing was fitted. Slow: forty people, each through a session's trials.
     seed = 2026

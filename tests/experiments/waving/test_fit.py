@@ -163,7 +163,6 @@ def test_evolution_comes_to_the_lowest_point_of_a_narrow_valley():
     )
 
 
-@pytest.mark.slow
 def test_constants_far_from_those_that_hold_are_fitted_anew():
     away = 0.3 * np.random.default_rng(1).standard_normal(len(FREE))
     start = point_of(DEFAULT_POPULATION) + away

@@ -4,7 +4,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
-import pytest
 
 from tests.running.page.pages import SEED, config, experiment, study
 from visavis.lab.config import LabConfig
@@ -23,7 +22,6 @@ def rows_on(on: str, made: LabConfig) -> pd.DataFrame:
     return recording.trials()
 
 
-@pytest.mark.slow  # films before a headset, which nobody draws, take minutes of session time
 def test_films_with_one_person_and_with_two_are_shown_before_a_headset_as_on_a_page(
     tmp_path: Path,
 ) -> None:

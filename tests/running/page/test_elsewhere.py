@@ -453,7 +453,6 @@ def recorded(host: Host, results: Path) -> tuple[str, Recording]:
     return label, Recording(path)
 
 
-@pytest.mark.slow
 def test_a_bundle_on_a_plain_host_goes_from_beginning_to_a_file_of_answers(
     served: tuple[Host, str], browser: Any
 ) -> None:
@@ -480,7 +479,6 @@ def test_a_bundle_on_a_plain_host_goes_from_beginning_to_a_file_of_answers(
     assert {"panel": "link", "identifier": "abc-123"} == host.who[label]
 
 
-@pytest.mark.slow
 def test_who_types_what_the_page_says_has_heard_it(tmp_path: Path, browser: Any) -> None:
     host = Host(tmp_path, STUDY.replace("uses=()", 'uses=(), screening=["sound"]'))
     bundle = host.exported()
@@ -518,7 +516,6 @@ def served_files(folder: Path) -> Iterator[str]:
         server.shutdown()
 
 
-@pytest.mark.slow
 def test_a_film_that_cannot_be_played_ends_its_trial_and_the_results_are_taken(
     tmp_path: Path, browser: Any
 ) -> None:
@@ -540,7 +537,6 @@ def test_a_film_that_cannot_be_played_ends_its_trial_and_the_results_are_taken(
     assert ["skipped", "skipped"] == list(recording.trials()["status"])
 
 
-@pytest.mark.slow
 def test_a_page_that_is_reloaded_without_a_network_goes_on_with_its_films(
     tmp_path: Path, browser: Any
 ) -> None:
@@ -568,7 +564,6 @@ def run_of(page: Any) -> str:
     return str(page.url.partition("#")[2])
 
 
-@pytest.mark.slow
 def test_a_second_person_at_one_computer_is_asked_whether_it_is_theirs(
     served: tuple[Host, str], browser: Any
 ) -> None:
@@ -600,7 +595,6 @@ def test_a_second_person_at_one_computer_is_asked_whether_it_is_theirs(
     assert "1 of 4" in page.inner_text("#progress")
 
 
-@pytest.mark.slow
 def test_a_link_of_a_panel_opened_again_goes_on_and_a_placeholder_is_refused(
     served: tuple[Host, str], browser: Any
 ) -> None:
@@ -675,7 +669,6 @@ def told_until_ended(page: Any) -> dict[str, Any]:
     return told
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("stops", [False, True])
 def test_in_jatos_answers_are_handed_over_and_the_run_is_ended(
     served: tuple[Host, str], browser: Any, stops: bool

@@ -83,7 +83,6 @@ def answered(base: str, key: str, steps: int) -> dict[str, Any]:
     return told
 
 
-@pytest.mark.slow
 def test_a_killed_server_goes_on_at_the_same_step(tmp_path: Path) -> None:
     (tmp_path / "many.py").write_text(STUDY, encoding="utf-8")
     subprocess.run([*COMMAND, "init"], cwd=tmp_path, check=True, stdout=subprocess.DEVNULL)
