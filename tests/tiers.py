@@ -42,7 +42,7 @@ def write_costs(costs: Mapping[str, float]) -> str:
         "# CPU seconds of tests, fixtures and child processes included, compiling excluded.\n"
         f'# Written by `pytest {RECORD}`; more than {LIMIT_S:g} s: second tier ("slow").\n'
     )
-    listed = sorted((-cost, test) for test, cost in costs.items() if cost >= LISTED_S)
+    listed = sorted((-round(cost, 1), test) for test, cost in costs.items() if cost >= LISTED_S)
     return head + "".join(f"{-cost:.1f} {test}\n" for cost, test in listed)
 
 
