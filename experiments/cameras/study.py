@@ -16,6 +16,7 @@ from visavis.protocol.plan.design import Factor
 from visavis.protocol.plan.parameters import Within
 from visavis.stimuli.motion.kinds import Idle, Walk
 from visavis.stimuli.scenes.gathering import GatheringScene
+from visavis.study.actions import Action
 from visavis.study.asking import Answer
 from visavis.study.comparisons import Compare
 from visavis.study.declaration import Study
@@ -26,7 +27,7 @@ from visavis.study.moving_camera import FilmSeen
 from visavis.study.responses import Choice, Response
 from visavis.study.scenes import Scene, StagedScene, Staging, scene_of_people
 from visavis.study.study_functions import Seen
-from visavis.study.trial import Action, TrialScript
+from visavis.study.trial import TrialScript
 
 CITATION: Final = (
     "Jovane, A. (2023): Modeling of reactive movement and non-verbal behaviors for the creation of "

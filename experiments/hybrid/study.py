@@ -18,6 +18,7 @@ from visavis.stimuli.motion.clip import Motion, placed_joints
 from visavis.stimuli.motion.kinds import Recorded
 from visavis.stimuli.motion.synthesis.hybrid import Controls
 from visavis.stimuli.scenes.gathering import GatheringScene, Standing
+from visavis.study.actions import Action
 from visavis.study.asking import Answer
 from visavis.study.comparisons import Compare
 from visavis.study.declaration import Study
@@ -27,7 +28,7 @@ from visavis.study.measures import column
 from visavis.study.responses import Choice, Response
 from visavis.study.scenes import Scene, StagedScene, Staging, scene_of_people
 from visavis.study.study_functions import Seen
-from visavis.study.trial import Action, TrialScript
+from visavis.study.trial import TrialScript
 
 CITATION: Final = (
     "Thesis, Blekinge Institute of Technology, Karlskrona (2017): hybrid animation of humanoid "

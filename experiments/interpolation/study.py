@@ -23,6 +23,7 @@ from visavis.protocol.plan.design import Factor
 from visavis.stimuli.motion.clip import Motion, placed_joints
 from visavis.stimuli.motion.kinds import Recorded
 from visavis.stimuli.scenes.gathering import GatheringScene, Standing
+from visavis.study.actions import Action
 from visavis.study.careless_answers import Careless
 from visavis.study.comparisons import Compare
 from visavis.study.declaration import Study
@@ -32,7 +33,7 @@ from visavis.study.parts import Source
 from visavis.study.responses import Rating, Response
 from visavis.study.scenes import Scene, StagedScene, Staging, scene_of_people
 from visavis.study.study_functions import Seen
-from visavis.study.trial import Action, TrialScript
+from visavis.study.trial import TrialScript
 
 CITATION: Final = (
     "Lei, X., Adamo-Villani, N., Benes, B., Wang, Z., Meyer, Z., Mayer, R., & Lawson, A. "

@@ -28,8 +28,8 @@ from visavis.protocol.plan.steps import (
     Step,
 )
 from visavis.study.asking import frame
+from visavis.study.frames import gaze_has_arrived, show_frame
 from visavis.study.scenes import WithEyes
-from visavis.study.trial import gaze_has_arrived, show_frame
 
 TRAINING_PROMPT: Final = (
     "Training: has the participant seen audience and speaker, and is ready? Then space"

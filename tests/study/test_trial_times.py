@@ -7,7 +7,7 @@ from visavis.lab.clock import NS_PER_MS
 from visavis.protocol.plan.columns import DELIVERY_COLUMNS
 from visavis.recording.reader import Recording
 from visavis.results.tables.dictionary import scene_column
-from visavis.study.trial import DRAIN_MS
+from visavis.study.frames import DRAIN_MS
 
 SAID = {c.name: c.description for c in DELIVERY_COLUMNS}
 

@@ -30,7 +30,8 @@ from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import SceneFrame
 from visavis.study.experiment import StudyExperiment
 from visavis.study.responses import Keys
-from visavis.study.trial import TrialScript, is_on_board
+from visavis.study.trial import TrialScript
+from visavis.study.trial_settings import is_on_board
 
 UNDRAWN_PX: Final = (720, 800)
 MARKED_NS: Final = NS_PER_S // 2

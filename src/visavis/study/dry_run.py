@@ -27,21 +27,15 @@ from visavis.protocol.plan.steps import (
 )
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.sound import Sound
+from visavis.study.actions import Action, PlayedSound, ShownScene
 from visavis.study.asking import Answer
 from visavis.study.background import BackgroundExecutor
 from visavis.study.films import Stimulus
 from visavis.study.responses import Response
 from visavis.study.scenes import Scene, Staging, stage
 from visavis.study.study_errors import explain, line_of, line_reached
-from visavis.study.trial import (
-    SCENE_STREAM,
-    Action,
-    PlayedSound,
-    Settings,
-    ShownScene,
-    TrialPlan,
-    TrialScript,
-)
+from visavis.study.trial import SCENE_STREAM, TrialPlan, TrialScript
+from visavis.study.trial_settings import Settings
 
 MAX_STEPS: Final = 100_000
 ANSWER_S: Final = 2.5

@@ -20,15 +20,18 @@ from visavis.protocol.session.boards import DwellRule, Ways
 from visavis.stimuli.scene import Scene as StageScene
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.sound import Sound
+from visavis.study.actions import Action
 from visavis.study.asking import frame
 from visavis.study.comparisons import Compare, possible
 from visavis.study.declaration import Study
 from visavis.study.dry_run import TrialRead, first_lit, read_trials
 from visavis.study.films import Film, films_of
 from visavis.study.parameters import parameters_in_force
+from visavis.study.performing import perform
 from visavis.study.responses import Keys, Pointing, Rating, Response
 from visavis.study.texts import DEFAULT_LANGUAGE, Texts, read_texts
-from visavis.study.trial import Action, Settings, TrialScript, perform
+from visavis.study.trial import TrialScript
+from visavis.study.trial_settings import Settings
 
 WAYS: Final = ("board", "ray", "keyboard")
 """How questions are answered: "board" by hand, gaze or head; "ray" by hand or head; "keyboard"."""

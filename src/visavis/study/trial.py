@@ -7,8 +7,8 @@ follows a ray) happen inside, so a trial reads like its protocol. Steps of
 """
 
 import difflib
-from collections.abc import Callable, Generator, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias, get_args
 
@@ -16,31 +16,25 @@ import numpy as np
 
 from visavis.devices.contracts import VibrationPattern
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
-from visavis.lab.errors import DataError, DesignError
+from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Pose, Vector
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import (
-    AskReply,
     FrameView,
     Hush,
     Mark,
-    NextFrame,
-    Plan,
     Play,
     PlaySound,
     Scalar,
     Show,
-    Silence,
     SoundOnset,
     Step,
-    TrialInterrupted,
 )
-from visavis.protocol.session.boards import Ways
 from visavis.stimuli.panels import SIZE_M, PanelFrame, placed_before
 from visavis.stimuli.picture import Panel
-from visavis.stimuli.scene import Scene as StageScene
 from visavis.stimuli.scene import SceneFrame
-from visavis.stimuli.sound import Sound, read_sound
+from visavis.stimuli.sound import Sound
+from visavis.study.actions import Action, Performing, PlayedSound, ShownScene
 from visavis.study.asking import (
     Answer,
     ask_at_terminal,
@@ -52,111 +46,22 @@ from visavis.study.asking import (
 )
 from visavis.study.background import BackgroundExecutor
 from visavis.study.films import Stimulus, Viewing, scene_of, seconds_of
-from visavis.study.responses import Keys, Number, Pointing, Rating, Response, Text, labels_of
-from visavis.study.scenes import Maker, Scene, StagedScene, Staging, stage
-from visavis.study.texts import Texts
+from visavis.study.frames import dark_frame, dark_view, gaze_has_arrived, show_frame
+from visavis.study.responses import Keys, Pointing, Rating, Response, labels_of
+from visavis.study.scenes import Scene, StagedScene, Staging, stage
+from visavis.study.trial_settings import Settings, is_on_board
 
-DRAIN_MS: Final = 50.0
-"""How long a scene waits for samples that were taken before its end and arrive later."""
 SCENE_STREAM: Final = 100
 OWN_STREAM: Final = 200
-DARK: Final = StageScene(name="dark", agents=(), brightness_01=0.0)
 
 MAX_GAIN_DB: Final = 20.0
 STAMP_LIMIT_S: Final = 1.0
 """How long a trial waits for the report that a sound began."""
 Wait: TypeAlias = Literal["onset", "end", "no"]
-Performing: TypeAlias = Generator[Step, FrameView | AskReply | None, Any]
-
-
-@dataclass(frozen=True)
-class ShownScene:
-    """The result of showing a scene: onset and end of its light, and its roles."""
-
-    on_ns: int
-    off_ns: int
-    roles: Mapping[str, int]
-    view: FrameView
-
-    @property
-    def ms(self) -> float:
-        """How long it was shown."""
-        return (self.off_ns - self.on_ns) / NS_PER_MS
-
-
-@dataclass(frozen=True)
-class PlayedSound:
-    """The result of playing a sound: its onset; None where it was not reported."""
-
-    on_ns: int | None
-    seconds: float
-
-
-@dataclass(frozen=True, eq=False)
-class Action:
-    """A step of the kit: its `name`, its shortest duration in `seconds`, `perform` runs it.
-
-    `response` is the question, `scene` the scene shown, `sound` the sound played, with the name by
-    which its `column` begins, for reading a trial without performing it.
-    """
-
-    name: str
-    perform: Callable[[], Performing] = field(repr=False)
-    seconds: float = 0.0
-    response: Response | None = None
-    scene: Scene | None = None
-    viewing: Viewing | None = None
-    sound: Sound | Path | None = None
-    column: str = ""
-    waits_for_end: bool = False
-
-    @property
-    def responses(self) -> tuple[Response, ...]:
-        """All questions, in order."""
-        if self.viewing is not None:
-            return self.viewing.responses
-        return () if self.response is None else (self.response,)
 
 
 class UnknownNameError(DesignError, AttributeError):
     """A trial has no factor, parameter or step of this name."""
-
-
-@dataclass(frozen=True)
-class Settings:
-    """What every trial of a study shares: its parameters, words, scenes and ways of answering.
-
-    `memory` is what trials of one session leave for later ones, `beside` performs work that would
-    delay a frame.
-    """
-
-    parameters: Mapping[str, Any]
-    texts: Texts
-    values: Mapping[str, Any]
-    makers: Mapping[str, Maker]
-    ways: Ways
-    answer_by: str
-    folder: Path
-    memory: dict[str, Any] = field(default_factory=dict)
-    beside: BackgroundExecutor = field(default_factory=BackgroundExecutor)
-    sounds: dict[Path, Sound] = field(default_factory=dict)
-    measured_roles: frozenset[str] = frozenset()
-    """Roles with a measure: a row names them even if the role is a place."""
-
-    def sound_of(self, source: Sound | Path) -> Sound:
-        """Return what is played; files are read once.
-
-        Raises:
-            DesignError: the file cannot be played.
-        """
-        if isinstance(source, Sound):
-            return source
-        if source not in self.sounds:
-            try:
-                self.sounds[source] = read_sound(source)
-            except DataError as problem:
-                raise DesignError(f"t.play: {problem}") from problem
-        return self.sounds[source]
 
 
 @dataclass(frozen=True)
@@ -549,7 +454,7 @@ class TrialScript:
             if last and behind is None and last[-1][1] == panel.highlighted:
                 return None
             if behind is None:
-                behind = last[-1][0] if last else _dark_frame(view.t_ns)
+                behind = last[-1][0] if last else dark_frame(view.t_ns)
             last[:] = [(behind, panel.highlighted)]
             if isinstance(behind, PanelFrame):
                 return Show(replace(behind, t_ns=view.t_ns, panels=(panel,)))
@@ -686,98 +591,8 @@ TrialPlan: TypeAlias = Callable[[TrialScript], Iterator[Action | Step]]
 """A study's trial: a generator over its script."""
 
 
-def is_on_board(response: Response, settings: Settings) -> bool:
-    """Tell whether a response is asked for on a board before the participant."""
-    is_elsewhere = isinstance(response, Text | Number | Pointing)
-    return not is_elsewhere and settings.answer_by != "keyboard"
-
-
-def perform(script: TrialScript, plan: TrialPlan) -> Plan:
-    """Perform a study's trial as the session does: split actions into steps of the engine.
-
-    An interruption is thrown into the study's generator too, so that its `finally` runs; motors
-    are silenced in any case.
-    """
-    steps: Any = plan(script)
-    reply: Any = None
-    try:
-        while True:
-            step = steps.send(reply)
-            if isinstance(step, Action):
-                reply = yield from _listening(script, step.perform())
-            else:
-                reply = yield step
-                if isinstance(step, NextFrame):
-                    script.view = reply
-                    script.store_onsets(reply.sound_onsets)
-    except StopIteration as end:
-        return {**script.row, **(end.value or {})}
-    except TrialInterrupted as stop:
-        yield Silence()
-        yield from _unwound(steps, stop)
-        raise
-
-
-def _listening(script: TrialScript, steps: Performing) -> Performing:
-    """Perform the parts of a step and store the onsets of sounds meanwhile."""
-    go_on: Callable[[Any], Any] = steps.send
-    value: Any = None
-    while True:
-        try:
-            step = go_on(value)
-        except StopIteration as end:
-            return end.value
-        try:
-            value = yield step
-        except TrialInterrupted as stop:
-            go_on, value = steps.throw, stop
-        else:
-            go_on = steps.send
-            if isinstance(value, FrameView) and value.sound_onsets:
-                script.store_onsets(value.sound_onsets)
-
-
-def _unwound(steps: Any, stop: TrialInterrupted) -> Performing:
-    try:
-        step = steps.throw(stop)
-        while True:
-            if isinstance(step, Action):
-                if step.name not in ("mark", "vibrate"):
-                    raise DesignError(
-                        f"a trial that was interrupted may still mark, not {step.name}"
-                    )
-                reply = yield from step.perform()
-            else:
-                reply = yield step
-            step = steps.send(reply)
-    except (StopIteration, TrialInterrupted):
-        return
-
-
-def dark_view(t_ns: int) -> Show:
-    """Return the step that makes everything dark."""
-    return Show(_dark_frame(t_ns))
-
-
-def _dark_frame(t_ns: int) -> SceneFrame:
-    return SceneFrame(DARK, t_ns, np.zeros((0, 3)), np.zeros(0))
-
-
 def _nothing(view: FrameView) -> Show | None:
     return None
-
-
-def show_frame(view: SceneFrame | None) -> Performing:
-    """Show a frame if there is a new one."""
-    if view is not None:
-        yield Show(view)
-
-
-def gaze_has_arrived(view: FrameView, end_ns: int, drain_ms: float = DRAIN_MS) -> bool:
-    """Tell whether all gaze samples from before the end have arrived, or the wait is over."""
-    stamps = view.gaze.t_ns
-    has_timed_out = view.t_ns >= end_ns + round(drain_ms * NS_PER_MS)
-    return has_timed_out or bool(stamps.shape[0] and stamps[-1] >= end_ns)
 
 
 def _payload(

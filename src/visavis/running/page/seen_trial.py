@@ -16,9 +16,10 @@ from visavis.results.opened_study import OpenedStudy, overrides_of
 from visavis.running.film_store import FilmStore, film_store
 from visavis.running.page.steps import PageStep, Reply, ns_of_ms
 from visavis.running.page.trial import FilmFailed, perform_on_page
+from visavis.study.actions import Action
 from visavis.study.experiment import StudyExperiment
 from visavis.study.films import Film, Viewing, films_of
-from visavis.study.trial import Action, TrialScript
+from visavis.study.trial import TrialScript
 
 
 @dataclass(frozen=True)

@@ -18,11 +18,12 @@ from visavis.running.page.steps import (
     read_film,
     read_page_answer,
 )
+from visavis.study.actions import Action
 from visavis.study.asking import Answer
 from visavis.study.dry_run import still_view
 from visavis.study.films import Film, Viewing, films_of
 from visavis.study.responses import Response
-from visavis.study.trial import Action, TrialPlan, TrialScript
+from visavis.study.trial import TrialPlan, TrialScript
 
 OnPage: TypeAlias = Generator[PageStep | Mark, Reply | None, Any]
 FilmFiles: TypeAlias = Callable[[Film], Mapping[str, Any]]

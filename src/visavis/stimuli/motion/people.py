@@ -136,8 +136,8 @@ class PeopleMotion:
             return np.zeros((0, p.SIZE))
         plan, own_s = self._plan, np.broadcast_to(t_s, len(self.people))
         has_begun = plan.start_s <= np.repeat(own_s, plan.lengths)
-        begun = np.add.reduceat(has_begun.astype(np.int64), plan.first)
-        doing = plan.first + np.maximum(begun, 1) - 1
+        begun_count = np.add.reduceat(has_begun.astype(np.int64), plan.first)
+        doing = plan.first + np.maximum(begun_count, 1) - 1
         controls = self._posture(own_s, doing, np.arange(len(self.people)))
         share = (own_s - plan.start_s[doing]) / plan.fade_s[doing]
         rows = np.flatnonzero((doing > plan.first) & (share < 1.0))

@@ -1,0 +1,65 @@
+"""A step of a trial as its study yields it, and what it gives back."""
+
+from collections.abc import Callable, Generator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from visavis.lab.clock import NS_PER_MS
+from visavis.protocol.plan.steps import AskReply, FrameView, Step
+from visavis.stimuli.sound import Sound
+from visavis.study.films import Viewing
+from visavis.study.responses import Response
+from visavis.study.scenes import Scene
+
+Performing: TypeAlias = Generator[Step, FrameView | AskReply | None, Any]
+"""The engine's steps of which a step of the kit consists."""
+
+
+@dataclass(frozen=True)
+class ShownScene:
+    """The result of showing a scene: onset and end of its light, and its roles."""
+
+    on_ns: int
+    off_ns: int
+    roles: Mapping[str, int]
+    view: FrameView
+
+    @property
+    def ms(self) -> float:
+        """How long it was shown."""
+        return (self.off_ns - self.on_ns) / NS_PER_MS
+
+
+@dataclass(frozen=True)
+class PlayedSound:
+    """The result of playing a sound: its onset; None where it was not reported."""
+
+    on_ns: int | None
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class Action:
+    """A step of the kit: its `name`, its shortest duration in `seconds`, `perform` runs it.
+
+    `response` is the question, `scene` the scene shown, `sound` the sound played, with the name by
+    which its `column` begins, for reading a trial without performing it.
+    """
+
+    name: str
+    perform: Callable[[], Performing] = field(repr=False)
+    seconds: float = 0.0
+    response: Response | None = None
+    scene: Scene | None = None
+    viewing: Viewing | None = None
+    sound: Sound | Path | None = None
+    column: str = ""
+    waits_for_end: bool = False
+
+    @property
+    def responses(self) -> tuple[Response, ...]:
+        """All questions, in order."""
+        if self.viewing is not None:
+            return self.viewing.responses
+        return () if self.response is None else (self.response,)

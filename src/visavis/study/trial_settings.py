@@ -1,0 +1,57 @@
+"""What all trials of a study share, and which of their questions are asked on a board."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from visavis.lab.errors import DataError, DesignError
+from visavis.protocol.session.boards import Ways
+from visavis.stimuli.sound import Sound, read_sound
+from visavis.study.background import BackgroundExecutor
+from visavis.study.responses import Number, Pointing, Response, Text
+from visavis.study.scenes import Maker
+from visavis.study.texts import Texts
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What every trial of a study shares: its parameters, words, scenes and ways of answering.
+
+    `memory` is what trials of one session leave for later ones, `beside` performs work that would
+    delay a frame.
+    """
+
+    parameters: Mapping[str, Any]
+    texts: Texts
+    values: Mapping[str, Any]
+    makers: Mapping[str, Maker]
+    ways: Ways
+    answer_by: str
+    folder: Path
+    memory: dict[str, Any] = field(default_factory=dict)
+    beside: BackgroundExecutor = field(default_factory=BackgroundExecutor)
+    sounds: dict[Path, Sound] = field(default_factory=dict)
+    measured_roles: frozenset[str] = frozenset()
+    """Roles with a measure: a row names them even if the role is a place."""
+
+    def sound_of(self, source: Sound | Path) -> Sound:
+        """Return what is played; files are read once.
+
+        Raises:
+            DesignError: the file cannot be played.
+        """
+        if isinstance(source, Sound):
+            return source
+        if source not in self.sounds:
+            try:
+                self.sounds[source] = read_sound(source)
+            except DataError as problem:
+                raise DesignError(f"t.play: {problem}") from problem
+        return self.sounds[source]
+
+
+def is_on_board(response: Response, settings: Settings) -> bool:
+    """Tell whether a response is asked for on a board before the participant."""
+    is_elsewhere = isinstance(response, Text | Number | Pointing)
+    return not is_elsewhere and settings.answer_by != "keyboard"
