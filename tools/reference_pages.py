@@ -48,13 +48,13 @@ WIRING_OF: Final = {
 
 def pages() -> dict[str, str]:
     """Return every page's text by its path below `docs/reference`."""
-    found = {f"data/{name}.md": _data_page(name) for name in SHIPPED_STUDIES}
-    found["data/statistics.md"] = _statistics_page()
-    found["study.md"] = _study_page()
+    pages = {f"data/{name}.md": _data_page(name) for name in SHIPPED_STUDIES}
+    pages["data/statistics.md"] = _statistics_page()
+    pages["study.md"] = _study_page()
     specs = [spec for _, spec in sorted(built_in().items())]
-    found |= {f"devices/{spec.name}.md": _device_page(spec) for spec in specs}
-    found["README.md"] = _index(specs)
-    return found
+    pages |= {f"devices/{spec.name}.md": _device_page(spec) for spec in specs}
+    pages["README.md"] = _index(specs)
+    return pages
 
 
 def _index(specs: Iterable[AnySpec]) -> str:

@@ -59,13 +59,13 @@ SCREEN, SCREEN_PX, HALF_M = Screen(), (1920, 1080), 0.032
 
 def frames(*wires: str) -> tuple[bytes, ...]:
     """Return every different frame that came over stored wires."""
-    found: dict[bytes, None] = {}
+    encoded: dict[bytes, None] = {}
     for wire in wires:
         log = read_wire_log(WIRES / f"{wire}.wire")
         heard = (*(m.frames for m in log.messages), *(answer.frames for _, answer in log.exchanges))
         for parts in heard:
-            found |= dict.fromkeys(parts)
-    return tuple(found) or (bytes(8),)
+            encoded |= dict.fromkeys(parts)
+    return tuple(encoded) or (bytes(8),)
 
 
 def _armband(data: bytes) -> list[object]:
@@ -106,12 +106,12 @@ def _labjack(data: bytes) -> list[int]:
 def _boards_frames() -> tuple[bytes, ...]:
     """Return frames of the board, each between two zeros, as its firmware sends them."""
     rng = np.random.default_rng(16)
-    found = [board.encode_time(board.BoardTime(k, k * 9_999_991 % 2**32)) for k in range(32)]
+    encoded = [board.encode_time(board.BoardTime(k, k * 9_999_991 % 2**32)) for k in range(32)]
     for k in range(96):
         levels = rng.integers(0, 256, (board.BLOCK, len(board.CHANNELS))).astype(np.uint8)
         told = board.Samples(k, k * 44_444_443 % 2**32, 250, levels)
-        found.append(board.encode_samples(told))
-    return tuple(b"\0" + frame for frame in found)
+        encoded.append(board.encode_samples(told))
+    return tuple(b"\0" + frame for frame in encoded)
 
 
 def only_said_by(
@@ -138,11 +138,11 @@ def _feeding(language: Callable[[], object]) -> Callable[[bytes], object]:
 
 
 def _gazepoint(data: bytes) -> list[object]:
-    found: list[object] = []
+    encoded: list[object] = []
     for line in gazepoint.LineReader().feed(data):
-        found.append(gazepoint.decode_record(line.values, _PLACE, 1_000_000))
+        encoded.append(gazepoint.decode_record(line.values, _PLACE, 1_000_000))
         gazepoint.calibration_errors_deg(line.values, SCREEN)
-    return found
+    return encoded
 
 
 _PLACE = gazepoint.Place(SCREEN)
@@ -153,8 +153,8 @@ def _hid_gaze(samples: Sequence[bytes]) -> Callable[[bytes], object]:
     layout = hid_gaze.tracking_layout(hid_gaze.walk_descriptor(descriptor))
 
     def read(data: bytes) -> list[object]:
-        found = hid_gaze.tracking_layout(hid_gaze.walk_descriptor(data))
-        layouts = [each for each in (layout, found) if each is not None]
+        encoded = hid_gaze.tracking_layout(hid_gaze.walk_descriptor(data))
+        layouts = [each for each in (layout, encoded) if each is not None]
         return [hid_gaze.decode_report(data, each, SCREEN, 1e-6) for each in layouts]
 
     return read
@@ -162,18 +162,18 @@ def _hid_gaze(samples: Sequence[bytes]) -> Callable[[bytes], object]:
 
 def _lsl_gaze(samples: Sequence[bytes]) -> Callable[[bytes], object]:
     known = [i for i in map(lsl_gaze.parse_info, samples) if i is not None]
-    layouts = [found for found in map(lsl_gaze.layout_of, known) if found is not None]
+    layouts = [encoded for encoded in map(lsl_gaze.layout_of, known) if encoded is not None]
 
     def read(data: bytes) -> list[object]:
         info = lsl_gaze.parse_info(data)
         if info is not None:
             lsl_gaze.layout_of(info)
-        found: list[object] = []
+        encoded: list[object] = []
         for layout in layouts:
             size = 8 * (layout.count + 1)
             raw = data[:size].ljust(size, b"\x01")
-            found.append(lsl_gaze.decode_sample(raw, layout, SCREEN, HALF_M))
-        return found
+            encoded.append(lsl_gaze.decode_sample(raw, layout, SCREEN, HALF_M))
+        return encoded
 
     return read
 
@@ -199,7 +199,7 @@ _NATNET = tuple(
 
 def _neon(samples: Sequence[bytes]) -> Callable[[bytes], object]:
     cameras = (neon.decode_calibration(raw, 0.0) for raw in samples)
-    camera = next(found for found in cameras if found is not None)[0]
+    camera = next(encoded for encoded in cameras if encoded is not None)[0]
 
     def read(data: bytes) -> object:
         neon.decode_calibration(data, 12.0)
@@ -220,13 +220,13 @@ def _pupil() -> Callable[[bytes], object]:
     rows, stamps_ns = np.zeros(GAZE.dtype.itemsize, np.uint8), np.zeros(1, np.int64)
 
     def read(data: bytes) -> list[object]:
-        found = pupil.decode_gaze(data, 0.6)
+        encoded = pupil.decode_gaze(data, 0.6)
         is_read = decoder.decode(data, rows, stamps_ns, 0)
         pupil.decode_notification(data)
         pupil.decode_time((data,))
         pupil.decode_version(data.decode("latin-1"))
         short = [Sample(int(stamps_ns[0]), None, rows.tobytes())] if is_read else []
-        return [*short, *([] if found is None else [Sample(found[0], None, found[1])])]
+        return [*short, *([] if encoded is None else [Sample(encoded[0], None, encoded[1])])]
 
     return read
 
@@ -235,9 +235,9 @@ def _xsens() -> Callable[[bytes], object]:
     assembler = xsens.Assembler()
 
     def read(data: bytes) -> None:
-        found = xsens.decode_datagram(data)
-        if isinstance(found, xsens.Datagram):
-            assembler.add(found)
+        encoded = xsens.decode_datagram(data)
+        if isinstance(encoded, xsens.Datagram):
+            assembler.add(encoded)
 
     return read
 

@@ -32,9 +32,9 @@ def costing(ms_per_sample: float) -> dict[Choice, float]:
 
 
 def test_frames_in_time_need_no_advice(lab: LabConfig) -> None:
-    said = advice(lab, "card", 90.0, costing(1.9).__getitem__, costing(5.0).__getitem__)
-    assert ("ok", "") == (said.level, said.remedy)
-    assert "7.6 ms a stereo frame" in said.found
+    finding = advice(lab, "card", 90.0, costing(1.9).__getitem__, costing(5.0).__getitem__)
+    assert ("ok", "") == (finding.level, finding.remedy)
+    assert "7.6 ms a stereo frame" in finding.found
 
 
 def test_cards_with_time_to_spare_are_offered_shadows_of_areas(lab: LabConfig) -> None:
@@ -50,15 +50,15 @@ def test_cards_with_time_to_spare_are_offered_shadows_of_areas(lab: LabConfig) -
 
 
 def test_the_best_that_is_in_time_is_advised(lab: LabConfig) -> None:
-    said = advice(lab, "card", 90.0, costing(3.0).__getitem__, costing(9.0).__getitem__)
-    assert said.level == "warning"
-    assert "samples: 2, render_scale: 1 (6.0 ms)" in said.remedy
+    finding = advice(lab, "card", 90.0, costing(3.0).__getitem__, costing(9.0).__getitem__)
+    assert finding.level == "warning"
+    assert "samples: 2, render_scale: 1 (6.0 ms)" in finding.remedy
 
 
 def test_a_card_too_slow_for_anything_is_told_so(lab: LabConfig) -> None:
-    said = advice(lab, "card", 90.0, costing(100.0).__getitem__, costing(300.0).__getitem__)
-    assert "samples: 0, render_scale: 0.6" in said.remedy
-    assert "faster card" in said.remedy
+    finding = advice(lab, "card", 90.0, costing(100.0).__getitem__, costing(300.0).__getitem__)
+    assert "samples: 0, render_scale: 0.6" in finding.remedy
+    assert "faster card" in finding.remedy
 
 
 def test_choices_get_cheaper_and_the_first_in_time_is_taken() -> None:
@@ -78,9 +78,9 @@ def test_a_frame_is_measured_by_what_draws(lab: LabConfig) -> None:
         assert stereo_frame_ms(renderer, picture, HEAD, (32, 36), Choice(2, 0.5), clock) > 0.0
         if not draws_on_processor(renderer.context):
             pytest.skip("a card draws here")
-    said = measure_drawing(lab, SystemClock())
-    assert said.level == "warning"
-    assert "no graphics card draws" in said.found
+    finding = measure_drawing(lab, SystemClock())
+    assert finding.level == "warning"
+    assert "no graphics card draws" in finding.found
 
 
 def test_shadows_of_areas_are_timed_before_they_are_offered(
@@ -98,6 +98,6 @@ def test_shadows_of_areas_are_timed_before_they_are_offered(
         pytest.skip(str(problem))
     monkeypatch.setattr(drawing, "draws_on_processor", lambda _: False)
     monkeypatch.setattr(drawing, "stereo_frame_ms", counted)
-    said = drawing.measure_drawing(lab, SystemClock())
+    finding = drawing.measure_drawing(lab, SystemClock())
     assert drawn == ["maps", "area"]
-    assert "there is time for shadows: area (7.0 ms)" in said.found
+    assert "there is time for shadows: area (7.0 ms)" in finding.found

@@ -106,11 +106,11 @@ def test_a_page_that_is_there_is_not_replaced(page: Path) -> None:
 def test_numbers_come_back_within_a_part_of_their_range_and_missing_ones_stay_missing() -> None:
     values = np.array([[1.0, -5.0], [np.nan, 7.0], [3.0, np.inf], [2.0, 7.0]])
     bundle = Bundle()
-    told = bundle.add_quantised(values)
+    header = bundle.add_quantised(values)
     content = zlib.decompress(base64.b64decode(bundle.text({})))
-    body = np.frombuffer(content, "<u2", 8, 16 + told["o"]).reshape(2, 4)
+    body = np.frombuffer(content, "<u2", 8, 16 + header["o"]).reshape(2, 4)
     codes = np.cumsum(body, axis=1, dtype=np.uint16)
-    back = np.where(codes == MISSING, np.nan, codes * np.c_[told["step"]] + np.c_[told["low"]])
+    back = np.where(codes == MISSING, np.nan, codes * np.c_[header["step"]] + np.c_[header["low"]])
     wanted = np.where(np.isfinite(values), values, np.nan).T
     assert np.array_equal(np.isnan(wanted), np.isnan(back))
     assert np.nanmax(np.abs(wanted - back)) < 12 / 65_000

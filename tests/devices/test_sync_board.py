@@ -41,11 +41,11 @@ def test_samples_survive_the_wire_however_it_is_cut(raw, device_us, seq, cut):
     data = encode_samples(samples(seq, device_us, levels)) + encode_time(BoardTime(seq, device_us))
     reader = FrameReader()
     frames = [f for i in range(0, len(data), cut) for f in reader.feed(data[i : i + cut])]
-    block, told = (decode(frame) for frame in frames)
+    block, board_times = (decode(frame) for frame in frames)
 
     assert (seq, device_us, 250) == (block.seq, block.device_us, block.period_us)
     np.testing.assert_array_equal(levels, block.levels)
-    assert BoardTime(seq, device_us) == told
+    assert BoardTime(seq, device_us) == board_times
 
 
 @settings(max_examples=300)
@@ -134,9 +134,9 @@ def test_boards_own_firmware_speaks_this_protocol(tmp_path):
     assert 0 == reader.damaged_frame_count
     assert [250 + 3000 * i for i in range(len(blocks))] == [b.device_us for b in blocks]
     assert 32 == len(blocks)
-    told = [one for one in heard if isinstance(one, BoardTime)]
-    assert [7] == [one.seq for one in told]
-    assert told[0].device_us == pytest.approx(30_350, abs=250)
+    board_times = [one for one in heard if isinstance(one, BoardTime)]
+    assert [7] == [one.seq for one in board_times]
+    assert board_times[0].device_us == pytest.approx(30_350, abs=250)
     inputs_v = np.array((3.9 / 4, 3.3 / 4, 3.3 * 512 / 1023))
     for block in blocks:
         expected = np.broadcast_to(inputs_v / 3.3 * 255, (BLOCK, 3))

@@ -55,14 +55,14 @@ def outer_of(
         if not path.exists() or path.read_text() != text:
             path.write_text(text)
     path_line = f"import sys; sys.path[:0] = [{str(folder)!r}, {str(ROOT)!r}]"
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-B", "-c", f"{path_line}; import outer_kernel"],
         env=without_numbas_own(folder / "cache"),
         capture_output=True,
         text=True,
         check=True,
     )
-    value, hits, told = map(int, done.stdout.split())
+    value, hits, told = map(int, process.stdout.split())
     return value, hits, told
 
 
@@ -109,14 +109,14 @@ def test_cached_code_is_not_used_when_a_tuple_has_other_fields_or_another_name(
     for name, *fields in ("A", "left", "right"), ("A", "right", "left"), ("B", "right", "left"):
         (tmp_path / "pairs.py").write_text(PAIR.format(name, *fields))
         (tmp_path / "of_pair.py").write_text(OF_PAIR.format(name))
-        done = subprocess.run(
+        process = subprocess.run(
             [sys.executable, "-B", "-c", f"{path_line}; import of_pair"],
             env=without_numbas_own(tmp_path / "cache"),
             capture_output=True,
             text=True,
             check=True,
         )
-        assert "1.0" == done.stdout.strip()
+        assert "1.0" == process.stdout.strip()
 
 
 MATRICES = """
@@ -144,14 +144,14 @@ def test_scipy_is_not_loaded_for_kernels_that_multiply_no_matrices(tmp_path: Pat
     (tmp_path / "matrices.py").write_text(MATRICES)
     path_line = f"import sys; sys.path[:0] = [{str(tmp_path)!r}, {str(ROOT)!r}]"
     for _ in "compiled", "kept":
-        done = subprocess.run(
+        process = subprocess.run(
             [sys.executable, "-c", f"{path_line}; import matrices"],
             env=without_numbas_own(tmp_path / "cache"),
             capture_output=True,
             text=True,
             check=True,
         )
-        assert ["2", "False", "8.0"] == done.stdout.split()
+        assert ["2", "False", "8.0"] == process.stdout.split()
 
 
 def test_of_kept_machine_code_the_oldest_modules_are_forgotten_whole(tmp_path: Path) -> None:

@@ -39,11 +39,11 @@ VOTES = (2.0, 1.0, 1.0, 2.0, 0.0, 1.0, -1.0, 2.0, 1.0, 1.0, 2.0)
 def _answered(test: str, values: tuple[float, ...], **options: float) -> dict[str, Any]:
     rows = pd.DataFrame({"participant": f"P{i}", "vote": v} for i, v in enumerate(values))
     of = Compare("vote", test=test, options=tuple(options.items()), claim="it is preferred")
-    found = answer_comparison(
+    finding = answer_comparison(
         of, rows, {"vote": Measure("vote", "1", "vote")}, {}, is_simulated=True
     )
-    assert ("vote",) == of.terms == tuple(term.name for term in found.terms), found.why_not
-    return dict(found.terms[0].row)
+    assert ("vote",) == of.terms == tuple(term.name for term in finding.terms), finding.why_not
+    return dict(finding.terms[0].row)
 
 
 def test_a_measure_alone_has_the_p_of_r() -> None:
@@ -79,5 +79,5 @@ def test_its_power_is_found(votes: Path) -> None:
     assert {"vote:vote": "the hybrid is preferred"} == dict(power.tests)
     people = pd.DataFrame({"participant": f"P{i}", "vote": v} for i, v in enumerate((4, 5) * 5))
     # All of five above 3 is p = 2 / 2^5, not below .05; of eight it is 2 / 2^8.
-    found = power.resample(people, (5, 8), ["vote:vote"], seed=1, alpha=0.05)
-    assert [False, True] == [found[n]["vote:vote"].is_significant for n in (5, 8)]
+    finding = power.resample(people, (5, 8), ["vote:vote"], seed=1, alpha=0.05)
+    assert [False, True] == [finding[n]["vote:vote"].is_significant for n in (5, 8)]

@@ -34,26 +34,26 @@ def selection(*statuses: str):
 
 
 def test_damaged_trials_are_left_out_with_their_reason_and_their_own_step() -> None:
-    found = selection(
+    result = selection(
         "complete", DAMAGED_STATUS, LOST_STATUS, "interrupted", "complete", "complete"
     )
-    said = found.rows.set_index("trial_id")[REASON].to_dict()
+    said = result.rows.set_index("trial_id")[REASON].to_dict()
     expected = ["", "the recording is damaged", "the recording is damaged", "not finished", "", ""]
     assert expected == list(said.values())
-    assert [("damaged", 2), ("unfinished", 1)] == [(s.rule, s.count) for s in found.left]
+    assert [("damaged", 2), ("unfinished", 1)] == [(s.rule, s.count) for s in result.left]
 
 
 def test_a_person_is_not_left_out_for_what_a_damaged_recording_cost() -> None:
-    found = selection(
+    result = selection(
         "complete", "complete", DAMAGED_STATUS, DAMAGED_STATUS, LOST_STATUS, LOST_STATUS
     )
-    assert 1.0 == found.people["completed_01"].iloc[0]
-    assert 2 == len(found.counted)
+    assert 1.0 == result.people["completed_01"].iloc[0]
+    assert 2 == len(result.counted)
 
 
 def test_a_person_who_did_not_finish_still_is() -> None:
-    found = selection(
+    result = selection(
         "complete", "complete", "interrupted", "interrupted", "interrupted", LOST_STATUS
     )
-    assert 0.4 == found.people["completed_01"].iloc[0]
-    assert 0 == len(found.counted)
+    assert 0.4 == result.people["completed_01"].iloc[0]
+    assert 0 == len(result.counted)

@@ -27,7 +27,7 @@ def rows(**columns: list[Any]) -> pd.DataFrame:
 
 
 def left_out(table: pd.DataFrame, *rules: Exclusion) -> list[str]:
-    found = select(
+    selection = select(
         table,
         rules,
         limits_in_force(rules, {}),
@@ -35,7 +35,7 @@ def left_out(table: pd.DataFrame, *rules: Exclusion) -> list[str]:
         planned_counts={"a": len(table)},
         cell_count=1,
     )
-    return [str(why) for why in found.rows["left_out_because"]]
+    return [str(why) for why in selection.rows["left_out_because"]]
 
 
 def test_missing_value_is_out_where_the_rule_says_so_and_says_that_it_is_missing() -> None:
@@ -55,9 +55,11 @@ def test_finished_trials_are_those_that_would_count_without_rules() -> None:
         trial_id=["T1", "T2", "T3", "T4", "T1"],
         attempt=[1, 1, 1, 1, 2],
     )
-    found = select(table, (LOST,), {"max_lost_01": 0.3}, cells=(), planned_counts={}, cell_count=1)
+    selection = select(
+        table, (LOST,), {"max_lost_01": 0.3}, cells=(), planned_counts={}, cell_count=1
+    )
     assert [("T3", 1), ("T1", 2)] == list(
-        found.finished[["trial_id", "attempt"]].itertuples(index=False, name=None)
+        selection.finished[["trial_id", "attempt"]].itertuples(index=False, name=None)
     )
 
 
@@ -104,24 +106,24 @@ def sides(left: int, right: int, **columns: Any) -> pd.DataFrame:
 def test_standard_rules_leave_a_person_out_by_name_and_with_the_limit(
     table: pd.DataFrame, answered: float, why: str
 ) -> None:
-    found = standard(table, 8, answered)
-    assert 0 == len(found.counted)
-    said = [line for line in left_out_lines(found, STANDARD_RULES) if "participant a" in line]
+    selection = standard(table, 8, answered)
+    assert 0 == len(selection.counted)
+    said = [line for line in left_out_lines(selection, STANDARD_RULES) if "participant a" in line]
     assert 1 == len(said)
     assert why in said[0]
 
 
 def test_whole_person_is_left_in_and_nothing_is_said() -> None:
-    found = standard(sides(4, 4, gaze_lost_01=0.1), 8, 0.5)
-    assert 8 == len(found.counted)
-    assert [] == left_out_lines(found, STANDARD_RULES)
+    selection = standard(sides(4, 4, gaze_lost_01=0.1), 8, 0.5)
+    assert 8 == len(selection.counted)
+    assert [] == left_out_lines(selection, STANDARD_RULES)
 
 
 def test_trials_left_out_are_told_by_rule_with_the_number() -> None:
-    found = standard(sides(4, 4, head_lost_01=[0.9, *[0.0] * 7]), 8, 1.0)
+    selection = standard(sides(4, 4, head_lost_01=[0.9, *[0.0] * 7]), 8, 1.0)
     assert [
         "left out: 1 trial, share of the trial without a tracked head above 0.5"
-    ] == left_out_lines(found, STANDARD_RULES)
+    ] == left_out_lines(selection, STANDARD_RULES)
 
 
 def test_cell_that_a_damaged_recording_emptied_in_part_is_judged_by_the_rest() -> None:

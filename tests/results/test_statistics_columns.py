@@ -51,16 +51,16 @@ def test_every_column_of_a_test_is_described(test: str, dv: str, trials: pd.Data
     for design in DESIGNS:
         compare = Compare(dv, test=test, **design)
         try:
-            found = answer_comparison(
+            finding = answer_comparison(
                 compare, trials, {dv: Measure(dv, "1", dv)}, LEVELS, is_simulated=True
             )
         except LabError:
             continue  # the test does not take this design
-        if found.outcome is None:
+        if finding.outcome is None:
             continue
         made += 1
-        names = {n for row in found.outcome.rows for n in row}
-        names |= {n for row in found.outcome.contrasts for n in row if n != "family"}
+        names = {n for row in finding.outcome.rows for n in row}
+        names |= {n for row in finding.outcome.contrasts for n in row if n != "family"}
         assert set() == names - known, (test, design)
     assert bool(made) != (test in NOT_OF_MEANS)
 
@@ -86,25 +86,25 @@ def test_every_column_of_agreement_is_described(
         claim="they agree",
     )
     known = {column.name for column in (*STATISTICS, *PEOPLE)}
-    found = answer_comparison(
+    finding = answer_comparison(
         compare, rated, {"even": Measure("even", "1", "even")}, LEVELS, is_simulated=True
     )
-    assert found.outcome is not None
-    assert set() == {name for row in found.outcome.rows for name in row} - known
-    assert compare.terms == tuple(term.name for term in found.terms)
+    assert finding.outcome is not None
+    assert set() == {name for row in finding.outcome.rows for name in row} - known
+    assert compare.terms == tuple(term.name for term in finding.terms)
 
 
 @pytest.mark.parametrize("test", ["lmm", "gee", "clmm"])
 def test_every_column_of_a_model_is_described(test: str, trials: pd.DataFrame) -> None:
     rated = trials.assign(even=np.clip(np.round(trials["even"]), -1, 1))
     compare = Compare("even", within=("a", "b"), model=test)
-    found = answer_comparison(
+    finding = answer_comparison(
         compare, rated, {"even": Measure("even", "1", "even")}, LEVELS, is_simulated=True
     )
-    assert found.outcome is not None
-    assert any(row["effect_size"] is not None for row in found.outcome.contrasts)
+    assert finding.outcome is not None
+    assert any(row["effect_size"] is not None for row in finding.outcome.contrasts)
     known = {column.name for column in (*STATISTICS, *PEOPLE)}
-    rows = (*found.outcome.rows, *found.outcome.contrasts)
+    rows = (*finding.outcome.rows, *finding.outcome.contrasts)
     assert set() == {n for row in rows for n in row if n != "family"} - known
 
 
@@ -117,22 +117,22 @@ def test_a_comparison_of_choices_names_one_term_and_the_odds_of_items() -> None:
         for p in pairs
     )
     compare = Compare("vote", within="pair", model="bradleyterry", options=[("side", True)])
-    found = answer_comparison(
+    finding = answer_comparison(
         compare,
         votes,
         {"vote": Measure("vote", "1", "Vote")},
         {"pair": tuple(pairs)},
         is_simulated=True,
     )
-    assert ("pair",) == compare.terms == tuple(t.name for t in found.terms)
+    assert ("pair",) == compare.terms == tuple(t.name for t in finding.terms)
     assert ["u \N{EN DASH} v", "u \N{EN DASH} w", "v \N{EN DASH} w"] == [
-        c.name for c in found.contrasts
+        c.name for c in finding.contrasts
     ]
-    first = found.contrasts[0]
+    first = finding.contrasts[0]
     assert first.difference == first.row["estimate"]
     known = {column.name for column in (*STATISTICS, *PEOPLE)}
-    assert found.outcome is not None
-    rows = (*found.outcome.rows, *found.outcome.contrasts)
+    assert finding.outcome is not None
+    rows = (*finding.outcome.rows, *finding.outcome.contrasts)
     assert set() == {n for row in rows for n in row if n != "family"} - known
     two = Compare("vote", within=("left", "right"), between="group", model="bradleyterry")
     assert ("left:right", "left:right:group") == two.terms

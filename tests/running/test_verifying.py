@@ -90,13 +90,18 @@ def test_a_fresh_session_of_every_study_is_the_same_bit_for_bit(study: str, tmp_
 
 def test_the_first_frame_row_and_column_of_a_change_are_named(duel: Recording) -> None:
     at = int(duel.stream_arrays("head")["t_host_ns"][700])
-    found = compare_recordings(Tampered(duel.path, "head", "position_m", 700), duel).first
-    assert found is not None
-    assert ("head", 700, "position_x_m", at) == (found.where, found.row, found.column, found.t_ns)
+    difference = compare_recordings(Tampered(duel.path, "head", "position_m", 700), duel).first
+    assert difference is not None
+    assert ("head", 700, "position_x_m", at) == (
+        difference.where,
+        difference.row,
+        difference.column,
+        difference.t_ns,
+    )
     frames = duel.stream_arrays("frames")
     here = frames["t_host_ns"] <= at
-    assert int(frames["frame_index"][here][-1]) == found.frame
-    assert "head, row 700, position_x_m" in found.as_sentence()
+    assert int(frames["frame_index"][here][-1]) == difference.frame
+    assert "head, row 700, position_x_m" in difference.as_sentence()
 
 
 def test_of_several_changes_the_earliest_is_named(duel: Recording) -> None:
@@ -120,10 +125,10 @@ def test_a_file_that_was_damaged_differs_from_where_its_damage_begins(
     content = bytearray(file.read_bytes())
     content[len(content) // 2] ^= 1
     file.write_bytes(content)
-    found = compare_recordings(Recording(folder), duel).first
-    assert found is not None
-    assert ("gaze", "seq") == (found.where, found.column)
-    assert found.row == int(found.new_value) < int(found.old_value)
+    difference = compare_recordings(Recording(folder), duel).first
+    assert difference is not None
+    assert ("gaze", "seq") == (difference.where, difference.column)
+    assert difference.row == int(difference.new_value) < int(difference.old_value)
 
 
 @pytest.mark.parametrize("study", ["interpolation", "hybrid", "cameras"])
@@ -180,11 +185,16 @@ def test_a_change_in_a_later_part_is_named_with_its_part(
 ) -> None:
     first = len(resumed.stream_arrays("head", part=1)["seq"])
     changed = Tampered(resumed.path, "head", "position_m", 5, part=2)
-    found = verify(changed, opened("duel"), lab(tmp_path), tmp_path).first
+    difference = verify(changed, opened("duel"), lab(tmp_path), tmp_path).first
     assert first > 100
-    assert found is not None
-    assert (2, "head", 5, "position_x_m") == (found.part, found.where, found.row, found.column)
-    assert found.as_sentence().startswith("part 2, ")
+    assert difference is not None
+    assert (2, "head", 5, "position_x_m") == (
+        difference.part,
+        difference.where,
+        difference.row,
+        difference.column,
+    )
+    assert difference.as_sentence().startswith("part 2, ")
 
 
 def test_what_an_operator_did_is_done_again(tmp_path: Path) -> None:
@@ -229,13 +239,13 @@ def test_a_change_in_what_people_did_is_named_where_their_gaze_fell(
     stream: str, column: str, duel: Recording, tmp_path: Path
 ) -> None:
     real = of_people(Tampered(duel.path, stream, column, 500))
-    found = verify(real, opened("duel"), lab(tmp_path), tmp_path).first
-    assert found is not None
+    difference = verify(real, opened("duel"), lab(tmp_path), tmp_path).first
+    assert difference is not None
     seq = duel.stream_arrays("gaze")["seq"][500]
     targets = duel.stream_arrays("gaze_targets")
     row = int(np.flatnonzero(targets["gaze_seq"] == seq)[0]) if stream == "gaze" else 500
-    assert ("gaze_targets", row) == (found.where, found.row)
-    assert int(targets["frame_index"][row]) == found.frame
+    assert ("gaze_targets", row) == (difference.where, difference.row)
+    assert int(targets["frame_index"][row]) == difference.frame
 
 
 def test_people_without_gaze_are_not_performed_again(duel: Recording, tmp_path: Path) -> None:

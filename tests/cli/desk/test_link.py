@@ -108,9 +108,9 @@ def polled(link: SessionLink) -> list[Command]:
     """Return what is asked for next, from wherever."""
     watch = StopWatch()
     while watch.elapsed_s() < PATIENCE_S:
-        found = list(link.poll())
-        if found:
-            return found
+        line = list(link.poll())
+        if line:
+            return line
     raise AssertionError("nothing was asked for")
 
 
@@ -334,9 +334,9 @@ def test_what_is_not_known_is_nothing_never_a_number() -> None:
         trial_left_s=math.nan,
         calibration=replace(STATUS.calibration, accuracy_deg=None),
     )
-    found = json.loads(line_of(status_message(1, unknown, LastGaze())))
-    assert (None, None) == (found["trial_left_s"], found["accuracy_deg"])
-    assert None is found["above"]
+    line = json.loads(line_of(status_message(1, unknown, LastGaze())))
+    assert (None, None) == (line["trial_left_s"], line["accuracy_deg"])
+    assert None is line["above"]
 
 
 def seen(valid: bool, *, brightness_01: float = 1.0) -> SessionStatus:
@@ -396,8 +396,8 @@ def test_areas_of_interest_are_as_wide_as_looks_are_counted(link: SessionLink) -
 def test_areas_stay_while_gaze_is_lost_and_go_with_their_scene(link: SessionLink) -> None:
     status = seen(True)
     link.show(status)
-    lost = replace(seen(False), scene_frame=status.scene_frame)
-    assert 1 == len([above_of(link, lost) for _ in range(2 * GAZE_KEPT)][-1]["areas"])
+    lost_status = replace(seen(False), scene_frame=status.scene_frame)
+    assert 1 == len([above_of(link, lost_status) for _ in range(2 * GAZE_KEPT)][-1]["areas"])
     assert [] == above_of(link, seen(False))["areas"]
 
 
@@ -435,8 +435,8 @@ def test_a_crowd_is_seen_and_who_is_touched_is_told(link: SessionLink) -> None:
     places = [[x, z] for _, x, z, _ in above["people"]]
     assert crowd.position_m.tolist() == places
     assert ([7], []) == (above["touched"], above["areas"])
-    said = status_message(1, status, LastGaze())
-    assert ("left_hand", 3) == (said["contacts"][0]["segment"], said["contacts_begun"])
+    message = status_message(1, status, LastGaze())
+    assert ("left_hand", 3) == (message["contacts"][0]["segment"], message["contacts_begun"])
     assert 0 < len(view_of(link, status)["heads"]) < len(crowd)
 
 
@@ -456,10 +456,10 @@ def test_a_desk_sees_what_the_participant_sees(link: SessionLink, tmp_path: Path
     glancing = Glancing()
 
     async def act(watch: SessionWatch) -> Any:
-        while not (found := watch.of()) or found.last_view is None:
+        while not (line := watch.of()) or line.last_view is None:
             link.show(replace(seen(True), glance=glancing))
             await watch.wait(watch.number, 0.1)
-        return found.last_view
+        return line.last_view
 
     view = with_desk(tmp_path, act)
     image = Image.open(io.BytesIO(base64.b64decode(view["jpeg"])))

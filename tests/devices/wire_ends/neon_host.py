@@ -202,10 +202,10 @@ class NeonHost:
         simulator = self._simulator
         while True:
             now_ns = self._clock.now_ns()
-            gone = simulator.source.is_away(now_ns)
-            if gone and not self._gone:
+            is_away = simulator.source.is_away(now_ns)
+            if is_away and not self._gone:
                 self._drop_all()
-            self._gone = gone
+            self._gone = is_away
             simulator.advance(now_ns)
             for message in simulator.outgoing(now_ns):
                 _, stamp, payload = message.frames

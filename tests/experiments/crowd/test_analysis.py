@@ -51,8 +51,10 @@ def test_the_published_pattern_is_found_where_it_was_put_in(study):
 
 def test_published_differences_and_absences_are_counted_apart(study):
     def agreeing(analysis, published_as_different):
-        found = [c.agreement for f in analysis.findings for c in f.contrasts if c.published_result]
-        return [a.agrees for a in found if a.published_significant == published_as_different]
+        agreements = [
+            c.agreement for f in analysis.findings for c in f.contrasts if c.published_result
+        ]
+        return [a.agrees for a in agreements if a.published_significant == published_as_different]
 
     assert 7 == len(agreeing(study, True))
     assert sum(agreeing(study, True)) >= 5
@@ -209,9 +211,9 @@ def test_two_people_are_too_few_for_any_test_and_the_report_says_so():
 
 
 def test_unrelated_paths_show_no_excess_within_blocks(study):
-    for found in study.further[0].paths.equivalence:
-        assert abs(np.nanmean(found.excess)) < 0.03
-        assert found.test is not None
+    for agreements in study.further[0].paths.equivalence:
+        assert abs(np.nanmean(agreements.excess)) < 0.03
+        assert agreements.test is not None
 
 
 def test_whole_blocks_look_more_alike_than_halves_without_any_effect(study):
@@ -284,15 +286,15 @@ def gaps(*apart_and_angle):
 
 def test_shoulders_to_narrow_gaps_leave_out_gaps_nobody_squeezes_through():
     crossed = gaps((0.8, 20.0), (1.5, 30.0), (1.51, 80.0), (7.7, 90.0))
-    found = narrow_gaps({"crossings": 4}, crossed, 1.5)
-    assert {"shoulders_to_gap_narrow_deg": 25.0, "crossings_narrow": 2} == found
+    agreements = narrow_gaps({"crossings": 4}, crossed, 1.5)
+    assert {"shoulders_to_gap_narrow_deg": 25.0, "crossings_narrow": 2} == agreements
     wide = narrow_gaps({"crossings": 4}, crossed, 2.0)
     assert wide["shoulders_to_gap_narrow_deg"] == pytest.approx((20 + 30 + 80) / 3)
 
 
 def test_a_walk_without_a_narrow_gap_has_no_angle_to_one():
-    found = narrow_gaps({"crossings": 1}, gaps((3.0, 50.0)), 1.5)
-    assert {"shoulders_to_gap_narrow_deg": None, "crossings_narrow": 0} == found
+    agreements = narrow_gaps({"crossings": 1}, gaps((3.0, 50.0)), 1.5)
+    assert {"shoulders_to_gap_narrow_deg": None, "crossings_narrow": 0} == agreements
 
 
 def test_a_walk_without_cells_has_no_count_of_narrow_gaps():
@@ -300,8 +302,8 @@ def test_a_walk_without_cells_has_no_count_of_narrow_gaps():
 
 
 def test_a_narrow_gap_without_an_angle_counts_and_adds_none():
-    found = narrow_gaps({"crossings": 2}, gaps((0.8, 20.0), (0.9, None)), 1.5)
-    assert {"shoulders_to_gap_narrow_deg": 20.0, "crossings_narrow": 2} == found
+    agreements = narrow_gaps({"crossings": 2}, gaps((0.8, 20.0), (0.9, None)), 1.5)
+    assert {"shoulders_to_gap_narrow_deg": 20.0, "crossings_narrow": 2} == agreements
 
 
 def test_a_width_of_no_gap_is_refused():

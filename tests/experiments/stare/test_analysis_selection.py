@@ -170,10 +170,10 @@ def test_impossible_threshold_is_refused(rows, name, value):
 
 
 def test_threshold_of_tests_is_set_for_the_whole_analysis(rows):
-    found = analysed(rows, anxiety_answers(4), alpha=0.01)
+    selection = analysed(rows, anxiety_answers(4), alpha=0.01)
 
-    assert {0.01 / 30} == {t.threshold for t in found.pairs_of("conditions")}
-    assert {0.01} == {t.alpha for t in found.correlations_of("anxiety")}
+    assert {0.01 / 30} == {t.threshold for t in selection.pairs_of("conditions")}
+    assert {0.01} == {t.alpha for t in selection.correlations_of("anxiety")}
 
 
 def test_person_who_broke_off_half_way_is_left_out(rows):
@@ -181,6 +181,6 @@ def test_person_who_broke_off_half_way_is_left_out(rows):
     opened = OpenedStudy(study)
     planned = dict.fromkeys(sorted(set(rows["participant"])), 72)
 
-    found = opened.selection_of(opened.experiment({}), kept, planned_counts=planned)
+    selection = opened.selection_of(opened.experiment({}), kept, planned_counts=planned)
 
-    assert ["S02"] == people_out(found)
+    assert ["S02"] == people_out(selection)

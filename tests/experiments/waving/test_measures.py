@@ -77,10 +77,10 @@ def test_only_a_participant_with_every_cell_is_complete():
         for i, (t, d) in enumerate(met)
     ]
     table = pd.DataFrame(every)
-    kept = WAVING.selection_of(
+    selection = WAVING.selection_of(
         WAVING.experiment({}), table, planned_counts={"S01": 6, "S02": 6}
     ).counted
-    assert {"S01"} == set(kept["participant"])
+    assert {"S01"} == set(selection["participant"])
 
 
 def test_response_time_is_the_median_and_accuracy_the_mean_of_a_cell():

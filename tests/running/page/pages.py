@@ -58,15 +58,15 @@ class Page:
 
     def event(self) -> dict[str, Any]:
         """Return the reply to the step that is told."""
-        told = self.desk.state()
-        step = dict(told["step"])
+        state = self.desk.state()
+        step = dict(state["step"])
         content = self.visitor.reply(PageStep(step.pop("kind"), step))
         self.clock.sleep_until_ns(round(self.visitor.now_ms * 1e6))
         return {
-            "n": told["ack"] + 1,
+            "n": state["ack"] + 1,
             "kind": "reply",
             "at_ms": self.visitor.now_ms,
-            "step": told["number"],
+            "step": state["number"],
             "reply": content,
         }
 

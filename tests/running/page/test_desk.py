@@ -29,8 +29,8 @@ def screen_for(monkeypatch: pytest.MonkeyPatch, screening: str) -> None:
 def answers_in(path: Path) -> list[tuple[str, Any]]:
     """Return everything answered in the trials of a session, as its journal tells it."""
     events = Recording(path).events()
-    told = events.loc[events["name"] == "answered", "payload"]
-    return [(p["trial_id"] + " " + p["question"], p["answer"]) for p in told]
+    state = events.loc[events["name"] == "answered", "payload"]
+    return [(p["trial_id"] + " " + p["question"], p["answer"]) for p in state]
 
 
 def test_every_acknowledged_answer_is_on_the_disk_before_the_next_step_is_told(
@@ -148,9 +148,9 @@ def test_what_is_sent_again_is_taken_once_and_a_gap_is_refused(tmp_path: Path) -
     with begun(tmp_path) as (page, _):
         sent = page.event()
         page.desk.take(TAB, [sent])
-        told = page.desk.state()
+        state = page.desk.state()
         page.desk.take(TAB, [sent])
-        assert told == page.desk.state()
+        assert state == page.desk.state()
         with pytest.raises(PageError, match="one is missing"):
             page.desk.take(TAB, [{**page.event(), "n": sent["n"] + 2}])
 
@@ -297,8 +297,8 @@ def test_a_page_with_three_spoken_digits_is_below_300_kilobytes() -> None:
     for language in ("en", "de", "fr"):
         files = spoken_digits(language, None)
         longest = max(range(10), key=lambda digit: len(files[digit]))
-        said = base64.b64encode(say_digits([longest] * HOW_MANY, files))
-        assert 300_000 > page + len(said)
+        sound = base64.b64encode(say_digits([longest] * HOW_MANY, files))
+        assert 300_000 > page + len(sound)
 
 
 def test_a_lab_s_own_voice_comes_first_and_a_language_without_one_is_told(tmp_path: Path) -> None:

@@ -114,9 +114,9 @@ def test_a_recording_that_fails_is_told_and_nothing_is_acknowledged(tmp_path: Pa
 def test_a_session_that_is_over_already_is_not_waited_for(tmp_path: Path) -> None:
     async def ask(http: aiohttp.ClientSession, page: Page, server: PageServer) -> bool:
         page.desk.take("one", [{**page.event(), "reply": {"agreed": False}}])
-        held = PageSession(page.desk, {})
-        server.add(held)
-        return held.over.is_set()
+        session = PageSession(page.desk, {})
+        server.add(session)
+        return session.over.is_set()
 
     assert served(tmp_path, ask)
 
