@@ -36,10 +36,12 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def store(tmp_path_factory: pytest.TempPathFactory) -> None:
+def shared_sessions(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     """Let all workers of this run store sessions in one folder."""
     base = tmp_path_factory.getbasetemp()
-    is_worker = "PYTEST_XDIST_WORKER" in os.environ
+    is_worker = hasattr(request.config, "workerinput")
     STORE.folder = (base.parent if is_worker else base) / "sessions"
 
 

@@ -35,7 +35,9 @@ class Store:
                 shutil.rmtree(place, ignore_errors=True)
                 made_at = record(place).relative_to(place)
                 took_s = self.processor_s() - begin_s
-                made.write_text(f"{took_s:.2f}\n{made_at.as_posix()}", "utf-8")
+                written = made.with_suffix(".new")  # whole or not at all, whoever is killed
+                written.write_text(f"{took_s:.2f}\n{made_at.as_posix()}", "utf-8")
+                written.replace(made)
             else:
                 self.saved_s += float(made.read_text("utf-8").partition("\n")[0])
         shutil.copytree(place, into, dirs_exist_ok=True)

@@ -1,3 +1,4 @@
+import threading
 from collections.abc import Callable
 from pathlib import Path
 
@@ -63,6 +64,29 @@ def test_what_was_stopped_half_way_is_recorded_anew(store: Store, tmp_path: Path
         store.copy("session", stop, tmp_path / "a")
     times: list[Path] = []
     assert store.copy("session", recorder(times), tmp_path / "b").is_dir()
+    assert 1 == len(times)
+
+
+def test_two_workers_that_need_a_session_at_once_record_it_once(
+    store: Store, tmp_path: Path
+) -> None:
+    times: list[Path] = []
+
+    def record_late(place: Path) -> Path:
+        second.start()
+        # The other worker gets as far as the lock meanwhile; without one it would record, too.
+        assert not second_has_copy.wait(0.2)
+        return recorder(times)(place)
+
+    second_has_copy = threading.Event()
+
+    def copy_too() -> None:
+        store.copy("session", recorder(times), tmp_path / "b")
+        second_has_copy.set()
+
+    second = threading.Thread(target=copy_too)
+    store.copy("session", record_late, tmp_path / "a")
+    second.join()
     assert 1 == len(times)
 
 

@@ -1,9 +1,18 @@
+from collections.abc import Callable, Generator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+import pytest
+
+from tests import tiers
+from tests.store import STORE
 from tests.tiers import (
     COSTS,
     LIMIT_S,
     MARGIN,
+    CostCollector,
+    Tiers,
     complaint,
     is_slow,
     is_there,
@@ -43,3 +52,130 @@ def test_a_test_is_there_by_its_name_in_its_file(tmp_path: Path) -> None:
         "test_d.py::test_b",
     )
     assert [True, True, False, False] == [is_there(name, tmp_path) for name in names]
+
+
+class Clock:
+    """The processor time that a test of tests says has passed."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    made = Clock()
+    monkeypatch.setattr(tiers, "_processor_s", made)
+    monkeypatch.setattr(STORE, "saved_s", 0.0)
+    return made
+
+
+def finish(hook: Generator[None, Any, Any], result: Any) -> Any:
+    """Return what a wrapper of pytest makes of a hook's result."""
+    next(hook)
+    with pytest.raises(StopIteration) as end:
+        hook.send(result)
+    return end.value.value
+
+
+def item_of(name: str, fixtures: tuple[Any, ...] = (), *, is_slow: bool = False) -> Any:
+    information = SimpleNamespace(name2fixturedefs={one.argname: (one,) for one in fixtures})
+    return SimpleNamespace(
+        nodeid=f"tests/test_a.py::{name}",
+        get_closest_marker=lambda marker: object() if is_slow else None,
+        _fixtureinfo=information,
+    )
+
+
+def run(
+    plugin: Any, item: Any, steps: dict[str, Callable[[], None]], outcome: str = "passed"
+) -> Any:
+    """Let a plugin see a test whose phases do the steps; return the report of its end."""
+    report: Any = None
+    protocol = plugin.pytest_runtest_protocol(item)
+    next(protocol)
+    for phase in ("setup", "call", "teardown"):
+        steps.get(phase, lambda: None)()
+        whole = "passed" if phase != "call" else outcome
+        report = SimpleNamespace(outcome=whole, passed=whole == "passed", longrepr="")
+        call = SimpleNamespace(when=phase)
+        report = finish(plugin.pytest_runtest_makereport(item, call), report)
+    return report
+
+
+def spend(clock: Clock, seconds: float) -> Callable[[], None]:
+    def step() -> None:
+        clock.now_s += seconds
+
+    return step
+
+
+def test_a_test_that_grew_fails_with_what_to_do_and_one_of_the_second_tier_does_not(
+    clock: Clock,
+) -> None:
+    plugin = Tiers({})
+    limit_s = LIMIT_S * MARGIN
+    failed = run(plugin, item_of("grown"), {"call": spend(clock, limit_s + 1)})
+    assert "failed" == failed.outcome
+    assert "--record-costs" in failed.longrepr
+    slow = item_of("slow", is_slow=True)
+    assert "passed" == run(plugin, slow, {"call": spend(clock, limit_s + 1)}).outcome
+    assert "passed" == run(plugin, item_of("late"), {"call": spend(clock, LIMIT_S + 1)}).outcome
+    assert ["tests/test_a.py::grown", "tests/test_a.py::late"] == list(plugin.grown)
+
+
+def test_only_a_test_that_passed_is_measured(clock: Clock) -> None:
+    plugin = Tiers({})
+    for outcome in ("failed", "skipped"):
+        run(plugin, item_of(outcome), {"call": spend(clock, 9)}, outcome)
+    run(plugin, item_of("whole"), {"call": spend(clock, 3), "teardown": spend(clock, 1)})
+    assert {"tests/test_a.py::whole": 4.0} == plugin.measured
+
+
+def test_a_fixture_that_tests_share_counts_for_each_of_them_and_what_the_store_saved_too(
+    clock: Clock,
+) -> None:
+    plugin = Tiers({})
+    shared = SimpleNamespace(argname="recording", baseid="tests/test_a.py", scope="module")
+
+    def set_up() -> None:
+        hook = plugin.pytest_fixture_setup(shared, SimpleNamespace())
+        next(hook)
+        clock.now_s += 5
+        with pytest.raises(StopIteration):
+            hook.send("recorded")
+
+    run(plugin, item_of("first", (shared,)), {"setup": set_up, "call": spend(clock, 1)})
+    run(plugin, item_of("second", (shared,)), {"call": spend(clock, 2)})
+
+    def copy() -> None:
+        STORE.saved_s += 7
+
+    run(plugin, item_of("third"), {"call": copy})
+    assert [6.0, 7.0, 7.0] == list(plugin.measured.values())
+
+
+def test_recorded_tests_of_the_second_tier_are_marked_before_others_are_left_out() -> None:
+    marks: list[str] = []
+
+    def item(name: str) -> Any:
+        return SimpleNamespace(nodeid=name, add_marker=lambda mark: marks.append(name))
+
+    Tiers({"b": 2.1, "c": 2.0}).pytest_collection_modifyitems([item(n) for n in "abc"])
+    assert ["b"] == marks
+
+
+def test_costs_of_all_workers_are_written_when_the_run_ends(tmp_path: Path) -> None:
+    file, test = tmp_path / "costs.txt", "tests/test_tiers.py::clock"
+    file.write_text(write_costs({test: 3.0, "tests/gone.py::test_gone": 4.0}))
+    collector = CostCollector(Tiers({}), is_recording=True, file=file)
+    worker = Tiers({})
+    worker.measured = {"tests/test_tiers.py::finish": 2.5}
+    output: dict[str, str] = {}
+    session: Any = SimpleNamespace(config=SimpleNamespace(workeroutput=output))
+    CostCollector(worker, is_recording=True, file=file).pytest_sessionfinish(session)
+    collector.pytest_testnodedown(SimpleNamespace(workeroutput=output), None)
+    collector.pytest_sessionfinish(SimpleNamespace(config=SimpleNamespace()))
+    assert {test: 3.0, "tests/test_tiers.py::finish": 2.5} == read_costs(file.read_text())

@@ -115,19 +115,21 @@ class Tiers:
         self._costs = costs
         self._is_strict = is_strict
         self._compiling = _listen_to_compiling()
-        STORE.processor_s = self._computed_s
         self._fixture_s: dict[tuple[str, str], float] = {}
         self._start_s = 0.0
-        self._is_skipped = False
+        self._is_whole = True
         self._shared_s = 0.0
         self.measured: dict[str, float] = {}
+        self.grown: dict[str, float] = {}
+        """Tests of the first tier that took more than its limit, in seconds."""
 
-    def _computed_s(self) -> float:
+    def computed_s(self) -> float:
+        """Return the processor time of this process and its children, compiling apart."""
         return _processor_s() - self._compiling.seconds
 
     def _now_s(self) -> float:
         # Another order of tests, or another test left out, and this one would have recorded it.
-        return self._computed_s() + STORE.saved_s
+        return self.computed_s() + STORE.saved_s
 
     @pytest.hookimpl(tryfirst=True)  # before pytest deselects by marks
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
@@ -154,7 +156,7 @@ class Tiers:
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Generator[None, Any, Any]:
         """Begin to measure a test."""
-        self._start_s, self._shared_s, self._is_skipped = self._now_s(), 0.0, False
+        self._start_s, self._shared_s, self._is_whole = self._now_s(), 0.0, True
         return (yield)
 
     @pytest.hookimpl(wrapper=True)
@@ -163,13 +165,16 @@ class Tiers:
     ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
         """End to measure it; fail a test of the first tier that has grown."""
         report = yield
-        self._is_skipped |= report.skipped
-        if call.when == "teardown" and not self._is_skipped:  # skipped: its cost is not known
+        self._is_whole &= report.passed
+        if call.when == "teardown" and self._is_whole:  # else its cost is not known
             own_s = self._now_s() - self._start_s - self._shared_s
             cost_s = own_s + sum(map(self._shared_cost, _fixtures(item)))
             self.measured[item.nodeid] = round(cost_s, 2)
-            wrong = complaint(cost_s, item.get_closest_marker("slow") is not None)
-            if wrong and self._is_strict and report.passed:
+            is_marked_slow = item.get_closest_marker("slow") is not None
+            if is_slow(cost_s) and not is_marked_slow and self._is_strict:
+                self.grown[item.nodeid] = round(cost_s, 1)
+            wrong = complaint(cost_s, is_marked_slow)
+            if wrong and self._is_strict:
                 report.outcome, report.longrepr = "failed", wrong
         return report
 
@@ -184,35 +189,46 @@ def _fixtures(item: pytest.Item) -> Iterable[tuple[str, str]]:
     return {(each.argname, each.baseid) for one in definitions.values() for each in one}
 
 
-class CostRecorder:
-    """A plugin of pytest: writes the costs that all workers measured when the run ends."""
+class CostCollector:
+    """A plugin of pytest: brings together what all workers measured, and tells when the run ends.
 
-    def __init__(self, tiers: Tiers, file: Path = COSTS) -> None:
-        self._tiers, self._file = tiers, file
-        self._measured: dict[str, float] = {}
+    It names tests that took more than the first tier allows and, if asked for, writes the file.
+    """
+
+    def __init__(self, tiers: Tiers, *, is_recording: bool, file: Path = COSTS) -> None:
+        self._tiers, self._is_recording, self._file = tiers, is_recording, file
 
     @pytest.hookimpl(optionalhook=True)  # of pytest-xdist
     def pytest_testnodedown(self, node: Any, error: object) -> None:
         """Take what a worker measured."""
-        self._measured |= json.loads(getattr(node, "workeroutput", {}).get("costs", "{}"))
+        measured, grown = json.loads(getattr(node, "workeroutput", {}).get("costs", "[{}, {}]"))
+        self._tiers.measured |= measured
+        self._tiers.grown |= grown
 
     @pytest.hookimpl(trylast=True)
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
         """Write the file; a worker hands its costs on instead."""
         output = getattr(session.config, "workeroutput", None)
         if output is not None:
-            output["costs"] = json.dumps(self._tiers.measured)
-            return
-        before = read_costs(self._file.read_text("utf-8"))
-        self._file.write_text(
-            write_costs({**before, **self._measured, **self._tiers.measured}), "utf-8"
-        )
+            output["costs"] = json.dumps([self._tiers.measured, self._tiers.grown])
+        elif self._is_recording:
+            former = read_costs(self._file.read_text("utf-8"))
+            before = {test: cost for test, cost in former.items() if is_there(test)}
+            self._file.write_text(write_costs({**before, **self._tiers.measured}), "utf-8")
+
+    def pytest_terminal_summary(self, terminalreporter: Any) -> None:
+        """Name the tests that took more than the first tier allows."""
+        for test, cost_s in sorted(self._tiers.grown.items()):
+            terminalreporter.write_line(
+                f"{test} took {cost_s:g} s of a processor, more than {LIMIT_S:g}: {RECORD}?"
+            )
 
 
 def install(config: pytest.Config) -> None:
     """Register both plugins with pytest."""
     is_recording = config.getoption(RECORD)
     tiers = Tiers(read_costs(COSTS.read_text("utf-8")), is_strict=not is_recording)
+    STORE.processor_s = tiers.computed_s
+    collector = CostCollector(tiers, is_recording=is_recording)
     config.pluginmanager.register(tiers, "visavis-tiers")
-    if is_recording:
-        config.pluginmanager.register(CostRecorder(tiers), "visavis-costs")
+    config.pluginmanager.register(collector, "visavis-costs")

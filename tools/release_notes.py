@@ -61,13 +61,18 @@ def fragments(folder: Path) -> list[Fragment]:
                 f"{path} is no fragment; name it ISSUE.KIND.md or ISSUE.ABOUT.KIND.md, where KIND "
                 f"is {', '.join(KINDS)}"
             )
-        paragraphs = re.split(r"\n\s*\n", path.read_text("utf-8").strip())
-        text = "\n\n".join(" ".join(part.split()) for part in paragraphs)
+        text = _plain_text(path.read_text("utf-8"))
         if not text:
             raise ReleaseError(f"{path} is empty; say in it what changed, or delete it")
         kind = KINDS.index(named["kind"])
         found.append(Fragment(kind, int(named["issue"]), named["about"] or "", path, text))
     return sorted(found)
+
+
+def _plain_text(text: str) -> str:
+    """Return a fragment's paragraphs, each in one line; the items of a list are paragraphs, too."""
+    paragraphs = re.split(r"\n\s*\n|\n(?=- )", text.strip())
+    return "\n\n".join(" ".join(part.split()) for part in paragraphs)
 
 
 def section(version: str, day: str, changes: Sequence[Fragment]) -> str:
@@ -76,17 +81,23 @@ def section(version: str, day: str, changes: Sequence[Fragment]) -> str:
     for number, kind in enumerate(KINDS):
         own = [c for c in changes if c.kind == number]
         if own:
-            parts.append(f"### {kind.capitalize()}\n\n" + "".join(_bullet(c.text) for c in own))
+            parts.append(f"### {kind.capitalize()}\n\n" + "".join(_bullets(c.text) for c in own))
     return "\n".join(parts)
 
 
-def _bullet(text: str) -> str:
-    """Wrap a change's paragraphs under its bullet, which takes two columns."""
-    wrapped = (
-        textwrap.wrap(part, WIDTH - 2, break_long_words=False, break_on_hyphens=False)
-        for part in text.split("\n\n")
-    )
-    return "- " + "\n\n  ".join("\n  ".join(lines) for lines in wrapped) + "\n"
+def _bullets(text: str) -> str:
+    """Wrap a change's paragraphs under its bullet, which takes two columns; a list has several."""
+    bullets: list[str] = []
+    for part in text.split("\n\n"):
+        lines = textwrap.wrap(
+            part.removeprefix("- "), WIDTH - 2, break_long_words=False, break_on_hyphens=False
+        )
+        wrapped = "\n  ".join(lines)
+        if bullets and not part.startswith("- "):
+            bullets[-1] += f"\n\n  {wrapped}"
+        else:
+            bullets.append(f"- {wrapped}")
+    return "".join(f"{bullet}\n" for bullet in bullets)
 
 
 def release(root: Path, version: str, day: str) -> int:

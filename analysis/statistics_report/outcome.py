@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal, get_args
+from typing import TYPE_CHECKING, Any, Final, Literal, get_args
 
 import pandas as pd
 
 from visavis.analysis.statistics.design import Missing
 from visavis.analysis.statistics.results import NO_CLAIM, Array, Row
 from visavis.lab.errors import UsageError
-from visavis.lab.parts import parts_from, takes_keywords_of
+from visavis.lab.parts import missing_attribute, parts_from, takes_keywords_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +100,7 @@ PARTS: Final[Mapping[str, type[Any]]] = {
 
 @dataclass(frozen=True)
 class _Keywords(Wording, ReliabilityChoices, ReferenceValues, ModelChoices, DecisionRule):
-    """The keywords of `Question`: its own, and every field of every part. For type checkers."""
+    """The keywords of `Question`: its own, and every field of every part."""
 
     test: str
     dv: str = ""
@@ -186,6 +186,12 @@ class Question:
             object.__setattr__(self, name, value)  # the fields are frozen for everyone else
         self._refuse_bad_values()
 
+    if not TYPE_CHECKING:  # type checkers report a missing attribute themselves
+
+        def __getattr__(self, name: str) -> Any:
+            """Raise with the part that has this attribute."""
+            raise missing_attribute(self, name, PARTS)
+
     def _refuse_bad_values(self) -> None:
         """Refuse values that no test knows, and choices that this test does not have."""
         if self.missing not in get_args(Missing):
@@ -206,8 +212,6 @@ class Question:
                 raise UsageError(f"{name} goes with {', '.join(tests)}, not with {self.test}")
         if self.reliability.kind and self.test != "icc":
             raise UsageError(f"a kind is chosen of intraclass correlations, not of {self.test}")
-        if model.nodes and self.test != "clmm":
-            raise UsageError(f"nodes of quadrature are chosen for clmm, not for {self.test}")
         if (reference.low is not None or reference.high is not None) and self.test not in (
             "t",
             "tost",

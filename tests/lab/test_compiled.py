@@ -119,6 +119,48 @@ def test_cached_code_is_not_used_when_a_tuple_has_other_fields_or_another_name(
         assert "1.0" == process.stdout.strip()
 
 
+NESTED = """
+import pairs
+from typing import NamedTuple
+
+
+class Outer(NamedTuple):
+    pair: pairs.A
+    scale: float
+"""
+OF_NESTED = """
+from outers import Outer
+from visavis.lab.compiled import compiled
+
+
+@compiled
+def left_of(outer):
+    return outer.scale * outer.pair.left
+
+
+Inner = Outer.__annotations__['pair']
+print(left_of(Outer(Inner(left=1.0, right=2.0), 3.0)))
+"""
+
+
+def test_cached_code_is_not_used_when_a_tuple_within_a_tuple_has_other_fields(
+    tmp_path: Path,
+) -> None:
+    path_line = f"import sys; sys.path[:0] = [{str(tmp_path)!r}, {str(ROOT)!r}]"
+    (tmp_path / "outers.py").write_text(NESTED)
+    (tmp_path / "of_nested.py").write_text(OF_NESTED)
+    for fields in (("left", "right"), ("right", "left")):
+        (tmp_path / "pairs.py").write_text(PAIR.format("A", *fields))
+        process = subprocess.run(
+            [sys.executable, "-B", "-c", f"{path_line}; import of_nested"],
+            env=without_numbas_own(tmp_path / "cache"),
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        assert "3.0" == process.stdout.strip()
+
+
 MATRICES = """
 import sys
 

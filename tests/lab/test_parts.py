@@ -6,7 +6,13 @@ from typing import Any
 
 import pytest
 
-from visavis.lab.parts import part_of, parts_from, takes_keywords_of
+from visavis import Factor, Study
+from visavis.analysis.gaze.movements import parameters
+from visavis.analysis.gaze.movements.parameters import MovementParameters
+from visavis.analysis.statistics_report import outcome
+from visavis.analysis.statistics_report.outcome import Question
+from visavis.lab.parts import missing_attribute, part_of, parts_from, takes_keywords_of
+from visavis.study import declaration
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,3 +66,32 @@ def test_the_signature_shows_every_keyword() -> None:
 def test_each_field_stands_in_one_part() -> None:
     expected = {"height_m": "walls", "colour": "walls", "pitch_deg": "roof"}
     assert expected == part_of(PARTS)
+
+
+def test_an_attribute_that_a_part_has_is_answered_with_the_part() -> None:
+    house = House("barn")
+    said = [str(missing_attribute(house, name, PARTS)) for name in ("colour", "door")]
+    assert [
+        "a House has its colour in a part: .walls.colour",
+        "House has no attribute 'door'",
+    ] == said
+
+
+MADE_OF_PARTS = [
+    (Study, {"name": "mood", "factors": (Factor("face", ("calm", "angry")),)}, declaration.PARTS),
+    (Question, {"test": "t"}, outcome.PARTS),
+    (MovementParameters, {}, parameters.PARTS),
+]
+
+
+@pytest.mark.parametrize(("kind", "keywords", "parts"), MADE_OF_PARTS)
+def test_what_is_made_of_parts_takes_its_own_keywords_those_of_parts_and_parts_whole(
+    kind: Any, keywords: dict[str, Any], parts: Any
+) -> None:
+    taken = set(inspect.signature(kind).parameters)
+    made = kind(**keywords)
+    own = {name for name in vars(made) if not name.startswith("_")}
+    assert own | {*parts, *part_of(parts)} == taken
+    for name, part in part_of(parts).items():
+        with pytest.raises(AttributeError, match=rf"in a part: \.{part}\.{name}"):
+            getattr(made, name)

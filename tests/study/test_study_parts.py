@@ -56,5 +56,5 @@ def test_what_every_study_has_comes_in_the_order_of_settable() -> None:
 def test_reading_a_field_past_its_part_says_where_it_stands() -> None:
     study = Study("mood", factors=FACTORS)
     field = "repetitions"
-    with pytest.raises(AttributeError, match=rf"study\.design\.{field}"):
+    with pytest.raises(AttributeError, match=rf"in a part: \.design\.{field}"):
         getattr(study, field)

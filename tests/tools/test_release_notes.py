@@ -57,6 +57,12 @@ def test_paragraphs_stay_apart(tmp_path: Path) -> None:
     assert text.endswith("- One, the first.\n\n  Two.\n")
 
 
+def test_a_list_of_changes_has_a_bullet_for_each(tmp_path: Path) -> None:
+    release(changed(tmp_path, _1_added="- One,\n  the first.\n- Two.\n"), "0.1.0", "2026-11-01")
+    text = (tmp_path / "CHANGELOG.md").read_text("utf-8")
+    assert text.endswith("### Added\n\n- One, the first.\n- Two.\n")
+
+
 def test_long_changes_are_wrapped_under_themselves(tmp_path: Path) -> None:
     release(changed(tmp_path, _1_added="a-word " * 40), "0.1.0", "2026-11-01")
     lines = (tmp_path / "CHANGELOG.md").read_text("utf-8").splitlines()

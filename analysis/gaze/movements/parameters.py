@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 from visavis.analysis.gaze.movements.kinds import Detector
-from visavis.lab.parts import parts_from, takes_keywords_of
+from visavis.lab.parts import missing_attribute, parts_from, takes_keywords_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,7 +102,7 @@ PARTS: Final[Mapping[str, type[Any]]] = {
 
 @dataclass(frozen=True)
 class _Keywords(I2mcRule, PursuitRule, FixationRule, LossRule, SaccadeRule, VelocityRule):
-    """The keywords of `MovementParameters`: every field of every part. For type checkers only."""
+    """The keywords of `MovementParameters`: every field of every part."""
 
     detector: Detector | Literal["auto"] = "auto"
     nominal_rate_hz: float | None = field(default=None, kw_only=True)
@@ -149,6 +149,12 @@ class MovementParameters:
         own = {"detector": detector, "nominal_rate_hz": nominal_rate_hz}
         for name, value in {**own, **parts_from(PARTS, keywords)}.items():
             object.__setattr__(self, name, value)  # the fields are frozen for everyone else
+
+    if not TYPE_CHECKING:  # type checkers report a missing attribute themselves
+
+        def __getattr__(self, name: str) -> Any:
+            """Raise with the part that has this attribute."""
+            raise missing_attribute(self, name, PARTS)
 
     def by_name(self) -> dict[str, Any]:
         """Return every threshold by its name, as files list them: without the parts."""

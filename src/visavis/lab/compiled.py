@@ -142,25 +142,28 @@ def _taken_in(names: dict[str, Any], prefix: str = "") -> Iterator[str]:
             continue
         if isinstance(value, CPUDispatcher):
             yield f"{prefix}{name}={getattr(value, _STAMP, None)}"
-        elif isinstance(value, type) and issubclass(value, tuple) and hasattr(value, "_fields"):
-            yield f"{prefix}{name}={value._fields!r}"  # kernels read a named tuple by place
+        elif _is_named_tuple(value):
+            yield f"{prefix}{name}={_fields_of(value)}"
         elif _is_plain(value):
             yield f"{prefix}{name}={value!r}"
-        elif isinstance(value, type) and hasattr(value, "_fields"):
-            yield f"{prefix}{name}={_fields_of(value)}"
         elif isinstance(value, np.ndarray):
             yield f"{prefix}{name}={value.dtype}{value.shape}{value.tobytes().hex()}"
         elif isinstance(value, ModuleType) and not prefix and _may_change(value):
             yield from _taken_in(vars(value), f"{name}.")
 
 
-def _fields_of(named_tuple: type) -> str:
+def _is_named_tuple(value: object) -> bool:
+    return isinstance(value, type) and issubclass(value, tuple) and hasattr(value, "_fields")
+
+
+def _fields_of(named_tuple: Any) -> str:
     """Return the names of a tuple's fields in their order, and those of tuples among them: compiled
     code reads them by position.
     """
-    kinds = vars(named_tuple).get("__annotations__", {}).items()
+    kinds = vars(named_tuple).get("__annotations__", {})  # none where it has no types
     return ", ".join(
-        f"{name}({_fields_of(kind)})" if hasattr(kind, "_fields") else name for name, kind in kinds
+        f"{name}({_fields_of(kinds[name])})" if _is_named_tuple(kinds.get(name)) else name
+        for name in named_tuple._fields
     )
 
 

@@ -61,3 +61,14 @@ def parts_from(kinds: Mapping[str, type[Any]], keywords: Mapping[str, Any]) -> d
 def part_of(kinds: Mapping[str, type[Any]]) -> dict[str, str]:
     """Return the name of the part in which each field stands."""
     return {f.name: name for name, kind in kinds.items() for f in fields(kind)}
+
+
+def missing_attribute(whole: object, name: str, kinds: Mapping[str, type[Any]]) -> AttributeError:
+    """Return the error for an attribute that a thing does not have; its parts may."""
+    kind = type(whole).__name__
+    part = part_of(kinds).get(name)
+    return AttributeError(
+        f"{kind} has no attribute {name!r}"
+        if part is None
+        else f"a {kind} has its {name} in a part: .{part}.{name}"
+    )

@@ -32,12 +32,13 @@ class PointingHand:
     """
 
     def __init__(self, rest_m: Vector) -> None:
-        self._points: list[tuple[float, Vector]] = [(-10.0, rest_m)]
+        self._starts_s, self._points_m = np.array([-10.0]), np.array([rest_m])
         self._presses: list[tuple[int, str, float]] = []
 
     def point(self, start_s: float, goal_m: Vector) -> None:
         """Begin to point to another point (3,) at a time."""
-        self._points.append((start_s, goal_m))
+        self._starts_s = np.append(self._starts_s, start_s)
+        self._points_m = np.vstack([self._points_m, goal_m])
 
     def press(self, t_ns: int, control: str) -> None:
         """Press a control at a session time and release it."""
@@ -55,8 +56,7 @@ class PointingHand:
 
     def pointed_at(self, t_s: Vector) -> Vector:
         """Return the points (t, 3) it points to."""
-        starts_s = np.array([start_s for start_s, _ in self._points])
-        return pointed_rows(t_s, starts_s, np.array([point for _, point in self._points]))
+        return pointed_rows(t_s, self._starts_s, self._points_m)
 
 
 def segments_of(

@@ -12,14 +12,16 @@ import numpy as np
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 from visavis.stimuli.motion.quaternion_kernels import (
-    Quat,
     Triple,
     dot,
     inverse,
     minus,
     plus,
+    quat_of,
     rotate_vector,
+    triple_of,
 )
+from visavis.stimuli.motion.rhythm_kernels import ease
 
 TURN_S: Final = 0.45
 """Time in which the head turns from one point to the next."""
@@ -31,23 +33,6 @@ HALF_IPD_M: Final = 0.0315
 POINT_S: Final = 0.5
 """Time of a hand movement from one point to the next, in seconds."""
 NO_LENGTH: Final = 1e-9
-
-
-@compiled
-def _rise(share: float) -> float:
-    """Return a smooth rise from 0 to 1, as `visavis.stimuli.motion.blending.smootherstep`."""
-    x = min(max(share, 0.0), 1.0)
-    return x * x * x * (10.0 + x * (6.0 * x - 15.0))
-
-
-@compiled
-def _triple(row: Vector) -> Triple:
-    return row[0], row[1], row[2]
-
-
-@compiled
-def _quat(row: Vector) -> Quat:
-    return row[0], row[1], row[2], row[3]
 
 
 @compiled
@@ -71,7 +56,7 @@ def head_rows(
     for i in range(len(t_s)):
         yaw, pitch = 0.0, 0.0
         for k in range(1, len(starts_s)):
-            share = _rise((t_s[i] - starts_s[k]) / TURN_S)
+            share = ease((t_s[i] - starts_s[k]) / TURN_S)
             yaw += share * (aims_rad[k, 0] - aims_rad[k - 1, 0])
             pitch += share * (aims_rad[k, 1] - aims_rad[k - 1, 1])
         left, up = (
@@ -97,9 +82,9 @@ def gaze_rows(
     left, right = np.empty((len(t_s), 3)), np.empty((len(t_s), 3))
     for i in range(len(t_s)):
         k = max(np.searchsorted(starts_s, t_s[i], side="right"), 1) - 1
-        target, turn = _triple(points_m[k]), _quat(turns[i])
+        target, turn = triple_of(points_m[k]), quat_of(turns[i])
         for rows, side_m in ((left, -HALF_IPD_M), (right, HALF_IPD_M)):
-            at = plus(_triple(positions_m[i]), rotate_vector(turn, (side_m, 0.0, 0.0)))
+            at = plus(triple_of(positions_m[i]), rotate_vector(turn, (side_m, 0.0, 0.0)))
             ahead = _unit(rotate_vector(inverse(turn), minus(target, at)))
             rows[i, 0], rows[i, 1], rows[i, 2] = ahead
     return left, right
@@ -113,7 +98,7 @@ def pointed_rows(t_s: Vector, starts_s: Vector, points_m: Vector) -> Vector:
         for axis in range(3):
             at = points_m[0, axis]
             for k in range(1, len(starts_s)):
-                at += _rise((t_s[i] - starts_s[k]) / POINT_S) * (points_m[k, axis] - at)
+                at += ease((t_s[i] - starts_s[k]) / POINT_S) * (points_m[k, axis] - at)
             rows[i, axis] = at
     return rows
 
@@ -126,8 +111,8 @@ def finger_rows(hand_m: Vector, pointed_m: Vector, along: Vector) -> Vector:
     """
     turns = np.empty((len(hand_m), 4))
     for i in range(len(hand_m)):
-        ahead = _unit(minus(_triple(pointed_m[i]), _triple(hand_m[i])))
-        turns[i, 0] = 1.0 + dot(ahead, _triple(along))
+        ahead = _unit(minus(triple_of(pointed_m[i]), triple_of(hand_m[i])))
+        turns[i, 0] = 1.0 + dot(ahead, triple_of(along))
         turns[i, 1] = along[1] * ahead[2] - along[2] * ahead[1]
         turns[i, 2] = along[2] * ahead[0] - along[0] * ahead[2]
         turns[i, 3] = along[0] * ahead[1] - along[1] * ahead[0]

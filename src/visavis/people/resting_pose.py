@@ -17,13 +17,14 @@ from visavis.stimuli.motion.kinds import Idle, Sit
 from visavis.stimuli.motion.people import PeopleMotion, Person
 from visavis.stimuli.motion.posture_kernels import look_from, pose_rows
 from visavis.stimuli.motion.quaternion_kernels import (
-    Quat,
     Triple,
     inverse,
     minus,
     plus,
+    quat_of,
     rotate_vector,
     scale_vector,
+    triple_of,
 )
 from visavis.stimuli.motion.skeleton import Skeleton, canonical_skeleton
 from visavis.stimuli.motion.slerp_kernels import forward_rows
@@ -112,16 +113,6 @@ def _eyes_of(stature_m: float, kind: Sit | Idle) -> Vector:
 
 
 @compiled
-def _quat(row: Vector) -> Quat:
-    return row[0], row[1], row[2], row[3]
-
-
-@compiled
-def _triple(row: Vector) -> Triple:
-    return row[0], row[1], row[2]
-
-
-@compiled
 def _set_mirrored(row: Vector, start: int, v: Triple) -> None:
     """Mirror a vector of the right side for the solver, which knows left arms only."""
     row[start], row[start + 1], row[start + 2] = -v[0], v[1], v[2]
@@ -142,17 +133,19 @@ def _body_rows(
     facing, root = np.empty((1, 3)), np.empty((1, 3))
     local = np.empty((1, p.JOINTS, 4))
     own = offsets[0]
-    between_eyes = scale_vector(plus(_triple(own[p.J_LEFT_EYE]), _triple(own[p.J_RIGHT_EYE])), 0.5)
+    between_eyes = scale_vector(
+        plus(triple_of(own[p.J_LEFT_EYE]), triple_of(own[p.J_RIGHT_EYE])), 0.5
+    )
     for t in range(eyes_m.shape[0]):
-        head, hand = _quat(head_wxyz[t]), _quat(hand_wxyz[t])
+        head, hand = quat_of(head_wxyz[t]), quat_of(hand_wxyz[t])
         ahead = rotate_vector(head, AHEAD)
         facing[0, 0], facing[0, 1], facing[0, 2] = ahead
         eyes, at, turn = eyes_m[t : t + 1], positions[t : t + 1], turns[t : t + 1]
         # First solve without the hand: the arm is solved in the axes of the chest.
         pose_rows(rest.copy(), offsets, _ONE, _ALL_VALID, eyes, facing, root, local)
         forward_rows(parents, own, root, local, at, turn)
-        back = inverse(_quat(turn[0, p.J_UPPER_CHEST]))
-        reach = minus(_triple(hand_m[t]), _triple(at[0, p.J_UPPER_CHEST]))
+        back = inverse(quat_of(turn[0, p.J_UPPER_CHEST]))
+        reach = minus(triple_of(hand_m[t]), triple_of(at[0, p.J_UPPER_CHEST]))
         controls = rest.copy()
         arm = controls[0, p.ARM + p.ARM_SIZE :]
         arm[p.HOLD : p.HOLD + p.HOLDS * p.HOLD_SIZE] = 0.0
@@ -166,6 +159,6 @@ def _body_rows(
         forward_rows(parents, own, root, local, at, turn)
         # Set the given poses exactly: the solver limits the wrist and knows no roll of the head.
         at[0, J_RIGHT_HAND], turn[0, J_RIGHT_HAND] = hand_m[t], hand_wxyz[t]
-        joint = minus(_triple(eyes_m[t]), rotate_vector(head, between_eyes))
+        joint = minus(triple_of(eyes_m[t]), rotate_vector(head, between_eyes))
         at[0, p.J_HEAD, 0], at[0, p.J_HEAD, 1], at[0, p.J_HEAD, 2] = joint
         turn[0, p.J_HEAD] = head_wxyz[t]

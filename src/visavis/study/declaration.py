@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from visavis.lab.errors import DesignError
-from visavis.lab.parts import part_of, parts_from, takes_keywords_of
+from visavis.lab.parts import missing_attribute, part_of, parts_from, takes_keywords_of
 from visavis.protocol.plan.design import Design, Factor
 from visavis.protocol.plan.parameters import parameters_from
 from visavis.study.parts import (
@@ -158,11 +158,7 @@ class Study:
 
         def __getattr__(self, name: str) -> Any:
             """Raise with the part that has this attribute."""
-            raise AttributeError(
-                f"a study has its {name} as study.{PART_OF[name]}.{name}"
-                if name in PART_OF
-                else f"{type(self).__name__!r} object has no attribute {name!r}"
-            )
+            raise missing_attribute(self, name, PARTS)
 
     def with_changes(self, **keywords: Any) -> "Study":
         """Return a copy of this study with other keywords, given as to `Study`."""

@@ -130,6 +130,7 @@ def test_how_people_differ_is_never_asked_in_vain() -> None:
         Question("gee", random="maximal")
     with pytest.raises(UsageError, match="nodes goes with clmm, bradleyterry, not with lmm"):
         Question("lmm", nodes=9)
+    assert 9 == Question("bradleyterry", nodes=9).model.nodes
     with pytest.raises(DataError, match="no factor 'all'"):
         answer(
             people().assign(y=np.tile([1, 2], 18)),

@@ -13,7 +13,7 @@ from visavis.stimuli.motion.build import Build, build_of_skeleton
 from visavis.stimuli.motion.clip import Clip
 from visavis.stimuli.motion.errors import MotionError
 from visavis.stimuli.motion.kinds import Idle, Kind, Phone, Recorded, Sit, Wave
-from visavis.stimuli.motion.people import Doing, HeldHeads, PeopleMotion, Person
+from visavis.stimuli.motion.people import Alone, Doing, HeldHeads, PeopleMotion, Person
 from visavis.stimuli.motion.seating import eyes_of, seated_under_eyes
 from visavis.stimuli.motion.skeleton import Placement, Skeleton, canonical_skeleton, forward
 
@@ -71,22 +71,25 @@ def test_everybody_at_once_equals_one_at_a_time() -> None:
         assert np.array_equal(pose.orientation_wxyz[i], alone.orientation_wxyz[0])
 
 
-@pytest.mark.parametrize(
-    "does",
-    [*((Doing(kind),) for kind in KINDS), (Doing(Idle()), Doing(Wave(), 1.0, fade_s=0.4))],
-    ids=repr,
-)
-def test_one_person_at_many_times_at_once_equals_one_time_after_the_other(
-    does: tuple[Doing, ...],
-) -> None:
-    motion = PeopleMotion((Person(build(), does, 7, (0.3, 0.0, -2.0), 20.0),))
-    times_s = np.linspace(-0.5, 3.0, 15)
+@pytest.mark.parametrize("kind", [*KINDS, Wave()], ids=repr)
+def test_one_thing_at_many_times_at_once_equals_one_time_after_the_other(kind: Kind) -> None:
+    alone = PeopleMotion((Person(build(), kind, 7, (0.3, 0.0, -2.0), 20.0),))
+    times_s = np.linspace(-0.5, 3.0, 16).reshape(4, 4)
     at_rest = Aimed(np.full((1, 3), np.nan), np.ones(1))
-    expected = [motion.at(float(t_s), at_rest) for t_s in times_s]
-    poses = motion.one_at(times_s)
-    assert np.array_equal(np.concatenate([one.root_m for one in expected]), poses.root_m)
+    expected = [alone.at(float(t_s), at_rest) for t_s in times_s.ravel()]
+    frames = Alone(alone).at(times_s)
+    assert (4, 4, 3) == frames.root_m.shape
+    root_m = np.concatenate([one.root_m for one in expected])
+    assert np.array_equal(root_m, frames.root_m.reshape(-1, 3))
     turns = np.concatenate([one.orientation_wxyz for one in expected])
-    assert np.array_equal(turns, poses.orientation_wxyz)
+    assert np.array_equal(turns, frames.orientation_wxyz.reshape(turns.shape))
+
+
+def test_everybody_may_be_asked_for_at_a_time_of_their_own() -> None:
+    motion = crowd()
+    times_s = np.linspace(0.0, 5.0, len(motion.people))
+    expected = [motion.posture(float(t_s))[i] for i, t_s in enumerate(times_s)]
+    assert np.array_equal(np.stack(expected), motion.posture(times_s))
 
 
 def test_another_seed_is_another_person() -> None:

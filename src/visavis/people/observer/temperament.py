@@ -290,14 +290,7 @@ def draw_temperament(population: Population, rng: np.random.Generator) -> Temper
         _compress_upper_side(hold, q.contact.hold_levels),
         _compress_upper_side(come_back, q.contact.return_levels),
     )
-    # What does not differ between people has the name of the population's constant.
-    values = {
-        name: getattr(part, name)
-        for part in (q.attraction, q.visits, q.noticing, q.contact, q.movement, q.body)
-        for name in PERSON_DTYPE.names or ()
-        if hasattr(part, name)
-    }
-    values |= {
+    drawn_values = {
         "head_visit_s": q.visits.head_visit_s * np.exp(q.visits.head_visit_between_log_sd * visit),
         "other_visit_s": q.visits.other_visit_s * np.exp(0.10 * z[4]),
         "hold_s": q.contact.hold_s * (1 + q.contact.hold_between_share * hold_level),
@@ -329,8 +322,12 @@ def draw_temperament(population: Population, rng: np.random.Generator) -> Temper
         "ipd_m": q.body.ipd_m + 0.0035 * z[14],
     }
     # The kernels read constants as one structured row; the questionnaires read the rest.
+    parts = (q.attraction, q.visits, q.noticing, q.contact, q.movement, q.body)
+    # What does not differ between people has the name of the population's constant.
+    names = PERSON_DTYPE.names or ()
+    shared = {n: getattr(part, n) for part in parts for n in names if hasattr(part, n)}
     constants = np.zeros(1, dtype=PERSON_DTYPE)
-    for name, value in values.items():
+    for name, value in (shared | drawn_values).items():
         constants[name] = value
     return Temperament(
         constants=constants,

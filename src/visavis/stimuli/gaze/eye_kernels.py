@@ -15,9 +15,11 @@ from visavis.stimuli.motion.quaternion_kernels import (
     inverse,
     minus,
     plus,
+    quat_of,
     rotate_vector,
     scale_vector,
     times,
+    triple_of,
     unit_of,
 )
 
@@ -27,16 +29,6 @@ LID_FULL_RAD = np.radians(30.0)
 LEFT_BLINK, RIGHT_BLINK = MORPHS.index("left_blink"), MORPHS.index("right_blink")
 LIDS_UP, LIDS_DOWN = MORPHS.index("lids_up"), MORPHS.index("lids_down")
 AHEAD: Triple = (0.0, 0.0, -1.0)
-
-
-@compiled
-def _triple(rows: Vector, i: int) -> Triple:
-    return rows[i, 0], rows[i, 1], rows[i, 2]
-
-
-@compiled
-def _quat(rows: Vector, i: int) -> Quat:
-    return rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3]
 
 
 @compiled
@@ -56,10 +48,10 @@ def _within(direction: Triple, most_rad: float) -> Triple:
 def head_of(root: Vector, turns: Vector, offsets: Vector) -> tuple[Triple, Quat]:
     """Return where the head joint is and how it is turned in world."""
     at = root[0], root[1], root[2]
-    world = _quat(turns, p.J_HIPS)
+    world = quat_of(turns[p.J_HIPS])
     for joint in range(p.J_SPINE, p.J_HEAD + 1):
-        at = plus(at, rotate_vector(world, _triple(offsets, joint)))
-        world = times(world, _quat(turns, joint))
+        at = plus(at, rotate_vector(world, triple_of(offsets[joint])))
+        world = times(world, quat_of(turns[joint]))
     return at, world
 
 
@@ -76,7 +68,7 @@ def look_rows(
     for r in range(root_m.shape[0]):
         own = offsets[skeleton_of[r]]
         at, world = head_of(root_m[r], turns[r], own)
-        half = scale_vector(plus(_triple(own, p.J_LEFT_EYE), _triple(own, p.J_RIGHT_EYE)), 0.5)
+        half = scale_vector(plus(triple_of(own[p.J_LEFT_EYE]), triple_of(own[p.J_RIGHT_EYE])), 0.5)
         middle = plus(at, rotate_vector(world, half))
         for k in range(3):
             eyes_m[r, k] = middle[k]
@@ -103,11 +95,11 @@ def aim_rows(
         own = offsets[skeleton_of[r]]
         _, world = head_of(root_m[r], turns[r], own)
         to_head = inverse(world)
-        left, right = _triple(own, p.J_LEFT_EYE), _triple(own, p.J_RIGHT_EYE)
+        left, right = triple_of(own[p.J_LEFT_EYE]), triple_of(own[p.J_RIGHT_EYE])
         middle = scale_vector(plus(left, right), 0.5)
         gaze = AHEAD
         if np.isfinite(direction[r, 0]):
-            gaze = unit_of(rotate_vector(to_head, _triple(direction, r)), AHEAD)
+            gaze = unit_of(rotate_vector(to_head, triple_of(direction[r])), AHEAD)
         pitch = 0.0
         for side in range(2):
             eye = left if side == 0 else right

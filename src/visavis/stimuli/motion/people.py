@@ -159,24 +159,16 @@ class PeopleMotion:
 
         `turn_changes` replaces the joint turns (55, 4) of some people before their eyes are aimed.
         """
-        return self._posed(self.posture(t_s), t_s, gaze, turn_changes)
+        return self.pose_of(self.posture(t_s), t_s, gaze, turn_changes)
 
-    def one_at(self, times_s: Vector) -> PosedPeople:
-        """Return the poses of the only person, a row for each time (t,); the eyes are at rest.
-
-        The same as `at` for each time, at a fraction of its cost: the times stand for people.
-        """
-        many = PeopleMotion(self.people * len(times_s))
-        at_rest = Aimed(np.full((len(times_s), 3), np.nan), np.ones(len(times_s)))
-        return many._posed(many.posture(times_s), np.nan, at_rest)
-
-    def _posed(
+    def pose_of(
         self,
         controls: Vector,
         t_s: float,
         gaze: Gaze | None,
         turn_changes: Mapping[int, Callable[[Vector], Vector]] = MappingProxyType({}),
     ) -> PosedPeople:
+        """Return the poses of rows of posture (n, SIZE), which it changes; see `at`."""
         n = len(self.people)
         gaze = gaze or self._around
         _, offsets, skeleton_of, seeds = self._builds
@@ -328,18 +320,23 @@ class _Placed:
 
 
 @dataclass(frozen=True, eq=False)
-class _Alone:
+class Alone:
     """One thing that one person does, as a motion of its own; the head does not follow a gaze."""
 
     people: PeopleMotion
 
     @property
     def skeleton(self) -> Skeleton:
+        """Skeleton of the person."""
         return self.people.people[0].build.skeleton
 
     def at(self, t_s: npt.ArrayLike) -> Frames:
+        """Return the poses at times of any shape."""
         times = np.asarray(t_s, np.float64)
-        poses = self.people.one_at(times.ravel())
+        # Times stand for people, who cost a kernel's row each instead of a call of every kernel.
+        each = PeopleMotion(self.people.people * times.size)
+        at_rest = Aimed(np.full((times.size, 3), np.nan), np.ones(times.size))
+        poses = each.pose_of(each.posture(times.ravel()), np.nan, at_rest)
         return Frames(
             poses.root_m.reshape(*times.shape, 3),
             poses.orientation_wxyz.reshape(*times.shape, p.JOINTS, 4),
@@ -362,7 +359,7 @@ def _chain(person: Person) -> Motion:
                 place_m=place,
                 heading_deg=float(np.degrees(heading)),
             )
-            own = _Alone(PeopleMotion((alone,)))
+            own = Alone(PeopleMotion((alone,)))
         if whole is None:
             whole = own
         else:

@@ -26,6 +26,7 @@ from visavis.stimuli.motion.quaternion_kernels import (
     mix_quats,
     of_axes,
     plus,
+    quat_of,
     rotate_vector,
     scale_vector,
     square_to,
@@ -119,17 +120,12 @@ def _trunk(c: Vector, offsets: Vector, turns: Vector, world: Vector, place: Vect
 
 
 @compiled
-def _quat(rows: Vector, joint: int) -> Quat:
-    return rows[joint, 0], rows[joint, 1], rows[joint, 2], rows[joint, 3]
-
-
-@compiled
 def _eyes_middle(offsets: Vector, world: Vector, place: Vector) -> Triple:
     """Return the point between the eyes."""
     between_eyes = scale_vector(
         plus(_vector(offsets[p.J_LEFT_EYE], 0), _vector(offsets[p.J_RIGHT_EYE], 0)), 0.5
     )
-    return plus(_vector(place[p.J_HEAD], 0), rotate_vector(_quat(world, p.J_HEAD), between_eyes))
+    return plus(_vector(place[p.J_HEAD], 0), rotate_vector(quat_of(world[p.J_HEAD]), between_eyes))
 
 
 @compiled
@@ -139,7 +135,7 @@ def _leg(
     """Put the ankle where it belongs; return the thigh's turn in the (reflected) person frame."""
     start, first = p.LEG + side * p.LEG_SIZE, p.J_SIDE + side * p.SIDE_SIZE
     sign = 1.0 if side == 0 else -1.0
-    hips, at = _quat(world, p.J_HIPS), _vector(place[p.J_HIPS], 0)
+    hips, at = quat_of(world[p.J_HIPS]), _vector(place[p.J_HIPS], 0)
     if side == 1:
         hips, at = mirror_quat(hips), (-at[0], at[1], at[2])
     hip_at = plus(at, rotate_vector(hips, _outward(offsets, first + p.S_UPPER_LEG, side)))
@@ -297,7 +293,7 @@ def _arm(
 ) -> None:
     """Pose one arm, in a frame reflected to the left for side 1."""
     first = p.J_SIDE + side * p.SIDE_SIZE
-    chest, chest_at = _quat(world, p.J_UPPER_CHEST), _vector(place[p.J_UPPER_CHEST], 0)
+    chest, chest_at = quat_of(world[p.J_UPPER_CHEST]), _vector(place[p.J_UPPER_CHEST], 0)
     if side == 1:
         chest, chest_at = mirror_quat(chest), (-chest_at[0], chest_at[1], chest_at[2])
     # Collar bone first: it carries the shoulder joint.
@@ -346,7 +342,7 @@ def _arm(
                 axes, origin = thigh_turn, _vector(place[first + p.S_UPPER_LEG], 0)
             else:
                 joint = p.J_HEAD if hold == p.HEAD else p.J_HIPS
-                axes, origin = _quat(world, joint), _vector(place[joint], 0)
+                axes, origin = quat_of(world[joint]), _vector(place[joint], 0)
                 if side == 1:
                     axes, origin = mirror_quat(axes), (-origin[0], origin[1], origin[2])
             goal = plus(goal, plus(scale_vector(origin, h[0]), rotate_vector(axes, _vector(h, 1))))
@@ -422,7 +418,7 @@ def _hold_head(
     back = unit_of((-facing[0], -facing[1], -facing[2]), BACK)
     right = unit_of(cross((0.0, 1.0, 0.0), back), (1.0, 0.0, 0.0))
     head = of_axes(right, cross(back, right), back)
-    trunk = _quat(world, p.J_UPPER_CHEST)
+    trunk = quat_of(world[p.J_UPPER_CHEST])
     # The neck takes its usual share of the turn from the trunk to the head.
     neck = mix_quats((1.0, 0.0, 0.0, 0.0), times(inverse(trunk), head), NECK_SHARE)
     neck_world = times(trunk, neck)

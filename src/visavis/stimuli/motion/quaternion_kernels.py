@@ -16,6 +16,18 @@ NEARLY_STRAIGHT = 0.996
 
 
 @compiled
+def triple_of(row: Vector) -> Triple:
+    """Return a row (3,) as a vector."""
+    return row[0], row[1], row[2]
+
+
+@compiled
+def quat_of(row: Vector) -> Quat:
+    """Return a row (4,) as a rotation."""
+    return row[0], row[1], row[2], row[3]
+
+
+@compiled
 def about_x(angle: float) -> Quat:
     """Turn about x by an angle in radians."""
     return np.cos(0.5 * angle), np.sin(0.5 * angle), 0.0, 0.0

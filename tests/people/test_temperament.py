@@ -1,0 +1,28 @@
+"""What differs between simulated people, and what they share."""
+
+import numpy as np
+
+from visavis.people.observer.temperament import DEFAULT_POPULATION, draw_temperament
+
+OF_EACH_PERSON = {
+    "head_visit_s", "other_visit_s", "hold_s", "startle_s", "return_gain", "recheck_gain",
+    "head_gain", "fixation_s", "onset_latency_s", "saccade_s_per_rad", "drift_rad", "head_rate",
+    "blink_interval_s", "pupil_dark_mm", "pupil_bright_mm", "sway_m", "ipd_m",
+}  # fmt: skip
+"""Constants that are drawn for everybody; others are the population's."""
+
+
+def test_people_differ_in_what_is_drawn_and_in_nothing_else() -> None:
+    drawn = [
+        draw_temperament(DEFAULT_POPULATION, np.random.default_rng(seed)).constants
+        for seed in range(8)
+    ]
+    rows = np.concatenate(drawn)
+    names = rows.dtype.names or ()
+    assert OF_EACH_PERSON == {name for name in names if len(np.unique(rows[name])) > 1}
+
+
+def test_every_constant_but_the_seat_has_a_value() -> None:
+    row = draw_temperament(DEFAULT_POPULATION, np.random.default_rng(1)).constants[0]
+    zero = {name for name in row.dtype.names or () if row[name] == 0}
+    assert {"seat_x", "seat_y", "seat_z"} == zero
