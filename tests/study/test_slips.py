@@ -158,3 +158,29 @@ def test_an_exclusion_may_be_about_any_column_of_trials(tmp_path: Path, column: 
     path.write_text(WITH_RULE.replace('"comfort_ms"', f'"{column}"'), "utf-8")
 
     assert find_study(str(path)).experiment({}).read
+
+
+FORMER = {
+    'Study("duel", unasked=("free",))': "'skip_after_block'",
+    "from visavis import unopinionated": "'neutral_answer'",
+    "from protocol.steps import Show": "docs/what-moved.md",
+    "from visavis.boards import Ways": "docs/what-moved.md",
+}
+
+
+@pytest.mark.parametrize("line", FORMER)
+def test_a_name_of_the_version_before_is_answered_with_the_new_one_or_where_it_stands(
+    tmp_path: Path, line: str
+) -> None:
+    file = tmp_path / "duel.py"
+    file.write_text(f"from visavis import Study\n{line}\n", "utf-8")
+    with pytest.raises(DesignError, match=rf"duel\.py, line 2: .*{FORMER[line]}"):
+        find_study(str(file))
+
+
+def test_a_module_that_a_lab_lacks_is_no_matter_of_versions(tmp_path: Path) -> None:
+    file = tmp_path / "duel.py"
+    file.write_text("import no_such_module_here\n", "utf-8")
+    with pytest.raises(DesignError) as problem:
+        find_study(str(file))
+    assert "moved" not in str(problem.value)

@@ -2,16 +2,31 @@
 
 import inspect
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import Any, Final
 
 from visavis.lab.yaml_lines import did_you_mean
+
+FORMER_NAMES: Final = {
+    "called": "level_words",
+    "shown": "stimulus",
+    "staged": "staged_scene",
+    "unasked": "skip_after_block",
+    "unopinionated": "neutral_answer",
+}
+"""Names of version 0.2.0 that study files use, and what they are called now."""
+
+
+def new_name(name: str, possible: Iterable[str]) -> str:
+    """Return the end of a message that says what a former name is called now; else nothing."""
+    now = FORMER_NAMES.get(name)
+    return f"; since 0.3.0 it is called {now!r}" if now in tuple(possible) else ""
 
 
 def unknown_argument(what: str, argument: str, possible: Iterable[str]) -> str:
     """Return the message for an unknown argument, with the nearest one or all that exist."""
     names = tuple(possible)
-    near = did_you_mean(argument, names)
-    if "did you mean" in near:
+    near = new_name(argument, names) or did_you_mean(argument, names)
+    if "did you mean" in near or "it is called" in near:
         return f"{what} takes no {argument!r}{near}"
     return f"{what} takes no {argument!r}; it takes {', '.join(names)}"
 

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from visavis.lab.errors import DesignError
 from visavis.lab.yaml_lines import did_you_mean
+from visavis.study.arguments import new_name
 from visavis.study.catalogue import declared_study, is_file
 from visavis.study.declaration import PART_OF, Study
 from visavis.study.exclusions import Exclusion
@@ -41,9 +42,8 @@ def derive(base: str | Path | Study, name: str, **differs: Any) -> Study:
     possible = ["title", "question", "version", *(name for name in PART_OF if name not in OWN)]
     for keyword in differs:
         if keyword not in possible:
-            raise DesignError(
-                f"a study has no {keyword!r} to differ in{did_you_mean(keyword, possible)}"
-            )
+            near = new_name(keyword, possible) or did_you_mean(keyword, possible)
+            raise DesignError(f"a study has no {keyword!r} to differ in{near}")
     changes = {
         "texts": None,
         **differs,

@@ -10,11 +10,16 @@ from typing import Any, Final
 from visavis.lab.errors import LabError
 from visavis.lab.yaml_lines import did_you_mean
 from visavis.public_names import HOMES, public_object
-from visavis.study.arguments import argument_names, unknown_argument
+from visavis.study.arguments import argument_names, new_name, unknown_argument
 from visavis.study.trial import TrialScript
 
 MODULE_OF_STUDY: Final = "visavis_study_"
 """Prefix of the module names under which study files are imported."""
+FORMER_PACKAGES: Final = (
+    "analysis", "cli", "devices", "experiments", "lab", "protocol", "recording", "stage", "stimuli",
+)  # fmt: skip
+"""What could be imported beside `visavis` until 0.2.0."""
+_IMPORTED_NAME: Final = re.compile(r"cannot import name '(\w+)'")
 _UNEXPECTED_ARGUMENT: Final = re.compile(
     r"(?:(?P<owner>\w+)\.)?(?P<called>\w+)\(\) got an unexpected keyword argument '(?P<given>\w+)'"
 )
@@ -44,7 +49,19 @@ def explain(error: BaseException) -> str:
         near = did_you_mean(error.name, names)
         hint = near if "did you mean" in near else ""
         return f"a {type(error.obj).__name__.lower()} has no {error.name!r}{hint}"
-    return str(error) if own else f"{type(error).__name__}: {error}"
+    moved = _what_moved(error) if isinstance(error, ImportError) else ""
+    return str(error) if own else f"{type(error).__name__}: {error}{moved}"
+
+
+def _what_moved(error: ImportError) -> str:
+    """Return the end of a message on a name of ours that is not where it was; else nothing."""
+    top = (error.name or "").partition(".")[0]
+    if top not in (*FORMER_PACKAGES, "visavis"):
+        return ""
+    imported = _IMPORTED_NAME.search(str(error))  # Python 3.11 tells it in the message alone
+    return new_name(imported[1] if imported else "", HOMES) or (
+        "; if it comes from an older Visavis, docs/what-moved.md says what it is called now"
+    )
 
 
 def _is_of_kit(thing: object) -> bool:
