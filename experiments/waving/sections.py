@@ -25,10 +25,11 @@ def relative_confusion(trials: pd.DataFrame) -> pd.DataFrame:
     """
     steps = trials["who"].map(PLACES.index) - trials["participant_place"].map(PLACES.index)
     relative_place = steps.map({0: "self", -1: "left", 1: "right"}).fillna("farther")
-    sizes = trials.assign(told=relative_place).groupby(["technique", "direction", "told"]).size()
+    keys = [trials["technique"], trials["direction"], relative_place.rename("relative_place")]
+    sizes = trials.groupby(keys).size()
     index = pd.MultiIndex.from_product([TECHNIQUES, DIRECTIONS], names=["technique", "direction"])
     table: pd.DataFrame = (
-        sizes.unstack("told", fill_value=0)
+        sizes.unstack("relative_place", fill_value=0)
         .reindex(index=index, columns=list(RELATIVE_PLACES), fill_value=0)
         .reset_index()
     )
