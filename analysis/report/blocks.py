@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
 Mark: TypeAlias = Literal["", "agree", "differ", "strong", "weak"]
-Status: TypeAlias = Literal["found", "partly", "not_found", "undecided"]
+Status: TypeAlias = Literal["found", "partly", "reversed", "not_found", "undecided"]
 
 
 @dataclass(frozen=True)

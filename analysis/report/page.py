@@ -28,6 +28,7 @@ SIMULATED_BANNER = "SIMULATED DATA – no human took part; do not report as resu
 _ANSWER = {
     "found": "✔",
     "partly": "◐",
+    "reversed": "✘",
     "not_found": "○",
     "undecided": "?",
 }

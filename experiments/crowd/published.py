@@ -46,13 +46,43 @@ MEANS: Final[Mapping[str, Mapping[str, MeanSd]]] = {
 }
 """By column and block; the volume of the last block is drawn but not printed."""
 
+FELL: Final = f"{BEFORE} > {HAPTIC}"
+FELL_AND_STAYED: Final = f"{BEFORE} > {HAPTIC}, {AFTER}"
+FELL_AND_CAME_BACK: Final = f"{BEFORE}, {AFTER} > {HAPTIC}"
+ROSE_AND_STAYED: Final = f"{HAPTIC}, {AFTER} > {BEFORE}"
+"""The orders of blocks that the printed means have, between those called different."""
+
 TESTS: Final[Mapping[str, Printed]] = {
-    "collisions": published_f("7.13", 2, 44, p="0.002", eta2p="0.25", is_significant=True),
-    "max_volume_dm3": published_f("4.35", 2, 44, p="0.019", eta2p="0.16", is_significant=True),
-    "shoulders_to_gap_deg": published_f(
-        "13.0", 2, 44, p="<0.001", eta2p="0.37", is_significant=True
+    "collisions": published_f(
+        "7.13",
+        2,
+        44,
+        p="0.002",
+        eta2p="0.25",
+        is_significant=True,
+        order=f"{BEFORE} > {HAPTIC}, {AFTER}",
     ),
-    "speed_m_s": published_f("7.14", "1.56", "34.2", p="0.005", eta2p="0.245", is_significant=True),
+    "max_volume_dm3": published_f(
+        "4.35", 2, 44, p="0.019", eta2p="0.16", is_significant=True, order=FELL
+    ),
+    "shoulders_to_gap_deg": published_f(
+        "13.0",
+        2,
+        44,
+        p="<0.001",
+        eta2p="0.37",
+        is_significant=True,
+        order=f"{HAPTIC}, {AFTER} > {BEFORE}",
+    ),
+    "speed_m_s": published_f(
+        "7.14",
+        "1.56",
+        "34.2",
+        p="0.005",
+        eta2p="0.245",
+        is_significant=True,
+        order=f"{BEFORE}, {AFTER} > {HAPTIC}",
+    ),
     "agency": Printed(False, text="p = .438"),
     "change": Printed(False, text="p = .085"),
     "ownership": Printed(False, text="p = .753"),

@@ -66,6 +66,8 @@ STANDING_M: Final = 0.015
 """How far above its lowest point a foot still stands."""
 STEPPING_MPS: Final = 0.5
 """How fast a foot passes the other where a step is seen."""
+SAME_WITHIN: Final = 0.5
+"""Mean votes within half a step of "equal" count as equally good."""
 TOES: Final = ("left_toes", "right_toes")
 
 study = Study(
@@ -92,9 +94,12 @@ study = Study(
     compare=[
         Compare(
             "preference",
-            within=("clip", "increment"),
-            claim="how hybrid animation compares depends on the motion and the number of poses",
+            test="tost",
+            family="hybrid beside clip",
+            options=[("low", -SAME_WITHIN), ("high", SAME_WITHIN)],
+            claim="A motion made of poses looks as good as the clip they were taken from",
         ),
+        Compare("preference", within=("clip", "increment")),
         Compare(
             "preference",
             within=("clip", "increment"),
@@ -102,7 +107,6 @@ study = Study(
             family="ordinal",
             exploratory=True,
             options=[("random", "clip")],
-            claim="the same on the scale of votes, vote by vote",
         ),
         Compare(
             "preference",
@@ -119,7 +123,6 @@ study = Study(
             within="hybrid_side",
             family="side",
             exploratory=True,
-            claim="the side on which the hybrid stands sways votes",
         ),
     ],
     sections=["visavis.experiments.hybrid.sections:votes"],

@@ -91,7 +91,8 @@ study = Study(
         Compare(
             "naturalness",
             within="method",
-            claim="the method of interpolation changes how natural a gesture looks",
+            claim="Gestures look more natural with Squad than with Slerp or LinEuler",
+            expects="squad > slerp, lineuler",
         ),
         Compare(
             "naturalness",
@@ -100,7 +101,8 @@ study = Study(
             family="ordinal",
             exploratory=True,
             options=[("random", "method")],
-            claim="the same on the scale of ratings, gesture by gesture",
+            claim="The same on the scale of ratings",
+            expects="method: squad > slerp, lineuler",
         ),
     ],
     sections=["visavis.experiments.interpolation.sections:as_printed"],

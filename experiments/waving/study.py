@@ -84,11 +84,29 @@ COMPARISON: Final = Compare(
     "is_right",
     within=("technique", "direction"),
     test="art",
+    claim="A wave warped to be seen is understood better",
+    expects="technique: warping > orientation",
     correction="none",
     options=(("always_posthoc", True), ("correction", "none")),  # as the source's tests
     published={
-        "technique": published_f("7.09", 1, 15, p="0.017", eta2p="0.32", is_significant=True),
-        "direction": published_f("18.92", 2, 30, p="<0.001", eta2p="0.356", is_significant=True),
+        "technique": published_f(
+            "7.09",
+            1,
+            15,
+            p="0.017",
+            eta2p="0.32",
+            is_significant=True,
+            order="warping > orientation",
+        ),
+        "direction": published_f(
+            "18.92",
+            2,
+            30,
+            p="<0.001",
+            eta2p="0.356",
+            is_significant=True,
+            order="self, left > right",
+        ),
         "technique:direction": published_f(
             "2.19", 2, 30, p="0.12", eta2p="0.12", is_significant=False
         ),
@@ -179,15 +197,23 @@ study = Study(
         replace(
             COMPARISON,
             dv="realism",
+            claim="",
+            expects="",
             published={
                 "technique": NO_VALUES,
                 "direction": published_f(
-                    "3.97", 2, 30, p="0.03", eta2p="0.21", is_significant=True
+                    "3.97",
+                    2,
+                    30,
+                    p="0.03",
+                    eta2p="0.21",
+                    is_significant=True,
+                    order="self > right",
                 ),
                 "technique:direction": NO_VALUES,
             },
         ),
-        replace(COMPARISON, dv="who_ms", published=None, exploratory=True),
+        replace(COMPARISON, dv="who_ms", claim="", expects="", published=None, exploratory=True),
     ],
     sections=[
         Confusion(

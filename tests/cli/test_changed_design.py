@@ -29,7 +29,7 @@ study = Study(
     parameters={"person_s": 0.2},
     calibrate=False,
     uses=[],
-    compare=[Compare("nice", within="motion", claim="who waves is nice")],
+    compare=[Compare("nice", within="motion", claim="who waves is nice", expects="wave > idle")],
 )
 
 

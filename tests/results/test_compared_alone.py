@@ -20,7 +20,15 @@ study = Study(
     "votes",
     factors=[Factor("side", ["left", "right"])],
     calibrate=False,
-    compare=[Compare("vote", test="sign", options=[("mu", 3)], claim="the hybrid is preferred")],
+    compare=[
+        Compare(
+            "vote",
+            test="sign",
+            options=[("mu", 3)],
+            claim="the hybrid is preferred",
+            expects="vote > 3",
+        )
+    ],
 )
 
 
@@ -38,7 +46,14 @@ VOTES = (2.0, 1.0, 1.0, 2.0, 0.0, 1.0, -1.0, 2.0, 1.0, 1.0, 2.0)
 
 def _answered(test: str, values: tuple[float, ...], **options: float) -> dict[str, Any]:
     rows = pd.DataFrame({"participant": f"P{i}", "vote": v} for i, v in enumerate(values))
-    of = Compare("vote", test=test, options=tuple(options.items()), claim="it is preferred")
+    usual = 0.5 if test == "binomial" else 0.0
+    of = Compare(
+        "vote",
+        test=test,
+        options=tuple(options.items()),
+        claim="it is preferred",
+        expects="" if test == "tost" else f"vote > {options.get('mu', usual)}",
+    )
     finding = answer_comparison(
         of, rows, {"vote": Measure("vote", "1", "vote")}, {}, is_simulated=True
     )
@@ -76,7 +91,7 @@ def votes(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_its_power_is_found(votes: Path) -> None:
     power = KitPower(str(votes), tracker_of, quick_study)
-    assert {"vote:vote": "the hybrid is preferred"} == dict(power.tests)
+    assert {"vote:vote": "the hybrid is preferred (vote > 3)"} == dict(power.tests)
     people = pd.DataFrame({"participant": f"P{i}", "vote": v} for i, v in enumerate((4, 5) * 5))
     # All of five above 3 is p = 2 / 2^5, not below .05; of eight it is 2 / 2^8.
     finding = power.resample(people, (5, 8), ["vote:vote"], seed=1, alpha=0.05)

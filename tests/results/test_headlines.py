@@ -93,10 +93,18 @@ def test_an_effect_on_which_its_own_notes_rest_no_claim_is_inconclusive() -> Non
         high = (factors["gaze"] == "directed") * (factors["distance"] == "near")
         return float(np.clip(round(rng.normal(1 + 4 * high, 0.6)), 1, 9))
 
-    compare = Compare("warmth", within=["gaze", "distance"], claim="Closeness warms a gaze")
+    compare = Compare(
+        "warmth",
+        within=["gaze", "distance"],
+        claim="Closeness warms a gaze",
+        expects="gaze: directed > averted; distance: near > far",
+    )
     said = headlines(analysed([GAZE, DISTANCE], [compare], {"warmth": bounded}))
 
-    claim = next(v for v in said if v.headline == "Inconclusive: closeness warms a gaze")
+    start = (
+        "Inconclusive: closeness warms a gaze (directed minus averted, with near minus with far: "
+    )
+    claim = next(v for v in said if v.headline.startswith(start))
     assert "undecided" == claim.status
     assert "p < .001" in claim.detail
     assert re.search(r" Note: \d+% of responses stand at a bound", claim.detail)
@@ -108,13 +116,18 @@ def test_an_effect_lost_by_the_correction_is_no_finding() -> None:
     def lifted(factors: Mapping[str, Any], rng: np.random.Generator) -> float:
         return chance(factors, rng) + 0.7 * float(factors["gaze"] == "directed")
 
-    compare = [Compare(n, within="gaze", claim=f"Gaze raises {n}") for n in ("a", "b", "c")]
+    compare = [
+        Compare(n, within="gaze", claim=f"Gaze raises {n}", expects="directed > averted")
+        for n in ("a", "b", "c")
+    ]
     values = {"a": lifted, "b": chance, "c": chance}
     alone = headlines(analysed([GAZE], compare[:1], values))
     together = headlines(analysed([GAZE], compare, values))
 
-    assert [("found", "Gaze raises a")] == [(v.status, v.headline) for v in alone]
-    assert ("not_found", "Not shown: gaze raises a") == (together[0].status, together[0].headline)
+    by_how_much = "(directed minus averted: 0.89, 95% CI [0.15, 1.64])"
+    assert [("found", f"Gaze raises a {by_how_much}")] == [(v.status, v.headline) for v in alone]
+    lost = f"Not shown: gaze raises a {by_how_much}"
+    assert ("not_found", lost) == (together[0].status, together[0].headline)
     assert "Corrected over the family of planned comparisons (holm): p = ." in together[0].detail
 
 

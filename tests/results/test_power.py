@@ -86,7 +86,14 @@ CLAIMED = """from visavis import Compare, Factor, Rating, Study
 study = Study(
     "near",
     factors=[Factor("motion", ["idle", "wave"]), Factor("far_m", [1.5, 3.0])],
-    compare=[Compare("nice", within=["motion", "far_m"], claim="waving is nicer when near")],
+    compare=[
+        Compare(
+            "nice",
+            within=["motion", "far_m"],
+            claim="waving is nicer when near",
+            expects="motion: wave > idle; far_m: 1.5 > 3.0",
+        )
+    ],
 )
 
 
@@ -102,7 +109,8 @@ def test_a_claim_is_put_to_the_interaction_which_decides_and_other_effects_are_n
     (tmp_path / "near.py").write_text(CLAIMED, "utf-8")
     near = KitPower(str(tmp_path / "near.py"), tracker_of, quick_study)
     assert {
-        "nice:motion:far_m": "nice depends on motion × far_m: waving is nicer when near",
+        "nice:motion:far_m": "nice depends on motion × far_m: waving is nicer when near "
+        "(motion: wave > idle; far_m: 1.5 > 3.0)",
         "nice:motion": "nice depends on motion",
         "nice:far_m": "nice depends on far_m",
     } == dict(near.tests)
@@ -111,7 +119,12 @@ def test_a_claim_is_put_to_the_interaction_which_decides_and_other_effects_are_n
 
 @pytest.mark.parametrize("term", ["motion:far_m", "far_m:motion"])
 def test_a_claim_is_about_the_effect_of_all_factors(term: str) -> None:
-    of = Compare("nice", within=["motion", "far_m"], claim="waving is nicer when near")
+    of = Compare(
+        "nice",
+        within=["motion", "far_m"],
+        claim="waving is nicer when near",
+        expects="motion: wave > idle; far_m: 1.5 > 3.0",
+    )
     assert (True, False) == (of.is_claimed(term), of.is_claimed("motion"))
 
 

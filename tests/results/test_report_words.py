@@ -20,7 +20,12 @@ study = Study(
     texts="texts",
     measures=[dwell_on("person")],
     compare=[
-        Compare("comfort", within=["far_m", "eyes"], claim="Distance calms"),
+        Compare(
+            "comfort",
+            within=["far_m", "eyes"],
+            claim="Distance calms",
+            expects="far_m: 2.5 > 1.0",
+        ),
         Compare("dwell_ms", within="eyes"),
     ],
 )
@@ -154,7 +159,9 @@ def test_headline_and_sentence_call_levels_alike_and_give_both_means(tmp_path: P
 
     high, low = r"[78]\.\d\d", r"[12]\.\d\d"
     assert re.search(
-        rf"Comfort: more with gaze at the participant than averted \({high} and {low}\)", said
+        rf"Comfort: more with gaze at the participant than averted "
+        rf"\({high} and {low}, difference \d\.\d\d, 95% CI \[",
+        said,
     )
     assert re.search(
         rf"averted and at the participant differ \(means {low} and {high}\): paired t test of "

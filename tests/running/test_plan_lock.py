@@ -35,7 +35,14 @@ study = Study(
     repetitions=1,
     calibrate=False,
     uses=[],
-    compare=[Compare("liking", within="eyes", claim="Directed eyes are liked more")],
+    compare=[
+        Compare(
+            "liking",
+            within="eyes",
+            claim="Directed eyes are liked more",
+            expects="directed > averted",
+        )
+    ],
 )
 
 
@@ -44,7 +51,8 @@ def trial(t):
     yield t.dark(0.1)
     yield t.ask(Rating("liking", 1, 7))
 """
-BESIDES = 'Compare("liking_ms", within="eyes"), Compare("liking", '
+OF_LIKING = 'Compare(\n            "liking",'
+BESIDES = f'Compare("liking_ms", within="eyes"), {OF_LIKING}'
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +120,7 @@ def test_a_blinded_study_shows_nothing_before_it_is_complete(studied: Path) -> N
 
 def test_the_one_deviation_is_named_and_what_is_added_is_exploratory(studied: Path) -> None:
     file, folder = studied / "short.py", folder_of(studied)
-    file.write_text(STUDY.replace('Compare("liking", ', BESIDES), "utf-8")
+    file.write_text(STUDY.replace(OF_LIKING, BESIDES), "utf-8")
     visavis.simulate(str(file), 4, output=studied / "out", processes=1)
     told = ran("analyse", str(folder), "--processes", "1", "--set", "max_bad_trials_01=0.3")
 

@@ -116,7 +116,7 @@ class Finding:
         means = values.groupby(outcome.data[factors[0]].astype(str)).mean()
         levels = list(map(str, outcome.data[factors[0]].cat.categories))
         lines = zip(outcome.contrasts, outcome.contrast_sentences, strict=True)
-        rows = [(*_levels_of(row), float(row["p_adjusted"]), text, row) for row, text in lines]  # type: ignore[arg-type]  # a number, as tests write it
+        rows = [(*levels_of(row), float(row["p_adjusted"]), text, row) for row, text in lines]  # type: ignore[arg-type]  # a number, as tests write it
         if not rows and len(levels) == 2:
             rows = [
                 (
@@ -148,7 +148,7 @@ class Finding:
         lines = zip(outcome.contrasts, outcome.contrast_sentences, strict=True)
         return tuple(
             Contrast(
-                *(pair := _levels_of(row)),
+                *(pair := levels_of(row)),
                 float(p := row["p_adjusted"]),  # type: ignore[arg-type]  # a number, as tests write it
                 self.terms[0].is_significant and float(p) < compare.alpha,  # type: ignore[arg-type]  # as above
                 float(row["estimate"]),  # type: ignore[arg-type]  # as above
@@ -481,7 +481,7 @@ def _agreement_rows(compare: Compare, frame: pd.DataFrame) -> tuple[pd.DataFrame
     return frame[["participant", *compare.within, THING, compare.dv]], notes
 
 
-def _levels_of(row: Mapping[str, Any]) -> tuple[str, str]:
+def levels_of(row: Mapping[str, Any]) -> tuple[str, str]:
     """Return the two levels of a contrast's row."""
     if "level_1" in row:
         return str(row["level_1"]), str(row["level_2"])

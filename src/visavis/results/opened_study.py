@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from visavis.analysis.report.sources import provenance_of_sessions
+from visavis.analysis.statistics_report.choices import PAIR_SIGN
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import ConfigError, DataError, DesignError
 from visavis.lab.yaml_lines import did_you_mean
@@ -25,6 +26,7 @@ from visavis.results.analysis import (
     analyse_rows,
     measures_of,
 )
+from visavis.results.claims import printed_orders
 from visavis.results.family_tests import DEFAULT_TEST_RULES, TestRules
 from visavis.results.intake import SessionIntake, questionnaire, take_in
 from visavis.results.locked_plan.review import PlanReview
@@ -38,6 +40,7 @@ from visavis.study.cast import use_recorded_cast
 from visavis.study.catalogue import declared_study
 from visavis.study.declaration import Study
 from visavis.study.exclusions import ANSWERED_COLUMN, STANDARD_COLUMNS, Exclusion, limits_in_force
+from visavis.study.expectations import Order
 from visavis.study.experiment import StudyExperiment
 from visavis.study.measures import Measure, lost_gaze, lost_head
 from visavis.study.pieces import MeasuredTrial, Pieces
@@ -79,6 +82,7 @@ class OpenedStudy:
         """
         experiment = StudyExperiment(self.study, dict(overrides))
         self._refuse_unknown_names(experiment)
+        self._refuse_unknown_levels()
         return experiment
 
     def experiment_of(self, recording: Recording) -> StudyExperiment:
@@ -133,6 +137,43 @@ class OpenedStudy:
                 is_short = "known:" not in near and not kind.startswith("column")
                 there = f" there are {', '.join(valid_names)}" if is_short else ""
                 raise DesignError(f"{place}: there is no {kind} {name!r}{near}{there}")
+
+    def _refuse_unknown_levels(self) -> None:
+        """Refuse directions of claims and of published results about levels that are not there.
+
+        Raises:
+            DesignError: with the line of the study file and the most similar valid name.
+        """
+        levels = {f.name: tuple(map(str, f.levels)) for f in self.study.design.factors}
+        for compare in (c for c in self.study.analysis.compare if c.within or c.between):
+            texts = [(compare.expects, compare.orders)]
+            texts += [
+                (result.order, printed_orders(compare, term))
+                for term, result in compare.published_terms.items()
+            ]
+            for text, orders in texts:
+                for order in orders:
+                    factors = (order.factor,) if order.factor in levels else compare.within
+                    names = [level for f in factors for level in levels.get(f, ())]
+                    if compare.model == "bradleyterry":
+                        names = [item for level in names for item in level.split(PAIR_SIGN)]
+                    self._refuse_order(text, order, tuple(dict.fromkeys(names)), len(orders))
+
+    def _refuse_order(
+        self, text: str, order: Order, levels: Sequence[str], factor_count: int
+    ) -> None:
+        """Refuse an order of other levels than these, or an interaction without one direction."""
+        place = line_saying(self.study.files.path, text) or f"study {self.study.name}"
+        for name in order.names if levels else ():  # levels of derived columns follow from trials
+            if name not in levels:
+                near = did_you_mean(name, levels)
+                raise DesignError(f"{place}: {text!r} names {name!r}, which is no level{near}")
+        if factor_count == 2 and len(levels) > 2:
+            raise DesignError(
+                f"{place}: {text!r} is of an interaction, and {order.factor} has {len(levels)} "
+                "levels; only an interaction of two factors with two levels each has one "
+                "direction. Expect an order of one factor instead"
+            )
 
     def _unknown_column(
         self, rule: Exclusion, experiment: StudyExperiment

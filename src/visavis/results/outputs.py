@@ -15,6 +15,12 @@ from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.questionnaires import Questionnaire
 from visavis.results.analysis import SIMULATED_COLUMN, Finding, StudyAnalysis
 from visavis.results.choices import choice_section
+from visavis.results.claims import (
+    answer_claim,
+    claimed_finding_term,
+    published_agreement,
+    published_effect_in_interval,
+)
 from visavis.results.confusion import confusion_section
 from visavis.results.family_tests import columns_of_tests, published_cells
 from visavis.results.figures.family_figures import family_figures
@@ -208,6 +214,7 @@ def statistics_rows(analysis: StudyAnalysis) -> list[dict[str, Any]]:
         about: dict[str, Any] = {
             "comparison": compare.name,
             "claim": compare.claim,
+            "expects": compare.expects,
             "measure": compare.dv,
             "family": compare.family,
             "family_correction": compare.correction,
@@ -217,27 +224,49 @@ def statistics_rows(analysis: StudyAnalysis) -> list[dict[str, Any]]:
             "alpha": compare.alpha,
             "sentence": "" if finding.outcome is None else " ".join(finding.outcome.sentences),
         }
+        claimed = claimed_finding_term(finding)
         if not finding.terms:
-            rows.append(about)
+            rows.append(about | _claim_cells(finding))
         for term in finding.terms:
             verdict: dict[str, Any] = {
                 "term": term.name,
                 "p_family": term.p_corrected,
                 "is_significant": term.is_significant,
+                **(_claim_cells(finding) if term is claimed else {}),
             }
             printed_result = compare.published_of(term.name)
-            if printed_result is not None:
+            beside = published_agreement(finding, term)
+            if printed_result is not None and beside is not None:
                 verdict |= {
                     "published": str(printed_result),
                     "published_statistic": printed_result.statistic,
                     "published_significant": printed_result.is_significant,
-                    "agrees_with_published": term.is_significant == printed_result.is_significant,
+                    "published_order": printed_result.order,
+                    "agrees_with_published": beside.agrees,
+                    "published_effect_in_interval": published_effect_in_interval(finding, term),
                 }
             rows.append({**about, **_plain(term.row), **verdict})
     rows += [
         test.row() | published_cells(test) for results in analysis.results for test in results.tests
     ]
     return rows + [test.row() for test in analysis.without_rules]
+
+
+def _claim_cells(finding: Finding) -> dict[str, Any]:
+    """Return what became of a comparison's claim; nothing without one."""
+    if not finding.compare.has_claim:
+        return {}
+    answer = answer_claim(finding)
+    cells: dict[str, Any] = {"claim_verdict": answer.status}
+    if len(answer.differences) == 1:
+        (difference,) = answer.differences
+        interval = difference.interval
+        cells |= {
+            "claim_difference": difference.value,
+            "claim_difference_ci_low": None if interval is None else interval.low,
+            "claim_difference_ci_high": None if interval is None else interval.high,
+        }
+    return cells
 
 
 def contrast_rows(analysis: StudyAnalysis) -> list[dict[str, Any]]:

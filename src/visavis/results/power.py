@@ -25,6 +25,7 @@ from visavis.results.analysis import (
     answer_comparison,
     with_corrected_p,
 )
+from visavis.results.claims import answer_claim, claimed_finding_term
 from visavis.results.family_tests import (
     DEFAULT_TEST_RULES,
     CorrelationTest,
@@ -301,12 +302,16 @@ class KitPower:
         )
         verdicts: dict[str, PlannedTestResult] = dict.fromkeys(tests, PlannedTestResult(None))
         for finding in findings:
+            claimed = claimed_finding_term(finding)
             for term in finding.terms:
                 name = _effect_name(finding.compare, term.name, experiment.compare)
-                if name in verdicts:
-                    verdicts[name] = PlannedTestResult(
-                        bool(term.p_corrected < alpha), *_difference(finding, rows, levels)
-                    )
+                if name not in verdicts:
+                    continue
+                # A claim succeeds only in its own direction.
+                success = bool(term.p_corrected < alpha)
+                if claimed is not None and term.name == claimed.name:
+                    success = answer_claim(finding).status == "found"
+                verdicts[name] = PlannedTestResult(success, *_difference(finding, rows, levels))
         return verdicts | _of_families(opened_study, experiment, rows, tests, alpha, findings)
 
 
@@ -383,10 +388,12 @@ def _of_families(
 
 def _claim_of(compare: Compare, term: str) -> str:
     """Return the claim of one effect; among several, only the claimed one has the full claim."""
-    if len(compare.terms) == 1 and compare.claim:
-        return compare.claim
+    expects = f" ({compare.expects})" if compare.claim and compare.expects else ""
+    if len(compare.terms) == 1 and compare.has_claim:
+        return f"{compare.claim_words}{expects}"
     statement = f"{compare.dv} depends on {term.replace(':', ' × ')}"
-    return f"{statement}: {compare.claim}" if term == compare.claimed_term else statement
+    is_claimed = term == compare.claimed_term
+    return f"{statement}: {compare.claim_words}{expects}" if is_claimed else statement
 
 
 def families_of(study: Study) -> tuple[Family, ...]:

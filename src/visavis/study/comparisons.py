@@ -12,6 +12,7 @@ from visavis.analysis.statistics.published import check_f
 from visavis.analysis.statistics_report import Question
 from visavis.lab.errors import DesignError
 from visavis.protocol.plan.steps import Scalar
+from visavis.study.expectations import HOW_TO_WRITE, Order, orders_of
 from visavis.study.pairs import Printed
 
 Correction = Literal["none", "holm", "bonferroni", "bh"]
@@ -20,18 +21,39 @@ ALONE: Final = ("sign", "binomial", "t", "tost")
 """Tests that can also compare one measure with a number, without a factor."""
 AGREEMENT: Final = ("icc", "krippendorff", "kappa")
 """Tests of the agreement of raters about the items that the factors distinguish."""
+DIRECTED: Final = ("tost", *AGREEMENT)
+"""Tests that have their direction: within bounds, or agreement above a number."""
 THING: Final = "thing rated"
 """Column that names the rated item in tests of agreement."""
 _SYMBOLS: Final = {"p": "p", "eta2p": "partial η²"}
 
 
 def published_f(
-    F: str, df1: int | str, df2: int | str, *, p: str, eta2p: str, is_significant: bool
+    F: str,
+    df1: int | str,
+    df2: int | str,
+    *,
+    p: str,
+    eta2p: str,
+    is_significant: bool,
+    order: str | None = None,
 ) -> Printed:
     """Return a printed F test; its numbers are texts, so that their rounding is known.
 
-    Degrees of freedom that were corrected for sphericity are texts, too ("1.56").
+    Degrees of freedom that were corrected for sphericity are texts, too ("1.56"). `order` says
+    which levels had the greater values, as `Compare.expects` does ("warping > orientation"); a
+    significant result needs one, "" where the source does not print it.
+
+    Raises:
+        DesignError: a significant result has no order, or the text is none.
     """
+    if is_significant and order is None:
+        raise DesignError(
+            f"the published F({df1}, {df2}) = {F} is significant; say which levels it found "
+            'greater: order="a > b", or order="" where the source does not print it'
+        )
+    if order:
+        orders_of(order, f"the published F({df1}, {df2}) = {F}")
     test = f"F({df1}, {df2}) = {F}"
     sign = "" if p.startswith("<") else "= "
     text = f"{test}, p {sign}{p.replace('0.', '.')}, η²p = {eta2p.removeprefix('0')}"
@@ -43,7 +65,15 @@ def published_f(
         if not verdict.is_consistent
     )
     df = float(df1), float(df2)
-    return Printed(is_significant, statistic=float(F), df=df, text=text, misfits=misfits)
+    return Printed(
+        is_significant,
+        statistic=float(F),
+        eta_p2=float(eta2p),
+        df=df,
+        text=text,
+        misfits=misfits,
+        order=order or "",
+    )
 
 
 @dataclass(frozen=True)
@@ -68,8 +98,15 @@ class Compare:
     option `mu` (default 0). `raters` may name a factor whose levels are the raters (the occasion of
     a rating and its repetition); each participant then rates items of their own.
 
-    `claim` says in words what a significant result would show; with several factors it is about
-    their interaction. Comparisons of one `family` are corrected together. An `exploratory` one has
+    `claim` says in words what the comparison should show, and `expects` in which direction: which
+    levels give the greater values ("waves > stands"; of more levels "a > b > c" or "a > b, c"; of
+    one of several factors "motion: waves > stands"; of an interaction "motion: waves > stands;
+    distance: near > far": the advantage of waving is greater when near). Without a factor it is the
+    measure and the number ("vote > 3"). A claim is shown only where every difference it expects is
+    significant in that direction. Tests of equivalence and of agreement have their own direction
+    and take none.
+
+    Comparisons of one `family` are corrected together. An `exploratory` one has
     a place of its own in the report and makes no headline. `only` are levels of other factors that
     trials must have ({"group": "haptics"}). `pairs` are published results of two levels, compared
     after the overall test of a factor.
@@ -90,6 +127,7 @@ class Compare:
     only: Mapping[str, Scalar] = field(default_factory=dict)
     pairs: Mapping[tuple[str, str], Printed] = field(default_factory=dict, repr=False)
     raters: str = "participant"
+    expects: str = ""
 
     def __post_init__(self) -> None:
         for name in ("within", "between"):
@@ -113,6 +151,7 @@ class Compare:
             raise DesignError(f"the comparison of {self.dv} names a test and a model; choose one")
         object.__setattr__(self, "options", tuple(self.options))
         self._refuse_agreement()
+        self._refuse_direction()
 
     def _refuse_agreement(self) -> None:
         """Refuse tests of agreement without raters, items or a coefficient."""
@@ -150,6 +189,89 @@ class Compare:
                 "raters=, or take krippendorff for all participants"
             )
 
+    def _refuse_direction(self) -> None:
+        """Refuse a claim without a direction, and a direction that this test cannot have."""
+        about = f"the comparison of {self.dv}"
+        if self.test in DIRECTED:
+            if self.expects:
+                raise DesignError(
+                    f"{about} by {self.test} has its own direction; leave expects= out"
+                )
+            return
+        if not self.expects:
+            if self.claim:
+                raise DesignError(
+                    f"{about} claims {self.claim!r} and has no direction; "
+                    f"{self._expects_example()}. Without a direction leave the claim out"
+                )
+            return
+        factors = (*self.within, *self.between)
+        orders = self.orders
+        if not factors:
+            is_order = len(orders) == 1 and len(orders[0].names) == 2
+            number = next((n for n in orders[0].names if n != self.dv), "") if is_order else ""
+            if not is_order or self.dv not in orders[0].names or _number(number) != self.mu:
+                raise DesignError(
+                    f"{about} expects {self.expects!r}; it is tested against {self.mu:g}, so write "
+                    f'expects="{self.dv} > {self.mu:g}" or expects="{self.dv} < {self.mu:g}"'
+                )
+            return
+        named = [order.factor for order in orders]
+        if self.model == "bradleyterry":
+            if named != [""]:
+                raise DesignError(
+                    f"{about} expects {self.expects!r}; a Bradley–Terry model orders the items: "
+                    'expects="a > b, c"'
+                )
+            return
+        if named == [""] and len(factors) > 1:
+            raise DesignError(
+                f"{about} expects {self.expects!r} and has several factors; say of which: "
+                f'expects="{factors[0]}: {self.expects}"'
+            )
+        for name in (n for n in named if n and n not in factors):
+            raise DesignError(
+                f"{about} expects something of {name!r}, which is no factor of it; there are "
+                f"{', '.join(factors)}"
+            )
+
+    def _expects_example(self) -> str:
+        """Return how to write the direction of this comparison."""
+        if not (self.within or self.between):
+            return f'add expects="{self.dv} > {self.mu:g}" or expects="{self.dv} < {self.mu:g}"'
+        return HOW_TO_WRITE
+
+    @property
+    def mu(self) -> float:
+        """The number with which a test without a factor compares."""
+        usual = 0.5 if self.test == "binomial" else 0.0
+        return float(dict(self.options).get("mu", usual))
+
+    @property
+    def orders(self) -> tuple[Order, ...]:
+        """What it expects: one order of levels, two of an interaction; none without a direction.
+
+        Every order names its factor, except that of a Bradley–Terry model and of no factor.
+        """
+        if not self.expects:
+            return ()
+        orders = orders_of(self.expects, f"the comparison of {self.dv}")
+        factors = (*self.within, *self.between)
+        if len(orders) == 1 and not orders[0].factor and len(factors) == 1:
+            is_of_items = self.model == "bradleyterry"
+            return orders if is_of_items else (replace(orders[0], factor=factors[0]),)
+        return orders
+
+    @property
+    def has_claim(self) -> bool:
+        """Tell whether it should show something, in words or as a direction."""
+        return bool(self.claim or self.expects)
+
+    @property
+    def claim_words(self) -> str:
+        """What it should show in words; without a claim the direction itself."""
+        return self.claim or (f"{self.dv}: {self.expects}" if self.expects else "")
+
     @property
     def things(self) -> tuple[str, ...]:
         """The columns that distinguish the rated items, for tests of agreement."""
@@ -185,12 +307,17 @@ class Compare:
 
     @property
     def claimed_term(self) -> str:
-        """The effect of the claim, of several factors their interaction; "" without a claim."""
-        return self.terms[-1] if self.claim else ""
+        """The effect that the claim is about; "" without one."""
+        if not self.has_claim:
+            return ""
+        named = {order.factor for order in self.orders} - {""}
+        if not named:
+            return self.terms[0] if self.model == "bradleyterry" else self.terms[-1]
+        return next(term for term in self.terms if set(term.split(":")) == named)
 
     def is_claimed(self, term: str) -> bool:
         """Tell whether an effect, its factors in any order, is the one claimed."""
-        return bool(self.claim) and set(term.split(":")) == set(self.claimed_term.split(":"))
+        return self.has_claim and set(term.split(":")) == set(self.claimed_term.split(":"))
 
     @property
     def name(self) -> str:
@@ -249,6 +376,14 @@ class Compare:
         if self.between or len(self.within) > 1:
             return "art"
         return "paired" if len(levels[self.within[0]]) == 2 else "conditions"
+
+
+def _number(text: str) -> float | None:
+    """Return the number that a text writes; None for other texts."""
+    try:
+        return float(text)
+    except ValueError:
+        return None
 
 
 def trials_of(trials: pd.DataFrame, only: Mapping[str, Scalar]) -> pd.DataFrame:

@@ -16,8 +16,9 @@ class Printed:
     `direction` is the sign of second minus first (of the coefficient in a correlation), 0 where
     none is printed; `statistic` is the t of two levels, the F, t or z of a comparison, with its
     `df`; `p_is_bound` where p is printed as "<"; `is_wilcoxon` where a test without a statistic
-    was named. `where` says in which table, `text` is the whole of it ("F(1, 15) = 7.09, p = .017"),
-    `misfits` name printed numbers that contradict each other.
+    was named. `order` says which levels an effect found greater ("warping > orientation"), where
+    the source prints it. `where` says in which table, `text` is the whole of it ("F(1, 15) = 7.09,
+    p = .017"), `misfits` name printed numbers that contradict each other.
     """
 
     is_significant: bool
@@ -33,6 +34,7 @@ class Printed:
     df: tuple[float, float] | None = None
     misfits: tuple[str, ...] = ()
     p_is_bound: bool = False
+    order: str = ""
 
     def __str__(self) -> str:
         """Return its whole text, else its p with the verdict."""

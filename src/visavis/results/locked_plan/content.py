@@ -123,6 +123,8 @@ def _comparisons(
             del about["only"]
         if one.raters == "participant":  # and this one
             del about["raters"]
+        if not one.expects:  # and this one
+            del about["expects"]
         about["test"] = one.question(levels).test if is_in_design else one.test
         about["options"] = {key: str(value) for key, value in one.options}
         yield name, about

@@ -79,7 +79,10 @@ def markdown(content: Mapping[str, Any], sha256: str) -> str:
 
 
 def _hypothesis(name: str, compare: Mapping[str, Any]) -> str:
-    return f"{compare['claim']} (`{name}`)" if compare["claim"] else f"`{name}` differs"
+    expects = compare.get("expects", "")  # plans of earlier versions have none
+    direction = f", expected: {expects}" if expects else ""
+    about = f"{compare['claim']} (`{name}`)" if compare["claim"] else f"`{name}` differs"
+    return f"{about}{direction}"
 
 
 def _test(name: str, compare: Mapping[str, Any]) -> str:

@@ -160,10 +160,16 @@ def review_section(review: PlanReview) -> Section:
             f"{locked_plan.rule}".strip()
         ),
         Table(
-            (Column("Planned comparison"), Column("Test"), Column("Done")),
+            (
+                Column("Planned comparison"),
+                Column("Expected"),
+                Column("Test"),
+                Column("Done"),
+            ),
             tuple(
                 (
                     f"{name}: {c['claim']}" if c["claim"] else name,
+                    str(c.get("expects", "")) or "–",
                     str(c["test"]),
                     Cell("deviates", "differ") if name in deviating else Cell("as planned"),
                 )

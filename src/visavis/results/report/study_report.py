@@ -23,14 +23,13 @@ from visavis.analysis.report import (
     ReportProvenance,
     Section,
     Table,
-    Verdict,
     Verdicts,
     write_page,
 )
-from visavis.analysis.report.notation import count_of, mean_sd, percentage, probability
-from visavis.analysis.statistics.results import quantities
+from visavis.analysis.report.notation import count_of, mean_sd, percentage
 from visavis.protocol.plan.questionnaires import Questionnaire
-from visavis.results.analysis import MIN_PARTICIPANTS, Finding, StudyAnalysis, Term
+from visavis.results.analysis import MIN_PARTICIPANTS, Finding, StudyAnalysis
+from visavis.results.claims import published_agreement
 from visavis.results.figures.study_figures import figure_name
 from visavis.results.quality import LOSS_COLUMNS, Quality, quality_table
 from visavis.results.report.family_report import (
@@ -40,6 +39,7 @@ from visavis.results.report.family_report import (
     fitted_note,
     verdict_cell,
 )
+from visavis.results.report.headlines import lower, p_words, verdicts_of
 from visavis.results.report.methods import comparison_words, method_paragraphs
 from visavis.results.report.reporting_list import ExclusionCounts, reporting_table
 from visavis.results.selection import rule_words
@@ -125,14 +125,9 @@ def picture_of(figure: ReportFigure) -> Picture:
 
 
 def _summary(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
-    verdicts = [
-        _verdict(analysis, finding, term, experiment)
-        for finding in analysis.findings
-        if not finding.compare.exploratory
-        for term in finding.terms or (None,)
-    ]
-    if analysis.study.analysis.conclude_of is not None:
-        verdicts = []  # the study's own conclusions replace them, see `family_verdicts`
+    # A study's own conclusions, see `family_verdicts`, replace the verdicts on its comparisons.
+    concludes = analysis.study.analysis.conclude_of is not None
+    verdicts = [] if concludes else verdicts_of(analysis, experiment)
     verdicts += family_verdicts(analysis)
     blocks: list[Block] = []
     if verdicts:
@@ -153,91 +148,6 @@ def _summary(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
             )
         )
     return Section("summary", "Result", tuple(blocks))
-
-
-def _verdict(
-    analysis: StudyAnalysis, finding: Finding, term: Term | None, experiment: StudyExperiment
-) -> Verdict:
-    compare = finding.compare
-    words = finding.measure.words
-    if term is None or finding.outcome is None:
-        heading = f"{words}: not tested" + (f" – {_lower(compare.claim)}" if compare.claim else "")
-        return Verdict("undecided", heading, f"{finding.why_not}.")
-    names = " × ".join(label_of(experiment.texts, n) for n in term.name.split(":"))
-    significant = term.is_significant
-    is_claimed = bool(compare.claim) and (len(finding.terms) == 1 or compare.is_claimed(term.name))
-    doubts = finding.outcome.doubts(term.name)
-    if doubts:
-        about = compare.claim if is_claimed else f"{words} by {names}"
-        headline = f"Inconclusive: {_lower(about)}"
-    elif is_claimed:
-        headline = compare.claim if significant else f"Not shown: {_lower(compare.claim)}"
-    elif significant:
-        headline = _direction(analysis, finding, experiment) or f"{words} depends on {names}"
-    else:
-        headline = f"Inconclusive: {_lower(words)} by {names}"
-    correction = ""
-    if compare.correction != "none" and term.p_corrected != term.p:
-        correction = (
-            f" Corrected over the family of {compare.family} comparisons ({compare.correction}): "
-            f"p {_p(term.p_corrected)}."
-        )
-    published_note, printed_result = "", compare.published_of(term.name)
-    if printed_result is not None:
-        same = printed_result.is_significant == significant
-        published_note = (
-            f" Published: {printed_result} ({'the same' if same else 'another'} verdict)."
-        )
-    return Verdict(
-        "undecided" if doubts else "found" if significant else "not_found",
-        headline,
-        f"{_sentence(finding, term)}{correction}{published_note}"
-        + "".join(f" Note: {note}." for note in doubts),
-    )
-
-
-def _direction(
-    analysis: StudyAnalysis, finding: Finding, experiment: StudyExperiment
-) -> str | None:
-    """Return a sentence on which of two levels has the larger mean; None unless there are two."""
-    factors = (*finding.compare.within, *finding.compare.between)
-    if len(factors) != 1 or len(analysis.levels[factors[0]]) != 2:
-        return None
-    column = finding.measure.column
-    counted_rows = finding.compare.select(analysis.selection.counted)
-    cells = aggregate_cells(counted_rows, [finding.measure], factors)
-    means = cells.groupby(factors[0])[column].mean()
-    one, other = analysis.levels[factors[0]]
-    if one not in means or other not in means or means[one] == means[other]:
-        return None
-    more, less = (one, other) if means[one] > means[other] else (other, one)
-    texts = experiment.texts
-    unit = "" if finding.measure.unit in ("", "1") else f" {finding.measure.unit}"
-    high, low = quantities(means[more], means[less])
-    return (
-        f"{finding.measure.words}: more with {label_in_unit(texts, factors[0])} "
-        f"{label_of(texts, str(more))} than {label_of(texts, str(less))} "
-        f"({high}{unit} and {low}{unit})"
-    )
-
-
-def _sentence(finding: Finding, term: Term) -> str:
-    outcome = finding.outcome
-    if outcome is None:
-        return ""
-    for sentence in outcome.sentences:
-        if sentence.startswith(f"{term.name.replace(':', ' × ')}:"):
-            return sentence
-    return " ".join(outcome.sentences)
-
-
-def _p(p: float) -> str:
-    text = probability(p)
-    return text if text.startswith(("<", ">")) else f"= {text}"
-
-
-def _lower(text: str) -> str:
-    return text[:1].lower() + text[1:]
 
 
 def _beside_published(analysis: StudyAnalysis, texts: Texts) -> Table | None:
@@ -270,10 +180,9 @@ def _beside_published(analysis: StudyAnalysis, texts: Texts) -> Table | None:
             printed_result = finding.compare.published_of(term.name)
             if printed_result is None:
                 continue
-            same = term.is_significant == printed_result.is_significant
-            agree = Cell("agree" if same else "differ", "agree" if same else "differ")
+            agree = verdict_cell(published_agreement(finding, term))
             what = f"{finding.measure.words} by {term.name.replace(':', ' × ')}"
-            rows.append((what, f"p {_p(term.p_corrected)}", str(printed_result), agree))
+            rows.append((what, f"p {p_words(term.p_corrected)}", str(printed_result), agree))
             misfits += printed_result.misfits
         for contrast in finding.contrasts:
             beside = contrast.agreement
@@ -281,7 +190,7 @@ def _beside_published(analysis: StudyAnalysis, texts: Texts) -> Table | None:
                 rows.append(
                     (
                         f"{finding.measure.words}, {contrast.name}",
-                        f"p {_p(contrast.p)}",
+                        f"p {p_words(contrast.p)}",
                         str(contrast.published_result),
                         verdict_cell(beside),
                     )
@@ -356,7 +265,7 @@ def _measures(
 
 
 def _nobody_has(measures: Sequence[str]) -> Paragraph:
-    return Paragraph(f"Nobody has a value: {'; '.join(_lower(words) for words in measures)}.")
+    return Paragraph(f"Nobody has a value: {'; '.join(lower(words) for words in measures)}.")
 
 
 def _tests(finding: Finding, texts: Texts) -> list[Block]:

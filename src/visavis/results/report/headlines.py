@@ -1,0 +1,195 @@
+"""Headlines of a report: what became of each planned comparison, which way, and by how much."""
+
+from collections.abc import Mapping, Sequence
+
+from visavis.analysis.report import Verdict
+from visavis.analysis.report.blocks import Status
+from visavis.analysis.report.notation import count_of, probability
+from visavis.analysis.statistics.results import quantities
+from visavis.results.analysis import Finding, StudyAnalysis, Term
+from visavis.results.claims import (
+    ClaimAnswer,
+    answer_claim,
+    claimed_finding_term,
+    published_agreement,
+    published_effect_in_interval,
+)
+from visavis.results.differences import (
+    Difference,
+    difference_of_means,
+    difference_words,
+    means_of_levels,
+)
+from visavis.study.experiment import StudyExperiment
+from visavis.study.texts import Texts, label_in_unit, label_of
+
+
+def verdicts_of(analysis: StudyAnalysis, experiment: StudyExperiment) -> list[Verdict]:
+    """Return a verdict on every effect of the planned comparisons; a claim has one."""
+    planned = [f for f in analysis.findings if not f.compare.exploratory]
+    uncorrected = sum(len(f.terms) for f in planned if f.compare.correction == "none")
+    verdicts = []
+    for finding in planned:
+        if not finding.terms:
+            verdicts.append(_not_tested(finding))
+        claimed = claimed_finding_term(finding)
+        for term in finding.terms:
+            if claimed is not None and term is not claimed and term.name == claimed.name:
+                continue  # further pairs of levels, on which the claim's one verdict rests, too
+            verdicts.append(_verdict(finding, term, experiment, uncorrected))
+    return verdicts
+
+
+def _not_tested(finding: Finding) -> Verdict:
+    claim = finding.compare.claim_words
+    heading = f"{finding.measure.words}: not tested" + (f" – {lower(claim)}" if claim else "")
+    return Verdict("undecided", heading, f"{finding.why_not}.")
+
+
+def _verdict(
+    finding: Finding, term: Term, experiment: StudyExperiment, uncorrected: int
+) -> Verdict:
+    compare, outcome = finding.compare, finding.outcome
+    doubts = () if outcome is None else outcome.doubts(term.name)
+    if term is claimed_finding_term(finding):
+        answer = answer_claim(finding)
+        status, headline = answer.status, _claim_headline(finding, answer, experiment.texts)
+        why_not = f" {answer.why_not[:1].upper()}{answer.why_not[1:]}." if answer.why_not else ""
+    else:
+        status = "undecided" if doubts else "found" if term.is_significant else "not_found"
+        headline, why_not = _effect_headline(finding, term, status, experiment.texts), ""
+    correction = ""
+    if compare.correction != "none" and term.p_corrected != term.p:
+        correction = (
+            f" Corrected over the family of {compare.family} comparisons ({compare.correction}): "
+            f"p {p_words(term.p_corrected)}."
+        )
+    elif compare.correction == "none" and uncorrected > 1:
+        correction = f" Not corrected; the study makes {count_of(uncorrected, 'such test')}."
+    return Verdict(
+        status,
+        headline,
+        f"{_sentence(finding, term)}{why_not}{correction}{_published_note(finding, term)}"
+        + "".join(f" Note: {note}." for note in doubts),
+    )
+
+
+def _claim_headline(finding: Finding, answer: ClaimAnswer, texts: Texts) -> str:
+    claim = finding.compare.claim_words
+    words = _words_of(answer.differences, texts)
+    several = len(answer.differences) > 1 and answer.status in ("partly", "reversed")
+    by_how_much = "; ".join(
+        difference_words(d, words, finding.measure.unit)
+        + (" (not significant)" if several and not d.is_significant else "")
+        for d in answer.differences
+    )
+    if answer.status == "found":
+        return f"{claim} ({by_how_much})"
+    if answer.status == "reversed":
+        return f"Significant, but the other way round: {by_how_much} – claimed: {lower(claim)}"
+    beginnings: Mapping[Status, str] = {
+        "partly": "Shown in part",
+        "not_found": "Not shown",
+        "undecided": "Inconclusive",
+    }
+    heading = f"{beginnings[answer.status]}: {lower(claim)}"
+    return f"{heading} ({by_how_much})" if by_how_much else heading
+
+
+def _effect_headline(finding: Finding, term: Term, status: Status, texts: Texts) -> str:
+    """Return what became of an effect of which nothing is claimed, with the means it is about."""
+    words = finding.measure.words
+    names = " × ".join(label_of(texts, n) for n in term.name.split(":"))
+    which_way = _which_way(finding, term, texts)
+    if status != "found":
+        return f"Inconclusive: {lower(words)} by {names}" + (f" ({which_way})" if which_way else "")
+    return _more_with(finding, term, texts) or (
+        f"{words} depends on {names}" + (f" ({which_way})" if which_way else "")
+    )
+
+
+def _which_way(finding: Finding, term: Term, texts: Texts) -> str:
+    """Return the difference of two levels with its interval, of more the two extreme means."""
+    means = means_of_levels(finding, term)
+    if len(means) < 2:
+        return ""
+    factors, levels = term.name.split(":"), list(means)
+    unit = finding.measure.unit
+    if len(factors) == 1 and len(levels) == 2 and finding.compare.model != "bradleyterry":
+        pair = (levels[0][0], levels[1][0])
+        value, interval = difference_of_means(finding, {factors[0]: pair})
+        difference = Difference((pair[0],), (pair[1],), "difference", value, interval, 0, False)
+        return difference_words(difference, _words_of([difference], texts), unit)
+    unit = "" if unit in ("", "1") else f" {unit}"
+    least, greatest = min(means, key=means.__getitem__), max(means, key=means.__getitem__)
+    low, high = quantities(means[least], means[greatest])
+    named = [" ".join(label_of(texts, n) for n in cell) for cell in (least, greatest)]
+    return f"means from {low}{unit}, {named[0]}, to {high}{unit}, {named[1]}"
+
+
+def _more_with(finding: Finding, term: Term, texts: Texts) -> str:
+    """Return which of two levels has the larger mean; nothing unless there are two."""
+    means, factor = means_of_levels(finding, term), term.name
+    if finding.compare.model == "bradleyterry" or ":" in factor or len(means) != 2:
+        return ""
+    (one,), (other,) = means
+    if means[one,] == means[other,]:
+        return ""
+    more, less = (one, other) if means[one,] > means[other,] else (other, one)
+    value, interval = difference_of_means(finding, {factor: (more, less)})
+    unit = "" if finding.measure.unit in ("", "1") else f" {finding.measure.unit}"
+    high, low = quantities(means[more,], means[less,])
+    difference = Difference((more,), (less,), "difference", value, interval, 0, True)
+    by_how_much = difference_words(difference, {more: "", less: ""}, finding.measure.unit)
+    return (
+        f"{finding.measure.words}: more with {label_in_unit(texts, factor)} "
+        f"{label_of(texts, more)} than {label_of(texts, less)} "
+        f"({high}{unit} and {low}{unit}, difference {by_how_much.partition(': ')[2]})"
+    )
+
+
+def _words_of(differences: Sequence[Difference], texts: Texts) -> dict[str, str]:
+    names = {name for d in differences for name in (*d.greater, *d.less) if name}
+    return {name: label_of(texts, name) for name in names}
+
+
+def _published_note(finding: Finding, term: Term) -> str:
+    agreement, printed_result = published_agreement(finding, term), None
+    printed_result = finding.compare.published_of(term.name)
+    if agreement is None or printed_result is None:
+        return ""
+    if agreement.agrees:
+        same = "the same verdict"
+        if printed_result.is_significant:
+            same += (
+                ", in the same direction" if printed_result.order else "; which way is not printed"
+            )
+    elif printed_result.is_significant and term.is_significant:
+        same = "significant in both, but the other way round"
+    else:
+        same = "another verdict"
+    is_inside = published_effect_in_interval(finding, term)
+    if is_inside is not None:
+        same += f"; the printed η²p lies {'in' if is_inside else 'outside'} our interval"
+    return f" Published: {printed_result} ({same})."
+
+
+def _sentence(finding: Finding, term: Term) -> str:
+    outcome = finding.outcome
+    if outcome is None:
+        return ""
+    for sentence in outcome.sentences:
+        if sentence.startswith(f"{term.name.replace(':', ' × ')}:"):
+            return sentence
+    return " ".join(outcome.sentences)
+
+
+def p_words(p: float) -> str:
+    """Return p with its sign: "= .023", "< .001"."""
+    text = probability(p)
+    return text if text.startswith(("<", ">")) else f"= {text}"
+
+
+def lower(text: str) -> str:
+    """Return a text with a small first letter, to follow other words."""
+    return text[:1].lower() + text[1:]

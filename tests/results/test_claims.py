@@ -1,0 +1,259 @@
+"""A claim is printed only in its own direction, whatever the test and the model."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.results.test_headlines import DISTANCE, GAZE, GROUP, PLACE, analysed, headlines
+from visavis import Compare
+from visavis.analysis.report import Verdict
+from visavis.lab.errors import DesignError
+from visavis.results.analysis import answer_comparison
+from visavis.results.claims import answer_claim, published_agreement
+from visavis.results.outputs import statistics_rows
+from visavis.study.comparisons import published_f
+from visavis.study.measures import Measure
+
+GREATER = {"directed": 2.0, "near": 0.0, "left": 1.5, "middle": 1.4, "a": 1.0}
+CLAIM = "Being looked at feels good"
+
+
+def lifted(factors: Mapping[str, Any], rng: np.random.Generator) -> float:
+    return float(rng.normal(5, 1) + sum(GREATER.get(str(v), 0.0) for v in factors.values()))
+
+
+def lowered(factors: Mapping[str, Any], rng: np.random.Generator) -> float:
+    return 12.0 - lifted(factors, rng)
+
+
+def rated(factors: Mapping[str, Any], rng: np.random.Generator) -> float:
+    return float(np.clip(round(lifted(factors, rng) - 2), 1, 9))
+
+
+def rated_low(factors: Mapping[str, Any], rng: np.random.Generator) -> float:
+    return 10.0 - rated(factors, rng)
+
+
+def chosen(factors: Mapping[str, Any], rng: np.random.Generator) -> float:
+    return float(rng.random() < (0.75 if factors["gaze"] == "directed" else 0.25))
+
+
+def chosen_less(factors: Mapping[str, Any], rng: np.random.Generator) -> float:
+    return 1.0 - chosen(factors, rng)
+
+
+WAYS: dict[str, dict[str, Any]] = {
+    "paired": {"within": "gaze"},
+    "t": {"within": "gaze", "test": "t"},
+    "wilcoxon": {"within": "gaze", "test": "wilcoxon"},
+    "sign": {"within": "gaze", "test": "sign"},
+    "lmm": {"within": "gaze", "model": "lmm"},
+    "art": {"within": ["gaze", "distance"], "expects": "gaze: directed > averted"},
+    "rm": {"within": ["gaze", "distance"], "expects": "gaze: averted < directed", "test": "rm"},
+    "mixed": {"within": "gaze", "between": "group", "expects": "gaze: directed > averted"},
+}
+
+
+def verdict(compare: Compare, value: Any) -> Verdict:
+    """Return what the report says of the claim of a comparison."""
+    factors = (
+        [GAZE, GROUP]
+        if compare.between == ("group",)
+        else [f for f in (GAZE, DISTANCE, PLACE) if f.name in (*compare.within, *compare.between)]
+    )
+    said = headlines(analysed(factors, [compare], {"mood": value}))
+    (one,) = (v for v in said if CLAIM[1:] in v.headline)
+    return one
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_claim_that_comes_out_the_other_way_round_is_a_verdict_of_its_own(way: str) -> None:
+    keywords = {"expects": "directed > averted", **WAYS[way]}
+    compare = Compare("mood", claim=CLAIM, **keywords)
+
+    shown, reversed_one = verdict(compare, lifted), verdict(compare, lowered)
+
+    assert "found" == shown.status
+    assert shown.headline.startswith(f"{CLAIM} (directed minus averted: ")
+    assert "95% CI [" in shown.headline
+    assert "reversed" == reversed_one.status
+    start = f"Significant, but the other way round: directed minus averted: {chr(8722)}"
+    assert reversed_one.headline.startswith(start)
+    assert reversed_one.headline.endswith(f"{chr(8211)} claimed: being looked at feels good")
+
+
+@pytest.mark.parametrize(
+    ("model", "up", "down", "options"),
+    [
+        ("clmm", rated, rated_low, ()),
+        ("gee", chosen, chosen_less, [("family", "binomial")]),
+    ],
+)
+def test_models_of_ratings_and_choices_have_a_direction(
+    model: Any, up: Any, down: Any, options: Any
+) -> None:
+    compare = Compare(
+        "mood",
+        within="gaze",
+        model=model,
+        options=options,
+        claim=CLAIM,
+        expects="directed > averted",
+    )
+    assert ["found", "reversed"] == [verdict(compare, value).status for value in (up, down)]
+
+
+@pytest.mark.parametrize("test", ["t", "mannwhitney"])
+def test_groups_have_a_direction(test: str) -> None:
+    one = [verdict(Compare("mood", between="group", test=test, claim=CLAIM, expects=e), v)
+           for e, v in (("a > b", lifted), ("a > b", lowered), ("b > a", lifted))]  # fmt: skip
+    assert ["found", "reversed", "reversed"] == [v.status for v in one]
+
+
+@pytest.mark.parametrize(
+    ("expects", "status"),
+    [
+        ("left, middle > right", "found"),
+        ("left > middle > right", "partly"),
+        ("right < middle", "found"),
+        ("right > left", "reversed"),
+        ("middle > right > left", "reversed"),
+        ("left > middle", "not_found"),
+    ],
+)
+@pytest.mark.parametrize("test", ["", "friedman", "rm", "paired", "t"])
+def test_of_more_levels_every_difference_expected_decides(
+    test: str, expects: str, status: str
+) -> None:
+    compare = Compare("mood", within="place", test=test, claim=CLAIM, expects=expects)
+    assert status == verdict(compare, lifted).status
+
+
+def test_an_interaction_is_shown_only_in_its_direction() -> None:
+    def closer(factors: Mapping[str, Any], rng: np.random.Generator) -> float:
+        both = factors["gaze"] == "directed" and factors["distance"] == "near"
+        return float(rng.normal(5, 1) + 3 * both)
+
+    for near, status in (("near > far", "found"), ("far > near", "reversed")):
+        expects = f"gaze: directed > averted; distance: {near}"
+        compare = Compare("mood", within=["gaze", "distance"], claim=CLAIM, expects=expects)
+        one = verdict(compare, closer)
+        assert status == one.status
+        first, second = near.split(" > ")
+        assert f"directed minus averted, with {first} minus with {second}: " in one.headline
+
+
+def test_nobody_preferring_is_no_preference() -> None:
+    """0 of 10 people above the number, p = .002, was printed as "the hybrid is preferred"."""
+    rows = pd.DataFrame({"participant": f"P{i}", "vote": -1.0 - 0.1 * i} for i in range(10))
+    measures = {"vote": Measure("vote", "1", "vote")}
+    for test in ("sign", "t"):
+        of = Compare("vote", test=test, claim="the hybrid is preferred", expects="vote > 0")
+        finding = answer_comparison(of, rows, measures, {}, is_simulated=True)
+        assert finding.terms[0].is_significant
+        assert "reversed" == answer_claim(finding).status
+
+
+def test_items_are_claimed_in_their_order() -> None:
+    rng = np.random.default_rng(3)
+    ability = {"u": 1.5, "v": 0.0, "w": 0.0}
+    rows = pd.DataFrame(
+        {"participant": f"P{i:02d}", "pair": f"{a}|{b}", "vote": 1.0 if rng.random() < p else -1.0}
+        for i in range(20)
+        for a, b in (("u", "v"), ("w", "u"), ("v", "w"))
+        for p in [1 / (1 + np.exp(ability[b] - ability[a]))] * 4
+    )
+    measures = {"vote": Measure("vote", "1", "vote")}
+    levels = {"pair": ("u|v", "w|u", "v|w")}
+    verdicts = {}
+    for expects in ("u > v, w", "v > u", "w > v"):
+        of = Compare("vote", within="pair", model="bradleyterry", claim="yes", expects=expects)
+        finding = answer_comparison(of, rows, measures, levels, is_simulated=True)
+        verdicts[expects] = answer_claim(finding)
+    assert ["found", "reversed", "not_found"] == [v.status for v in verdicts.values()]
+    odds = verdicts["u > v, w"].differences[0]
+    other = verdicts["v > u"].differences[0]
+    assert odds.value == pytest.approx(1 / other.value)
+    assert odds.interval is not None
+    assert odds.interval.low < odds.value < odds.interval.high
+
+
+SIGNIFICANT = ("7.09", 1, 15)
+
+
+@pytest.mark.parametrize(
+    ("order", "value", "words", "agrees"),
+    [
+        ("directed > averted", lifted, "the same verdict, in the same direction", True),
+        ("directed > averted", lowered, "significant in both, but the other way round", False),
+        ("averted > directed", lowered, "the same verdict, in the same direction", True),
+        ("", lifted, "the same verdict; which way is not printed", True),
+    ],
+)
+def test_the_same_as_published_is_the_same_direction(
+    order: str, value: Any, words: str, agrees: bool
+) -> None:
+    printed = published_f(*SIGNIFICANT, p="0.017", eta2p="0.32", is_significant=True, order=order)
+    compare = Compare("mood", within=["gaze", "distance"], test="rm", published={"gaze": printed})
+    found = analysed([GAZE, DISTANCE], [compare], {"mood": value})
+    one = next(v for v in headlines(found) if "Published" in v.detail)
+    assert f"({words}; the printed η²p lies outside our interval)" in one.detail
+    row = next(r for r in statistics_rows(found[0]) if r["term"] == "gaze")
+    assert (agrees, order) == (row["agrees_with_published"], row["published_order"])
+    finding = found[0].findings[0]
+    beside = published_agreement(finding, finding.terms[0])
+    assert beside is not None
+    assert agrees is beside.agrees
+
+
+def test_tables_say_what_became_of_a_claim() -> None:
+    compare = Compare("mood", within="gaze", claim=CLAIM, expects="directed > averted")
+    for value, status, sign in ((lifted, "found", 1), (lowered, "reversed", -1)):
+        (row,) = statistics_rows(analysed([GAZE], [compare], {"mood": value})[0])
+        assert (status, "directed > averted") == (row["claim_verdict"], row["expects"])
+        low, high = row["claim_difference_ci_low"], row["claim_difference_ci_high"]
+        assert low < row["claim_difference"] < high
+        assert 0 < min(sign * low, sign * high)
+
+
+REFUSED = [
+    ({"within": "gaze", "claim": "yes"}, "has no direction; say which level gives the greater"),
+    ({"test": "sign", "claim": "yes"}, 'add expects="mood > 0" or expects="mood < 0"'),
+    ({"test": "binomial", "claim": "yes"}, 'add expects="mood > 0.5"'),
+    ({"test": "sign", "claim": "yes", "expects": "mood > 3"}, "it is tested against 0, so write"),
+    ({"test": "sign", "claim": "yes", "expects": "joy > 0"}, 'expects="mood > 0"'),
+    ({"within": "gaze", "expects": "directed"}, "which is no order of levels; say which level"),
+    ({"within": "gaze", "expects": "a > b < c"}, "which is no order of levels"),
+    ({"within": "gaze", "expects": "a > "}, "which is no order of levels"),
+    ({"within": "gaze", "expects": "a > a"}, "names 'a' twice"),
+    ({"within": ["gaze", "far"], "expects": "a > b"}, 'say of which: expects="gaze: a > b"'),
+    ({"within": ["gaze", "far"], "expects": "fra: a > b"}, "'fra', which is no factor of it"),
+    ({"within": "gaze", "expects": "gaze: a > b; c > d"}, "an interaction is written with two"),
+    (
+        {"within": "gaze", "test": "tost", "expects": "a > b"},
+        "by tost has its own direction; leave expects= out",
+    ),
+    (
+        {"within": ("x", "y"), "model": "bradleyterry", "expects": "x: a > b"},
+        "a Bradley–Terry model orders the items",
+    ),
+]
+
+
+@pytest.mark.parametrize(("keywords", "said"), REFUSED, ids=[str(r[0]) for r in REFUSED])
+def test_a_claim_without_a_direction_is_refused_with_what_to_write(
+    keywords: dict[str, Any], said: str
+) -> None:
+    with pytest.raises(DesignError) as refused:
+        Compare("mood", **keywords)
+    assert said in str(refused.value)
+    assert str(refused.value).startswith("the comparison of mood")
+
+
+def test_a_significant_published_result_says_which_way() -> None:
+    with pytest.raises(DesignError, match='order="a > b", or order="" where the source'):
+        published_f("7.09", 1, 15, p="0.017", eta2p="0.32", is_significant=True)
+    assert "" == published_f("1.0", 1, 15, p="0.33", eta2p="0.06", is_significant=False).order
