@@ -21,6 +21,13 @@ def decimal(value: float | None, digits: int = 2) -> str:
     return text.replace("-", _MINUS)
 
 
+def signed(value: float | None, digits: int = 2) -> str:
+    """Return a number with its sign, plus or minus; zero has none."""
+    text = decimal(value, digits)
+    has_sign = text.startswith(_MINUS) or text == MISSING or not text.strip("0.")
+    return text if has_sign else f"+{text}"
+
+
 def fraction(value: float | None, digits: int = 2) -> str:
     """Return a number that cannot exceed 1 (p, r, η²) without its leading zero."""
     text = decimal(value, digits)

@@ -103,10 +103,14 @@ def comparisons() -> Iterator[Compare]:
     """
     for measure in MEASURES:
         column = measure.column
+        # Four ratings ask one question, so they are corrected together; the source's measures of
+        # movement are tested as there, and its hypotheses need two of them each.
+        is_rating = measure in RATINGS
         yield Compare(
             column,
             within="condition",
-            correction="none",
+            family="ratings" if is_rating else "planned",
+            correction="holm" if is_rating else "none",
             options=(("always_posthoc", True),),
             published=published.TESTS.get(column),
             pairs=dict(_printed_pairs(column)),

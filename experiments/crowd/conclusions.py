@@ -4,10 +4,12 @@ from collections.abc import Sequence
 from typing import Final
 
 from visavis.analysis.report.blocks import Status
+from visavis.analysis.report.notation import decimal, signed
 from visavis.experiments.crowd.comparisons import COLLISIONS, RATINGS, SPEED, TO_GAP, VOLUME
 from visavis.experiments.crowd.design import AFTER, BEFORE, HAPTIC
 from visavis.experiments.crowd.paths import GroupPaths
-from visavis.results.analysis import StudyAnalysis
+from visavis.results.analysis import Finding, StudyAnalysis
+from visavis.results.differences import means_of_levels
 from visavis.study.measures import Measure
 from visavis.study.sections import Conclusion
 
@@ -15,9 +17,11 @@ RULE: Final = (
     "A hypothesis about two blocks counts as found when every measure it names differs "
     "significantly between them (post-hoc, Bonferroni over three pairs, after a significant test "
     "over blocks) in the direction it names, as partly found when some do and none differs the "
-    "other way, otherwise as not found; as undecided when a test could not be made. Equal paths "
-    "count as found when the person-wise excess of similarity within a block lies within the "
-    "bounds (two one-sided tests) for every pair of blocks, as partly found for some."
+    "other way, as the other way round when one does, otherwise as not found; as undecided when a "
+    "test could not be made. Ratings count as changed (partly found) when a test over blocks is "
+    "significant after Holm's correction over all of them. Equal paths count as found when the "
+    "person-wise excess of similarity within a block lies within the bounds (two one-sided tests) "
+    "for every pair of blocks, as partly found for some."
 )
 CAREFUL: Final = "Do people move more carefully with haptics? (H2₁)"
 FEWER: Final = "Fewer collisions and smaller volumes with haptics? (H2₂)"
@@ -79,7 +83,7 @@ def _direction(
 ) -> Conclusion:
     """`measures` with the expected sign of first minus second."""
     verdicts: list[int] = []
-    sentences = []
+    sentences, differences = [], []
     for measure, sign in measures:
         finding = analysis.finding(measure.column)
         contrast = None if finding is None else finding.contrast(pair)
@@ -89,6 +93,8 @@ def _direction(
             continue
         over_all = " ".join(finding.outcome.sentences)
         sentences.append(f"{measure.words}: {over_all} {contrast.sentence}")
+        unit = "" if measure.unit == "1" else f" {measure.unit}"
+        differences.append(f"{measure.words.lower()} {signed(-contrast.difference)}{unit}")
         as_said = 1 if sign * contrast.difference > 0 else -1
         verdicts.append(as_said if contrast.is_significant else 0)
     evidence = tuple(sentences)
@@ -98,11 +104,13 @@ def _direction(
     if all(v == 1 for v in verdicts):
         status, answer = "found", "yes"
     elif -1 in verdicts:
-        answer = "no, the other way in part"
+        status = "reversed"
+        answer = "significant, but the other way round" + (" in part" if 1 in verdicts else "")
     elif 1 in verdicts:
         status, answer = "partly", "in part"
     else:
         answer = "no significant difference"
+    answer = f"{answer} ({pair[1]} minus {pair[0]}: {', '.join(differences)})"
     return Conclusion(status, question, answer, evidence, name=name)
 
 
@@ -117,8 +125,16 @@ def _ratings(analysis: StudyAnalysis) -> Conclusion:
     if not tested_findings:
         return Conclusion("undecided", RATINGS_CHANGE, "undecided", sentences, was_tested=False)
     different = [
-        m.words.lower() for m, f in tested_findings if any(t.is_significant for t in f.terms)
+        _rating_by_block(m, f) for m, f in tested_findings if any(t.is_significant for t in f.terms)
     ]
     if different:
         return Conclusion("partly", RATINGS_CHANGE, ", ".join(different), sentences)
-    return Conclusion("not_found", RATINGS_CHANGE, "no significant difference", sentences)
+    ratings = ", ".join(_rating_by_block(m, f) for m, f in tested_findings)
+    answer = f"no significant difference ({ratings})"
+    return Conclusion("not_found", RATINGS_CHANGE, answer, sentences)
+
+
+def _rating_by_block(measure: Measure, finding: Finding) -> str:
+    """Return a rating with its mean in every block, in their order."""
+    means = means_of_levels(finding, finding.terms[0])
+    return f"{measure.words.lower()} {', '.join(decimal(mean) for mean in means.values())}"

@@ -97,7 +97,7 @@ study = Study(
             test="tost",
             family="hybrid beside clip",
             options=[("low", -SAME_WITHIN), ("high", SAME_WITHIN)],
-            claim="A motion made of poses looks as good as the clip they were taken from",
+            claim="A motion made of poses looks as good as its clip, within half a step of votes",
         ),
         Compare("preference", within=("clip", "increment")),
         Compare(

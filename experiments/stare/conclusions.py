@@ -15,16 +15,16 @@ STARED_AT = ("D", "AD", "DA")
 RULE = (
     "An effect of gaze counts as found when dwell time and fixation count both differ "
     "significantly, after correction, in the direction the hypothesis names; as partly found when "
-    "one of them does and the other does not differ significantly; as reversed when what differs "
-    "significantly does so in the other direction only; as mixed when the two measures differ "
-    "significantly in opposite directions. Less looking with more social anxiety counts as found "
-    "when dwell time falls with the score (negative Spearman coefficient, p below the threshold "
-    "after Holm's correction over all correlations) under D, AD and DA; as partly found when it "
-    "does in one or two of them; as reversed when it rises in at least one and falls in none; as "
-    "mixed when it does both. Otherwise the answer is “not significant” with the number of "
-    "participants, which is no proof of absence, or “undecided” when a test was not made or could "
-    "not have reached its threshold with that number whatever the data (an exact Wilcoxon test of "
-    "n differences cannot give less than p = 2/2ⁿ)."
+    "one of them does and the other does not differ significantly; as the other way round when "
+    "what differs significantly does so in the other direction only; as mixed when the two "
+    "measures differ significantly in opposite directions. Less looking with more social anxiety "
+    "counts as found when dwell time falls with the score (negative Spearman coefficient, p below "
+    "the threshold after Holm's correction over all correlations) under D, AD and DA; as partly "
+    "found when it does in one or two of them; as the other way round when it rises in at least "
+    "one and falls in none; as mixed when it does both. Otherwise the answer is “not significant” "
+    "with the number of participants, which is no proof of absence, or “undecided” when a test "
+    "was not made or could not have reached its threshold with that number whatever the data (an "
+    "exact Wilcoxon test of n differences cannot give less than p = 2/2ⁿ)."
 )
 
 
@@ -63,28 +63,37 @@ def _answer(question: str, pair: tuple[str, str], comparisons: Sequence[PairTest
     less = [t.measure.words.lower() for t in tests if t.is_significant and t.direction < 0]
     out_of_reach = [t.measure.words.lower() for t in tests if not t.can_reach]
     n = min(t.n_pairs for t in tests)
+    by_how_much = "; ".join(t.which_way() for t in tests)
     if more and less:
-        answer = f"mixed (more {more[0]}, less {less[0]})"
+        answer = f"mixed (more {more[0]}, less {less[0]}: {by_how_much})"
         return Conclusion("not_found", question, answer, evidence)
     if less:
         where = "" if len(less) == len(tests) else f" for {less[0]} only"
-        return Conclusion("not_found", question, f"reversed{where}", evidence)
+        answer = f"significant, but the other way round{where} ({by_how_much})"
+        return Conclusion("reversed", question, answer, evidence)
     if len(more) == len(tests):
-        return Conclusion("found", question, "found", evidence)
+        return Conclusion("found", question, f"found ({by_how_much})", evidence)
     if more:
-        return Conclusion("partly", question, f"found for {more[0]} only", evidence)
-    return _nothing_found(question, n, out_of_reach, len(tests), evidence)
+        answer = f"found for {more[0]} only ({by_how_much})"
+        return Conclusion("partly", question, answer, evidence)
+    return _nothing_found(question, n, out_of_reach, len(tests), evidence, by_how_much)
 
 
 def _nothing_found(
-    question: str, n: int, out_of_reach: Sequence[str], tests: int, evidence: tuple[str, ...]
+    question: str,
+    n: int,
+    out_of_reach: Sequence[str],
+    tests: int,
+    evidence: tuple[str, ...],
+    by_how_much: str,
 ) -> Conclusion:
     """Conclude without any significant test; `out_of_reach` names tests that could not be."""
     if out_of_reach:
         where = "" if len(out_of_reach) == tests else f" for {', '.join(out_of_reach)}"
         answer = f"undecided: n = {n} cannot reach the threshold{where}"
         return Conclusion("undecided", question, answer, evidence)
-    return Conclusion("not_found", question, f"not significant with n = {n}", evidence)
+    answer = f"not significant with n = {n} ({by_how_much})"
+    return Conclusion("not_found", question, answer, evidence)
 
 
 def _anxiety(correlations: Sequence[CorrelationTest]) -> Conclusion:
@@ -94,12 +103,14 @@ def _anxiety(correlations: Sequence[CorrelationTest]) -> Conclusion:
     with_outcome = [(c, c.outcome.r) for c in dwell if c.outcome is not None]
     if not with_outcome:
         return Conclusion("undecided", question, "not tested", evidence, was_tested=False)
-    falling = [(c, r) for c, r in with_outcome if c.holds_corrected and r < 0]
-    rising = [(c, r) for c, r in with_outcome if c.holds_corrected and r > 0]
+    falling = [(c, r) for c, r in with_outcome if c.is_significant and r < 0]
+    rising = [(c, r) for c, r in with_outcome if c.is_significant and r > 0]
     if rising:
-        word = "mixed" if falling else "reversed"
-        answer = f"{word} ({_correlation_list([*falling, *rising])})"
-        return Conclusion("not_found", question, answer, evidence)
+        listed = _correlation_list([*falling, *rising])
+        if falling:
+            return Conclusion("not_found", question, f"mixed ({listed})", evidence)
+        answer = f"significant, but the other way round ({listed})"
+        return Conclusion("reversed", question, answer, evidence)
     if falling:
         of_all = f"{len(falling)} of {count_of(len(dwell), 'condition')}"
         answer = f"found in {of_all} ({_correlation_list(falling)})"
@@ -107,7 +118,8 @@ def _anxiety(correlations: Sequence[CorrelationTest]) -> Conclusion:
         return Conclusion(status, question, answer, evidence)
     out_of_reach = [c.level for c, _ in with_outcome if not c.can_reach]
     n = min(c.n for c, _ in with_outcome)
-    return _nothing_found(question, n, out_of_reach, len(with_outcome), evidence)
+    listed = _correlation_list(with_outcome)
+    return _nothing_found(question, n, out_of_reach, len(with_outcome), evidence, listed)
 
 
 def _correlation_list(correlations: Sequence[tuple[CorrelationTest, float]]) -> str:

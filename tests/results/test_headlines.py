@@ -167,7 +167,9 @@ def test_correlations_make_a_headline_only_after_holms_correction() -> None:
     for known in (scores, []):
         found = analysed([GAZE], [], dict.fromkeys(names, chance), families=[of], scores=known)
         told += [(v.status, v.headline) for v in headlines(found)]
-        assert bool(known) == any(t.is_significant for t in found[0].tests_of("shyness"))
+        assert bool(known) == any(
+            t.is_significant_alone for t in found[0].correlations_of("shyness")
+        )
     assert [
         ("not_found", "Shyness: 0 of 8 tests significant"),
         ("undecided", "Shyness: not tested"),

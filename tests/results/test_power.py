@@ -128,6 +128,44 @@ def test_a_claim_is_about_the_effect_of_all_factors(term: str) -> None:
     assert (True, False) == (of.is_claimed(term), of.is_claimed("motion"))
 
 
+ONE_WAY = """from visavis import Compare, Factor, Rating, Study
+
+study = Study(
+    "one_way",
+    factors=[Factor("motion", ["idle", "wave"])],
+    calibrate=False,
+    compare=[Compare("nice", within="motion", claim="waving is nice", expects="wave > idle")],
+)
+
+
+@study.trial
+def trial(t):
+    yield t.ask(Rating("nice", 1, 9))
+"""
+
+
+@pytest.mark.parametrize(("lift", "succeeds"), [(3.0, True), (-3.0, False), (0.0, False)])
+def test_power_counts_a_claim_only_in_its_direction(
+    tmp_path: Path, lift: float, succeeds: bool
+) -> None:
+    (tmp_path / "one_way.py").write_text(ONE_WAY, "utf-8")
+    one_way = KitPower(str(tmp_path / "one_way.py"), tracker_of, quick_study)
+    assert {"nice:motion": "waving is nice (wave > idle)"} == dict(one_way.tests)
+    rng = np.random.default_rng(1)
+    rows = pd.DataFrame(
+        {
+            "participant": f"P{i}",
+            "motion": motion,
+            "nice": 5.0 + lift * (motion == "wave") + rng.normal(),
+        }
+        for i in range(12)
+        for motion in ("idle", "wave")
+    )
+    found = one_way.resample(rows, (12,), ["nice:motion"], seed=1, alpha=0.05)[12]["nice:motion"]
+    assert succeeds is found.is_significant
+    assert lift == 0.0 or np.sign(lift) == np.sign(found.difference)
+
+
 def test_people_of_the_quick_path_are_those_of_sessions(people: pd.DataFrame) -> None:
     plan = opened("duel").experiment({}).plan(2, 1)
     mine = people[people["participant"] == "00002"]

@@ -85,7 +85,7 @@ def test_a_locked_plan_is_read_by_people_and_by_programs(studied: Path) -> None:
     content = json.loads((folder_of(studied) / LOCK_NAME).read_text("utf-8"))
     assert locked.sha256 == content["sha256"]
     assert f"`{locked.sha256}`" in page
-    assert "Directed eyes are liked more (`liking by eyes`)" in page
+    assert "liked more (`liking by eyes`), expected: directed > averted" in page
     assert "`liking by eyes`: test paired, α = 0.05, holm over family planned" in page
     assert "4 participants. As many as come." in page
     assert "- `max_bad_trials_01`: participants whose `bad_trials_01` is above 0.5" in page
@@ -132,6 +132,7 @@ def test_the_one_deviation_is_named_and_what_is_added_is_exploratory(studied: Pa
     ]
     page = (folder / "derived" / "report.html").read_text("utf-8")
     section = page[page.index('id="plan"') :]
+    assert "directed &gt; averted" in section
     assert "4 of 4 sessions bear its hash" in section
     assert re.search(r"exclusion max_bad_trials_01: limit.*0\.5.*0\.3.*this an", section, re.S)
     assert "liking_ms by eyes" in section
@@ -181,3 +182,15 @@ def test_families_of_tests_and_their_thresholds_are_frozen_too(tmp_path: Path) -
         (d.what, d.planned, d.done) for d in deviations_between(locked.plan, now)
     ]
     assert "alpha 0.05" in (tmp_path / PAGE_NAME).read_text("utf-8")
+
+
+def test_the_direction_of_a_locked_claim_cannot_be_turned_round_afterwards(studied: Path) -> None:
+    file, folder = studied / "short.py", folder_of(studied)
+    file.write_text(STUDY.replace("directed > averted", "averted > directed"), "utf-8")
+    told = ran("analyse", str(folder), "--processes", "1", "--peek", "a look")
+
+    what = "comparison liking by eyes: expects: planned directed > averted, done averted > directed"
+    assert what in told
+    tests = pd.read_csv(folder / "derived" / "statistics.csv").set_index("measure")
+    assert "directed > averted" == tests.loc["liking", "expects"]
+    file.write_text(STUDY, "utf-8")

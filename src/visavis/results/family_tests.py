@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 import pandas as pd
 
-from visavis.analysis.report.notation import count_of, decimal, threshold
+from visavis.analysis.report.notation import count_of, decimal, fraction, signed, threshold
 from visavis.analysis.statistics import (
     Correlation,
     PairedComparison,
@@ -107,11 +107,6 @@ class PairTest:
         return None if self.outcome is None else self.outcome.significant
 
     @property
-    def holds_corrected(self) -> bool | None:
-        """Tell the decision that headlines use; the threshold already shares alpha."""
-        return self.is_significant
-
-    @property
     def stars(self) -> str:
         """Return '', '*', '**' or '***' after correction; nothing when there was no test."""
         return "" if self.outcome is None else self.outcome.stars
@@ -140,6 +135,15 @@ class PairTest:
     def published_result(self) -> Printed | None:
         """The source's result of this test; None where it prints none."""
         return None if self.of.printed is None else self.of.printed(self)
+
+    def which_way(self) -> str:
+        """Return how far the second mean lies above or below the first."""
+        where = f" ({self.where.replace('_', ' ')})" if self.where else ""
+        unit = f" {self.measure.unit}" if self.measure.unit not in ("", "1") else ""
+        digits = max(self.measure.digits, 2) if not unit else self.measure.digits
+        off = signed(self.second_mean - self.first_mean, digits)
+        names = f"{self.of.level_words(self.second)} minus {self.of.level_words(self.first)}"
+        return f"{self.measure.words.lower()}{where}, {names}: {off}{unit}"
 
     def sentence(self) -> str:
         """Return the conclusion with test, n, statistic, p, effect size and threshold."""
@@ -209,7 +213,7 @@ class PairTest:
 class CorrelationTest:
     """One correlation with a score, or why there is none.
 
-    `p_adjusted` is Holm's over all correlations of the family that could be computed.
+    `p_adjusted` is Holm's over all `n_tests` correlations of the family that could be computed.
     """
 
     of: Correlate = field(repr=False)
@@ -220,16 +224,17 @@ class CorrelationTest:
     outcome: Correlation | None
     problem: str = ""
     p_adjusted: float = float("nan")
+    n_tests: int = 1
 
     @property
     def is_significant(self) -> bool | None:
-        """Tell whether p stays below alpha, uncorrected."""
-        return None if self.outcome is None else self.outcome.p < self.alpha
+        """Tell whether Holm's p stays below alpha: the decision of headlines, text and tables."""
+        return None if self.outcome is None else self.p_adjusted < self.alpha
 
     @property
-    def holds_corrected(self) -> bool | None:
-        """Tell whether Holm's p stays below alpha: the decision that headlines use."""
-        return None if self.outcome is None else self.p_adjusted < self.alpha
+    def is_significant_alone(self) -> bool | None:
+        """Tell whether p stays below alpha without correction, as sources often decide."""
+        return None if self.outcome is None else self.outcome.p < self.alpha
 
     @property
     def direction(self) -> int:
@@ -241,12 +246,18 @@ class CorrelationTest:
         """Tell whether any data of this size could be significant: exact p is at least 2/n!."""
         if self.outcome is None:
             return None
-        return self.outcome.method != "exact" or 2.0 / factorial(self.n) < self.alpha
+        smallest_p = self.n_tests * 2.0 / factorial(self.n)
+        return self.outcome.method != "exact" or smallest_p < self.alpha
 
     @property
     def published_result(self) -> Printed | None:
         """The source's result of this test; None where it prints none."""
         return None if self.of.printed is None else self.of.printed(self)
+
+    def which_way(self) -> str:
+        """Return the coefficient and its level."""
+        r = None if self.outcome is None else self.outcome.r
+        return f"{self.measure.words.lower()}, {self.level}: rs = {fraction(r)}"
 
     def sentence(self) -> str:
         """Return the conclusion with test, n, statistic, p, interval and threshold."""
@@ -257,8 +268,8 @@ class CorrelationTest:
         verdict = "is" if self.is_significant else "is not significantly"
         return (
             f"{what} {verdict} correlated with {self.of.score_words}: Spearman, "
-            f"{self.outcome.sentence()}; threshold {threshold(self.alpha)} uncorrected, "
-            f"Holm-adjusted {p_text(self.p_adjusted)}."
+            f"{self.outcome.sentence()}; Holm-adjusted over {self.n_tests} tests "
+            f"{p_text(self.p_adjusted)}, threshold {threshold(self.alpha)}."
         )
 
     def row(self) -> dict[str, Cell]:
@@ -276,7 +287,11 @@ class CorrelationTest:
         }
         if self.outcome is not None:
             row |= {k: v for k, v in self.outcome.row().items() if k != "n"}
-            row |= {"p_adjusted": self.p_adjusted, "significant": self.is_significant}
+            row |= {
+                "n_tests": self.n_tests,
+                "p_adjusted": self.p_adjusted,
+                "significant": self.is_significant,
+            }
         return row
 
 
@@ -322,14 +337,19 @@ class AgreementCount:
 
 
 def agreement(test: Test) -> Agreement | None:
-    """Compare a test's verdict with the source's; None where the source prints none."""
+    """Compare a test's verdict with the source's; None where the source prints none.
+
+    Of correlations, whose sources do not correct, the verdicts without correction are compared.
+    """
     printed_result = test.published_result
     if printed_result is None:
         return None
     same = printed_result.direction in (0, test.direction)
-    return Agreement(
-        printed_result.is_significant, test.is_significant, same, test.can_reach is not False
-    )
+    ours = test.is_significant
+    if isinstance(test, CorrelationTest):
+        test = replace(test, n_tests=1)
+        ours = test.is_significant_alone
+    return Agreement(printed_result.is_significant, ours, same, test.can_reach is not False)
 
 
 def published_cells(test: Test) -> dict[str, Cell]:
@@ -489,7 +509,7 @@ def correlate(
         return tuple(correlations)
     holm_p = adjust_p([c.outcome.p for c in correlations if c.outcome is not None])
     for i, p in zip(test_indices, holm_p.tolist(), strict=True):
-        correlations[i] = replace(correlations[i], p_adjusted=p)
+        correlations[i] = replace(correlations[i], p_adjusted=p, n_tests=len(test_indices))
     return tuple(correlations)
 
 
@@ -584,7 +604,7 @@ def columns_of_tests(families: Iterable[Family]) -> dict[str, Column]:
         Column("first_sd", of_measure, "standard deviation of the first level"),
         Column("second_mean", of_measure, "mean of the second level over the pairs"),
         Column("second_sd", of_measure, "standard deviation of the second level"),
-        Column("n_tests", "1", "tests that share alpha (Bonferroni)"),
+        Column("n_tests", "1", "tests that share alpha (Bonferroni; correlations: Holm)"),
         Column("problem", "", "why there was no test; empty: there was"),
         Column("estimate", of_measure, "mean (t) or median (Wilcoxon) of first minus second"),
         Column("effect", "", "name of the effect size, first minus second",
@@ -592,7 +612,7 @@ def columns_of_tests(families: Iterable[Family]) -> dict[str, Column]:
         Column("eta_p2_ci_low", "1", "lower end of the confidence interval of eta_p2"),
         Column("eta_p2_ci_high", "1", "upper end of it"),
         Column("p_adjusted", "1", "p after correction: Bonferroni; correlations: Holm"),
-        Column("significant", "", "below the threshold; correlations: uncorrected"),
+        Column("significant", "", "after correction; headlines and sentences say the same"),
         Column("stars", "", "level reached after correction",
                {"*": "alpha", "**": "a fifth of it", "***": "a fiftieth of it"}),
         Column("r", "1", "Spearman's coefficient"),

@@ -183,7 +183,7 @@ def test_reversed_effect_does_not_agree_with_the_published_one():
 
     assert test.is_significant is True
     assert agreement(test).agrees is False
-    assert conclude(thirty(means), ())[0].status == "not_found"
+    assert conclude(thirty(means), ())[0].status == "reversed"
 
 
 def test_effect_is_found_only_with_both_dwell_time_and_fixation_count():
@@ -201,7 +201,8 @@ def test_no_effect_is_reported_as_not_significant_with_n():
     found = analysed(rows, anxiety_answers(12))
 
     assert found.conclusions[0].headline == (
-        "Stare-in-the-crowd effect: not significant with n = 12"
+        "Stare-in-the-crowd effect: not significant with n = 12 (dwell time, directed minus "
+        "averted: +166 ms; fixation count, directed minus averted: −0.25)"
     )
 
 

@@ -104,14 +104,23 @@ def _as_text(value: Any) -> str:
     return str(value)
 
 
-def mark_exploratory(compare: Sequence[Compare], plan: Mapping[str, Any]) -> tuple[Compare, ...]:
-    """Return comparisons; those that a locked plan does not name are marked as exploratory.
+def as_locked(compare: Sequence[Compare], plan: Mapping[str, Any]) -> tuple[Compare, ...]:
+    """Return comparisons with the claims and directions of a locked plan.
 
-    These form a family of their own, so that planned comparisons are corrected as planned.
+    Those that it does not name are marked as exploratory. They form a family of their own, so that
+    planned comparisons are corrected as planned. What a claim expects is that of the plan, whatever
+    the study file says now, which the deviations tell. Plans of earlier versions have no direction.
     """
     return tuple(
-        one
+        _with_locked_claim(one, plan["comparisons"][name])
         if name in plan["comparisons"]
         else replace(one, exploratory=True, family=UNPLANNED_FAMILY)
         for name, one in comparisons_by_name(compare).items()
     )
+
+
+def _with_locked_claim(compare: Compare, planned: Mapping[str, Any]) -> Compare:
+    expects = planned.get("expects", "")
+    if not expects:
+        return compare
+    return replace(compare, claim=planned["claim"], expects=expects)

@@ -51,9 +51,10 @@ def family_verdicts(analysis: StudyAnalysis) -> tuple[Verdict, ...]:
     for family in dict.fromkeys(r.of.family for r in analysis.results if not r.of.exploratory):
         tests = analysis.tests_of(family)
         with_outcome = [t for t in tests if t.outcome is not None]
-        hits = [t for t in with_outcome if t.holds_corrected]
+        hits = [t for t in with_outcome if t.is_significant]
         found_of = f"{len(hits)} of {count_of(len(with_outcome), 'test')} significant"
         headline = f"{family.capitalize()}: {found_of if with_outcome else 'not tested'}"
+        headline += f" ({'; '.join(t.which_way() for t in hits)})" if hits else ""
         evidence = " ".join(t.sentence() for t in hits or tests[:1])
         verdicts.append(
             Verdict(
@@ -286,11 +287,11 @@ def _correlation_table(tests: Sequence[CorrelationTest]) -> Table:
         tuple(columns),
         tuple(rows),
         f"Spearman correlations with {tests[0].of.score_name}",
-        f"{n}. p uncorrected with threshold {threshold(tests[0].alpha)}; Holm-adjusted values are "
-        "in statistics.csv."
+        f"{n}. p before correction; bold is significant after Holm's over {tests[0].n_tests} tests "
+        f"(threshold {threshold(tests[0].alpha)}); adjusted values are in statistics.csv."
         + (
-            " n.s.: the source states no correlation. ✓ same verdict, ✗ different, ? undecided, "
-            "n not tested."
+            " n.s.: the source states no correlation. Its verdicts and ours before correction: "
+            "✓ same, ✗ different, ? undecided, n not tested."
             if beside
             else ""
         ),

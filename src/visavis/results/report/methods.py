@@ -196,7 +196,7 @@ def _families(analysis: StudyAnalysis) -> Iterator[str]:
         words = f"{r.of.family} ({r.of.words})" if r.of.words else r.of.family
         alpha = threshold(rules.alpha)
         if isinstance(r.of, Correlate):
-            parts.append(f"{words}: Spearman's coefficient at {alpha}, uncorrected")
+            parts.append(f"{words}: Spearman's coefficient, Holm, {alpha}")
         elif analysis.pairs_of(r.of.family):
             n = analysis.pairs_of(r.of.family)[0].n_tests
             parts.append(f"{words}: Bonferroni, {alpha}/{n} = {threshold(rules.alpha / n)}")

@@ -24,7 +24,7 @@ from visavis.recording.folder import SIMULATED_ROOT
 from visavis.recording.manifest import Manifest, read_manifest
 from visavis.recording.reader import Recording
 from visavis.results.intake import SessionIntake
-from visavis.results.locked_plan.deviations import mark_exploratory
+from visavis.results.locked_plan.deviations import as_locked
 from visavis.results.locked_plan.review import LockedPlan, Peek, PlanReview, review_of
 from visavis.results.opened_study import OpenedStudy, overrides_of
 from visavis.results.picture_delay import SETTING, read_sync_test, required_for
@@ -371,7 +371,7 @@ def _review(
     experiment = opened_study.experiment(overrides_of(manifests[0].plan))
     content = content_now(opened_study, experiment, manifests[0].seed, settings)
     review = review_of(locked, content, manifests, peeks)
-    compare = mark_exploratory(opened_study.study.analysis.compare, locked.plan)
+    compare = as_locked(opened_study.study.analysis.compare, locked.plan)
     return replace(
         opened_study, study=opened_study.study.with_changes(compare=compare), plan=review
     ), review
