@@ -259,7 +259,8 @@ def refuse_zero_error(dv: str, term: Sequence[str], ss: float, ss_error: float) 
     if ss_error <= 1e-18 * ss:
         raise ConstantResponse(
             f"all subjects show exactly the same effect of {':'.join(term)} on {dv}, so its error "
-            "is zero and F is not defined; look for copied or constructed rows"
+            "is zero and F is not defined; tests of ranks need none (friedman, of two levels "
+            "wilcoxon, of groups kruskal), but look for copied or constructed rows first"
         )
 
 

@@ -18,7 +18,7 @@ from visavis.analysis.statistics.contrasts import (
 from visavis.analysis.statistics.design import Frame, read_design
 from visavis.analysis.statistics.effects import partial_eta_squared, rank_effect
 from visavis.analysis.statistics.errors import ConstantResponse
-from visavis.analysis.statistics.inputs import is_constant
+from visavis.analysis.statistics.inputs import AT_LEAST, is_constant
 from visavis.analysis.statistics.rank_sum import mann_whitney
 from visavis.analysis.statistics.ranks import average_ranks, tie_sizes
 from visavis.analysis.statistics.results import (
@@ -255,15 +255,25 @@ def games_howell(
 
 
 def _differences(groups: Sequence[Array]) -> list[Effect | None]:
-    """Return Cohen's d of every pair, each by its own two groups; None where neither varies."""
+    """Return Cohen's d of every pair, each by its own two groups.
+
+    None where neither varies, or where one has two people: the pair is compared all the same.
+    """
     return [
-        None if is_constant(x) and is_constant(y) else independent_t(x, y).effect
+        None
+        if (is_constant(x) and is_constant(y)) or _is_small(x, y)
+        else independent_t(x, y).effect
         for x, y in combinations(groups, 2)
     ]
 
 
+def _is_small(x: Array, y: Array) -> bool:
+    """Tell whether a group is too small for an effect size of two samples by themselves."""
+    return min(x.size, y.size) < AT_LEAST
+
+
 def _rank_difference(x: Array, y: Array) -> Effect | None:
-    if is_constant(np.concatenate([x, y])):
+    if is_constant(np.concatenate([x, y])) or _is_small(x, y):
         return None
     return mann_whitney(x, y, method="normal").effect
 

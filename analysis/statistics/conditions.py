@@ -10,7 +10,7 @@ from visavis.analysis.statistics.anova import Anova, AnovaEffect, anova_of_desig
 from visavis.analysis.statistics.contrasts import Contrasts
 from visavis.analysis.statistics.decision import Step
 from visavis.analysis.statistics.design import Frame, Levels, read_design
-from visavis.analysis.statistics.errors import StatisticsError, TooFewLevels
+from visavis.analysis.statistics.errors import ConstantResponse, StatisticsError, TooFewLevels
 from visavis.analysis.statistics.friedman import (
     Friedman,
     SignedRankPair,
@@ -101,7 +101,11 @@ def compare_conditions(
     test: AnovaEffect | Friedman
     anova: Anova | None = None
     if is_normal:
-        anova = anova_of_design(design, subject=subject)
+        try:
+            anova = anova_of_design(design, subject=subject)
+        except ConstantResponse:  # everybody differs alike: F has no error, ranks decide
+            steps.append(Step("Is there an error to test against", "none", "no, Friedman"))
+    if anova is not None:
         test = anova.effects[0]
         p, provenance = test.p_used, anova.provenance
         correction = test.correction if test.correction != "none" else "no correction"

@@ -13,7 +13,7 @@ from visavis.analysis.statistics.adjust import (
     stars,
 )
 from visavis.analysis.statistics.errors import StatisticsError
-from visavis.analysis.statistics.inputs import differences, paired
+from visavis.analysis.statistics.inputs import differences, is_constant, paired
 from visavis.analysis.statistics.normality import ShapiroWilk, shapiro_wilk
 from visavis.analysis.statistics.results import (
     MINUS,
@@ -51,12 +51,13 @@ class PairedComparison(Result):
 
     `p` is as tested. Without correction and with Bonferroni, `p` below `threshold` is
     significant; with Holm and Benjamini-Hochberg, `p_adjusted` below `threshold` (= alpha) is.
-    `means` are those of the two samples, in `unit`.
+    `means` are those of the two samples, in `unit`. `normality` is None where all differences are
+    one and the same.
     `stars` count how many of alpha, alpha/5 and alpha/50 the adjusted p stays below.
     """
 
     names: tuple[str, str]
-    normality: ShapiroWilk
+    normality: ShapiroWilk | None
     test: TTest | SignedRank
     p: float
     p_adjusted: float
@@ -111,8 +112,8 @@ class PairedComparison(Result):
         return {
             "first": self.names[0],
             "second": self.names[1],
-            "shapiro_W": self.normality.W,
-            "shapiro_p": self.normality.p,
+            "shapiro_W": None if self.normality is None else self.normality.W,
+            "shapiro_p": None if self.normality is None else self.normality.p,
             **{k: v for k, v in self.test.row().items() if k not in self.provenance.row()},
             "eta_p2": None if self.eta is None else self.eta.value,
             "p_adjusted": self.p_adjusted,
@@ -137,7 +138,8 @@ def compare_paired(
 ) -> PairedComparison:
     """Compare two paired samples: Shapiro-Wilk on x − y, then paired t or Wilcoxon.
 
-    The difference counts as normal when p > `normality_alpha`. `n_tests` is the size of the
+    The difference counts as normal when p > `normality_alpha`. Where everybody differs alike, t has
+    no error, and Wilcoxon's ranks decide. `n_tests` is the size of the
     family for Bonferroni; use `correct_family` to correct several comparisons by Holm or
     Benjamini-Hochberg. `wilcoxon` picks the p of the rank test.
     """
@@ -145,8 +147,10 @@ def compare_paired(
         raise StatisticsError(f"alpha must lie between 0 and 1, got {alpha}")
     first, second = paired(x, y, names=names)
     between = f"{names[0]} {MINUS} {names[1]}"
-    normality = shapiro_wilk(differences(first, second), name=between)
-    is_normal = normality.p > normality_alpha
+    d = differences(first, second)
+    differs_alike = is_constant(d) and d[0] != 0
+    normality = None if differs_alike else shapiro_wilk(d, name=between)
+    is_normal = normality is not None and normality.p > normality_alpha
     test: TTest | SignedRank
     if is_normal:
         test = paired_t(first, second, names=names, level=level, unit=unit)
@@ -156,9 +160,10 @@ def compare_paired(
     correction: Adjustment = "bonferroni" if n_tests > 1 else "none"
     p_adjusted = min(1.0, test.p * n_tests)
     cut = threshold_text(normality_alpha)
+    found = f"all {d.size} are {d[0]:g}" if normality is None else normality.sentence()
     check = Step(
         f"Are the differences {between} normal (Shapiro-Wilk, α = {cut})",
-        normality.sentence(),
+        found,
         "yes, paired t test" if is_normal else "no, Wilcoxon signed-rank test",
     )
     run = Step("Test", test.sentence(), p_text(test.p))
@@ -178,7 +183,7 @@ def compare_paired(
         provenance=replace(
             test.provenance,
             correction=_correction_text(correction, n_tests),
-            notes=(*test.provenance.notes, f"chosen by {normality.sentence()}"),
+            notes=(*test.provenance.notes, f"chosen by {found}"),
         ),
         means=(float(first.mean()), float(second.mean())),
         unit=unit,

@@ -1,7 +1,7 @@
 """Turn what an analyst has into checked arrays, or say which row is wrong."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +15,9 @@ from visavis.analysis.statistics.errors import (
     UnequalLength,
 )
 from visavis.analysis.statistics.results import Array
+
+AT_LEAST: Final = 3
+"""The values that a sample needs at least."""
 
 
 def is_missing(value: object) -> bool:
@@ -75,7 +78,9 @@ def numbers(values: npt.ArrayLike, *, name: str, allow_missing: bool = False) ->
     return column
 
 
-def sample(values: npt.ArrayLike, *, name: str, at_least: int = 3, vary: bool = True) -> Array:
+def sample(
+    values: npt.ArrayLike, *, name: str, at_least: int = AT_LEAST, vary: bool = True
+) -> Array:
     """Return one checked sample of at least `at_least` numbers which vary unless `vary` is off."""
     column = numbers(values, name=name)
     if column.size < at_least:
@@ -88,7 +93,11 @@ def sample(values: npt.ArrayLike, *, name: str, at_least: int = 3, vary: bool = 
 
 
 def paired(
-    x: npt.ArrayLike, y: npt.ArrayLike, *, names: tuple[str, str] = ("x", "y"), at_least: int = 3
+    x: npt.ArrayLike,
+    y: npt.ArrayLike,
+    *,
+    names: tuple[str, str] = ("x", "y"),
+    at_least: int = AT_LEAST,
 ) -> tuple[Array, Array]:
     """Return two checked samples of equal length, one row per pair."""
     first = sample(x, name=names[0], at_least=at_least, vary=False)

@@ -83,10 +83,10 @@ class SubjectBlocks:
             V = np.einsum("r,srab->sab", theta, batch.G)
             try:
                 root = np.linalg.cholesky(V)
+                inverse = np.linalg.inv(V)
             except np.linalg.LinAlgError:
                 return None
             log_det += 2 * float(np.log(np.diagonal(root, axis1=1, axis2=2)).sum())
-            inverse = np.linalg.inv(V)
             inverses.append(inverse)
             VX = inverse @ batch.X
             XX += np.einsum("sap,saq->pq", batch.X, VX)
@@ -230,7 +230,9 @@ def fit_components(design: Design, X: Array, y: Array) -> LinearMixedModel:
     theta = _maximise_by_scoring(blocks, np.full(blocks.r, 1.0 / blocks.r))
     if theta[-1] < MIN_RESIDUAL_SHARE:
         raise ConstantResponse(
-            f"{design.dv} does not vary within subjects beyond the effects; F is not defined"
+            f"{design.dv} does not vary within subjects beyond the effects, so F is not defined; "
+            "tests of ranks need no error (friedman, of two levels wilcoxon), but look for copied "
+            "or constructed rows first"
         )
     return model_at(X, y, design.subject, derivatives, names, theta * unit**2)
 

@@ -1,6 +1,7 @@
 """Student's t in its forms: paired, independent, Welch, one sample, and from summaries."""
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +26,8 @@ from visavis.analysis.statistics.results import (
     percent,
     quantities,
 )
+
+NO_DIFFERENCE: Final = "there is nothing to test"
 
 
 @dataclass(frozen=True)
@@ -89,7 +92,8 @@ def paired_t(
     scale = float(max(np.abs(first).max(), np.abs(second).max()))
     if is_constant(d) or float(np.ptp(d)) <= 1e-12 * scale:
         raise ConstantResponse(
-            f"{names[0]} minus {names[1]} is {d[0]:g} in all {d.size} pairs; t is not defined"
+            f"{names[0]} minus {names[1]} is {d[0]:g} in all {d.size} pairs, so t has no error and "
+            "is not defined; " + (NO_DIFFERENCE if d[0] == 0 else "take the test wilcoxon or sign")
         )
     n = int(d.size)
     sd = float(d.std(ddof=1))
@@ -115,8 +119,13 @@ def one_sample_t(
     x: npt.ArrayLike, *, mu: float = 0.0, level: float = 0.95, name: str = "x", unit: str = ""
 ) -> TTest:
     """Test whether the mean is `mu`; d is (mean − mu) over SD."""
-    column = sample(x, name=name)
+    column = sample(x, name=name, vary=False)
     n = int(column.size)
+    if is_constant(column):
+        raise ConstantResponse(
+            f"{name} is {column[0]:g} in all {n} rows, so t has no error and is not defined; "
+            + (NO_DIFFERENCE if column[0] == mu else "take the test sign")
+        )
     sd = float(column.std(ddof=1))
     estimate = float(column.mean()) - mu
     t = estimate / (sd / np.sqrt(n))
@@ -153,7 +162,10 @@ def independent_t(
     """
     first, second = (sample(v, name=n, vary=False) for v, n in zip((x, y), names, strict=True))
     if is_constant(first) and is_constant(second):
-        raise ConstantResponse(f"neither {names[0]} nor {names[1]} varies; t is not defined")
+        raise ConstantResponse(
+            f"neither {names[0]} nor {names[1]} varies, so t has no error and is not defined; "
+            + (NO_DIFFERENCE if first[0] == second[0] else "take the test mannwhitney")
+        )
     return independent_t_from_summary(
         float(first.mean()),
         float(first.std(ddof=1)),

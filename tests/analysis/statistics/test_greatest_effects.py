@@ -1,0 +1,90 @@
+"""The greatest effect there can be is found, and small groups lose an effect size, not a test."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pandas as pd
+import pytest
+
+from visavis.analysis.statistics import SignedRank, compare_paired
+from visavis.analysis.statistics.errors import ConstantResponse
+from visavis.analysis.statistics_report import Question, answer
+
+PEOPLE = 10
+
+
+def alike(levels: str, by: float = 1.0) -> pd.DataFrame:
+    """Return people who all differ by the same between each two levels."""
+    return pd.DataFrame(
+        {"person": f"s{i}", "level": level, "y": 0.7 * i + by * j}
+        for i in range(PEOPLE)
+        for j, level in enumerate(levels)
+    )
+
+
+def test_where_everybody_differs_alike_ranks_decide() -> None:
+    x = [0.7 * i for i in range(PEOPLE)]
+    compared = compare_paired([v + 1 for v in x], x)
+
+    assert isinstance(compared.test, SignedRank)
+    assert compared.normality is None
+    assert compared.significant
+    assert 2 / 2**PEOPLE == pytest.approx(compared.p)
+    assert "all 10 are 1 → no, Wilcoxon signed-rank test" in compared.path()
+    assert compared.row()["shapiro_p"] is None
+
+
+def test_of_more_conditions_that_differ_alike_ranks_decide() -> None:
+    question = Question("conditions", dv="y", within=("level",), subject="person")
+    outcome = answer(alike("abc"), question)
+
+    assert 0.001 > outcome.p()
+    assert 3 == len(outcome.contrasts)
+    assert any(s.startswith("Is there an error to test against") for s in map(str, outcome.path))
+
+
+def test_where_nobody_differs_there_is_nothing_to_test() -> None:
+    with pytest.raises(ConstantResponse, match="is 0 in all 10 rows; there is nothing to test"):
+        compare_paired(list(range(PEOPLE)), list(range(PEOPLE)))
+
+
+@pytest.mark.parametrize(
+    ("test", "levels", "said"),
+    [
+        ("t", "ab", "in all 10 pairs, so t has no error .* take the test wilcoxon or sign"),
+        ("rm", "ab", r"tests of ranks need none \(friedman, of two levels wilcoxon"),
+        ("lmm", "ab", "tests of ranks need no error"),
+        ("lmm", "abc", "tests of ranks need no error"),
+    ],
+)
+def test_a_test_that_needs_an_error_names_one_that_does_not(
+    test: str, levels: str, said: str
+) -> None:
+    question = Question(test, dv="y", within=("level",), subject="person")
+    with pytest.raises(ConstantResponse, match=said):
+        answer(alike(levels), question)
+
+
+def groups(small: int) -> Iterator[dict[str, Any]]:
+    for name, mean, size in (("a", 0.0, 8), ("b", 5.0, 8), ("c", 9.0, small)):
+        for i in range(size):
+            yield {"person": f"{name}{i}", "group": name, "y": mean + (i * 0.37) % 1}
+
+
+@pytest.mark.parametrize("small", [2, 8])
+@pytest.mark.parametrize(
+    ("test", "posthoc"),
+    [("kruskal", ""), ("anova", "tukey"), ("anova", "holm"), ("welch", ""), ("welch", "holm")],
+)
+def test_a_group_of_two_is_compared_and_has_no_effect_size(
+    test: str, posthoc: str, small: int
+) -> None:
+    question = Question(test, dv="y", between=("group",), subject="person", posthoc=posthoc)
+    outcome = answer(pd.DataFrame(groups(small)), question)
+
+    assert 0.01 > outcome.p()
+    assert 3 == len(outcome.contrasts)
+    of_two = [c for c in outcome.contrasts if "c" in str(c.get("contrast", c.get("level_2")))]
+    assert 2 == len(of_two)
+    assert {small == 2} == {c.get("effect_size") is None for c in of_two}
+    assert all(isinstance(c["p_adjusted"], float) for c in of_two)
