@@ -20,7 +20,6 @@ from visavis.analysis.statistics.between import (
     kruskal_wallis,
     levene,
     oneway_anova,
-    pairwise_t,
     tukey_hsd,
     welch_anova,
 )
@@ -51,9 +50,14 @@ from visavis.analysis.statistics.friedman import (
     friedman,
     posthoc_signed_rank,
 )
+from visavis.analysis.statistics.marginal import (
+    interaction_contrasts,
+    linear_hypotheses,
+    posthoc,
+    simple_effects,
+)
 from visavis.analysis.statistics.mixed import mixed_anova
 from visavis.analysis.statistics.normality import ShapiroWilk, shapiro_wilk, skewness
-from visavis.analysis.statistics.posthoc import posthoc
 from visavis.analysis.statistics.power_estimates import (
     OneWayPower,
     PowerCurve,
@@ -138,8 +142,10 @@ __all__ = [
     "group_means",
     "independent_t",
     "independent_t_from_summary",
+    "interaction_contrasts",
     "kruskal_wallis",
     "levene",
+    "linear_hypotheses",
     "mann_whitney",
     "mixed_anova",
     "one_sample_t",
@@ -148,7 +154,6 @@ __all__ = [
     "oneway_sample_size",
     "oneway_sensitivity",
     "paired_t",
-    "pairwise_t",
     "partial_eta_squared",
     "pearson",
     "posthoc",
@@ -159,6 +164,7 @@ __all__ = [
     "rm_anova",
     "select_scales",
     "shapiro_wilk",
+    "simple_effects",
     "skewness",
     "spearman",
     "spearman_p",

@@ -12,7 +12,7 @@ from visavis.analysis.statistics.design import Design, Frame, Levels, Missing, r
 from visavis.analysis.statistics.effect_table import EffectTable
 from visavis.analysis.statistics.effects import partial_eta_squared
 from visavis.analysis.statistics.errors import ConstantResponse, UnknownMethod
-from visavis.analysis.statistics.linear import model_matrix, residual_ss
+from visavis.analysis.statistics.linear import FittedMixedModel, model_matrix, residual_ss
 from visavis.analysis.statistics.results import Effect, Provenance, Result, Row, f_text, p_text
 from visavis.analysis.statistics.sphericity import Sphericity, sphericity
 from visavis.analysis.statistics.strata import Strata, Stratum
@@ -85,9 +85,13 @@ class AnovaEffect(Result):
 
 @dataclass(frozen=True)
 class Anova(EffectTable[AnovaEffect]):
-    """An ANOVA table with its design and provenance."""
+    """An ANOVA table with its design and provenance.
+
+    `model` is the mixed model behind it; None where the cells of the design are the model.
+    """
 
     subject: str = "subject"
+    model: FittedMixedModel | None = None
 
 
 def rm_anova(

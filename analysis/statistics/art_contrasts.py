@@ -1,6 +1,7 @@
 """ART-C: contrasts of main effects and joined factors on ranks aligned for them."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import reduce
 from itertools import combinations, product
 
@@ -14,21 +15,20 @@ from visavis.analysis.statistics.art import (
     aligned_ranks,
     require_art,
 )
-from visavis.analysis.statistics.contrasts import (
-    ContrastAdjustment,
-    Contrasts,
-    contrast_family,
-    pair_labels,
-    pair_matrix,
-)
+from visavis.analysis.statistics.contrasts import ContrastAdjustment, Contrasts
 from visavis.analysis.statistics.design import Design, Factor
 from visavis.analysis.statistics.errors import ConstantResponse, TooFewSubjects, UnknownMethod
-from visavis.analysis.statistics.marginal import FittedModel
-from visavis.analysis.statistics.mixed import RandomIntercept, fit_mixed, level_rows
+from visavis.analysis.statistics.marginal import (
+    CellModel,
+    FixedEffects,
+    GroupCells,
+    double_differences,
+    pair_contrasts,
+)
+from visavis.analysis.statistics.mixed import fit_mixed
 from visavis.analysis.statistics.rank_sum import mann_whitney
 from visavis.analysis.statistics.results import Array, Effect, Provenance
 from visavis.analysis.statistics.signed_rank import signed_rank_effect
-from visavis.analysis.statistics.strata import Strata
 
 
 def art_contrasts(
@@ -63,25 +63,14 @@ def art_contrasts(
         raise UnknownMethod("cells are missing; contrasts need error='mixed'")
     label = ":".join(names)
     ranks = aligned_ranks(aligned_columns(joint_design)[label])
-    labels = [",".join(str(v) for v in level) for level in product(*_levels(design, names))]
-    L = pair_matrix(len(labels))
-    fit = None
-    if error == "mixed":
-        fit, text = _fit(joint_design, ranks, table)
-        estimates, ses, dfs = _estimates_of_fit(fit, level_rows(joint_design, (label,)), L)
-    else:
-        estimates, ses, dfs, text = _stratum(joint_design, ranks, table.subject, label, L, error)
-    return contrast_family(
-        names,
-        pair_labels(labels),
-        estimates,
-        ses,
-        dfs,
-        k=len(labels),
-        provenance=_provenance(table, text, fit),
-        adjustment=adjust,
+    contrasts = pair_contrasts(
+        _cells(joint_design, ranks, table, error),
+        (label,),
+        provenance=_provenance(table),
+        adjust=adjust,
         effects=_pair_effects(joint_design, ranks, label),
     )
+    return replace(contrasts, term=names)
 
 
 def art_interaction_contrasts(
@@ -103,26 +92,11 @@ def art_interaction_contrasts(
         raise UnknownMethod(f"{names[0]} is a main effect; use art_contrasts")
     error = error or table.error
     ranks = aligned_ranks(aligned_columns(design)[":".join(names)])
-    factors = [design.factor(n) for n in names]
-    L: Array = np.ones((1, 1))
-    for factor in factors:
-        L = np.asarray(np.kron(L, pair_matrix(factor.k)), dtype=np.float64)
-    pairs = list(product(*(combinations([str(v) for v in f.levels], 2) for f in factors)))
-    fit = None
-    if error == "mixed":
-        fit, text = _fit(design, ranks, table)
-        estimates, ses, dfs = _estimates_of_fit(fit, level_rows(design, names), L)
-    else:
-        estimates, ses, dfs, text = _interaction(design, ranks, table.subject, names, L, error)
-    return contrast_family(
+    return double_differences(
+        _cells(design, ranks, table, error),
         names,
-        pairs,
-        estimates,
-        ses,
-        dfs,
-        k=L.shape[1],
-        provenance=_provenance(table, text, fit),
-        adjustment=adjust,
+        provenance=_provenance(table),
+        adjust=adjust,
         effects=_double_effects(design, ranks, names),
     )
 
@@ -136,7 +110,10 @@ def join_factors(design: Design, names: tuple[str, ...]) -> Design:
         codes = codes * design.factor(name).k + design.factor(name).codes
     is_within = any(design.factor(n).is_within for n in names)
     joint_factor = Factor(
-        ":".join(names), tuple(product(*_levels(design, names))), codes, is_within
+        ":".join(names),
+        tuple(",".join(map(str, v)) for v in product(*_levels(design, names))),
+        codes,
+        is_within,
     )
     rest = tuple(f for f in design.factors if f.name not in names)
     order = (
@@ -164,72 +141,12 @@ def _levels(design: Design, names: Sequence[str]) -> list[tuple[object, ...]]:
     return [design.factor(n).levels for n in names]
 
 
-def _stratum(
-    design: Design, ranks: Array, subject: str, name: str, L: Array, error: ArtError
-) -> tuple[Array, Array, Array, str]:
-    """Return estimates, standard errors and df against a stratum's error."""
-    strata = Strata(design, subject)
-    table = design.table(ranks)
-    factor = design.factor(name)
-    stratum = strata.test(table, (name,))
-    ss, df, text = stratum.ss_error, stratum.df2, stratum.error_term
-    sizes = design.group_sizes
-    if factor.is_within:
-        if error == "pooled":
-            ss, df = strata.pooled_within_error(table)
-            text = "Within, pooled"
-        axis = [f.name for f in design.within].index(name) + 1
-        others = tuple(i for i in range(1, table.ndim) if i != axis)
-        means, _ = strata.estimates(table.mean(axis=others) if others else table)
-        rows_per_level = table[0].size / factor.k
-        weight = (1 / sizes).sum() / sizes.size**2 / rows_per_level
-        variance = ss / df * weight * (L**2).sum(axis=1)
-    else:
-        # one value per subject; a level is the plain mean of its cells of the other factors
-        cells = np.prod(table.shape[1:], dtype=float)
-        group_means = strata.group_means(table.reshape(design.n, -1).mean(axis=1))
-        axis = [f.name for f in design.between].index(name)
-        others = tuple(i for i in range(group_means.ndim) if i != axis)
-        means = group_means.mean(axis=others)
-        shape = group_means.shape
-        inverse = (1 / sizes).reshape(shape).sum(axis=others) / (sizes.size / factor.k) ** 2
-        variance = ss / df / cells * (L**2 @ inverse)
-    return L @ means, np.sqrt(variance), np.full(L.shape[0], float(df)), text
-
-
-def _interaction(
-    design: Design,
-    ranks: Array,
-    subject: str,
-    names: tuple[str, ...],
-    L: Array,
-    error: ArtError,
-) -> tuple[Array, Array, Array, str]:
-    """Return double differences against the interaction's own (or the pooled) error."""
-    if not design.is_complete:
-        raise UnknownMethod("cells are missing; contrasts need error='mixed'")
-    strata = Strata(design, subject)
-    table = design.table(ranks)
-    stratum = strata.test(table, names)
-    ss, df, text = stratum.ss_error, stratum.df2, stratum.error_term
-    if error == "pooled" and any(f.is_within and f.name in names for f in design.factors):
-        ss, df = strata.pooled_within_error(table)
-        text = "Within, pooled"
-    inside = [i for i, f in enumerate(design.within) if f.name in names]
-    outside = tuple(i + 1 for i in range(len(design.within)) if i not in inside)
-    cells = table.mean(axis=outside) if outside else table
-    within_k = int(np.prod(cells.shape[1:], dtype=int))
-    repeats = table[0].size / within_k
-    means = strata.group_means(cells.reshape(design.n, -1))
-    axes = [i for i, f in enumerate(design.between) if f.name in names]
-    drop = tuple(i for i in range(len(design.between)) if i not in axes)
-    inverse = (1 / design.group_sizes).reshape(means.shape[:-1])
-    share = np.prod([means.shape[i] for i in drop], dtype=float)
-    means = means.mean(axis=drop).reshape(-1)
-    per_group = np.asarray(inverse.sum(axis=drop) / share**2).reshape(-1)
-    per_cell = np.repeat(per_group, within_k)
-    variance = ss / df / repeats * (L**2 @ per_cell)
-    return L @ means, np.sqrt(variance), np.full(L.shape[0], float(df)), text
+def _cells(design: Design, ranks: Array, table: ArtAnova, error: ArtError) -> CellModel:
+    """Return the model of a column of ranks by a named error."""
+    if error == "mixed":
+        fit, words = fit_mixed(design, ranks, random=table.random, ddf=table.ddf)
+        return FixedEffects(design, fit, error=f"{words} per subject, REML")
+    return GroupCells(design, table.subject, ranks, "strata" if error == "strata" else "one")
 
 
 def _pair_effects(design: Design, ranks: Array, name: str) -> list[Effect | None]:
@@ -301,22 +218,5 @@ def _of_groups(first: Array, second: Array) -> Effect | None:
         return None
 
 
-def _fit(design: Design, ranks: Array, table: ArtAnova) -> tuple[FittedModel, str]:
-    fit, text = fit_mixed(design, ranks, random=table.random, ddf=table.ddf)
-    return fit, f"{text} per subject, REML"
-
-
-def _estimates_of_fit(fit: FittedModel, rows: Array, L: Array) -> tuple[Array, Array, Array]:
-    hypotheses = L @ rows
-    ses = np.sqrt(np.einsum("ij,jk,ik->i", hypotheses, fit.covariance, hypotheses))
-    dfs = np.array([fit.test(h[None, :])[1] for h in hypotheses])
-    return hypotheses @ fit.beta, ses, dfs
-
-
-def _provenance(table: ArtAnova, text: str, fit: FittedModel | None) -> Provenance:
-    notes: tuple[str, ...] = ()
-    if isinstance(fit, RandomIntercept) and fit.is_singular:
-        notes = ("the random intercept has no variance (singular fit); prefer error='strata'",)
-    return Provenance(
-        "ART-C", table.provenance.n, error_term=text, dropped=table.provenance.dropped, notes=notes
-    )
+def _provenance(table: ArtAnova) -> Provenance:
+    return Provenance("ART-C", table.provenance.n, dropped=table.provenance.dropped)

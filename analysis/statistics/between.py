@@ -8,6 +8,7 @@ import numpy as np
 from scipy import special
 
 from visavis.analysis.statistics.adjust import ADJUSTMENT_NAME, Adjustment, adjust_p
+from visavis.analysis.statistics.anova import between_anova
 from visavis.analysis.statistics.contrasts import (
     ContrastAdjustment,
     Contrasts,
@@ -19,6 +20,7 @@ from visavis.analysis.statistics.design import Frame, read_design
 from visavis.analysis.statistics.effects import partial_eta_squared, rank_effect
 from visavis.analysis.statistics.errors import ConstantResponse
 from visavis.analysis.statistics.inputs import AT_LEAST, is_constant
+from visavis.analysis.statistics.marginal import posthoc
 from visavis.analysis.statistics.rank_sum import mann_whitney
 from visavis.analysis.statistics.ranks import average_ranks, tie_sizes
 from visavis.analysis.statistics.results import (
@@ -352,20 +354,14 @@ def kruskal_wallis(
 def tukey_hsd(
     frame: Frame, dv: str, *, factor: str, levels: Sequence[object] | None = None
 ) -> Contrasts:
-    """Compare all pairs of independent groups (Tukey; Tukey-Kramer when sizes differ)."""
-    return _pooled_comparisons(frame, dv, factor, levels, "tukey", "Tukey HSD")
+    """Compare all pairs of independent groups (Tukey; Tukey-Kramer when sizes differ).
 
-
-def pairwise_t(
-    frame: Frame,
-    dv: str,
-    *,
-    factor: str,
-    levels: Sequence[object] | None = None,
-    adjust: ContrastAdjustment = "holm",
-) -> Contrasts:
-    """Compare all pairs of independent groups by t with the SD pooled over all groups."""
-    return _pooled_comparisons(frame, dv, factor, levels, adjust, "pairwise t, pooled SD")
+    These are the contrasts of the one-way ANOVA, `posthoc(between_anova(…), factor)`.
+    """
+    order = None if levels is None else {factor: levels}
+    table = between_anova(frame, dv, between=(factor,), levels=order)
+    contrasts = posthoc(table, factor, adjust="tukey")
+    return replace(contrasts, provenance=replace(contrasts.provenance, test="Tukey HSD"))
 
 
 def group_means(
@@ -418,30 +414,4 @@ def _summary_of_groups(names: tuple[str, ...], groups: list[Array]) -> GroupSumm
         tuple(int(g.size) for g in groups),
         tuple(float(g.mean()) for g in groups),
         tuple(float(g.std(ddof=1)) for g in groups),
-    )
-
-
-def _pooled_comparisons(
-    frame: Frame,
-    dv: str,
-    factor: str,
-    levels: Sequence[object] | None,
-    adjust: ContrastAdjustment,
-    name: str,
-) -> Contrasts:
-    names, groups = _groups(frame, dv, factor, levels)
-    ns = np.array([g.size for g in groups])
-    df = int(ns.sum()) - len(groups)
-    mse = _within_ss(groups, dv) / df
-    L = pair_matrix(len(groups))
-    return contrast_family(
-        (factor,),
-        pair_labels(names),
-        L @ np.array([g.mean() for g in groups]),
-        np.sqrt(mse * (np.abs(L) @ (1 / ns))),
-        np.full(L.shape[0], float(df)),
-        k=len(groups),
-        provenance=Provenance(name, int(ns.sum()), unit="rows", error_term="pooled within groups"),
-        adjustment=adjust,
-        effects=_differences(groups),
     )

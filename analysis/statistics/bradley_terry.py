@@ -18,6 +18,7 @@ from visavis.analysis.statistics.clmm import ClmmEffect
 from visavis.analysis.statistics.contrasts import (
     ContrastAdjustment,
     Contrasts,
+    LevelPairs,
     contrast_family,
     pair_labels,
     pair_matrix,
@@ -506,7 +507,7 @@ def _abilities(
 def _odds(
     fit: BradleyTerry,
     term: tuple[str, ...],
-    pairs: Sequence[tuple[tuple[str, str], ...]],
+    pairs: Sequence[LevelPairs | str],
     L: Array,
     k: int,
     adjust: ContrastAdjustment,

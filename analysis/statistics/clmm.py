@@ -1,7 +1,7 @@
 """Cumulative link mixed models of ratings: categories in an order, no distances between them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -26,7 +26,7 @@ from visavis.analysis.statistics.errors import (
 )
 from visavis.analysis.statistics.gee import GeeEffect, hotelling, term_effect
 from visavis.analysis.statistics.linear import sum_coding
-from visavis.analysis.statistics.marginal import marginal_contrasts
+from visavis.analysis.statistics.marginal import FixedEffects, posthoc
 from visavis.analysis.statistics.mixed import design_matrix
 from visavis.analysis.statistics.random_effects import slope_terms
 from visavis.analysis.statistics.results import Array, Provenance, Row, number, p_text
@@ -85,18 +85,16 @@ class Clmm(EffectTable[ClmmEffect]):
     fit: CumulativeFit
     categories: tuple[float, ...]
 
+    @property
+    def cell_model(self) -> FixedEffects:
+        """The model of the log odds of a higher answer."""
+        return FixedEffects(self.design, self.model, scale="logit", ratio="odds ratio")
+
     def contrasts(
         self, term: str | Sequence[str], *, adjust: ContrastAdjustment = "holm"
     ) -> Contrasts:
         """Compare log odds of a higher answer; the effect is the cumulative odds ratio."""
-        return marginal_contrasts(
-            self.design,
-            self.model,
-            term,
-            adjust=adjust,
-            ratio="odds ratio",
-            provenance=replace(self.provenance, test="marginal means (logit scale)", notes=()),
-        )
+        return posthoc(self, term, adjust=adjust)
 
 
 def clmm(

@@ -18,8 +18,8 @@ from visavis.analysis.statistics.friedman import (
     posthoc_signed_rank,
 )
 from visavis.analysis.statistics.inputs import is_constant
+from visavis.analysis.statistics.marginal import posthoc
 from visavis.analysis.statistics.normality import ShapiroWilk, shapiro_wilk
-from visavis.analysis.statistics.posthoc import posthoc
 from visavis.analysis.statistics.results import Provenance, Result, Row, p_text, threshold_text
 
 

@@ -1,7 +1,7 @@
 """Contrasts between means: estimate, error, t, and p adjusted for the family."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import combinations
 from typing import Literal, TypeAlias, get_args
@@ -11,6 +11,7 @@ from scipy import special
 
 from visavis.analysis.statistics.adjust import ADJUSTMENT_NAME, adjust_p
 from visavis.analysis.statistics.errors import UnknownMethod
+from visavis.analysis.statistics.largest_t import largest_t_quantile, largest_t_sf
 from visavis.analysis.statistics.results import (
     MINUS,
     Array,
@@ -25,19 +26,26 @@ from visavis.analysis.statistics.results import (
 )
 from visavis.analysis.statistics.studentized import studentized_range_quantile, studentized_range_sf
 
-ContrastAdjustment: TypeAlias = Literal["tukey", "holm", "bonferroni", "bh", "none"]
+ContrastAdjustment: TypeAlias = Literal["tukey", "mvt", "holm", "bonferroni", "bh", "none"]
+"""Tukey's range of k means; multivariate t, exact for any family of contrasts of one model; or an
+adjustment of the p alone."""
+LevelPairs: TypeAlias = tuple[tuple[str, str], ...]
+"""What a contrast compares: one pair of levels, or one per factor of a double difference."""
+
+WAY_NAME = {"tukey": "Tukey", "mvt": "multivariate t", **ADJUSTMENT_NAME}
 
 
 @dataclass(frozen=True)
 class Contrast(Result):
     """One contrast; `pairs` has one pair of levels, or one per factor of a double difference.
 
-    `interval` is simultaneous over the family for Tukey and Bonferroni, of one contrast otherwise.
+    Other sums of means have a `name` and no pairs. `interval` is simultaneous over the family for
+    Tukey, multivariate t and Bonferroni, of one contrast otherwise.
     `estimate` is the mean of the first level minus that of the second (for double differences
     the difference of these over the second factor's pair).
     """
 
-    pairs: tuple[tuple[str, str], ...]
+    pairs: LevelPairs
     estimate: float
     se: float
     df: float
@@ -47,19 +55,19 @@ class Contrast(Result):
     adjustment: ContrastAdjustment
     interval: Interval | None = None
     effect: Effect | None = None
+    name: str = ""
 
     @property
     def label(self) -> str:
-        """The contrast as text: 'left − right'."""
-        return pairs_text(self.pairs)
+        """The contrast as text: 'left − right', or its name."""
+        return self.name or pairs_text(self.pairs)
 
     def sentence(self) -> str:
         """Return the contrast as an APA sentence."""
         effect = self.effect or "no effect size"
         adjustment_text = ""
         if self.adjustment != "none":
-            how = "Tukey" if self.adjustment == "tukey" else ADJUSTMENT_NAME[self.adjustment]
-            adjustment_text = f" ({how})"
+            adjustment_text = f" ({WAY_NAME[self.adjustment]})"
         return (
             f"{self.label}: estimate {number(self.estimate, 3)}, SE {number(self.se, 3)}, "
             f"t({degrees(self.df)}) = {number(self.t)}, {p_text(self.p_adjusted)}"
@@ -85,28 +93,37 @@ class Contrast(Result):
 
 @dataclass(frozen=True)
 class Contrasts(Result):
-    """A family of contrasts of one term; `k` is the number of means compared."""
+    """A family of contrasts of one term; `k` is the number of means compared.
+
+    `correlation` (m, m) is that of the estimates, None where it is not known.
+    """
 
     term: tuple[str, ...]
     contrasts: tuple[Contrast, ...]
     k: int
     provenance: Provenance
     level: float = 0.95
+    correlation: Array | None = field(default=None, repr=False, compare=False)
 
     def with_adjustment(self, adjustment: ContrastAdjustment) -> "Contrasts":
-        """Return the same contrasts with p (and, for Tukey, intervals) adjusted another way."""
+        """Return the same contrasts with p and intervals adjusted another way."""
         if adjustment not in get_args(ContrastAdjustment):
             names = ", ".join(get_args(ContrastAdjustment))
             raise UnknownMethod(f"no adjustment {adjustment!r}; use one of {names}")
-        if adjustment == "tukey" and any(len(c.pairs) > 1 for c in self.contrasts):
-            raise UnknownMethod("Tukey compares means, not double differences; use holm")
-        p = _adjust_family(self.contrasts, self.k, adjustment)
+        if adjustment == "tukey" and any(len(c.pairs) != 1 for c in self.contrasts):
+            raise UnknownMethod("Tukey compares means, not double differences; use mvt or holm")
+        if adjustment == "mvt" and self.correlation is None:
+            raise UnknownMethod(
+                f"the estimates of {self.provenance.test} have no common model, so that mvt cannot "
+                "adjust them; use holm"
+            )
+        p = _adjust_family(self, adjustment)
         m = len(self.contrasts)
         reach: dict[float, float] = {}
         contrasts = []
         for contrast, p_adjusted in zip(self.contrasts, p.tolist(), strict=True):
             if contrast.df not in reach:
-                reach[contrast.df] = _reach(contrast.df, self.k, m, adjustment, self.level)
+                reach[contrast.df] = _reach(contrast.df, self, adjustment)
             half = reach[contrast.df] * contrast.se
             contrasts.append(
                 replace(
@@ -118,7 +135,7 @@ class Contrasts(Result):
                     ),
                 )
             )
-        name = "Tukey" if adjustment == "tukey" else ADJUSTMENT_NAME[adjustment]
+        name = WAY_NAME[adjustment]
         return replace(
             self,
             contrasts=tuple(contrasts),
@@ -150,7 +167,7 @@ class Contrasts(Result):
 
 def contrast_family(
     term: Sequence[str],
-    pairs: Sequence[tuple[tuple[str, str], ...]],
+    contrasts: Sequence[LevelPairs | str],
     estimates: Array,
     ses: Array,
     dfs: Array,
@@ -159,17 +176,30 @@ def contrast_family(
     provenance: Provenance,
     adjustment: ContrastAdjustment,
     effects: Sequence[Effect | None] | None = None,
+    correlation: Array | None = None,
 ) -> Contrasts:
-    """Assemble contrasts from estimates, standard errors and df, all of shape (m,)."""
+    """Assemble contrasts (pairs of levels, or names) from estimates, errors and df, each (m,)."""
     t = estimates / ses
     p = 2 * special.stdtr(dfs, -np.abs(t))
     raw = tuple(
-        Contrast(pair, float(e), float(s), float(d), float(ti), float(pi), float(pi), "none")
-        for pair, e, s, d, ti, pi in zip(pairs, estimates, ses, dfs, t, p, strict=True)
+        Contrast(
+            () if isinstance(one, str) else one,
+            float(e),
+            float(s),
+            float(d),
+            float(ti),
+            float(pi),
+            float(pi),
+            "none",
+            name=one if isinstance(one, str) else "",
+        )
+        for one, e, s, d, ti, pi in zip(contrasts, estimates, ses, dfs, t, p, strict=True)
     )
     if effects is not None:
         raw = tuple(replace(c, effect=e) for c, e in zip(raw, effects, strict=True))
-    return Contrasts(tuple(term), raw, k, provenance).with_adjustment(adjustment)
+    return Contrasts(tuple(term), raw, k, provenance, correlation=correlation).with_adjustment(
+        adjustment
+    )
 
 
 def pair_matrix(k: int) -> Array:
@@ -186,7 +216,7 @@ def pairs_text(pairs: Sequence[tuple[str, str]]) -> str:
     return ", ".join(f"{a} {MINUS} {b}" for a, b in pairs)
 
 
-def pair_labels(labels: Sequence[str]) -> list[tuple[tuple[str, str], ...]]:
+def pair_labels(labels: Sequence[str]) -> list[LevelPairs | str]:
     """Return the level pairs of `pair_matrix` rows."""
     return [(pair,) for pair in combinations(labels, 2)]
 
@@ -216,16 +246,20 @@ def reverse(contrast: Contrast) -> Contrast:
     )
 
 
-def _adjust_family(contrasts: Sequence[Contrast], k: int, adjustment: ContrastAdjustment) -> Array:
-    p = np.array([c.p for c in contrasts])
-    if adjustment != "tukey":
+def _adjust_family(family: Contrasts, adjustment: ContrastAdjustment) -> Array:
+    p = np.array([c.p for c in family.contrasts])
+    if adjustment != "tukey" and adjustment != "mvt":  # mypy narrows it so
         return adjust_p(p, adjustment)
-    t = np.array([abs(c.t) for c in contrasts])
-    df = np.round([c.df for c in contrasts], 8)
+    t = np.array([abs(c.t) for c in family.contrasts])
+    df = np.round([c.df for c in family.contrasts], 8)
     result = np.empty(p.size)
     for one in np.unique(df):
         same = df == one
-        result[same] = studentized_range_sf(t[same] * np.sqrt(2), k, float(one))
+        if adjustment == "mvt":
+            assert family.correlation is not None  # noqa: S101  # with_adjustment asked
+            result[same] = largest_t_sf(t[same], family.correlation, float(one))
+        else:
+            result[same] = studentized_range_sf(t[same] * np.sqrt(2), family.k, float(one))
     return result
 
 
@@ -234,9 +268,12 @@ def _tukey_reach(df: float, k: int, level: float) -> float:
     return studentized_range_quantile(level, k, df) / float(np.sqrt(2))
 
 
-def _reach(df: float, k: int, m: int, adjustment: ContrastAdjustment, level: float) -> float:
+def _reach(df: float, family: Contrasts, adjustment: ContrastAdjustment) -> float:
     """Return the half-width of a confidence interval in standard errors."""
     if adjustment == "tukey":
-        return _tukey_reach(round(df, 8), k, level)
-    tail = (1 - level) / (m if adjustment == "bonferroni" else 1)
+        return _tukey_reach(round(df, 8), family.k, family.level)
+    if adjustment == "mvt" and family.correlation is not None:
+        return largest_t_quantile(family.level, family.correlation, df)
+    m = len(family.contrasts)
+    tail = (1 - family.level) / (m if adjustment == "bonferroni" else 1)
     return float(special.stdtrit(df, 1 - tail / 2))

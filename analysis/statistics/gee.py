@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
@@ -19,7 +19,8 @@ from visavis.analysis.statistics.errors import (
     UnknownColumn,
     UnknownMethod,
 )
-from visavis.analysis.statistics.marginal import FittedModel, estimate_effect, marginal_contrasts
+from visavis.analysis.statistics.linear import FittedModel
+from visavis.analysis.statistics.marginal import FixedEffects, estimate_effect, posthoc
 from visavis.analysis.statistics.mixed import design_matrix
 from visavis.analysis.statistics.results import (
     Array,
@@ -138,21 +139,22 @@ class Gee(EffectTable[GeeEffect]):
     model: GeeModel
     family: Family
 
+    @property
+    def cell_model(self) -> FixedEffects:
+        """The model on the scale of its link."""
+        return FixedEffects(
+            self.design,
+            self.model,
+            scale=LINK[self.family],
+            ratio=RATIO[self.family],
+            sd=self.model.sd,
+        )
+
     def contrasts(
         self, term: str | Sequence[str], *, adjust: ContrastAdjustment = "holm"
     ) -> Contrasts:
         """Compare marginal means on the scale of the link; the effect is a ratio, or d."""
-        return marginal_contrasts(
-            self.design,
-            self.model,
-            term,
-            adjust=adjust,
-            ratio=RATIO[self.family],
-            sd=self.model.sd,
-            provenance=replace(
-                self.provenance, test=f"marginal means ({LINK[self.family]} scale)", notes=()
-            ),
-        )
+        return posthoc(self, term, adjust=adjust)
 
 
 def gee(

@@ -2,11 +2,35 @@
 
 from collections.abc import Sequence
 from itertools import combinations
+from typing import Protocol
 
 import numpy as np
 
 from visavis.analysis.statistics.design import Codes
 from visavis.analysis.statistics.results import Array
+
+
+class FittedModel(Protocol):
+    """A fitted model with the sum-coded fixed effects of a design, as contrasts need it."""
+
+    @property
+    def beta(self) -> Array:
+        """Fixed effects, (p,)."""
+
+    @property
+    def covariance(self) -> Array:
+        """Their covariance, (p, p)."""
+
+    def test(self, L: Array) -> tuple[float, float]:
+        """Return F and denominator df of Lβ = 0."""
+
+
+class FittedMixedModel(FittedModel, Protocol):
+    """A fitted model that knows how far single responses lie apart."""
+
+    @property
+    def total_sd(self) -> float:
+        """SD of a single response from all sources, people and residual together."""
 
 
 def sum_coding(k: int) -> Array:

@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -12,7 +12,7 @@ from visavis.analysis.statistics.contrasts import ContrastAdjustment, Contrasts
 from visavis.analysis.statistics.design import Codes, Design, Frame, Levels, Missing, read_design
 from visavis.analysis.statistics.errors import NotConverged, UnknownColumn
 from visavis.analysis.statistics.linear import model_matrix
-from visavis.analysis.statistics.marginal import marginal_contrasts
+from visavis.analysis.statistics.marginal import posthoc
 from visavis.analysis.statistics.mixed import contrast_effect, design_matrix, slopes_text
 from visavis.analysis.statistics.random_effects import (
     Derivatives,
@@ -46,16 +46,7 @@ class LinearMixed(Anova):
 
         The effect size is d with the SD of single responses from all sources.
         """
-        assert self.model is not None  # noqa: S101  # every constructor below passes it
-        provenance = replace(self.provenance, test="marginal means", notes=())
-        return marginal_contrasts(
-            self.design,
-            self.model,
-            term,
-            provenance=provenance,
-            adjust=adjust,
-            sd=self.model.total_sd,
-        )
+        return posthoc(self, term, adjust=adjust)
 
 
 def linear_mixed(

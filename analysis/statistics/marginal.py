@@ -1,76 +1,415 @@
-"""Compare the marginal means of a fitted model: cells of some factors, the others averaged."""
+"""Compare marginal means of a fitted model: cells of some factors, the others averaged.
 
-from collections.abc import Sequence
-from itertools import product
-from typing import Protocol
+Every contrast, of whatever test, is a weighted sum of the cells of the design (all levels of all
+factors). A `CellModel` says what such sums are, how far they may be off and with how many degrees
+of freedom; all else here is the same for every model.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, product
+from typing import Literal, Protocol, TypeAlias, get_args
 
 import numpy as np
 from scipy import special
 
+from visavis.analysis.statistics.anova import Anova
 from visavis.analysis.statistics.contrasts import (
     ContrastAdjustment,
     Contrasts,
+    LevelPairs,
     contrast_family,
     pair_labels,
     pair_matrix,
 )
 from visavis.analysis.statistics.design import Design
 from visavis.analysis.statistics.effects import standardised_mean
-from visavis.analysis.statistics.mixed import level_rows
+from visavis.analysis.statistics.errors import ConstantResponse, UnknownMethod
+from visavis.analysis.statistics.linear import FittedModel
+from visavis.analysis.statistics.mixed import RandomIntercept, level_rows
 from visavis.analysis.statistics.results import Array, Effect, Interval, Provenance
+from visavis.analysis.statistics.strata import Strata
+
+CellWeights: TypeAlias = Literal["equal", "proportional", "cells"]
+"""How cells of the other factors count in a mean: alike, by how many rows those factors' cells hold
+over all levels, or by how many rows each cell holds (then the mean of all rows of a level, where
+nobody lacks a cell)."""
+ContrastError: TypeAlias = Literal["per_pair", "pooled"]
+NO_SPREAD = 1e-24
+"""Variance, as a share of the squared values, that is left of rounding where there is none."""
 
 
-class FittedModel(Protocol):
-    """A fitted model with the sum-coded fixed effects of a design, as contrasts need it."""
+@dataclass(frozen=True)
+class Comparison:
+    """Weighted sums of cells: estimates (m,), covariance (m, m), df (m,), and effect sizes."""
+
+    estimates: Array
+    covariance: Array
+    dfs: Array
+    effects: tuple[Effect | None, ...]
+
+
+class CellModel(Protocol):
+    """A fitted model that can compare the cells of its design."""
 
     @property
-    def beta(self) -> Array:
-        """Fixed effects, (p,)."""
+    def design(self) -> Design:
+        """The design whose cells are compared."""
+
+    def compare(self, C: Array) -> Comparison:
+        """Return the sums of cells with weights C (m, cells), cells in the design's order."""
+
+    def error_of(self, C: Array) -> str:
+        """Return the words for the error of these sums; empty where the model's own say it."""
+
+
+@dataclass(frozen=True)
+class FixedEffects:
+    """Cells of a model with sum-coded fixed effects (mixed, gee, clmm), on the model's scale.
+
+    `scale` names the model's scale where it is not that of the response; `error` the error, where
+    it is not that of the table; `ratio` and `sd` say what the effect size of a contrast is, as in
+    `estimate_effect`, and without either there is none.
+    """
+
+    design: Design
+    model: FittedModel
+    scale: str = ""
+    error: str = ""
+    ratio: str = ""
+    sd: float = 0.0
+
+    def compare(self, C: Array) -> Comparison:
+        """Return Lβ of the rows that these sums of cells have in the model."""
+        L = C @ level_rows(self.design, [f.name for f in self.design.factors])
+        estimates = L @ self.model.beta
+        covariance = L @ self.model.covariance @ L.T
+        dfs = np.array([self.model.test(row[None, :])[1] for row in L])
+        ses = np.sqrt(np.diag(covariance))
+        effects: tuple[Effect | None, ...] = (None,) * len(L)
+        if self.ratio or self.sd:
+            effects = tuple(
+                estimate_effect(float(e), float(s), float(d), ratio=self.ratio, sd=self.sd)
+                for e, s, d in zip(estimates, ses, dfs, strict=True)
+            )
+        return Comparison(estimates, covariance, dfs, effects)
+
+    def error_of(self, C: Array) -> str:
+        """Return the error's name, the same for all sums."""
+        return self.error
+
+
+@dataclass(frozen=True)
+class GroupCells:
+    """Cells of a complete design: the linear model of people's cells, groups with own means.
+
+    The response `y` has one value per row of the design. `error` "own" is the spread of just the
+    differences compared, within groups, with n − groups df; "strata" takes the errors of the
+    effects that a contrast consists of, which trusts sphericity; "one" pools all within effects.
+    """
+
+    design: Design
+    subject: str
+    y: Array
+    error: Literal["own", "strata", "one"] = "own"
+
+    def compare(self, C: Array) -> Comparison:
+        """Return sums of cell means, groups of unequal size with their own weight in the error."""
+        design = self.design
+        if not design.is_complete:
+            raise UnknownMethod("cells are missing; contrasts need a mixed model (missing='mixed')")
+        strata = Strata(design, self.subject)
+        table = design.table(self.y).reshape(design.n, -1)
+        sizes = design.group_sizes
+        weights = C.reshape(len(C), sizes.size, -1)
+        means = strata.group_means(table).reshape(sizes.size, -1)
+        estimates = np.einsum("mgw,gw->m", weights, means)
+        if self.error != "own":
+            covariance, dfs = self._of_strata(strata, weights)
+            return Comparison(estimates, covariance, dfs, (None,) * len(C))
+        away = strata.residuals(table)
+        df = design.n - sizes.size
+        spread = away.T @ away / df
+        covariance = np.einsum("mgw,wv,lgv,g->ml", weights, spread, weights, 1 / sizes)
+        largest = float(np.abs(means).max()) ** 2
+        for i in np.flatnonzero(np.diag(covariance) <= NO_SPREAD * largest):
+            raise ConstantResponse(self._no_spread(weights[i]))
+        ses = np.sqrt(np.diag(covariance))
+        effects = tuple(
+            _standardised(float(e), float(s), df, w, spread)
+            for e, s, w in zip(estimates, ses, weights, strict=True)
+        )
+        return Comparison(estimates, covariance, np.full(len(C), float(df)), effects)
+
+    def _of_strata(self, strata: Strata, weights: Array) -> tuple[Array, Array]:
+        """Return covariance and Satterthwaite's df from the mean squares of the strata."""
+        per_group = weights / np.sqrt(self.design.group_sizes)[:, None]
+        table = self.design.table(self.y)
+        parts, dfs = [], []
+        for basis, mean_square, df, _ in self._strata(strata, table):
+            scores = (per_group @ basis).reshape(len(weights), -1)
+            parts.append(mean_square * scores @ scores.T)
+            dfs.append(df)
+        variances = np.array([np.diag(part) for part in parts])
+        total = variances.sum(axis=0)
+        inverse = (variances**2 / np.array(dfs, dtype=float)[:, None]).sum(axis=0)
+        return np.sum(parts, axis=0), total**2 / inverse
+
+    def _strata(self, strata: Strata, table: Array) -> list[tuple[Array, float, int, str]]:
+        """Return orthonormal within contrasts, mean square, df and name of every stratum."""
+        names = [f.name for f in self.design.within]
+        unit = np.eye(table[0].size).reshape(-1, *table.shape[1:])
+        terms = [t for size in range(len(names) + 1) for t in combinations(names, size)]
+        found = []
+        for term in terms:
+            stratum = strata.test(table, term)
+            square, df, name = stratum.ss_error / stratum.df2, stratum.df2, stratum.error_term
+            if term and self.error == "one":
+                ss, df = strata.pooled_within_error(table)
+                square, name = ss / df, "Within, pooled"
+            found.append((strata.scores(unit, term), square, df, name))
+        return found
+
+    def error_of(self, C: Array) -> str:
+        """Return which spread or which strata these sums of cells are judged by."""
+        weights = C.reshape(len(C), self.design.group_sizes.size, -1)
+        if self.error == "own":
+            is_within = np.abs(weights.sum(axis=2)).max() < 1e-9
+            return "differences of the two levels" if is_within else "spread within groups"
+        strata = Strata(self.design, self.subject)
+        names = [
+            name
+            for basis, _, _, name in self._strata(strata, self.design.table(self.y))
+            if np.abs(weights @ basis).max() > 1e-9
+        ]
+        return " and ".join(dict.fromkeys(names)) + ", pooled over levels"
+
+    def _no_spread(self, weights: Array) -> str:
+        if np.abs(weights.sum(axis=1)).max() < 1e-9:
+            return (
+                f"{self.design.dv} differs by the same amount between two conditions in all "
+                "subjects; t is not defined"
+            )
+        return f"{self.design.dv} does not vary within groups; t is not defined"
+
+
+def _standardised(
+    estimate: float, se: float, df: int, weights: Array, spread: Array
+) -> Effect | None:
+    """Return a sum of cells (groups, within cells) over the SD of people's own sums, in groups.
+
+    It is dz where conditions are compared, d where groups are, or groups' differences between
+    conditions. Cells of different groups *and* conditions have no one SD, and no effect size.
+    """
+    left, values, right = np.linalg.svd(weights)
+    if values.size > 1 and values[1] > 1e-9 * values[0]:
+        return None
+    groups, cells = left[:, 0], right[0]
+    name = "d"
+    if abs(cells.sum()) > 1e-9:  # groups compared on people's means
+        unit = cells / cells.sum()
+    else:
+        name = "dz" if abs(groups.sum()) > 1e-9 else "d"
+        of_group = groups.sum() if name == "dz" else np.abs(groups).sum() / 2
+        unit = cells * values[0] * of_group
+    sd = float(np.sqrt(unit @ spread @ unit))
+    return standardised_mean(name, estimate / se, df, se / sd, value=estimate / sd)
+
+
+class ModelTable(Protocol):
+    """A table of tests with the model of cells that they are tests of."""
 
     @property
-    def covariance(self) -> Array:
-        """Their covariance, (p, p)."""
+    def cell_model(self) -> CellModel:
+        """The model."""
 
-    def test(self, L: Array) -> tuple[float, float]:
-        """Return F and denominator df of Lβ = 0."""
+    @property
+    def provenance(self) -> Provenance:
+        """Where its numbers come from."""
 
 
-def marginal_contrasts(
-    design: Design,
-    model: FittedModel,
+def cell_model(table: Anova | ModelTable, error: ContrastError = "per_pair") -> CellModel:
+    """Return what compares the cells of a fitted ANOVA or model."""
+    if error not in get_args(ContrastError):
+        raise UnknownMethod(f"no error {error!r}; use 'per_pair' or 'pooled'")
+    if not isinstance(table, Anova):
+        return table.cell_model
+    if table.model is not None:
+        return FixedEffects(table.design, table.model, sd=table.model.total_sd)
+    own: Literal["own", "strata"] = "own" if error == "per_pair" else "strata"
+    return GroupCells(table.design, table.subject, table.design.y, own)
+
+
+def posthoc(
+    table: Anova | ModelTable,
+    term: str | Sequence[str],
+    *,
+    error: ContrastError = "per_pair",
+    adjust: ContrastAdjustment = "holm",
+    weights: CellWeights = "equal",
+) -> Contrasts:
+    """Compare all pairs of levels of a factor, or of cells of several, by the model of an ANOVA.
+
+    Means are those of the model that the ANOVA fits, with all its factors (estimated marginal
+    means); `weights` says how cells of the other factors count. `error` "per_pair" is the spread
+    of the very differences compared within groups (for one within factor the paired t test), df
+    n − groups; "pooled" takes the errors of the effects' own strata and trusts sphericity. A mixed
+    model has one error of its own. The provenance says which it is.
+
+    The effect size of conditions is dz and that of groups d, both by the SD within groups; mixed
+    models have d_total.
+    """
+    model = cell_model(table, error)
+    provenance = _provenance(table.provenance, model)
+    return pair_contrasts(model, term, provenance=provenance, adjust=adjust, weights=weights)
+
+
+def simple_effects(
+    table: Anova | ModelTable,
+    term: str | Sequence[str],
+    by: str | Sequence[str],
+    *,
+    error: ContrastError = "per_pair",
+    adjust: ContrastAdjustment = "holm",
+    weights: CellWeights = "equal",
+) -> tuple[Contrasts, ...]:
+    """Compare levels at each cell of other factors, every cell a family of its own.
+
+    Options are those of `posthoc`; the families' provenances name the cell.
+    """
+    model = cell_model(table, error)
+    design = model.design
+    names, at = design.term(term), design.term(by)
+    if set(names) & set(at):
+        raise UnknownMethod(f"{':'.join(names)} cannot be compared at levels of its own factors")
+    labels = _labels(design, names)
+    cells = list(product(*(design.factor(n).levels for n in at)))
+    # Cells of both together, with the factors compared before those at whose cells they are.
+    every = mean_weights(design, (*names, *at), weights).reshape(len(labels), len(cells), -1)
+    families = []
+    for i, cell in enumerate(cells):
+        where = ", ".join(f"{n} = {v}" for n, v in zip(at, cell, strict=True))
+        provenance = _provenance(table.provenance, model, f" at {where}")
+        C = pair_matrix(len(labels)) @ every[:, i]
+        pairs = pair_labels(labels)
+        families.append(_family(model, names, pairs, C, len(labels), provenance, adjust))
+    return tuple(families)
+
+
+def interaction_contrasts(
+    table: Anova | ModelTable,
+    term: str | Sequence[str],
+    *,
+    error: ContrastError = "per_pair",
+    adjust: ContrastAdjustment = "holm",
+    weights: CellWeights = "equal",
+) -> Contrasts:
+    """Compare differences of differences of an interaction; options are those of `posthoc`."""
+    model = cell_model(table, error)
+    provenance = _provenance(table.provenance, model)
+    return double_differences(model, term, provenance=provenance, adjust=adjust, weights=weights)
+
+
+def linear_hypotheses(
+    table: Anova | ModelTable,
+    term: str | Sequence[str],
+    hypotheses: Mapping[str, Mapping[str, float]],
+    *,
+    error: ContrastError = "per_pair",
+    adjust: ContrastAdjustment = "holm",
+    weights: CellWeights = "equal",
+) -> Contrasts:
+    """Test that sums of marginal means are zero: name → level (of several, "a1,b2") → weight.
+
+    `linear_hypotheses(table, "dose", {"linear trend": {"low": -1, "high": 1}})`. Levels left out
+    weigh 0. Options are those of `posthoc`. Raises `UnknownMethod` for a level that is not there.
+    """
+    model = cell_model(table, error)
+    names = model.design.term(term)
+    labels = _labels(model.design, names)
+    rows = np.zeros((len(hypotheses), len(labels)))
+    for row, (name, of_level) in zip(rows, hypotheses.items(), strict=True):
+        for level, weight in of_level.items():
+            if level not in labels:
+                raise UnknownMethod(
+                    f"{name}: no level {level!r} of {':'.join(names)}; there are "
+                    f"{', '.join(labels)}"
+                )
+            row[labels.index(level)] = weight
+        if not row.any():
+            raise UnknownMethod(f"{name}: all weights are 0")
+    C = rows @ mean_weights(model.design, names, weights)
+    provenance = _provenance(table.provenance, model)
+    return _family(model, names, list(hypotheses), C, len(labels), provenance, adjust)
+
+
+def pair_contrasts(
+    model: CellModel,
     term: str | Sequence[str],
     *,
     provenance: Provenance,
     adjust: ContrastAdjustment = "holm",
-    ratio: str = "",
-    sd: float = 0.0,
+    weights: CellWeights = "equal",
+    effects: Sequence[Effect | None] | None = None,
 ) -> Contrasts:
-    """Compare all pairs of levels of a factor, or of cells of several, on the model's scale.
+    """Compare all pairs of levels of a factor, or of cells of several, by any model of cells."""
+    names = model.design.term(term)
+    labels = _labels(model.design, names)
+    C = pair_matrix(len(labels)) @ mean_weights(model.design, names, weights)
+    return _family(model, names, pair_labels(labels), C, len(labels), provenance, adjust, effects)
 
-    Cells of the other factors count alike. `ratio` and `sd` say what the effect size is, as in
-    `estimate_effect`.
-    """
+
+def double_differences(
+    model: CellModel,
+    term: str | Sequence[str],
+    *,
+    provenance: Provenance,
+    adjust: ContrastAdjustment = "holm",
+    weights: CellWeights = "equal",
+    effects: Sequence[Effect | None] | None = None,
+) -> Contrasts:
+    """Compare differences of differences of an interaction, by any model of cells."""
+    design = model.design
     names = design.term(term)
-    labels = [",".join(map(str, v)) for v in product(*(design.factor(n).levels for n in names))]
-    L = pair_matrix(len(labels)) @ level_rows(design, names)
-    estimates = L @ model.beta
-    ses = np.sqrt(np.einsum("ij,jk,ik->i", L, model.covariance, L))
-    dfs = np.array([model.test(row[None, :])[1] for row in L])
-    effects = [
-        estimate_effect(float(e), float(s), float(d), ratio=ratio, sd=sd)
-        for e, s, d in zip(estimates, ses, dfs, strict=True)
-    ]
-    return contrast_family(
-        names,
-        pair_labels(labels),
-        estimates,
-        ses,
-        dfs,
-        k=len(labels),
-        provenance=provenance,
-        adjustment=adjust,
-        effects=effects,
-    )
+    if len(names) < 2:
+        raise UnknownMethod(f"{names[0]} is a main effect; its levels are compared in pairs")
+    factors = [design.factor(n) for n in names]
+    L: Array = np.ones((1, 1))
+    for factor in factors:
+        L = np.asarray(np.kron(L, pair_matrix(factor.k)), dtype=np.float64)
+    pairs = list(product(*(combinations([str(v) for v in f.levels], 2) for f in factors)))
+    C = L @ mean_weights(design, names, weights)
+    return _family(model, names, pairs, C, L.shape[1], provenance, adjust, effects)
+
+
+def mean_weights(design: Design, names: Sequence[str], weights: CellWeights = "equal") -> Array:
+    """Return the weights of all cells in the mean of every level of some factors, (levels, cells).
+
+    Levels are in the order of `names`, cells in the design's; of both the last factor's levels are
+    neighbours.
+    """
+    if weights not in get_args(CellWeights):
+        raise UnknownMethod(
+            f"no weights {weights!r}; use one of {', '.join(get_args(CellWeights))}"
+        )
+    shape = tuple(f.k for f in design.factors)
+    count = int(np.prod(shape))
+    codes = np.unravel_index(np.arange(count), shape)
+    order = [f.name for f in design.factors]
+    sizes = tuple(design.factor(n).k for n in names)
+    level = np.ravel_multi_index(tuple(codes[order.index(n)] for n in names), sizes)
+    is_in = level[None, :] == np.arange(int(np.prod(sizes)))[:, None]
+    rows = np.ones(count)
+    if weights != "equal":
+        rows = np.bincount(design.cells, minlength=count).astype(np.float64)
+    if weights == "proportional":
+        others = [i for i, n in enumerate(order) if n not in names]
+        rest = np.zeros(count, dtype=np.intp)
+        for i in others:
+            rest = rest * shape[i] + codes[i]
+        rows = np.asarray(np.bincount(rest, weights=rows), dtype=np.float64)[rest]
+    by_cell = is_in * rows
+    return np.asarray(by_cell / by_cell.sum(axis=1, keepdims=True), dtype=np.float64)
 
 
 def estimate_effect(
@@ -89,3 +428,50 @@ def estimate_effect(
         )
         return Effect(ratio, value, Interval(low, high))
     return standardised_mean("d_total", estimate / se, df, se / sd, value=estimate / sd)
+
+
+def _labels(design: Design, names: Sequence[str]) -> list[str]:
+    return [",".join(map(str, v)) for v in product(*(design.factor(n).levels for n in names))]
+
+
+def _provenance(table: Provenance, model: CellModel, where: str = "") -> Provenance:
+    """Return what contrasts of a table say of themselves; the family adds the error of cells."""
+    test, error_term = "marginal means", ""
+    if isinstance(model, FixedEffects):
+        test += f" ({model.scale} scale)" if model.scale else ""
+        error_term = table.error_term
+    elif isinstance(model, GroupCells) and model.error != "own":
+        test += ", stratum error"
+    return replace(table, test=test + where, error_term=error_term, correction="none", notes=())
+
+
+def _family(
+    model: CellModel,
+    names: Sequence[str],
+    contrasts: Sequence[LevelPairs | str],
+    C: Array,
+    k: int,
+    provenance: Provenance,
+    adjust: ContrastAdjustment,
+    effects: Sequence[Effect | None] | None = None,
+) -> Contrasts:
+    found = model.compare(C)
+    ses = np.sqrt(np.diag(found.covariance))
+    notes = provenance.notes
+    fit = model.model if isinstance(model, FixedEffects) else None
+    if isinstance(fit, RandomIntercept) and fit.is_singular:
+        notes = (*notes, "the random intercept has no variance (singular fit)")
+    return contrast_family(
+        names,
+        contrasts,
+        found.estimates,
+        ses,
+        found.dfs,
+        k=k,
+        provenance=replace(
+            provenance, error_term=provenance.error_term or model.error_of(C), notes=notes
+        ),
+        adjustment=adjust,
+        effects=found.effects if effects is None else effects,
+        correlation=found.covariance / np.outer(ses, ses),
+    )

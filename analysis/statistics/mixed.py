@@ -1,6 +1,6 @@
 """Mixed models of cells by REML with Kenward-Roger or Satterthwaite degrees of freedom."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, TypeAlias
@@ -47,6 +47,11 @@ class RandomIntercept:
     def between(self) -> float:
         """Variance of the random intercepts."""
         return self.ratio * self.residual
+
+    @property
+    def total_sd(self) -> float:
+        """SD of a single response from all sources, people and residual together."""
+        return float(np.sqrt(self.between + self.residual))
 
     @property
     def is_singular(self) -> bool:
@@ -241,17 +246,19 @@ def mixed_anova(
         frame, dv, subject=subject, within=within, between=between, levels=levels, missing="mixed"
     )
     name = "Kenward-Roger" if ddf == "kenward-roger" else "Satterthwaite"
-    effects = tuple(mixed_effects(design, design.y, ddf=ddf, random=random))
+    _, place = design_matrix(design)
+    fit, error_term = fit_mixed(design, design.y, random=random, ddf=ddf)
     return Anova(
-        effects,
+        tuple(_effects_of_fit(fit, place, error_term)),
         design,
         Provenance(
             "Mixed model ANOVA (type III)",
             design.n,
-            error_term=f"{effects[0].error_term} per subject, REML, {name} df",
+            error_term=f"{error_term} per subject, REML, {name} df",
             dropped=design.dropped,
         ),
         subject,
+        fit,
     )
 
 
@@ -309,10 +316,17 @@ def mixed_effects(
     random: RandomPart = "slopes",
     only: Sequence[str] | None = None,
 ) -> Iterator[AnovaEffect]:
-    """Yield type III tests of a response, one value per row of the design."""
-    X, place = design_matrix(design)
+    """Return type III tests of a response, one value per row of the design."""
+    _, place = design_matrix(design)
     fit, error = fit_mixed(design, y, random=random, ddf=ddf)
+    terms = place if only is None else {tuple(only): place[tuple(only)]}
+    return _effects_of_fit(fit, terms, error)
+
+
+def _effects_of_fit(
+    fit: LinearMixedModel | RandomIntercept, place: Mapping[tuple[str, ...], slice], error: str
+) -> Iterator[AnovaEffect]:
+    identity = np.eye(fit.beta.size)
     for term, columns in place.items():
-        if not term or (only is not None and term != tuple(only)):
-            continue
-        yield contrast_effect(fit, term, np.eye(X.shape[1])[columns], error)
+        if term:
+            yield contrast_effect(fit, term, identity[columns], error)

@@ -93,10 +93,10 @@ class Strata:
             n_groups=self._groups,
         )
 
-    def estimates(self, Z: Array) -> tuple[Array, Array]:
-        """Return unweighted group means (q,) and residuals (n, q) of one value per subject."""
-        beta = self._fit @ Z
-        return beta[0], Z - self._X @ beta
+    def residuals(self, Z: Array) -> Array:
+        """Return how far people's values (n, columns) lie from the means of their groups."""
+        away: Array = Z - self._X @ (self._fit @ Z)
+        return away
 
     def group_means(self, values: Array) -> Array:
         """Return the mean of every cell of the between factors, (k1, k2, …, *columns)."""

@@ -10,6 +10,8 @@ from visavis.analysis.statistics.results import Array
 _NODES = np.arange(-8.0, 9.01, 0.25)
 _WEIGHTS = 0.25 * np.exp(-(_NODES**2) / 2) / np.sqrt(2 * np.pi)
 _PHI = special.ndtr(_NODES)
+KNOWN_SD_DF = 1e7
+"""Degrees of freedom beyond which the SD counts as known; the density loses its digits there."""
 _NEGLIGIBLE = 46.0
 """−log of the density, relative to its peak, beyond which the integral is cut (1e-20)."""
 
@@ -27,7 +29,7 @@ def studentized_range_sf(q: npt.ArrayLike, k: int, df: float) -> Array:
     if k == 2:
         two: Array = 2 * special.stdtr(df, -flat / np.sqrt(2))
         return np.reshape(two, shape)
-    if np.isinf(df):
+    if df > KNOWN_SD_DF:
         return np.reshape(_range_tail(flat, k), shape)
     unique, back = np.unique(flat, return_inverse=True)
     t, weight = _log_sd_nodes(df)

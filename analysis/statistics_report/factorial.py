@@ -24,13 +24,12 @@ from visavis.analysis.statistics import (
     dunn,
     friedman,
     games_howell,
+    interaction_contrasts,
     kruskal_wallis,
     mixed_anova,
-    pairwise_t,
     posthoc,
     posthoc_signed_rank,
     rm_anova,
-    tukey_hsd,
     welch_anova,
 )
 from visavis.analysis.statistics.adjust import Adjustment
@@ -41,6 +40,7 @@ from visavis.analysis.statistics.contrasts import ContrastAdjustment
 from visavis.analysis.statistics.errors import StatisticsError
 from visavis.analysis.statistics.gee import Family, Gee, GeeEffect, gee
 from visavis.analysis.statistics.lmm import LinearMixed, RandomEffects, linear_mixed
+from visavis.analysis.statistics.mixed import fit_mixed
 from visavis.analysis.statistics.nonlinear_scales import nonlinear_scale_interactions
 from visavis.analysis.statistics.results import Row, number, p_text, threshold_text
 from visavis.analysis.statistics_report.outcome import Outcome, Question
@@ -56,7 +56,7 @@ from visavis.analysis.statistics_report.table_file import DataTable
 from visavis.lab.errors import UsageError
 
 TestRun: TypeAlias = Callable[[DataTable, Question], Outcome]
-CONTRAST_WAYS = ("tukey", "holm", "bonferroni", "bh")
+CONTRAST_WAYS = ("tukey", "mvt", "holm", "bonferroni", "bh")
 RANK_WAYS = ("holm", "bonferroni", "bh")
 
 
@@ -85,8 +85,8 @@ class _Families:
             self.path.append(f"{result} → {_verdict(significant)}")
             if significant or q.decision.always_posthoc:
                 self.notes.append(
-                    f"{effect.name} has no contrasts in this test; look at the cells, or take "
-                    "the test art or lmm, whose contrasts include interactions of two factors"
+                    f"{effect.name} has no contrasts, which compare two factors at most; look at "
+                    "the cells"
                 )
             return False
         if significant or q.decision.always_posthoc:
@@ -105,10 +105,6 @@ class _Families:
         self.rows += [{"family": family, **row} for row in contrasts.rows()]
         self.sentences.append("\n".join(filter(None, (contrasts.sentence(), further))))
         self.notes += list(contrasts.provenance.notes)
-
-
-def _is_main(effect: AnovaEffect | GeeEffect) -> bool:
-    return len(effect.term) == 1
 
 
 def _verdict(significant: bool) -> str:
@@ -135,7 +131,7 @@ def _art(table: DataTable, q: Question) -> Outcome:
         correction=_correction(q, "gg"),
         alpha=q.decision.alpha,
     )
-    families = _Families(q, lambda effect: _art_has_contrasts(anova, effect))
+    families = _Families(q, lambda effect: len(effect.term) <= 2)
     families.notes += [*_beside_listwise(table, q, anova), *uneven_changes(anova.design)]
     for effect in anova.effects:
         if families.asks_for(effect, adjust):
@@ -184,19 +180,12 @@ def _art_path(anova: ArtAnova) -> list[str]:
     return path
 
 
-def _art_has_contrasts(anova: ArtAnova, effect: AnovaEffect | GeeEffect) -> bool:
-    """Tell whether there are contrasts: aligned for two factors at most, scores for one within."""
-    if anova.transform == "art":
-        return len(effect.term) <= 2
-    return _is_main(effect) and anova.design.factor(effect.term[0]).is_within
-
-
 def _art_contrasts(families: _Families, anova: ArtAnova, effect: AnovaEffect, adjust: str) -> None:
     way = cast(ContrastAdjustment, adjust)
     if anova.transform == "int":
-        scores = (anova.ranks or {})[effect.name]
-        on_scores = replace(anova, design=replace(anova.design, y=scores))
-        families.add(effect.name, lambda: posthoc(on_scores, effect.term[0], adjust=way))
+        families.add(
+            effect.name, lambda: posthoc(_of_scores(anova, effect), effect.term, adjust=way)
+        )
         return
     differences = (
         f"Estimates and SE are in aligned ranks, not in the unit of {anova.design.dv}; there the "
@@ -204,12 +193,20 @@ def _art_contrasts(families: _Families, anova: ArtAnova, effect: AnovaEffect, ad
     )
     families.add(effect.name, lambda: art_contrasts(anova, effect.term, adjust=way), differences)
     if len(effect.term) == 2:
-        other: ContrastAdjustment = "holm" if way == "tukey" else way
         families.add(
             f"{effect.name}, differences of differences",
-            lambda: art_interaction_contrasts(anova, effect.term, adjust=other),
+            lambda: art_interaction_contrasts(anova, effect.term, adjust=_without_means(way)),
             f"Estimates and SE are in aligned ranks, not in the unit of {anova.design.dv}.",
         )
+
+
+def _of_scores(anova: ArtAnova, effect: AnovaEffect) -> ArtAnova:
+    """Return the ANOVA of normal scores of one effect as one of a response of its own."""
+    design = replace(anova.design, y=(anova.ranks or {})[effect.name])
+    if design.is_complete:
+        return replace(anova, design=design)
+    fit, _ = fit_mixed(design, design.y, random=anova.random, ddf=anova.ddf)
+    return replace(anova, design=design, model=fit)
 
 
 def _mean_differences(design: Design, term: Sequence[str]) -> str:
@@ -244,41 +241,30 @@ def _rm(table: DataTable, q: Question) -> Outcome:
     )
     path = [f"Has every subject every cell: n = {design.n} → yes"]
     path += _sphericity_path(anova)
-    families = _Families(q, _is_main)
+    families = _mean_contrasts(q, anova, adjust)
     families.notes += uneven_changes(anova.design)
-    for effect in anova.effects:
-        if families.asks_for(effect, adjust):
-            _mean_contrasts(families, anova, effect, adjust)
     return _anova_outcome(table, q, tidy, anova, families, path)
 
 
-def _mean_contrasts(families: _Families, anova: Anova, effect: AnovaEffect, adjust: str) -> None:
+def _mean_contrasts(q: Question, table: Anova | Gee | Clmm, adjust: str) -> _Families:
+    """Compare the marginal means of every effect of one or two factors that asks for it."""
+    families = _Families(q, lambda effect: len(effect.term) <= 2)
     way = cast(ContrastAdjustment, adjust)
-    factor = anova.design.factor(effect.term[0])
-    if factor.is_within:
-        families.add(effect.name, lambda: posthoc(anova, factor.name, adjust=way))
-        return
-    means = _subject_means(anova.design, factor.name)
-    order = list(factor.levels)
-    if way == "tukey":
-        families.add(
-            effect.name, lambda: tukey_hsd(means, anova.design.dv, factor=factor.name, levels=order)
-        )
-    else:
-        families.add(
-            effect.name,
-            lambda: pairwise_t(
-                means, anova.design.dv, factor=factor.name, levels=order, adjust=way
-            ),
-        )
+    for effect in table.effects:
+        if not families.asks_for(effect, adjust):
+            continue
+        families.add(effect.name, partial(posthoc, table, effect.term, adjust=way))
+        if len(effect.term) == 2 and effect.df1 > 1:  # with one df it is the effect itself
+            families.add(
+                f"{effect.name}, differences of differences",
+                partial(interaction_contrasts, table, effect.term, adjust=_without_means(way)),
+            )
+    return families
 
 
-def _subject_means(design: Design, factor: str) -> pd.DataFrame:
-    place = [f.name for f in design.between].index(factor)
-    codes = design.group_of_subject[place]
-    labels = [design.factor(factor).levels[int(c)] for c in codes]
-    y = design.table(design.y).reshape(design.n, -1).mean(axis=1)
-    return pd.DataFrame({factor: labels, design.dv: y})
+def _without_means(way: ContrastAdjustment) -> ContrastAdjustment:
+    """Return how double differences are adjusted, for which Tukey has no range."""
+    return "holm" if way == "tukey" else way
 
 
 def _mixed_model(table: DataTable, q: Question) -> Outcome:
@@ -293,7 +279,7 @@ def _mixed_model(table: DataTable, q: Question) -> Outcome:
         levels=tidy.levels,
     )
     state = "yes" if anova.design.is_complete else "no, the model uses what is there"
-    families = _Families(q, lambda effect: False)
+    families = _mean_contrasts(q, anova, q.adjustment("holm", CONTRAST_WAYS))
     families.notes += [
         *_beside_listwise(table, q, anova),
         *_not_spherical(table, q),
@@ -432,11 +418,7 @@ def _model_outcome(
     adjust: str,
 ) -> Outcome:
     """Return the outcome of a model of single rows, contrasts of its marginal means."""
-    families = _Families(q, lambda effect: len(effect.term) <= 2)
-    for effect in model.effects:
-        if families.asks_for(effect, adjust):
-            way = cast(ContrastAdjustment, adjust)
-            families.add(effect.name, partial(model.contrasts, effect.term, adjust=way))
+    families = _mean_contrasts(q, model, adjust)
     return _anova_outcome(table, q, tidy, model, families, path)
 
 
@@ -454,11 +436,8 @@ def _between(table: DataTable, q: Question) -> Outcome:
         levels=tidy.levels,
         missing="listwise" if q.missing == "listwise" else "error",
     )
-    families = _Families(q, _is_main)
+    families = _mean_contrasts(q, anova, adjust)
     families.notes += uneven_groups(anova.design, "the test welch, for one factor")
-    for effect in anova.effects:
-        if families.asks_for(effect, adjust):
-            _mean_contrasts(families, anova, effect, adjust)
     return _anova_outcome(table, q, tidy, anova, families, [])
 
 

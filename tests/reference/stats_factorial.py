@@ -1,6 +1,7 @@
 """Map entries of factorial designs (ART, repeated measures, between) to public calls."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -144,6 +145,77 @@ def contrast_rows(table: statistics.Contrasts) -> dict[Any, Mapping[str, Any]]:
     return both_ways(rows)
 
 
+def fitted(case: Case, entry: Entry) -> Any:
+    """Fit the model whose contrasts an entry holds, with the errors that R's model has."""
+    test, arguments = entry["test"], case.arguments(entry)
+    if test == "anova":
+        del arguments["within"]
+        return statistics.between_anova(case.frame, "y", **arguments)
+    if test == "rm":
+        return statistics.rm_anova(case.frame, "y", **arguments)
+    arguments["missing"] = "mixed"
+    if test == "lmm":
+        return linear_mixed(case.frame, "y", random=entry["random"], **arguments)
+    if test == "gee":
+        made = gee(case.frame, "y", family=entry["family"], **arguments)
+        return replace(made, model=_known_errors(made.model, made.model.robust))
+    rated = clmm(case.frame, "y", **arguments)
+    return replace(rated, model=_known_errors(rated.model, rated.model.likelihood))
+
+
+def _known_errors(model: Any, covariance: Any) -> Any:
+    """Return a model with R's errors, and normal statistics: we print robust ones and t."""
+    return replace(model, covariance=covariance, df=10**12)
+
+
+def _marginal_contrasts(case: Case, entry: Entry) -> dict[str, Any]:
+    """Return the contrasts of an entry by every adjustment that R gives."""
+    made, asked = fitted(case, entry), {"weights": entry["weights"]}
+    if "error" in entry:
+        asked["error"] = entry["error"]
+    kind, term, expected = entry["procedure"], tuple(entry["term"]), entry["expected"]
+    if kind == "contrasts_simple":
+        families = statistics.simple_effects(made, term, tuple(entry["by"]), **asked)
+        rows = {}
+        for family in families:
+            at = ",".join(
+                p.split(" = ")[1] for p in family.provenance.test.split(" at ")[1].split(", ")
+            )
+            rows |= {(*pair, at): row for pair, row in _pair_rows(family, term).items()}
+        return by_key(expected, ["level_1", "level_2", "at"], _without_df(rows, expected))
+    if kind == "contrasts_interaction":
+        table = statistics.interaction_contrasts(made, term, adjust="holm", **asked)
+        columns = [f"contrast_{i + 1}" for i in range(len(term))]
+        return by_key(expected, columns, _without_df(_double_rows(table, term), expected))
+    if kind == "contrasts_hypotheses":
+        table = statistics.linear_hypotheses(made, term, entry["hypotheses"], **asked)
+        rows = {(c.name,): {**_numbers(c), "p_holm": c.p_adjusted} for c in table.contrasts}
+        return by_key(expected, ["name"], _without_df(rows, expected))
+    table = statistics.posthoc(made, term, **asked)
+    return by_key(expected, ["level_1", "level_2"], _without_df(_pair_rows(table, term), expected))
+
+
+def _pair_rows(table: statistics.Contrasts, term: Sequence[str]) -> dict[Any, Mapping[str, Any]]:
+    return _reordered(contrast_rows(table), table.term, term)
+
+
+def _without_df(rows: Mapping[Any, Any], expected: Mapping[str, Any]) -> dict[Any, Any]:
+    """Leave out df where R takes the statistic for normal."""
+    if any(df is None for df in expected["df"]):
+        return {key: {**row, "df": None} for key, row in rows.items()}
+    return dict(rows)
+
+
+def _numbers(c: statistics.Contrast) -> dict[str, Any]:
+    return {"estimate": c.estimate, "se": c.se, "df": c.df, "t": c.t, "p_none": c.p}
+
+
+def _contrasts_of_ranks(case: Case, entry: Entry) -> dict[str, Any]:
+    table = statistics.art_contrasts(art(case, entry), entry["term"])
+    rows = _pair_rows(table, entry["term"])
+    return by_key(entry["expected"], ["level_1", "level_2"], rows)
+
+
 def _contrasts(error: str) -> Callable[[Case, Entry], dict[str, Any]]:
     def run(case: Case, entry: Entry) -> dict[str, Any]:
         table = statistics.art_contrasts(
@@ -175,29 +247,31 @@ def _double_differences(error: str) -> Callable[[Case, Entry], dict[str, Any]]:
             art(case, entry), entry["term"].split(":"), error=error, adjust="none"
         )
         wanted = entry["term"].split(":")
-        holm, bonferroni = table.with_adjustment("holm"), table.with_adjustment("bonferroni")
-        rows: dict[Any, Mapping[str, Any]] = {}
-        for i, c in enumerate(table.contrasts):
-            row = {
-                "estimate": c.estimate,
-                "se": c.se,
-                "df": c.df,
-                "t": c.t,
-                "p_none": c.p,
-                "p_holm": holm.contrasts[i].p_adjusted,
-                "p_bonferroni": bonferroni.contrasts[i].p_adjusted,
-            }
-            pairs = [dict(zip(table.term, c.pairs, strict=True))[name] for name in wanted]
-            for flips in product((False, True), repeat=len(pairs)):
-                labels = tuple(
-                    f"{b} - {a}" if flip else f"{a} - {b}"
-                    for (a, b), flip in zip(pairs, flips, strict=True)
-                )
-                rows[labels] = turned(row) if sum(flips) % 2 else row
+        rows = _double_rows(table, wanted)
         columns = [f"contrast_{i + 1}" for i in range(len(wanted))]
         return by_key(entry["expected"], columns, rows)
 
     return run
+
+
+def _double_rows(table: statistics.Contrasts, wanted: Sequence[str]) -> dict[Any, Any]:
+    """Return double differences by their pairs in the wanted order, turned in every direction."""
+    holm, bonferroni = table.with_adjustment("holm"), table.with_adjustment("bonferroni")
+    rows: dict[Any, Mapping[str, Any]] = {}
+    for i, c in enumerate(table.contrasts):
+        row = {
+            **_numbers(c),
+            "p_holm": holm.contrasts[i].p_adjusted,
+            "p_bonferroni": bonferroni.contrasts[i].p_adjusted,
+        }
+        pairs = [dict(zip(table.term, c.pairs, strict=True))[name] for name in wanted]
+        for flips in product((False, True), repeat=len(pairs)):
+            labels = tuple(
+                f"{b} - {a}" if flip else f"{a} - {b}"
+                for (a, b), flip in zip(pairs, flips, strict=True)
+            )
+            rows[labels] = turned(row) if sum(flips) % 2 else row
+    return rows
 
 
 def _rm_table(case: Case, entry: Entry) -> statistics.Anova:
@@ -350,6 +424,11 @@ FACTORIAL: Mapping[str, Callable[[Case, Entry], dict[str, Any]]] = {
     "clmm": _clmm,
     "answer": _answer,
     "jzs_bayes_factor": _bayes,
+    "contrasts_pairs": _marginal_contrasts,
+    "contrasts_simple": _marginal_contrasts,
+    "contrasts_interaction": _marginal_contrasts,
+    "contrasts_hypotheses": _marginal_contrasts,
+    "contrasts_art": _contrasts_of_ranks,
     "posthoc_paired_t": _posthoc("per_pair"),
     "posthoc_tukey_multivariate": _posthoc("per_pair"),
     "posthoc_tukey_univariate": _posthoc("pooled"),

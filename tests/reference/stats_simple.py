@@ -234,7 +234,12 @@ def _tukey(case: Case, entry: Entry) -> dict[str, Any]:
 
 
 def _pairwise_t(case: Case, entry: Entry) -> dict[str, Any]:
-    table = statistics.pairwise_t(case.frame, entry["dv"], **_oneway(case))
+    one = _oneway(case)
+    levels = one["levels"] and {one["factor"]: one["levels"]}
+    table = statistics.posthoc(
+        statistics.between_anova(case.frame, entry["dv"], between=(one["factor"],), levels=levels),
+        one["factor"],
+    )
     return by_key(entry["expected"], ["level_1", "level_2"], contrast_rows(table))
 
 

@@ -247,17 +247,14 @@ def of_groups(sizes: tuple[int, ...] = (5, 9, 14)) -> dict[str, np.ndarray]:
     return {"g": g, "y": rng.normal(0, 2, size=len(g)) + (g == "b")}
 
 
-def test_contrasts_of_groups_have_the_effect_of_their_two_groups_with_its_interval() -> None:
+def test_contrasts_by_separate_variances_have_the_effect_of_their_two_groups() -> None:
     frame = of_groups()
     a, b = (frame["y"][frame["g"] == name] for name in "ab")
     expected = statistics.independent_t(a, b).effect
-    for test in (statistics.tukey_hsd, statistics.games_howell, statistics.pairwise_t):
-        row = test(frame, "y", factor="g").contrast("a", "b").row()
-        found = [row[name] for name in ("effect_size", "effect_ci_low", "effect_ci_high")]
-        assert [expected.value, expected.interval.low, expected.interval.high] == pytest.approx(
-            found
-        )
-        assert "d" == row["effect"]
+    row = statistics.games_howell(frame, "y", factor="g").contrast("a", "b").row()
+    found = [row[name] for name in ("effect_size", "effect_ci_low", "effect_ci_high")]
+    assert [expected.value, expected.interval.low, expected.interval.high] == pytest.approx(found)
+    assert "d" == row["effect"]
     pair = statistics.dunn(frame, "y", factor="g")[0]
     assert statistics.mann_whitney(a, b).effect == pair.effect
     assert pair.effect.interval.low < pair.effect.value < pair.effect.interval.high
