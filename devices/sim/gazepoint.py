@@ -1,10 +1,12 @@
 """Gazepoint's Open Gaze server as seen from its TCP port, in memory.
 
-Written from public clients of the API. Not modelled: the camera picture, the fixation filter,
-custom calibration points, the server's own recording. The stream is cut and joined at places
-drawn from the seed; a stream cannot lose or reorder bytes, so those faults apply to whole records.
+Written from the vendor's document (see `drivers.gazepoint.codec`). Not modelled: the camera
+picture, the fixation filter, custom calibration points, the server's own recording. The stream is
+cut and joined at places drawn from the seed; a stream cannot lose or reorder bytes, so those faults
+apply to whole records.
 """
 
+import struct
 from collections import deque
 from collections.abc import Callable
 from typing import Unpack
@@ -18,6 +20,7 @@ from visavis.devices.transports import Frames, Message
 from visavis.lab.clock import NS_PER_S
 
 TICKS_PER_S = 10_000_000
+NEWEST_API = "2.4"
 SPLIT_SHARE = 0.3
 CALIBRATION_POINTS = ((0.5, 0.5), (0.85, 0.15), (0.85, 0.85), (0.15, 0.85), (0.15, 0.15))
 POINT_NS = NS_PER_S // 2
@@ -43,10 +46,14 @@ class GazepointSimulator(GazePeer):
         camera_m: Triple = (0.0, -0.18, -0.65),
         split_share: float = SPLIT_SHARE,
         moved_m: Callable[[int], Triple] = lambda t_ns: (0.0, 0.0, 0.0),
+        ticks_per_s: int = TICKS_PER_S,
+        trackers: int = 1,
         **measuring: Unpack[Measuring],
     ) -> None:
         super().__init__(body, **measuring)
         self.annotations: deque[str] = deque(maxlen=MAX_ANNOTATIONS)
+        self.ticks_per_s = ticks_per_s
+        self.trackers = trackers
         self._screen = screen or Screen()
         self._camera = camera_m
         self._split_share = split_share
@@ -126,18 +133,25 @@ class GazepointSimulator(GazePeer):
 
     def _get(self, name: str, t_ns: int) -> str:
         if name == "API_ID":
-            version = self.source.claimed_version(t_ns, "2.0")
-            return f'<ACK ID="API_ID" MFG_ID="Gazepoint" VER_ID="{version}" />'
+            version = self.source.claimed_version(t_ns, NEWEST_API)
+            return f'<ACK ID="API_ID" VALUE="{version}" />'
         if name == "PRODUCT_ID":
-            return '<ACK ID="PRODUCT_ID" VALUE="GP3" />'
+            rate_hz = round(self.source.rate_hz)
+            return f'<ACK ID="PRODUCT_ID" VALUE="GP3" BUS="USB2" RATE="{rate_hz}" />'
         if name == "SERIAL_ID":
             return '<ACK ID="SERIAL_ID" VALUE="SIM0001" />'
+        if name == "TRACKER_ID":
+            search = "GAZE" if self.trackers > 1 else "NONE"
+            return (
+                f'<ACK ID="TRACKER_ID" ACTIVE_ID="1" MAX_ID="{self.trackers}" SEARCH="{search}" />'
+            )
         if name == "TIME_TICK_FREQUENCY":
-            return f'<ACK ID="TIME_TICK_FREQUENCY" FREQ="{TICKS_PER_S}" />'
+            bits = int.from_bytes(struct.pack("<d", self.ticks_per_s), "little")
+            return f'<ACK ID="TIME_TICK_FREQUENCY" FREQ="{bits}" />'
         return f'<NACK ID="{name}" />'
 
     def _record(self, shot: Shot) -> str:
-        ticks = shot.t_device_ns * (TICKS_PER_S // 10**6) // 1000
+        ticks = shot.t_device_ns * self.ticks_per_s // NS_PER_S
         fields = [f'CNT="{shot.number}"', f'TIME="{shot.t_device_ns / NS_PER_S:.5f}"']
         fields.append(f'TIME_TICK="{ticks}"')
         points = []

@@ -19,7 +19,13 @@ from visavis.devices.drivers.streaming.screen import Screen
 from visavis.devices.faults import FaultSchedule
 from visavis.devices.sim.gazepoint import GazepointSimulator
 from visavis.lab.clock import SystemClock
-from visavis.lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout, ProtocolViolation
+from visavis.lab.errors import (
+    DeviceDisconnected,
+    DeviceError,
+    DeviceNotFound,
+    DeviceTimeout,
+    ProtocolViolation,
+)
 
 PLACE = codec.Place(Screen(500.0, 300.0, 600.0))
 RECORD = (
@@ -150,6 +156,59 @@ def test_old_interface_is_refused_by_name():
     rig = GazeRig(Gazepoint, GazepointSimulator, {"kind": "version", "text": "1.0"})
 
     with pytest.raises(ProtocolViolation, match=r"Open Gaze '1\.0'; this driver needs 2\.0"):
+        rig.driver.open(2.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "ticks_per_s"),
+    [
+        ("4704405731611246592", 3_330_093.0),  # the example in the vendor's document, 3.13
+        ("10000000", 10_000_000.0),
+        ("1000000000", 1e9),
+        ("4", None),
+        ("99999999999999999999", None),
+        ("nonsense", None),
+    ],
+)
+def test_frequency_is_read_as_a_number_or_as_the_bits_of_a_double(text, ticks_per_s):
+    assert codec.tick_frequency(text) == ticks_per_s
+
+
+def test_ten_seconds_of_ticks_are_ten_seconds():
+    rig = GazeRig(Gazepoint, GazepointSimulator, ticks_per_s=3_330_093).start().run(10.0)
+
+    stamps = rig.stamps("t_device_ns")
+    assert (stamps[-1] - stamps[0]) / 1e9 == pytest.approx(10.0, abs=0.1)
+
+
+def test_clock_that_counts_other_seconds_blocks_and_names_both():
+    rig = GazeRig(Gazepoint, GazepointSimulator, ticks_per_s=3_330_093)
+    rig.simulator.ticks_per_s = 3_330_093
+    rig.start()
+    rig.driver._ticks_per_s = 10_000_000  # as where the server states another clock's rate
+    rig.run(10.0)
+
+    assert "its clock counts 0.333 s in 1 s of this computer" in rig.messages()
+
+
+def test_frequency_that_can_be_none_is_named_and_seconds_are_used():
+    rig = GazeRig(Gazepoint, GazepointSimulator, ticks_per_s=7)
+    rig.start().run(5.0)
+
+    assert "which can only be 1000 to 1e+10" in rig.messages()
+    assert np.ptp(rig.stamps("t_device_ns")) / 1e9 == pytest.approx(5.0, abs=0.1)
+
+
+def test_rate_that_differs_from_the_tracker_s_own_is_named():
+    rig = GazeRig(Gazepoint, GazepointSimulator, rate_hz=150.0).start().run(1.0)
+
+    assert "measures 150 times a second, lab_config.yaml says 60" in rig.messages()
+
+
+def test_server_that_switches_between_trackers_is_refused():
+    rig = GazeRig(Gazepoint, GazepointSimulator, trackers=2)
+
+    with pytest.raises(DeviceError, match=r"2 trackers and switches between them .*GAZE"):
         rig.driver.open(2.0)
 
 

@@ -29,6 +29,7 @@ from visavis.devices.drivers.armband.traffic import GIVE_UP_NS, STOP_TRIES, TRY_
 from visavis.devices.drivers.bands.limits import Limits
 from visavis.devices.lifecycle import HasLife, Lifecycle
 from visavis.devices.meter import StreamMeter
+from visavis.devices.plausible import VIBRATION_HZ
 from visavis.devices.spec import AnySpec
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 from visavis.lab.clock_fit import fit_clock
@@ -247,6 +248,15 @@ class ArmbandDriver(HasLife):
                 f"the band has {welcome.motor_count} motors, this driver drives {self.motor_count}",
                 role=self._role,
                 remedy="name the driver that fits this band in lab_config.yaml",
+            )
+        low_hz, high_hz = welcome.rate_range_hz
+        if not (VIBRATION_HZ.admit(low_hz) and VIBRATION_HZ.admit(high_hz) and low_hz < high_hz):
+            wrong_hz = high_hz if VIBRATION_HZ.admit(low_hz) else low_hz
+            raise ProtocolViolation(
+                f"{VIBRATION_HZ.sentence('a limit of its vibration', wrong_hz)}, the lower first "
+                f"(told: {low_hz:g} to {high_hz:g} Hz)",
+                role=self._role,
+                remedy="flash the firmware that came with this version of Visavis",
             )
         major, minor = welcome.firmware
         self.info = replace(

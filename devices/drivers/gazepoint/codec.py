@@ -1,12 +1,13 @@
 """Read and write the Open Gaze API's XML lines; pure, any chunking, never raises on bad bytes.
 
-Sources: public clients of Gazepoint's Open Gaze API v2 (TCP 4242). Points of gaze are shares of
-the screen from its top left; eye positions are metres from the camera (x right, y up, z toward
-the viewer; the axes still wait for a real unit); `LPUPILD` is metres, `LPD` image pixels.
+Source: "Open Gaze API by Gazepoint", revised March 11, 2025 (TCP 4242). Points of gaze are
+shares of the screen from its top left; eye positions are metres from the camera (x right, y up, z
+toward the viewer; the axes still wait for a real unit); `LPUPILD` is metres, `LPD` image pixels.
 """
 
 import math
 import re
+import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -21,6 +22,7 @@ from visavis.devices.drivers.streaming.gaze_rays import (
     ray_between,
 )
 from visavis.devices.drivers.streaming.screen import NAN, Screen, Triple
+from visavis.devices.plausible import TICKS_PER_S
 
 MAX_LINE = 65_536
 STREAMS = (
@@ -37,7 +39,7 @@ STREAMS = (
 )
 """The streams to enable; `DATA` is last because it starts them."""
 
-_TAG = re.compile(r"<(REC|ACK|NACK|CAL)\b([^<>]*)/>")
+_TAG = re.compile(r"<(REC|ACK|NACK|CAL|UPDATE)\b([^<>]*?)/?>")
 _ATTRIBUTE = re.compile(r'([A-Za-z_][A-Za-z0-9_]*)="([^"]*)"')
 _QUOTES = {'"': "&quot;"}
 _UNQUOTES = {"&quot;": '"', "&apos;": "'"}
@@ -46,7 +48,7 @@ Attributes = Mapping[str, str]
 
 
 class Line(NamedTuple):
-    """One tag: REC, ACK, NACK or CAL, with its attributes."""
+    """One tag: REC, ACK, NACK, CAL or UPDATE, with its attributes."""
 
     tag: str
     values: Attributes
@@ -125,17 +127,38 @@ def number(values: Attributes, key: str) -> float:
     return value if math.isfinite(value) else NAN
 
 
-def device_ns(values: Attributes, ticks_per_s: int) -> int | None:
-    """Return the time of a record: its tick count if there is one, else its seconds."""
+def tick_frequency(text: str) -> float | None:
+    """Return the ticks per second in the answer FREQ; None when it can be none.
+
+    The vendor's document calls it a long long, and its own example (4704405731611246592) is the bit
+    pattern of the double 3330093.0; both ways of writing it are read.
+    """
+    if not (text.isascii() and text.isdigit() and len(text) <= 20):
+        return None
+    bits = int(text)
+    if TICKS_PER_S.admit(bits):
+        return float(bits)
+    if bits >= 2**64:
+        return None
+    (as_double,) = struct.unpack("<d", bits.to_bytes(8, "little"))
+    return float(as_double) if TICKS_PER_S.admit(as_double) else None
+
+
+def device_ns(values: Attributes, ticks_per_s: float) -> int | None:
+    """Return the time of a record: its tick count if there is one, else its seconds.
+
+    With `ticks_per_s` 0 ticks are not used.
+    """
     tick = values.get("TIME_TICK", "")
     if tick.isascii() and tick.isdigit() and ticks_per_s > 0:
-        stamp = int(tick[:25]) * 1_000_000_000 // ticks_per_s
+        whole, part = float(ticks_per_s).as_integer_ratio()
+        stamp = int(tick[:25]) * 1_000_000_000 * part // whole
         return stamp if stamp < 2**62 else None
     seconds = number(values, "TIME")
     return round(seconds * 1e9) if abs(seconds) < 4e9 else None
 
 
-def decode_record(values: Attributes, place: Place, ticks_per_s: int) -> Sample | None:
+def decode_record(values: Attributes, place: Place, ticks_per_s: float) -> Sample | None:
     """Return the sample in a REC line; None when it bears no time."""
     stamp = device_ns(values, ticks_per_s)
     if stamp is None:

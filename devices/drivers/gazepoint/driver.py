@@ -14,12 +14,12 @@ from visavis.devices.drivers.gazepoint.spec import GAZEPOINT
 from visavis.devices.drivers.streaming.gaze_device import GazeDevice
 from visavis.devices.drivers.streaming.gaze_rays import Sample
 from visavis.devices.drivers.streaming.screen import Screen
+from visavis.devices.plausible import TICKS_PER_S
 from visavis.devices.transports import Message, MessageTransport
 from visavis.lab.clock import NS_PER_S, Clock
-from visavis.lab.errors import ProtocolViolation
+from visavis.lab.errors import DeviceError, ProtocolViolation
 
 OLDEST_API = 2.0
-USUAL_TICKS_PER_S = 10_000_000
 MIN_POINTS_SHARE = 0.5
 
 
@@ -49,7 +49,7 @@ class Gazepoint(GazeDevice):
         )
         self._reader = codec.LineReader()
         self._answers: dict[str, codec.Line] = {}
-        self._ticks_per_s = USUAL_TICKS_PER_S
+        self._ticks_per_s = 0.0
         super().__init__(
             role, transport, clock, GAZEPOINT, rate_hz=rate_hz, lost_after_s=lost_after_s
         )
@@ -88,7 +88,7 @@ class Gazepoint(GazeDevice):
     def _connect(self, deadline_ns: int) -> None:
         self._reader = codec.LineReader()
         self._answers = {}
-        for name in ("API_ID", "PRODUCT_ID", "SERIAL_ID", "TIME_TICK_FREQUENCY"):
+        for name in ("API_ID", "PRODUCT_ID", "SERIAL_ID", "TIME_TICK_FREQUENCY", "TRACKER_ID"):
             self._transport.post((codec.get_line(name),))
         self._resume()
         self._wait_until(
@@ -114,13 +114,15 @@ class Gazepoint(GazeDevice):
                     self._malformed += 1
                 else:
                     yield sample
+            elif tag == "UPDATE":
+                self._take_switch(values)
             elif tag == "CAL":
                 self._take_calibration(values)
             else:
                 self._answers[values.get("ID", "")] = codec.Line(tag, values)
 
     def _take_identity(self) -> None:
-        api = self._answer("API_ID", "VER_ID")
+        api = self._answer("API_ID", "VALUE") or self._answer("API_ID", "VER_ID")
         version = codec.number({"v": api}, "v")
         if version < OLDEST_API:
             raise ProtocolViolation(
@@ -128,11 +130,46 @@ class Gazepoint(GazeDevice):
                 role=self.info.role,
                 remedy="install a current Gazepoint Control",
             )
-        ticks = self._answer("TIME_TICK_FREQUENCY", "FREQ")
-        if ticks.isascii() and ticks.isdigit() and 0 < int(ticks[:15]):
-            self._ticks_per_s = int(ticks[:15])
+        self._take_frequency(self._answer("TIME_TICK_FREQUENCY", "FREQ"))
+        self._compare_rate(codec.number({"v": self._answer("PRODUCT_ID", "RATE")}, "v"))
+        count, search = self._answer("TRACKER_ID", "MAX_ID"), self._answer("TRACKER_ID", "SEARCH")
+        if codec.number({"v": count}, "v") > 1 and search != "NONE":
+            raise DeviceError(
+                f"the server has {count} trackers and switches between them by itself ({search})",
+                role=self.info.role,
+                remedy="turn the search for trackers off in Gazepoint Control, or unplug one",
+            )
         model = self._answer("PRODUCT_ID", "VALUE") or "Gazepoint"
         self.info = replace(self.info, model=model, serial=self._answer("SERIAL_ID", "VALUE"))
+
+    def _take_frequency(self, text: str) -> None:
+        """Take the ticks per second; without a plausible one the records' seconds count."""
+        self._ticks_per_s = codec.tick_frequency(text) or 0.0
+        fault = None
+        if text and not self._ticks_per_s:
+            bounds = f"{TICKS_PER_S.lowest:g} to {TICKS_PER_S.highest:g}"
+            fault = self._warning(
+                f"the server says that its clock counts {text} ticks a second, which can only be "
+                f"{bounds}; the records' seconds are used, which count to 0.01 ms",
+                "report the answer TIME_TICK_FREQUENCY in the .wire log",
+            )
+        self._note("ticks", fault)
+
+    def _take_switch(self, values: codec.Attributes) -> None:
+        number, count = values.get("ACTIVE_ID", "?"), values.get("MAX_ID", "?")
+        fault = self._blocking(
+            f"the server went over to tracker {number} of {count} while this one was measured",
+            "unplug the other tracker, or give it a computer of its own",
+        )
+        self._note("switch", fault)
+
+    def _compare_rate(self, told_hz: float) -> None:
+        given_hz = self._schema.nominal_rate_hz
+        fault = self._warning(
+            f"the tracker measures {told_hz:g} times a second, lab_config.yaml says {given_hz:g}",
+            f"write rate_hz: {told_hz:g}",
+        )
+        self._note("rate", fault if abs(told_hz - given_hz) > 0.1 * given_hz else None)
 
     def _answer(self, name: str, key: str) -> str:
         line = self._answers.get(name)

@@ -13,6 +13,7 @@ from visavis.devices.drivers.hid_gaze.spec import HID_GAZE
 from visavis.devices.drivers.streaming.gaze_device import GazeDevice
 from visavis.devices.drivers.streaming.gaze_rays import Sample
 from visavis.devices.drivers.streaming.screen import Screen
+from visavis.devices.plausible import SCREEN_SIDE_MM
 from visavis.devices.transports import Message, MessageTransport
 from visavis.lab.clock import Clock
 from visavis.lab.errors import ProtocolViolation
@@ -106,9 +107,28 @@ class HidGaze(GazeDevice):
         width_um = value(codec.CONFIGURATION, codec.SCREEN_WIDTH)
         height_um = value(codec.CONFIGURATION, codec.SCREEN_HEIGHT)
         if width_um and height_um:
-            self._screen = replace(
-                self._screen, width_mm=width_um * 1e-3, height_mm=height_um * 1e-3
-            )
+            self._take_size(width_um * 1e-3, height_um * 1e-3)
+        told_hz = value(codec.STATUS, codec.SAMPLING_FREQUENCY)
+        given_hz = self._schema.nominal_rate_hz
+        rate = self._warning(
+            f"the tracker says that it measures {told_hz} times a second, lab_config.yaml says "
+            f"{given_hz:g}",
+            f"write rate_hz: {told_hz}, from which the unit of its time stamps is told",
+        )
+        self._note("rate", rate if told_hz and abs(told_hz - given_hz) > 0.1 * given_hz else None)
         state = value(codec.STATUS, codec.CONFIGURATION_STATUS)
         text = codec.STATUS_TEXTS.get(state or 0)
         self._note("status", None if text is None else self._blocking(text, HID_GAZE.remedy))
+
+    def _take_size(self, width_mm: float, height_mm: float) -> None:
+        """Take the size of the screen that the tracker states, if there is such a screen."""
+        sides = (("width", width_mm), ("height", height_mm))
+        wrong = [(side, mm) for side, mm in sides if not SCREEN_SIDE_MM.admit(mm)]
+        if not wrong:
+            self._screen = replace(self._screen, width_mm=width_mm, height_mm=height_mm)
+        texts = [SCREEN_SIDE_MM.sentence(f"the screen's {side}", mm) for side, mm in wrong]
+        fault = self._blocking(
+            f"{'; '.join(texts)}: the size in lab_config.yaml is used",
+            "set the screen up in the tracker's own program",
+        )
+        self._note("screen", fault if wrong else None)

@@ -67,6 +67,7 @@ class LslGaze(GazeDevice):
                 role=self.info.role,
                 remedy="let its sender follow the XDF gaze meta-data: type, eye and unit of each",
             )
+        codec.require_rate(info)
         self._layout = layout
         capabilities = {"gaze", "screen_frame" if layout.on_screen else "head_frame"}
         if layout.per_eye:

@@ -5,7 +5,6 @@ our own outlets follow, and the channel labels of TittaLSL for Tobii trackers (f
 source, not tried against it). Missing stays NaN; nothing is interpolated or dejittered.
 """
 
-import math
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -23,6 +22,8 @@ from visavis.devices.drivers.streaming.gaze_rays import (
     unit_triple,
 )
 from visavis.devices.drivers.streaming.screen import NAN, Screen, Triple
+from visavis.devices.plausible import SAMPLES_PER_S
+from visavis.lab.errors import ProtocolViolation
 
 METRES = {"meters": 1.0, "m": 1.0, "metres": 1.0, "millimeters": 1e-3, "mm": 1e-3}
 MILLIMETRES = {"millimeters": 1.0, "mm": 1.0, "meters": 1e3, "m": 1e3}
@@ -81,7 +82,16 @@ def parse_info(xml: bytes) -> StreamInfo | None:
     )
     texts = (root.findtext("name") or "", root.findtext("source_id") or "")
     is_text = root.findtext("channel_format") == "string"
-    return StreamInfo(*texts, rate_hz if math.isfinite(rate_hz) else 0.0, count, rows, is_text)
+    return StreamInfo(*texts, rate_hz, count, rows, is_text)
+
+
+def require_rate(info: StreamInfo) -> None:
+    """Raise ProtocolViolation for a nominal rate that can be none; 0 is an irregular stream's."""
+    if info.rate_hz and not SAMPLES_PER_S.admit(info.rate_hz):
+        raise ProtocolViolation(
+            SAMPLES_PER_S.sentence(f"the rate of the stream {info.name!r}", info.rate_hz),
+            remedy="correct the nominal rate in the program that sends the stream",
+        )
 
 
 def layout_of(info: StreamInfo, screen_px: tuple[int, int] = (1920, 1080)) -> GazeLayout | None:

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.devices.contracts import ClockPair, Fault
-from visavis.devices.drivers.lsl.gaze_codec import StreamInfo, parse_info
+from visavis.devices.drivers.lsl.gaze_codec import StreamInfo, parse_info, require_rate
 from visavis.devices.drivers.lsl.inlet import read_offset
 from visavis.devices.drivers.lsl.spec import LSL_STREAM
 from visavis.devices.drivers.streaming.exchange_log import ExchangeLog
@@ -125,6 +125,7 @@ class LslStream(StreamDevice[StreamSample]):
             raise ProtocolViolation(
                 "the stream does not describe itself", remedy="restart the program that sends it"
             )
+        require_rate(info)
         self._schema = schema_of(info, self.info.role)
         self._lost_after_ns = self._given_lost_ns if info.rate_hz else round(NEVER_S * NS_PER_S)
         self.info = replace(self.info, model=info.name or self.info.model, serial=info.source_id)

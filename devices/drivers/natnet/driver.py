@@ -14,6 +14,7 @@ import numpy as np
 from visavis.devices.drivers.natnet import codec
 from visavis.devices.drivers.natnet.spec import MOTIVE_BONES, NATNET
 from visavis.devices.drivers.streaming.body_device import BodyDevice, BodySample
+from visavis.devices.plausible import TICKS_PER_S
 from visavis.devices.transports import Message, MessageTransport
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.lab.errors import ConfigError, DataError, DeviceTimeout, ProtocolViolation
@@ -73,6 +74,11 @@ class NatNet(BodyDevice):
                 f"{server.program} speaks NatNet {server.version[0]}.{server.version[1]}; this "
                 "driver needs 3.0 or newer",
                 remedy="install a current Motive",
+            )
+        if not TICKS_PER_S.admit(server.clock_hz):
+            raise ProtocolViolation(
+                TICKS_PER_S.sentence(f"the clock of {server.program}", server.clock_hz),
+                remedy="report the .wire log with the version of Motive",
             )
         if server.version > codec.NEWEST_KNOWN:
             text = f"NatNet {server.version[0]}.{server.version[1]} is newer than this driver"

@@ -15,6 +15,7 @@ from visavis.devices.drivers.streaming.message_device import (
     with_role,
 )
 from visavis.devices.meter import StreamMeter
+from visavis.devices.plausible import ClockPace
 from visavis.devices.spec import AnySpec
 from visavis.devices.transports import Message, MessageTransport
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
@@ -186,6 +187,13 @@ class StreamDevice(MessageDevice, Generic[S]):
         """Return the lower envelope of arrivals over device times."""
         return self._one_way.fit()
 
+    def _pace_fault(self) -> Fault | None:
+        pace = self._pace.wrong()
+        if pace is None:
+            return None
+        text = f"its clock counts {pace:.3g} s in 1 s of this computer: its times cannot be used"
+        return self._blocking(text, "report it with the .wire log: a unit or a rate is misread")
+
     def _note(self, key: str, fault: Fault | None) -> None:
         """Set or remove a fault that holds until removed."""
         if fault is None:
@@ -200,6 +208,7 @@ class StreamDevice(MessageDevice, Generic[S]):
             slow_ns = round(ATTEMPT_PERIODS * NS_PER_S / rate_hz)
             self._attempt_every_ns = max(ATTEMPT_EVERY_NS, slow_ns)
         self._one_way = OneWayClock()
+        self._pace = ClockPace()
         self._malformed = 0
         self._heard_ns = self._attempt_ns = now_ns
 
@@ -219,6 +228,8 @@ class StreamDevice(MessageDevice, Generic[S]):
             return 0
         stamps = [sample.t_device_ns for sample in samples]
         self._one_way.add(stamps, arrivals)
+        self._pace.add(stamps[-1], arrivals[-1])
+        self._note("pace", self._pace_fault())
         return self._deliver(seqs, stamps, arrivals, self._values(samples))
 
     def _deliver(self, seqs: Any, stamps: Any, arrivals: Any, values: npt.NDArray[np.void]) -> int:
@@ -266,5 +277,6 @@ class StreamDevice(MessageDevice, Generic[S]):
 
     def _back(self) -> None:
         self._note("away", None)
+        self._pace.restart()
         self._heard_ns = self._clock.now_ns()
         self._life.state = DeviceState.STREAMING
