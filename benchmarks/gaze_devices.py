@@ -296,9 +296,7 @@ def codecs() -> dict[str, tuple[bytes, Callable[[bytes], bytes | None]]]:
     )
     found["eyelink"] = (
         frame(EyeLinkSimulator(StillBody(), clock=clock, seed=1)),
-        lambda raw: row_or_none(
-            eyelink_codec.decode_sample(raw, screen, (1920, 1080), 0.032, 0.001)
-        ),
+        lambda raw: row_or_none(eyelink_codec.decode_sample(raw, screen, (1920, 1080), 0.032)),
     )
     return found
 

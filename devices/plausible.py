@@ -54,6 +54,9 @@ SAMPLES_PER_S = Bounds(0.01, 200_000.0, "Hz")
 SCREEN_SIDE_MM = Bounds(30.0, 10_000.0, "mm")
 """From a telephone to a wall."""
 
+PUPIL_MM = Bounds(1.0, 10.0, "mm")
+"""From the narrowest in bright light to the widest of a dilated eye."""
+
 VIBRATION_HZ = Bounds(1.0, 1000.0, "Hz")
 """What skin feels as vibration."""
 

@@ -326,7 +326,7 @@ def codecs() -> Iterator[Target]:
     ascii_bands = AsciiTemplates(
         set_one="M{motor} {amplitude}\n", stop="S\n", battery_answer=r"BAT (\d+)"
     )
-    screen = (SCREEN, SCREEN_PX, HALF_M, 0.01)
+    screen = (SCREEN, SCREEN_PX, HALF_M, eyelink.PupilScale(5.0, 4000.0, is_area=True))
     languages: dict[str, tuple[Callable[[], object], str]] = {
         "ascii_codec": (lambda: AsciiLanguage(ascii_bands), "ascii_armband"),
         "bhaptics_codec": (BhapticsLanguage, "bhaptics"),

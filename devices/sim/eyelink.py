@@ -16,7 +16,8 @@ from visavis.lab.clock import NS_PER_MS
 SAMPLE = struct.Struct("<dB6d")
 MISSING = -32768.0
 OK_RESULT, NO_REPLY = 0, 1000
-PUPIL_UNITS_PER_MM = 1000.0
+DIAMETER_UNITS_PER_MM = 1000.0
+AREA_UNITS_PER_MM2 = 160.0
 VERSION = "EYELINK CL 5.15"
 
 
@@ -24,7 +25,7 @@ class EyeLinkSimulator(GazePeer):
     """Send link samples of a body that looks at a screen; `verdict` is the host's code.
 
     `display_px` is the display size that was sent to the host. On a memory wire no library sends
-    it, so it is that of the options.
+    it, so it is that of the options; so is `gives_area`, what a pupil's size means.
     """
 
     usual_rate_hz = 1000.0
@@ -38,11 +39,13 @@ class EyeLinkSimulator(GazePeer):
         screen: Screen | None = None,
         screen_px: tuple[int, int] = (1920, 1080),
         verdict: int = OK_RESULT,
+        gives_area: bool = False,
         **measuring: Unpack[Measuring],
     ) -> None:
         super().__init__(body, **measuring)
         self.messages: list[str] = []
         self.verdict = verdict
+        self.gives_area = gives_area
         self._screen = screen or Screen()
         self.display_px = screen_px
 
@@ -61,11 +64,16 @@ class EyeLinkSimulator(GazePeer):
         ):
             x, y = self._screen.shares_of((x_m, 0.0, 0.0), ray)
             if is_seen and x == x:
-                pupil = shot.pupil_mm * PUPIL_UNITS_PER_MM
+                pupil = self.pupil_units(shot.pupil_mm)
                 numbers += [x * self.display_px[0], y * self.display_px[1], pupil]
             else:
                 numbers += [MISSING, MISSING, 0.0]
         return SAMPLE.pack(time_ms, 3, *numbers)
+
+    def pupil_units(self, pupil_mm: float) -> float:
+        """Return a pupil's size as the host gives it: diameter or area, each in its own unit."""
+        area = AREA_UNITS_PER_MM2 * pupil_mm**2
+        return area if self.gives_area else DIAMETER_UNITS_PER_MM * pupil_mm
 
     def answer(self, frames: Frames, t_ns: int) -> Frames | None:
         """Answer as the library's functions return."""

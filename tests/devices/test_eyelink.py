@@ -17,21 +17,24 @@ from visavis.devices.drivers.eyelink import camera_setup, codec
 from visavis.devices.drivers.eyelink import library as eyelink_library
 from visavis.devices.drivers.eyelink.driver import NO_RESULT, EyeLink
 from visavis.devices.drivers.eyelink.library import VERDICT, EyeLinkLibrary
+from visavis.devices.drivers.eyelink.spec import EyeLinkOptions
+from visavis.devices.drivers.eyelink.wiring import WIRINGS
 from visavis.devices.drivers.streaming.gaze_rays import rows_to_values
 from visavis.devices.drivers.streaming.screen import Screen
 from visavis.devices.pump import Pump
 from visavis.devices.sim.eyelink import EyeLinkSimulator
 from visavis.lab.clock import NS_PER_S, SimClock
-from visavis.lab.errors import DeviceError, DeviceNotFound, DeviceTimeout
+from visavis.lab.errors import ConfigError, DeviceError, DeviceNotFound, DeviceTimeout
 from visavis.lab.geometry import angle_deg
 
 SCREEN = Screen(500.0, 300.0, 600.0)
 PX = (1000, 600)
+THOUSANDTHS = codec.PupilScale(1.0, 1000.0)
 
 
-def row_of(time_ms, eyes, *numbers):
+def row_of(time_ms, eyes, *numbers, scale=THOUSANDTHS):
     raw = codec.SAMPLE.pack(time_ms, eyes, *numbers)
-    sample = codec.decode_sample(raw, SCREEN, PX, 0.03, 0.001)
+    sample = codec.decode_sample(raw, SCREEN, PX, 0.03, scale)
     return None if sample is None else (sample, rows_to_values([sample.row])[0])
 
 
@@ -68,7 +71,7 @@ def test_unknown_time_is_refused():
 
 @given(st.binary(max_size=90) | st.binary(min_size=57, max_size=57))
 def test_any_bytes_are_read_or_refused(raw):
-    codec.decode_sample(raw, SCREEN, PX, 0.03, 0.001)
+    codec.decode_sample(raw, SCREEN, PX, 0.03, THOUSANDTHS)
 
 
 def test_markers_are_one_short_line_of_ascii():
@@ -81,6 +84,54 @@ def test_pupil_is_unknown_without_the_labs_own_scale():
 
     assert np.isnan(rig.column("left_pupil_mm")).all()
     assert "pupil" not in rig.driver.info.capabilities
+
+
+@pytest.mark.parametrize("pupil_mm", [2.0, 3.0, 5.0, 7.0])
+@pytest.mark.parametrize("pupil_size", ["diameter", "area"])
+def test_pupil_is_as_wide_as_it_is_by_diameter_and_by_area(pupil_size, pupil_mm):
+    lab = Lab()
+    lab.simulator.gives_area = pupil_size == "area"
+    artificial_units = lab.simulator.pupil_units(5.0)
+    options = EyeLinkOptions(
+        pupil_size=pupil_size, artificial_pupil_mm=5.0, artificial_pupil_units=artificial_units
+    )
+
+    units = lab.simulator.pupil_units(pupil_mm)
+    _, row = row_of(1.0, 3, 500.0, 300.0, units, 500.0, 300.0, units, scale=options.pupil_scale)
+
+    assert row["left_pupil_mm"] == pytest.approx(pupil_mm)
+
+
+@pytest.mark.parametrize("gives_area", [False, True])
+def test_tracker_is_told_what_a_pupils_size_is(gives_area):
+    lab = Lab()
+    wire = EyeLinkLibrary(
+        "100.1.1.1", lab.clock, library=lab.library, gives_area=gives_area, is_simulated=True
+    )
+    wire.open(1.0)
+
+    assert lab.simulator.gives_area is gives_area
+
+
+def test_pupil_that_no_eye_has_is_told_with_both_numbers():
+    scale = codec.PupilScale(5.0, 64.0)
+    rig = GazeRig(EyeLink, EyeLinkSimulator, options={"pupil_scale": scale}).start().run(0.5)
+
+    assert "mm, but can only be 1 to 10 mm: was artificial_pupil_units" in rig.messages()
+
+
+def test_half_a_measurement_of_the_artificial_pupil_is_refused():
+    with pytest.raises(ValueError, match="together"):
+        EyeLinkOptions(artificial_pupil_mm=5.0)
+
+
+def test_factor_of_earlier_versions_opens_recordings_but_no_tracker():
+    options = EyeLinkOptions(pupil_mm_per_unit=0.00125)
+    site = types.SimpleNamespace(options=options, clock=SimClock())
+
+    assert options.pupil_scale.diameter_mm(4000.0) == pytest.approx(5.0)
+    with pytest.raises(ConfigError, match="area of a pupil for its diameter"):
+        WIRINGS[0].real(site)
 
 
 def test_host_whose_calibration_failed_is_told():
@@ -107,7 +158,7 @@ class Lab:
 
     def driver(self):
         wire = EyeLinkLibrary("100.1.1.1", self.clock, library=self.library, is_simulated=True)
-        return EyeLink("eyes", wire, self.clock, pupil_mm_per_unit=0.001)
+        return EyeLink("eyes", wire, self.clock, pupil_scale=THOUSANDTHS)
 
 
 def test_surface_of_pylink_keeps_the_contract():
@@ -250,6 +301,7 @@ def test_our_wire_runs_through_a_session_on_the_vendors_own_dummy(tmp_path):
         ("setOfflineMode", (), None),
         ("sendCommand", ("screen_pixel_coords = 0 0 999 599",), 0),
         ("sendCommand", ("sample_rate = 500",), 0),
+        ("sendCommand", ("pupil_size_diameter = YES",), 0),
         ("sendCommand", ("link_sample_data = LEFT,RIGHT,GAZE,AREA,STATUS",), 0),
         (
             "sendCommand",

@@ -7,6 +7,7 @@ missing numbers, and 4294967295 a time that is not known.
 
 import math
 import struct
+from dataclasses import dataclass
 
 from visavis.devices.contracts import SessionName
 from visavis.devices.drivers.streaming.gaze_rays import (
@@ -29,12 +30,41 @@ MAX_MESSAGE = 130
 MAX_EDF_NAME = 8
 
 
+@dataclass(frozen=True)
+class PupilScale:
+    """An artificial pupil of so many millimetres, and the size that the tracker gave it.
+
+    The tracker gives a pupil's diameter or, with `is_area`, its area, which grows by the square of
+    the diameter. Without a measurement (0 units) sizes stay unknown.
+    """
+
+    artificial_mm: float = 0.0
+    artificial_units: float = 0.0
+    is_area: bool = False
+
+    def diameter_mm(self, units: float) -> float:
+        """Return the diameter of a pupil of this size; NaN when it is not known."""
+        if not (self.artificial_units > 0 and 0 < units < math.inf):
+            return NAN
+        share = units / self.artificial_units
+        return self.artificial_mm * (math.sqrt(share) if self.is_area else share)
+
+
+UNKNOWN_PUPIL = PupilScale()
+
+
+def pupil_sizes(raw: bytes) -> tuple[float, ...]:
+    """Return the pupils' sizes in a whole sample, in the tracker's unit, of the eyes it has."""
+    _, eyes, *numbers = SAMPLE.unpack(raw)
+    return tuple(numbers[i] for bit, i in ((LEFT, 2), (RIGHT, 5)) if eyes & bit and numbers[i] > 0)
+
+
 def decode_sample(
     raw: bytes,
     screen: Screen,
     screen_px: tuple[int, int],
     half_m: float,
-    pupil_mm_per_unit: float,
+    pupil_scale: PupilScale = UNKNOWN_PUPIL,
 ) -> Sample | None:
     """Return the sample; None when it is malformed or its time is not known."""
     if len(raw) != SAMPLE.size:
@@ -51,7 +81,7 @@ def decode_sample(
         has_gaze = bool(eyes & bit) and abs(x) < MISSING_BEYOND and abs(y) < MISSING_BEYOND
         point = screen.point_m(x / screen_px[0], y / screen_px[1]) if has_gaze else NO_VECTOR
         ray = ray_between(at, point)
-        size = diameter_mm(pupil * pupil_mm_per_unit) if has_gaze and math.isfinite(pupil) else NAN
+        size = diameter_mm(pupil_scale.diameter_mm(pupil)) if has_gaze else NAN
         rows.append(Eye(ray, at, ray[0] == ray[0], size))
     return Sample(round(time_ms * 1e6), None, gaze_row(rows[0], rows[1]))
 

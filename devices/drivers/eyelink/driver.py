@@ -10,13 +10,20 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-from visavis.devices.contracts import CalibrationOutcome, ClockPair, DeviceState, SessionName
+from visavis.devices.contracts import (
+    CalibrationOutcome,
+    ClockPair,
+    DeviceState,
+    Fault,
+    SessionName,
+)
 from visavis.devices.drivers.eyelink import codec
 from visavis.devices.drivers.eyelink.library import TIME, VERDICT
 from visavis.devices.drivers.eyelink.spec import EYELINK
 from visavis.devices.drivers.streaming.gaze_device import GazeDevice
 from visavis.devices.drivers.streaming.gaze_rays import Sample
 from visavis.devices.drivers.streaming.screen import Screen
+from visavis.devices.plausible import PUPIL_MM
 from visavis.devices.transports import Exchange, Frames, Message, MessageTransport
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.lab.errors import DeviceTimeout
@@ -25,13 +32,15 @@ ASK_WITHIN_NS = NS_PER_S // 5
 NO_RESULT = 1000
 """Result of the library as long as nothing was calibrated since it connected."""
 VERDICTS = {1: "poor calibration", 27: "calibration was ended with Esc", -1: "calibration failed"}
+MIN_PUPILS = 200
+PERHAPS_OTHER_UNIT = "was artificial_pupil_units measured otherwise?"
 RECORD_WITHIN_NS = 10 * NS_PER_S
 
 
 class EyeLink(GazeDevice):
     """Follow the `EyeTracker` contract over pylink; it is calibrated on its host computer.
 
-    `pupil_mm_per_unit` comes from an artificial pupil measured in the lab; 0 leaves pupils
+    `pupil_scale` comes from an artificial pupil measured in the lab; without it pupils stay
     unknown, because the tracker's unit depends on camera and distance.
     """
 
@@ -46,14 +55,16 @@ class EyeLink(GazeDevice):
         exchange_interval_s: float = 1.0,
         screen: Screen | None = None,
         screen_px: tuple[int, int] = (1920, 1080),
-        pupil_mm_per_unit: float = 0.0,
+        pupil_scale: codec.PupilScale = codec.UNKNOWN_PUPIL,
         eye_distance_mm: float = 64.0,
     ) -> None:
         self._screen = screen or Screen()
         self._screen_px = screen_px
-        self._pupil = pupil_mm_per_unit
+        self._pupil_scale = pupil_scale
+        self._pupil_count = self._wrong_pupil_count = 0
+        self._last_pupil_mm = 0.0
         self._half_m = eye_distance_mm * 5e-4
-        extra = {"pupil"} if pupil_mm_per_unit else set()
+        extra = {"pupil"} if pupil_scale.artificial_units else set()
         capabilities = EYELINK.product.capabilities | extra
         super().__init__(
             role,
@@ -97,12 +108,34 @@ class EyeLink(GazeDevice):
 
     def _decode(self, message: Message) -> Iterable[Sample]:
         sample = codec.decode_sample(
-            message.frames[0], self._screen, self._screen_px, self._half_m, self._pupil
+            message.frames[0], self._screen, self._screen_px, self._half_m, self._pupil_scale
         )
         if sample is None:
             self._malformed += 1
         else:
+            self._compare_pupils(codec.pupil_sizes(message.frames[0]))
             yield sample
+
+    def _compare_pupils(self, sizes: tuple[float, ...]) -> None:
+        """Count pupils that no eye has."""
+        scale = self._pupil_scale
+        if not scale.artificial_units:
+            return
+        for size in sizes:
+            pupil_mm = scale.diameter_mm(size)
+            self._pupil_count += 1
+            if not PUPIL_MM.admit(pupil_mm):
+                self._wrong_pupil_count += 1
+                self._last_pupil_mm = pupil_mm
+
+    def _own_faults(self) -> Iterable[Fault]:
+        if self._pupil_count < MIN_PUPILS or 2 * self._wrong_pupil_count < self._pupil_count:
+            return
+        unit = "area" if self._pupil_scale.is_area else "diameter"
+        yield self._warning(
+            f"{PUPIL_MM.sentence('the pupil', self._last_pupil_mm)}: {PERHAPS_OTHER_UNIT}",
+            f"measure the artificial pupil where the eye is, with pupil_size: {unit}",
+        )
 
     def _take_time(self, exchange: Exchange) -> None:
         frames: Frames = exchange.frames

@@ -44,8 +44,9 @@ def eyelink_library() -> Any:
 class EyeLinkLibrary(NoTopics):
     """Offer one tracker's link samples; `library` replaces pylink in tests.
 
-    `screen_px` is sent to the tracker, whose gaze is in these pixels. After a request `record` it
-    records to its own file, which is fetched when the wire is closed.
+    `screen_px` is sent to the tracker, whose gaze is in these pixels. It is told to give a pupil's
+    diameter, or with `gives_area` its area; the names of the data say AREA for both. After a
+    request `record` it records to its own file, which is fetched when the wire is closed.
     """
 
     def __init__(
@@ -55,6 +56,7 @@ class EyeLinkLibrary(NoTopics):
         *,
         screen_px: tuple[int, int] = (1920, 1080),
         rate_hz: float = 1000.0,
+        gives_area: bool = False,
         library: Any = None,
         is_simulated: bool = False,
     ) -> None:
@@ -63,6 +65,7 @@ class EyeLinkLibrary(NoTopics):
         self._clock = clock
         self._screen_px = screen_px
         self._rate_hz = rate_hz
+        self._gives_area = gives_area
         self._file: tuple[str, Path] | None = None
         self._breaks = 0
         self._injected_library = library
@@ -90,6 +93,7 @@ class EyeLinkLibrary(NoTopics):
         for command in (
             f"screen_pixel_coords = {coordinates}",
             f"sample_rate = {self._rate_hz:.0f}",
+            f"pupil_size_diameter = {'NO' if self._gives_area else 'YES'}",
             "link_sample_data = LEFT,RIGHT,GAZE,AREA,STATUS",
             "file_event_filter = LEFT,RIGHT,FIXATION,SACCADE,BLINK,MESSAGE,BUTTON,INPUT",
             "file_sample_data = LEFT,RIGHT,GAZE,AREA,GAZERES,HREF,STATUS,INPUT",

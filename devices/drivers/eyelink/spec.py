@@ -1,9 +1,10 @@
 """EyeLink: its options and its description."""
 
-from typing import Any
+from typing import Any, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
+from visavis.devices.drivers.eyelink.codec import PupilScale
 from visavis.devices.drivers.streaming.options import EyeDistanceMm, ScreenOptions
 from visavis.devices.libraries import PYLINK
 from visavis.devices.spec import Claims, DriverSpec, Product, Wire
@@ -12,26 +13,58 @@ from visavis.devices.spec import Claims, DriverSpec, Product, Wire
 class EyeLinkOptions(ScreenOptions):
     """Options of `eyelink`."""
 
-    of_wire = frozenset({"address", "screen_width_px", "screen_height_px"})
+    of_wire = frozenset(
+        {
+            "address",
+            "screen_width_px",
+            "screen_height_px",
+            "pupil_size",
+            "artificial_pupil_mm",
+            "artificial_pupil_units",
+            "pupil_mm_per_unit",
+        }
+    )
 
     address: str = Field(default="100.1.1.1", min_length=1)
     rate_hz: float = Field(default=1000.0, ge=1, le=2000)
     exchange_interval_s: float = Field(default=1.0, gt=0, le=60)
     screen_width_px: int = Field(default=1920, ge=1, le=100_000)
     screen_height_px: int = Field(default=1080, ge=1, le=100_000)
+    pupil_size: Literal["diameter", "area"] = "diameter"
+    """What the tracker is told to give for a pupil's size."""
+    artificial_pupil_mm: float = Field(default=0.0, ge=0, le=20)
+    """Diameter of an artificial pupil measured in the lab; 0 leaves pupils unknown."""
+    artificial_pupil_units: float = Field(default=0.0, ge=0, le=1e6)
+    """The size that the tracker gave it, with the same `pupil_size`."""
     pupil_mm_per_unit: float = Field(default=0.0, ge=0, le=1)
-    """Millimetres of diameter per unit of the tracker's pupil size; 0 leaves pupils unknown."""
+    """As recordings of version 0.3 and earlier state it; a tracker is not opened with it."""
     eye_distance_mm: EyeDistanceMm = 64.0
 
+    @model_validator(mode="after")
+    def _both_or_none(self) -> Self:
+        if bool(self.artificial_pupil_mm) != bool(self.artificial_pupil_units):
+            raise ValueError("give artificial_pupil_mm and artificial_pupil_units together")
+        return self
+
+    @property
+    def pupil_scale(self) -> PupilScale:
+        """What makes millimetres of the tracker's sizes."""
+        if self.pupil_mm_per_unit:
+            return PupilScale(self.pupil_mm_per_unit, 1.0)
+        return PupilScale(
+            self.artificial_pupil_mm, self.artificial_pupil_units, self.pupil_size == "area"
+        )
+
     def for_driver(self) -> dict[str, Any]:
-        """Return the driver's options, with the pixels of the screen."""
+        """Return the driver's options, with the pixels of the screen and the scale of pupils."""
         pixels = (self.screen_width_px, self.screen_height_px)
-        return {**super().for_driver(), "screen_px": pixels}
+        return {**super().for_driver(), "screen_px": pixels, "pupil_scale": self.pupil_scale}
 
     def for_simulator(self) -> dict[str, Any]:
-        """Return rate, drift, screen and its pixels."""
+        """Return rate, drift, screen, its pixels and what is given for a pupil's size."""
         pixels = (self.screen_width_px, self.screen_height_px)
-        return {**super().for_simulator(), "screen_px": pixels}
+        is_area = self.pupil_size == "area"
+        return {**super().for_simulator(), "screen_px": pixels, "gives_area": is_area}
 
 
 EYELINK = DriverSpec(

@@ -7,12 +7,23 @@ from visavis.devices.drivers.eyelink.spec import EYELINK, EyeLinkOptions
 from visavis.devices.sim.eyelink import EyeLinkSimulator
 from visavis.devices.transports import MessageTransport
 from visavis.devices.wiring import Site, Wiring, driven_by, streamed_by
+from visavis.lab.errors import ConfigError
 
 
 def _library(site: Site[EyeLinkOptions]) -> MessageTransport:
     options = site.options
-    pixels = (options.screen_width_px, options.screen_height_px)
-    return EyeLinkLibrary(options.address, site.clock, screen_px=pixels, rate_hz=options.rate_hz)
+    if options.pupil_mm_per_unit:
+        raise ConfigError(
+            "pupil_mm_per_unit took the tracker's area of a pupil for its diameter: measure the "
+            "artificial pupil again and give artificial_pupil_mm and artificial_pupil_units"
+        )
+    return EyeLinkLibrary(
+        options.address,
+        site.clock,
+        screen_px=(options.screen_width_px, options.screen_height_px),
+        rate_hz=options.rate_hz,
+        gives_area=options.pupil_size == "area",
+    )
 
 
 def _set_up(site: Site[EyeLinkOptions]) -> str:

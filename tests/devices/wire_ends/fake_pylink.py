@@ -48,6 +48,7 @@ class FakeTracker:
         self._open: str | None = None
         self._answer_ns: int | None = None
         library.simulator.display_px = DEFAULT_PX
+        library.simulator.gives_area = True  # until it is told otherwise
 
     def isConnected(self) -> int:  # noqa: N802
         """Return 1 while the link stands."""
@@ -59,6 +60,8 @@ class FakeTracker:
         if not self.recording and command.startswith("screen_pixel_coords"):
             left, top, right, bottom = map(int, command.partition("=")[2].split())
             self._library.simulator.display_px = (right - left + 1, bottom - top + 1)
+        if not self.recording and command.startswith("pupil_size_diameter"):
+            self._library.simulator.gives_area = command.partition("=")[2].strip() != "YES"
         return 0
 
     def setOfflineMode(self) -> None:  # noqa: N802
