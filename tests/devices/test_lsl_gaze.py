@@ -17,7 +17,7 @@ from visavis.devices.drivers.lsl import gaze_codec as codec
 from visavis.devices.drivers.lsl.gaze import LslGaze, TobiiLsl
 from visavis.devices.drivers.streaming.gaze_rays import rows_to_values
 from visavis.devices.drivers.streaming.screen import Screen
-from visavis.devices.sim.lsl.gaze import LAYOUTS, LslGazeSimulator
+from visavis.devices.sim.lsl.gaze import LAYOUTS, LslGazeSimulator, titta_rows
 from visavis.lab.errors import ProtocolViolation
 from visavis.lab.geometry import angle_deg
 
@@ -66,21 +66,68 @@ def test_missing_numbers_are_missing_never_zero():
     assert np.isnan(row["left_pupil_mm"])
 
 
-def test_tobii_millimetres_from_the_screen_centre_make_rays():
-    names = [
-        *(f"left_gaze_point_on_display_area_{a}" for a in "xy"),
-        *(f"left_gaze_point_in_user_coordinates_{a}" for a in "xyz"),
-        *(f"left_gaze_origin_in_user_coordinates_{a}" for a in "xyz"),
-        "left_gaze_point_valid",
-        "left_pupil_diameter",
-    ]
-    layout = codec.layout_of(info_of(*({"label": name} for name in names)))
-    _, row = row_of(layout, 1.0, 0.5, 0.5, 0, 0, 0, -30.0, 0.0, 600.0, 1, 3.2)
+TITTA = {
+    "x.position_on_display_area.gaze_point": 0.5,
+    "y.position_on_display_area.gaze_point": 0.5,
+    "x.position_in_user_coordinates.gaze_point": 0.0,
+    "y.position_in_user_coordinates.gaze_point": 170.0,  # the tracker sits below the screen
+    "z.position_in_user_coordinates.gaze_point": 0.0,
+    "valid.gaze_point": 1.0,
+    "diameter.pupil": 3.2,
+    "valid.pupil": 1.0,
+    "x.position_in_user_coordinates.gaze_origin": -30.0,
+    "y.position_in_user_coordinates.gaze_origin": 190.0,
+    "z.position_in_user_coordinates.gaze_origin": 650.0,
+    "valid.gaze_origin": 1.0,
+}
 
-    ray = np.array([30.0, 0.0, -600.0])
+
+def titta_row(**changes):
+    numbers = {**TITTA, **changes}
+    described = [{"label": f"{name}.left_eye"} for name in numbers]
+    info = codec.StreamInfo("Tobii_gaze", "", 60.0, len(described) + 1, tuple(described))
+    return row_of(codec.layout_of(info), 1.0, *numbers.values(), 1234.5)[1]
+
+
+def test_labels_are_those_of_tittalsl_and_one_channel_is_undescribed():
+    """Labels, order and count as in dcnieho/Titta, src/TittaLSL.cpp, Sender::start, pushSample."""
+    labels = [row["label"] for row in titta_rows()]
+
+    assert len(labels) == 42
+    assert labels[0] == "x.position_on_display_area.gaze_point.left_eye"
+    assert labels[20] == "available.eye_openness.left_eye"
+    assert labels[28] == "diameter.pupil.right_eye"
+    layout = codec.layout_of(codec.StreamInfo("Tobii_gaze", "", 600.0, 43, tuple(titta_rows())))
+    assert layout.count == 43
+    assert {kind for eye, kind in layout.places if eye == "right"} == set(codec.TITTA_LABELS)
+
+
+def test_tobii_eye_is_as_far_from_its_point_as_the_tracker_says():
+    row = titta_row()
+
+    ray = np.array([30.0, -20.0, -650.0])
     np.testing.assert_allclose(row["left_direction_head"], ray / np.linalg.norm(ray), atol=1e-6)
-    np.testing.assert_allclose(row["origin_m"], (-0.03, 0, 0), atol=1e-6)
+    np.testing.assert_allclose(row["origin_m"], (-0.03, 0.02, 0.05), atol=1e-6)
     assert (row["eyes_used"], row["left_pupil_mm"]) == (1, np.float32(3.2))
+
+
+@pytest.mark.parametrize(
+    ("flag", "column", "is_missing"),
+    [
+        ("valid.gaze_point", "left_valid", lambda value: not value),
+        ("valid.pupil", "left_pupil_mm", np.isnan),
+    ],
+)
+def test_tobii_value_that_is_not_valid_is_missing(flag, column, is_missing):
+    assert is_missing(titta_row(**{flag: 0.0})[column])
+
+
+def test_tobii_eye_whose_place_is_not_valid_looks_from_the_viewing_place():
+    row = titta_row(**{"valid.gaze_origin": 0.0})
+
+    ray = np.array([0.03, 0.0, -0.6])
+    np.testing.assert_allclose(row["left_direction_head"], ray / np.linalg.norm(ray), atol=1e-6)
+    assert row["left_valid"]
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)

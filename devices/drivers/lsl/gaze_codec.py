@@ -1,8 +1,9 @@
 """Find gaze among the channels of an LSL stream and turn its numbers into samples; pure.
 
 Sources: the XDF wiki's gaze meta-data (type, eye, unit, coordinate_system of each channel), which
-our own outlets follow, and the channel labels of TittaLSL for Tobii trackers (from its public
-source, not tried against it). Missing stays NaN; nothing is interpolated or dejittered.
+our own outlets follow, and TittaLSL's `Sender::start` and `pushSample` for Tobii trackers
+(dcnieho/Titta, src/TittaLSL.cpp; it sends one channel more than it describes). Missing stays NaN;
+nothing is interpolated or dejittered.
 """
 
 import struct
@@ -29,11 +30,22 @@ METRES = {"meters": 1.0, "m": 1.0, "metres": 1.0, "millimeters": 1e-3, "mm": 1e-
 MILLIMETRES = {"millimeters": 1.0, "mm": 1.0, "meters": 1e3, "m": 1e3}
 HEAD = ("head-space", "head")
 EYES = ("left", "right", "both")
-TITTA_TOKEN = "gaze_point_on_display_area_x"  # noqa: S105 - the label of a channel
+TITTA_ENDING = ".position_on_display_area.gaze_point.left_eye"
 
 DIRECTION, PLACE, SCREEN, POINT = "direction", "place", "screen", "point"
 PUPIL, VALID, CONFIDENCE = "pupil", "valid", "confidence"
+PLACE_VALID, PUPIL_VALID = "place valid", "pupil valid"
 AXES = {DIRECTION: 3, PLACE: 3, POINT: 3, SCREEN: 2, PUPIL: 1, VALID: 1, CONFIDENCE: 1}
+TITTA_LABELS = {
+    SCREEN: [f"{axis}.position_on_display_area.gaze_point" for axis in "xy"],
+    POINT: [f"{axis}.position_in_user_coordinates.gaze_point" for axis in "xyz"],
+    VALID: ["valid.gaze_point"],
+    PLACE: [f"{axis}.position_in_user_coordinates.gaze_origin" for axis in "xyz"],
+    PLACE_VALID: ["valid.gaze_origin"],
+    PUPIL: ["diameter.pupil"],
+    PUPIL_VALID: ["valid.pupil"],
+}
+"""What each means of an eye; `.left_eye` or `.right_eye` follows."""
 
 
 class StreamInfo(NamedTuple):
@@ -96,12 +108,10 @@ def require_rate(info: StreamInfo) -> None:
 
 def layout_of(info: StreamInfo, screen_px: tuple[int, int] = (1920, 1080)) -> GazeLayout | None:
     """Return the places of gaze among the channels; None when none is named as gaze."""
-    if len(info.channels) != info.n_channels:
-        return None
     labels = [row.get("label", "") for row in info.channels]
-    if any(label.endswith(TITTA_TOKEN) for label in labels):
-        return _titta(labels)
-    return _xdf(info.channels, screen_px)
+    if any(label.endswith(TITTA_ENDING) for label in labels):
+        return _titta(labels, info.n_channels)
+    return _xdf(info.channels, screen_px) if len(labels) == info.n_channels else None
 
 
 def decode_sample(raw: bytes, layout: GazeLayout, screen: Screen, half_m: float) -> Sample | None:
@@ -159,16 +169,17 @@ class _Reading:
         return NAN if numbers is None else numbers[0]
 
     def ray(self, eye: str, x_m: float) -> tuple[Triple, Triple]:
-        place = self.many(eye, PLACE)
+        place = self.many(eye, PLACE) if self.is_set(eye, PLACE_VALID) else None
         screen = self._screen
         at: Triple = (x_m, 0.0, 0.0)
-        if place is not None and any(place):
-            at = (place[0], place[1], place[2])
-            if self._layout.on_screen:  # from the screen's centre, as Tobii gives it
-                cx, cy, cz = screen.point_m(0.5, 0.5)
-                at = (at[0] + cx, at[1] + cy, at[2] + cz)
         direction, point = self.many(eye, DIRECTION), self.many(eye, POINT)
         shares = self.many(eye, SCREEN)
+        if place is not None and not any(place):
+            place = None
+        if place is not None:
+            at = (place[0], place[1], place[2])
+            if self._layout.on_screen:
+                at = _on_screen(at, point, shares, screen)
         if direction is not None:
             return unit_triple(*direction), at
         if point is not None and place is not None:
@@ -177,15 +188,31 @@ class _Reading:
             return ray_between(at, screen.point_m(*shares)), at
         return NO_VECTOR, at
 
+    def is_set(self, eye: str, flag: str) -> bool:
+        """Tell whether a flag is set, or not sent."""
+        return (eye, flag) not in self._layout.places or self.one(eye, flag) > 0
+
     def eye(self, eye: str, x_m: float) -> Eye:
         ray, at = self.ray(eye, x_m)
-        validity = self.one(eye, VALID)
         has_ray = ray[0] == ray[0]
-        pupil = diameter_mm(self.one(eye, PUPIL))
+        pupil = diameter_mm(self.one(eye, PUPIL)) if self.is_set(eye, PUPIL_VALID) else NAN
         if not has_ray and pupil != pupil:
             return NO_EYE
-        valid = has_ray and (validity > 0 if (eye, VALID) in self._layout.places else True)
-        return Eye(ray, at, valid, pupil)
+        return Eye(ray, at, has_ray and self.is_set(eye, VALID), pupil)
+
+
+def _on_screen(
+    at: Triple, point: Sequence[float] | None, shares: Sequence[float] | None, screen: Screen
+) -> Triple:
+    """Return an eye's place in the head frame of the screen from one in the tracker's own.
+
+    The tracker's origin is at its front (Tobii) and not known here. The point that is looked at is
+    told in both frames, and the eye is as far from it in either; without one the tracker's origin
+    is taken for the screen's centre.
+    """
+    known = (0.0, 0.0, 0.0) if point is None or shares is None else point
+    sx, sy, sz = screen.point_m(*((0.5, 0.5) if point is None or shares is None else shares))
+    return at[0] - known[0] + sx, at[1] - known[1] + sy, at[2] - known[2] + sz
 
 
 def _xdf(rows: Sequence[Mapping[str, str]], screen_px: tuple[int, int]) -> GazeLayout | None:
@@ -227,23 +254,19 @@ def _xdf(rows: Sequence[Mapping[str, str]], screen_px: tuple[int, int]) -> GazeL
     return GazeLayout(len(rows), whole, whole_factors, states_frame)
 
 
-def _titta(labels: Sequence[str]) -> GazeLayout | None:
+def _titta(labels: Sequence[str], n_channels: int) -> GazeLayout | None:
+    """Return the places of TittaLSL's channels; the device's own time follows, undescribed."""
+    if not 0 <= n_channels - len(labels) <= 1:
+        return None
     places: dict[tuple[str, str], tuple[int, ...]] = {}
     factors: dict[tuple[str, str], tuple[float, ...]] = {}
-    names = {
-        SCREEN: [f"gaze_point_on_display_area_{axis}" for axis in "xy"],
-        POINT: [f"gaze_point_in_user_coordinates_{axis}" for axis in "xyz"],
-        PLACE: [f"gaze_origin_in_user_coordinates_{axis}" for axis in "xyz"],
-        PUPIL: ["pupil_diameter"],
-        VALID: ["gaze_point_valid"],
-    }
     for eye in ("left", "right"):
-        for kind, endings in names.items():
-            channel_labels = [f"{eye}_{ending}" for ending in endings]
+        for kind, names in TITTA_LABELS.items():
+            channel_labels = [f"{name}.{eye}_eye" for name in names]
             if all(label in labels for label in channel_labels):
                 places[eye, kind] = tuple(labels.index(label) for label in channel_labels)
                 if kind in (PLACE, POINT):
                     factors[eye, kind] = (1e-3,) * 3
     if not any(kind in (SCREEN, POINT) for _, kind in places):
         return None
-    return GazeLayout(len(labels), places, factors)
+    return GazeLayout(n_channels, places, factors)

@@ -1,6 +1,6 @@
 """An LSL gaze stream of a body, in memory.
 
-Written from the XDF wiki's gaze meta-data and TittaLSL's labels. Not modelled: LSL's discovery and
+Written from the XDF wiki's gaze meta-data and TittaLSL's source. Not modelled: LSL's discovery and
 recovery, other streams of a session.
 """
 
@@ -18,18 +18,42 @@ from visavis.lab.xdf_channels import describe
 NAN = float("nan")
 OFFSET = struct.Struct("<dd")
 ROUND_TRIP_NS = 200_000
-TITTA_LABELS = tuple(
-    f"{eye}_{name}"
-    for eye in ("left", "right")
-    for name in (
-        "gaze_point_on_display_area_x", "gaze_point_on_display_area_y",
-        "gaze_point_in_user_coordinates_x", "gaze_point_in_user_coordinates_y",
-        "gaze_point_in_user_coordinates_z", "gaze_point_valid", "gaze_point_available",
-        "pupil_diameter", "pupil_valid", "gaze_origin_in_user_coordinates_x",
-        "gaze_origin_in_user_coordinates_y", "gaze_origin_in_user_coordinates_z",
-        "gaze_origin_valid",
-    )
-)  # fmt: skip
+TRACKER_BELOW_MM = 25.0
+"""How far below the screen's lower edge a Tobii tracker, its own origin, sits."""
+
+
+def titta_rows() -> list[dict[str, str]]:
+    """Return the channels as TittaLSL describes them: 42, and one more is sent."""
+    rows = []
+    for eye in ("left", "right"):
+        for label, kind, unit in (
+            *((f"{a}.position_on_display_area.gaze_point", "Screen", "normalized") for a in "xy"),
+            *(
+                (f"{a}.position_in_user_coordinates.gaze_point", "Intersection", "mm")
+                for a in "xyz"
+            ),
+            ("valid.gaze_point", "ValidFlag", "bool"),
+            ("available.gaze_point", "AvailableFlag", "bool"),
+            ("diameter.pupil", "Diameter", "mm"),
+            ("valid.pupil", "ValidFlag", "bool"),
+            ("available.pupil", "AvailableFlag", "bool"),
+            *((f"{a}.position_in_user_coordinates.gaze_origin", "Pupil", "mm") for a in "xyz"),
+            *(
+                (f"{a}.position_in_track_box_coordinates.gaze_origin", "Pupil", "normalized")
+                for a in "xyz"
+            ),
+            ("valid.gaze_origin", "ValidFlag", "bool"),
+            ("available.gaze_origin", "AvailableFlag", "bool"),
+            ("diameter.eye_openness", "EyeLidDistance", "mm"),
+            ("valid.eye_openness", "ValidFlag", "bool"),
+            ("available.eye_openness", "AvailableFlag", "bool"),
+        ):
+            axis = label[0].upper() if kind in ("Screen", "Intersection", "Pupil") else ""
+            row = {"label": f"{label}.{eye}_eye", "eye": eye, "type": kind + axis, "unit": unit}
+            rows.append(row)
+    return rows
+
+
 LAYOUTS = ("xdf", "screen", "titta")
 
 
@@ -80,13 +104,16 @@ class LslGazeSimulator(GazePeer):
                 values += [x, y, shot.pupil_mm if is_seen else NAN]
                 continue
             cx, cy, cz = self._screen.point_m(0.5, 0.5)
+            cy -= self._screen.height_mm * 0.5e-3 + TRACKER_BELOW_MM * 1e-3
             px, py, pz = self._screen.point_m(x, y)
             point = [(px - cx) * 1e3, (py - cy) * 1e3, (pz - cz) * 1e3]
             origin = [(x_m - cx) * 1e3, -cy * 1e3, -cz * 1e3] if is_seen else [NAN] * 3
             valid = float(is_seen)
-            pupil = [shot.pupil_mm if is_seen else NAN, valid]
-            values += [x, y, *point, valid, 1.0, *pupil, *origin, valid]
-        return values
+            pupil = [shot.pupil_mm if is_seen else NAN, valid, 1.0]
+            box = [0.5, 0.5, 0.5] if is_seen else [NAN] * 3
+            no_openness = [0.0, 0.0, 0.0]
+            values += [x, y, *point, valid, 1.0, *pupil, *origin, *box, valid, 1.0, *no_openness]
+        return values if self.layout == "screen" else [*values, shot.t_device_ns / NS_PER_S]
 
     def desc(self) -> Element:
         """Return the channels' meta-data."""
@@ -95,7 +122,7 @@ class LslGazeSimulator(GazePeer):
             describe(desc, GAZE)
             return desc
         channels = SubElement(desc, "channels")
-        rows: list[dict[str, str]] = [{"label": label} for label in TITTA_LABELS]
+        rows = titta_rows()
         if self.layout == "screen":
             rows = []
             for eye in ("left", "right"):
@@ -113,13 +140,14 @@ class LslGazeSimulator(GazePeer):
 
     def channel_count(self) -> int:
         """Return how many numbers a sample has."""
-        return len(self.desc().findall("./channels/channel"))
+        described = len(self.desc().findall("./channels/channel"))
+        return described + 1 if self.layout == "titta" else described
 
     def xml(self) -> bytes:
         """Return the stream's description as liblsl writes it."""
         root = Element("info")
         rows = {
-            "name": f"simulated {self.layout}",
+            "name": "Tobii_gaze" if self.layout == "titta" else f"simulated {self.layout}",
             "type": "Gaze",
             "source_id": "sim-gaze",
             "channel_count": str(self.channel_count()),
