@@ -11,6 +11,7 @@ from tests.devices.band_makers import ble_armband, neosensory_buzz, vhp_slim
 from visavis.devices import conformance
 from visavis.devices.byte_links import MemoryLink
 from visavis.devices.contracts import HAPTICS, DeviceState
+from visavis.devices.drivers.armband.spec import BleArmbandOptions
 from visavis.devices.drivers.links.ble import BleLink, BleThread
 from visavis.devices.sim.armband.simulator import ArmbandSimulator
 from visavis.devices.sim.bands.buzz import BuzzSimulator
@@ -157,6 +158,56 @@ def test_other_name_is_not_taken(bluez):
 
     with pytest.raises(DeviceTimeout):
         link.open(0.5)
+
+
+HM_10 = tuple(f"0000ffe{n}-0000-1000-8000-00805f9b34fb" for n in (0, 1, 1))
+OWN = tuple(f"1234000{n}-0000-4000-8000-000000000000" for n in (0, 1, 2))
+
+
+@pytest.mark.parametrize(
+    ("uuids", "options"),
+    [
+        (HM_10, {}),  # the module of the parts list: one characteristic for both ways
+        (HM_10, {"write_uuid": "FFE1", "notify_uuid": "FFE1"}),
+        (OWN, {"write_uuid": OWN[1].upper(), "notify_uuid": OWN[2]}),
+    ],
+)
+def test_armband_answers_over_any_serial_service(bluez, uuids, options):
+    peer = ArmbandSimulator("arm", CLOCK, seed=1)
+    host = bluez(peer, name="Visavis arm", uuids=uuids)
+    given = BleArmbandOptions(name="Visavis", **options)
+    link = BleLink(
+        CLOCK,
+        name=given.name,
+        write_uuid=given.write_uuid,
+        notify_uuid=given.notify_uuid,
+        thread=host.thread,
+    )
+    driver = ble_armband("arm", CLOCK, link=link)
+
+    driver.open(8.0)
+    driver.close()
+
+    assert driver.info.serial
+
+
+def test_unknown_service_is_named_with_what_to_give(bluez):
+    host = bluez(BuzzSimulator("arm", CLOCK), uuids=OWN)
+    link = BleLink(CLOCK, name="Buzz", thread=host.thread)
+
+    with pytest.raises(DeviceNotFound, match=rf"its services: {OWN[0]}; give write_uuid"):
+        link.open(8.0)
+
+
+def test_two_bands_of_one_name_are_refused_and_an_address_chooses(bluez):
+    peer = BuzzSimulator("arm", CLOCK)
+    host = bluez(peer, others=[("Buzz 99", "AA:BB:CC:DD:EE:02")])
+
+    with pytest.raises(DeviceNotFound, match=r"2 Bluetooth devices .*Buzz 1234 .*Buzz 99 .*02\)"):
+        BleLink(CLOCK, name="Buzz", thread=host.thread).open(8.0)
+    link = BleLink(CLOCK, address="AA:BB:CC:DD:EE:01", thread=host.thread)
+    link.open(8.0)
+    link.close()
 
 
 def test_computer_without_bluetooth_is_told(monkeypatch):

@@ -18,6 +18,7 @@ from visavis.devices.drivers.buttons.hid_reports import (
 )
 from visavis.devices.drivers.buttons.spec import HID_BUTTONS
 from visavis.devices.drivers.hid_gaze.reports import hid_library
+from visavis.devices.one_of_a_kind import the_only_hid
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout, ProtocolViolation
 
@@ -31,7 +32,7 @@ MAX_REPORT_BYTES = 256
 class HidButtonLink:
     """A HID's reports as chunks that begin with "R"; its descriptor, asked for, begins with "D".
 
-    Without `vid` and `pid` the first gamepad or joystick is taken. `library` replaces hidapi in
+    Without `vid` and `pid` the only gamepad or joystick is taken. `library` replaces hidapi in
     tests.
     """
 
@@ -64,7 +65,7 @@ class HidButtonLink:
         rows = [row for row in library.enumerate() if self._fits(row)]
         if not rows:
             raise DeviceNotFound("no such gamepad or button box", remedy=HID_BUTTONS.remedy)
-        row = rows[0]
+        row = the_only_hid(rows, "gamepads or button boxes")
         device = library.device()
         try:
             device.open_path(row["path"])

@@ -7,6 +7,7 @@ from typing import Any
 
 from visavis.devices.drivers.hid_gaze.codec import EYE_TRACKER, INPUT, USAGE_PAGE, walk_descriptor
 from visavis.devices.libraries import HID
+from visavis.devices.one_of_a_kind import the_only_hid
 from visavis.devices.transports import Exchange, Frames, Message, NoTopics
 from visavis.lab.clock import Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, ProtocolViolation
@@ -36,7 +37,7 @@ def found_trackers(library: Any) -> list[Mapping[str, Any]]:
 
 
 class HidReports(NoTopics):
-    """Offer one eye tracker's reports; an empty serial takes the first one found.
+    """Offer one eye tracker's reports; an empty serial takes the only one there is.
 
     Requests: (descriptor,), (identity,), (feature:NN,). `library` replaces hidapi in tests.
     """
@@ -69,7 +70,7 @@ class HidReports(NoTopics):
         if not matches:
             serials = ", ".join(str(row.get("serial_number")) for row in rows) or "none"
             raise DeviceNotFound(f"no HID eye tracker {self._serial!r} (found: {serials})".strip())
-        self._row = matches[0]
+        self._row = the_only_hid(matches, "HID eye trackers")
         device = library.device()
         try:
             device.open_path(self._row["path"])

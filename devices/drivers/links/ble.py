@@ -1,4 +1,7 @@
-"""Reach a band over Bluetooth LE's Nordic UART service, through bleak.
+"""Reach a band over a serial service of Bluetooth LE, through bleak.
+
+LE has no serial port of its own; makers of modules have each their service. Those of `SERVICES` are
+found by themselves, any other is given by the UUIDs of its characteristics.
 
 One thread with one asyncio loop serves every link. An attempt to connect continues after `open` ran
 out of time, and the next `open` takes it over, because finding and connecting takes longer than one
@@ -17,16 +20,33 @@ from typing import Any, TypeVar
 from visavis.devices.byte_links import Chunk
 from visavis.devices.drivers.links.options import BleBandOptions
 from visavis.devices.libraries import BLE
+from visavis.devices.one_of_a_kind import the_only
 from visavis.devices.wiring import Site
 from visavis.lab.clock import Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, DeviceTimeout
 
 T = TypeVar("T")
 
-UART_WRITE = "6e400002-b5a3-f393-e0a9-e50e24dcca9e"
-UART_NOTIFY = "6e400003-b5a3-f393-e0a9-e50e24dcca9e"
+SERVICES = {
+    "Nordic UART": (
+        "6e400002-b5a3-f393-e0a9-e50e24dcca9e",
+        "6e400003-b5a3-f393-e0a9-e50e24dcca9e",
+    ),
+    "HM-10 (FFE1)": (
+        "0000ffe1-0000-1000-8000-00805f9b34fb",
+        "0000ffe1-0000-1000-8000-00805f9b34fb",
+    ),
+    "Microchip transparent UART": (
+        "49535343-8841-43f4-a8d4-ecbe34729bb3",
+        "49535343-1e4d-4bd9-ba61-23c647249616",
+    ),
+}
+"""Serial services: characteristics to write to and to be notified by. Sources: Nordic's and
+Microchip's documents of their services, the data sheet of Jinan Huamao's HM-10."""
 
 ATTEMPT_S = 10.0
+OTHERS_S = 1.5
+"""How long a second band that fits is looked for: the slowest common interval of advertising."""
 ORPHAN_S = 10.0
 WRITE_S = 0.5
 CLOSE_S = 2.0
@@ -75,9 +95,10 @@ SHARED_THREAD = BleThread()
 class BleLink:
     """A `ByteLink` over notifications and writes without response.
 
-    `address` or the advertised `name` (its beginning is enough) finds the band. With `splits`, a
-    message longer than a packet goes in several; otherwise it is refused, because the band takes
-    one message per packet.
+    `address` or the advertised `name` (its beginning is enough) finds the band; two that fit the
+    name are refused. Characteristics that are not given are those of the first of `SERVICES` that
+    it has. With `splits`, a message longer than a packet goes in several; otherwise it is refused,
+    because the band takes one message per packet.
     """
 
     def __init__(
@@ -87,8 +108,8 @@ class BleLink:
         address: str = "",
         name: str = "",
         splits: bool = True,
-        write_uuid: str = UART_WRITE,
-        notify_uuid: str = UART_NOTIFY,
+        write_uuid: str = "",
+        notify_uuid: str = "",
         is_simulated: bool = False,
         thread: BleThread | None = None,
     ) -> None:
@@ -102,6 +123,7 @@ class BleLink:
         self._name = name
         self._splits = splits
         self._uuids = (write_uuid, notify_uuid)
+        self._found_address = ""
         self._thread = thread if thread is not None else SHARED_THREAD
         self._bleak: Any = None
         self._client: Any = None
@@ -133,6 +155,9 @@ class BleLink:
                 raise DeviceTimeout(text, remedy=REMEDY) from cause
             self._attempt = None
             raise self._not_found(cause) from cause
+        except DeviceError:
+            self._attempt = None
+            raise
         except (self._bleak.exc.BleakError, OSError, EOFError) as cause:
             self._attempt = None
             raise self._not_found(cause) from cause
@@ -193,21 +218,26 @@ class BleLink:
 
     async def _connect(self) -> None:
         bleak = self._bleak
-        if self._address:
-            device = await bleak.BleakScanner.find_device_by_address(
-                self._address, timeout=ATTEMPT_S
-            )
+        address = self._address or self._found_address
+        if address:
+            device = await bleak.BleakScanner.find_device_by_address(address, timeout=ATTEMPT_S)
         else:
-            device = await bleak.BleakScanner.find_device_by_filter(self._is_it, timeout=ATTEMPT_S)
+            device = await self._by_name()
         if device is None:
             raise bleak.exc.BleakError(f"{self.kind} does not advertise")
         client = bleak.BleakClient(device, self._on_gone, timeout=ATTEMPT_S)
         await client.connect()
-        write_uuid, notify_uuid = self._uuids
-        characteristic = client.services.get_characteristic(write_uuid)
-        if characteristic is None or client.services.get_characteristic(notify_uuid) is None:
+        uuids = self._uuids if all(self._uuids) else _serial_service(client.services)
+        if uuids is None or any(client.services.get_characteristic(uuid) is None for uuid in uuids):
+            offers = ", ".join(sorted(service.uuid for service in client.services)) or "none"
             await client.disconnect()
-            raise bleak.exc.BleakError(f"{self.kind} has no UART service")
+            raise DeviceNotFound(
+                f"{self.kind} has no serial service that is known here; its services: {offers}",
+                remedy="give write_uuid and notify_uuid of its characteristics in lab_config.yaml",
+            )
+        self._found_address = device.address
+        write_uuid, notify_uuid = uuids
+        characteristic = client.services.get_characteristic(write_uuid)
         self._client, self._characteristic = client, characteristic
         self._is_gone = False
         await client.start_notify(notify_uuid, self._on_data)
@@ -217,9 +247,30 @@ class BleLink:
         for piece in pieces:
             await client.write_gatt_char(self._characteristic, piece, response=False)
 
-    def _is_it(self, device: Any, advertisement: Any) -> bool:
-        name = advertisement.local_name or device.name or ""
-        return bool(name.startswith(self._name))
+    async def _by_name(self) -> Any:
+        """Return the only device whose name begins so, or None if there is none in time."""
+        fitting: dict[str, tuple[str, Any]] = {}
+        first = asyncio.Event()
+
+        def see(device: Any, advertisement: Any) -> None:
+            name = advertisement.local_name or device.name or ""
+            if name.startswith(self._name):
+                fitting[device.address] = (name, device)
+                first.set()
+
+        async with self._bleak.BleakScanner(see):
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(first.wait(), ATTEMPT_S)
+                await asyncio.wait_for(asyncio.Event().wait(), OTHERS_S)
+        if not fitting:
+            return None
+        chosen = the_only(
+            list(fitting.values()),
+            lambda found: f"{found[0]} ({found[1].address})",
+            f"Bluetooth devices that begin with {self._name!r}",
+            "give address in lab_config.yaml, or switch the others off",
+        )
+        return chosen[1]
 
     def _on_data(self, _: Any, data: bytearray) -> None:
         with self._something:
@@ -243,6 +294,14 @@ class BleLink:
         return DeviceNotFound(f"cannot reach {self.kind}: {reason}", remedy=REMEDY)
 
 
+def _serial_service(services: Any) -> tuple[str, str] | None:
+    """Return the characteristics of the first serial service that a device offers."""
+    for uuids in SERVICES.values():
+        if all(services.get_characteristic(uuid) is not None for uuid in uuids):
+            return uuids
+    return None
+
+
 async def _say_goodbye(client: Any) -> None:
     """Let packets without receipt, such as a silence, leave before the link is closed."""
     with contextlib.suppress(TimeoutError):
@@ -259,6 +318,13 @@ async def _cancel_all() -> None:
 
 
 def ble_band(site: Site[BleBandOptions]) -> BleLink:
-    """Return a band's `real`: the link to the first band that fits its options."""
+    """Return a band's `real`: the link to the only band that fits its options."""
     options = site.options
-    return BleLink(site.clock, address=options.address, name=options.name, splits=options.splits)
+    return BleLink(
+        site.clock,
+        address=options.address,
+        name=options.name,
+        splits=options.splits,
+        write_uuid=options.write_uuid,
+        notify_uuid=options.notify_uuid,
+    )

@@ -1,8 +1,8 @@
 """Options of devices by the wire they hang on."""
 
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from visavis.devices.options import SimulatedOptions
 
@@ -28,17 +28,33 @@ class SerialBandOptions(SerialOptions, BandOptions):
     """An armband on a serial port."""
 
 
+def long_uuid(uuid: str) -> str:
+    """Return a UUID of 16 bits in the 128 bits that Bluetooth's base gives it, lower case."""
+    return f"0000{uuid}-0000-1000-8000-00805f9b34fb".lower() if len(uuid) == 4 else uuid.lower()
+
+
+UUID = r"^([0-9A-Fa-f]{4}|[0-9A-Fa-f]{8}(-[0-9A-Fa-f]{4}){3}-[0-9A-Fa-f]{12}|)$"
+
+
 class BleBandOptions(BandOptions):
-    """A band by its address, or by the beginning of the name it advertises."""
+    """A band by its address, or by the beginning of the name it advertises.
+
+    The serial services of Nordic, HM-10 and Microchip are found by themselves; `write_uuid` and
+    `notify_uuid` (16 or 128 bits) name the characteristics of another.
+    """
 
     splits: ClassVar[bool] = True
     """Whether the band takes a message in pieces."""
 
     address: str = ""
     name: str = ""
+    write_uuid: Annotated[str, Field(pattern=UUID), AfterValidator(long_uuid)] = ""
+    notify_uuid: Annotated[str, Field(pattern=UUID), AfterValidator(long_uuid)] = ""
 
     @model_validator(mode="after")
     def _has_a_way(self) -> "BleBandOptions":
+        if bool(self.write_uuid) != bool(self.notify_uuid):
+            raise ValueError("give write_uuid and notify_uuid together; they may be the same")
         if not self.address and not self.name:
             raise ValueError("give the band's address or the name it advertises")
         return self

@@ -11,6 +11,7 @@ from typing import Any
 
 from visavis.devices.byte_links import Chunk
 from visavis.devices.libraries import HID, USB
+from visavis.devices.one_of_a_kind import the_only, the_only_hid
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 
@@ -47,7 +48,7 @@ class HidLink:
         return f"hid {self._criteria[0]:04x}:{self._criteria[1]:04x}"
 
     def open(self, deadline_s: float) -> None:
-        """Open the first band that fits."""
+        """Open the only band that fits."""
         self.close()
         library = self._library if self._library is not None else _hidapi()
         vid, pid, serial_number = self._criteria
@@ -58,9 +59,10 @@ class HidLink:
         ]
         if not entries:
             raise DeviceNotFound(f"no HID {vid:04x}:{pid:04x} {serial_number}", remedy=REMEDY)
+        entry = the_only_hid(entries, "HID bands")
         device = library.device()
         try:
-            device.open_path(entries[0]["path"])
+            device.open_path(entry["path"])
         except OSError as cause:
             text = f"cannot open HID {vid:04x}:{pid:04x}: {cause}"
             raise DeviceNotFound(text, remedy=LINUX_REMEDY) from cause
@@ -168,7 +170,12 @@ class UsbLink:
             raise DeviceNotFound(
                 f"no USB device {vid:04x}:{pid:04x} {serial_number}", remedy=REMEDY
             )
-        device = devices[0]
+        device = the_only(
+            devices,
+            lambda found: f"{self.kind} on bus {found.bus} address {found.address}",
+            "USB devices",
+            "give serial_number in lab_config.yaml, or unplug one",
+        )
         try:
             device.set_configuration()
             configuration = device.get_active_configuration()

@@ -14,6 +14,7 @@ from typing import Any
 
 from visavis.devices.contracts import ClockPair
 from visavis.devices.drivers.lsl.outlet import lsl_library
+from visavis.devices.one_of_a_kind import the_only
 from visavis.devices.transports import Exchange, Frames, Message, OnlyListening
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceTimeout
@@ -23,6 +24,9 @@ OFFSET = struct.Struct("<dd")
 
 MAX_OFFSET_S = 4e9
 MAX_SAMPLES = 1024
+MANY = 32
+LOOK_FOR_OTHERS_S = 1.0
+"""How long other streams that fit are waited for; on one network they answer within half of it."""
 
 
 def read_offset(frames: Sequence[bytes], t_host_ns: int) -> ClockPair | None:
@@ -38,7 +42,7 @@ def read_offset(frames: Sequence[bytes], t_host_ns: int) -> ClockPair | None:
 
 
 class LslInlet(OnlyListening):
-    """Find a stream by name, type and source (empty: any) and read it.
+    """Find the only stream of a name, type and source (empty: any) and read it.
 
     `configuration` is liblsl's. It sets the session and the reach on the network, and only the
     first user of LSL in this process can set it. Use that of the study's outlets.
@@ -59,6 +63,8 @@ class LslInlet(OnlyListening):
         self._configuration = configuration
         criteria = {"name": name, "type": content_type, "source_id": source_id}
         self._predicate = " and ".join(f"{k}='{_plain(v)}'" for k, v in criteria.items() if v)
+        self._content_type = content_type
+        self._opened: tuple[str, str] | None = None
         self._lsl: Any = None
         self._inlet: Any = None
         self._info = b""
@@ -79,22 +85,44 @@ class LslInlet(OnlyListening):
         if self._configuration:
             pylsl.set_config_content(self._configuration)
             self._configuration = ""
-        streams = pylsl.resolve_bypred(self._predicate or "true()", 1, max(0.1, deadline_s * 0.5))
-        if not streams:
-            raise DeviceTimeout(f"no stream with {self._predicate} was found on the network")
-        inlet = pylsl.StreamInlet(streams[0], max_buflen=60, recover=True)
+        stream = self._resolved(pylsl, max(0.1, deadline_s * 0.5))
+        inlet = pylsl.StreamInlet(stream, max_buflen=60, recover=True)
         try:
             inlet.open_stream(timeout=max(0.1, deadline_s * 0.5))
             self._info = inlet.info(timeout=1.0).as_xml().encode()
         except (pylsl.TimeoutError, pylsl.LostError) as cause:
             inlet.close_stream()
-            raise DeviceTimeout(f"the stream {streams[0].name()!r} does not open") from cause
+            raise DeviceTimeout(f"the stream {stream.name()!r} does not open") from cause
         self._inlet = inlet
+        self._opened = (stream.source_id(), stream.hostname())
         self._answers.clear()
         self._stopping.clear()
         self._offset_request.clear()
         self._thread = threading.Thread(target=self._measure, name="lsl-offset", daemon=True)
         self._thread.start()
+
+    def _resolved(self, pylsl: Any, within_s: float) -> Any:
+        """Return the only stream that fits, or the one that was open before.
+
+        Streams of one source are one: LSL itself goes on with the other when one ends.
+        """
+        wanted = self._predicate or "true()"
+        streams = pylsl.resolve_bypred(wanted, MANY, min(within_s, LOOK_FOR_OTHERS_S))
+        if not streams:
+            streams = pylsl.resolve_bypred(wanted, 1, within_s)
+        by_source = {
+            (s.source_id(), s.hostname()) if s.source_id() else s.uid(): s for s in streams
+        }
+        if not by_source:
+            raise DeviceTimeout(f"no stream with {self._predicate} was found on the network")
+        if self._opened in by_source:
+            return by_source[self._opened]
+        return the_only(
+            list(by_source.values()),
+            lambda s: f"{s.name()!r} of {s.hostname()} (source_id {s.source_id() or 'none'})",
+            f"LSL streams of type {self._content_type or 'any'}",
+            "give stream_name or source_id in lab_config.yaml, or end the other program",
+        )
 
     def request(self, frames: Frames, timeout_s: float) -> Exchange:
         """Give the stream's XML, or measure the clock offset now."""

@@ -18,7 +18,7 @@ GAZE_REMEDY = (
 
 
 class LslGazeOptions(ScreenOptions):
-    """Options of `lsl_gaze` and `tobii_lsl`; empty names match any stream of the type."""
+    """Options of `lsl_gaze` and `tobii_lsl`; empty names match the only one of the type."""
 
     of_wire = frozenset({"stream_name", "stream_type", "source_id", "session_id"})
 
@@ -46,7 +46,7 @@ class LslBodyOptions(StreamOptions):
 
 
 class LslStreamOptions(StreamOptions):
-    """Options of `lsl_stream`; empty names match any stream of the type.
+    """Options of `lsl_stream`; empty names match the only stream of the type.
 
     `channels`, `unit` and `rate_hz` count on a simulated wire only: a real stream says its own.
     """

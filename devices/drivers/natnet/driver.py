@@ -14,6 +14,7 @@ import numpy as np
 from visavis.devices.drivers.natnet import codec
 from visavis.devices.drivers.natnet.spec import MOTIVE_BONES, NATNET
 from visavis.devices.drivers.streaming.body_device import BodyDevice, BodySample
+from visavis.devices.one_of_a_kind import the_only
 from visavis.devices.plausible import TICKS_PER_S
 from visavis.devices.transports import Message, MessageTransport
 from visavis.lab.clock import NS_PER_S, Clock
@@ -86,6 +87,11 @@ class NatNet(BodyDevice):
             self._note("version", self._warning(text, remedy))
         self.info = replace(self.info, model=f"{server.program} {server.program_version}".strip())
         self._ask_until(deadline_ns, codec.REQUEST_MODEL, b"", lambda: self._models is not None)
+        if self._by_bones and not self._skeleton and self._models is not None:
+            skeletons = sorted({skeleton for skeleton, _ in self._models.bones})
+            if len(skeletons) > 1:
+                remedy = "give skeleton in lab_config.yaml, or stream only one"
+                the_only(skeletons, repr, "skeletons in Motive", remedy)
 
     def _known_server(self) -> codec.Server:
         if self._server is None:

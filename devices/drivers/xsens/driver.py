@@ -16,7 +16,10 @@ from visavis.lab.errors import DeviceTimeout
 
 
 class XsensMvn(BodyDevice):
-    """Follow the `BodyTracker` contract over MVN's stream; `character` counts from 0."""
+    """Follow the `BodyTracker` contract over MVN's stream.
+
+    `character` counts from 0; None takes the only one, and `check` refuses a second.
+    """
 
     def __init__(
         self,
@@ -25,10 +28,11 @@ class XsensMvn(BodyDevice):
         clock: Clock,
         *,
         rate_hz: float = 240.0,
-        character: int = 0,
+        character: int | None = None,
         lost_after_s: float = 2.0,
     ) -> None:
-        self._character = character
+        self._given_character = character
+        self._character: int | None = character
         self._assembler = codec.Assembler()
         super().__init__(
             role,
@@ -42,6 +46,7 @@ class XsensMvn(BodyDevice):
 
     def _connect(self, deadline_ns: int) -> None:
         """Wait for the first readable datagram: MVN streams whether or not we ask."""
+        self._character = self._given_character
         others: set[str] = set()
         while (now_ns := self._clock.now_ns()) < deadline_ns:
             left_s = (deadline_ns - now_ns) / 1e9
@@ -59,7 +64,13 @@ class XsensMvn(BodyDevice):
         if datagram is None:
             self._malformed += 1
             return ()
-        if isinstance(datagram, str) or datagram.character != self._character:
+        if isinstance(datagram, str):
+            return ()
+        if self._character is None:
+            self._character = datagram.character
+        if datagram.character != self._character:
+            if self._given_character is None:
+                self._refuse_second(datagram.character)
             return ()
         pose = self._assembler.add(datagram)
         if pose is None:
@@ -73,3 +84,10 @@ class XsensMvn(BodyDevice):
                 pose.valid,
             ),
         )
+
+    def _refuse_second(self, other: int) -> None:
+        fault = self._blocking(
+            f"MVN streams characters {self._character} and {other}, and none was chosen",
+            "give character in lab_config.yaml, or stream only one",
+        )
+        self._note("character", fault)

@@ -7,13 +7,13 @@ from visavis.devices.spec import Claims, DriverSpec, Product, Wire
 
 
 class XsensOptions(StreamOptions):
-    """Options of `xsens`: the port MVN sends to, and which of its characters."""
+    """Options of `xsens`: the port MVN sends to, and which of its characters, if there are more."""
 
     of_wire = frozenset({"port"})
 
     port: int = Field(default=9763, ge=1, le=65535)
     rate_hz: float = Field(default=240.0, ge=1, le=2000)
-    character: int = Field(default=0, ge=0, le=255)
+    character: int | None = Field(default=None, ge=0, le=255)
 
 
 XSENS = DriverSpec(

@@ -11,6 +11,7 @@ import contextlib
 import os
 import shutil
 import subprocess
+from collections.abc import Sequence
 from typing import Any
 
 from tests.devices.wire_ends.loop_thread import LoopThread
@@ -54,6 +55,8 @@ class PrivateBus(Closing):
 class FakeBluez(LoopThread):
     """Serve one adapter with one band until closed; a context manager.
 
+    `uuids` are of its service, of what is written to and of what notifies (one characteristic if
+    they are the same). `others` are names and addresses of more bands that only advertise.
     `is_near` false stops advertising and refuses connections; `drop` ends a connection as the
     radio would.
     """
@@ -67,6 +70,8 @@ class FakeBluez(LoopThread):
         name: str = "Buzz 1234",
         address: str = "AA:BB:CC:DD:EE:01",
         mtu: int = 23,
+        others: Sequence[tuple[str, str]] = (),
+        uuids: tuple[str, str, str] = (UART.format(1), UART.format(2), UART.format(3)),
     ) -> None:
         import dbus_fast
         import dbus_fast.aio
@@ -82,7 +87,9 @@ class FakeBluez(LoopThread):
         self._device = f"{ADAPTER}/dev_{address.replace(':', '_')}"
         self._service = f"{self._device}/service000a"
         self._write = f"{self._service}/char000b"
-        self._notify = f"{self._service}/char000d"
+        self._uuids = uuids
+        self._others = dict(others)
+        self._notify = self._write if uuids[1] == uuids[2] else f"{self._service}/char000d"
         self._is_known = self._is_connected = self._is_notifying = self._is_discovering = False
         self._bus: Any = None
         self._begin("fake BlueZ", START_S)
@@ -148,22 +155,28 @@ class FakeBluez(LoopThread):
         }
 
     def _device_objects(self) -> dict[str, Any]:
+        objects = self._device_object(self._name, self._address, is_connected=self._is_connected)
+        for name, address in self._others.items():
+            objects |= self._device_object(name, address, is_connected=False)
+        return objects
+
+    def _device_object(self, name: str, address: str, *, is_connected: bool) -> dict[str, Any]:
         v = self._variant
         return {
-            self._device: {
+            f"{ADAPTER}/dev_{address.replace(':', '_')}": {
                 "org.bluez.Device1": {
-                    "Address": v("s", self._address),
+                    "Address": v("s", address),
                     "AddressType": v("s", "random"),
-                    "Name": v("s", self._name),
-                    "Alias": v("s", self._name),
+                    "Name": v("s", name),
+                    "Alias": v("s", name),
                     "Adapter": v("o", ADAPTER),
                     "Paired": v("b", False),
                     "Trusted": v("b", False),
                     "Blocked": v("b", False),
                     "LegacyPairing": v("b", False),
-                    "Connected": v("b", self._is_connected),
-                    "ServicesResolved": v("b", self._is_connected),
-                    "UUIDs": v("as", [UART.format(1)]),
+                    "Connected": v("b", is_connected),
+                    "ServicesResolved": v("b", is_connected),
+                    "UUIDs": v("as", [self._uuids[0]]),
                     "RSSI": v("n", -50),
                 }
             }
@@ -174,21 +187,29 @@ class FakeBluez(LoopThread):
         return {
             self._service: {
                 "org.bluez.GattService1": {
-                    "UUID": v("s", UART.format(1)),
+                    "UUID": v("s", self._uuids[0]),
                     "Primary": v("b", True),
                     "Device": v("o", self._device),
                     "Includes": v("ao", []),
                 }
             },
-            self._write: self._characteristic(2, ["write", "write-without-response"]),
-            self._notify: self._characteristic(3, ["notify"]),
+            **self._characteristics(),
         }
 
-    def _characteristic(self, number: int, flags: list[str]) -> dict[str, Any]:
+    def _characteristics(self) -> dict[str, Any]:
+        writes, notifies = ["write", "write-without-response"], ["notify"]
+        if self._write == self._notify:
+            return {self._write: self._characteristic(self._uuids[1], [*writes, *notifies])}
+        return {
+            self._write: self._characteristic(self._uuids[1], writes),
+            self._notify: self._characteristic(self._uuids[2], notifies),
+        }
+
+    def _characteristic(self, uuid: str, flags: list[str]) -> dict[str, Any]:
         v = self._variant
         return {
             "org.bluez.GattCharacteristic1": {
-                "UUID": v("s", UART.format(number)),
+                "UUID": v("s", uuid),
                 "Service": v("o", self._service),
                 "Flags": v("as", flags),
                 "Notifying": v("b", False),
@@ -291,8 +312,8 @@ class FakeBluez(LoopThread):
             return
         if not self._is_known:
             self._is_known = True
-            ((path, interfaces),) = self._device_objects().items()
-            self._signal("InterfacesAdded", "oa{sa{sv}}", path, interfaces)
+            for path, interfaces in self._device_objects().items():
+                self._signal("InterfacesAdded", "oa{sa{sv}}", path, interfaces)
         else:
             self._changed(self._device, "org.bluez.Device1", {"RSSI": self._variant("n", -51)})
 
@@ -305,7 +326,7 @@ class FakeBluez(LoopThread):
             "ServicesResolved": self._variant("b", False),
         }
         self._changed(self._device, "org.bluez.Device1", gone)
-        for path in (self._notify, self._write, self._service):
+        for path in dict.fromkeys((self._notify, self._write, self._service)):
             interface = "GattService1" if path == self._service else "GattCharacteristic1"
             self._signal("InterfacesRemoved", "oas", path, [f"org.bluez.{interface}"])
 
