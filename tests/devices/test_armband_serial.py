@@ -14,6 +14,7 @@ import pytest
 from tests.devices.band_makers import serial_armband
 from visavis.devices.drivers.links import serial_port as armband_serial
 from visavis.devices.drivers.links.serial_port import SerialLink, find_port
+from visavis.devices.registry import driver_wiring
 from visavis.devices.sim.armband.firmware import ArmbandFirmware
 from visavis.lab.clock import SystemClock
 from visavis.lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
@@ -45,10 +46,10 @@ def test_write_that_nobody_takes_ends_in_a_timeout(terminal):
 
 @needs_pty
 def test_unplugging_is_a_disconnection_on_both_ways(terminal):
-    link = SerialLink(SystemClock(), port=terminal.port)
+    link = SerialLink(SystemClock(), port=terminal.port, device="armband")
     link.open(1.0)
     terminal.unplug()
-    with pytest.raises(DeviceDisconnected, match="plug the band in"):
+    with pytest.raises(DeviceDisconnected, match="plug the armband in"):
         link.read(0.5)
     with pytest.raises(DeviceDisconnected):
         link.write(b"x")
@@ -106,6 +107,72 @@ def test_no_band_that_fits_lists_what_there_is(plugged):
     everything = r"COM3 \(vid 0403.*COM9 \(vid 0403.*without a USB identity.*port: COM1"
     with pytest.raises(DeviceNotFound, match=everything):
         find_port(0x2341, None, "")
+
+
+@pytest.mark.parametrize(
+    ("vid", "pid", "needs"),
+    [
+        (0x0403, 0x6001, False),  # FTDI
+        (0x1A86, 0x7523, False),  # CH340 of a Nano
+        (0x10C4, 0xEA60, False),  # CP2102 of an ESP32
+        (0x2341, 0x0043, False),  # Arduino Uno: a second processor is its converter
+        (0x2341, 0x8036, True),  # Leonardo
+        (0x2E8A, 0x000A, True),  # Pico, with arduino-pico or the SDK
+        (0x16C0, 0x0483, True),  # Teensy
+        (0x239A, 0x800B, True),  # Feather M0
+        (None, None, False),  # a pty, a paired Bluetooth port
+    ],
+)
+def test_board_with_its_own_usb_gets_dtr_and_one_with_a_converter_does_not(
+    monkeypatch, vid, pid, needs
+):
+    from serial.tools import list_ports
+
+    port = SimpleNamespace(device="/dev/board", vid=vid, pid=pid, serial_number="1")
+    monkeypatch.setattr(list_ports, "comports", lambda: [port])
+
+    assert lines_of(monkeypatch)["dtr"] is needs
+    assert lines_of(monkeypatch, dtr="on")["dtr"] is True
+    assert lines_of(monkeypatch, dtr="off")["dtr"] is False
+
+
+def test_esp32_behind_a_converter_is_not_kept_in_reset(monkeypatch):
+    from serial.tools import list_ports
+
+    port = SimpleNamespace(device="/dev/board", vid=0x10C4, pid=0xEA60, serial_number="1")
+    monkeypatch.setattr(list_ports, "comports", lambda: [port])
+
+    lines = lines_of(monkeypatch)
+    assert (lines["dtr"], lines["rts"]) == (False, False)
+
+
+def lines_of(monkeypatch, **options):
+    """Return the lines of a port as they were when it was opened."""
+    import serial
+
+    lines = {}
+
+    def open_port(name, **settings):
+        port = SimpleNamespace(dtr=True, rts=True)
+        port.open = lambda: lines.update(dtr=port.dtr, rts=port.rts)
+        port.close = lambda: None
+        return port
+
+    monkeypatch.setattr(serial, "serial_for_url", open_port)
+    SerialLink(SystemClock(), port="/dev/board", **options).open(1.0)
+    return lines
+
+
+@pytest.mark.parametrize(
+    ("driver", "options"),
+    [("serial_armband", {}), ("serial_triggers", {"codes": {"trial": 1}}), ("byte_buttons", {})],
+)
+def test_remedy_names_the_device_that_is_missing(driver, options):
+    wiring = driver_wiring(driver)
+    device = wiring.on_wire("role", SystemClock(), port="/dev/no-such-port", **options)
+
+    with pytest.raises(DeviceNotFound, match=f"plug the {wiring.spec.product.model} in"):
+        device.open(1.0)
 
 
 def test_missing_library_says_what_to_install(monkeypatch):

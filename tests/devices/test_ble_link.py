@@ -144,7 +144,7 @@ def test_absent_band_runs_into_the_deadline_and_is_found_later(bluez):
     host.is_near = False
     link = BleLink(CLOCK, name="Buzz", thread=host.thread)
 
-    with pytest.raises(DeviceTimeout, match="switch the band on"):
+    with pytest.raises(DeviceTimeout, match="switch the device on"):
         link.open(0.3)
     link.close()
     host.is_near = True

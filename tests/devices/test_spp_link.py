@@ -35,7 +35,7 @@ def test_band_that_hangs_up_is_disconnected(pair):
     link, band = pair
     band.close()
 
-    with pytest.raises(DeviceDisconnected, match="closed by the band"):
+    with pytest.raises(DeviceDisconnected, match="closed by the other end"):
         link.read(1.0)
     with pytest.raises(DeviceDisconnected):
         link.write(b"x")

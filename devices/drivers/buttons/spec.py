@@ -4,6 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from visavis.devices.drivers.links.options import SerialOptions
 from visavis.devices.libraries import HID, SERIAL
 from visavis.devices.options import SimulatedOptions
 from visavis.devices.spec import Claims, DriverSpec, Product, Wire
@@ -43,15 +44,11 @@ KEYBOARD = DriverSpec(
 )
 
 
-class SerialButtonOptions(ButtonOptions):
+class SerialButtonOptions(ButtonOptions, SerialOptions):
     """Where the box is plugged in: a port, or what `visavis doctor` says of it."""
 
-    of_wire = frozenset({"port", "vid", "pid", "serial_number", "baud"})
+    of_wire = SerialOptions.of_wire | {"baud"}
 
-    port: str = ""
-    vid: int | None = Field(default=None, ge=0, le=0xFFFF)
-    pid: int | None = Field(default=None, ge=0, le=0xFFFF)
-    serial_number: str = ""
     baud: int = Field(default=115_200, ge=300, le=4_000_000)
 
 

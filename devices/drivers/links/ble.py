@@ -52,7 +52,6 @@ WRITE_S = 0.5
 CLOSE_S = 2.0
 LINGER_S = 0.1
 """Longer than two of the slowest connection intervals."""
-REMEDY = "switch the band on and bring it near; disconnect it from phones; switch Bluetooth on"
 
 
 class BleThread:
@@ -110,17 +109,22 @@ class BleLink:
         splits: bool = True,
         write_uuid: str = "",
         notify_uuid: str = "",
+        device: str = "device",
         is_simulated: bool = False,
         thread: BleThread | None = None,
     ) -> None:
         if not address and not name:
             raise DeviceNotFound(
-                "no band is named", remedy="give address or name in lab_config.yaml"
+                "no Bluetooth device is named", remedy="give address or name in lab_config.yaml"
             )
         self.is_simulated = is_simulated
         self._clock = clock
         self._address = address
         self._name = name
+        self._remedy = (
+            f"switch the {device} on and bring it near; disconnect it from phones; "
+            "switch Bluetooth on"
+        )
         self._splits = splits
         self._uuids = (write_uuid, notify_uuid)
         self._found_address = ""
@@ -152,7 +156,7 @@ class BleLink:
         except TooLate as cause:
             if not attempt.done():
                 text = f"{self.kind}: not connected within {deadline_s:g} s"
-                raise DeviceTimeout(text, remedy=REMEDY) from cause
+                raise DeviceTimeout(text, remedy=self._remedy) from cause
             self._attempt = None
             raise self._not_found(cause) from cause
         except DeviceError:
@@ -172,7 +176,7 @@ class BleLink:
         """Hand over the bytes in one packet or, where allowed, several; see `ByteLink`."""
         client = self._client
         if not self._is_open or self._is_gone or client is None:
-            raise DeviceDisconnected(f"{self.kind} is not connected", remedy=REMEDY)
+            raise DeviceDisconnected(f"{self.kind} is not connected", remedy=self._remedy)
         longest = self._characteristic.max_write_without_response_size
         if len(data) > longest and not self._splits:
             raise DeviceError(
@@ -185,9 +189,11 @@ class BleLink:
             work.result(WRITE_S)
         except TooLate as cause:
             work.cancel()
-            raise DeviceTimeout(f"{self.kind} takes no bytes", remedy=REMEDY) from cause
+            raise DeviceTimeout(f"{self.kind} takes no bytes", remedy=self._remedy) from cause
         except (self._bleak.exc.BleakError, OSError, EOFError) as cause:
-            raise DeviceDisconnected(f"{self.kind} is gone: {cause}", remedy=REMEDY) from cause
+            raise DeviceDisconnected(
+                f"{self.kind} is gone: {cause}", remedy=self._remedy
+            ) from cause
         return self._clock.now_ns()
 
     def read(self, timeout_s: float) -> Sequence[Chunk]:
@@ -198,7 +204,7 @@ class BleLink:
             chunks = tuple(self._chunks)
             self._chunks.clear()
             if not chunks and (self._is_gone or not self._is_open):
-                raise DeviceDisconnected(f"{self.kind} is gone", remedy=REMEDY)
+                raise DeviceDisconnected(f"{self.kind} is gone", remedy=self._remedy)
         return chunks
 
     def close(self) -> None:
@@ -291,7 +297,7 @@ class BleLink:
         reason = str(cause) or type(cause).__name__
         if isinstance(cause, FileNotFoundError):
             reason = "this computer runs no Bluetooth service"
-        return DeviceNotFound(f"cannot reach {self.kind}: {reason}", remedy=REMEDY)
+        return DeviceNotFound(f"cannot reach {self.kind}: {reason}", remedy=self._remedy)
 
 
 def _serial_service(services: Any) -> tuple[str, str] | None:
@@ -327,4 +333,5 @@ def ble_band(site: Site[BleBandOptions]) -> BleLink:
         splits=options.splits,
         write_uuid=options.write_uuid,
         notify_uuid=options.notify_uuid,
+        device=site.spec.product.model,
     )

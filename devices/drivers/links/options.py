@@ -1,6 +1,6 @@
 """Options of devices by the wire they hang on."""
 
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
@@ -8,14 +8,18 @@ from visavis.devices.options import SimulatedOptions
 
 
 class SerialOptions(SimulatedOptions):
-    """A port by name, or by what is plugged in."""
+    """A port by name, or by what is plugged in.
 
-    of_wire = frozenset({"port", "vid", "pid", "serial_number"})
+    `dtr` is the line that resets boards with a converter and lets those with their own USB send.
+    """
+
+    of_wire = frozenset({"port", "vid", "pid", "serial_number", "dtr"})
 
     port: str = ""
     vid: int | None = Field(default=None, ge=0, le=0xFFFF)
     pid: int | None = Field(default=None, ge=0, le=0xFFFF)
     serial_number: str = ""
+    dtr: Literal["auto", "on", "off"] = "auto"
 
 
 class BandOptions(SimulatedOptions):

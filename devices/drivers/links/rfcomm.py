@@ -16,7 +16,7 @@ from visavis.lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 
 MAX_BYTES = 4096
 WRITE_TIMEOUT_S = 0.5
-REMEDY = "switch the band on, pair it, and check its address"
+REMEDY = "switch it on, pair it, and check its address"
 
 Connect = Callable[[str, int, float], socket.socket]
 
@@ -85,7 +85,7 @@ class RfcommLink:
         except (OSError, ValueError) as cause:
             raise DeviceDisconnected(f"{self.kind} is gone: {cause}", remedy=REMEDY) from cause
         if not data:
-            raise DeviceDisconnected(f"{self.kind} was closed by the band", remedy=REMEDY)
+            raise DeviceDisconnected(f"{self.kind} was closed by the other end", remedy=REMEDY)
         return (Chunk(self._clock.now_ns(), data),)
 
     def close(self) -> None:
@@ -103,7 +103,7 @@ def connect_rfcomm(address: str, channel: int, deadline_s: float) -> socket.sock
     if family is None or protocol is None:
         raise DeviceNotFound(
             "this Python cannot open Bluetooth sockets",
-            remedy="pair the band and give the serial port it gets as `port`, or use the "
+            remedy="pair it and give the serial port it gets as `port`, or use the "
             "system's own Python",
         )
     connection = socket.socket(family, socket.SOCK_STREAM, protocol)

@@ -1,6 +1,10 @@
-"""Reach an armband over a serial port: a cable, a paired Bluetooth port, a pty or `socket://`.
+"""Reach a device over a serial port: a cable, a paired Bluetooth port, a pty or `socket://`.
 
 Ports are found by what is plugged in (vendor, product, serial number), never by a fixed number.
+
+What the line DTR means depends on the board. On one with a converter (FTDI, CH340, CP210x, the
+second processor of an Arduino Uno) a rising DTR resets it; on one whose own processor speaks USB
+(Leonardo, Micro, Pico, Teensy) DTR says that somebody listens, and most send nothing without it.
 """
 
 import contextlib
@@ -12,14 +16,20 @@ from typing import Any
 
 from visavis.devices.byte_links import ByteLink, Chunk
 from visavis.devices.libraries import SERIAL
-from visavis.devices.wiring import Site, linked_by
+from visavis.devices.wiring import Site
 from visavis.lab.clock import Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 
 BAUD = 38_400
 WRITE_TIMEOUT_S = 0.2
 MAX_BYTES = 4096
-REMEDY = "plug the band in or switch it on; `visavis doctor` lists what is plugged in"
+FTDI, CP210X, CH340, PROLIFIC = 0x0403, 0x10C4, 0x1A86, 0x067B
+CONVERTERS = frozenset({FTDI, CP210X, CH340, PROLIFIC})
+ESP_BOARDS = frozenset({CP210X, CH340})
+"""Converters of boards with an ESP32, which is kept in reset while RTS is up and DTR is not."""
+ARDUINO = frozenset({0x2341, 0x2A03})
+ARDUINO_CONVERTERS = frozenset({0x0001, 0x0010, 0x003B, 0x003F, 0x0042, 0x0043, 0x0044, 0x0243})
+"""Arduino's products whose USB is a second processor: Uno, Mega 2560, Mega ADK, the adapter."""
 
 ACCESS_REMEDY = "you may not use this port: visavis devices rules says how to change that"
 
@@ -28,8 +38,9 @@ class SerialLink:
     """A `ByteLink` over pyserial.
 
     `port` is a device name ("COM4", "/dev/ttyUSB0", a pty) or a URL pyserial knows
-    ("socket://host:port"); instead, `vid`, `pid` and `serial_number` find it. DTR stays off so
-    that opening does not reset the board.
+    ("socket://host:port"); instead, `vid`, `pid` and `serial_number` find it. `dtr` is "on",
+    "off" or "auto": on for a board that speaks USB itself, else off, so that opening resets none.
+    `device` is what remedies call it.
     """
 
     def __init__(
@@ -41,6 +52,8 @@ class SerialLink:
         pid: int | None = None,
         serial_number: str = "",
         baud: int = BAUD,
+        dtr: str = "auto",
+        device: str = "device",
         is_simulated: bool = False,
     ) -> None:
         if not port and vid is None and not serial_number:
@@ -53,6 +66,10 @@ class SerialLink:
         self._port = port
         self._criteria = (vid, pid, serial_number)
         self._baud = baud
+        self._dtr = dtr
+        self._remedy = (
+            f"plug the {device} in or switch it on; `visavis doctor` lists what is plugged in"
+        )
         self._opened_as = port
         self._serial: Any = None
         self._library: Any = None
@@ -67,7 +84,7 @@ class SerialLink:
         """Find and open the port."""
         self.close()
         self._library = serial = SERIAL.imported()
-        name = self._opened_as = self._port or find_port(*self._criteria)
+        name = self._opened_as = self._port or find_port(*self._criteria, self._remedy)
         try:
             port = serial.serial_for_url(
                 name,
@@ -78,20 +95,27 @@ class SerialLink:
             )
             if "://" not in name:
                 port.exclusive = True
-                port.dtr = False
+                self._set_lines(port, name)
             port.open()
         except (serial.SerialException, OSError, ValueError) as cause:
             errno = cause.errno if isinstance(cause, OSError) else None
             why = os.strerror(errno) if errno else str(cause)
-            remedy = ACCESS_REMEDY if errno == EACCES else REMEDY
+            remedy = ACCESS_REMEDY if errno == EACCES else self._remedy
             raise DeviceNotFound(f"cannot open {name}: {why}", remedy=remedy) from cause
         self._serial = port
+
+    def _set_lines(self, port: Any, name: str) -> None:
+        """Set the lines that hold from the moment the port opens."""
+        vid, pid = _identity_of(name)
+        port.dtr = needs_dtr(vid, pid) if self._dtr == "auto" else self._dtr == "on"
+        if vid in ESP_BOARDS:
+            port.rts = port.dtr
 
     def write(self, data: bytes) -> int:
         """Hand over the bytes; see `ByteLink`."""
         port = self._serial
         if port is None:
-            raise DeviceDisconnected("the port is closed", remedy=REMEDY)
+            raise DeviceDisconnected("the port is closed", remedy=self._remedy)
         try:
             with self._writing:
                 port.write(data)
@@ -101,7 +125,7 @@ class SerialLink:
             ) from cause
         except (self._library.SerialException, OSError, TypeError) as cause:
             raise DeviceDisconnected(
-                f"{self._opened_as} is gone: {cause}", remedy=REMEDY
+                f"{self._opened_as} is gone: {cause}", remedy=self._remedy
             ) from cause
         return self._clock.now_ns()
 
@@ -109,14 +133,14 @@ class SerialLink:
         """Return what came; see `ByteLink`."""
         port = self._serial
         if port is None:
-            raise DeviceDisconnected("the port is closed", remedy=REMEDY)
+            raise DeviceDisconnected("the port is closed", remedy=self._remedy)
         try:
             if port.timeout != timeout_s:
                 port.timeout = timeout_s
             data = port.read(1)
         except (self._library.SerialException, OSError, TypeError) as cause:
             raise DeviceDisconnected(
-                f"{self._opened_as} is gone: {cause}", remedy=REMEDY
+                f"{self._opened_as} is gone: {cause}", remedy=self._remedy
             ) from cause
         if not data:
             return ()
@@ -141,13 +165,46 @@ class SerialLink:
 
 def serial_port(baud: int | None = None) -> Callable[[Site[Any]], ByteLink]:
     """Return a `real`: the port named by a device's options, at their `baud` or at this one."""
-    where = ("port", "vid", "pid", "serial_number")
-    if baud is None:
-        return linked_by(SerialLink, *where, "baud")
-    return linked_by(SerialLink, *where, baud=baud)
+
+    def real(site: Site[Any]) -> ByteLink:
+        options = site.options
+        return SerialLink(
+            site.clock,
+            port=options.port,
+            vid=options.vid,
+            pid=options.pid,
+            serial_number=options.serial_number,
+            baud=options.baud if baud is None else baud,
+            dtr=options.dtr,
+            device=site.spec.product.model,
+        )
+
+    return real
 
 
-def find_port(vid: int | None, pid: int | None, serial_number: str) -> str:
+def needs_dtr(vid: int | None, pid: int | None) -> bool:
+    """Tell whether a port's other end is a processor of its own, which waits for DTR to send."""
+    if vid is None or vid in CONVERTERS:
+        return False
+    return not (vid in ARDUINO and pid in ARDUINO_CONVERTERS)
+
+
+def _identity_of(name: str) -> tuple[int | None, int | None]:
+    """Return vendor and product of the USB device that a port belongs to, if it is one's."""
+    from serial.tools import list_ports
+
+    # /dev/serial/by-id and rules of a lab's own are links to the port
+    names = {name, os.path.realpath(name)}
+    port = next((port for port in list_ports.comports() if port.device in names), None)
+    return (None, None) if port is None else (port.vid, port.pid)
+
+
+def find_port(
+    vid: int | None,
+    pid: int | None,
+    serial_number: str,
+    remedy: str = "`visavis doctor` lists what is plugged in",
+) -> str:
     """Return the name of the one port that fits; raises DeviceNotFound, which lists the ports."""
     SERIAL.imported()
     from serial.tools import list_ports
@@ -178,7 +235,7 @@ def find_port(vid: int | None, pid: int | None, serial_number: str) -> str:
             remedy="give serial_number in lab_config.yaml",
         )
     raise DeviceNotFound(
-        f"no serial port fits {criteria}; plugged in: {port_list or 'none'}", remedy=REMEDY
+        f"no serial port fits {criteria}; plugged in: {port_list or 'none'}", remedy=remedy
     )
 
 

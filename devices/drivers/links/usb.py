@@ -15,7 +15,7 @@ from visavis.devices.one_of_a_kind import the_only, the_only_hid
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 from visavis.lab.errors import DeviceDisconnected, DeviceNotFound, DeviceTimeout
 
-REMEDY = "plug the band in, then look at `visavis devices list`"
+REMEDY = "plug it in, then look at `visavis devices list`"
 LINUX_REMEDY = f"{REMEDY}; on Linux a udev rule must let you use it (visavis devices rules)"
 WRITE_TIMEOUT_MS = 200
 MAX_INPUT_BYTES = 64

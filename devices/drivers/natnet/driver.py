@@ -87,11 +87,15 @@ class NatNet(BodyDevice):
             self._note("version", self._warning(text, remedy))
         self.info = replace(self.info, model=f"{server.program} {server.program_version}".strip())
         self._ask_until(deadline_ns, codec.REQUEST_MODEL, b"", lambda: self._models is not None)
-        if self._by_bones and not self._skeleton and self._models is not None:
-            skeletons = sorted({skeleton for skeleton, _ in self._models.bones})
-            if len(skeletons) > 1:
-                remedy = "give skeleton in lab_config.yaml, or stream only one"
-                the_only(skeletons, repr, "skeletons in Motive", remedy)
+        self._require_one_skeleton()
+
+    def _require_one_skeleton(self) -> None:
+        if self._models is None or self._skeleton or not self._by_bones:
+            return
+        skeletons = sorted({skeleton for skeleton, _ in self._models.bones})
+        if len(skeletons) > 1:
+            remedy = "give skeleton in lab_config.yaml, or stream only one"
+            the_only(skeletons, repr, "skeletons in Motive", remedy)
 
     def _known_server(self) -> codec.Server:
         if self._server is None:
