@@ -1,7 +1,8 @@
 """The Neon Companion app as seen from the network, without its sockets.
 
-Written from pupil-labs-realtime-api 1.9. Not modelled: video, blinks, fixations, IMU, recordings,
-templates, mDNS. A lost or closed eye only changes the lid apertures: the gaze point goes on.
+Written from pupil-labs-realtime-api 1.9. Not modelled: video, blinks, fixations, IMU, templates,
+mDNS, files of recordings. A lost or closed eye only changes the lid apertures: the gaze point goes
+on.
 """
 
 import json
@@ -31,7 +32,7 @@ class NeonSimulator(GazePeer):
     """Send gaze payloads of one length and answer status, calibration and time echo.
 
     The text of a "version" fault is the number of extra bytes in each payload, as a newer app would
-    send. `battery_level` is a percentage.
+    send. `battery_level` is a percentage. `refusal` is why the app begins no recording.
     """
 
     usual_rate_hz = 200.0
@@ -49,6 +50,9 @@ class NeonSimulator(GazePeer):
     ) -> None:
         super().__init__(body, **measuring)
         self.events: list[tuple[str, int]] = []
+        self.recording_id: str | None = None
+        self.recordings: list[str] = []
+        self.refusal = ""
         self.battery_level = battery_level
         self.has_glasses = True
         self._size = payload_size
@@ -95,14 +99,31 @@ class NeonSimulator(GazePeer):
             return b"calibration", self.calibration()
         if kind == b"time":
             return b"time", ECHO.pack(self.source.device_ns(t_ns) // NS_PER_MS)
+        if kind in (b"record", b"save"):
+            return kind, self.command_recording(kind.decode()).encode()
         if kind == b"event" and len(frames) == 3:
             self.events.append((frames[1].decode(), int(frames[2])))
+            self.push(t_ns + self.leg_ns(), (b"event", (self.recording_id or "").encode()))
         return None
+
+    def command_recording(self, command: str) -> str:
+        """Begin ("record") or save a recording; return the app's reason where it refuses."""
+        is_beginning = command == "record"
+        if is_beginning == (self.recording_id is not None):
+            return "Recording already running" if is_beginning else "Recording not running"
+        if is_beginning and self.refusal:
+            return self.refusal
+        if self.recording_id is not None:
+            self.recordings.append(self.recording_id)
+        self.recording_id = f"recording-{len(self.recordings)}" if is_beginning else None
+        return ""
 
     def status(self, *, address: str = "127.0.0.1", rtsp: int = 8086, echo: int = 0) -> list[Any]:
         """Return the components of a status."""
         low = "LOW" if self.battery_level < 20 else "OK"
+        recording = [] if self.recording_id is None else [self._recording_part("START")]
         return [
+            *recording,
             _part(
                 "Phone",
                 battery_level=self.battery_level,
@@ -133,6 +154,11 @@ class NeonSimulator(GazePeer):
                 stream_error=False,
             ),
         ]
+
+    def _recording_part(self, action: str) -> Mapping[str, Any]:
+        return _part(
+            "Recording", action=action, id=self.recording_id, message="", rec_duration_ns=10**9
+        )
 
     def calibration(self) -> bytes:
         """Return the module's calibration file: scene camera, then two eye cameras."""

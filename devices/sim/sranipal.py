@@ -15,17 +15,18 @@ ALL_VALID, ONLY_OPENNESS = 0x1F, 0x08
 
 
 class SranipalSimulator(GazePeer):
-    """Deliver frames of a body's eyes."""
+    """Deliver frames of a body's eyes; `is_pro_eye` is what the library says of the headset."""
 
     usual_epoch_ns = 10**12
+    is_pro_eye = True
 
     def to_message(self, shot: Shot) -> Frames:
         """Return one frame, as the library fills it in."""
         return (eye_data(shot) if shot.garbage is None else shot.garbage,)
 
     def answer(self, frames: Frames, t_ns: int) -> Frames | None:
-        """Answer as a Vive Pro Eye."""
-        return frames[0], b"\x01"
+        """Answer whether it is a Vive Pro Eye."""
+        return frames[0], bytes((self.is_pro_eye,))
 
 
 def eye_data(shot: Shot) -> bytes:

@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from tests.faults.sessions import CONFIG
+from visavis.cli.device_report import _named
 from visavis.cli.main import app
 from visavis.devices.registry import built_in
 from visavis.devices.wirelog import read_wire_log
@@ -133,3 +134,8 @@ def test_file_without_driver_asks_for_it(tmp_path: Path) -> None:
     file.write_bytes(msgpack.packb(header))
     with pytest.raises(UsageError, match="--driver"):
         typed("replay", str(file))
+
+
+@pytest.mark.parametrize("name", ["gaze", "respiration_belt", "a_name_longer_than_any_column"])
+def test_name_of_a_stream_ends_before_its_figures(name: str) -> None:
+    assert _named(name, "500 samples").split() == [name, "500", "samples"]

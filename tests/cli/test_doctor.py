@@ -79,12 +79,21 @@ def test_absent_device_is_missing_with_its_remedy() -> None:
     assert "Not ready" in verdict(report)
 
 
-def test_lab_without_an_essential_role_is_not_ready() -> None:
+def test_lab_without_a_headset_is_not_ready_and_one_without_an_eye_tracker_is() -> None:
     lab = load_lab(CONFIG)
-    rest = {role: d for role, d in lab.devices.items() if role != "eye_tracker"}
-    report = examine(lab.model_copy(update={"devices": rest}), SimClock())
-    (found,) = (f for f in report.findings if f.subject == "eye_tracker")
-    assert found.level == "missing"
+
+    def absence(role: str) -> tuple[str, Finding]:
+        rest = {name: d for name, d in lab.devices.items() if name != role}
+        report = examine(lab.model_copy(update={"devices": rest}), SimClock())
+        (found,) = (f for f in report.findings if f.subject == role)
+        return found.level, found
+
+    level, found = absence("headset")
+    assert level == "missing"
+    assert "every study needs a headset, or a screen" in found.found
+    level, found = absence("eye_tracker")
+    assert level == "note"
+    assert found.found == "not configured; only studies that measure gaze need it"
     assert "add eye_tracker with its driver" in found.remedy
 
 

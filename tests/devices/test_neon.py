@@ -12,7 +12,7 @@ from tests.devices import gaze_rigs
 from tests.devices.bodies import FixatingBody
 from tests.devices.gaze_rigs import PERFECT, GazeRig
 from tests.devices.wire_ends.neon_host import NeonHost
-from visavis.devices.contracts import DeviceState
+from visavis.devices.contracts import DeviceState, SessionName
 from visavis.devices.drivers.neon import codec
 from visavis.devices.drivers.neon.driver import Neon
 from visavis.devices.drivers.neon.network import NeonNetwork
@@ -22,7 +22,7 @@ from visavis.devices.faults import FaultSchedule
 from visavis.devices.sim.neon import PAYLOAD_SIZES, NeonSimulator
 from visavis.lab.clock import NS_PER_MS, SystemClock
 from visavis.lab.clock_fit import offset_ns
-from visavis.lab.errors import DeviceNotFound, DeviceTimeout
+from visavis.lab.errors import DeviceError, DeviceNotFound, DeviceTimeout
 from visavis.lab.geometry import angle_deg
 
 CAMERA = codec.SceneCamera(1000.0, 1000.0, 800.0, 600.0)
@@ -227,6 +227,61 @@ def test_event_bears_the_phones_time():
     assert abs(stamp_ns - rig.simulator.source.device_ns(t_ns)) < NS_PER_MS
 
 
+NAME = SessionName("stare", "S001", 1, 2)
+NOT_RECORDED = "the phone does not record: markers and its video will be lost"
+
+
+def test_phone_that_does_not_record_is_told_before_the_session():
+    rig = GazeRig(Neon, NeonSimulator).start()
+    assert NOT_RECORDED in rig.messages()
+
+    recording = GazeRig(Neon, NeonSimulator)
+    recording.simulator.recording_id = "of the operator"
+    recording.start()
+    assert NOT_RECORDED not in recording.messages()
+
+
+def test_marker_that_reached_no_recording_is_counted():
+    rig = GazeRig(Neon, NeonSimulator).start()
+    rig.driver.annotate("trial 1", rig.clock.now_ns())
+    rig.run(0.2)
+
+    assert "1 markers reached no recording of the phone" in rig.messages()
+
+
+def test_recording_is_begun_named_and_saved_where_it_is_wanted(tmp_path):
+    rig = GazeRig(Neon, NeonSimulator, options={"starts_recording": True})
+    rig.driver.open(2.0)
+    rig.driver.begin_recording(NAME, tmp_path)
+    rig.driver.start(lambda batch: None)
+    rig.driver.poll(0.01)
+    assert NOT_RECORDED not in rig.messages()
+    rig.driver.close()
+
+    assert rig.simulator.recordings == ["recording-0"]
+    assert [text for text, _ in rig.simulator.events] == ["stare_S001_001_02"]
+
+
+@pytest.mark.parametrize("wanted", [True, False])
+def test_recording_of_the_operator_is_left_alone(tmp_path, wanted):
+    rig = GazeRig(Neon, NeonSimulator, options={"starts_recording": wanted})
+    rig.simulator.recording_id = "of the operator"
+    rig.driver.open(2.0)
+    rig.driver.begin_recording(NAME, tmp_path)
+    rig.driver.close()
+
+    assert rig.simulator.recording_id == "of the operator"
+
+
+def test_reason_for_which_the_app_does_not_record_is_told(tmp_path):
+    rig = GazeRig(Neon, NeonSimulator, options={"starts_recording": True})
+    rig.simulator.refusal = "No wearer selected"
+    rig.driver.open(2.0)
+
+    with pytest.raises(DeviceError, match=r"does not record: No wearer selected; .*workspace"):
+        rig.driver.begin_recording(NAME, tmp_path)
+
+
 class Lab:
     def __init__(self, *faults, **options):
         self.clock = SystemClock()
@@ -274,6 +329,24 @@ def test_genuine_client_delivers_gaze_clock_events_and_status():
     assert lab.simulator.events[0][0] == "mark"
     true_ns = -lab.simulator.source.device_ns(0)
     assert abs(offset_ns(driver.clock_pairs()) - true_ns) < 5 * NS_PER_MS
+
+
+def test_genuine_client_begins_and_saves_a_recording(quiet_client, tmp_path):
+    lab = Lab()
+    with lab.host:
+        driver = lab.driver(starts_recording=True)
+        driver.open(5.0)
+        driver.begin_recording(NAME, tmp_path)
+        assert lab.simulator.recording_id == "recording-0"
+        driver.close()
+        driver = lab.driver(starts_recording=True)
+        driver.open(5.0)
+        lab.simulator.refusal = "Low storage"
+        with pytest.raises(DeviceError, match="does not record: Low storage"):
+            driver.begin_recording(NAME, tmp_path)
+        driver.close()
+
+    assert lab.simulator.recordings == ["recording-0"]
 
 
 def test_genuine_client_keeps_the_contract():

@@ -70,12 +70,22 @@ def test_a_runtime_that_does_not_start_and_another_headset_are_told(stand_in):
     stand_in.answer_with(-3, 0, True)
     with pytest.raises(DeviceNotFound, match=r"eye module \(error -3\); start SR_Runtime"):
         library.open(1.0)
-    stand_in.answer_with(0, 0, False)
-    with pytest.raises(DeviceNotFound, match="no Vive Pro Eye"):
-        ViveProEye("eye_tracker", library, SystemClock()).open(1.0)
+    stand_in.answer_with(0, -1, False)
+    with pytest.raises(DeviceNotFound, match="no Vive Pro Eye and gives no eye data"):
+        ViveProEye("eye_tracker", library, SystemClock()).open(0.2)
     stand_in.answer_with(0, 0, True)
     with pytest.raises(DeviceNotFound, match=r"nowhere.*cannot be loaded.*library_path"):
         SranipalLibrary("/nowhere/SRanipal.dll", SystemClock()).open(1.0)
+
+
+def test_another_headset_whose_eye_data_come_is_taken_and_told():
+    rig = GazeRig(ViveProEye, SranipalSimulator)
+    rig.simulator.is_pro_eye = False
+    rig.start().run(0.2)
+
+    assert rig.driver.health().received > 20
+    assert rig.driver.info.model == "eye tracker of SRanipal"
+    assert "does not call this headset a Vive Pro Eye" in rig.messages()
 
 
 @pytest.mark.parametrize(

@@ -67,7 +67,7 @@ NATNET = DriverSpec(
         "and y up, choose this network, and let UDP 1510 and 1511 through the firewall"
     ),
     claims=Claims(
-        stands_for="OptiTrack Motive 3.0–4.2",
+        stands_for="OptiTrack Motive 2.0 and later (NatNet 3.0–4.2)",
         checked="our reading of the vendor's SDK; UDP",
         unproven="any Motive; multicast",
     ),

@@ -6,27 +6,30 @@ pupil-labs-realtime-api), or its simulator in memory. The phone's clock counts w
 when asked, so single exchanges are good to half of one.
 """
 
+import contextlib
 import json
 import struct
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from visavis.devices.contracts import ClockPair, DeviceState, Fault, Health
+from visavis.devices.contracts import ClockPair, DeviceState, Fault, Health, SessionName
 from visavis.devices.drivers.neon import codec
 from visavis.devices.drivers.neon.spec import NEON
 from visavis.devices.drivers.streaming.gaze_device import GazeDevice
 from visavis.devices.drivers.streaming.gaze_rays import Sample
 from visavis.devices.transports import Frames, Message, MessageTransport
-from visavis.lab.clock import NS_PER_MS, Clock
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 from visavis.lab.errors import DeviceError, DeviceNotFound
 from visavis.lab.geometry import Vector
 
 ECHO = struct.Struct("!Q")
 HALF_MS_NS = NS_PER_MS // 2
+RECORD_WITHIN_NS = 5 * NS_PER_S
 RAYS = ("direction_head", "origin_m", "left_direction_head", "right_direction_head")
 """Columns that turn with the camera."""
 NEWER_APP = "update Visavis; until then choose fewer gaze data in the Companion app"
@@ -35,7 +38,9 @@ NEWER_APP = "update Visavis; until then choose fewer gaze data in the Companion 
 class Neon(GazeDevice):
     """Follow the `EyeTracker` contract over the Companion app.
 
-    Neon is not calibrated; the session fits how its camera sits on the head (`turn_to_head`).
+    With `starts_recording` the phone records from the beginning of a session to its end, unless it
+    records already. Neon is not calibrated; the session fits how its camera sits on the head
+    (`turn_to_head`).
 
     Directions use the module's own camera calibration when the app gives it, else the pinhole
     of the options. Per-eye rays and pupils are there when the app computes them.
@@ -55,6 +60,7 @@ class Neon(GazeDevice):
         center_x_px: float = 800.0,
         center_y_px: float = 600.0,
         camera_pitch_deg: float = 0.0,
+        starts_recording: bool = False,
     ) -> None:
         self._camera = codec.SceneCamera(
             focal_length_px, focal_length_px, center_x_px, center_y_px, pitch_deg=camera_pitch_deg
@@ -65,6 +71,9 @@ class Neon(GazeDevice):
         self._unknown: dict[int, int] = {}
         self._battery_01: float | None = None
         self._turn: Vector | None = None
+        self._starts_recording = starts_recording
+        self._is_recording = self._is_own_recording = False
+        self._unrecorded_count = 0
         super().__init__(
             role,
             transport,
@@ -85,6 +94,36 @@ class Neon(GazeDevice):
         frames: Frames = (b"event", text.encode(), str(self._to_device_ns(t_host_ns)).encode())
         self._mark(lambda: self._transport.send(0, frames))
 
+    def begin_recording(self, name: SessionName, folder: Path) -> None:
+        """Let the phone record, if it is to and does not yet; the recording stays on it.
+
+        Its first event is the session's name.
+        """
+        self._life.require("begin_recording", DeviceState.OPEN)
+        if not self._starts_recording or self._is_recording:
+            return
+        deadline_ns = self._clock.now_ns() + RECORD_WITHIN_NS
+        reason = self._ask((b"record",), deadline_ns).frames[-1].decode("utf-8", "replace")
+        if reason:
+            raise DeviceError(
+                f"the phone does not record: {reason}",
+                role=self.info.role,
+                remedy="look at the Companion app: wearer, workspace, template, battery, memory",
+            )
+        self._is_recording = self._is_own_recording = True
+        self._note_recording()
+        part = f"{name.study}_{name.participant}_{name.session:03d}_{name.part:02d}"
+        self.annotate(part, self._clock.now_ns())
+
+    def close(self) -> None:
+        """Save the recording that was begun from here, and close the wire; idempotent."""
+        if self._is_own_recording:
+            self._is_own_recording = self._is_recording = False
+            self._wire.release()
+            with contextlib.suppress(DeviceError):  # it is away: it must be ended on the phone
+                self._ask((b"save",), self._clock.now_ns() + RECORD_WITHIN_NS)
+        super().close()
+
     def turn_to_head(self, matrix: Vector) -> None:
         """Turn gaze by this rotation from now on, on top of the rotation so far."""
         self._turn = matrix if self._turn is None else matrix @ self._turn
@@ -104,8 +143,10 @@ class Neon(GazeDevice):
 
     def _connect(self, deadline_ns: int) -> None:
         self._packet = None
+        self._is_recording = False
         status = self._ask((b"status",), deadline_ns).frames
         self._take_status(status)
+        self._note_recording()
         raw = self._ask((b"calibration",), deadline_ns).frames[1]
         calibration = codec.decode_calibration(raw, self._pitch_deg)
         if calibration is None:
@@ -130,6 +171,7 @@ class Neon(GazeDevice):
 
     def _begin_stream(self, earlier: Sequence[Message]) -> None:
         self._unknown = {}
+        self._unrecorded_count = 0
 
     def _ask_time(self, now_ns: int) -> None:
         self._transport.post((b"time",))
@@ -151,6 +193,8 @@ class Neon(GazeDevice):
             self._take_echo(frames, message.t_sent_ns, message.t_host_ns)
         elif kind == b"status":
             self._take_status(frames)
+        elif kind == b"event" and len(frames) == 2:
+            self._unrecorded_count += not frames[1]
         else:
             self._malformed += 1
 
@@ -175,6 +219,9 @@ class Neon(GazeDevice):
                 self._take_phone(data)
             elif model == "Hardware" and data.get("module_serial", "unknown") != "unknown":
                 self.info = replace(self.info, serial=str(data["module_serial"]))
+            elif model == "Recording":
+                self._is_recording = data.get("action") == "START"
+                self._note_recording()
             elif model == "Sensor" and data.get("sensor") == "gaze":
                 is_disconnected = not data.get("connected") and data.get("conn_type") == "DIRECT"
                 if is_disconnected and self._life.state is DeviceState.CLOSED:
@@ -197,7 +244,20 @@ class Neon(GazeDevice):
         fault = self._warning("the phone's memory is nearly full", "delete old recordings")
         self._note("memory", fault if full else None)
 
+    def _note_recording(self) -> None:
+        fault = self._warning(
+            "the phone does not record: markers and its video will be lost",
+            "begin a recording in the Companion app, or write starts_recording: true",
+        )
+        is_missing = not (self._is_recording or self._starts_recording)
+        self._note("recording", fault if is_missing else None)
+
     def _own_faults(self) -> Iterable[Fault]:
+        if self._unrecorded_count:
+            yield self._warning(
+                f"{self._unrecorded_count} markers reached no recording of the phone",
+                "they stand in Visavis' own recording, with the time exchanges",
+            )
         for size, count in sorted(self._unknown.items()):
             text = f"{count} gaze payloads of unknown length {size}"
             yield self._warning(text, NEWER_APP)

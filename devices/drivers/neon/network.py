@@ -26,13 +26,15 @@ GOODBYE_S = 0.5
 CLOSING_S = 0.02
 """Time for the loop to close sockets after they were given up."""
 
+RECORDING_PATHS = {b"record": "/api/recording:start", b"save": "/api/recording:stop_and_save"}
 WIRE_LOGGERS = ("aiortsp", "rtp.session", "rtsp_client", "pupil_labs.realtime_api", "websockets")
 
 
 class NeonNetwork(NoTopics):
     """Speak to one Companion app at an explicit address; no multicast is needed.
 
-    Requests: (status,) (calibration,) (time,). Messages: (gaze, stamp, payload), (status, json).
+    Requests: (status,) (calibration,) (time,) (record,) (save,). Messages: (gaze, stamp, payload),
+    (status, json), and (event, recording) after each event: empty where it reached no recording.
     """
 
     def __init__(
@@ -93,7 +95,9 @@ class NeonNetwork(NoTopics):
 
     def send(self, port: int, frames: Frames) -> None:
         """Send an event: name and the phone's time in ns."""
-        self._run(self._device.send_event(frames[1].decode(), int(frames[2])), 2.0)
+        event = self._run(self._device.send_event(frames[1].decode(), int(frames[2])), 2.0)
+        recording = (event.recording_id or "").encode()
+        self._arrivals.add(Message(self._clock.now_ns(), (b"event", recording)))
 
     def close(self) -> None:
         """Stop the tasks, the loop and its thread; idempotent."""
@@ -145,6 +149,8 @@ class NeonNetwork(NoTopics):
             self._arrivals.add(Message(self._clock.now_ns(), (b"status", frame)))
 
     async def _answer(self, frames: Frames) -> Frames:
+        if frames[0] in RECORDING_PATHS:
+            return await self._command_recording(frames[0])
         path = {b"status": "/api/status", b"calibration": "/calibration.bin"}[frames[0]]
         session = self._device.active_session
         async with session.get(f"http://{self._address}:{self._port}{path}") as response:
@@ -152,6 +158,14 @@ class NeonNetwork(NoTopics):
         if frames[0] == b"status" and raw:
             raw = json.dumps(json.loads(raw)["result"]).encode()
         return frames[0], raw
+
+    async def _command_recording(self, command: bytes) -> Frames:
+        """Begin or save a recording; the app's reason comes back where it refuses."""
+        url = f"http://{self._address}:{self._port}{RECORDING_PATHS[command]}"
+        async with self._device.active_session.post(url) as response:
+            answer = await response.json()
+            reason = "" if response.status == 200 else str(answer.get("message") or response.status)
+        return command, reason.encode()
 
     async def _exchange_time(self) -> Message:
         assert self._echo_alone is not None  # noqa: S101 - made with the loop

@@ -13,7 +13,10 @@ REMEDY = (
 
 
 class NeonOptions(GazeTiming, StreamOptions):
-    """Options of `neon`; the scene camera is a pinhole of these pixels until it is calibrated."""
+    """Options of `neon`; the scene camera is a pinhole of these pixels until it is calibrated.
+
+    `starts_recording` lets the phone record each session, video included.
+    """
 
     of_wire = frozenset({"address", "port"})
 
@@ -28,6 +31,7 @@ class NeonOptions(GazeTiming, StreamOptions):
     camera_pitch_deg: float = Field(
         default=0.0, ge=-60, le=60, json_schema_extra={"any_magnitude": True}
     )
+    starts_recording: bool = False
 
 
 NEON = DriverSpec(

@@ -37,15 +37,20 @@ def _print_streaming(trial: Trial) -> None:
     say(f"[b]{verbatim(trial.role)}[/]  {escape(who)}{mark}")
     for stream in trial.streams:
         for number, line in enumerate(_lines(stream)):
-            say(f"  {stream.stream if not number else '':<{NAME_WIDTH}}{line}")
+            say(_named(stream.stream if not number else "", line))
     if trial.clock is not None:
-        say(f"  {'clock':<{NAME_WIDTH}}{_clock(trial.clock)}")
+        say(_named("clock", _clock(trial.clock)))
     if trial.health is not None and trial.health.battery_01 is not None:
-        say(f"  {'battery':<{NAME_WIDTH}}{trial.health.battery_01:.0%}")
+        say(_named("battery", f"{trial.health.battery_01:.0%}"))
     for event in trial.events:
         say(f"  [yellow]![/] {escape(event)}")
     for fault in trial.faults:
         _print_fault(fault)
+
+
+def _named(name: str, line: str) -> str:
+    """Return a line with its name before it; a long name still ends before the line begins."""
+    return f"  {name:<{NAME_WIDTH - 1}} {line}"
 
 
 def _print_fault(fault: Fault) -> None:

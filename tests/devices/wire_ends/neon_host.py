@@ -69,6 +69,8 @@ class NeonHost:
         app.router.add_get("/api/status", self._status)
         app.router.add_get("/calibration.bin", self._calibration)
         app.router.add_post("/api/event", self._event)
+        app.router.add_post("/api/recording:start", self._recording)
+        app.router.add_post("/api/recording:stop_and_save", self._recording)
         self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=0.1)
         await self._runner.setup()
         site = web.TCPSite(self._runner, "127.0.0.1", 0)
@@ -140,7 +142,18 @@ class NeonHost:
 
         event = await request.json()
         self._simulator.events.append((event["name"], event.get("timestamp", 0)))
-        result = {"recording_id": None, "timestamp": event.get("timestamp", 0)}
+        recording = self._simulator.recording_id
+        result = {"recording_id": recording, "timestamp": event.get("timestamp", 0)}
+        return web.json_response({"message": "Success", "result": result})
+
+    async def _recording(self, request: Any) -> Any:
+        from aiohttp import web
+
+        command = "record" if request.path.endswith("start") else "save"
+        reason = self._simulator.command_recording(command)
+        if reason:
+            return web.json_response({"message": reason, "result": None}, status=500)
+        result = {"id": self._simulator.recording_id}
         return web.json_response({"message": "Success", "result": result})
 
     async def _tell(self) -> None:

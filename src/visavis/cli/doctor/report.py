@@ -164,21 +164,21 @@ def _devices(lab: LabConfig, trials: Sequence[Trial]) -> list[Finding]:
                 continue  # no finding: every session begins with a calibration
             level = "missing" if fault.severity == "blocking" else "warning"
             rows.append(Finding(DEVICES, trial.role, level, fault.message, fault.remedy))  # type: ignore[arg-type]  # one of two levels
-    rows += [
-        Finding(
-            DEVICES,
-            role,
-            "missing",
-            "not configured; no study runs without it",
-            f"add {role} with its driver under devices (docs/configuration.md)",
-        )
-        for role in roles_expected(lab)
-        if role not in lab.devices
-    ]
+    rows += [_absence(role) for role in roles_expected(lab) if role not in lab.devices]
     simulated_roles = [r for r in lab.devices if r not in by_role]
     if simulated_roles:
         rows.append(Finding(DEVICES, "simulated", "note", ", ".join(simulated_roles)))
     return rows
+
+
+def _absence(role: str) -> Finding:
+    """Return what it means that a role has no device: not every study measures gaze."""
+    remedy = f"add {role} with its driver under devices (docs/configuration.md)"
+    if role == "eye_tracker":
+        text = "not configured; only studies that measure gaze need it"
+        return Finding(DEVICES, role, "note", text, remedy)
+    text = "not configured; every study needs a headset, or a screen (display.on_screen)"
+    return Finding(DEVICES, role, "missing", text, remedy)
 
 
 def _without_runtime(device: DeviceConfig, absent: Mapping[str, Finding]) -> Trial | None:
