@@ -25,6 +25,7 @@ from visavis.devices.drivers.openxr.headset import OpenXrHeadset
 from visavis.devices.drivers.openxr.runtime_time import PERFORMANCE_COUNTER
 from visavis.devices.faults import FaultSchedule
 from visavis.devices.sim.native_build import find_compiler
+from visavis.devices.sim.openxr import runtime as runtime_module
 from visavis.devices.sim.openxr.runtime import EPOCH_NS, SimulatedXrRuntime
 from visavis.devices.transports import MemoryTransport, Message
 from visavis.devices.wirelog import ReplayTransport, TeeTransport
@@ -391,6 +392,21 @@ def test_eyes_that_the_headset_does_not_track_are_not_asked_for():
         device.open(1.0)
         assert "per_eye" not in device.info.capabilities
         device.close()
+
+
+def test_orientation_is_kept_where_only_the_place_is_inferred(monkeypatch):
+    """Flags 0b0111, as Monado and headsets that lost their cameras' view tell them."""
+    with running(OpenXrHeadset) as (headset, _, _, batches):
+        monkeypatch.setattr(runtime_module, "ALL_VALID_AND_TRACKED", 0b0111)
+        frames(headset, 5)
+        (fault,) = headset.check()
+        head = np.concatenate([b.values for b in batches if b.schema.name == "head"])[-1]
+
+    assert not head["valid"]
+    assert np.isnan(head["position_m"]).all()
+    assert np.linalg.norm(head["orientation_wxyz"]) == pytest.approx(1.0)
+    assert fault.severity == "warning"
+    assert fault.message == "only the headset's orientation is tracked, its place is inferred"
 
 
 VENDORS_LAYOUT = """

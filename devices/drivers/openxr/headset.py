@@ -17,7 +17,7 @@ import numpy as np
 
 from visavis.devices.contracts import DeviceState, Fault
 from visavis.devices.drivers.openxr.graphics import packed_images
-from visavis.devices.drivers.openxr.packing import FRAME, LATE, pose_of
+from visavis.devices.drivers.openxr.packing import FRAME, LATE, pose_of, turn_alone
 from visavis.devices.drivers.openxr.spec import OPENXR_HEADSET
 from visavis.devices.drivers.runtimes.headset import CALL_TIMEOUT_S, HeadPose, RuntimeHeadset
 from visavis.devices.drivers.streaming.message_device import legible
@@ -133,7 +133,11 @@ class OpenXrHeadset(RuntimeHeadset):
         faults = []
         if self._untracked:
             remedy = "put the headset on and check its tracking"
-            faults.append(Fault(role, "blocking", "the headset is not tracked", remedy))
+            if self._turn_alone is None:
+                faults.append(Fault(role, "blocking", "the headset is not tracked", remedy))
+            else:
+                text = "only the headset's orientation is tracked, its place is inferred"
+                faults.append(Fault(role, "warning", text, remedy))
         if self._has_lost_focus:
             remedy = "close the runtime's menu and other VR programs; put the headset on"
             text = "the session has not got the focus: participants see something else"
@@ -208,6 +212,7 @@ class OpenXrHeadset(RuntimeHeadset):
         if before is not None and period > 0 and abs(display - before) < MAX_AHEAD_NS:
             skipped_count = max(0, round((display - before) / period) - 1)
         self._last_display = display
+        self._turn_alone = turn_alone(flags, numbers[5:])
         pose = pose_of(flags, numbers[5:], fully_tracked=True)
         self._draw_from(pose)
         self._close_frame()

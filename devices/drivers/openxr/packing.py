@@ -49,6 +49,13 @@ def pose_of(
     return (x, y, z), (w / length, i / length, j / length, k / length)
 
 
+def turn_alone(flags: int, numbers: Sequence[float]) -> Quadruple | None:
+    """Return the orientation (w, x, y, z) of a head whose place is inferred; None otherwise."""
+    is_inferred = flags & TRACKED == ORIENTATION_TRACKED
+    half = pose_of(flags, numbers, fully_tracked=False) if is_inferred else None
+    return None if half is None else half[1]
+
+
 def number(value: Any) -> Any:
     """Return the number of a time, whichever way the package wraps it."""
     return value.value if hasattr(value, "value") else value

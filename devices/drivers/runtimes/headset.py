@@ -51,6 +51,7 @@ class RuntimeHeadset(MessageDevice):
         self._views: tuple[EyeView, EyeView] | None = None
         self._loss = ""
         self._frame: FrameInfo | None = None
+        self._turn_alone: tuple[float, float, float, float] | None = None
         self._reset(clock.now_ns())
 
     # ---- what a driver adds -----------------------------------------------------------------
@@ -133,6 +134,7 @@ class RuntimeHeadset(MessageDevice):
 
     def _lose(self, reason: str) -> None:
         self._loss = f"lost the {self.runtime}: {reason}"
+        self._turn_alone = None
         self._life.state = DeviceState.FAULT
 
     def _wait_alone(self) -> FrameInfo:
@@ -148,7 +150,8 @@ class RuntimeHeadset(MessageDevice):
         self, t_ns: int, predicted_ns: int, skipped_count: int, pose: HeadPose
     ) -> FrameInfo:
         if pose is None or not is_place(*pose[0]):
-            row, self._untracked = _LOST_ROW, True
+            turn, self._untracked = self._turn_alone, True
+            row = _LOST_ROW if turn is None else HEAD_ROW.pack(*[math.nan] * 3, *turn, False)
         else:
             row, self._untracked = HEAD_ROW.pack(*pose[0], *pose[1], True), False
         self._index += 1 + skipped_count
