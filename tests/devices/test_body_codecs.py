@@ -115,3 +115,40 @@ def test_natnet_decoder_survives_damage(data):
         natnet.decode_frame(bytes(raw), (4, 1))
     except DataError:
         pass
+
+
+MOTIVE_2_1_BODY = ((0.1744466, 1.4471314, -0.7343040),
+                   (-0.05459423, 0.5099482, 0.04370357, -0.8573577))  # fmt: skip
+MOTIVE_2_1_CLOCK_HZ = 3_312_787
+MOTIVE_2_1_EXPOSURE = 1_416_497_730_518
+"""What Motive 2.1 sent over NatNet 3.0, as OptiTrack's SampleClient read it: the numbers that the
+tests of mje-nz/python_natnet (MIT) state for their two recorded packets; the packets are rebuilt."""
+
+
+def test_server_info_of_a_genuine_motive_is_read():
+    name = b"Motive".ljust(256, b"\0")
+    clock = struct.pack("<QHB4B", MOTIVE_2_1_CLOCK_HZ, 1511, 1, 239, 255, 42, 99)
+    server = natnet.decode_server(name + bytes((2, 1, 0, 0, 3, 0, 0, 0)) + clock)
+
+    assert (server.program, server.program_version) == ("Motive", "2.1.0.0")
+    assert (server.version, server.clock_hz) == ((3, 0), MOTIVE_2_1_CLOCK_HZ)
+    assert (server.data_port, server.multicast) == (1511, "239.255.42.99")
+
+
+def test_frame_of_a_genuine_motive_is_read_past_all_its_markers():
+    place, turn_xyzw = MOTIVE_2_1_BODY
+    payload = struct.pack("<iii", 162_734, 0, 5) + struct.pack("<15f", *range(15))
+    payload += struct.pack("<ii7ffh", 1, 2, *place, *turn_xyzw, 0.0005152203, 1)
+    payload += struct.pack("<ii", 0, 6)
+    payload += 6 * struct.pack("<i3ffhf", 131_073, 0.127, 1.505, -0.886, 0.0214, 10, 0.0002)
+    payload += struct.pack("<ii", 0, 0)
+    times = (MOTIVE_2_1_EXPOSURE, 1_416_497_745_808, 1_416_497_748_722)
+    payload += struct.pack("<IIdQQQ", 0, 0, 1356.117, *times) + struct.pack("<Hi", 0, 0)
+    frame = natnet.decode_frame(payload, (3, 0))
+
+    assert (frame.number, frame.exposure_ticks) == (162_734, MOTIVE_2_1_EXPOSURE)
+    assert frame.bodies[2].is_tracked
+    assert frame.bodies[2].position == pytest.approx(place)
+    assert frame.bodies[2].turn_xyzw == pytest.approx(turn_xyzw)
+    # 15290 and 2914 ticks after it: received 4.6 ms, transmitted 5.5 ms after the exposure
+    assert (times[2] - times[0]) / MOTIVE_2_1_CLOCK_HZ == pytest.approx(0.0055, abs=1e-4)
