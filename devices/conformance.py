@@ -139,8 +139,11 @@ def check_headset(make: Callable[[], Headset], *, n_frames: int = 30) -> None:
     span = frames[-1].index - frames[0].index
     rate_hz = span * 1e9 / (frames[-1].t_ns - frames[0].t_ns)
     _promise(abs(rate_hz / device.display_rate_hz - 1) < 0.05, "frames keep the nominal rate")
-    batches = [batch for batch in batches if batch.schema.fields == HEAD.fields]
+    batches = [batch for batch in batches if batch.schema.name == HEAD.name]
     _promise(sum(map(len, batches)) == n_frames, "every frame brings one pose")
+    described_ns = np.concatenate([batch.t_device_ns for batch in batches]).tolist()
+    light_ns = [frame.predicted_display_ns for frame in frames]
+    _promise(described_ns in (light_ns, [f.t_ns for f in frames]), "a pose has the time it is of")
     values = np.concatenate([batch.values for batch in batches])
     lengths = np.linalg.norm(values["orientation_wxyz"][values["valid"]], axis=1)
     _promise(bool((np.abs(lengths - 1) < UNIT_LENGTH_TOLERANCE).all()), "valid poses are unit")

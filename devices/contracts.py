@@ -24,6 +24,7 @@ from visavis.devices.streams import FRAME_TIMING as FRAME_TIMING
 from visavis.devices.streams import GAZE as GAZE
 from visavis.devices.streams import HAPTICS as HAPTICS
 from visavis.devices.streams import HEAD as HEAD
+from visavis.devices.streams import HEAD_MEASURED as HEAD_MEASURED
 from visavis.devices.streams import NO_DEVICE_TIME as NO_DEVICE_TIME
 from visavis.devices.streams import POINTER as POINTER
 from visavis.devices.streams import RESPONSES as RESPONSES
@@ -258,7 +259,11 @@ class OwnRecording(Protocol):
 
 
 class Headset(Device, Protocol):
-    """A device that paces the session and delivers one stream with the fields of `HEAD`."""
+    """A device that paces the session and delivers one stream with the fields of `HEAD`.
+
+    Its poses are foreseen for a frame's light. A headset that also knows where the head was
+    delivers `HEAD_MEASURED` besides.
+    """
 
     @property
     def display_rate_hz(self) -> float:
@@ -276,10 +281,14 @@ class Headset(Device, Protocol):
 
 @runtime_checkable
 class PoseAtOnce(Protocol):
-    """A headset that gives the head's pose of a frame at once and delivers its sample later."""
+    """A headset that gives the head's poses of a frame at once and delivers their samples later."""
 
-    def head_now(self) -> Pose | None:
-        """Return the head's pose at the last frame, as in its sample; None while it is lost."""
+    def head_foreseen(self) -> Pose | None:
+        """Return the head foreseen for the last frame's light, as in its sample; None if lost."""
+        ...
+
+    def head_measured(self) -> Pose | None:
+        """Return the head at the start of the last frame, as in its sample; None if lost."""
         ...
 
 

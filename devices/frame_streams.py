@@ -1,4 +1,4 @@
-"""The two streams of a display: the head's pose and the timing of each frame."""
+"""The streams of a display: the head as foreseen and as measured, the timing of each frame."""
 
 import math
 import struct
@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from visavis.devices.contracts import FRAME_TIMING, HEAD, DeviceState, Health, Sink
+from visavis.devices.contracts import FRAME_TIMING, HEAD, HEAD_MEASURED, DeviceState, Health, Sink
 from visavis.devices.meter import StreamMeter
 from visavis.lab.frame import FrameInfo
 from visavis.lab.schema import SampleBatch, StreamSchema
@@ -18,11 +18,15 @@ HEAD_ROW = struct.Struct("<3f4f?")
 
 
 class FrameStreams:
-    """Rows of `HEAD` and `FRAME_TIMING` at a display's rate, `pending` until they are delivered."""
+    """Rows of `HEAD`, `FRAME_TIMING` and, from a headset, `HEAD_MEASURED` at a display's rate.
+
+    They are `pending` until they are delivered.
+    """
 
     def __init__(self, rate_hz: float) -> None:
         self.head = replace(HEAD, nominal_rate_hz=rate_hz)
         self.timing = replace(FRAME_TIMING, nominal_rate_hz=rate_hz)
+        self.measured = replace(HEAD_MEASURED, nominal_rate_hz=rate_hz)
         self.pending: deque[SampleBatch] = deque()
         self.begin()
 
@@ -30,12 +34,17 @@ class FrameStreams:
         """Count rows from 0, and drop the pending ones."""
         self.pending.clear()
         self._meter = StreamMeter(self.head.nominal_rate_hz)
-        self._head_seq = self._timing_seq = self._timing_rows = 0
+        self._head_seq = self._timing_seq = self._measured_seq = self._other_rows = 0
 
     def add_head(self, row: bytes, t_device_ns: int, t_host_ns: int) -> None:
-        """Hold a row of `HEAD`, packed by `HEAD_ROW`."""
+        """Hold a row of `HEAD`, packed by `HEAD_ROW`, that describes the head at `t_device_ns`."""
         self._hold(self.head, self._head_seq, t_device_ns, t_host_ns, row)
         self._head_seq += 1
+
+    def add_measured(self, row: bytes, t_device_ns: int, t_host_ns: int) -> None:
+        """Hold a row of `HEAD_MEASURED`, packed by `HEAD_ROW`."""
+        self._hold(self.measured, self._measured_seq, t_device_ns, t_host_ns, row)
+        self._measured_seq += 1
 
     def timing_of(self, frame: FrameInfo, submitted_ns: int) -> npt.NDArray[np.void]:
         """Return the timing row (1,) of a frame drawn for the head added last."""
@@ -62,15 +71,15 @@ class FrameStreams:
             if batch.schema is self.head:
                 self._meter.update(batch.t_device_ns.tolist(), int(batch.t_host_ns[-1]))
             else:
-                self._timing_rows += 1
+                self._other_rows += 1
             sink(batch)
             row_count += 1
         return row_count
 
     def health(self, state: DeviceState, now_ns: int) -> Health:
-        """Report the rows of both streams; rate and gaps are the head's (dropped frames: holes)."""
+        """Report the rows of all streams; rate and gaps are the head's (dropped frames: holes)."""
         health = self._meter.health(state, now_ns)
-        return replace(health, received=health.received + self._timing_rows)
+        return replace(health, received=health.received + self._other_rows)
 
     def _hold(
         self, schema: StreamSchema, seq: int, t_device_ns: int, t_host_ns: int, row: bytes

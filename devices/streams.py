@@ -35,6 +35,13 @@ HEAD = StreamSchema(
         Field("valid", "?", "", description="tracking was good"),
     ),
 )
+"""The head from which a frame is drawn, as foreseen for its light. `t_device_ns` is the session
+time that the pose describes, `t_host_ns` that at which it was handed out: the frame's start."""
+
+HEAD_MEASURED = StreamSchema(name="head_measured", nominal_rate_hz=90.0, fields=HEAD.fields)
+"""The head as measured, not foreseen: `t_device_ns` is the session time that the pose describes.
+
+The last stream of headsets that can say it; gaze is turned by it."""
 
 FRAME_TIMING = StreamSchema(
     name="frame_timing",

@@ -12,6 +12,7 @@ import numpy as np
 from visavis.devices.contracts import (
     GAZE,
     HEAD,
+    HEAD_MEASURED,
     POINTER,
     SOUND_EVENTS,
     Fault,
@@ -33,7 +34,8 @@ from visavis.protocol.plan.steps import (
     Silence,
     SoundOnset,
 )
-from visavis.protocol.session.observation import MAX_WAITING, GazeObserver
+from visavis.protocol.session.head_history import MAX_WAITING
+from visavis.protocol.session.observation import GazeObserver
 from visavis.protocol.session.rig import RunningRig
 from visavis.protocol.session.row_buffer import RowBuffer
 from visavis.protocol.session.screen_gaze import seen_on_screen
@@ -112,6 +114,7 @@ class FrameLoop:
         self._controls = controls
         # Devices put batches here from their own threads; the loop takes them out once per frame.
         self._head_inbox: deque[SampleBatch] = deque()
+        self._measured_inbox: deque[SampleBatch] = deque()
         self._press_inbox: deque[SampleBatch] = deque()
         self._body_inbox: deque[SampleBatch] = deque()
         self._sound_keys: dict[int, str] = {}
@@ -128,15 +131,16 @@ class FrameLoop:
         self._frame = FrameInfo(-1, clock.now_ns(), clock.now_ns())
         self.display_fault: Fault | None = None
         self.head = UPRIGHT
+        """The head foreseen for the light of the present frame, from which it is drawn."""
         self.head_valid = False
         self.head_seen = False
         self.gaze_tap: list[SampleBatch] | None = None
         # A frame itself needs gaze only to place it on a screen or to show it in a mirror.
         self._can_wait = clock.is_virtual and self.screen is None and not stage.schemas
         headset = rig.headset
-        self._head_now: Callable[[], Pose | None] | None = None
+        self._at_once: PoseAtOnce | None = None
         if self._can_wait and isinstance(headset, PoseAtOnce):
-            self._head_now = headset.head_now
+            self._at_once = headset
         self._waiting: list[tuple[tuple[object, ...], int]] = []
         self._gaze_may_wait = False
         self.trial_number = -1
@@ -154,9 +158,11 @@ class FrameLoop:
             self._stage.watch(role, batch)
             if self.gaze_tap is not None:
                 self.gaze_tap.append(batch)
-        elif role == self._rig.display_role and batch.schema.name == HEAD.name:
-            if self._head_now is None:
+        elif role == self._rig.display_role:
+            if self._at_once is None and batch.schema.name == HEAD.name:
                 self._head_inbox.append(batch)
+            elif self._at_once is None and batch.schema.name == HEAD_MEASURED.name:
+                self._measured_inbox.append(batch)
         elif role == "responses":
             if batch.schema.name == POINTER.name:
                 self._take_rays(batch)
@@ -223,12 +229,15 @@ class FrameLoop:
             self._display(view)
         frame = self._wait_frame()
         is_put_off = self._rig.step(
-            gaze_may_wait=self._gaze_may_wait, head_may_wait=self._head_now is not None
+            gaze_may_wait=self._gaze_may_wait, head_may_wait=self._at_once is not None
         )
-        if self._head_now is None:
+        if self._at_once is None:
             self._take_head()
         else:
-            self._take_pose(self._head_now(), frame.t_ns)
+            self._take_foreseen(self._at_once.head_foreseen(), frame.predicted_display_ns)
+            measured = self._at_once.head_measured()
+            if measured is not None:
+                self.observer.heads.add_measured(frame.t_ns, measured)
         self._rig.hear_from(self.head)
         controls, pressed_ns = self._take_presses() if self._press_inbox else ((), ())
         gaze: GazeView
@@ -345,22 +354,31 @@ class FrameLoop:
         self._frame = frame
         return frame
 
-    def _take_head(self) -> None:
-        while self._head_inbox:
-            batch = self._head_inbox.popleft()
-            values = batch.values
-            positions = values["position_m"].astype(np.float64)
-            turns = values["orientation_wxyz"].astype(np.float64)
-            for i, valid in enumerate(values["valid"].tolist()):
-                pose = Pose(positions[i], turns[i]) if valid else None
-                self._take_pose(pose, int(batch.t_host_ns[i]))
+    def head_at(self, t_ns: int) -> Pose:
+        """Return the head at a session time of the last moments, measured where it was."""
+        head = self.observer.heads.at(t_ns)
+        return self.head if head is None else head[0]
 
-    def _take_pose(self, pose: Pose | None, t_ns: int) -> None:
+    def _take_head(self) -> None:
+        """Take poses, each at the time that it describes."""
+        heads = self.observer.heads
+        while self._measured_inbox:
+            for t_ns, pose in _poses(self._measured_inbox.popleft()):
+                if pose is not None:
+                    heads.add_measured(t_ns, pose)
+        while self._head_inbox:
+            for t_ns, pose in _poses(self._head_inbox.popleft()):
+                self._take_foreseen(pose, t_ns)
+                if pose is not None and self.screen is not None:
+                    # before a screen it rests, or is where the tracker found the eyes
+                    heads.add_measured(t_ns, pose)
+
+    def _take_foreseen(self, pose: Pose | None, t_ns: int) -> None:
         self.head_valid = pose is not None
         if pose is not None:
             self.head = pose
             self.head_seen = True
-            self.observer.add_pose(t_ns, pose)
+            self.observer.heads.add_foreseen(t_ns, pose)
 
     def _take_presses(self) -> tuple[tuple[str, ...], tuple[int, ...]]:
         """Return what was pressed since the frame before, and when that was received."""
@@ -489,3 +507,14 @@ class FrameLoop:
             self._scene_states.rows - 1,
             frame.dropped,
         )
+
+
+def _poses(batch: SampleBatch) -> Iterator[tuple[int, Pose | None]]:
+    """Yield the time that each pose of a batch describes, and the pose; None: not tracked."""
+    values = batch.values
+    positions = values["position_m"].astype(np.float64)
+    turns = values["orientation_wxyz"].astype(np.float64)
+    for i, (t_ns, valid) in enumerate(
+        zip(batch.t_device_ns.tolist(), values["valid"].tolist(), strict=True)
+    ):
+        yield t_ns, Pose(positions[i], turns[i]) if valid else None

@@ -5,13 +5,11 @@ to arrive and takes two seconds of samples at each, the procedure of Schuetz and
 with fewer targets. Every attempt is stored.
 """
 
-from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from visavis.devices.contracts import (
     CalibrationOutcome,
@@ -37,6 +35,7 @@ from visavis.protocol.people.simulated_participant import SimulatedParticipant
 from visavis.protocol.plan.experiment import Experiment, ValidationPoint
 from visavis.protocol.plan.steps import FrameView
 from visavis.protocol.session.frame_loop import FrameLoop
+from visavis.protocol.session.head_history import heads_between
 from visavis.stimuli.motion.rotations import quat_between
 
 TARGET_DISTANCE_M = 2.0
@@ -149,7 +148,7 @@ class GazeSetup:
             with self._loop.leaving_gaze():
                 while self._loop.t_ns < end_ns:
                     view = self._next_frame()
-                    head = self._loop.head
+                    head = self._loop.head_at(view.t_ns)
                     turn = quat_conjugate(head.orientation_wxyz)
                     direction = rotate(turn, mark_m - head.position_m)
                     direction /= np.linalg.norm(direction)
@@ -212,30 +211,21 @@ class GazeSetup:
         return tuple(points)
 
     def _gaze_for(self, duration_ms: int) -> "_GazeSamples":
-        """Let frames pass; return the gaze they brought with the head of the frame of each sample.
-
-        Where gaze was deferred, a sample's frame is the first after its arrival.
-        """
+        """Let frames pass; return the gaze they brought, each sample with the head of its time."""
         end_ns = self._loop.t_ns + duration_ms * NS_PER_MS
         t_ns: list[int] = []
         heads: list[Pose] = []
-        batch_counts: list[int] = []
         batches: list[SampleBatch] = []
         self._loop.gaze_tap = batches
         with self._loop.leaving_gaze():
             while self._loop.t_ns < end_ns:
                 self._next_frame()
                 t_ns.append(self._loop.t_ns)
-                heads.append(self._loop.head)
-                batch_counts.append(len(batches))
+                heads.append(self._loop.head_at(self._loop.t_ns))
         self._loop.gaze_tap = None
-        frame = [np.empty(0, np.int64)]
-        for i, batch in enumerate(batches):
-            # The frame that delivered the batch.
-            latest = min(bisect_right(batch_counts, i), len(batch_counts) - 1)
-            arrived_ns = np.maximum.accumulate(batch.t_host_ns)
-            frame.append(np.minimum(np.searchsorted(t_ns, arrived_ns), latest))
-        return _GazeSamples(batches, heads, np.concatenate(frame))
+        seen_ns = [self._loop.observer.times_ns(batch) for batch in batches]
+        at_ns = np.concatenate([np.empty(0, np.int64), *seen_ns])
+        return _GazeSamples(batches, *heads_between(t_ns, heads, at_ns))
 
     def _place_target(self, yaw_deg: float, pitch_deg: float) -> Vector:
         head = self._loop.head
@@ -261,11 +251,11 @@ class GazeSetup:
 
 
 class _GazeSamples(NamedTuple):
-    """Gaze of some frames: batches, the head in every frame, and each sample's frame (n,)."""
+    """Gaze of some frames, with place (n, 3) and orientation (n, 4) of the head at each sample."""
 
     batches: Sequence[SampleBatch]
-    heads: Sequence[Pose]
-    frame: npt.NDArray[np.int64]
+    heads_m: Vector
+    turns: Vector
 
 
 def _point(
@@ -280,9 +270,8 @@ def _point(
         none = np.empty(0, dtype=np.int64)
         return ValidationPoint(name, target, none, empty, empty, empty, empty, empty)
     values = np.concatenate([batch.values for batch in samples.batches])
-    turns = np.array([head.orientation_wxyz for head in samples.heads])[samples.frame]
-    heads_m = np.array([head.position_m for head in samples.heads])
-    aims = rotate(quat_conjugate(base), mark_m - heads_m)[samples.frame]
+    turns = samples.turns
+    aims = rotate(quat_conjugate(base), mark_m - samples.heads_m)
     aims_head = rotate(quat_conjugate(turns), rotate(base, aims))
     still = quat_between(aims, np.broadcast_to(target, aims.shape))
     turns = quat_multiply(still, quat_multiply(quat_conjugate(base), turns))

@@ -8,22 +8,20 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from visavis.devices.contracts import GAZE
+from visavis.devices.contracts import GAZE, ClockPair
+from visavis.lab.clock_fit import latest_quick, offset_ns
 from visavis.lab.compiled import compiled
-from visavis.lab.geometry import Pose
 from visavis.lab.schema import SampleBatch
 from visavis.protocol.plan.steps import GazeView
+from visavis.protocol.session.head_history import HeadHistory, HeadPoses, head_at
 from visavis.protocol.session.row_buffer import RowBuffer
 from visavis.stimuli.scene import Scene
 from visavis.stimuli.visibility import HIT_LOST, HIT_NOTHING, SceneGeometry, observe_rays
 
 DELAYS_KEPT = 240
 """Number of gaze batches searched for the least delay: some seconds."""
-POSES_KEPT = 32
-"""Number of head poses searched for a sample's time, back from its frame: 0.3 s at 90 Hz."""
-MAX_WAITING = 64
-"""Number of frames whose gaze may be deferred; as many more poses are remembered."""
-
+RECENT_EXCHANGES = 24
+"""Number of time exchanges from which the tracker's clock is dated: some seconds."""
 
 _GAZE_BYTES = GAZE.dtype.itemsize
 _GAZE_FIELDS: Mapping[str, Any] = GAZE.dtype.fields or {}
@@ -42,14 +40,6 @@ class _Samples(NamedTuple):
     rows: npt.NDArray[np.uint8]
     seq: npt.NDArray[np.int64]
     t_device_ns: npt.NDArray[np.int64]
-
-
-class _Poses(NamedTuple):
-    """The ring of the latest head poses."""
-
-    t_ns: npt.NDArray[np.int64]
-    position_m: npt.NDArray[np.float64]
-    orientation_wxyz: npt.NDArray[np.float64]
 
 
 class _Gaze(NamedTuple):
@@ -77,11 +67,17 @@ class _Columns(NamedTuple):
     radius_deg: npt.NDArray[np.float32]
     pad_limit_deg: npt.NDArray[np.float32]
     hit: npt.NDArray[np.int16]
+    head_beyond_ms: npt.NDArray[np.float32]
 
     @classmethod
     def of(cls, columns: Mapping[str, npt.NDArray[Any]]) -> "_Columns":
-        """Return them from all columns of a buffer."""
-        return cls(*(columns[name] for name in cls._fields))
+        """Return them from all columns of a buffer.
+
+        One made to be compared with an older recording lacks the last.
+        """
+        given = dict(columns)
+        given.setdefault("head_beyond_ms", np.empty(columns["hit"].shape, np.float32))
+        return cls(*(given[name] for name in cls._fields))
 
 
 @compiled
@@ -89,44 +85,27 @@ def _gaze_in_world(
     direction_head: npt.NDArray[np.float32],
     origin_head_m: npt.NDArray[np.float32],
     t_ns: npt.NDArray[np.int64],
-    poses: _Poses,
+    poses: HeadPoses,
     frames: npt.NDArray[np.int64],
-    direction: npt.NDArray[np.float64],
-    origin: npt.NDArray[np.float64],
+    rays: npt.NDArray[np.float64],
+    beyond_ms: npt.NDArray[np.float32],
 ) -> None:
-    pose_t_ns, pose_p, pose_q = poses.t_ns, poses.position_m, poses.orientation_wxyz
-    capacity = pose_t_ns.shape[0]
+    direction, origin = rays[0], rays[1]
+    place, turn = np.empty(3), np.empty(4)
     k_frame = 0
     for i in range(t_ns.shape[0]):
-        # Search the ring of poses, back from the newest that the sample's frame knew, for the two
-        # poses around the sample's time.
         while i >= frames[k_frame, 0]:
             k_frame += 1
-        b = frames[k_frame, 2]
-        count = frames[k_frame, 3]
-        steps = 1
-        while steps < count and pose_t_ns[(b - 1 + capacity) % capacity] > t_ns[i]:
-            b = (b - 1 + capacity) % capacity
-            steps += 1
-        a = (b - 1 + capacity) % capacity if steps < count else b
-        f = 0.0
-        span = pose_t_ns[b] - pose_t_ns[a]
-        if span > 0:
-            f = min(max((t_ns[i] - pose_t_ns[a]) / span, 0.0), 1.0)
-        # Interpolate the quaternions linearly and normalise. q and -q are the same rotation, so the
-        # sign is chosen that makes the way between them short.
-        dot = 0.0
-        for k in range(4):
-            dot += pose_q[a, k] * pose_q[b, k]
-        sign = 1.0 if dot >= 0 else -1.0
-        w = (1 - f) * pose_q[a, 0] + f * sign * pose_q[b, 0]
-        x = (1 - f) * pose_q[a, 1] + f * sign * pose_q[b, 1]
-        y = (1 - f) * pose_q[a, 2] + f * sign * pose_q[b, 2]
-        z = (1 - f) * pose_q[a, 3] + f * sign * pose_q[b, 3]
-        length = np.sqrt(w * w + x * x + y * y + z * z)
-        w, x, y, z = w / length, x / length, y / length, z / length
-        for turn in range(2):
-            if turn == 0:
+        extent = (
+            frames[k_frame, 2],
+            frames[k_frame, 3],
+            frames[k_frame, 4],
+            frames[k_frame, 5],
+        )
+        beyond_ms[i] = head_at(poses, extent, t_ns[i], place, turn)
+        w, x, y, z = turn
+        for vector in range(2):
+            if vector == 0:
                 vx = float(direction_head[i, 0])
                 vy = float(direction_head[i, 1])
                 vz = float(direction_head[i, 2])
@@ -141,15 +120,15 @@ def _gaze_in_world(
             rx = vx + w * tx + y * tz - z * ty
             ry = vy + w * ty + z * tx - x * tz
             rz = vz + w * tz + x * ty - y * tx
-            if turn == 0:
+            if vector == 0:
                 size = np.sqrt(rx * rx + ry * ry + rz * rz)
                 if size > 0:
                     rx, ry, rz = rx / size, ry / size, rz / size
                 direction[i, 0], direction[i, 1], direction[i, 2] = rx, ry, rz
             else:
-                origin[i, 0] = rx + (1 - f) * pose_p[a, 0] + f * pose_p[b, 0]
-                origin[i, 1] = ry + (1 - f) * pose_p[a, 1] + f * pose_p[b, 1]
-                origin[i, 2] = rz + (1 - f) * pose_p[a, 2] + f * pose_p[b, 2]
+                origin[i, 0] = rx + place[0]
+                origin[i, 1] = ry + place[1]
+                origin[i, 2] = rz + place[2]
 
 
 @compiled
@@ -157,7 +136,7 @@ def _evaluate(
     samples: _Samples,
     offset_ns: int,
     frames: npt.NDArray[np.int64],
-    poses: _Poses,
+    poses: HeadPoses,
     heads: npt.NDArray[np.float64],
     capsules: npt.NDArray[np.float64],
     is_lit: bool,
@@ -168,8 +147,8 @@ def _evaluate(
     """Evaluate n samples into `gaze` and record them in the columns from `row` on; return how many
     are valid.
 
-    Each row of `frames` is a frame that brought samples: how many there are up to its end, its
-    index, the index of the newest head pose, and how many poses to search.
+    Each row of `frames` is a frame that brought samples: how many there are up
+    to its end, its index, and the `extent` of the head's history in it.
     One call for all of it, because a frame brings one or two samples.
     """
     t_ns, valid, rays, per_head, hit = gaze.t_ns, gaze.valid, gaze.rays, gaze.per_head, gaze.hit
@@ -192,16 +171,9 @@ def _evaluate(
             origin_head_m[i, k] = numbers[3 + k]
         valid[i] = rows[i * _GAZE_BYTES + _VALID_AT] != 0
         valid_count += valid[i]
+    beyond_ms = np.empty(n, np.float32)
+    _gaze_in_world(direction_head, origin_head_m, t_ns, poses, frames, rays, beyond_ms)
     direction, origin = rays[0], rays[1]
-    _gaze_in_world(
-        direction_head,
-        origin_head_m,
-        t_ns,
-        poses,
-        frames,
-        direction,
-        origin,
-    )
     observe_rays(origin, direction, valid, heads, capsules, is_lit, per_head, hit)
     # The dark scene of calibrations and breaks has no agents, so gaze meets nobody in it.
     angle_deg, radius_deg = columns.angle_deg, columns.radius_deg
@@ -217,6 +189,7 @@ def _evaluate(
         columns.frame_index[j] = frames[k_frame, 1]
         columns.t_sample_ns[j] = t_ns[i]
         columns.valid[j] = valid[i]
+        columns.head_beyond_ms[j] = beyond_ms[i]
         for k in range(3):
             columns.direction_world[j, k] = direction[i, k]
             columns.origin_world_m[j, k] = origin[i, k]
@@ -243,8 +216,7 @@ class _Waiting(NamedTuple):
 
     frame_index: int
     t_ns: int
-    newest: int
-    poses: int
+    extent: tuple[int, int, int, int]
     gaze: "LateGaze"
 
 
@@ -291,15 +263,9 @@ class GazeObserver:
         self._columns = _Columns.of(targets.columns)
         self._inbox: deque[SampleBatch] = deque()
         self._delays_ns: deque[int] = deque(maxlen=DELAYS_KEPT)
-        capacity = POSES_KEPT + MAX_WAITING
-        self._poses = _Poses(
-            np.zeros(capacity, dtype=np.int64),
-            np.zeros((capacity, 3)),
-            np.tile(np.array([1.0, 0.0, 0.0, 0.0]), (capacity, 1)),
-        )
+        self.heads = HeadHistory()
+        """Where the head was, and is foreseen to be; gaze is turned by it."""
         self._waiting: list[_Waiting] = []
-        self._newest = -1
-        self._pose_count = 0
         self._scene: Scene | None = None
         self._geometry: SceneGeometry | None = None
         self._empty = _no_gaze(0)
@@ -315,6 +281,14 @@ class GazeObserver:
         if self.clock_offset_ns is None:
             self.clock_offset_ns = least_ns
 
+    def align(self, exchanges: Sequence[ClockPair]) -> None:
+        """Date coming samples by the present estimate of the tracker's clock offset."""
+        recent = exchanges[-RECENT_EXCHANGES:]
+        if recent:
+            self.clock_offset_ns = offset_ns(latest_quick(recent))
+        elif (least_ns := self.least_delay_ns) is not None:
+            self.clock_offset_ns = least_ns
+
     @property
     def least_delay_ns(self) -> int | None:
         """Least difference of arrival and device time lately; None before the first sample.
@@ -323,13 +297,12 @@ class GazeObserver:
         """
         return min(tuple(self._delays_ns), default=None)
 
-    def add_pose(self, t_ns: int, pose: Pose) -> None:
-        """Remember where the head was."""
-        self._newest = (self._newest + 1) % (POSES_KEPT + MAX_WAITING)
-        self._poses.t_ns[self._newest] = t_ns
-        self._poses.position_m[self._newest] = pose.position_m
-        self._poses.orientation_wxyz[self._newest] = pose.orientation_wxyz
-        self._pose_count = min(self._pose_count + 1, POSES_KEPT)
+    def times_ns(self, batch: SampleBatch) -> npt.NDArray[np.int64]:
+        """Return the session times (n,) at which the eyes of a batch's samples were seen."""
+        times: npt.NDArray[np.int64] = (
+            batch.t_device_ns + (self.clock_offset_ns or 0) - self._delay_ns
+        )
+        return times
 
     def show(self, scene: Scene) -> None:
         """State the scene on display, in which coming samples are evaluated."""
@@ -344,7 +317,7 @@ class GazeObserver:
         if batch is None or self._geometry is None:
             return self._empty
         n = batch.seq.shape[0]
-        frames = np.array([(n, frame_index, self._newest, self._pose_count)], np.int64)
+        frames = np.array([(n, frame_index, *self.heads.extent)], np.int64)
         gaze = self._evaluated(batch, self._geometry, frames)
         self._targets.commit(n, t_frame_ns)
         return gaze
@@ -355,9 +328,7 @@ class GazeObserver:
         `MAX_WAITING` frames may wait, in one scene and with one clock offset.
         """
         gaze = LateGaze(catch_up)
-        self._waiting.append(
-            _Waiting(frame_index, t_frame_ns, self._newest, self._pose_count, gaze)
-        )
+        self._waiting.append(_Waiting(frame_index, t_frame_ns, self.heads.extent, gaze))
         return gaze
 
     def observe_waiting(self) -> Sequence[int]:
@@ -370,7 +341,7 @@ class GazeObserver:
             return [0] * len(waiting)
         if len(waiting) == 1:
             one, n = waiting[0], batch.seq.shape[0]
-            frames = np.array([(n, one.frame_index, one.newest, one.poses)], np.int64)
+            frames = np.array([(n, one.frame_index, *one.extent)], np.int64)
             one.gaze.set_samples(self._evaluated(batch, self._geometry, frames), 0, n)
             self._targets.commit(n, one.t_ns)
             return [n]
@@ -378,9 +349,7 @@ class GazeObserver:
         there_ns = np.maximum.accumulate(batch.t_host_ns)
         ends = np.searchsorted(there_ns, [one.t_ns for one in waiting], side="right")
         ends[-1] = batch.seq.shape[0]
-        frames = np.array(
-            [(0, one.frame_index, one.newest, one.poses) for one in waiting], np.int64
-        )
+        frames = np.array([(0, one.frame_index, *one.extent) for one in waiting], np.int64)
         frames[:, 0] = ends
         gaze = self._evaluated(batch, self._geometry, frames)
         counts = np.diff(ends, prepend=0)
@@ -413,7 +382,7 @@ class GazeObserver:
             _Samples(np.frombuffer(batch.values.tobytes(), np.uint8), batch.seq, batch.t_device_ns),
             self.clock_offset_ns - self._delay_ns,
             frames,
-            self._poses,
+            self.heads.poses,
             geometry.heads,
             geometry.capsules,
             geometry.is_lit,

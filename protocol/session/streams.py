@@ -29,6 +29,12 @@ def gaze_targets_schema(agent_count: int, rate_hz: float) -> StreamSchema:
             Field("radius_deg", "f4", "deg", shape=m, description="angular radius of the head"),
             Field("pad_limit_deg", "f4", "deg", shape=m, description="half the gap to the next"),
             Field("hit", "i2", "", description="first head met: agent index, -1 none, -2 lost"),
+            Field(
+                "head_beyond_ms",
+                "f4",
+                "ms",
+                description="sample after the last measured head pose; NaN: none was measured",
+            ),
         ),
     )
 

@@ -7,7 +7,6 @@ import numpy as np
 
 from visavis.devices.contracts import ClockPair
 from visavis.lab.clock import NS_PER_S
-from visavis.lab.clock_fit import latest_quick, offset_ns
 from visavis.lab.schema import SampleBatch
 from visavis.protocol.people.simulated_participant import Learner
 from visavis.protocol.plan.session_plan import Trial
@@ -37,7 +36,6 @@ from visavis.protocol.session.session_setup import SessionSetup
 from visavis.protocol.session.states import SessionState
 
 ALIGNED_WITHIN_NS = 1_000_000
-RECENT_EXCHANGES = 24
 
 
 @dataclass(frozen=True)
@@ -276,12 +274,7 @@ class TrialRunner:
 
     def _align_gaze(self) -> None:
         """Date gaze by the present estimate of the tracker's clock offset."""
-        pairs = self._exchanges()[-RECENT_EXCHANGES:]
-        observer = self._loop.observer
-        if pairs:
-            observer.clock_offset_ns = offset_ns(latest_quick(pairs))
-        elif (least_ns := observer.least_delay_ns) is not None:
-            observer.clock_offset_ns = least_ns
+        self._loop.observer.align(self._exchanges())
 
     def _exchanges(self) -> Sequence[ClockPair]:
         tracker = self._rig.eye_tracker

@@ -217,7 +217,10 @@ def test_a_mount_puts_the_segment_back_where_it_is():
 
     with running(make, body=WalkingBody(), trackers=WORN) as (device, runtime, clock, batches):
         held = next(d for d in runtime.devices if d.serial == "LHR-0A")
-        held.pose_at = lambda t_ns: (tracker.position_m.tolist(), tracker.orientation_wxyz.tolist())
+        held.pose_at = lambda now_ns, t_ns: (
+            tracker.position_m.tolist(),
+            tracker.orientation_wxyz.tolist(),
+        )
         clock.sleep_until_ns(NS_PER_S)
         device.poll(0.0)
         np.testing.assert_allclose(

@@ -268,7 +268,7 @@ def test_gaze_and_headset_share_one_session():
             device.start(batches.append)
         frames(headset, 5)
         eyes.poll(0.0)
-        assert {b.schema.name for b in batches} == {"head", "frame_timing", "gaze"}
+        assert {b.schema.name for b in batches} == {"head", "head_measured", "frame_timing", "gaze"}
         assert runtime.calls.count("xrCreateSession") == 1
         eyes.close()
         headset.close()

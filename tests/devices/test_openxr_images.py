@@ -255,35 +255,32 @@ def test_driver_with_images_keeps_the_contract(context):
     assert isinstance(clock, SimClock)
 
 
-class _Foreseen(FixatingBody):
-    """A head whose place is foreseen wrong by 1 m for every second ahead."""
-
-    clock = SimClock()
+class _SpeedingUp(FixatingBody):
+    """A head that goes aside faster and faster, which nothing foresees."""
 
     def head(self, t_ns):
         place, turn = super().head(t_ns)
-        return place + np.array([1e-9 * (t_ns - self.clock.now_ns()), 0.0, 0.0]), turn
+        return place + np.array([4 * (1e-9 * t_ns) ** 2, 0.0, 0.0]), turn
 
 
 def test_images_are_shown_from_where_the_head_was_foreseen_last(context):
-    rng, seen, body = np.random.default_rng(9), [], _Foreseen()
+    rng, seen, body = np.random.default_rng(9), [], _SpeedingUp()
     with simulated(body=body) as (runtime, clock):
-        body.clock = clock
         headset = OpenXrHeadset("headset", runtime.library().transport(), clock)
         headset.show_images()
         headset.open(1.0)
         headset.start(lambda _: None)
         runtime.images.on_frame = seen.append
-        told = []
+        told, truths_m = [], []
         for ask in (lambda: None, headset.late_head):
             frame = one_frame(headset)
             clock.sleep_until_ns(frame.t_ns + 8_000_000)
             told.append(ask())
+            truths_m.append(body.head(frame.predicted_display_ns)[0][0])
             headset.submit(frame, noise(context, rng)[1])
         headset.close()
     early_m, late_m = (np.mean([e.position_m[0] for e in frame.eyes]) for frame in seen)
-    ahead_m = 1e-9 * (frame.predicted_display_ns - frame.t_ns)
-    assert (early_m, late_m) == pytest.approx((ahead_m, ahead_m - 0.008), abs=1e-6)
+    assert abs(late_m - truths_m[1]) < 0.8 * abs(early_m - truths_m[0])
     assert told[1].position_m[0] == pytest.approx(late_m, abs=1e-6)
 
 

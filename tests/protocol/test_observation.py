@@ -42,7 +42,7 @@ SCENE = Scene("two", (agent(0.0), agent(20.0)))
 
 def test_gaze_turned_in_a_turned_head_meets_the_agent_straight_ahead() -> None:
     seen, _, _ = observer(SCENE)
-    seen.add_pose(0, Pose(EYE, quat_from_yaw_pitch_deg(-15.0)))
+    seen.heads.add_measured(0, Pose(EYE, quat_from_yaw_pitch_deg(-15.0)))
     seen.take(gaze_batch([0], 15.0))
 
     view = seen.observe(1, 0)
@@ -53,8 +53,8 @@ def test_gaze_turned_in_a_turned_head_meets_the_agent_straight_ahead() -> None:
 
 def test_the_pose_at_the_samples_own_time_is_used_not_the_latest() -> None:
     seen, _, _ = observer(SCENE)
-    seen.add_pose(0, Pose(EYE, quat_from_yaw_pitch_deg(0.0)))
-    seen.add_pose(100, Pose(EYE, quat_from_yaw_pitch_deg(20.0)))
+    seen.heads.add_measured(0, Pose(EYE, quat_from_yaw_pitch_deg(0.0)))
+    seen.heads.add_measured(100, Pose(EYE, quat_from_yaw_pitch_deg(20.0)))
     seen.take(gaze_batch([0, 50, 100], 0.0))
 
     view = seen.observe(1, 100)
@@ -65,8 +65,8 @@ def test_the_pose_at_the_samples_own_time_is_used_not_the_latest() -> None:
 
 def test_the_trackers_own_delay_is_taken_off_before_the_head_is_looked_up() -> None:
     seen, recorded, rows = observer(SCENE, delay_ns=50)
-    seen.add_pose(0, Pose(EYE, quat_from_yaw_pitch_deg(0.0)))
-    seen.add_pose(100, Pose(EYE, quat_from_yaw_pitch_deg(20.0)))
+    seen.heads.add_measured(0, Pose(EYE, quat_from_yaw_pitch_deg(0.0)))
+    seen.heads.add_measured(100, Pose(EYE, quat_from_yaw_pitch_deg(20.0)))
     seen.take(gaze_batch([50, 100], 0.0))
 
     view = seen.observe(1, 100)
@@ -80,7 +80,7 @@ def test_the_trackers_own_delay_is_taken_off_before_the_head_is_looked_up() -> N
 def test_a_sample_older_than_every_pose_takes_the_oldest_pose() -> None:
     seen, _, _ = observer(SCENE)
     for t in range(100, 200):
-        seen.add_pose(t, Pose(EYE, quat_from_yaw_pitch_deg(0.0)))
+        seen.heads.add_measured(t, Pose(EYE, quat_from_yaw_pitch_deg(0.0)))
     seen.take(gaze_batch([0], 0.0))
 
     assert seen.observe(1, 200).hit.tolist() == [0]
@@ -88,7 +88,7 @@ def test_a_sample_older_than_every_pose_takes_the_oldest_pose() -> None:
 
 def test_the_clock_offset_moves_samples_to_session_time() -> None:
     seen, recorded, rows = observer(SCENE)
-    seen.add_pose(0, Pose(EYE, quat_from_yaw_pitch_deg(0.0)))
+    seen.heads.add_measured(0, Pose(EYE, quat_from_yaw_pitch_deg(0.0)))
     seen.clock_offset_ns = -7
     seen.take(gaze_batch([1000], 0.0))
     seen.observe(3, 1000)
@@ -100,7 +100,7 @@ def test_the_clock_offset_moves_samples_to_session_time() -> None:
 
 def test_a_lost_sample_hits_nothing_and_counts_as_received_only() -> None:
     seen, _, _ = observer(SCENE)
-    seen.add_pose(0, Pose(EYE, quat_from_yaw_pitch_deg(0.0)))
+    seen.heads.add_measured(0, Pose(EYE, quat_from_yaw_pitch_deg(0.0)))
     seen.take(gaze_batch([0, 1], 0.0, valid=False))
 
     view = seen.observe(1, 1)
@@ -117,7 +117,7 @@ def test_a_frame_without_samples_brings_an_empty_view() -> None:
 
 def test_all_samples_of_a_long_pause_are_recorded_though_they_come_in_one_frame() -> None:
     seen, recorded, rows = observer(SCENE)
-    seen.add_pose(0, Pose(EYE, quat_from_yaw_pitch_deg(0.0)))
+    seen.heads.add_measured(0, Pose(EYE, quat_from_yaw_pitch_deg(0.0)))
     for first, n in ((0, 3), (3, 2000), (2003, 2)):
         seen.take(gaze_batch(list(range(first, first + n)), 20.0))
         seen.observe(1, 5000)
@@ -135,7 +135,7 @@ def test_frames_that_wait_see_what_each_would_have_seen_at_once() -> None:
         for frame in range(60):
             t_ns = 100 * frame
             if frame % 7:  # the head is lost now and then
-                seen.add_pose(t_ns, Pose(EYE, quat_from_yaw_pitch_deg(0.5 * frame)))
+                seen.heads.add_measured(t_ns, Pose(EYE, quat_from_yaw_pitch_deg(0.5 * frame)))
             if frame % 5:
                 stamps = [t_ns - 90, t_ns - 40][: 1 + frame % 2]
                 seen.take(gaze_batch(stamps, 10.0 - frame % 3, valid=frame % 11 > 0))
@@ -158,7 +158,7 @@ def test_frames_that_wait_see_what_each_would_have_seen_at_once() -> None:
 
 def test_gaze_left_for_later_is_evaluated_when_it_is_looked_at() -> None:
     seen, _, _ = observer(SCENE)
-    seen.add_pose(0, Pose(EYE, quat_from_yaw_pitch_deg(0.0)))
+    seen.heads.add_measured(0, Pose(EYE, quat_from_yaw_pitch_deg(0.0)))
 
     def catch_up() -> None:
         seen.observe_waiting()
@@ -172,8 +172,8 @@ def test_gaze_left_for_later_is_evaluated_when_it_is_looked_at() -> None:
 def test_gaze_before_the_first_trial_is_dated_on_the_sessions_clock_not_the_trackers() -> None:
     seen, recorded, rows = observer(SCENE)
     assert seen.clock_offset_ns is None
-    seen.add_pose(0, Pose(EYE, quat_from_yaw_pitch_deg(0.0)))
-    seen.add_pose(100, Pose(EYE, quat_from_yaw_pitch_deg(20.0)))
+    seen.heads.add_measured(0, Pose(EYE, quat_from_yaw_pitch_deg(0.0)))
+    seen.heads.add_measured(100, Pose(EYE, quat_from_yaw_pitch_deg(20.0)))
     seen.take(shifted([0, 50], 0.0, clock_ns=79_000 * 10**9))
     assert [0, 50] == seen.observe(1, 100).t_ns.tolist()
     assert -79_000 * 10**9 == seen.clock_offset_ns

@@ -21,7 +21,7 @@ from visavis.devices.contracts import HEAD, DeviceState, Fault
 from visavis.devices.drivers.openvr import codec
 from visavis.devices.drivers.openvr.display import BaseStations, add_timing, read_display
 from visavis.devices.drivers.openvr.spec import OPENVR_HEADSET
-from visavis.devices.drivers.runtimes.headset import CALL_TIMEOUT_S, RuntimeHeadset
+from visavis.devices.drivers.runtimes.headset import CALL_TIMEOUT_S, HeadPose, RuntimeHeadset
 from visavis.devices.drivers.streaming.message_device import legible
 from visavis.devices.transports import Exchange, MessageTransport
 from visavis.lab.clock import NS_PER_S, Clock
@@ -134,6 +134,8 @@ class OpenVrHeadset(RuntimeHeadset):
         self._timing_raw = exchange.frames[3] if len(exchange.frames) > 3 else b""
         self._close_frame()
         poses = codec.decode_poses(exchange.frames[1] if len(exchange.frames) > 1 else b"")
+        if len(exchange.frames) > 5:  # older captures have none
+            self._add_measured(self._head_of(codec.decode_poses(exchange.frames[5])), t_ns, t_ns)
         return self._begin_with(t_ns, max(predicted_ns, t_ns), skipped_count, poses)
 
     def late_head(self) -> Pose | None:
@@ -262,15 +264,20 @@ class OpenVrHeadset(RuntimeHeadset):
     def _begin_with(
         self, t_ns: int, predicted_ns: int, skipped_count: int, poses: Array
     ) -> FrameInfo:
-        head_pose = codec.decode_pose(poses[0]) if len(poses) else None
-        if head_pose is not None:
-            x, y, z = self._between_eyes(head_pose).position_m
-            head_pose = (x, y, z), head_pose[1]
+        head_pose = self._head_of(poses)
         self._drawn_from = b""
         if t_ns >= self._base_due_ns:
             self._base_due_ns = t_ns + BASE_STATIONS_EVERY_NS
             self._bases.look(poses)
         return self._begin_frame(t_ns, predicted_ns, skipped_count, head_pose)
+
+    def _head_of(self, poses: Array) -> HeadPose:
+        """Return the pose between the eyes from the headset's, which is the first of `poses`."""
+        pose = codec.decode_pose(poses[0]) if len(poses) else None
+        if pose is None:
+            return None
+        x, y, z = self._between_eyes(pose).position_m
+        return (x, y, z), pose[1]
 
     def _between_eyes(self, headset_pose: tuple[codec.Triple, codec.Quadruple]) -> Pose:
         """Return the pose of the midpoint between the eyes from that of the headset."""

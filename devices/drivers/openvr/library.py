@@ -216,13 +216,17 @@ class OpenVrLibrary:
         vsync = VSYNC.pack(bool(is_known), float(since_s), int(count))
         remaining = struct.pack("<d", self._compositor.getFrameTimeRemaining())
         has_timing, timing = self._compositor.getFrameTiming(1)
-        return poses, vsync, bytes(timing) if has_timing else b"", remaining
+        (measured,) = self._pose_ahead(0.0)
+        return poses, vsync, bytes(timing) if has_timing else b"", remaining, measured
 
     def _late_pose(self, frames: Frames) -> Frames:
         """Return the headset's pose as predicted now for a time in seconds ahead."""
+        return self._pose_ahead(float(frames[1]))
+
+    def _pose_ahead(self, ahead_s: float) -> Frames:
         poses = self._poses_here()
         self._system.getDeviceToAbsoluteTrackingPose(
-            self._openvr.TrackingUniverseStanding, float(frames[1]), poses
+            self._openvr.TrackingUniverseStanding, ahead_s, poses
         )
         return (bytes(poses[0]),)
 

@@ -36,6 +36,7 @@ def _runtime(site: Site[Any], body: Body) -> SimulatedVrRuntime:
             seed=site.seed,
             faults=site.faults,
             display_rate_hz=rate_hz,
+            look_ahead_ms=getattr(site.options, "look_ahead_ms", None),
         )
         site.shared["openvr runtime"] = site.stack.enter_context(runtime)
     rig_runtime: SimulatedVrRuntime = site.shared["openvr runtime"]

@@ -71,8 +71,9 @@ class OpenXrHeadset(RuntimeHeadset):
             )  # on a replay that time is still to come
             error, *rest = exchange.frames
             if not error and rest and len(rest[0]) == FRAME.size:
-                self._has_lost_focus = rest[1:] == [b"0"]
-                return self._begin(FRAME.unpack(rest[0]), exchange.t_receive_ns)
+                self._has_lost_focus = rest[1:2] == [b"0"]
+                measured = rest[2] if len(rest) > 2 else b""  # missing in older captures
+                return self._begin(FRAME.unpack(rest[0]), measured, exchange.t_receive_ns)
             self._lose(error.decode("ascii", "replace") or "an unreadable answer")
         self._life.require("wait_frame", DeviceState.STREAMING, DeviceState.FAULT)
         return self._wait_alone()
@@ -201,7 +202,7 @@ class OpenXrHeadset(RuntimeHeadset):
                 )
         return left, right
 
-    def _begin(self, numbers: tuple[float, ...], t_receive_ns: int) -> FrameInfo:
+    def _begin(self, numbers: tuple[float, ...], measured: bytes, t_receive_ns: int) -> FrameInfo:
         _host_ns, now, display, period, flags = (int(n) for n in numbers[:5])
         t_ns = max(t_receive_ns, self._last_t_ns + 1)
         # Both stamps are of one instant, so their difference also holds on a replay, moved in time.
@@ -216,6 +217,10 @@ class OpenXrHeadset(RuntimeHeadset):
         pose = pose_of(flags, numbers[5:], fully_tracked=True)
         self._draw_from(pose)
         self._close_frame()
+        if len(measured) == LATE.size:
+            now_flags, *now_numbers = LATE.unpack(measured)
+            now_pose = pose_of(int(now_flags), now_numbers, fully_tracked=True)
+            self._add_measured(now_pose, t_ns, t_ns)
         return self._begin_frame(t_ns, predicted_ns, skipped_count, pose)
 
     def _draw_from(self, pose: HeadPose) -> None:

@@ -409,7 +409,9 @@ class OpenXrLibrary:
         has_focus = bool(self.states) and self.states[-1] == int(
             self._xr.SessionState.FOCUSED.value
         )
-        return payload, b"1" if has_focus else b"0"
+        now_flags, now_pose = self._locate("view", "stage", now)
+        measured = LATE.pack(now_flags, *numbers(now_pose))
+        return payload, b"1" if has_focus else b"0", measured
 
     def _late(self, _: Frames) -> Frames:
         """Predict the head once more for the frame that has begun."""

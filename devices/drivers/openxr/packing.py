@@ -24,7 +24,8 @@ FRAME = struct.Struct("<qqqqQ7f")
 """Host ns and XrTime of one instant, predicted display XrTime, period ns, flags, head pose."""
 
 LATE = struct.Struct("<Q7f")
-"""Flags and head pose, predicted once more for a frame that has begun."""
+"""Flags and head pose: predicted once more for a frame that has begun, or tracked at the instant of
+a `FRAME`."""
 
 
 def numbers(pose: Any) -> tuple[float, ...]:

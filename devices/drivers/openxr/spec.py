@@ -14,11 +14,14 @@ GENUINE_LOADER = (
 
 
 class OpenXrHeadsetOptions(SimulatedOptions):
-    """Options of `openxr_headset`; the rate counts on the simulated runtime only."""
+    """Options of `openxr_headset`, which count on the simulated runtime only: its rate, and how
+    long after a frame's start its light leaves (None: two frames).
+    """
 
-    of_wire = frozenset({"display_rate_hz"})
+    of_wire = frozenset({"display_rate_hz", "look_ahead_ms"})
 
     display_rate_hz: float = Field(default=90.0, ge=1, le=1000)
+    look_ahead_ms: float | None = Field(default=None, ge=0, le=200)
 
 
 class OpenXrControllersOptions(SimulatedOptions):

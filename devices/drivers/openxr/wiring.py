@@ -29,7 +29,11 @@ def _simulated_wire(site: Site[Any]) -> MessageTransport:
     if "openxr runtime" not in site.shared:
         rate_hz = getattr(site.options, "display_rate_hz", 90.0)
         runtime = SimulatedXrRuntime(
-            site.watched, site.clock, faults=site.faults, display_rate_hz=rate_hz
+            site.watched,
+            site.clock,
+            faults=site.faults,
+            display_rate_hz=rate_hz,
+            look_ahead_ms=getattr(site.options, "look_ahead_ms", None),
         )
         site.shared["openxr runtime"] = site.stack.enter_context(runtime)
     if isinstance(site.options, OpenXrGazeOptions):

@@ -28,9 +28,11 @@ HeadPose = tuple[tuple[float, float, float], tuple[float, float, float, float]] 
 class RuntimeHeadset(MessageDevice):
     """Follow the `Headset` contract over a runtime that is asked for frames.
 
-    Streams: the head (`HEAD`) and the timing of every frame (`FRAME_TIMING`). While the runtime
-    is gone `wait_frame` keeps the pace by the clock with invalid poses, and `poll` raises
-    DeviceDisconnected until it is back. `display_rate_hz` and the views are known once open.
+    Streams: the head foreseen for each frame's light (`HEAD`), the timing of every frame
+    (`FRAME_TIMING`) and the head as the runtime tracked it when the frame began (`HEAD_MEASURED`;
+    no rows from captures that do not hold it). While the runtime is gone `wait_frame` keeps the
+    pace by the clock with invalid poses, and `poll` raises DeviceDisconnected until it is back.
+    `display_rate_hz` and the views are known once open.
     """
 
     runtime = "runtime"
@@ -72,8 +74,10 @@ class RuntimeHeadset(MessageDevice):
         self._reset(self._clock.now_ns())
 
     def describe(self) -> tuple[StreamSchema, ...]:
-        """Return the head stream and the frame timing, at the display's rate."""
-        return (self._streams.head, self._streams.timing)
+        """Return the head foreseen, the frame timing and the head measured, at the display's
+        rate.
+        """
+        return (self._streams.head, self._streams.timing, self._streams.measured)
 
     def eye_views(self) -> tuple[EyeView, EyeView]:
         """Return how the left and the right eye look through the display; known once open."""
@@ -104,7 +108,7 @@ class RuntimeHeadset(MessageDevice):
         super().close()
 
     def health(self) -> Health:
-        """Report the rows of both streams; rate and gaps are the head's."""
+        """Report the rows of all streams; rate and gaps are the head's."""
         return self._streams.health(self.state, self._clock.now_ns())
 
     # ---- for drivers ------------------------------------------------------------------------
@@ -160,6 +164,12 @@ class RuntimeHeadset(MessageDevice):
         self._streams.add_head(row, predicted_ns, t_ns)
         self._frame = FrameInfo(self._index, t_ns, predicted_ns, skipped_count)
         return self._frame
+
+    def _add_measured(self, pose: HeadPose, t_ns: int, t_host_ns: int) -> None:
+        """Record where the runtime tracked the head at a session time; None: it did not."""
+        is_tracked = pose is not None and is_place(*pose[0])
+        row = HEAD_ROW.pack(*pose[0], *pose[1], True) if pose and is_tracked else _LOST_ROW
+        self._streams.add_measured(row, t_ns, t_host_ns)
 
     def _close_frame(self) -> None:
         """Record the timing of the previous frame."""

@@ -1,7 +1,8 @@
 """A headset without optics: paces frames on the clock and measures a body's head.
 
-Not modelled: lens distortion, tracking noise and drift, prediction error, reprojection, base
-stations. Poses are the body's own at the frame's start. Frame timing is reported as by a runtime:
+Not modelled: lens distortion, tracking noise and drift, reprojection, base stations. As from a real
+headset, the pose of a frame is foreseen for its light (`visavis.devices.sim.foresight`); the body's
+own pose at the frame's start is the measured one. Frame timing is reported as by a runtime:
 while a frame is late, the previous one is shown again.
 """
 
@@ -16,6 +17,7 @@ import numpy as np
 from visavis.devices.contracts import (
     FRAME_TIMING,
     HEAD,
+    HEAD_MEASURED,
     Body,
     DeviceState,
     Fault,
@@ -27,10 +29,11 @@ from visavis.devices.frame_streams import HEAD_ROW
 from visavis.devices.lifecycle import Lifecycle, OnSessionClock
 from visavis.devices.meter import StreamMeter
 from visavis.devices.sim.body.spec import SIMULATED_HEADSET
-from visavis.lab.clock import NS_PER_S, Clock
+from visavis.devices.sim.foresight import Foresight
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 from visavis.lab.errors import ConfigError
 from visavis.lab.frame import FrameInfo
-from visavis.lab.geometry import Pose
+from visavis.lab.geometry import Pose, Vector
 from visavis.lab.schema import SampleBatch, StreamSchema
 
 MILLI_HZ = 1000
@@ -47,8 +50,9 @@ class SimulatedHeadset(OnSessionClock):
     """Follow the `Headset` contract over a simulated body.
 
     Frame k begins at `k * 10**9 // display_rate_hz` ns on the session clock; a frame whose
-    start has passed when it is asked for is dropped. Light leaves `latency_frames` later.
-    Faults of kind "standby" make poses invalid, as when the headset is taken off.
+    start has passed when it is asked for is dropped. Light leaves `look_ahead_ms` later, or
+    with the next frame (None). Faults of kind "standby" make poses invalid, as when the headset is
+    taken off.
     """
 
     def __init__(
@@ -58,29 +62,31 @@ class SimulatedHeadset(OnSessionClock):
         clock: Clock,
         *,
         display_rate_hz: float = 90,
-        latency_frames: int = 1,
+        look_ahead_ms: float | None = None,
         faults: FaultSchedule | None = None,
     ) -> None:
-        if display_rate_hz <= 0 or latency_frames < 0:
+        if display_rate_hz <= 0 or (look_ahead_ms is not None and look_ahead_ms < 0):
             raise ConfigError(
-                f"{role}: display_rate_hz must be above 0 and latency_frames at least 0, "
-                f"not {display_rate_hz} and {latency_frames}"
+                f"{role}: display_rate_hz must be above 0 and look_ahead_ms at least 0, "
+                f"not {display_rate_hz} and {look_ahead_ms}"
             )
         self.display_rate_hz = float(display_rate_hz)
         self._rate_milli_hz = round(display_rate_hz * MILLI_HZ)
-        self._latency_frames = latency_frames
-        self._body = body
+        self._ahead_ns = None if look_ahead_ms is None else round(look_ahead_ms * NS_PER_MS)
+        self._foresight = Foresight(body)
         self._clock = clock
         self._faults = faults if faults is not None else FaultSchedule()
         self._origin_ns = clock.now_ns()
         self._life = Lifecycle(role)
         self._schema = replace(HEAD, nominal_rate_hz=self.display_rate_hz)
+        self._measured_schema = replace(HEAD_MEASURED, nominal_rate_hz=self.display_rate_hz)
         self._timing_schema = replace(FRAME_TIMING, nominal_rate_hz=self.display_rate_hz)
         self._timing_held = round(self.display_rate_hz) if clock.is_virtual else 1
         self.info = SIMULATED_HEADSET.info(role, None)
         self._meter = StreamMeter(self.display_rate_hz)
-        self._pending: deque[tuple[int, int, bytes]] = deque()
-        self._pose: Pose | None = None
+        self._pending: deque[tuple[int, int, int, bytes, bytes]] = deque()
+        self._foreseen: Pose | None = None
+        self._measured: Pose | None = None
         self._ready = threading.Event()
         self._sink: Sink | None = None
         self._first: int | None = None
@@ -94,8 +100,10 @@ class SimulatedHeadset(OnSessionClock):
         self.submitted_images = 0
 
     def describe(self) -> tuple[StreamSchema, ...]:
-        """Return the head stream and the frame timing, at the display's rate."""
-        return (self._schema, self._timing_schema)
+        """Return the head foreseen, the frame timing and the head measured, at the display's
+        rate.
+        """
+        return (self._schema, self._timing_schema, self._measured_schema)
 
     def start(self, sink: Sink) -> None:
         """Begin counting frames anew."""
@@ -125,9 +133,13 @@ class SimulatedHeadset(OnSessionClock):
         """
         return self._clock.is_virtual and len(self._pending) < MAX_FRAMES_HELD
 
-    def head_now(self) -> Pose | None:
-        """Return the head's pose at the last frame, as in its sample; None while it is lost."""
-        return self._pose
+    def head_foreseen(self) -> Pose | None:
+        """Return the head foreseen for the last frame's light, as in its sample; None if lost."""
+        return self._foreseen
+
+    def head_measured(self) -> Pose | None:
+        """Return the head at the start of the last frame, as in its sample; None if lost."""
+        return self._measured
 
     def wait_frame(self) -> FrameInfo:
         """Sleep until the next frame that has not begun yet, and measure the head at that time."""
@@ -144,8 +156,9 @@ class SimulatedHeadset(OnSessionClock):
             self._first = index
         self._last = index
         self._close_frame(late_by=dropped_count)
-        self._measure(index - self._first, t_ns)
-        predicted_ns = self._frame_ns(index + self._latency_frames)
+        ahead_ns = self._ahead_ns
+        predicted_ns = self._frame_ns(index + 1) if ahead_ns is None else t_ns + ahead_ns
+        self._measure(index - self._first, t_ns, predicted_ns)
         self._frame = FrameInfo(index - self._first, t_ns, predicted_ns, dropped_count)
         return self._frame
 
@@ -171,9 +184,9 @@ class SimulatedHeadset(OnSessionClock):
         super().close()
 
     def health(self) -> Health:
-        """Report the rows of both streams; rate and gaps are the head's (dropped frames: holes)."""
+        """Report the rows of all streams; rate and gaps are the head's (dropped frames: holes)."""
         health = self._meter.health(self.state, self._clock.now_ns())
-        return replace(health, received=health.received + self._timing_rows)
+        return replace(health, received=2 * health.received + self._timing_rows)
 
     def check(self) -> tuple[Fault, ...]:
         """Report a headset in standby."""
@@ -233,23 +246,31 @@ class SimulatedHeadset(OnSessionClock):
             return 0
         # another thread that waits for frames may append meanwhile
         frames = [self._pending.popleft() for _ in range(n)]
-        t_list = [t_ns for _, t_ns, _ in frames]
-        seq, stamps = np.array([seq for seq, _, _ in frames]), np.array(t_list)
-        values = np.frombuffer(b"".join([row for _, _, row in frames]), HEAD.dtype)
+        seqs, t_list, light_list, foreseen_rows, measured_rows = zip(*frames, strict=True)
+        seq, t_ns, light_ns = np.array(seqs), np.array(t_list), np.array(light_list)
         self._meter.update(t_list, t_list[-1])
-        sink(SampleBatch(self._schema, seq, stamps, stamps, values))
-        return n
+        values = np.frombuffer(b"".join(foreseen_rows), HEAD.dtype)
+        sink(SampleBatch(self._schema, seq, light_ns, t_ns, values))
+        values = np.frombuffer(b"".join(measured_rows), HEAD_MEASURED.dtype)
+        sink(SampleBatch(self._measured_schema, seq, t_ns, t_ns, values))
+        return 2 * n
 
-    def _measure(self, seq: int, t_ns: int) -> None:
+    def _measure(self, seq: int, t_ns: int, light_ns: int) -> None:
         faults = self._faults
         self._valid = not faults.faults or faults.active("standby", t_ns - self._origin_ns) is None
         if self._valid:
-            position_m, orientation_wxyz = self._body.head(t_ns)
-            row = HEAD_ROW.pack(*position_m.tolist(), *orientation_wxyz.tolist(), True)
-            pose_values = np.frombuffer(row, np.float32, 7).astype(np.float64)
-            self._pose = Pose(pose_values[:3], pose_values[3:])
+            measured_row, self._measured = _row_and_pose(*self._foresight.at(t_ns, t_ns))
+            foreseen_row, self._foreseen = _row_and_pose(*self._foresight.at(t_ns, light_ns))
         else:
-            row, self._pose = _LOST_ROW, None
-        self._pending.append((seq, t_ns, row))
+            measured_row, self._measured = _LOST_ROW, None
+            foreseen_row, self._foreseen = _LOST_ROW, None
+        self._pending.append((seq, t_ns, light_ns, foreseen_row, measured_row))
         if not self._clock.is_virtual:
             self._ready.set()
+
+
+def _row_and_pose(position_m: Vector, orientation_wxyz: Vector) -> tuple[bytes, Pose]:
+    """Return a pose as a row of a stream, and as that row says it."""
+    row = HEAD_ROW.pack(*position_m.tolist(), *orientation_wxyz.tolist(), True)
+    numbers = np.frombuffer(row, np.float32, 7).astype(np.float64)
+    return row, Pose(numbers[:3], numbers[3:])

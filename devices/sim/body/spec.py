@@ -7,9 +7,12 @@ from visavis.devices.spec import DriverSpec, Product, Wire
 
 
 class SimulatedHeadsetOptions(SimulatedOptions):
-    """Options of `simulated_headset`."""
+    """Options of `simulated_headset`; light leaves `look_ahead_ms` after a frame begins, or with
+    the next frame (None). That far the head is foreseen.
+    """
 
     display_rate_hz: float = Field(default=90.0, ge=1, le=1000)
+    look_ahead_ms: float | None = Field(default=None, ge=0, le=200)
 
 
 class SimulatedBodyOptions(SimulatedOptions):

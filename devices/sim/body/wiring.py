@@ -16,9 +16,13 @@ from visavis.devices.wiring import Site, Wiring, no_wire
 
 
 def _headset(site: Site[SimulatedHeadsetOptions], _: None) -> Device:
-    rate_hz = site.options.display_rate_hz
     return SimulatedHeadset(
-        site.role, site.watched, site.clock, display_rate_hz=rate_hz, faults=site.faults
+        site.role,
+        site.watched,
+        site.clock,
+        display_rate_hz=site.options.display_rate_hz,
+        look_ahead_ms=site.options.look_ahead_ms,
+        faults=site.faults,
     )
 
 

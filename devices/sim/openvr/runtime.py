@@ -2,8 +2,9 @@
 
 A small C library (`native/vrclient`) is compiled when it is first needed; its function tables
 are built from the package's own definitions and filled with functions of this module. Not modelled:
-lens distortion, IVRInput and every interface but IVRSystem and IVRCompositor, tracking noise and
-prediction error (a predicted pose is the body's pose at the call), reprojection. `on_submit` gets
+lens distortion, IVRInput and every interface but IVRSystem and IVRCompositor, tracking noise,
+reprojection. Poses of a frame are foreseen for its light from how the head moves
+(`visavis.devices.sim.foresight`). `on_submit` gets
 the GL names of images; with `on_image` every texture is read back from the card as it is handed
 over, and one that is not there is refused.
 """
@@ -122,8 +123,9 @@ class SimulatedVrRuntime:
     `trackers` maps serial numbers to the segments of a moving body they are worn on. Faults:
     standby, silence (tracking lost), disconnect (the headset is unplugged), loss and garbage
     (shares of poses), late_start (initialising is refused), version. With `running_start_ms` a
-    frame is handed out that long before its vertical sync. Only one such runtime can exist in a
-    process at a time, and not together with a real one.
+    frame is handed out that long before its vertical sync. Light leaves `look_ahead_ms` after the
+    frame is handed out, at least at the next sync; None: `PHOTONS_S` after that. Only one such
+    runtime can exist in a process at a time, and not together with a real one.
     """
 
     def __init__(
@@ -136,6 +138,7 @@ class SimulatedVrRuntime:
         trackers: Mapping[str, str] | None = None,
         faults: FaultSchedule | None = None,
         running_start_ms: float = 0.0,
+        look_ahead_ms: float | None = None,
     ) -> None:
         self._running_start_ns = round(running_start_ms * NS_PER_MS)
         self.on_submit: Callable[[int, int], None] | None = None
@@ -145,6 +148,10 @@ class SimulatedVrRuntime:
         self._body = body
         self._clock = clock
         self._rate_milli_hz = round(display_rate_hz * MILLI_HZ)
+        self._photons_s = PHOTONS_S
+        if look_ahead_ms is not None:
+            until_sync_s = 1 / display_rate_hz + running_start_ms / 1000
+            self._photons_s = max(0.0, look_ahead_ms / 1000 - until_sync_s)
         self._faults = faults if faults is not None else FaultSchedule()
         self._origin_ns = clock.now_ns()
         self._vsync = -1
@@ -278,19 +285,21 @@ class SimulatedVrRuntime:
         self._vsync = vsync
         self._clock.sleep_until_ns(self._vsync_at_ns(vsync) - self._running_start_ns)
         self._submitted_eyes.clear()
-        self._write_poses(render, n)
+        light_ns = self._vsync_at_ns(vsync + 1) + round(self._photons_s * NS_PER_S)
+        self._write_poses(render, n, light_ns)
         if game:
-            self._write_poses(game, m)
+            self._write_poses(game, m, light_ns + NS_PER_S * MILLI_HZ // self._rate_milli_hz)
         return 0
 
-    def _write_poses(self, target: Any, n: int) -> None:
+    def _write_poses(self, target: Any, n: int, t_ns: int) -> None:
         now_ns = self._clock.now_ns()
         self._follow_schedule(now_ns)
-        raw = self._world.poses(now_ns, now_ns - self._origin_ns, asleep=self._in_standby)
+        since_ns = now_ns - self._origin_ns
+        raw = self._world.poses(now_ns, max(t_ns, now_ns), since_ns, asleep=self._in_standby)
         ctypes.memmove(target, raw, min(n * POSE_BYTES, len(raw)))
 
     def _device_poses(self, universe: int, ahead_s: float, target: Any, n: int) -> None:
-        self._write_poses(target, n)
+        self._write_poses(target, n, self._clock.now_ns() + round(ahead_s * NS_PER_S))
 
     def _submit(self, eye: int, texture: Any, bounds: Any, flags: int) -> int:
         if self._refusals.submit:
@@ -369,7 +378,7 @@ class SimulatedVrRuntime:
         if prop == 2002:
             return self._rate_milli_hz / MILLI_HZ
         if prop == 2001:
-            return PHOTONS_S
+            return self._photons_s
         device = self._world.device(slot)
         if prop == 1012 and device is not None and device.battery_01 is not None:
             return device.battery_01

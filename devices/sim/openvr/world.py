@@ -8,6 +8,7 @@ import numpy as np
 
 from visavis.devices.contracts import Body, MovingBody
 from visavis.devices.faults import FaultSchedule
+from visavis.devices.sim.foresight import Foresight
 from visavis.lab.geometry import rotate
 
 HMD, CONTROLLER, TRACKER, BASE_STATION = 1, 2, 3, 4
@@ -23,7 +24,8 @@ _GARBAGE_POSE = _POSE.pack(*[float("nan")] * 18, 200, True, True)
 
 POSE_BYTES = _POSE.size
 
-PoseAt = Callable[[int], tuple[Sequence[float], Sequence[float]] | None]
+PoseAt = Callable[[int, int], tuple[Sequence[float], Sequence[float]] | None]
+"""Returns a pose as it is known at a session time for that or a later one."""
 
 
 @dataclass
@@ -49,6 +51,7 @@ class SimulatedVrWorld:
         self, body: Body, trackers: Mapping[str, str], faults: FaultSchedule, *, seed: int
     ) -> None:
         self._body = body
+        self._foresight = Foresight(body)
         self._faults = faults
         self._rng = np.random.default_rng([seed, 0x0B])
         self.base_offset_m = np.zeros((len(BASE_STATIONS_M), 3))
@@ -115,34 +118,35 @@ class SimulatedVrWorld:
             )
         return devices
 
-    def _head(self, t_ns: int) -> tuple[Sequence[float], Sequence[float]]:
-        position, orientation = self._body.head(t_ns)
+    def _head(self, now_ns: int, t_ns: int) -> tuple[Sequence[float], Sequence[float]]:
+        position, orientation = self._foresight.at(now_ns, t_ns)
         return position.tolist(), orientation.tolist()
 
     def _hand(self, i: int) -> PoseAt:
-        def at(t_ns: int) -> tuple[Sequence[float], Sequence[float]]:
+        def at(now_ns: int, t_ns: int) -> tuple[Sequence[float], Sequence[float]]:
             if isinstance(self._body, MovingBody):
-                return self._segment(HANDS[i], t_ns)
-            position, orientation = self._body.head(t_ns)
+                return self._segment(HANDS[i], now_ns)
+            position, orientation = self._foresight.at(now_ns, t_ns)
             offset = rotate(orientation, np.array(CONTROLLER_OFFSETS_M[i]))
             return (position + offset).tolist(), orientation.tolist()
 
         return at
 
     def _segment_pose(self, segment: str) -> PoseAt:
-        return lambda t_ns: self._segment(segment, t_ns)
+        return lambda now_ns, _: self._segment(segment, now_ns)
 
     def _base(self, i: int, place: Sequence[float]) -> PoseAt:
-        return lambda _: ((np.array(place) + self.base_offset_m[i]).tolist(), (1.0, 0, 0, 0))
+        return lambda _, __: ((np.array(place) + self.base_offset_m[i]).tolist(), (1.0, 0, 0, 0))
 
     def _segment(self, name: str, t_ns: int) -> tuple[Sequence[float], Sequence[float]]:
         assert isinstance(self._body, MovingBody)  # noqa: S101 - trackers need limbs
         positions, orientations = self._body.segments((name,), np.array((t_ns,), np.int64))
         return positions[0, 0].tolist(), orientations[0, 0].tolist()
 
-    def poses(self, t_ns: int, since_ns: int, *, asleep: bool) -> bytes:
-        """Return the poses of all 64 slots at a session time, `since_ns` after the start.
+    def poses(self, now_ns: int, t_ns: int, since_ns: int, *, asleep: bool) -> bytes:
+        """Return the poses of all 64 slots for `t_ns` as known now, `since_ns` after the start.
 
+        The head, and hands that go with it, are foreseen; limbs of a body are where they are now.
         `asleep` is a headset in standby.
         """
         faults = self._faults
@@ -156,7 +160,7 @@ class SimulatedVrWorld:
             is_asleep = device.kind == HMD and asleep
             is_dropped = loss is not None and self._rng.random() < loss.amount
             spoilt = garbage is not None and self._rng.random() < garbage.amount
-            pose = None if dark or is_asleep or is_dropped else device.pose_at(t_ns)
+            pose = None if dark or is_asleep or is_dropped else device.pose_at(now_ns, t_ns)
             if spoilt:
                 parts.append(_GARBAGE_POSE)
             elif pose is None:

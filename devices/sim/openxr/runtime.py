@@ -5,8 +5,8 @@ the functions of this module, made with pyopenxr's own prototypes. It offers hea
 sessions with OpenGL (`images` reads back the images shown), controllers (`hands`), eye gaze, each
 eye if configured (`eyes`), and time conversion. It checks the order of frame calls. A session with
 graphics gets the focus only after its first frames. Gaze is sampled at its own rate, so locating it
-twice within a period gives the same sample. Not modelled: boundaries, the runtime's smoothing of
-gaze, prediction error.
+twice within a period gives the same sample. The head at a time to come is foreseen from how it
+moves (`visavis.devices.sim.foresight`). Not modelled: boundaries, the runtime's smoothing of gaze.
 """
 
 # ruff: noqa: N802 - the functions bear the names of OpenXR
@@ -28,6 +28,7 @@ from visavis.devices.drivers.openxr.library import EYE_GAZE, HEADLESS, OpenXrLib
 from visavis.devices.drivers.openxr.runtime_time import FROM_COUNTER, TIMESPEC
 from visavis.devices.faults import FaultSchedule
 from visavis.devices.libraries import OPENXR
+from visavis.devices.sim.foresight import Foresight
 from visavis.devices.sim.native_build import build_library
 from visavis.devices.sim.openxr.eyes import (
     SUPPORTS_HTC,
@@ -36,7 +37,7 @@ from visavis.devices.sim.openxr.eyes import (
 )
 from visavis.devices.sim.openxr.hands import SimulatedHands
 from visavis.devices.sim.openxr.images import CALL_ORDER_INVALID, SimulatedImages
-from visavis.lab.clock import NS_PER_S, Clock
+from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 
 EPOCH_NS = 7_000_000_000_000
 """Time of the runtime's clock when the session's clock is at zero."""
@@ -63,7 +64,8 @@ class SimulatedXrRuntime:
 
     Faults: late_start (no headset), version (too old), eyes_lost, silence
     (nothing is located), standby (the session loses the focus and runs on), disconnect (the
-    session is lost). Only one such runtime can exist in a process at a time.
+    session is lost). Light leaves `look_ahead_ms` after a frame begins, or two frames (None). Only
+    one such runtime can exist in a process at a time.
     """
 
     def __init__(
@@ -79,11 +81,14 @@ class SimulatedXrRuntime:
         time_extension: str = TIMESPEC,
         per_eye: str = "none",
         hides_corners: bool = True,
+        look_ahead_ms: float | None = None,
     ) -> None:
         self.failure: Exception | None = None
         self.calls: list[str] = []
         self._body = body
         self._clock = clock
+        self._foresight = Foresight(body)
+        self._ahead_ns = None if look_ahead_ms is None else round(look_ahead_ms * NS_PER_MS)
         self._gaze_period_ns = round(NS_PER_S / gaze_rate_hz)
         self._rate_milli_hz = round(display_rate_hz * MILLI_HZ)
         self._faults = faults if faults is not None else FaultSchedule()
@@ -266,7 +271,7 @@ class SimulatedXrRuntime:
             pose = None if is_lost else self.hands.pose(kind - FIRST_HAND, max(0, at_ns))
         else:
             is_lost = self._active("silence") or self._active("standby")
-            position, turn = self._body.head(max(0, at_ns))
+            position, turn = self._foresight.at(self._clock.now_ns(), max(0, at_ns))
             pose = None if is_lost else (position.tolist(), turn.tolist())
         self._write(location, pose)
         return SUCCESS
@@ -332,7 +337,8 @@ class SimulatedXrRuntime:
         due, period = frame * scale // rate, round(scale / rate)
         self._clock.sleep_until_ns(due)
         numbers = ctypes.cast(ctypes.byref(state.contents, 16), ctypes.POINTER(ctypes.c_int64))
-        numbers[0], numbers[1] = due + 2 * period + EPOCH_NS, period
+        ahead_ns = 2 * period if self._ahead_ns is None else self._ahead_ns
+        numbers[0], numbers[1] = due + ahead_ns + EPOCH_NS, period
         self._has_waited, self._display_time = True, int(numbers[0])
         return SUCCESS
 

@@ -304,7 +304,7 @@ class _Frames:
         t_ns = self._t_ns
         position, turn = self._person.head(t_ns)
         head = Pose(position, turn)
-        self._observer.add_pose(t_ns, head)
+        self._observer.heads.add_measured(t_ns, head)
         self._sample(t_ns - self._tracker.delay_ns)
         gaze = self._observer.observe(self._index, t_ns)
         sounds, self._sounds = tuple(self._sounds), []

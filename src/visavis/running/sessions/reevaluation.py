@@ -1,15 +1,24 @@
-"""Evaluate recorded gaze again with the engine that evaluated it in the session."""
+"""Evaluate recorded gaze again with the engine that evaluated it in the session.
 
+Recordings without the stream `head_measured` were made when gaze was turned by the head foreseen
+for the light of its frame, as if that were the head when the frame began. They can be evaluated
+so (`Pairing.AS_RECORDED`), which repeats what they hold, or by the present time model, in which
+every pose counts for the time that it describes (docs/decisions/0022).
+"""
+
+from collections.abc import Callable
+from enum import StrEnum
 from typing import Any, Final
 
 import numpy as np
 
-from visavis.devices.streams import GAZE
+from visavis.devices.streams import GAZE, HEAD, HEAD_MEASURED
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import DataError, UsageError
 from visavis.lab.geometry import Pose
 from visavis.lab.schema import SampleBatch, StreamSchema, empty_values
 from visavis.protocol.plan.shown_scene import recorded_scene
+from visavis.protocol.session.head_history import HeadHistory
 from visavis.protocol.session.observation import GazeObserver
 from visavis.protocol.session.row_buffer import RowBuffer
 from visavis.recording.reader import PART_COLUMN, Recording
@@ -20,7 +29,32 @@ from visavis.stimuli.scene import Scene
 TARGETS: Final = "gaze_targets"
 
 
-def targets_again(recording: Recording, study: OpenedStudy, part: int) -> Columns:
+class Pairing(StrEnum):
+    """At which times recorded poses of the head count."""
+
+    OWN_TIME = "own time"
+    """Each at the time that it describes."""
+    AS_RECORDED = "as recorded"
+    """As in the session: poses of older recordings when their frames began."""
+
+
+def paired_by_arrival(recording: Recording, part: int) -> bool:
+    """Tell whether a part's gaze was turned by poses that were of another moment."""
+    if recording.manifest.configuration.get("screen"):
+        return False
+    names = recording.stream_names
+    if HEAD_MEASURED.name in names or not {GAZE.name, TARGETS, HEAD.name} <= set(names):
+        return False
+    head = recording.stream_arrays(HEAD.name, part=part)
+    return bool((head["t_device_ns"] != head["t_host_ns"])[head["valid"]].any())
+
+
+def targets_again(
+    recording: Recording,
+    study: OpenedStudy,
+    part: int,
+    pairing: Pairing = Pairing.AS_RECORDED,
+) -> Columns:
     """Feed the engine with a part's gaze, head and scenes, frame by frame; return `gaze_targets`.
 
     The samples of each frame are as recorded. The offset of the tracker's clock is the trial's own
@@ -36,9 +70,8 @@ def targets_again(recording: Recording, study: OpenedStudy, part: int) -> Column
             "again"
         )
     recorded_targets = recording.stream_arrays(TARGETS, part=part)
-    gaze, head, frames = (
-        recording.stream_arrays(name, part=part) for name in (GAZE.name, "head", "frames")
-    )
+    gaze, frames = (recording.stream_arrays(name, part=part) for name in (GAZE.name, "frames"))
+    heads = _Heads(recording, part, pairing)
     schema = recording.stream_schema(TARGETS)
     if schema is None:
         raise DataError(f"{recording.path}: stream {TARGETS} has no schema")
@@ -50,17 +83,11 @@ def targets_again(recording: Recording, study: OpenedStudy, part: int) -> Column
     scenes = _Scenes(recording, study, part)
     place_of = {int(seq): i for i, seq in enumerate(gaze["seq"])}
     first_of, last_of = _runs(recorded_targets["frame_index"])
-    pose_index = 0
     frame_count = len(frames["frame_index"])
     for k in range(frame_count):
         until_ns = int(frames["t_host_ns"][k + 1]) if k + 1 < frame_count else None
         # The observer knew the head poses that had arrived before the next frame.
-        while pose_index < len(head["valid"]) and (
-            until_ns is None or head["t_host_ns"][pose_index] < until_ns
-        ):
-            if head["valid"][pose_index]:
-                observer.add_pose(int(head["t_host_ns"][pose_index]), _pose(head, pose_index))
-            pose_index += 1
+        heads.tell(observer.heads, until_ns)
         frame = int(frames["frame_index"][k])
         if frame not in first_of:
             continue
@@ -89,6 +116,46 @@ def targets_again(recording: Recording, study: OpenedStudy, part: int) -> Column
         observer.observe(frame, t_ns)
     targets.flush()
     return _columns(schema, batches, part)
+
+
+class _Heads:
+    """The recorded poses of a part, handed out in order of arrival."""
+
+    def __init__(self, recording: Recording, part: int, pairing: Pairing) -> None:
+        names = recording.stream_names
+        head = recording.stream_arrays(HEAD.name, part=part)
+        self._foreseen: Columns | None = head
+        self._measured: Columns | None = None
+        if HEAD_MEASURED.name in names:
+            self._measured = recording.stream_arrays(HEAD_MEASURED.name, part=part)
+        elif pairing is Pairing.AS_RECORDED or not paired_by_arrival(recording, part):
+            # the session took the poses of its frames for measured when they began
+            self._foreseen = None
+            self._measured = {**head, "t_device_ns": head["t_host_ns"]}
+        self._foreseen_next = self._measured_next = 0
+
+    def tell(self, history: HeadHistory, until_ns: int | None) -> None:
+        """Add the poses that had arrived before a time; None: all."""
+        if self._measured is not None:
+            self._measured_next = _hand_out(
+                self._measured, self._measured_next, until_ns, history.add_measured
+            )
+        if self._foreseen is not None:
+            self._foreseen_next = _hand_out(
+                self._foreseen, self._foreseen_next, until_ns, history.add_foreseen
+            )
+
+
+def _hand_out(
+    head: Columns, first: int, until_ns: int | None, add: Callable[[int, Pose], None]
+) -> int:
+    """Add poses from a row on that arrived before a time; return the next row."""
+    i = first
+    while i < len(head["valid"]) and (until_ns is None or head["t_host_ns"][i] < until_ns):
+        if head["valid"][i]:
+            add(int(head["t_device_ns"][i]), _pose(head, i))
+        i += 1
+    return i
 
 
 class _Scenes:
