@@ -148,6 +148,36 @@ def test_a_browser_that_remembers_a_session_of_another_study_begins_anew(
     assert "of-another-study" not in page.url
 
 
+def test_nothing_leaves_the_page_before_consent_but_what_a_request_needs(
+    server: Server, browser: Any
+) -> None:
+    address = server.start("serve", str(STUDY), "--port", "0")
+    page = browser.new_context().new_page()
+    sent: list[tuple[str, Any]] = []
+    page.on(
+        "request",
+        lambda r: sent.append((r.url, r.post_data_json)) if r.method == "POST" else None,
+    )
+    page.goto(f"{address}/?PROLIFIC_PID=5f3a99c&utm_source=letter")
+    page.wait_for_selector("#agree", timeout=PATIENCE_S * 1000)
+    page.set_viewport_size({"width": 700, "height": 500})
+    page.wait_for_timeout(600)
+    assert {"told": {"PROLIFIC_PID": "5f3a99c"}, "before": ""} == sent[0][1]
+    for url, body in sent[1:]:
+        if url.endswith("/api/hello"):
+            assert {"tab", "before", "takes_over", "at_ms"} == set(body)
+        else:
+            assert {"tab", "events"} == set(body), url
+            assert [] == body["events"]
+    assert "recorded" in state_of(page)["text"]
+    page.click("#main button.quiet")
+    until(page, "nothing is kept but this answer", steps=False)
+    (path,) = (server.root / "data/simulated/films").glob("sub-*/ses-001")
+    events = Recording(path).events()
+    (reply,) = events.loc[events["name"] == "page_event", "payload"]
+    assert {"kind": "reply", "n": 1, "step": 1, "reply": {"agreed": False}} == dict(reply)
+
+
 def recorded(server: Server) -> Recording:
     return Recording(session_dir(server.root / "data", "films", "S01B", 1, is_simulated=True))
 

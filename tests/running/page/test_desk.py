@@ -205,6 +205,50 @@ def test_whoever_declines_or_stops_is_asked_nothing_more(
     assert Recording(path).trials().empty
 
 
+def page_events(path: Path) -> list[dict[str, Any]]:
+    """Return what is recorded of the page itself."""
+    events = Recording(path).events()
+    return [dict(p) for p in events.loc[events["name"] == "page_event", "payload"]]
+
+
+def pages_before_consent(page: Any) -> None:
+    """Have a page send what pages of earlier versions sent before anybody agreed."""
+    page.desk.hello("two", before=TAB, about={"user_agent": "Firefox", "refresh_hz": 60.0})
+    page.desk.hello(TAB, before="two", about={"user_agent": "Firefox"})
+    page.desk.take(TAB, [{"n": 1, "kind": "visibility", "at_ms": 5.0, "is_visible": False}])
+
+
+def test_a_refusal_keeps_the_refusal_and_nothing_else_of_the_page(tmp_path: Path) -> None:
+    with begun(tmp_path) as (page, path):
+        pages_before_consent(page)
+        page.desk.recorder.checkpoint()
+        assert [] == page_events(path)
+        page.desk.take(TAB, [{**page.event(), "reply": {"agreed": False, "version": "x"}}])
+        page.desk.recorder.close("aborted")
+    assert [{"kind": "reply", "n": 2, "step": 1, "reply": {"agreed": False}}] == page_events(path)
+    with gone_on(path) as page:
+        assert {"kind": "end", "outcome": "declined"} == page.desk.state()["step"]
+
+
+def test_whoever_agrees_has_the_page_recorded_and_nothing_that_it_did_before(
+    tmp_path: Path,
+) -> None:
+    with begun(tmp_path) as (page, path):
+        pages_before_consent(page)
+        page.answer()
+    assert [("opened", TAB), ("reply", TAB)] == [(p["kind"], p["tab"]) for p in page_events(path)]
+
+
+def test_a_fact_about_the_browser_that_nobody_is_told_of_is_not_recorded(tmp_path: Path) -> None:
+    with begun(tmp_path) as (page, path):
+        page.answer()
+        about = {"user_agent": "Firefox", "plugins": ["x"]}
+        sent = {"n": 2, "kind": "about", "at_ms": page.visitor.now_ms, "about": about}
+        page.desk.take(TAB, [sent])
+        page.desk.recorder.checkpoint()
+    assert {"user_agent": "Firefox"} == page_events(path)[-1]["about"]
+
+
 def test_a_film_that_fails_is_named_and_its_trial_counts_as_skipped(tmp_path: Path) -> None:
     with begun(tmp_path) as (page, path):
         while page.desk.state()["step"]["kind"] != "watch":

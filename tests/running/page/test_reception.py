@@ -37,6 +37,8 @@ class Somebody(Visitor):
     stop = ""
 
     def reply(self, step: PageStep) -> dict[str, Any]:
+        if self.stop == "decline" and step.kind == "consent":
+            return {"agreed": False}
         if self.stop and step.kind == "watch":
             return {"stop": self.stop, "hidden_ms": 0.0}
         return super().reply(step)
@@ -72,6 +74,7 @@ class Place:
             self.rules,
             identify=self.who.__setitem__,
             identity_of=self.who.get,
+            forget=lambda label: self.who.pop(label, None),
             withdraw=lambda label: void(self.ledger.withdraw(label, [self.folder])),
         )
 
@@ -165,6 +168,19 @@ def test_who_somebody_is_to_a_panel_never_lies_with_the_data(place: Place) -> No
             content = path.read_bytes()
             assert b"5f3a99c" not in content
             assert b"127.0.0.1" not in content
+
+
+def test_of_whoever_declines_neither_identifier_nor_page_is_kept(place: Place) -> None:
+    async def act(base: str, _: Reception) -> str:
+        key = await arrive(base, {"PROLIFIC_PID": "5f3a99c"})
+        return await visit(key, place.visitor("decline"), place.clock)
+
+    assert "declined" == served(place, act)
+    assert {} == place.who
+    (session,) = place.sessions()
+    events = Recording(session).events()
+    (reply,) = events.loc[events["name"] == "page_event", "payload"]
+    assert {"kind": "reply", "n": 1, "step": 1, "reply": {"agreed": False}} == dict(reply)
 
 
 def test_stop_and_delete_leaves_a_tombstone_and_stop_and_keep_the_answers(place: Place) -> None:

@@ -1,6 +1,6 @@
-"""participant add, list, withdraw: the ledger of a study."""
+"""participant add, list, withdraw, information: a study's ledger, and what people are told."""
 
-from typing import Annotated
+from typing import Annotated, get_args
 
 import typer
 from rich.table import Table
@@ -15,13 +15,15 @@ from visavis.cli.app import (
     say,
     verbatim,
 )
-from visavis.cli.commands.session import SetOption
+from visavis.cli.commands.session import LanguageOption, OnOption, SetOption
 from visavis.cli.studies import study_here
 from visavis.lab.errors import UsageError
 from visavis.protocol.people.exports_register import registered_exports
 from visavis.protocol.people.ledger import Ledger
 from visavis.recording.lock import is_held
 from visavis.recording.manifest import read_manifest
+from visavis.study.information import information_at_devices, information_on_page
+from visavis.study.parts import On
 
 participant_app = typer.Typer(help="Issue, list and withdraw participant identifiers.")
 app.add_typer(participant_app, name="participant")
@@ -101,6 +103,39 @@ def list_them(
         f"{len(entries)} in the ledger of {verbatim(here.study.name)}"
         + (" (simulated)" if here.is_simulated else "")
     )
+
+
+@participant_app.command("information")
+def information(
+    study: StudyArgument,
+    language: LanguageOption = None,
+    on: OnOption = None,
+    devices: DevicesOption = None,
+    config: ConfigOption = None,
+    assignments: SetOption = None,
+) -> None:
+    """Print what participants are told: the study's own words, and everything that is recorded.
+
+    What is recorded follows from the study and the place; a page shows the same before consent.
+
+    Example: visavis participant information stare --language de
+    """
+    lab = load_lab(config, devices)
+    here = study_here(study, lab)
+    settings = here.requested_settings(assignments=assignments, language=language)
+    made = here.study.experiment(settings.parameters)
+    asked = here.study.questionnaires(lab.model_copy(update={"language": made.language}))
+    if on not in (None, *get_args(On)):
+        raise UsageError(f"--on takes {' or '.join(get_args(On))}, not {on!r}")
+    is_on_page = (on or made.study.procedure.on) == "browser"
+    texts = (
+        made.texts.find("information", values=made.values_of(made.plan(0, 1))),
+        (information_on_page if is_on_page else information_at_devices)(made, asked).as_text,
+        made.texts.find("page.contact", values={"contact": lab.privacy.contact})
+        if lab.privacy.contact
+        else None,
+    )
+    say("\n\n".join(filter(None, texts)))
 
 
 @participant_app.command("withdraw")

@@ -177,6 +177,7 @@ async def _serve(
         Rules(quota, completion),
         identify=lambda label, who: None if key_file is None else key_file.identify(label, who),
         identity_of=lambda label: None if key_file is None else key_file.identity(label),
+        forget=lambda label: None if key_file is None else key_file.forget(label),
         withdraw=withdraw,
         say=lambda text: errors.print(f"[yellow]{verbatim(text)}[/]", soft_wrap=True),
     )

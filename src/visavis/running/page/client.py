@@ -59,14 +59,23 @@ async def visit(
                 "tab": TAB,
                 "takes_over": True,
                 "at_ms": visitor.now_ms,
-                "about": {"browser": "simulated"},
             },
         )
+        has_described = False
         while message["step"]["kind"] != "end":
             content = dict(message["step"])
             step = PageStep(content.pop("kind"), content)
             if ends(step):
                 return ""
+            if not has_described and step.kind != "consent":
+                has_described = True
+                described = {
+                    "n": message["ack"] + 1,
+                    "kind": "about",
+                    "at_ms": visitor.now_ms,
+                    "about": {"user_agent": TAB},
+                }
+                message = await post("/api/events", {"tab": TAB, "events": [described]})
             reply = visitor.reply(step)
             clock.sleep_until_ns(begun_ns + round(visitor.now_ms * NS_PER_MS))
             event = {

@@ -20,6 +20,7 @@ from visavis.running.page.steps import PageStep, Reply, mapping, number, put
 from visavis.running.page.trial import FilmFailed, FilmFiles, perform_on_page
 from visavis.study.careless_answers import NOT_HEARD
 from visavis.study.experiment import StudyExperiment
+from visavis.study.information import Information, information_on_page
 from visavis.study.trial import TrialScript
 
 QUESTIONS_A_PAGE: Final = 8
@@ -100,38 +101,57 @@ class StopRequest(Exception):
         self.keep = keep
 
 
-def consent_of(experiment: StudyExperiment, plan: SessionPlan) -> tuple[str, str] | None:
-    """Return the text participants consent to and its version; None where the study has none.
+@dataclass(frozen=True)
+class Consent:
+    """What participants read and consent to: the study's texts, and what is recorded."""
 
-    The version is the beginning of the text's SHA-256: another text is another version.
-    """
-    text = experiment.texts.find("consent", values=experiment.values_of(plan))
+    information: str
+    recorded: Information
+    text: str
+
+    @property
+    def version(self) -> str:
+        """The beginning of the SHA-256 of all they read: another text is another version."""
+        texts = (self.information, self.recorded.as_text, self.text)
+        return hashlib.sha256("\n".join(texts).encode()).hexdigest()[:12]
+
+
+def consent_of(
+    experiment: StudyExperiment, plan: SessionPlan, questionnaires: Sequence[Questionnaire]
+) -> Consent | None:
+    """Return what participants read and consent to; None where the study asks for no consent."""
+    values = experiment.values_of(plan)
+    text = experiment.texts.find("consent", values=values)
     if text is None:
         return None
-    return text, hashlib.sha256(text.encode()).hexdigest()[:12]
+    information = experiment.texts.find("information", values=values) or ""
+    return Consent(information, information_on_page(experiment, questionnaires), text)
 
 
 def course(visit: Visit) -> Course:
     """Perform a session on a page; returns how it ended: done, stopped, withdrawn, declined."""
     experiment, texts = visit.experiment, visit.experiment.texts
-    values = experiment.values_of(visit.plan)
     try:
-        consent = consent_of(experiment, visit.plan)
+        consent = consent_of(experiment, visit.plan, visit.questionnaires)
         if consent is not None:
-            text, version = consent
             reply = yield from _step(
                 PageStep(
                     "consent",
                     {
                         "title": texts.find("page.consent_title") or "",
-                        "information": texts.find("information", values=values) or "",
-                        "text": text,
-                        "version": version,
+                        "information": consent.information,
+                        "recorded": {
+                            "before": consent.recorded.before,
+                            "lines": list(consent.recorded.lines),
+                            "after": consent.recorded.after,
+                        },
+                        "text": consent.text,
+                        "version": consent.version,
                     },
                 )
             )
             has_consented = reply.content.get("agreed") is True
-            yield Event("consent", {"version": version, "agreed": has_consented})
+            yield Event("consent", {"version": consent.version, "agreed": has_consented})
             if not has_consented:
                 return DECLINED
         if "card" in experiment.study.procedure.screening:

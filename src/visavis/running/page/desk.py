@@ -19,12 +19,13 @@ from visavis.running.page.steps import (
     ns_of_ms,
     number,
 )
+from visavis.study.information import about_with_facts
 
 LEASE_NS: Final = 12 * NS_PER_S
 """After this silence a page counts as gone, and another may take its place."""
 MAX_EVENTS: Final = 500
 """How many events a page may send at once."""
-KINDS: Final = ("reply", "visibility", "fullscreen", "resize", "problem")
+KINDS: Final = ("reply", "about", "visibility", "fullscreen", "resize", "problem")
 PAGE_EVENT: Final = "page_event"
 RESTART_FLAG: Final = "server restarted"
 RELOAD_FLAG: Final = "page reloaded"
@@ -115,6 +116,7 @@ class PageDesk:
         self._heard_ns = -LEASE_NS
         self._has_left = True
         self._origins: dict[str, _Origin] = {}
+        self._opened_before_consent: tuple[int, Mapping[str, Any]] | None = None
         self._is_replaying = self.past is not None
         self._advance(None)
         if self.past is not None:
@@ -143,8 +145,13 @@ class PageDesk:
         is_free = self._has_left or now_ns - self._heard_ns > LEASE_NS
         if not (tab == self._tab or is_free or takes_over or (before and before == self._tab)):
             raise OpenElsewhereError("the study is open in another tab or browser")
-        payload = {"kind": "opened", "tab": tab, "at_ms": at_ms, "about": dict(about or {})}
-        self.recorder.event(PAGE_EVENT, now_ns, **payload)
+        payload = {
+            "kind": "opened",
+            "tab": tab,
+            "at_ms": at_ms,
+            "about": about_with_facts(about or {}),
+        }
+        self._record(payload, now_ns)
         self._apply_opening(payload, now_ns)
         self._heard_ns, self._has_left = now_ns, False
 
@@ -169,7 +176,7 @@ class PageDesk:
         slept = sent_at_ms is not None and self._origin(tab).has_slept(*sent_at_ms, now_ns)
         if sent_at_ms is not None and slept:
             payload = {"kind": "slept", "tab": tab, "at_ms": sent_at_ms[0]}
-            self.recorder.event(PAGE_EVENT, now_ns, **payload)
+            self._record(payload, now_ns)
             self._apply_sleep(payload, now_ns)
         for content in events:
             event = mapping(content, "an event")
@@ -182,9 +189,11 @@ class PageDesk:
                 raise PageError(f"there is no event {str(event.get('kind'))[:40]!r}")
             number(event.get("at_ms"), "at_ms")
             payload = {**event, "tab": tab}
+            if payload["kind"] == "about":
+                payload["about"] = about_with_facts(mapping(payload.get("about"), "about"))
             self._check_event(payload)
             self._report_trial()
-            self.recorder.event(PAGE_EVENT, now_ns, **payload)
+            self._record(payload, now_ns)
             self._apply(payload, now_ns)
         return slept or bool(events)
 
@@ -213,6 +222,28 @@ class PageDesk:
 
     # ---- within ------------------------------------------------------------------------------
 
+    def _record(self, payload: Mapping[str, Any], t_ns: int) -> None:
+        """Record an event of the page; before consent nothing, with a refusal only the refusal.
+
+        Which page somebody agreed on is recorded with their consent: replies are its.
+        """
+        if self.step.kind != "consent":
+            self.recorder.event(PAGE_EVENT, t_ns, **payload)
+        elif payload["kind"] == "opened":
+            self._opened_before_consent = t_ns, payload
+        elif payload["kind"] == "reply" and payload["reply"].get("agreed") is True:
+            if self._opened_before_consent is not None:
+                opened_ns, opening = self._opened_before_consent
+                self.recorder.event(PAGE_EVENT, opened_ns, **opening)
+            self.recorder.event(PAGE_EVENT, t_ns, **payload)
+        elif payload["kind"] == "reply":
+            refusal = {"kind": "reply", "n": payload["n"], "step": payload["step"]}
+            if "stop" in payload["reply"]:
+                refusal["reply"] = {"stop": payload["reply"]["stop"]}
+            else:
+                refusal["reply"] = {"agreed": False}
+            self.recorder.event(PAGE_EVENT, t_ns, **refusal)
+
     def _report_trial(self) -> None:
         if self.on_trial is not None and self.trial_id:
             self.on_trial()
@@ -227,8 +258,9 @@ class PageDesk:
 
     def _apply(self, payload: Mapping[str, Any], t_ns: int) -> None:
         self.last_event_number = int(payload["n"])
-        origin = self._origin(str(payload["tab"]))
-        origin.add_event(float(payload["at_ms"]), t_ns)
+        origin = self._origin(str(payload.get("tab", "")))  # a refusal has neither tab nor time
+        if "at_ms" in payload:
+            origin.add_event(float(payload["at_ms"]), t_ns)
         if payload["kind"] == "problem":
             self.notes.add("page problem")
         elif payload["kind"] == "reply":
@@ -291,7 +323,7 @@ class PageDesk:
             else:
                 self._apply(payload, t_ns)
         self._flag_interruption(past)
-        self._has_left = False
+        self._has_left = not self._tab  # nobody agreed yet: whoever comes has it
         self._heard_ns = self.clock.now_ns()
 
     def _flag_interruption(self, past: EarlierParts) -> None:

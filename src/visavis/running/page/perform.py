@@ -9,6 +9,7 @@ from typing import Any, Final
 from visavis.lab.errors import ConfigError, SessionAborted
 from visavis.protocol.people.key_file import KeyFile
 from visavis.protocol.plan.experiment import no_progress
+from visavis.protocol.plan.questionnaires import Questionnaire
 from visavis.protocol.session.operator import SessionStatus, TrialCounts
 from visavis.protocol.session.states import SessionState
 from visavis.recording.folder import SessionFolder, create_session, open_session, study_dir
@@ -72,7 +73,7 @@ def manifest_of(request: Request, experiment: StudyExperiment) -> Manifest:
     cast = use_cast_of(request.config)
     plan = experiment.plan(request.person.index, request.seed, request.person.group)
     is_simulation = is_simulated(request.config)
-    consent = consent_of(experiment, plan)
+    consent = consent_of(experiment, plan, questionnaires_of(request, experiment))
     folder = study_dir(request.config.data_root, request.study.name, is_simulated=is_simulation)
     return Manifest(
         study=request.study.name,
@@ -92,7 +93,7 @@ def manifest_of(request: Request, experiment: StudyExperiment) -> Manifest:
             **cast,
         },
         devices=(),
-        consent_version=consent[1]
+        consent_version=consent.version
         if consent
         else request.person.consent_version or request.config.privacy.consent_version,
         created_wall_iso=request.clock.wall_iso(),
@@ -183,6 +184,18 @@ def experiment_of(request: Request) -> StudyExperiment:
     return experiment
 
 
+def questionnaires_of(request: Request, experiment: StudyExperiment) -> tuple[Questionnaire, ...]:
+    """Return what the study asks besides its trials, in the language of the page.
+
+    Raises:
+        ConfigError: the study is not declared on the kit.
+    """
+    if not isinstance(request.study, OpenedStudy):
+        raise ConfigError(f"{request.study.name} is not declared on the kit; it shows no page")
+    config = request.config.model_copy(update={"language": experiment.language})
+    return request.study.questionnaires(config)
+
+
 def key_of(request: Request) -> str:
     """Return the secret in the address of a session's page; no recording contains it.
 
@@ -215,10 +228,7 @@ def page_session_of(
     Raises:
         ConfigError: the study is not declared on the kit.
     """
-    study, virtual = request.study, request.clock.is_virtual
-    if not isinstance(study, OpenedStudy):
-        raise ConfigError(f"{study.name} is not declared on the kit; it shows no page")
-    config = request.config.model_copy(update={"language": experiment.language})
+    virtual = request.clock.is_virtual
     notes = Notes()
     describe_film = lru_cache(maxsize=None)(lambda film: store.describe(film, is_simulated=virtual))
     plan = experiment.plan(request.person.index, request.seed, request.person.group)
@@ -228,7 +238,7 @@ def page_session_of(
         request.person.label,
         request.person.session,
         folder.manifest.parts[-1].number,
-        study.questionnaires(config),
+        questionnaires_of(request, experiment),
         describe_film,
         request.clock.now_ns,
         notes,
@@ -243,7 +253,7 @@ def page_session_of(
             if (film_file := store.file_of(film)) is not None
         }
     )
-    about = about_of(experiment, folder.manifest.is_simulated, config.privacy.contact)
+    about = about_of(experiment, folder.manifest.is_simulated, request.config.privacy.contact)
     return PageSession(desk, about, files)
 
 

@@ -26,7 +26,7 @@ from visavis.running.page.arrivals import (
     order_of,
 )
 from visavis.running.page.board import COUNTING, Board, Place, board_of
-from visavis.running.page.course import DONE, WITHDRAWN, texts_of_page
+from visavis.running.page.course import DECLINED, DONE, WITHDRAWN, texts_of_page
 from visavis.running.page.perform import (
     ENDINGS,
     SERVED_EVENT,
@@ -99,7 +99,8 @@ class Reception:
     """Own the sessions of everybody who comes to a served study.
 
     `base` is a request that is completed for each person. `identify` stores a person's identity
-    separately from the data and `identity_of` returns it; `withdraw` deletes a participant's data.
+    separately from the data, `identity_of` returns it, `forget` deletes it; `withdraw` deletes a
+    participant's data.
     """
 
     def __init__(
@@ -111,18 +112,15 @@ class Reception:
         *,
         identify: Callable[[str, Mapping[str, str]], None],
         identity_of: Callable[[str], Mapping[str, str] | None],
+        forget: Callable[[str], object],
         withdraw: Callable[[str], None],
         say: Callable[[str], None] = lambda text: None,
     ) -> None:
         self.board_key = secrets.token_urlsafe(24)
         self._base, self._store, self._ledger, self._rules = base, store, ledger, rules
         self._experiment = experiment_of(base)
-        self._identify, self._identity_of, self._withdraw, self._say = (
-            identify,
-            identity_of,
-            withdraw,
-            say,
-        )
+        self._identify, self._identity_of, self._forget = identify, identity_of, forget
+        self._withdraw, self._say = withdraw, say
         self._simulated = is_simulated(base.config)
         self._contact = base.config.privacy.contact
         self._root = base.config.data_root
@@ -422,6 +420,18 @@ class Reception:
         await self._close(session, "aborted" if why else "complete", why.partition(";")[0])
         if outcome == WITHDRAWN:
             await self._delete(session.entry.label)
+        if outcome == DECLINED:
+            await self._forget_identity(session.entry.label)
+
+    async def _forget_identity(self, label: str) -> None:
+        """Keep nothing of whoever declined but that somebody did."""
+        self._of_panel = {
+            who: key for who, key in self._of_panel.items() if self._keys.get(key) != label
+        }
+        try:
+            await self._run(self._forget, label)
+        except LabError as error:
+            self._say(f"{label} declined, and their identifier is still stored: {error}")
 
     async def _delete(self, label: str) -> None:
         try:

@@ -24,7 +24,7 @@ from visavis.recording.reader import Recording
 from visavis.recording.writer import REAL_TIME_BATCH_NS, CloseStatus, Recorder
 from visavis.running.film_store import FilmStore
 from visavis.running.page.arrivals import LINK, Arrival, arrival_of
-from visavis.running.page.course import DONE, WITHDRAWN, course
+from visavis.running.page.course import DECLINED, DONE, WITHDRAWN, course
 from visavis.running.page.desk import EarlierParts, PageDesk
 from visavis.running.page.other_hosts.bundle import FORMAT, digest_of, steps_of_place, visit_of
 from visavis.running.page.perform import (
@@ -444,7 +444,7 @@ def _import(
     experiment, clock = experiment_of(base), StampClock(run.begun_ms)
     group = experiment.plan(run.place, base.seed).group
     entry = registered or ledger.add(index=_free_place(base, ledger, run.place, group), group=group)
-    if one.arrival.identifier:
+    if one.arrival.identifier and one.outcome != DECLINED:
         identify(entry.label, one.arrival.identity)
     request = replace(
         base,

@@ -14,6 +14,8 @@ const SESSION = `visavis-session${wire.scope}`;
 const ONWARD_MS = 4000;
 const BUSY_MS = 5000;
 const DOUBLE_MS = 500;
+// What an address may say about whoever comes; other parameters stay here.
+const OF_ARRIVALS = ["PROLIFIC_PID", "STUDY_ID", "SESSION_ID", "survey_code", "participant", "id", "place"];
 
 let key = wire.keyHere();
 const tab = globalThis.crypto?.randomUUID?.() || `${Date.now()}-${Math.random().toString(36).slice(2)}`;
@@ -72,7 +74,7 @@ function put(kind, ...children) {
 const post = (path, body) => wire.post(path, key, body);
 
 async function send(kind, more = {}) {
-  if (isOver && kind !== "reply") return;
+  if ((isOver || !mayRecord()) && kind !== "reply") return;
   const event = { n: next++, kind, at_ms: performance.now(), ...more };
   queue.push(event);
   await store.put(event);
@@ -90,7 +92,8 @@ async function flush() {
       let answer;
       const waiting = setTimeout(() => { isLate = true; tell(say("waiting")); }, WAITING_MS);
       try {
-        answer = await post("/api/events", { tab, events: sent, sent_ms: performance.now(), wall_ms: Date.now() });
+        const times = mayRecord() ? { sent_ms: performance.now(), wall_ms: Date.now() } : {};
+        answer = await post("/api/events", { tab, events: sent, ...times });
       } catch {
         failures += 1;
         if (failures > 1) tell(say("lost"));
@@ -130,7 +133,7 @@ async function take(told) {
 async function hello(takesOver) {
   const before = await store.get("tab");
   const answer = await post("/api/hello", { tab, before: before && before !== tab ? before : "", takes_over: takesOver,
-    at_ms: performance.now(), about: await about() });
+    at_ms: performance.now() });
   if (answer.status === 409) return answer;
   if (answer.status !== 200 || answer.told.failed) return answer;
   await store.set("tab", tab);
@@ -176,7 +179,7 @@ async function refreshHz() {
 const reply = (content) => {
   if (replied === shown) return undefined; // pressed twice
   replied = shown;
-  const whole = { hidden_ms: hiddenNow(), ...content };
+  const whole = mayRecord() ? { hidden_ms: hiddenNow(), ...content } : content;
   stop.hidden = true;
   return send("reply", { step: shown, reply: whole });
 };
@@ -286,13 +289,26 @@ function asked(question, index, changed) {
 // ---- steps ----------------------------------------------------------------------------------
 
 let current = { kind: "" };
+let isDescribed = false;
+
+// Before somebody agrees, nothing leaves this page but what a request needs.
+const mayRecord = () => !["", "consent", "end"].includes(current.kind);
+
+async function describe() {
+  if (isDescribed || !mayRecord()) return;
+  isDescribed = true;
+  const facts = await about();
+  send("about", { about: facts });
+}
 
 const steps = {
   consent(step) {
     const box = element("input", { type: "checkbox", id: "agree", onchange: () => { go.disabled = !box.checked; } });
     const go = button(say("begin"), () => reply({ agreed: true, version: step.version }));
     go.disabled = true;
-    put("narrow", element("h1", {}, step.title), step.information ? paragraph(step.information) : null, paragraph(step.text),
+    put("narrow", element("h1", {}, step.title), step.information ? paragraph(step.information) : null,
+      paragraph(step.recorded.before), element("ul", {}, ...step.recorded.lines.map((line) => element("li", {}, line))),
+      paragraph(step.recorded.after), paragraph(step.text),
       element("div", { class: "agree" }, box, element("label", { for: "agree" }, say("agree"))),
       whomToAsk(),
       element("div", { class: "buttons" }, go, button(say("decline"), () => reply({ agreed: false, version: step.version }), true)));
@@ -461,6 +477,7 @@ function show(step) {
   const progress = document.getElementById("progress");
   progress.textContent = step.trial ? (step.is_practice ? `${say("practice")} ` : "") + say("progress", { n: step.trial, m: step.trials }) : "";
   steps[step.kind](step);
+  describe();
 }
 
 // ---- begin ----------------------------------------------------------------------------------
@@ -483,7 +500,7 @@ function remembered(change) {
 
 // Somebody who comes to a served study gets a session; who comes again gets the one they had.
 async function arrive() {
-  const told = Object.fromEntries([...wire.query()].slice(0, 20).map(([n, v]) => [n, v.slice(0, 200)]));
+  const told = Object.fromEntries([...wire.query()].filter(([n]) => OF_ARRIVALS.includes(n)).map(([n, v]) => [n, v.slice(0, 200)]));
   const before = remembered((kept) => kept.getItem(SESSION)) || "";
   isRemembered = Boolean(before) && !location.search;
   if (isRemembered) key = before;

@@ -140,10 +140,28 @@ async function openRun(run) {
   if (place.sha256 !== begun.arrived.sha256) return false; // another bundle lies here by now
   const handed = lines[0].line === -1 ? lines.shift().handed : -1;
   const left = lines.filter((line) => line.line > handed);
-  if (left.length) await write(run, left); // kept as the connection was lost, or the page closed
   at = { run, steps: place.steps, ack: 0, number: 1, index: 0, outcome: "", next: lines.at(-1).line + 1, told: begun.arrived.told };
   for (const line of lines) if (line.event) Object.assign(at, after(at, line.event));
+  // kept as the connection was lost, or the page closed
+  if (left.length && !isBeforeConsent(at)) await write(run, left);
   return true;
+}
+
+// Until somebody agrees, what they did stays in this browser.
+const isBeforeConsent = (of) => !of.outcome && of.steps[of.index].kind === "consent";
+
+// Of who refuses, the refusal is kept and handed over, and nothing of how they came.
+async function refuse(run, line) {
+  const { arrived, at_ms } = (await kept.of(run)).find((one) => one.arrived);
+  const { n, kind, step } = line.event;
+  const lines = [
+    { run, line: 0, at_ms, arrived: { ...arrived, told: {} } },
+    { run, line: 1, at_ms: line.at_ms, opened: { tab: "-", at_ms: 0 } },
+    { run, line: 2, at_ms: line.at_ms, tab: "-", event: { n, kind, step, at_ms: 0, reply: { agreed: false } } },
+  ];
+  await kept.drop(run);
+  await write(run, lines);
+  return lines.length;
 }
 
 const told = () => ({ ack: at.ack, number: at.number, step: at.outcome ? { kind: "end", outcome: at.outcome } : at.steps[at.index] });
@@ -197,14 +215,15 @@ async function arrive({ told: said }) {
   const place = await placeOf(said, run);
   if (place === null) return { refused: "full", text: words.full };
   if (place === undefined) return { refused: "busy", text: words.busy };
-  const { sha256 } = await stepsOf(place);
+  const { sha256, steps } = await stepsOf(place);
   const { format, study, seed, id } = bundle;
-  await write(run, [{ run, line: 0, at_ms: nowMs(), arrived: { format, study, seed, bundle: id, place, sha256, told: said } }]);
+  await (steps[0].kind === "consent" ? kept.put : write.bind(null, run))([{ run, line: 0, at_ms: nowMs(), arrived: { format, study, seed, bundle: id, place, sha256, told: said } }]);
   return { key: run };
 }
 
-async function hello({ tab, at_ms, about }) {
-  await write(at.run, [{ run: at.run, line: at.next++, at_ms: nowMs(), opened: { tab, at_ms, about } }]);
+async function hello({ tab, at_ms }) {
+  const line = { run: at.run, line: at.next++, at_ms: nowMs(), opened: { tab, at_ms } };
+  await (isBeforeConsent(at) ? kept.put([line]) : write(at.run, [line]));
   return { ...bundle.about, completion: completion(), ...told() };
 }
 
@@ -220,8 +239,12 @@ async function take({ tab, events }) {
     lines.push({ run: at.run, line: at.next + lines.length, at_ms: nowMs(), tab, event });
   }
   if (lines.length) {
-    await write(at.run, lines);
-    Object.assign(at, now, { next: at.next + lines.length });
+    let next = at.next + lines.length;
+    if (now.outcome === "declined") next = await refuse(at.run, lines.at(-1));
+    else if (isBeforeConsent({ ...at, ...now })) await kept.put(lines);
+    else if (isBeforeConsent(at)) await write(at.run, [...(await kept.of(at.run)).filter((one) => one.line >= 0), ...lines]);
+    else await write(at.run, lines);
+    Object.assign(at, now, { next });
   }
   return isRefused ? { status: 400, told: { refused: "that step is not shown" } } : { status: 200, told: told() };
 }

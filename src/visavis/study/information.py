@@ -1,0 +1,159 @@
+"""What participants are told is recorded, made from what is recorded.
+
+Each fact is one line of the information for participants (`recorded.FACT` in the texts) and stands
+for what recordings hold of it. What a page says about a browser is recorded only where a fact
+covers it, so that nothing is recorded of which nobody was told.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from visavis.protocol.plan.questionnaires import Questionnaire
+from visavis.study.experiment import StudyExperiment
+from visavis.study.texts import Texts
+
+ABOUT_PAGE: Final[Mapping[str, str]] = {
+    "user_agent": "browser",
+    "languages": "browser",
+    "touch_points": "browser",
+    "is_automated": "browser",
+    "keeps_events": "browser",
+    "tells_frames": "browser",
+    "screen_px": "screen",
+    "view_px": "screen",
+    "pixel_ratio": "screen",
+    "refresh_hz": "screen",
+}
+"""What a page says about its browser and screen, and the fact that covers it."""
+
+PAGE_HAPPENINGS: Final = ("opened", "about", "visibility", "fullscreen", "resize", "problem")
+"""Kinds of page events that are no answers."""
+
+EVENT_FACTS: Final[Mapping[str, tuple[str, ...]]] = {
+    "page_served": (),
+    "block_start": (),
+    "block_end": (),
+    "trial_start": (),
+    "consent": ("agreement",),
+    "stopped": ("agreement",),
+    "answered": ("answers",),
+    "answer": ("questionnaires",),
+    "questionnaire_complete": ("questionnaires",),
+    "films_loaded": ("films",),
+    "shown": ("films",),
+    "screen_measured": ("card",),
+    "sound_checked": ("voice",),
+}
+"""Facts that cover the events of a session on a page. Plans of what is shown are about nobody."""
+
+ROLE_FACTS: Final[Mapping[str, tuple[str, ...]]] = {
+    "headset": ("head", "shown"),
+    "eye_tracker": ("gaze",),
+    "body_tracker": ("body",),
+    "responses": ("presses",),
+    "sound": ("sounds",),
+}
+"""Facts that cover what the device of a role measures."""
+
+STREAM_FACTS: Final[Mapping[str, str]] = {
+    "head": "head",
+    "gaze": "gaze",
+    "openness": "gaze",
+    "gaze_targets": "gaze",
+    "body": "body",
+    "responses": "presses",
+    "pointer": "presses",
+    "haptics": "vibrations",
+    "band": "vibrations",
+    "sound": "sounds",
+    "frames": "shown",
+    "frame_timing": "shown",
+    "scene_states": "shown",
+}
+"""Facts that cover the streams of a session; another stream is a device's of the lab's own."""
+
+ARMBAND: Final = "armband"
+
+
+@dataclass(frozen=True)
+class Information:
+    """What participants are told is recorded: what comes first, one line a fact, what is not."""
+
+    before: str
+    lines: tuple[str, ...]
+    after: str
+
+    @property
+    def as_text(self) -> str:
+        """All of it, one line below the other."""
+        return "\n".join([self.before, *(f"- {line}" for line in self.lines), self.after])
+
+
+def information_on_page(
+    experiment: StudyExperiment, questionnaires: Sequence[Questionnaire]
+) -> Information:
+    """Return what participants on a page are told is recorded."""
+    screening = experiment.study.procedure.screening
+    facts = ["agreement", "answers", "course"]
+    facts += ["films"] if experiment.films else []
+    facts += ["card"] if "card" in screening else []
+    facts += ["voice"] if "sound" in screening else []
+    facts += ["questionnaires"] if questionnaires else []
+    facts += ["browser", "screen", "panel"]
+    return _information(experiment.texts, facts, questionnaires, "page")
+
+
+def information_at_devices(
+    experiment: StudyExperiment, questionnaires: Sequence[Questionnaire]
+) -> Information:
+    """Return what participants in a laboratory are told is recorded, from the devices in use."""
+    roles = ("headset", *experiment.needed_roles, *experiment.useful_roles, "responses")
+    facts = ["answers_in_lab", "course_in_lab", "stature"]
+    others = []
+    for role in dict.fromkeys(roles):
+        if role.startswith(ARMBAND):
+            facts.append("vibrations")
+        elif role in ROLE_FACTS:
+            facts += ROLE_FACTS[role]
+        else:
+            others.append(role)
+    facts += ["questionnaires"] if questionnaires else []
+    made = _information(experiment.texts, facts, questionnaires, "lab")
+    lines = [experiment.texts.get("recorded.device", {"role": r}) for r in others]
+    return Information(made.before, (*made.lines, *lines), made.after)
+
+
+def facts_in_event(name: str, payload: Mapping[str, Any]) -> frozenset[str]:
+    """Return the facts that cover an event of a session on a page.
+
+    Raises:
+        KeyError: no fact covers it, or something in it.
+    """
+    if name != "page_event":
+        return frozenset(EVENT_FACTS[name])
+    kind = payload["kind"]
+    about = payload.get("about") or {}
+    facts = {ABOUT_PAGE[key] for key in about}
+    if kind == "slept" or kind in PAGE_HAPPENINGS:
+        return frozenset(facts | ({"course"} if kind != "about" else set()))
+    if kind == "reply":
+        reply = payload["reply"]
+        facts |= {"agreement"} if "agreed" in reply or "stop" in reply else {"answers", "course"}
+        return frozenset(facts)
+    raise KeyError(kind)
+
+
+def about_with_facts(about: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a page says about its browser, without what no fact covers."""
+    return {name: value for name, value in about.items() if name in ABOUT_PAGE}
+
+
+def _information(
+    texts: Texts, facts: Iterable[str], questionnaires: Sequence[Questionnaire], place: str
+) -> Information:
+    values = {"titles": ", ".join(dict.fromkeys(q.title for q in questionnaires))}
+    lines = tuple(texts.get(f"recorded.{fact}", values) for fact in dict.fromkeys(facts))
+    return Information(
+        texts.get(f"recorded.before_{place}"), lines, texts.get(f"recorded.after_{place}")
+    )

@@ -1,0 +1,120 @@
+"""Participants are told all that is recorded: the text is made from it, in every language."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.running.page.pages import TAB, begun, config, experiment, study
+from visavis.devices import streams
+from visavis.protocol.session import streams as session_streams
+from visavis.recording.reader import Recording
+from visavis.results.opened_study import OpenedStudy, find_study
+from visavis.running.page.course import consent_of
+from visavis.study.information import (
+    ABOUT_PAGE,
+    STREAM_FACTS,
+    facts_in_event,
+    information_at_devices,
+    information_on_page,
+)
+
+LANGUAGES = ("en", "de", "fr")
+ON_PAGES = ("cameras", "hybrid", "interpolation")
+AT_DEVICES = ("crowd", "stare", "waving")
+
+
+def opened(name: str) -> OpenedStudy:
+    found = find_study(name)
+    assert isinstance(found, OpenedStudy)
+    return found
+
+
+@pytest.mark.parametrize("screening", [(), ("card", "sound")], ids=["unscreened", "screened"])
+def test_every_event_of_a_session_on_a_page_is_covered_by_what_people_were_told(
+    screening: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    declared = study().study
+    procedure = replace(declared.procedure, screening=screening)
+    monkeypatch.setattr(declared, "procedure", procedure)
+    with begun(tmp_path) as (page, path):
+        (shown,) = [s for s in page.desk.trial_steps if s.kind == "consent"]
+        page.answer()
+        about: dict[str, Any] = dict.fromkeys(ABOUT_PAGE, 1)
+        sent = {"n": 2, "kind": "about", "at_ms": page.visitor.now_ms, "about": about}
+        page.desk.take(TAB, [sent])
+        page.answer_all()
+        page.desk.recorder.close("complete")
+    texts = experiment().texts
+    lines = shown.content["recorded"]["lines"]
+    events = Recording(path).events()
+    covered = set()
+    for name, payload in zip(events["name"], events["payload"], strict=True):
+        covered |= facts_in_event(name, payload)
+    titles = ", ".join(q.title for q in study().questionnaires(config(tmp_path)))
+    missing = [f for f in covered if texts.get(f"recorded.{f}", {"titles": titles}) not in lines]
+    assert [] == missing
+    assert {"browser", "screen", "films", "questionnaires"} <= covered
+    assert bool(screening) == ({"card", "voice"} <= covered)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("name", ON_PAGES)
+def test_the_consent_of_a_study_on_pages_names_every_kind_of_record(
+    name: str, language: str, tmp_path: Path
+) -> None:
+    one = opened(name)
+    made = one.experiment({"language": language})
+    lab = config(tmp_path).model_copy(update={"language": language})
+    questionnaires = one.questionnaires(lab)
+    consent = consent_of(made, made.plan(0, 1), questionnaires)
+    assert consent is not None
+    facts = {*ABOUT_PAGE.values(), "agreement", "answers", "course", "films", "panel"}
+    assert {made.texts.get(f"recorded.{f}") for f in facts} <= set(consent.recorded.lines)
+    told = " ".join(consent.recorded.lines)
+    assert all(q.title in told for q in questionnaires)
+
+
+def test_another_text_about_records_is_another_version_of_the_consent() -> None:
+    made = experiment()
+    consent = consent_of(made, made.plan(0, 1), ())
+    assert consent is not None
+    fewer = replace(consent, recorded=replace(consent.recorded, lines=consent.recorded.lines[1:]))
+    assert consent.version != fewer.version
+    assert consent.version != replace(consent, information="Another").version
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("name", AT_DEVICES)
+def test_the_information_in_a_lab_names_what_every_device_in_use_measures(
+    name: str, language: str, tmp_path: Path
+) -> None:
+    one = opened(name)
+    made = one.experiment({"language": language})
+    lab = config(tmp_path).model_copy(update={"language": language})
+    told = information_at_devices(made, one.questionnaires(lab)).lines
+    facts = {"head", "shown", "presses"}
+    roles = {*made.needed_roles, *made.useful_roles}
+    facts |= {"gaze"} if "eye_tracker" in roles else set()
+    facts |= {"body"} if "body_tracker" in roles else set()
+    facts |= {"vibrations"} if any(r.startswith("armband") for r in roles) else set()
+    assert {made.texts.get(f"recorded.{f}") for f in facts} <= set(told)
+
+
+def test_every_stream_that_visavis_defines_is_covered_by_a_fact() -> None:
+    schemas = [v.name for v in vars(streams).values() if isinstance(v, streams.StreamSchema)]
+    schemas += [session_streams.FRAMES.name, session_streams.gaze_targets_schema(2, 90.0).name]
+    assert [] == [name for name in schemas if name not in STREAM_FACTS]
+
+
+def test_a_device_of_the_labs_own_is_named_by_its_role() -> None:
+    made = experiment()
+
+    class Lab:
+        texts, needed_roles, useful_roles = made.texts, ("breath",), ()
+
+    lab: Any = Lab()
+    told = information_at_devices(lab, ()).lines
+    assert "what the device called breath measures of you" in told
+    assert all("{" not in line for line in information_on_page(made, ()).lines)
