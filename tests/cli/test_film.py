@@ -69,7 +69,7 @@ def test_a_film_by_the_topology_camera_is_cut_again_from_its_decisions(
     assert done.exit_code == 0, done.output
     decided = json.loads((tmp_path / "a.json").read_text())
     assert ["start"] == [cut["reason"] for cut in decided["cuts"]]
-    assert (3, 7) == np.array(decided["views"]).shape
+    assert (2, 7) == np.array(decided["views"]).shape
     done = filmed(session, again, "--camera", str(tmp_path / "a.json"))
     assert done.exit_code == 0, done.output
     assert first.read_bytes() == again.read_bytes()
@@ -104,8 +104,8 @@ def test_every_picture_says_that_nobody_took_part_and_the_verb_how_long_it_takes
         monkeypatch.setattr(CachedRecording, "is_simulated", is_simulated)
         written.clear()
         done = filmed(session, tmp_path / f"{name}.avi", "--camera", "eyes")
-        assert 1 == done.output.count("3 take long"), done.output
-        assert [name] * 3 == [text.split()[0] for text in written]
+        assert 1 == done.output.count("2 take long"), done.output
+        assert [name] * 2 == [text.split()[0] for text in written]
 
 
 @pytest.mark.parametrize(

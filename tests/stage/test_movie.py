@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from visavis.stage.errors import StageError
-from visavis.stage.movie import film_program, open_movie
+from visavis.stage.movie import film_program, open_movie, picture_times_ns
 
 SIZE = (64, 48)
 
@@ -19,6 +19,17 @@ def frames(n=5):
         frame = np.full((SIZE[1], SIZE[0], 3), 40 * k, dtype=np.uint8)
         frame[:, : 8 * k] = (200, 30, 30)
         yield frame
+
+
+@pytest.mark.parametrize(
+    ("count", "seconds", "rate_hz"),
+    [(6, 6, 1), (12, 0.5, 24), (2, 0.5, 4), (7, 1, 7), (240, 1, 240), (1, 0, 25), (3, 2.5, 1)],
+)
+def test_a_film_has_as_many_pictures_as_its_time_holds(count, seconds, rate_hz):
+    times = picture_times_ns(5, 5 + round(seconds * 1e9), rate_hz)
+    assert count == len(times)
+    assert 5 == times[0]
+    assert all(abs(t - 5 - k * 1e9 / rate_hz) < 1 for k, t in enumerate(times))
 
 
 def chunks(data, start, end):

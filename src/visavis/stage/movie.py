@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
+from visavis.lab.clock import NS_PER_S
 from visavis.lab.closing import Closing
 from visavis.stage.errors import StageError
 
@@ -41,6 +42,15 @@ class Movie(Protocol):
     def close(self) -> None:
         """Finish the file; idempotent."""
         ...
+
+
+def picture_times_ns(start_ns: int, end_ns: int, rate_hz: int) -> list[int]:
+    """Return the times of the pictures of a film from its start up to before its end.
+
+    Six seconds at one a second are six pictures. A film has at least one.
+    """
+    count = max(1, -(-(end_ns - start_ns) * rate_hz // NS_PER_S))
+    return [start_ns + k * NS_PER_S // rate_hz for k in range(count)]
 
 
 def open_movie(path: Path, size_px: tuple[int, int], rate_hz: int) -> "WholeMovie":

@@ -43,7 +43,7 @@ from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.page.seen_trial import is_on_page
 from visavis.stage.identity import IdentityBuffer
-from visavis.stage.movie import open_movie
+from visavis.stage.movie import open_movie, picture_times_ns
 from visavis.stage.renderer import ON_PROCESSOR, Renderer
 from visavis.stimuli.camera.filming import capsules
 from visavis.stimuli.camera.sheet import SEEN_FROM_01, FilmLog, Sheet
@@ -151,7 +151,7 @@ def write_film(
     start_ns, end_ns = trial.span_ns
     if settings.seconds is not None:
         end_ns = min(end_ns, start_ns + round(settings.seconds * NS_PER_S))
-    times = list(range(start_ns, end_ns + 1, NS_PER_S // rate_hz))
+    times = picture_times_ns(start_ns, end_ns, rate_hz)
     factors = ", ".join(str(trial.row[name]) for name in factors_of(recording, trial_id))
     label = f"{recording.manifest.study} {recording.manifest.participant} {trial_id}  {factors}"
     label = f"{SIMULATED}  ·  {label}" if recording.is_simulated else label

@@ -16,7 +16,7 @@ from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.film_store import FilmStore
 from visavis.running.page.seen_trial import Question, SeenStep, seen_trial
-from visavis.stage.movie import open_movie
+from visavis.stage.movie import open_movie, picture_times_ns
 from visavis.stimuli.picture import Picture
 from visavis.study.films import Film
 
@@ -95,7 +95,7 @@ def write_page_film(
     def times_of(start_ns: int, end_ns: int) -> list[int]:
         if seconds is not None:
             end_ns = min(end_ns, start_ns + round(seconds * NS_PER_S))
-        return list(range(start_ns, end_ns, NS_PER_S // rate_hz)) or [start_ns]
+        return picture_times_ns(start_ns, end_ns, rate_hz)
 
     label = page_label(recording, trial_id)
     count = 0

@@ -23,6 +23,7 @@ from visavis.results.opened_study import OpenedStudy
 from visavis.running.sessions.perform import of_no_session, perform_new
 from visavis.running.sessions.session_request import Request, simulated_request
 from visavis.stage.contracts import GeometryStage, Stage, Viewer
+from visavis.stage.movie import picture_times_ns
 from visavis.stimuli.scene import SceneFrame
 from visavis.study.experiment import StudyExperiment
 
@@ -223,10 +224,10 @@ def spread(frames: Sequence[CapturedFrame], rate_hz: int, most_s: float) -> list
     """Return one frame for every picture of a film of `rate_hz`, at most `most_s` long."""
     if not frames:
         return []
-    start, step = frames[0].t_ns, NS_PER_S // rate_hz
+    start = frames[0].t_ns
     until = min(frames[-1].t_ns, start + round(most_s * NS_PER_S))
     pictures, k = [], 0
-    for t in range(start, until + 1, step):
+    for t in picture_times_ns(start, until, rate_hz):
         while k + 1 < len(frames) and frames[k + 1].t_ns <= t:
             k += 1
         pictures.append(replace(frames[k], t_ns=t))
