@@ -102,6 +102,7 @@ study = Study(
         Factor("group", (HAPTICS_GROUP,), between=True),  # a lab may add the control group
     ],
     derived={"vibrates": vibrates},
+    posture="standing",
     cells=("condition",),
     columns=TRIALS,
     measures=MEASURES,

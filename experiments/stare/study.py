@@ -79,6 +79,7 @@ study = Study(
     "Do people look more at an agent in a virtual crowd who looks at them?",
     factors=[Factor(name, levels) for name, levels in LEVELS.items()],
     derived={"place": place_of},
+    posture="seated",
     repetitions=2,
     blocks=3,
     order="balanced_blocks",

@@ -136,6 +136,7 @@ study = Study(
     derived={
         "target_place": lambda f: neighbour(str(f["participant_place"]), str(f["direction"])).name
     },
+    posture="standing",
     blocks=3,
     practice=[
         PRACTICE | {"technique": "orientation", "clerk": "clerk_middle"},

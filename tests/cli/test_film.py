@@ -31,6 +31,7 @@ from visavis.protocol.people.exports_register import registered_exports
 from visavis.recording.cached import CachedRecording
 from visavis.recording.folder import study_dir
 from visavis.recording.reader import Recording
+from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.running.page.seen_trial import Question, SeenStep, seen_trial
 from visavis.running.sessions.study_folder import settle, wanted_settings
 from visavis.stage.errors import StageError
@@ -39,7 +40,9 @@ from visavis.stimuli.camera.sheet import FilmLog
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.motion.skeleton import forward
 from visavis.study.films import Film
+from visavis.study.parts import Posture
 
+HEIGHTS = ("hips", "left_lower_leg", "left_foot", "left_eye")
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 
 
@@ -197,6 +200,51 @@ def test_who_stands_in_has_the_eyes_where_the_headset_was(session: Path) -> None
     eyes = placed.position_m[[skeleton.index("left_eye"), skeleton.index("right_eye")]].mean(axis=0)
     assert np.abs(eyes - head.position_m)[[0, 2]].max() < 1e-6
     assert abs(eyes[1] - head.position_m[1]) < 0.06
+
+
+@pytest.mark.parametrize(
+    ("posture", "eye_m", "tall_m", "hips_m"),
+    [
+        ("seated", 1.2, (1.5, 2.0), (0.3, 0.75)),
+        (None, 1.2, (1.5, 2.0), (0.3, 0.75)),
+        ("seated", 0.9, (1.0, 1.5), (0.2, 0.6)),
+        ("seated", 1.6, (1.5, 2.4), (0.6, 1.2)),
+        ("standing", 1.2, (1.2, 1.4), (0.55, 0.75)),
+        (None, 1.6, (1.65, 1.75), (0.8, 1.0)),
+    ],
+)
+def test_who_was_filmed_sits_or_stands_as_the_study_declares(
+    posture: Posture | None,
+    eye_m: float,
+    tall_m: tuple[float, float],
+    hips_m: tuple[float, float],
+    session: Path,
+) -> None:
+    trial = recorded_trial(CachedRecording(session), "T01")
+    t_ns = trial.span_ns[0]
+    picture = picture_of(next(iter(opened("duel").views_of(trial.shown_at(t_ns)))))
+    head = Pose(np.array([0.3, eye_m, 1.1]), LEVEL)
+    found = StandIn(trial, posture).in_picture(picture, t_ns, head)
+    character, people = found.cast[-1], found.people
+    placed = forward(character.skeleton, people.root_m[-1], people.orientation_wxyz[-1])
+    height = {name: placed.position_m[character.skeleton.index(name)][1] for name in HEIGHTS}
+    assert tall_m[0] < character.stature_m < tall_m[1]
+    assert hips_m[0] < height["hips"] < hips_m[1]
+    assert 0 < height["left_foot"] < 0.25
+    assert abs(height["left_eye"] - eye_m) < 0.07
+    sits = posture == "seated" or (posture is None and eye_m < 1.35)
+    assert sits == (height["hips"] - height["left_lower_leg"] < 0.3)
+
+
+def came_along(name: str) -> OpenedStudy:
+    found = find_study(name)
+    assert isinstance(found, OpenedStudy)
+    return found
+
+
+def test_studies_that_come_along_declare_the_posture_of_their_source() -> None:
+    declared = {n: came_along(n).study.procedure.posture for n in ("stare", "waving", "crowd")}
+    assert {"stare": "seated", "waving": "standing", "crowd": "standing"} == declared
 
 
 def test_gaze_is_drawn_as_far_as_the_head_it_met(session: Path) -> None:

@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 from tests.sessions import opened, perform
 from visavis.cli.app import app
+from visavis.cli.film.stand_in import resting_joints
 from visavis.cli.viewer.bundle import MISSING, Bundle
 from visavis.cli.viewer.models import LEVEL_OF_MANY, Models
 from visavis.cli.viewer.motion import key_samples, one_way_round
@@ -81,6 +82,17 @@ def test_a_page_holds_every_trial_stream_and_person(page: Path) -> None:
     assert {"gaze", "head", "gaze_targets"} <= {s["name"] for s in header["streams"]}
     assert 2 == len(header["people"])
     assert header["simulated"]
+
+
+def test_a_page_draws_a_participant_whose_body_was_not_measured_in_the_declared_posture(
+    page: Path,
+) -> None:
+    rest = header_of(page)["rest"]["joints"]
+    assert 0.3 < rest["hips"][1] < 0.75  # they sit, with their eyes at 1.2 m
+    assert abs(rest["hips"][1] - rest["left_lower_leg"][1]) < 0.25
+    standing = resting_joints(1.2, "standing")
+    assert 0.25 < standing["hips"][1] - standing["left_lower_leg"][1]
+    assert abs(rest["head"][0]) < 0.01
 
 
 def test_a_page_is_for_its_owner_and_in_the_register_that_withdrawals_read(page: Path) -> None:

@@ -59,6 +59,7 @@ SETTABLE: Final = (
 """Parameters that every study has."""
 
 On: TypeAlias = Literal["lab", "browser"]
+Posture: TypeAlias = Literal["seated", "standing"]
 Screening: TypeAlias = Literal["card", "sound"]
 AnswerBy: TypeAlias = Literal["board", "ray", "keyboard"]
 
@@ -141,12 +142,22 @@ class Procedure:
     """Largest number of people in one picture, where scenes show more people than their agents."""
     on: On = "lab"
     """Where it is performed: on the lab's devices, or on a page in a browser."""
+    posture: Posture | None = None
+    """Whether participants sit or stand, as films and the viewer draw them. None: they sit where
+    their eyes are less than 1.35 m above the floor."""
     screening: Sequence[Screening] = ()
     """What a page checks before its first trial: "card", the size of the screen; "sound", whether
     spoken digits are heard."""
 
     def problems(self) -> list[str]:
         """Say what is wrong with it."""
+        wrong_posture = [f"posture is {self.posture!r}; it is seated or standing"]
+        return [
+            *(wrong_posture if self.posture not in (None, *get_args(Posture)) else ()),
+            *self._screening_problems(),
+        ]
+
+    def _screening_problems(self) -> list[str]:
         return [
             f"screening knows no {n!r}; it knows {', '.join(get_args(Screening))}"
             for n in self.screening

@@ -50,6 +50,7 @@ from visavis.stimuli.camera.sheet import SEEN_FROM_01, FilmLog, Sheet
 from visavis.stimuli.camera.shots import ShotSize
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.picture import Camera, Picture
+from visavis.study.parts import Posture
 
 RING_PX: Final = 16
 RING: Final = (255, 190, 40)
@@ -166,7 +167,8 @@ def write_film(
         settings = replace(settings, camera=camera)
     looks = _camera(settings, start_ns, trial, shown_at)
     log = FilmLog(None if isinstance(camera, Path) or camera is CameraKind.EYES else settings.shot)
-    scene = FilmedTrial(trial, shown_at, looks, settings.overlays, settings.size_px, log)
+    posture = study.study.procedure.posture
+    scene = FilmedTrial(trial, shown_at, looks, settings.overlays, settings.size_px, log, posture)
     with ExitStack() as stack:
         renderer = stack.enter_context(film_renderer(FILM_ON_PROCESSOR))
         scene.looks_from(renderer)
@@ -223,6 +225,7 @@ class FilmedTrial:
         overlays: Sequence[Overlay],
         size_px: tuple[int, int],
         log: FilmLog,
+        posture: Posture | None = None,
     ) -> None:
         self._log = log
         self._identity: IdentityBuffer | None = None
@@ -231,7 +234,7 @@ class FilmedTrial:
         self._overlays, self._size_px = overlays, size_px
         self._from_eyes = isinstance(looks, ViewpointCamera) and looks.view is Viewpoint.EYES
         self._eyes = ViewpointCamera(Viewpoint.EYES, size_px[0] / size_px[1], trial.span_ns[0])
-        self._stand_in = None if self._from_eyes else StandIn(trial)
+        self._stand_in = None if self._from_eyes else StandIn(trial, posture)
         wants = Overlay.CONTACTS in overlays
         self._lanes = lanes_of(trial.recording, trial.part) if wants else []
 

@@ -1,4 +1,4 @@
-"""Somebody who stands where the participant did, so that films from outside show them."""
+"""Somebody who stands or sits where the participant did, so that films from outside show them."""
 
 from dataclasses import replace
 from typing import Any
@@ -10,15 +10,19 @@ from visavis.lab.clock import NS_PER_S
 from visavis.lab.geometry import Pose, Vector, quat_conjugate, quat_multiply, yaw_pitch_deg_of
 from visavis.lab.geometry import rotate as turned
 from visavis.protocol.plan.shown_scene import of_part
+from visavis.recording.blurring import MAX_SEATED_EYE_M
 from visavis.stage.own_body import OwnBody
 from visavis.stimuli.characters.character import MORPHS, Character
 from visavis.stimuli.characters.sizing import MIN_M, TALLEST_M, scale_to_stature
 from visavis.stimuli.dressing.casting import build_of, default_casting
 from visavis.stimuli.gaze.turning import Aimed
-from visavis.stimuli.motion.kinds import Idle
+from visavis.stimuli.motion.errors import MotionError
+from visavis.stimuli.motion.kinds import MAX_SEAT_M, MIN_SEAT_M, Idle, Sit
 from visavis.stimuli.motion.people import PeopleMotion, Person
+from visavis.stimuli.motion.seating import eyes_of, seated_under_eyes
 from visavis.stimuli.motion.skeleton import forward
 from visavis.stimuli.picture import Picture, PosedPeople
+from visavis.study.parts import Posture
 
 PARTS_TRIED = tuple(f"male_{number:02d}" for number in range(12, 0, -1))
 EYES_OF_STATURE = 0.936
@@ -32,15 +36,17 @@ class StandIn:
     """Add a person to pictures where the participant was.
 
     The pose is the body tracker's. Without a tracker, or where its head is far from the one that
-    the headset measured, the person stands at rest under the measured head.
+    the headset measured, the person stands or sits at rest under the measured head: as the study
+    declares, else as the height of their eyes says.
     """
 
-    def __init__(self, trial: RecordedTrial) -> None:
+    def __init__(self, trial: RecordedTrial, posture: Posture | None = None) -> None:
         self._trial = trial
+        self._posture = posture
         names = trial.recording.stream_names
         self._body: dict[str, Any] | None = None
         self._own: OwnBody | None = None
-        self._idle: tuple[Character, PeopleMotion] | None = None
+        self._rest: tuple[Character, PeopleMotion] | None = None
         schema = trial.recording.stream_schema("body") if "body" in names else None
         if schema is not None:
             field = next(f for f in schema.fields if f.name == "position_m")
@@ -58,7 +64,7 @@ class StandIn:
             picture_with_body = self._own.add_to(picture, head)
             if picture_with_body is not picture:
                 return picture_with_body
-        return self._standing(picture, t_ns, head)
+        return self._at_rest(picture, t_ns, head)
 
     def _row_at(self, t_ns: int) -> np.void | None:
         body = self._body
@@ -79,15 +85,13 @@ class StandIn:
             return True
         return float(np.linalg.norm(row["position_m"][at] - head.position_m)) <= MAX_APART_M
 
-    def _standing(self, picture: Picture, t_ns: int, head: Pose) -> Picture:
-        facing = turned(head.orientation_wxyz, np.array([0.0, 0.0, -1.0]))
-        if self._idle is None:
-            yaw_deg, _ = yaw_pitch_deg_of(facing)
-            stature_m = float(np.clip(head.position_m[1] / EYES_OF_STATURE, MIN_M, TALLEST_M))
-            character = scale_to_stature(_not_in(picture), round(stature_m, 3))
-            person = Person(build_of(character), Idle(), 1, (0.0, 0.0, 0.0), float(yaw_deg))
-            self._idle = character, PeopleMotion((person,))
-        character, motion = self._idle
+    def _at_rest(self, picture: Picture, t_ns: int, head: Pose) -> Picture:
+        if self._rest is None:
+            posture = self._posture or posture_of(float(head.position_m[1]))
+            character = _not_in(picture)
+            character, person = (_seated if posture == "seated" else _standing)(character, head)
+            self._rest = character, PeopleMotion((person,))
+        character, motion = self._rest
         idle_pose = motion.at(t_ns / NS_PER_S, Aimed(np.full((1, 3), np.nan), np.ones(1)))
         skeleton = character.skeleton
         local = idle_pose.orientation_wxyz[0].copy()
@@ -97,7 +101,7 @@ class StandIn:
         local[at] = quat_multiply(quat_conjugate(above), head.orientation_wxyz)
         joints = forward(skeleton, idle_pose.root_m[0], local)
         eyes = [skeleton.index(name) for name in ("left_eye", "right_eye")]
-        apart = head.position_m - joints.position_m[eyes].mean(axis=0)
+        apart = head.position_m - joints.position_m[eyes].mean(axis=0)  # feet stay on the floor
         root = idle_pose.root_m[0] + apart * np.array([1.0, 0.0, 1.0])
         people = picture.people
         return replace(
@@ -109,6 +113,68 @@ class StandIn:
                 np.concatenate([people.morphs_01, np.zeros((1, len(MORPHS)))]),
             ),
         )
+
+
+RESTING_JOINTS = (
+    *("hips", "spine", "chest", "upper_chest", "neck", "head"),
+    *(
+        f"{side}_{name}"
+        for side in ("left", "right")
+        for name in ("upper_arm", "lower_arm", "hand", "upper_leg", "lower_leg", "foot", "toes")
+    ),
+)
+
+
+def resting_joints(eye_height_m: float, posture: Posture | None = None) -> dict[str, Vector]:
+    """Return where the joints of somebody at rest are who faces −z with the eyes above the origin.
+
+    Each is (3,) in metres; the posture is as of `StandIn`.
+    """
+    head = Pose(np.array([0.0, eye_height_m, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
+    posture = posture or posture_of(eye_height_m)
+    character = default_casting(PARTS_TRIED[0])
+    character, person = (_seated if posture == "seated" else _standing)(character, head)
+    pose = PeopleMotion((person,)).at(0.0)
+    skeleton = character.skeleton
+    joints = forward(skeleton, pose.root_m[0], pose.orientation_wxyz[0])
+    eyes = [skeleton.index(f"{side}_eye") for side in ("left", "right")]
+    apart = joints.position_m[eyes].mean(axis=0) * np.array([1.0, 0.0, 1.0])
+    return {n: joints.position_m[skeleton.index(n)] - apart for n in RESTING_JOINTS}
+
+
+def posture_of(eye_height_m: float) -> Posture:
+    """Return whether somebody with eyes at that height above the floor sits or stands."""
+    return "seated" if eye_height_m <= MAX_SEATED_EYE_M else "standing"
+
+
+def _facing(head: Pose) -> Vector:
+    return turned(head.orientation_wxyz, np.array([0.0, 0.0, -1.0]))
+
+
+def _standing(character: Character, head: Pose) -> tuple[Character, Person]:
+    """Return a person who stands with the eyes at the height of the head's."""
+    stature_m = float(np.clip(head.position_m[1] / EYES_OF_STATURE, MIN_M, TALLEST_M))
+    sized = scale_to_stature(character, round(stature_m, 3))
+    yaw_deg, _ = yaw_pitch_deg_of(_facing(head))
+    return sized, Person(build_of(sized), Idle(), 1, (0.0, 0.0, 0.0), float(yaw_deg))
+
+
+def _seated(character: Character, head: Pose) -> tuple[Character, Person]:
+    """Return a person of usual size who sits with the eyes there; of another where no seat fits."""
+    sit, eyes_m = Sit(hands="thighs"), np.asarray(head.position_m, np.float64)
+    try:
+        person = seated_under_eyes(
+            build_of(character), eyes_m, facing=_facing(head), seed=1, sit=sit, floor_m=0.0
+        )
+    except MotionError:  # a child, or somebody on a high stool
+        usual_m = float(eyes_of(build_of(character), sit, 1)[1])
+        size = float(np.clip(eyes_m[1] / usual_m, 0.4, 1.4))
+        character = scale_to_stature(character, round(size * character.stature_m, 3))
+        seat_m = float(np.clip(size * sit.seat_m, MIN_SEAT_M, MAX_SEAT_M))
+        fitting = replace(sit, seat_m=seat_m)
+        yaw_deg, _ = yaw_pitch_deg_of(_facing(head))
+        person = Person(build_of(character), fitting, 1, (0.0, 0.0, 0.0), float(yaw_deg))
+    return character, person
 
 
 def _not_in(picture: Picture) -> Character:

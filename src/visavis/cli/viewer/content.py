@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from visavis.analysis.session_check import check_session
 from visavis.cli.film.cameras import Cuts, TopologyCamera, style_of
+from visavis.cli.film.stand_in import posture_of, resting_joints
 from visavis.cli.recorded_trial import RecordedTrial, factors_of, recorded_trial
 from visavis.cli.session_lanes import lanes_of
 from visavis.cli.viewer.bundle import Bundle
@@ -20,8 +21,9 @@ from visavis.cli.viewer.pages import pages_of
 from visavis.devices.streams import NO_DEVICE_TIME
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import DesignError
-from visavis.lab.geometry import Vector
+from visavis.lab.geometry import Vector, rotate
 from visavis.lab.schema import Field
+from visavis.recording.blurring import MIN_EYE_M
 from visavis.recording.cached import CachedRecording
 from visavis.recording.reader import flat_components
 from visavis.results.opened_study import OpenedStudy
@@ -109,12 +111,36 @@ def page_content(
             _stream(recording, name, bundle, times, trials) for name in recording.stream_names
         ],
         "scenes": scenes,
+        "rest": _at_rest(study, recording, trials),
         "pages": pages,
         "films": films,
         "people": models.people,
         "rooms": models.rooms,
         "textures": models.textures,
     }, bundle
+
+
+def _at_rest(
+    study: OpenedStudy, recording: CachedRecording, trials: Sequence[RecordedTrial]
+) -> dict[str, Any] | None:
+    """Return the joints of a participant whose body was not measured, in the study's posture.
+
+    Who sits keeps the turn of their first head pose, `yaw_rad`; who stands turns with the head.
+    """
+    if not trials or "body" in recording.stream_names:
+        return None
+    head = trials[0].head_at(trials[0].span_ns[0])
+    eye_height_m = float(head.position_m[1])
+    if not MIN_EYE_M < eye_height_m:  # measured from somewhere else than the floor
+        return None
+    posture = study.study.procedure.posture or posture_of(eye_height_m)
+    joints = resting_joints(eye_height_m, posture)
+    facing = rotate(head.orientation_wxyz, np.array([0.0, 0.0, -1.0]))
+    yaw_rad = float(np.arctan2(-facing[0], -facing[2]))
+    return {
+        "joints": {name: [round(float(v), 4) for v in at] for name, at in joints.items()},
+        "yaw_rad": round(yaw_rad, 4) if posture == "seated" else None,
+    }
 
 
 def trial_lengths_ns(recording: CachedRecording) -> dict[str, int]:

@@ -237,6 +237,14 @@ class Viewer {
     return (told.about.split(': ')[1] || '').split(' ');
   }
 
+  // Where no body was measured, the posture that the study declares, below the head and turned as it faces.
+  atRest(head) {
+    if (!head || !this.header.rest) return null;
+    const {joints, yaw_rad} = this.header.rest, front = turned(head.turn, [0, 0, -1]);
+    const turn = turnOf(yaw_rad === null ? Math.atan2(-front[0], -front[2]) : yaw_rad, 0);
+    return Object.fromEntries(Object.entries(joints).map(([name, p]) => [name, add(turned(turn, p), [head.at[0], 0, head.at[2]])]));
+  }
+
   bodyThings() {
     const out = [], t = this.t, head = this.streams.headAt(t);
     const body = this.streams.has('body') ? this.streams.at('body', 'position_m', t, 0.3) : null;
@@ -248,8 +256,9 @@ class Viewer {
       return [0.78, 0.8, 0.84];
     };
     const outside = this.camera !== 'eyes';
-    if (body && this.segments.length * 3 === body.length) {
-      const at = Object.fromEntries(this.segments.map((name, k) => [name, body.slice(3 * k, 3 * k + 3)]));
+    const at = body && this.segments.length * 3 === body.length
+      ? Object.fromEntries(this.segments.map((name, k) => [name, body.slice(3 * k, 3 * k + 3)])) : outside ? this.atRest(head) : null;
+    if (at) {
       const good = p => p && !p.some(Number.isNaN);
       const bones = [];
       const chains = [['hips', 'spine', 'chest', 'upper_chest', 'neck', 'head'],
