@@ -41,8 +41,8 @@ CITATION: Final = (
     "University and University of California, Santa Barbara."
 )
 AWAY_M: Final = 2.6
-LENS: Final = Lens(eye_m=(0.95, 1.30, 0.0), aim_m=(0.0, 1.16, -AWAY_M), half_height_01=0.30)
-"""From the front and a little from the side, from above the head to the knee."""
+LENS: Final = Lens(eye_m=(0.95, 1.30, 0.0), aim_m=(0.0, 1.26, -AWAY_M), half_height_01=0.32)
+"""From the front and a little from the side, from above the raised hands to the knee."""
 MAX_SAME: Final = 10
 
 # The simulated rater sees how unevenly the wrists move, how fast, and how far they rise; fitted to

@@ -26,6 +26,7 @@ from visavis.lab.errors import ConfigError, DesignError
 from visavis.lab.geometry import Pose
 from visavis.lab.plain_files import parse_json, read_plain
 from visavis.lab.version import version
+from visavis.running.film_edges import refuse_cut_off
 from visavis.running.page.spoken_digits import spoken_digits
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.dressing.picture_of import picture_of
@@ -108,15 +109,20 @@ class FilmStore:
         return FilmFile(path, digest, len(content)) if built_digest == digest else None
 
     def build(self, films: Sequence[Film], report_progress: Callable[[int, int], None]) -> None:
-        """Draw and encode the missing films.
+        """Draw and encode the missing films; none if one of them cuts off a moving body.
 
         `report_progress` is called with the number of frames done and of all.
+
+        Raises:
+            DesignError: a film's still camera does not show somebody whole who moves.
         """
         missing = [film for film in films if self.file_of(film) is None]
         total, frames_done = sum(film.frame_count for film in missing), 0
         report_progress(0, total)
         if not missing:
             return
+        for film in missing:
+            self.check_edges(film)
         self.folder.mkdir(parents=True, exist_ok=True)
         with _renderer() as renderer:
             for film in missing:
@@ -167,6 +173,20 @@ class FilmStore:
     def pictures(self, film: Film) -> Iterator[Picture]:
         """Yield every picture of a film, to be drawn."""
         return (picture_of(frame) for frame in self.frames(film))
+
+    def check_edges(self, film: Film) -> None:
+        """Refuse a film whose still camera cuts off a moving body, unless it may.
+
+        Cameras that follow somebody choose what they show by the size of the shot.
+
+        Raises:
+            DesignError: naming the film and the parts of the body.
+        """
+        if isinstance(film.lens, Lens) and not film.may_crop:
+            options = ", ".join(f"{n} {v}" for n, v in film.scene.options.items())
+            name = f"{film.scene.name} ({options})" if options else film.scene.name
+            camera = camera_of(film.lens, film.size_px)
+            refuse_cut_off(name, list(self.pictures(film)), camera)
 
     def _write(self, film: Film, renderer: "Renderer") -> Iterator[int]:
         import av

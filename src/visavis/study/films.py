@@ -6,7 +6,7 @@ shows its scene itself.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final, Literal, TypeAlias
 
 import numpy as np
@@ -143,6 +143,8 @@ class Film:
     rate_hz: int = 60
     seed: int = 0
     lens: Lens | Moving = Lens()
+    may_crop: bool = field(default=False, repr=False)
+    """Whether a still camera may cut off people who move; else such a film is not built."""
 
     def __post_init__(self) -> None:
         if not 1 <= self.rate_hz <= 120:
