@@ -130,7 +130,7 @@ study = Study(
         "Two identical characters moved beside each other, one by a clip played frame by frame at "
         "30 frames a second, one by the hybrid of two (increment 0) or three to four (increment 1) "
         "of its poses; the clip had the faults of the source's own clips. Each pair came with the "
-        "hybrid on either side, in random order."
+        "hybrid on either side."
     ),
     references=(CITATION,),
 )

@@ -117,12 +117,11 @@ study = Study(
         },
     ),
     methods=(
-        "Each gesture was drawn by us and reduced to four key poses, those from which Slerp gives "
-        "it back best; the same poses, at their own times, were interpolated by blending Euler "
-        "angles (curves continuous over the whole gesture), by Slerp and by Squad. Films of "
-        "720 × 720 pixels at 60 pictures a second were shown round after round; ratings counted "
-        "after one whole round. Gestures came in an order of a Williams square, methods within a "
-        "gesture in random order."
+        "Each gesture was drawn by us and reduced to four key poses: both ends, then twice the "
+        "pose that is farthest from Slerp between those chosen so far. The same poses, at their "
+        "own times, were interpolated by blending Euler angles (curves continuous over the whole "
+        "gesture), by Slerp and by Squad. Films of 720 × 720 pixels at 60 pictures a second were "
+        "shown round after round; ratings counted after one whole round."
     ),
     references=(CITATION,),
 )

@@ -8,6 +8,7 @@ import pytest
 
 from tests.sessions import opened, perform
 from visavis.results.analysis import measures_of
+from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.results.report.methods import own_methods
 from visavis.study.measures import dwell_on
 
@@ -49,6 +50,34 @@ TEXTS = "labels:\n  far_m: distance in metres\n  eyes: gaze of the person\n"
 def test_the_method_says_how_often_every_combination_came(expected: str, repetitions: int) -> None:
     experiment = opened("asking").experiment({"repetitions": repetitions})
     assert expected in " ".join(own_methods(experiment))
+
+
+@pytest.mark.parametrize(
+    ("expected", "name"),
+    [
+        (
+            "Each block held one gesture. Blocks came in the order of a row of a Williams square, "
+            "by participant, and the trials of a block in random order.",
+            "interpolation",
+        ),
+        (
+            "Blocks came in a fixed order, the same for everybody, "
+            "and the trials of a block in random order.",
+            "crowd",
+        ),
+        ("Trials came in random order.", "hybrid"),
+        (
+            "Trials came in random order, with equally many of every level in each block.",
+            "stare",
+        ),
+    ],
+)
+def test_the_method_says_one_order_of_blocks_and_of_trials(expected: str, name: str) -> None:
+    study = find_study(name)
+    assert isinstance(study, OpenedStudy)
+    said = " ".join(own_methods(study.experiment({})))
+    assert expected in said
+    assert 1 == said.count("random order")
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,7 @@
 """The method section, written from what the study declares and the parameters in force."""
 
 from collections.abc import Iterator
+from typing import Final
 
 from visavis.analysis.report.notation import decimal, threshold
 from visavis.analysis.statistics.adjust import ADJUSTMENT_NAME
@@ -13,6 +14,15 @@ from visavis.study.pairs import Correlate, Pairs
 from visavis.study.responses import Rating, Response
 from visavis.study.texts import Texts, format_value, label_in_unit, label_of
 from visavis.study.trial import TrialScript
+
+ORDERS: Final = {
+    "fixed": "a fixed order, the same for everybody",
+    "random": "random order",
+    "balanced_blocks": "random order, with equally many of every level in each block",
+    "latin_square": "the order of a row of a Latin square, by participant",
+    "williams": "the order of a row of a Williams square, by participant",
+}
+"""Orders of trials and blocks (`Design`), as a method section calls them."""
 
 
 def method_paragraphs(analysis: StudyAnalysis, experiment: StudyExperiment) -> tuple[str, ...]:
@@ -54,11 +64,24 @@ def _design(experiment: StudyExperiment) -> str:
         factors.append(f"{name} ({levels}; {kind} participants)")
     repetitions = int(experiment.parameters["repetitions"])
     times = "once" if repetitions == 1 else f"{repetitions} times"
-    order = str(experiment.parameters["order"]).replace("_", " ")
     practice_note = f" after {practice} for practice" if practice else ""
     return (
         f"Factors were {'; '.join(factors)}. Every combination came {times}: {len(trials)} trials"
-        f"{practice_note}, in {order} order, in {_blocks(blocks)}."
+        f"{practice_note}, in {_blocks(blocks)}. {_order(experiment, blocks)}"
+    )
+
+
+def _order(experiment: StudyExperiment, blocks: int) -> str:
+    """Return in which order blocks and the trials within them came, as a sentence."""
+    design = experiment.study.design_with(experiment.parameters)
+    of_trials = ORDERS[design.order]
+    if design.blocked_by is None:
+        return f"Trials came in {of_trials}." if len(design.within) else ""
+    factor = label_in_unit(experiment.texts, design.blocked_by)
+    held = "" if factor == "block" else f"Each block held one {factor}. "
+    return (
+        f"{held}Blocks came in {ORDERS[design.block_order]}, and the trials of a block in "
+        f"{of_trials}."
     )
 
 

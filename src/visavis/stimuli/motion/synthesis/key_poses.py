@@ -1,4 +1,4 @@
-"""Key poses of a clip: the few frames from which interpolation restores it best.
+"""Key poses of a clip: a few frames from which interpolation restores it well.
 
 Keys are chosen greedily: beginning with first and last frame, the frame is added whose pose is
 farthest from what Slerp between the keys so far gives (summed geodesic angle over the joints).
@@ -25,7 +25,7 @@ EULER_ORDER: Final = "ZXY"
 
 
 def key_frames(clip: Clip, count: int) -> tuple[int, ...]:
-    """Return the frames of the key poses, in order.
+    """Return the frames of the key poses, in order, chosen greedily: not the best there are.
 
     Raises:
         MotionError: fewer than two, or more than the clip has frames.
