@@ -53,7 +53,7 @@ async def person(base: str, rng: np.random.Generator, steps_ms: list[float]) -> 
                 assert response.status == 200, told
                 return told
 
-        arrived = await post("/api/arrive", {"told": {}})
+        arrived = await post("/api/arrive", {"parameters": {}})
         key, watch = arrived["key"], StopWatch()
         told = await post("/api/hello", {"tab": "t", "at_ms": 0.0, "about": {}}, key)
         while (step := told["step"])["kind"] != "end":

@@ -90,7 +90,7 @@ CSV = "t,x,y,z\n0,0,0,-1\n0.01,0.1,0,-1\n0.02,0.2,0,-1\n"
 RUN = (
     {"run": "a1", "line": 0, "at_ms": 1.7e12, "arrived": {
         "format": 1, "study": "stare", "seed": 1, "place": 0, "sha256": "00",
-        "told": {"PROLIFIC_PID": "5f0c", "STUDY_ID": "x"}}},
+        "parameters": {"PROLIFIC_PID": "5f0c", "STUDY_ID": "x"}}},
     {"run": "a1", "line": 1, "at_ms": 1.7e12 + 40, "opened": {"tab": "t", "at_ms": 12.5}},
 )  # fmt: skip
 """What one person's page hands over, line by line."""

@@ -127,7 +127,7 @@ def lines_of(
     *,
     key: str = "r1",
     replies: int = 99,
-    told: dict[str, str] | None = None,
+    parameters: dict[str, str] | None = None,
 ) -> list[dict[str, Any]]:
     """Return what a page hands over that answers every step by its first option."""
     about = json.loads((bundle / "bundle.json").read_text("utf-8"))
@@ -135,7 +135,7 @@ def lines_of(
     head = {n: about[n] for n in ("format", "study", "seed")}
     arrived = {**head, "bundle": about["id"], "place": place, "sha256": steps["sha256"]}
     lines: list[dict[str, Any]] = [
-        {"arrived": {**arrived, "told": told or {}}},
+        {"arrived": {**arrived, "parameters": parameters or {}}},
         {"opened": {"tab": "t", "at_ms": 10.0, "about": {}}},
     ]
     for n, step in enumerate(steps["steps"][:replies], start=1):
@@ -165,7 +165,7 @@ def written(path: Path, *runs: list[dict[str, Any]]) -> Path:
 
 def test_what_people_did_elsewhere_becomes_a_session_like_any_other(host: Host) -> None:
     bundle = host.exported()
-    lines = lines_of(bundle, 1, told={"PROLIFIC_PID": "5f3a99c"})
+    lines = lines_of(bundle, 1, parameters={"PROLIFIC_PID": "5f3a99c"})
     results = written(host.root / "r.jsonl", [*lines[:3], *lines])  # some came twice
     made = host.imported(results)
     assert () == made.refused_runs
@@ -251,8 +251,8 @@ def test_one_identifier_in_two_browsers_is_one_participant_whose_whole_run_count
     host: Host,
 ) -> None:
     bundle, who = host.exported(), {"PROLIFIC_PID": "5f3a99c"}
-    first = lines_of(bundle, 0, replies=4, told=who)
-    whole, third = (lines_of(bundle, k, key=f"r{k + 1}", told=who) for k in (1, 2))
+    first = lines_of(bundle, 0, replies=4, parameters=who)
+    whole, third = (lines_of(bundle, k, key=f"r{k + 1}", parameters=who) for k in (1, 2))
     made = host.imported(written(host.root / "r.jsonl", first, whole, third), unfinished_too=True)
     ((label, path),) = made.sessions.items()
     assert "r2" == Recording(path).manifest.configuration["imported"]["run"]
@@ -269,9 +269,9 @@ def test_a_link_that_names_somebody_of_the_ledger_is_recorded_as_theirs(host: Ho
     made = host.imported(
         written(
             host.root / "r.jsonl",
-            lines_of(bundle, 1, told={"participant": "2"}),
-            lines_of(bundle, 2, key="r2", told={"participant": entry.label}),
-            lines_of(bundle, 2, key="r3", told={"participant": "2H-99"}),
+            lines_of(bundle, 1, parameters={"participant": "2"}),
+            lines_of(bundle, 2, key="r2", parameters={"participant": entry.label}),
+            lines_of(bundle, 2, key="r3", parameters={"participant": "2H-99"}),
         )
     )
     assert (("r2", entry.label),) == made.twice
@@ -289,7 +289,8 @@ def test_a_link_that_names_somebody_of_the_ledger_is_recorded_as_theirs(host: Ho
         (lambda lines: lines[3]["event"]["reply"].update(answers={}), "no object"),
         (lambda lines: lines[3].update(at_ms="x"), "at_ms"),
         (lambda lines: lines[0].pop("at_ms"), "at_ms"),
-        (lambda lines: lines[0]["arrived"].update(told={"id": "{{%ID%}}"}), "no identifier"),
+        (lambda lines: lines[0]["arrived"].update(parameters={"id": "{{%ID%}}"}), "no identifier"),
+        (lambda lines: lines[0]["arrived"].update(told={"id": "{{%ID%}}"}), "no identifier"),  # 0.2
     ],
 )
 def test_results_that_do_not_fit_are_left_out_whole_with_the_reason(
@@ -320,14 +321,14 @@ def test_the_archive_is_a_study_as_jatos_imports_it(host: Host) -> None:
     with zipfile.ZipFile(path) as archive:
         names = archive.namelist()
         (study,) = (n for n in names if n.endswith(".jas"))
-        told = json.loads(archive.read(study))
+        export = json.loads(archive.read(study))
         page = archive.read("visavis_apart/index.html").decode()
-    assert "3" == told["version"]
-    (component,) = told["data"]["componentList"]
+    assert "3" == export["version"]
+    (component,) = export["data"]["componentList"]
     assert ("index.html", True) == (component["htmlFilePath"], component["reloadable"])
-    assert {f"{told['data']['dirName']}/{n}" for n in ("page.js", "wire.js", "places/2.json")} <= {
-        *names
-    }
+    assert {
+        f"{export['data']['dirName']}/{n}" for n in ("page.js", "wire.js", "places/2.json")
+    } <= {*names}
     assert '<script src="jatos.js">' in page
     assert not list(host.root.glob(".*.draft"))
 
@@ -621,8 +622,8 @@ def test_a_link_of_a_panel_opened_again_goes_on_and_a_placeholder_is_refused(
 
 JATOS = """
 const empty = '{"lines": "", "batch": {}, "ended": []}';
-const store = JSON.parse(sessionStorage.getItem("told") || empty);
-const keep = () => sessionStorage.setItem("told", JSON.stringify(store));
+const store = JSON.parse(sessionStorage.getItem("jatos") || empty);
+const keep = () => sessionStorage.setItem("jatos", JSON.stringify(store));
 let isEnding = false;
 const ending = (act) => {
   if (isEnding) throw "Can end/abort study only once.";
@@ -655,18 +656,18 @@ window.jatos = {
 an end that failed is not asked again by the same page (as in jatos.js 3.10.4)."""
 
 
-def told_until_ended(page: Any) -> dict[str, Any]:
-    """Return what JATOS was told once the run has ended: the page is loaded anew to ask again."""
+def jatos_calls(page: Any) -> dict[str, Any]:
+    """Return what JATOS received once the run has ended: the page is loaded anew to ask again."""
     from playwright.sync_api import Error
 
     watch = StopWatch()
-    told: dict[str, Any] = {"ended": []}
-    while not told["ended"]:
-        assert watch.elapsed_s() < PATIENCE_S, told
+    calls: dict[str, Any] = {"ended": []}
+    while not calls["ended"]:
+        assert watch.elapsed_s() < PATIENCE_S, calls
         page.wait_for_timeout(50)
         with contextlib.suppress(Error):  # it is being loaded anew
-            told = json.loads(page.evaluate("sessionStorage.getItem('told')"))
-    return told
+            calls = json.loads(page.evaluate("sessionStorage.getItem('jatos')"))
+    return calls
 
 
 @pytest.mark.parametrize("stops", [False, True])
@@ -686,18 +687,18 @@ def test_in_jatos_answers_are_handed_over_and_the_run_is_ended(
     else:
         page.reload()
         answer_until(page, "Thank you")
-    told = told_until_ended(page)
+    calls = jatos_calls(page)
     if stops:
         assert ([["abort", "stop and delete"]], "", {}) == (
-            told["ended"],
-            told["lines"],
-            told["batch"],
+            calls["ended"],
+            calls["lines"],
+            calls["batch"],
         )
         return
-    assert [["end", True, "done"]] == told["ended"]
-    assert 1 == len(told["batch"])
+    assert [["end", True, "done"]] == calls["ended"]
+    assert 1 == len(calls["batch"])
     results = host.root / "data.txt"
-    results.write_text(told["lines"], "utf-8")
+    results.write_text(calls["lines"], "utf-8")
     _, recording = recorded(host, results)
     assert [3.0] * 4 == list(recording.trials()["answer"])
     assert [0] == [entry.index for entry in host.ledger.list()]

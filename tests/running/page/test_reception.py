@@ -131,17 +131,17 @@ def test_three_at_once_have_a_whole_session_each(place: Place) -> None:
 
 
 def test_who_comes_again_gets_the_session_they_had_also_of_a_new_server(place: Place) -> None:
-    told = {"PROLIFIC_PID": "5f3a99c07b21d4", "STUDY_ID": "77", "other": "x"}
+    parameters = {"PROLIFIC_PID": "5f3a99c07b21d4", "STUDY_ID": "77", "other": "x"}
 
     async def first(base: str, _: Reception) -> str:
-        address = await arrive(base, told)
+        address = await arrive(base, parameters)
         await visit(
             address, place.visitor(), place.clock, ends=lambda s: s.content.get("trial") == 2
         )
         return address.partition("#")[2]
 
     async def again(base: str, _: Reception) -> tuple[str, str]:
-        address = await arrive(base, told)
+        address = await arrive(base, parameters)
         return address.partition("#")[2], await visit(address, place.visitor(), place.clock)
 
     key = served(place, first)
@@ -209,8 +209,8 @@ def test_when_enough_are_at_it_others_are_told_and_who_leaves_makes_room(tmp_pat
         async with aiohttp.ClientSession(base) as http:
             headers = {KEY: address.partition("#")[2]}
             async with http.post("/api/hello", json={"tab": "t"}, headers=headers) as response:
-                told = await response.json()
-        return [told["completion"], (await reception.board())["counts"]]
+                state = await response.json()
+        return [state["completion"], (await reception.board())["counts"]]
 
     completion, counts = served(place, act)
     assert "https://panel.example/?cc=1&id=a-1" == completion
@@ -228,15 +228,15 @@ def test_the_board_tells_who_is_where_to_its_key_alone(place: Place) -> None:
             async with http.post("/api/board", json={}, headers=headers) as response:
                 return status, await response.json()
 
-    status, told = served(place, act)
+    status, board = served(place, act)
     assert 400 == status
-    assert told["is_simulated"]
-    assert {"complete": 1, "stopped": 1} == told["counts"]
-    done, stopped = told["places"]
+    assert board["is_simulated"]
+    assert {"complete": 1, "stopped": 1} == board["counts"]
+    done, stopped = board["places"]
     assert (2, 2) == (done["trials_done"], done["trials_planned"])
     assert 0 == stopped["trials_done"]
-    assert told["median_minutes"] == done["minutes"] > 0
-    json.dumps(told)
+    assert board["median_minutes"] == done["minutes"] > 0
+    json.dumps(board)
 
 
 def test_a_page_that_is_heard_as_the_server_ends_opens_no_session_again(
@@ -331,12 +331,12 @@ def test_nothing_that_a_page_sends_ends_the_server(place: Place, event: dict[str
         key = (await arrive(base, {})).partition("#")[2]
         async with aiohttp.ClientSession(base, headers={KEY: key}) as http:
             async with http.post("/api/hello", json={"tab": "t"}) as response:
-                told = await response.json()
+                state = await response.json()
             sent = {"n": 1, "at_ms": 1.0, **event}
             body = json.dumps({"tab": "t", "events": [sent]})
             async with http.post("/api/events", data=body) as response:
                 assert response.status in (200, 400)
-            assert told["ack"] == 0
+            assert state["ack"] == 0
         await visit(f"{base}/#{key}", place.visitor(), place.clock)
         return [await visit(await arrive(base, {}), place.visitor(), place.clock)]
 
@@ -389,10 +389,10 @@ def test_the_secret_of_a_page_lies_with_no_data_and_is_the_same_of_another_serve
 
 
 def test_who_is_withdrawn_beside_the_server_is_ended_deleted_and_forgotten(place: Place) -> None:
-    told = {"PROLIFIC_PID": "5f3a"}
+    parameters = {"PROLIFIC_PID": "5f3a"}
 
     async def act(base: str, reception: Reception) -> tuple[Any, ...]:
-        key = (await arrive(base, told)).partition("#")[2]
+        key = (await arrive(base, parameters)).partition("#")[2]
         (entry,) = place.ledger.list()
         place.ledger.begin_withdrawal(entry.label, [place.folder])  # as its command does
         await reception._notice_withdrawals()
@@ -400,7 +400,7 @@ def test_who_is_withdrawn_beside_the_server_is_ended_deleted_and_forgotten(place
         async with aiohttp.ClientSession(base, headers={KEY: key}) as http:
             async with http.post("/api/hello", json={"tab": "t"}) as response:
                 refused = (await response.json())["refused"]
-        again = (await arrive(base, told)).partition("#")[2]
+        again = (await arrive(base, parameters)).partition("#")[2]
         return was_deleted, refused, again != key, (await reception.board())["counts"]
 
     was_deleted, refused, is_another, counts = served(place, act)
@@ -429,8 +429,8 @@ def test_who_left_and_is_withdrawn_beside_the_server_makes_room(tmp_path: Path) 
 async def posted(base: str, path: str, body: dict[str, Any], key: str = "") -> dict[str, Any]:
     async with aiohttp.ClientSession(base, headers={KEY: key}) as http:
         async with http.post(path, json=body) as response:
-            told: dict[str, Any] = await response.json()
-            return told
+            answer: dict[str, Any] = await response.json()
+            return answer
 
 
 @pytest.mark.parametrize(("stop", "outcome"), [("", "done"), ("keep", "stopped")])
@@ -472,10 +472,10 @@ def test_an_identifier_that_others_could_guess_brings_back_in_the_same_browser_a
     place: Place,
 ) -> None:
     async def act(base: str, _: Reception) -> list[Any]:
-        told = {"told": {"survey_code": "12345"}}
-        key = (await posted(base, "/api/arrive", told))["key"]
-        other = await posted(base, "/api/arrive", told)
-        same = await posted(base, "/api/arrive", {**told, "before": key})
+        body = {"parameters": {"survey_code": "12345"}}
+        key = (await posted(base, "/api/arrive", body))["key"]
+        other = await posted(base, "/api/arrive", body)
+        same = await posted(base, "/api/arrive", {**body, "before": key})
         return [other["refused"], same["key"] == key]
 
     assert ["begun", True] == served(place, act)
@@ -486,10 +486,10 @@ def test_a_link_to_somebody_of_the_ledger_gives_them_their_own_place(place: Plac
     first, second = place.ledger.add(), place.ledger.add()
 
     async def act(base: str, _: Reception) -> list[Any]:
-        key = (await posted(base, "/api/arrive", {"told": {"participant": "02"}}))["key"]
-        again = {"told": {"participant": second.label}, "before": key}
+        key = (await posted(base, "/api/arrive", {"parameters": {"participant": "02"}}))["key"]
+        again = {"parameters": {"participant": second.label}, "before": key}
         same = (await posted(base, "/api/arrive", again))["key"]
-        await posted(base, "/api/arrive", {"told": {"participant": "77"}})
+        await posted(base, "/api/arrive", {"parameters": {"participant": "77"}})
         return [key == same]
 
     assert [True] == served(place, act)
@@ -499,9 +499,10 @@ def test_a_link_to_somebody_of_the_ledger_gives_them_their_own_place(place: Plac
     assert {"panel": "link", "identifier": second.label} == dict(place.who[second.label])
 
 
-def test_a_placeholder_that_no_panel_filled_is_refused_in_words(place: Place) -> None:
+@pytest.mark.parametrize("key", ["parameters", "told"])  # a page loaded from 0.2 says `told`
+def test_a_placeholder_that_no_panel_filled_is_refused_in_words(place: Place, key: str) -> None:
     async def act(base: str, reception: Reception) -> dict[str, Any]:
-        return await posted(base, "/api/arrive", {"told": {"PROLIFIC_PID": "{{%PROLIFIC_PID%}}"}})
+        return await posted(base, "/api/arrive", {key: {"PROLIFIC_PID": "{{%PROLIFIC_PID%}}"}})
 
     assert "address" == served(place, act)["refused"]
     assert [] == place.sessions()

@@ -88,7 +88,7 @@ def test_a_killed_server_goes_on_at_the_same_step(tmp_path: Path) -> None:
     subprocess.run([*COMMAND, "init"], cwd=tmp_path, check=True, stdout=subprocess.DEVNULL)
     server, base = begun(tmp_path)
     try:
-        key = post(base, "/api/arrive", {"told": {}})["key"]
+        key = post(base, "/api/arrive", {"parameters": {}})["key"]
         before = answered(base, key, 3)
     finally:
         server.kill()

@@ -21,7 +21,7 @@ async def arrive(base: str, parameters: Mapping[str, str]) -> str:
         DataError: the server gave no session; says why.
     """
     async with aiohttp.ClientSession(base) as http:
-        async with http.post("/api/arrive", json={"told": dict(parameters)}) as response:
+        async with http.post("/api/arrive", json={"parameters": dict(parameters)}) as response:
             answer: dict[str, Any] = await response.json()
     if "key" not in answer:
         raise DataError(f"no session for a simulated page: {answer}")

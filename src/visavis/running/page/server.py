@@ -248,9 +248,10 @@ class PageServer(LocalServer):
 
     async def _arrive(self, request: web.Request) -> web.StreamResponse:
         body = await body_of(request)
-        content, before = body.get("told", {}), text_of(body, "before", is_needed=False)
+        content = body.get("parameters", body.get("told", {}))  # `told`: a page loaded before 0.3
+        before = text_of(body, "before", is_needed=False)
         if not isinstance(content, Mapping) or len(content) > MAX_PARAMETERS:
-            raise PageError("told is a few short texts")
+            raise PageError(f"parameters are at most {MAX_PARAMETERS} short texts")
         assert self._reception is not None  # noqa: S101  # the route exists only with it
         parameters = {str(name): text_of(content, str(name), is_needed=False) for name in content}
         return web.json_response(await self._reception.arrive(parameters, before))

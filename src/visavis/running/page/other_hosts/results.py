@@ -87,7 +87,8 @@ class Run:
     @cached_property
     def arrival(self) -> Arrival:
         """The panel they came from, and its identifier for them."""
-        parameters = mapping(self.header.get("told", {}), "told")
+        name = "told" if "told" in self.header else "parameters"  # `told`: bundles before 0.3
+        parameters = mapping(self.header.get(name, {}), name)
         return arrival_of({name: str(value) for name, value in parameters.items()})
 
 

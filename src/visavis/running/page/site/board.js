@@ -20,30 +20,30 @@ function table(caption, heads, rows) {
     element("tbody", {}, ...rows.map((row) => element("tr", {}, ...row.map((cell, i) => element(i ? "td" : "th", i ? { "data-head": heads[i] } : { scope: "row" }, cell)))))));
 }
 
-function show(told) {
-  document.title = `${told.title}: board`;
-  document.getElementById("title").textContent = told.title;
-  document.getElementById("rehearsal").hidden = !told.is_simulated;
+function show(state) {
+  document.title = `${state.title}: board`;
+  document.getElementById("title").textContent = state.title;
+  document.getElementById("rehearsal").hidden = !state.is_simulated;
   document.getElementById("when").textContent = new Date().toLocaleTimeString();
-  const known = Object.entries(told.states).filter(([state]) => told.counts[state]);
-  const complete = told.counts.complete || 0;
-  const summary = [`${complete}${told.quota ? ` of ${told.quota}` : ""} complete`];
-  if (told.median_minutes !== null) summary.push(`median time ${minutes(told.median_minutes)} min`);
+  const present = Object.entries(state.states).filter(([name]) => state.counts[name]);
+  const complete = state.counts.complete || 0;
+  const summary = [`${complete}${state.quota ? ` of ${state.quota}` : ""} complete`];
+  if (state.median_minutes !== null) summary.push(`median time ${minutes(state.median_minutes)} min`);
   main.replaceChildren(
     element("h1", {}, summary.join(", ")),
-    element("p", { class: "hint" }, known.map(([state, words]) => `${told.counts[state]} ${words}`).join(" · ") || "Nobody has come yet."),
-    table("Participants", ["Participant", "Where", "Trials", "Minutes", "Group", "Flags"], told.places.map((p) => [
-      p.label, told.states[p.state] || p.state, p.trials_planned ? `${p.trials_done} of ${p.trials_planned}` : "–",
+    element("p", { class: "hint" }, present.map(([name, words]) => `${state.counts[name]} ${words}`).join(" · ") || "Nobody has come yet."),
+    table("Participants", ["Participant", "Where", "Trials", "Minutes", "Group", "Flags"], state.places.map((p) => [
+      p.label, state.states[p.state] || p.state, p.trials_planned ? `${p.trials_done} of ${p.trials_planned}` : "–",
       minutes(p.minutes), p.group || "–", p.flags.join(", ") || "–"])));
 }
 
 async function ask() {
   try {
     const response = await fetch("/api/board", { method: "POST", headers, body: "{}" });
-    const told = await response.json();
-    if (response.status !== 200) { notice.textContent = told.refused || "The board is not to be had."; return; }
+    const state = await response.json();
+    if (response.status !== 200) { notice.textContent = state.refused || "The board is not available."; return; }
     notice.textContent = "";
-    show(told);
+    show(state);
   } catch {
     notice.textContent = "The server does not answer; asked again in a moment.";
   }

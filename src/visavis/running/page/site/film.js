@@ -1,4 +1,4 @@
-// Films: loaded whole before they are needed, checked, played together, and told as presented.
+// Films: loaded whole before they are needed, checked, played together. Each film reports how it was presented.
 
 import * as wire from "./wire.js";
 
@@ -20,7 +20,7 @@ export function isLoaded(film) {
 }
 
 export async function load(film, key) {
-  if (loaded.has(film.film)) return loaded.get(film.film).told;
+  if (loaded.has(film.film)) return loaded.get(film.film).report;
   let why = "";
   for (let attempt = 1; attempt <= TRIES; attempt += 1) {
     const begun = performance.now();
@@ -31,9 +31,9 @@ export async function load(film, key) {
       if (buffer.byteLength !== film.bytes) throw new Error("it came in part");
       const hash = await hashOf(buffer);
       if (hash !== null && hash !== film.sha256) throw new Error("it came damaged");
-      const told = { attempts: attempt, ms: performance.now() - begun, is_checked: hash !== null };
-      loaded.set(film.film, { url: URL.createObjectURL(new Blob([buffer], { type: "video/webm" })), told });
-      return told;
+      const report = { attempts: attempt, ms: performance.now() - begun, is_checked: hash !== null };
+      loaded.set(film.film, { url: URL.createObjectURL(new Blob([buffer], { type: "video/webm" })), report });
+      return report;
     } catch (error) {
       why = String(error.message || error);
       await pause(300 * 2 ** (attempt - 1));
@@ -43,23 +43,23 @@ export async function load(film, key) {
 }
 
 export async function loadAll(films, key, onProgress) {
-  const told = {};
-  const failed = [];
+  const reports = {};
+  const failures = [];
   const waiting = [...films];
   let count = 0;
   async function worker() {
     while (waiting.length) {
       const film = waiting.shift();
       try {
-        told[film.film] = await load(film, key);
+        reports[film.film] = await load(film, key);
       } catch (error) {
-        failed.push({ film, why: error.message });
+        failures.push({ film, why: error.message });
       }
       onProgress(++count);
     }
   }
   await Promise.all(Array.from({ length: AT_ONCE }, worker));
-  return { told, failed };
+  return { reports, failures };
 }
 
 class Player {
@@ -105,7 +105,7 @@ class Player {
     requestAnimationFrame(look);
   }
 
-  told() {
+  report() {
     const quality = this.video.getVideoPlaybackQuality?.();
     return {
       first_ms: this.firstMs,
@@ -164,7 +164,7 @@ export function play(films, videos, onRound) {
   });
   return {
     first,
-    told: () => Object.fromEntries(players.map((p) => [p.film.place, p.told()])),
+    report: () => Object.fromEntries(players.map((p) => [p.film.place, p.report()])),
     apartMs: () => (players.length > 1 ? apartMs : null),
     resume: () => { for (const p of players) if (p.video.paused && !p.video.ended) p.video.play().catch(() => {}); },
     end: () => { for (const p of players) { p.isOver = true; p.video.pause(); } },

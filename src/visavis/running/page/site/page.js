@@ -107,26 +107,26 @@ async function flush() {
         failures += 1;
         await new Promise((r) => setTimeout(r, RETRY_MS[failures]));
         const again = await hello(false);
-        if (again.status === 200 && !again.told.failed && !queue.length) await take(again.told);
+        if (again.status === 200 && !again.body.failed && !queue.length) await take(again.body);
         continue;
       }
-      if (answer.status !== 200 || answer.told.failed) { broken(answer.told.refused || answer.told.failed); return; }
+      if (answer.status !== 200 || answer.body.failed) { broken(answer.body.refused || answer.body.failed); return; }
       if (failures || isLate) tell("");
       [failures, isLate] = [0, false];
-      await take(answer.told);
+      await take(answer.body);
     } while (queue.length && !isOver); // what happens after the end is recorded nowhere
   } finally {
     isSending = false;
   }
 }
 
-async function take(told) {
-  queue = queue.filter((e) => e.n > told.ack);
-  await store.drop(told.ack);
-  if (told.number !== shown) {
-    shown = told.number;
+async function take(state) {
+  queue = queue.filter((e) => e.n > state.ack);
+  await store.drop(state.ack);
+  if (state.number !== shown) {
+    shown = state.number;
     replied = -1;
-    show(told.step);
+    show(state.step);
   }
 }
 
@@ -135,15 +135,15 @@ async function hello(takesOver) {
   const answer = await post("/api/hello", { tab, before: before && before !== tab ? before : "", takes_over: takesOver,
     at_ms: performance.now() });
   if (answer.status === 409) return answer;
-  if (answer.status !== 200 || answer.told.failed) return answer;
+  if (answer.status !== 200 || answer.body.failed) return answer;
   await store.set("tab", tab);
-  const told = answer.told;
+  const state = answer.body;
   // A reply to a step that has passed was given elsewhere; what is left is numbered anew.
-  const kept = queue.filter((e) => e.n > told.ack && (e.kind !== "reply" || e.step === told.number));
-  kept.forEach((e, i) => { e.n = told.ack + 1 + i; });
-  queue = kept;
-  next = told.ack + 1 + kept.length;
-  await store.replace(kept);
+  const rest = queue.filter((e) => e.n > state.ack && (e.kind !== "reply" || e.step === state.number));
+  rest.forEach((e, i) => { e.n = state.ack + 1 + i; });
+  queue = rest;
+  next = state.ack + 1 + rest.length;
+  await store.replace(rest);
   return answer;
 }
 
@@ -355,14 +355,14 @@ const steps = {
     const bar = element("progress", { max: step.films.length, value: 0, "aria-label": say("loading", { n: 0, m: step.films.length }) });
     const line = paragraph(say("loading", { n: 0, m: step.films.length }));
     put("narrow", line, bar);
-    const { told, failed } = await film.loadAll(step.films, key, (n) => {
+    const { reports, failures } = await film.loadAll(step.films, key, (n) => {
       bar.value = n;
       line.textContent = say("loading", { n, m: step.films.length });
     });
-    if (!failed.length) { reply({ films: told }); return; }
-    put("narrow", paragraph(say("load_failed", { why: failed[0].why })), element("div", { class: "buttons" },
+    if (!failures.length) { reply({ films: reports }); return; }
+    put("narrow", paragraph(say("load_failed", { why: failures[0].why })), element("div", { class: "buttons" },
       button(say("again"), () => steps.preload(step)),
-      button(say("skip"), () => reply({ films: { ...told, ...Object.fromEntries(failed.map((f) => [f.film.film, { failed: f.why }])) } }), true)));
+      button(say("skip"), () => reply({ films: { ...reports, ...Object.fromEntries(failures.map((f) => [f.film.film, { failed: f.why }])) } }), true)));
   },
 
   text(step) {
@@ -422,7 +422,7 @@ const steps = {
     const finish = () => {
       const content = { shown_ms: shownMs, off_ms: performance.now(), hidden_ms: hiddenNow(),
         answers: Object.fromEntries(questions.map((q) => [q.name, q.answer() || { option: null, at_ms: performance.now(), by: "keys" }])) };
-      if (player) { content.films = player.told(); content.apart_ms = player.apartMs(); }
+      if (player) { content.films = player.report(); content.apart_ms = player.apartMs(); }
       cleanUp();
       go.disabled = true;
       reply(content);
@@ -457,7 +457,7 @@ const steps = {
 
   async end(step) {
     isOver = true;
-    remembered((kept) => kept.removeItem(SESSION));
+    remembered((storage) => storage.removeItem(SESSION));
     const said = { done: "thanks", stopped: "stopped", withdrawn: "stopped", declined: "declined" }[step.outcome] || "thanks";
     put("narrow", element("h1", {}, say(said)), whomToAsk());
     let file = null;
@@ -500,26 +500,26 @@ function remembered(change) {
 
 // Somebody who comes to a served study gets a session; who comes again gets the one they had.
 async function arrive() {
-  const told = Object.fromEntries([...wire.query()].filter(([n]) => OF_ARRIVALS.includes(n)).map(([n, v]) => [n, v.slice(0, 200)]));
-  const before = remembered((kept) => kept.getItem(SESSION)) || "";
+  const parameters = Object.fromEntries([...wire.query()].filter(([n]) => OF_ARRIVALS.includes(n)).map(([n, v]) => [n, v.slice(0, 200)]));
+  const before = remembered((storage) => storage.getItem(SESSION)) || "";
   isRemembered = Boolean(before) && !location.search;
   if (isRemembered) key = before;
   else {
     let answer;
     try {
-      answer = await post("/api/arrive", { told, before });
+      answer = await post("/api/arrive", { parameters, before });
     } catch {
       put("narrow", paragraph("This address is not complete. Please open it again as you were given it."));
       return;
     }
-    if (!answer.told.key) {
-      put("narrow", element("h1", {}, answer.told.text || answer.told.refused));
-      if (answer.told.refused === "busy") setTimeout(() => begin(false), BUSY_MS);
+    if (!answer.body.key) {
+      put("narrow", element("h1", {}, answer.body.text || answer.body.refused));
+      if (answer.body.refused === "busy") setTimeout(() => begin(false), BUSY_MS);
       return;
     }
-    key = answer.told.key;
+    key = answer.body.key;
   }
-  remembered((kept) => kept.setItem(SESSION, key));
+  remembered((storage) => storage.setItem(SESSION, key));
   wire.keepKey(key);
 }
 
@@ -562,41 +562,41 @@ async function begin(takesOver) {
       element("div", { class: "buttons" }, button("Go on here", () => begin(true))));
     return;
   }
-  if (answer.status !== 200 || answer.told.failed) {
-    remembered((kept) => kept.removeItem(SESSION));
+  if (answer.status !== 200 || answer.body.failed) {
+    remembered((storage) => storage.removeItem(SESSION));
     if (isRemembered && answer.status === 400) { // of another study, or another lab's time
       [key, store, queue, isLocked] = ["", null, [], false];
       await begin(false);
       return;
     }
-    broken(answer.told.refused || answer.told.failed);
+    broken(answer.body.refused || answer.body.failed);
     return;
   }
   tell("");
-  const told = answer.told;
-  words = told.words;
-  completion = told.completion || "";
-  contact = told.contact || "";
-  document.documentElement.lang = told.language;
-  document.title = told.title;
-  document.getElementById("title").textContent = told.title;
+  const state = answer.body;
+  words = state.words;
+  completion = state.completion || "";
+  contact = state.contact || "";
+  document.documentElement.lang = state.language;
+  document.title = state.title;
+  document.getElementById("title").textContent = state.title;
   stop.textContent = say("stop");
   const rehearsal = document.getElementById("rehearsal");
-  rehearsal.hidden = !told.is_simulated;
+  rehearsal.hidden = !state.is_simulated;
   rehearsal.textContent = say("rehearsal");
-  if (told.mime && !document.createElement("video").canPlayType(told.mime)) {
+  if (state.mime && !document.createElement("video").canPlayType(state.mime)) {
     put("narrow", paragraph(say("no_play")));
     return;
   }
-  if (isRemembered && told.number > 1 && told.step.kind !== "end" && !await isTheirs()) {
+  if (isRemembered && state.number > 1 && state.step.kind !== "end" && !await isTheirs()) {
     await wire.leave(key, tab);
-    remembered((kept) => kept.removeItem(SESSION));
+    remembered((storage) => storage.removeItem(SESSION));
     location.assign(location.pathname);
     return;
   }
   isRemembered = false;
-  if (queue.length) { shown = told.number; await flush(); if (shown === told.number && current.kind === "") show(told.step); }
-  else { shown = -1; await take(told); }
+  if (queue.length) { shown = state.number; await flush(); if (shown === state.number && current.kind === "") show(state.step); }
+  else { shown = -1; await take(state); }
 }
 
 setInterval(() => { if (shown >= 0 && !isOver) flush(); }, BEAT_MS);

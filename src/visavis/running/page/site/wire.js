@@ -14,7 +14,7 @@ export async function post(path, key, body) {
     headers: { ...keyed(key), "Content-Type": "application/json" },
     body: JSON.stringify(body),
   });
-  return { status: response.status, told: await response.json() };
+  return { status: response.status, body: await response.json() };
 }
 
 export function leave(key, tab) {

@@ -45,16 +45,16 @@ export const film = (name) => fetch(`films/${name}.webm`);
 
 // ---- what is kept here ----------------------------------------------------------------------
 
-const done = (request) => new Promise((resolve, reject) => {
+const resultOf = (request) => new Promise((resolve, reject) => {
   request.onsuccess = () => resolve(request.result);
   request.onerror = () => reject(request.error);
 });
 
-async function openKept() {
+async function openStore() {
   try {
     const request = indexedDB.open(`visavis-bundle-${bundle.id}`, 1);
     request.onupgradeneeded = () => request.result.createObjectStore("lines", { keyPath: ["run", "line"] });
-    const base = await done(request);
+    const base = await resultOf(request);
     const change = (act) => new Promise((resolve, reject) => {
       const changing = base.transaction("lines", "readwrite", { durability: "strict" });
       changing.oncomplete = () => resolve();
@@ -63,8 +63,8 @@ async function openKept() {
     });
     const span = (run) => IDBKeyRange.bound([run], [run, []]);
     return {
-      of: (run) => done(base.transaction("lines").objectStore("lines").getAll(span(run))),
-      all: () => done(base.transaction("lines").objectStore("lines").getAll()),
+      of: (run) => resultOf(base.transaction("lines").objectStore("lines").getAll(span(run))),
+      all: () => resultOf(base.transaction("lines").objectStore("lines").getAll()),
       put: (lines) => change((s) => { for (const line of lines) s.put(line); }),
       drop: (run) => change((s) => s.delete(span(run))),
     };
@@ -79,7 +79,7 @@ async function openKept() {
   }
 }
 
-const kept = await openKept();
+const store = await openStore();
 const nowMs = () => performance.timeOrigin + performance.now();
 const asText = (lines) => lines.map((line) => `${JSON.stringify(line)}\n`).join("");
 
@@ -92,10 +92,13 @@ async function handOver(lines) {
 
 // Line -1 of a run says up to which line somebody has taken them.
 async function write(run, lines) {
-  await kept.put(lines);
+  await store.put(lines);
   await handOver(lines);
-  await kept.put([{ run, line: -1, handed: lines.at(-1).line }]);
+  await store.put([{ run, line: -1, handed: lines.at(-1).line }]);
 }
+
+// The parameters of the address; runs begun before 0.3 have them as `told`.
+const parametersOf = (arrived) => arrived.parameters ?? arrived.told;
 
 // ---- where a run is ---------------------------------------------------------------------------
 
@@ -133,17 +136,17 @@ function after(was, event) {
 
 async function openRun(run) {
   if (at?.run === run) return true;
-  const lines = (await kept.of(run)).sort((a, b) => a.line - b.line);
-  const begun = lines.find((line) => line.arrived);
-  if (!begun) return false;
-  const place = await stepsOf(begun.arrived.place);
-  if (place.sha256 !== begun.arrived.sha256) return false; // another bundle lies here by now
+  const lines = (await store.of(run)).sort((a, b) => a.line - b.line);
+  const first = lines.find((line) => line.arrived);
+  if (!first) return false;
+  const place = await stepsOf(first.arrived.place);
+  if (place.sha256 !== first.arrived.sha256) return false; // another bundle lies here by now
   const handed = lines[0].line === -1 ? lines.shift().handed : -1;
-  const left = lines.filter((line) => line.line > handed);
-  at = { run, steps: place.steps, ack: 0, number: 1, index: 0, outcome: "", next: lines.at(-1).line + 1, told: begun.arrived.told };
+  const rest = lines.filter((line) => line.line > handed);
+  at = { run, steps: place.steps, ack: 0, number: 1, index: 0, outcome: "", next: lines.at(-1).line + 1, parameters: parametersOf(first.arrived) };
   for (const line of lines) if (line.event) Object.assign(at, after(at, line.event));
   // kept as the connection was lost, or the page closed
-  if (left.length && !isBeforeConsent(at)) await write(run, left);
+  if (rest.length && !isBeforeConsent(at)) await write(run, rest);
   return true;
 }
 
@@ -152,23 +155,23 @@ const isBeforeConsent = (of) => !of.outcome && of.steps[of.index].kind === "cons
 
 // Of who refuses, the refusal is kept and handed over, and nothing of how they came.
 async function refuse(run, line) {
-  const { arrived, at_ms } = (await kept.of(run)).find((one) => one.arrived);
+  const { arrived, at_ms } = (await store.of(run)).find((one) => one.arrived);
   const { n, kind, step } = line.event;
   const lines = [
-    { run, line: 0, at_ms, arrived: { ...arrived, told: {} } },
+    { run, line: 0, at_ms, arrived: { ...arrived, parameters: {} } },
     { run, line: 1, at_ms: line.at_ms, opened: { tab: "-", at_ms: 0 } },
     { run, line: 2, at_ms: line.at_ms, tab: "-", event: { n, kind, step, at_ms: 0, reply: { agreed: false } } },
   ];
-  await kept.drop(run);
+  await store.drop(run);
   await write(run, lines);
   return lines.length;
 }
 
-const told = () => ({ ack: at.ack, number: at.number, step: at.outcome ? { kind: "end", outcome: at.outcome } : at.steps[at.index] });
+const state = () => ({ ack: at.ack, number: at.number, step: at.outcome ? { kind: "end", outcome: at.outcome } : at.steps[at.index] });
 
 function completion() {
-  const name = PANELS.find((n) => at.told[n]);
-  return bundle.completion.replaceAll("{id}", encodeURIComponent(name ? at.told[name] : ""));
+  const name = PANELS.find((n) => at.parameters[n]);
+  return bundle.completion.replaceAll("{id}", encodeURIComponent(name ? at.parameters[name] : ""));
 }
 
 // ---- what the server would answer -------------------------------------------------------------
@@ -179,8 +182,8 @@ const claimName = (place) => `visavis-${bundle.id}-${place}`;
 // where there is none, undefined where others were quicker each time.
 async function claimed(run) {
   for (let attempt = 0; attempt < CLAIM_TRIES; attempt += 1) {
-    const taken = jatos.batchSession.getAll() || {};
-    const place = Array.from({ length: bundle.places }, (_, k) => k).find((k) => taken[claimName(k)] === undefined);
+    const claims = jatos.batchSession.getAll() || {};
+    const place = Array.from({ length: bundle.places }, (_, k) => k).find((k) => claims[claimName(k)] === undefined);
     if (place === undefined) return null;
     try {
       await jatos.batchSession.set(claimName(place), run);
@@ -192,39 +195,39 @@ async function claimed(run) {
   return undefined;
 }
 
-async function placeOf(said, run) {
+async function placeOf(parameters, run) {
   if (jatos?.batchSession) return claimed(run);
-  const wanted = Number(said.place ?? NaN);
-  if (Number.isInteger(wanted) && wanted >= 1 && wanted <= bundle.places) return wanted - 1;
+  const number = Number(parameters.place ?? NaN);
+  if (Number.isInteger(number) && number >= 1 && number <= bundle.places) return number - 1;
   return crypto.getRandomValues(new Uint32Array(1))[0] % bundle.places;
 }
 
 // The run that somebody of a panel has in this browser; JATOS's own address says which it is.
 async function runOf(name, identifier) {
   if (jatos || !name) return undefined;
-  return (await kept.all()).find((line) => line.arrived?.told[name] === identifier)?.run;
+  return (await store.all()).find((line) => line.arrived && parametersOf(line.arrived)[name] === identifier)?.run;
 }
 
-async function arrive({ told: said }) {
-  const name = PANELS.find((n) => said[n] !== undefined);
+async function arrive({ parameters }) {
+  const name = PANELS.find((n) => parameters[n] !== undefined);
   const { words } = bundle.about;
-  if (name && !ID.test(said[name])) return { refused: "address", text: words.address };
-  const before = await runOf(name, said[name]);
+  if (name && !ID.test(parameters[name])) return { refused: "address", text: words.address };
+  const before = await runOf(name, parameters[name]);
   if (before) return { key: before };
   const run = [...crypto.getRandomValues(new Uint8Array(16))].map((b) => b.toString(16).padStart(2, "0")).join("");
-  const place = await placeOf(said, run);
+  const place = await placeOf(parameters, run);
   if (place === null) return { refused: "full", text: words.full };
   if (place === undefined) return { refused: "busy", text: words.busy };
   const { sha256, steps } = await stepsOf(place);
   const { format, study, seed, id } = bundle;
-  await (steps[0].kind === "consent" ? kept.put : write.bind(null, run))([{ run, line: 0, at_ms: nowMs(), arrived: { format, study, seed, bundle: id, place, sha256, told: said } }]);
+  await (steps[0].kind === "consent" ? store.put : write.bind(null, run))([{ run, line: 0, at_ms: nowMs(), arrived: { format, study, seed, bundle: id, place, sha256, parameters } }]);
   return { key: run };
 }
 
 async function hello({ tab, at_ms }) {
   const line = { run: at.run, line: at.next++, at_ms: nowMs(), opened: { tab, at_ms } };
-  await (isBeforeConsent(at) ? kept.put([line]) : write(at.run, [line]));
-  return { ...bundle.about, completion: completion(), ...told() };
+  await (isBeforeConsent(at) ? store.put([line]) : write(at.run, [line]));
+  return { ...bundle.about, completion: completion(), ...state() };
 }
 
 async function take({ tab, events }) {
@@ -241,18 +244,18 @@ async function take({ tab, events }) {
   if (lines.length) {
     let next = at.next + lines.length;
     if (now.outcome === "declined") next = await refuse(at.run, lines.at(-1));
-    else if (isBeforeConsent({ ...at, ...now })) await kept.put(lines);
-    else if (isBeforeConsent(at)) await write(at.run, [...(await kept.of(at.run)).filter((one) => one.line >= 0), ...lines]);
+    else if (isBeforeConsent({ ...at, ...now })) await store.put(lines);
+    else if (isBeforeConsent(at)) await write(at.run, [...(await store.of(at.run)).filter((one) => one.line >= 0), ...lines]);
     else await write(at.run, lines);
     Object.assign(at, now, { next });
   }
-  return isRefused ? { status: 400, told: { refused: "that step is not shown" } } : { status: 200, told: told() };
+  return isRefused ? { status: 400, body: { refused: "that step is not shown" } } : { status: 200, body: state() };
 }
 
 export async function post(path, key, body) {
-  if (path === "/api/arrive") return { status: 200, told: await arrive(body) };
-  if (!await openRun(key)) return { status: 400, told: { refused: "this browser knows no such session" } };
-  return path === "/api/hello" ? { status: 200, told: await hello(body) } : take(body);
+  if (path === "/api/arrive") return { status: 200, body: await arrive(body) };
+  if (!await openRun(key)) return { status: 400, body: { refused: "this browser knows no such session" } };
+  return path === "/api/hello" ? { status: 200, body: await hello(body) } : take(body);
 }
 
 // ---- the end ----------------------------------------------------------------------------------
@@ -274,7 +277,7 @@ async function endInJatos(outcome, place) {
     throw error;
   }
   remembered((k) => k.setItem(mark, "1"));
-  if (outcome === "withdrawn") await kept.drop(at.run);
+  if (outcome === "withdrawn") await store.drop(at.run);
 }
 
 // The place is another's; one that somebody else has claimed by now stays theirs.
@@ -293,9 +296,9 @@ async function hostAnswers(everyMs) {
 
 // Whose answers nobody took has them as a file; who wants them deleted, deleted wherever they are.
 export async function ended(outcome) {
-  const lines = (await kept.of(at.run)).filter((line) => line.line >= 0);
+  const lines = (await store.of(at.run)).filter((line) => line.line >= 0);
   if (jatos) { await endInJatos(outcome, lines[0]?.arrived.place); return null; }
-  if (outcome === "withdrawn") await kept.drop(at.run);
+  if (outcome === "withdrawn") await store.drop(at.run);
   if (bundle.results || outcome === "withdrawn" || outcome === "declined") return null;
   const name = `${bundle.study}-${at.run.slice(0, 8)}.jsonl`;
   return { name, address: URL.createObjectURL(new Blob([asText(lines)], { type: "application/x-ndjson" })) };
