@@ -58,6 +58,7 @@ ROLE_FACTS: Final[Mapping[str, tuple[str, ...]]] = {
 
 STREAM_FACTS: Final[Mapping[str, str]] = {
     "head": "head",
+    "head_measured": "head",
     "gaze": "gaze",
     "openness": "gaze",
     "gaze_targets": "gaze",

@@ -162,7 +162,7 @@ def test_nothing_leaves_the_page_before_consent_but_what_a_request_needs(
     page.wait_for_selector("#agree", timeout=PATIENCE_S * 1000)
     page.set_viewport_size({"width": 700, "height": 500})
     page.wait_for_timeout(600)
-    assert {"told": {"PROLIFIC_PID": "5f3a99c"}, "before": ""} == sent[0][1]
+    assert {"parameters": {"PROLIFIC_PID": "5f3a99c"}, "before": ""} == sent[0][1]
     for url, body in sent[1:]:
         if url.endswith("/api/hello"):
             assert {"tab", "before", "takes_over", "at_ms"} == set(body)

@@ -32,13 +32,13 @@ globalThis.fetch = async (address, options) => {
 };
 const wire = await import(process.argv[2]);
 const agreed = process.argv[3] === "agree";
-const said = { PROLIFIC_PID: "5f3a99c", place: "1" };
-const { key } = (await wire.post("/api/arrive", "", { told: said })).told;
+const parameters = { PROLIFIC_PID: "5f3a99c", place: "1" };
+const { key } = (await wire.post("/api/arrive", "", { parameters })).body;
 await wire.post("/api/hello", key, { tab: "t", at_ms: 12.5 });
 const before = taken.length;
 const event = { n: 1, kind: "reply", step: 1, at_ms: 900, reply: { agreed, version: "v" } };
-const { told } = await wire.post("/api/events", key, { tab: "t", events: [event] });
-console.log(JSON.stringify({ before, taken, told }));
+const { body } = await wire.post("/api/events", key, { tab: "t", events: [event] });
+console.log(JSON.stringify({ before, taken, body }));
 """
 
 
@@ -62,19 +62,19 @@ def test_nothing_is_handed_over_before_somebody_agrees_and_everything_then(tmp_p
     answer = run_wire(tmp_path, "agree")
     assert 0 == answer["before"]
     arrived, opened, reply = answer["taken"]
-    assert {"PROLIFIC_PID": "5f3a99c", "place": "1"} == arrived["arrived"]["told"]
+    assert {"PROLIFIC_PID": "5f3a99c", "place": "1"} == arrived["arrived"]["parameters"]
     assert {"tab": "t", "at_ms": 12.5} == opened["opened"]
     assert reply["event"]["reply"] == {"agreed": True, "version": "v"}
-    assert "text" == answer["told"]["step"]["kind"]
+    assert "text" == answer["body"]["step"]["kind"]
 
 
 def test_of_a_refusal_the_refusal_alone_is_handed_over(tmp_path: Path) -> None:
     answer = run_wire(tmp_path, "decline")
     arrived, opened, reply = answer["taken"]
-    assert (0, {}) == (answer["before"], arrived["arrived"]["told"])
+    assert (0, {}) == (answer["before"], arrived["arrived"]["parameters"])
     assert {"tab": "-", "at_ms": 0} == opened["opened"]
     assert {"n": 1, "kind": "reply", "step": 1, "at_ms": 0, "reply": {"agreed": False}} == reply[
         "event"
     ]
     assert "5f3a99c" not in json.dumps(answer["taken"])
-    assert {"kind": "end", "outcome": "declined"} == answer["told"]["step"]
+    assert {"kind": "end", "outcome": "declined"} == answer["body"]["step"]
