@@ -32,7 +32,9 @@ ArtError: TypeAlias = Literal["strata", "pooled", "mixed"]
 Transform: TypeAlias = Literal["art", "int"]
 
 ALIGNED_DECIMALS = 8
-"""Aligned values are ranked after rounding to this many decimals, so that ties survive."""
+"""Aligned values are ranked after rounding to this many decimals, so that ties survive: of values
+between 1 and 10 as ARTool does, of others in proportion.
+"""
 
 
 @dataclass(frozen=True)
@@ -110,7 +112,7 @@ def art_anova(
     name = subject or "row"
     # Align and rank for every effect by itself (Wobbrock et al. 2011) ...
     aligned = aligned_columns(design)
-    ranks = {term: aligned_ranks(column) for term, column in aligned.items()}
+    ranks = {term: aligned_ranks(column, design.y) for term, column in aligned.items()}
     # ... and, as the second opinion, take normal scores of the plain ranks for all effects alike.
     scores = normal_scores(design.y)
     plain = dict.fromkeys(aligned, scores)
@@ -168,9 +170,21 @@ def aligned_columns(design: Design) -> dict[str, Array]:
     return columns
 
 
-def aligned_ranks(column: Array) -> Array:
-    """Rank an aligned column, float noise removed."""
-    return average_ranks(np.round(column, ALIGNED_DECIMALS))
+def aligned_ranks(column: Array, y: Array) -> Array:
+    """Rank an aligned column of a response, float noise removed."""
+    spread, largest = float(np.abs(y - y.mean()).max()), float(np.abs(y).max())
+    # Noise is a share of the values themselves, which may lie far from zero.
+    noise = largest * np.finfo(np.float64).eps * 10**ALIGNED_DECIMALS
+    return average_ranks(without_noise(column, max(spread, noise)))
+
+
+def without_noise(values: Array, scale: float) -> Array:
+    """Round values to `ALIGNED_DECIMALS` of the decimal power below a scale."""
+    if scale == 0:
+        return values
+    unit = 10.0 ** np.floor(np.log10(scale))
+    rounded: Array = np.round(values / unit, ALIGNED_DECIMALS) * unit
+    return rounded
 
 
 def normal_scores(y: Array) -> Array:

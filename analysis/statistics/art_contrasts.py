@@ -8,12 +8,12 @@ from itertools import combinations, product
 import numpy as np
 
 from visavis.analysis.statistics.art import (
-    ALIGNED_DECIMALS,
     ArtAnova,
     ArtError,
     aligned_columns,
     aligned_ranks,
     require_art,
+    without_noise,
 )
 from visavis.analysis.statistics.contrasts import ContrastAdjustment, Contrasts
 from visavis.analysis.statistics.design import Design, Factor
@@ -62,7 +62,7 @@ def art_contrasts(
     if error != "mixed" and not design.is_complete:
         raise UnknownMethod("cells are missing; contrasts need error='mixed'")
     label = ":".join(names)
-    ranks = aligned_ranks(aligned_columns(joint_design)[label])
+    ranks = aligned_ranks(aligned_columns(joint_design)[label], joint_design.y)
     contrasts = pair_contrasts(
         _cells(joint_design, ranks, table, error),
         (label,),
@@ -91,7 +91,7 @@ def art_interaction_contrasts(
     if len(names) < 2:
         raise UnknownMethod(f"{names[0]} is a main effect; use art_contrasts")
     error = error or table.error
-    ranks = aligned_ranks(aligned_columns(design)[":".join(names)])
+    ranks = aligned_ranks(aligned_columns(design)[":".join(names)], design.y)
     return double_differences(
         _cells(design, ranks, table, error),
         names,
@@ -203,8 +203,8 @@ def _person_means(cells: Array) -> Array:
     there = np.isfinite(cells)
     has_any = there.any(axis=1)
     sums = np.where(there, cells, 0.0).sum(axis=1)[has_any]
-    means: Array = np.round(sums / there.sum(axis=1)[has_any], ALIGNED_DECIMALS)
-    return means
+    means: Array = sums / there.sum(axis=1)[has_any]
+    return without_noise(means, float(np.abs(means).max(initial=0.0)))
 
 
 def _of_differences(differences: Array) -> Effect | None:

@@ -50,10 +50,14 @@ class Equivalence(Result):
         """Return the result as an APA sentence."""
         verdict = "equivalent" if self.is_equivalent else "not shown to be equivalent"
         weaker = self.t_low if self.p_low >= self.p_high else self.t_high
+        # Of two groups, whether Welch's or Student's: "independent t (Welch)".
+        _, is_named, kind = self.difference.provenance.test.partition(" (")
+        kind = f", {kind.removesuffix(')')}" if is_named else ""
         return (
             f"{verdict} within [{number(self.low, 3)}, {number(self.high, 3)}]: "
-            f"t({degrees(self.df)}) = {number(weaker)}, {p_text(self.p)} (two one-sided tests), "
-            f"difference {number(self.estimate, 3)}, {percent(self.interval.level)} CI "
+            f"t({degrees(self.df)}) = {number(weaker)}, {p_text(self.p)} "
+            f"(two one-sided tests{kind}), difference {number(self.estimate, 3)}, "
+            f"{percent(self.interval.level)} CI "
             f"[{number(self.interval.low, 3)}, {number(self.interval.high, 3)}]"
         )
 

@@ -104,12 +104,8 @@ def linear_mixed(
     notes = [f"{design.y.size} rows of {design.n} subjects"] if design.is_repeated else []
     if structure != random:
         notes.append(f"random effects simplified: {steps[0]}; the model has {text}")
-    notes += [
-        f"the variance of {subject} × {name} came out below zero: people differ less in {name} "
-        "than chance makes them"
-        for name, value in model.parameters.items()
-        if structure == "components" and value < 0
-    ]
+    if structure == "components":
+        notes += model.negative_variance_notes(subject)
     provenance = Provenance(
         "Linear mixed model",
         design.n,

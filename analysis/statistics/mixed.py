@@ -256,6 +256,9 @@ def mixed_anova(
             design.n,
             error_term=f"{error_term} per subject, REML, {name} df",
             dropped=design.dropped,
+            notes=tuple(fit.negative_variance_notes(subject))
+            if isinstance(fit, LinearMixedModel)
+            else (),
         ),
         subject,
         fit,

@@ -150,6 +150,15 @@ class LinearMixedModel:
         """Variance (or covariance) by name; the residual is called 'residual'."""
         return dict(zip(self.names, self.theta.tolist(), strict=True))
 
+    def negative_variance_notes(self, subject: str) -> list[str]:
+        """Return a note on every variance component below zero, which `fit_components` allows."""
+        return [
+            f"the variance of {subject} × {name} came out below zero: people differ less in {name} "
+            "than chance makes them"
+            for name, value in self.parameters.items()
+            if value < 0
+        ]
+
     @property
     def log_likelihood(self) -> float:
         """The restricted log-likelihood."""

@@ -83,9 +83,15 @@ def _two(outcome: Outcome, names: Mapping[str, str], call: str, statistic: str) 
     return lines
 
 
+# Float noise would part equal differences: 0.3 - 0.1 and 0.2 - 0.
+OFF = (
+    "off <- function(x, y) { unit <- 10^floor(log10(max(abs(c(x, y))))); "
+    "round((x - y) / unit, 9) * unit }"
+)
 SIGNED_RANK = (
-    'coin::wilcoxsign_test(x ~ y, distribution = "exact", zero.method = "Wilcoxon")',
-    "{ r <- round(x - y, 9); r <- r[r != 0]; sum(rank(abs(r))[r > 0]) }",
+    "coin::wilcoxsign_test(off(x, y) ~ rep(0, length(x)), "
+    'distribution = "exact", zero.method = "Wilcoxon")',
+    "{ r <- off(x, y); r <- r[r != 0]; sum(rank(abs(r))[r > 0]) }",
 )
 
 
@@ -102,12 +108,12 @@ def _t(outcome: Outcome, names: Mapping[str, str]) -> Body:
 
 def _wilcoxon(outcome: Outcome, names: Mapping[str, str]) -> Body:
     call, V = SIGNED_RANK
-    return _two(outcome, names, call, V), ("coin",)
+    return [OFF, *_two(outcome, names, call, V)], ("coin",)
 
 
 def _paired_tests(outcome: Outcome, names: Mapping[str, str]) -> Body:
     """Repeat the test that the decision path took for each pair."""
-    lines, ranks = ["d <- d[order(d$s), ]"], False
+    lines, ranks = ["d <- d[order(d$s), ]", OFF], False
     for (a, b), row in zip(_pairs(outcome), outcome.rows, strict=True):
         by_rank = row.get("V") is not None
         ranks |= by_rank
@@ -170,7 +176,8 @@ def _tost(outcome: Outcome, names: Mapping[str, str]) -> Body:
         ((a, b),) = _pairs(outcome)
         lines = ["d <- d[order(d$s), ]"] if q.within else []
         lines.append(f"x <- d$y[d$f1 == {_r_string(a)}]; y <- d$y[d$f1 == {_r_string(b)}]")
-        values, how = "x, y", ", paired = TRUE" if q.within else ""
+        groups = f", var.equal = {str(q.model.equal_variances).upper()}"
+        values, how = "x, y", ", paired = TRUE" if q.within else groups
         pooled_sd = (
             "sqrt(((length(x) - 1) * var(x) + (length(y) - 1) * var(y)) / "
             "(length(x) + length(y) - 2))"
@@ -249,7 +256,8 @@ ALIGNED = """aligned_ranks <- function(term, factors) {
   effect <- 0
   for (size in 0:length(term)) for (u in combn(term, size, simplify = FALSE))
     effect <- effect + (-1)^(length(term) - size) * mean_in(u)
-  rank(round(d$y - mean_in(factors) + effect, 8))
+  unit <- 10^floor(log10(max(abs(d$y - mean(d$y)))))
+  rank(round((d$y - mean_in(factors) + effect) / unit, 8))
 }"""
 
 
@@ -475,12 +483,13 @@ def _sign(outcome: Outcome, names: Mapping[str, str]) -> Body:
     if not names:
         mu = outcome.question.reference.mu
         return [
-            f"off <- round(d$y - {mu!r}, 9)",
-            "t <- binom.test(sum(off > 0), sum(off != 0))",
+            OFF,
+            f"r <- off(d$y, {mu!r})",
+            "t <- binom.test(sum(r > 0), sum(r != 0))",
             'line("above", t$statistic, t$p.value)',
         ], ()
-    call = "{ r <- round(x - y, 9); binom.test(sum(r > 0), sum(r != 0)) }"
-    return _two(outcome, names, call, "t$statistic"), ()
+    call = "{ r <- off(x, y); binom.test(sum(r > 0), sum(r != 0)) }"
+    return [OFF, *_two(outcome, names, call, "t$statistic")], ()
 
 
 def _binomial(outcome: Outcome, names: Mapping[str, str]) -> Body:

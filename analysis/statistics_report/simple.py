@@ -354,8 +354,11 @@ def _tost(table: DataTable, q: Question) -> Outcome:
             f"{len(columns)} ({', '.join(columns)}); keep two of them in the file"
         )
     (a, x), (b, y) = columns.items()
-    run = tost_paired if q.within else tost_independent
-    test = run(x, y, names=(a, b), **bounds)
+    if q.within:
+        test = tost_paired(x, y, names=(a, b), **bounds)
+    else:
+        equal = q.model.equal_variances
+        test = tost_independent(x, y, names=(a, b), equal_variances=equal, **bounds)
     sentence = f"{a} {MINUS} {b}: {test.sentence()}."
     return outcome_of(
         table,

@@ -179,7 +179,8 @@ class PairTest:
             return ""
         test = self.outcome.test
         if isinstance(test, SignedRank):
-            return f"V = {decimal(test.V, 1)}, z = {decimal(test.z)}"
+            ranked = f", {test.n_nonzero} ranked" if test.n_nonzero < self.n_pairs else ""
+            return f"V = {decimal(test.V, 1)}, z = {decimal(test.z)}{ranked}"
         return f"t({test.df:.0f}) = {decimal(test.t)}"
 
     def row(self) -> dict[str, Cell]:

@@ -52,6 +52,23 @@ def test_units_of_the_response_change_nothing(seed: int) -> None:
         )
 
 
+@pytest.mark.parametrize("factor", [1e-12, 1e-9, 1e6])
+@pytest.mark.parametrize("offset", [0.0, 1e5])
+def test_ranks_that_are_aligned_do_not_depend_on_the_scale(factor: float, offset: float) -> None:
+    frame = within_frame(5)
+    frame["y"] = np.round(frame["y"], 1)  # with ties
+    moved = {**frame, "y": (frame["y"] + offset) * factor}
+    assert figures(tables(frame)[:3]) == pytest.approx(figures(tables(moved)[:3]), rel=1e-5)
+    plain, other = (
+        statistics.art_contrasts(
+            statistics.art_anova(f, "y", subject="subject", within=("A", "B")), "B"
+        )
+        for f in (frame, moved)
+    )
+    effects = [[c.effect.value for c in made.contrasts if c.effect] for made in (plain, other)]
+    assert effects[0] == pytest.approx(effects[1], abs=1e-9)
+
+
 @settings(max_examples=10, deadline=None)
 @given(SEEDS)
 def test_renamed_levels_and_columns_change_nothing(seed: int) -> None:

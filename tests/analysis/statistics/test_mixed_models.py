@@ -104,6 +104,23 @@ def test_a_singular_maximal_model_falls_back_and_says_so() -> None:
     assert any("variance of subject × A came out below zero" in n for n in made.provenance.notes)
 
 
+def test_a_variance_below_zero_is_told_of_cells_as_of_single_trials() -> None:
+    """People differ by less in B than chance, which is the noise of A × B, makes them."""
+    rng = np.random.default_rng(3)
+    cells = rng.normal(size=(12, 2, 3))
+    cells -= 0.5 * cells.mean(axis=(1), keepdims=True)
+    frame = {
+        "subject": np.repeat(np.arange(12), 6),
+        "A": np.tile(np.repeat(["a", "b"], 3), 12),
+        "B": np.tile(["x", "y", "z"], 24),
+        "y": cells.ravel() + np.repeat(rng.normal(size=12), 6),
+    }
+    made = mixed_anova(frame, "y", subject="subject", within=("A", "B"))
+    assert any(
+        "the variance of subject × B came out below zero" in n for n in made.provenance.notes
+    )
+
+
 def test_single_trials_of_one_factor_give_the_paired_t_squared() -> None:
     rng = np.random.default_rng(8)
     person = np.repeat(np.arange(14), 12)

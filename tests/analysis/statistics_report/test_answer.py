@@ -402,3 +402,19 @@ def test_a_question_takes_keywords_flat_and_has_them_in_parts():
         question.test = "t"
     with pytest.raises(TypeError, match="'alfa'; did you mean 'alpha'"):
         Question("t", alfa=0.01)
+
+
+def test_equivalence_beside_students_t_is_students() -> None:
+    frame = pd.DataFrame(
+        {"person": f"{group}{i}", "group": group, "y": i * spread}
+        for group, spread, n in (("a", 1.0, 6), ("b", 3.0, 12))
+        for i in range(n)
+    )
+    question = Question("t", dv="y", between=("group",), subject="person", low=-9.0, high=9.0)
+    for equal, name, df in ((True, "Student", 16), (False, "Welch", None)):
+        outcome = answer(frame, replace(question, equal_variances=equal))
+        alone = answer(frame, replace(question, test="tost", equal_variances=equal))
+        assert alone.rows[0]["p"] == outcome.rows[0]["p_equivalence"]
+        assert f"equivalence, independent t ({name})" == alone.rows[0]["test"]
+        assert df is None or df == alone.rows[0]["df"]
+        assert f"(two one-sided tests, {name})" in outcome.sentences[-1]

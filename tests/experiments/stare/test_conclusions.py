@@ -64,6 +64,15 @@ def test_unreachable_test_neither_agrees_nor_disagrees():
     assert str(count_agreement(made_tests(skewed(8))[:1])) == "0 of 1 (1 undecided)"
 
 
+def test_the_number_of_pairs_that_were_ranked_is_told():
+    difference = skewed(16)
+    difference[:5] = 0.0
+    (test, *_) = made_tests(difference)
+
+    assert not test.outcome.is_parametric
+    assert "n = 16, V = 0.0, z = −2.93, 11 ranked" in test.sentence()
+
+
 def test_undecided_by_number_still_counts_as_tested():
     conclusion = conclude(made_tests(skewed(8)), ())[0]
 

@@ -39,6 +39,8 @@ from visavis.study.pairs import Printed
 
 HERE, SOURCE = "This study", "Published"
 ARROWS = {1: "↗", -1: "↘"}
+EFFECT_NAMES: Final = {"r_rb": "rank r"}
+"""Shorter names of effect sizes, which the table's note explains."""
 
 
 def family_verdicts(analysis: StudyAnalysis) -> tuple[Verdict, ...]:
@@ -179,7 +181,7 @@ def _pair_table(tests: Sequence[PairTest]) -> Table:
         "Mean (SD) over participants who have both values. "
         f"* p < {stars[0]}, ** p < {stars[1]}, *** p < {stars[2]} (alpha shared by "
         f"{count_of(tests[0].n_tests, 'test')}). t: paired t test with dz; V: Wilcoxon signed-rank "
-        "test with rank-biserial correlation"
+        "test of the pairs that differ, with rank-biserial correlation (rank r)"
         + (f"; “wilc.”: the source prints no statistic. Published: {where}." if where else "."),
     )
 
@@ -221,7 +223,7 @@ def _pair_cells(test: PairTest) -> tuple[Cell | str, ...]:
         Cell(test.statistic(), hint=test.sentence()),
         Cell(probability(test.outcome.p), "strong" if test.is_significant else ""),
         test.stars,
-        f"{decimal(effect.value)}{bounds}",
+        f"{EFFECT_NAMES.get(effect.name, effect.name)} {decimal(effect.value)}{bounds}",
         MISSING if eta is None else fraction(eta.value),
     )
 
