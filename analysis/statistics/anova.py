@@ -164,7 +164,7 @@ def _type_two_effects(design: Design, effects: tuple[AnovaEffect, ...]) -> tuple
         mse = (effect.ss_error or 0.0) / effect.df2
         F = ss / effect.df1 / mse
         p = float(special.fdtrc(effect.df1, effect.df2, F))
-        eta = partial_eta_squared(F, effect.df1, effect.df2)
+        eta = partial_eta_squared(F, effect.df1, effect.df2, cases=design.y.size)
         of_type_two.append(replace(effect, F=F, p=p, p_used=p, ss=ss, eta=eta, ges=None))
     return tuple(of_type_two)
 
@@ -222,6 +222,7 @@ def effect_of_stratum(
     p = float(special.fdtrc(s.df1, s.df2, F))
     check = _sphericity_of(s, design, F)
     epsilon, p_used, name = _report(p, check, correction)
+    cases = s.df2 * s.errors.shape[0] / (s.errors.shape[0] - s.n_groups)
     return AnovaEffect(
         term=s.term,
         F=F,
@@ -231,7 +232,7 @@ def effect_of_stratum(
         ss=s.ss,
         ss_error=s.ss_error,
         error_term=s.error_term,
-        eta=partial_eta_squared(F, s.df1, s.df2),
+        eta=partial_eta_squared(F, s.df1 * epsilon, s.df2 * epsilon, cases=cases * epsilon),
         ges=None if total_error is None else s.ss / (s.ss + total_error),
         sphericity=check,
         correction=name,

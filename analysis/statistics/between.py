@@ -17,7 +17,7 @@ from visavis.analysis.statistics.contrasts import (
     pair_matrix,
 )
 from visavis.analysis.statistics.design import Frame, read_design
-from visavis.analysis.statistics.effects import partial_eta_squared, rank_effect
+from visavis.analysis.statistics.effects import partial_eta_squared
 from visavis.analysis.statistics.errors import ConstantResponse
 from visavis.analysis.statistics.inputs import AT_LEAST, is_constant
 from visavis.analysis.statistics.marginal import posthoc
@@ -344,7 +344,7 @@ def kruskal_wallis(
         H,
         k - 1,
         float(special.chdtrc(k - 1, H)),
-        rank_effect("ε²", H / (N - 1), k - 1, N - k),
+        Effect("ε²", H / (N - 1)),
         names,
         tuple(float(r.mean()) for r in ranks),
         Provenance("Kruskal-Wallis", N, unit="rows", error_term="ranks, corrected for ties"),

@@ -12,13 +12,18 @@ HUGE_NONCENTRALITY = 1e6
 """Noncentrality beyond which only the error's χ² still matters and SciPy's functions give up."""
 
 
-def partial_eta_squared(F: float, df1: float, df2: float, *, level: float = 0.95) -> Effect:
+def partial_eta_squared(
+    F: float, df1: float, df2: float, *, cases: float | None = None, level: float = 0.95
+) -> Effect:
     """Return partial eta squared of an F test with the noncentral F interval (Steiger 2004).
 
-    The bounds of the noncentrality λ are mapped by λ / (λ + df1 + df2 + 1). For a t test pass
-    F = t² and df1 = 1.
+    The bounds of the noncentrality λ are mapped by λ / (λ + cases), the share of variance in the
+    population. `cases` are the independent values behind the error before means are taken out:
+    the rows of groups, n (k − 1) of n people in k conditions. Left out it is df1 + df2 + 1, the
+    rows of a one-way design. For a t test pass F = t², df1 = 1 and n.
     """
-    return Effect("η²p", eta_squared_of_f(F, df1, df2), eta_interval(F, df1, df2, level=level))
+    interval = eta_interval(F, df1, df2, cases=cases, level=level)
+    return Effect("η²p", eta_squared_of_f(F, df1, df2), interval)
 
 
 def eta_squared_of_f(F: float, df1: float, df2: float) -> float:
@@ -28,7 +33,9 @@ def eta_squared_of_f(F: float, df1: float, df2: float) -> float:
     return float(F * df1 / (F * df1 + df2))
 
 
-def eta_interval(F: float, df1: float, df2: float, *, level: float = 0.95) -> Interval:
+def eta_interval(
+    F: float, df1: float, df2: float, *, cases: float | None = None, level: float = 0.95
+) -> Interval:
     """Return the interval of partial eta squared from the noncentral F distribution."""
     if np.isinf(F):
         return Interval(1.0, 1.0, level)
@@ -40,18 +47,9 @@ def eta_interval(F: float, df1: float, df2: float, *, level: float = 0.95) -> In
             _solve_noncentrality(lambda nc: float(special.ncfdtr(df1, df2, nc, F)), tail, F * df1)
             for tail in tails
         ]
-    low, high = (b / (b + df1 + df2 + 1) for b in bounds)
+    rows = df1 + df2 + 1 if cases is None else cases
+    low, high = (b / (b + rows) for b in bounds)
     return Interval(float(low), float(high), level)
-
-
-def rank_effect(name: str, value: float, df1: float, df2: float, *, level: float = 0.95) -> Effect:
-    """Return a share of rank variance (ε² of Kruskal-Wallis, Kendall's W) with its interval.
-
-    Either is eta squared of the ranks, whose F (Conover's, Iman and Davenport's) has df1 and df2;
-    the interval is the noncentral one of that F, as if ranks were normal: an approximation.
-    """
-    F = np.inf if value >= 1 - 1e-12 else value / (1 - value) * df2 / df1
-    return Effect(name, value, eta_interval(float(F), df1, df2, level=level))
 
 
 def _solve_noncentrality(cdf: Callable[[float], float], target: float, start: float) -> float:
@@ -116,23 +114,6 @@ def standardised_mean(
     """Return a d with interval: the bounds of t's noncentrality times `scale` (1/√n or alike)."""
     low, high = noncentral_t_bounds(t, df, level=level)
     return Effect(name, float(value), Interval(float(low * scale), float(high * scale), level))
-
-
-def rank_biserial(positive: float, negative: float, n: int, *, level: float = 0.95) -> Effect:
-    """Return the matched rank-biserial correlation with its Fisher z interval.
-
-    `positive` and `negative` are the rank sums over the `n` non-zero differences. The standard
-    error on the z scale is that of the rank sum over its maximum; at ±1, where the z scale ends,
-    the bound is drawn from half a step of the statistic inside.
-    """
-    total = positive + negative
-    value = (positive - negative) / total
-    half_step = 1.0 / total
-    z = np.arctanh(np.clip(value, -1 + half_step, 1 - half_step))
-    spread = np.sqrt((2 * n**3 + 3 * n**2 + n) / 6) / ((n**2 + n) / 2)
-    reach = float(special.ndtri(0.5 + level / 2)) * spread
-    low, high = float(np.tanh(z - reach)), float(np.tanh(z + reach))
-    return Effect("r_rb", value, Interval(min(low, value), max(high, value), level))
 
 
 def d_average(x: Array, y: Array) -> float:

@@ -10,7 +10,6 @@ from scipy import special
 
 from visavis.analysis.statistics.adjust import ADJUSTMENT_NAME, Adjustment, adjust_p
 from visavis.analysis.statistics.design import Design, Frame, Levels, read_design
-from visavis.analysis.statistics.effects import rank_effect
 from visavis.analysis.statistics.errors import ConstantResponse, TooFewLevels
 from visavis.analysis.statistics.ranks import average_ranks, tie_sizes
 from visavis.analysis.statistics.results import (
@@ -135,7 +134,7 @@ def friedman(
         chi2,
         k - 1,
         float(special.chdtrc(k - 1, chi2)),
-        rank_effect("Kendall's W", W, *df),
+        Effect("Kendall's W", W),
         F,
         df,
         float(special.fdtrc(*df, F)),

@@ -9,11 +9,11 @@ from scipy import special
 
 from visavis.analysis.statistics.errors import ConstantResponse, UnknownMethod
 from visavis.analysis.statistics.inputs import is_constant, sample
+from visavis.analysis.statistics.rank_biserial import groups_rank_biserial
 from visavis.analysis.statistics.ranks import average_ranks, tie_sizes
 from visavis.analysis.statistics.results import (
     Array,
     Effect,
-    Interval,
     Provenance,
     Result,
     Row,
@@ -66,7 +66,7 @@ def mann_whitney(
 
     "exact" counts all ways to deal the ranks at hand, ties included, to the groups; "auto" does so
     for groups below 50 and takes the normal approximation above. The effect is the rank-biserial
-    correlation 2U/(n1·n2) − 1 with a Fisher z interval.
+    correlation 2U/(n1·n2) − 1 with a score interval.
     """
     if method not in get_args(RankSumMethod):
         raise UnknownMethod(
@@ -92,7 +92,6 @@ def mann_whitney(
         label = "normal, continuity-corrected" if continuity else "normal"
         continuous = off - np.sign(off) * 0.5 if continuity else off
         p = float(min(1.0, 2 * special.ndtr(-abs(continuous) / np.sqrt(variance))))
-    value = 2 * U / (m * n) - 1
     return RankSum(
         U,
         z,
@@ -101,17 +100,9 @@ def mann_whitney(
         n,
         has_ties,
         label,
-        Effect("r_rb", value, _interval(value, m, n, level)),
+        groups_rank_biserial(first, second, level=level),
         Provenance("Mann-Whitney", N, error_term=f"p {label}", notes=(f"groups of {m} and {n}",)),
     )
-
-
-def _interval(value: float, m: int, n: int, level: float) -> Interval:
-    half_step = 1.0 / (m * n)
-    z = np.arctanh(np.clip(value, -1 + half_step, 1 - half_step))
-    reach = float(special.ndtri(0.5 + level / 2)) * np.sqrt((m + n + 1) / (3 * m * n))
-    low, high = float(np.tanh(z - reach)), float(np.tanh(z + reach))
-    return Interval(min(low, value), max(high, value), level)
 
 
 def _exact_p(ranks: Array, m: int) -> float:

@@ -7,9 +7,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy import special
 
-from visavis.analysis.statistics.effects import rank_biserial
 from visavis.analysis.statistics.errors import ConstantResponse, UnknownMethod
 from visavis.analysis.statistics.inputs import differences, paired
+from visavis.analysis.statistics.rank_biserial import matched_rank_biserial
 from visavis.analysis.statistics.ranks import average_ranks
 from visavis.analysis.statistics.results import (
     Array,
@@ -136,9 +136,7 @@ def wilcoxon_signed_rank(
 
 def signed_rank_effect(d: Array, *, level: float = 0.95) -> Effect:
     """Return the matched rank-biserial correlation of differences, not all of them zero."""
-    signs, ranks = _signed_ranks(d, "wilcoxon")
-    positive, negative = (float(ranks[signs == sign].sum()) for sign in (1, -1))
-    return rank_biserial(positive, negative, len(ranks), level=level)
+    return matched_rank_biserial(d[d != 0], level=level)
 
 
 def _signed_ranks(d: Array, zeros: ZeroRule) -> tuple[Array, Array]:

@@ -106,7 +106,7 @@ def paired_t(
         interval=_interval(float(d.mean()), sd / np.sqrt(n), n - 1, level),
         sd=sd,
         effect=standardised_mean("dz", t, n - 1, 1 / np.sqrt(n), value=t / np.sqrt(n), level=level),
-        eta=partial_eta_squared(t**2, 1, n - 1, level=level),
+        eta=partial_eta_squared(t**2, 1, n - 1, cases=n, level=level),
         means=(float(first.mean()), float(second.mean())),
         sds=(float(first.std(ddof=1)), float(second.std(ddof=1))),
         provenance=Provenance("paired t", n, error_term="SD of the differences"),
@@ -137,7 +137,7 @@ def one_sample_t(
         interval=_interval(estimate, sd / np.sqrt(n), n - 1, level),
         sd=sd,
         effect=standardised_mean("d", t, n - 1, 1 / np.sqrt(n), value=estimate / sd, level=level),
-        eta=partial_eta_squared(t**2, 1, n - 1, level=level),
+        eta=partial_eta_squared(t**2, 1, n - 1, cases=n, level=level),
         means=(float(column.mean()),),
         sds=(sd,),
         provenance=Provenance(
@@ -218,7 +218,7 @@ def independent_t_from_summary(
         effect=standardised_mean(
             "d", t_pooled, n_df, scale, value=float(estimate / pooled_sd), level=level
         ),
-        eta=partial_eta_squared(t**2, 1, df, level=level),
+        eta=partial_eta_squared(t**2, 1, df, cases=n_1 + n_2, level=level),
         means=(mean_1, mean_2),
         sds=(sd_1, sd_2),
         provenance=Provenance(
