@@ -122,7 +122,7 @@ MOTIVE_2_1_BODY = ((0.1744466, 1.4471314, -0.7343040),
 MOTIVE_2_1_CLOCK_HZ = 3_312_787
 MOTIVE_2_1_EXPOSURE = 1_416_497_730_518
 """What Motive 2.1 sent over NatNet 3.0, as OptiTrack's SampleClient read it: the numbers that the
-tests of mje-nz/python_natnet (MIT) state for their two recorded packets; the packets are rebuilt."""
+tests of mje-nz/python_natnet (MIT) state for two recorded packets, which are rebuilt here."""
 
 
 def test_server_info_of_a_genuine_motive_is_read():
