@@ -1,8 +1,11 @@
 """What must hold of every study, shipped or found: plans, people, texts, tables, pictures."""
 
+import json
 import os
 import re
+import shutil
 import signal
+import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
@@ -17,10 +20,13 @@ from tests.faults.sessions import CONFIG, TIMING, lab
 from tests.store import STORE
 from visavis.cli.preview.pictures import Viewpoint, camera_of
 from visavis.cli.quick_tracker import tracker_of
+from visavis.cli.viewer import content as viewer
+from visavis.cli.viewer.bundle import Bundle
 from visavis.lab.config import LabConfig, load_config
 from visavis.lab.geometry import Pose
 from visavis.protocol.session.operator import SessionStatus, UnattendedOperator
 from visavis.protocol.session.states import SessionState
+from visavis.recording.cached import CachedRecording
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
 from visavis.results.analysis import answer_comparison
@@ -273,6 +279,52 @@ def test_names_of_conditions_change_nothing_that_is_recorded(
     same = renamed_parameters(study.study, small(reference))
     renamed_session = perform_new(request_for(other, reference, tmp_path / "b", 0, same))
     assert streams(recorded(study, reference, tmp_path / "a", 0)) == streams(renamed_session)
+
+
+NODE = shutil.which("node") or ""
+READ_ALL = """
+const fs = require('fs');
+(0, eval)(fs.readFileSync(process.argv[1], 'utf8') + ';globalThis.unpack = unpacked;');
+unpack(fs.readFileSync(0, 'utf8')).then(content => {
+  const read = content.header.map(s => s.columns.map(c => content.columns(c.v).map(v => [...v])));
+  process.stdout.write(JSON.stringify(read));
+});
+"""
+
+
+@pytest.mark.skipif(not NODE, reason="node is not installed")
+@pytest.mark.parametrize("reference", EVERY, ids=name_of)
+def test_the_viewers_page_reads_every_column_as_it_was_recorded(
+    reference: str, tmp_path: Path
+) -> None:
+    session = CachedRecording(recorded(on_kit(reference), reference, tmp_path, 0))
+    bundle, times = Bundle(), viewer.times_of(session)
+    packed = [viewer._stream(session, name, bundle, times, ()) for name in session.stream_names]
+    script = Path(viewer.__file__).with_name("data.js")
+    done = subprocess.run(
+        [NODE, "-e", READ_ALL, str(script)],
+        input=bundle.text(packed),
+        capture_output=True,
+        check=True,
+        text=True,
+    )
+    compared = 0
+    for stream, columns in zip(packed, json.loads(done.stdout), strict=True):
+        arrays = session.stream_arrays(stream["name"])
+        for column, read in zip(stream["columns"], columns, strict=True):
+            values = arrays[column["name"]][:: stream["every"]]
+            if not len(values) or (column["unit"] == "ms" and values.dtype.kind == "i"):
+                continue  # times, shown as milliseconds after the row arrived
+            wanted = values.reshape(len(values), -1).T.astype(float)
+            got = np.array([[np.nan if v is None else v for v in one] for one in read])
+            wanted = np.where(np.isfinite(wanted), wanted, np.nan)
+            exact = values.dtype.kind in "biu"
+            spans = np.ptp(np.nan_to_num(wanted), axis=1, keepdims=True)
+            assert np.array_equal(np.isnan(wanted), np.isnan(got)), column["name"]
+            off = np.nan_to_num(np.abs(got - wanted))
+            assert (off <= (0.0 if exact else 1e-6 + spans / 60_000)).all(), column["name"]
+            compared += 1
+    assert compared > 20 or not session.stream_names
 
 
 def without_effect(study: OpenedStudy, experiment: StudyExperiment, people: int) -> pd.DataFrame:

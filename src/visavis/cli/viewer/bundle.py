@@ -39,6 +39,15 @@ class Bundle:
         self._append(content)
         return reference
 
+    def add_whole(self, values: npt.NDArray[Any]) -> dict[str, Any]:
+        """Take whole numbers and truth values in, exactly: they number, count or name things."""
+        columns = values.reshape(len(values), int(np.prod(values.shape[1:]))).astype(np.int64)
+        changes = np.diff(columns, axis=0, prepend=np.int64(0))
+        kinds: list[Any] = [np.int8, np.int16, np.int32, np.float64]
+        size = np.abs(changes).max(initial=0)
+        kind = next(k for k in kinds if k is np.float64 or size <= np.iinfo(k).max)
+        return {**self.add(changes.astype(kind)), "columns": columns.shape[1]}
+
     def add_quantised(self, values: npt.NDArray[Any]) -> dict[str, Any]:
         """Take numbers in at 1 part in 65,000 of each column's range; NaN stays missing."""
         columns = values.reshape(len(values), int(np.prod(values.shape[1:]))).astype(np.float64)

@@ -285,7 +285,11 @@ def _stream(
                 "of": flat,
                 "unit": unit,
                 "about": field.description,
-                "v": bundle.add_quantised(values),
+                "v": (
+                    bundle.add_whole(values)
+                    if values.dtype.kind in "biu"
+                    else bundle.add_quantised(values)
+                ),
             }
         )
     micros = np.rint(1e6 * t_s).astype(np.int64)

@@ -19,9 +19,17 @@ class Content {
     return new KINDS[ref.d](this.buffer, this.from + ref.o, n);
   }
 
-  // Columns of an array that was stored in parts of its range; missing values are NaN.
+  // Columns of an array: whole numbers exactly; others were stored in parts of their range, and
+  // missing values are NaN.
   columns(ref) {
     const codes = this.flat(ref), rows = ref.s[0], out = [];
+    for (let c = 0; c < (ref.columns || 0); c++) {
+      const values = new Float64Array(rows);
+      let value = 0;
+      for (let i = 0; i < rows; i++) values[i] = value += codes[c * rows + i];
+      out.push(values);
+    }
+    if (ref.columns !== undefined) return out;
     for (let c = 0; c < ref.low.length; c++) {
       const values = new Float32Array(rows);
       let code = 0;
