@@ -78,6 +78,7 @@ class TurningHead(OneStretch):
 
     def __init__(self, deg_per_s: float) -> None:
         self._deg_per_s = deg_per_s
+        self.target_m = TARGET_M
 
     def since_turned_round_s(self, t_ns: npt.NDArray[np.int64]) -> Vector:
         """Return how long ago the head turned round last."""
@@ -96,7 +97,7 @@ class TurningHead(OneStretch):
         eyes = np.zeros(t_ns.size, EYES_DTYPE)
         for i, at_ns in enumerate(t_ns.tolist()):
             place_m, turn = self.head(at_ns)
-            target = rotate(quat_conjugate(turn), TARGET_M - place_m)
+            target = rotate(quat_conjugate(turn), self.target_m - place_m)
             for name, eye_m in (("left", -EYE_X_M), ("right", EYE_X_M)):
                 ray = target - eye_m
                 eyes[f"{name}_direction_head"][i] = ray / np.linalg.norm(ray)

@@ -12,12 +12,15 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from visavis.devices.contracts import HEAD, HEAD_MEASURED
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.lab.errors import DeviceNotFound
 from visavis.lab.schema import SampleBatch, StreamSchema
 from visavis.lab.xdf_channels import channels_of, content_type, describe, flat_values
 
 CLOCK_READINGS = 20
+DATED_HEADS = (HEAD.name, HEAD_MEASURED.name)
+"""Streams whose `t_device_ns` is the session time that a pose describes, also one to come."""
 UNSAFE = set("\r\n;#[]=,{}")
 
 OffsetOf = Callable[[str], int | None]
@@ -95,7 +98,9 @@ class LslOutlets:
             return
         stamps_ns = batch.t_host_ns
         offset = self._offset_of(role) if self._offset_of is not None else None
-        if offset is not None:
+        if batch.schema.name in DATED_HEADS:
+            stamps_ns = batch.t_device_ns
+        elif offset is not None:
             stamps_ns = np.minimum(batch.t_device_ns + offset, batch.t_host_ns)
         stamps_s = (stamps_ns + self.clock_difference_ns) / NS_PER_S
         for row, stamp_s in zip(flat_values(batch).tolist(), stamps_s.tolist(), strict=True):

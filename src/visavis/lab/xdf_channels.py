@@ -11,7 +11,13 @@ import numpy.typing as npt
 
 from visavis.lab.schema import Field, SampleBatch, StreamSchema
 
-CONTENT_TYPES = {"gaze": "Gaze", "head": "MoCap", "body": "MoCap", "responses": "Markers"}
+CONTENT_TYPES = {
+    "gaze": "Gaze",
+    "head": "MoCap",
+    "head_measured": "MoCap",
+    "body": "MoCap",
+    "responses": "Markers",
+}
 """Stream name -> content type; others are "Misc"."""
 
 UNITS = {"m": "meters", "mm": "millimeters", "s": "seconds", "deg": "degrees", "1": "normalized"}

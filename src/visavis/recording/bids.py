@@ -55,6 +55,9 @@ _EYES = (
     ("eye2", "right", "right_direction_head", "right_valid", "right_pupil_mm"),
     ("eye3", "cyclopean", "direction_head", "valid", None),
 )
+HEAD_MEASURED = "head_measured"
+MAX_FORESEEN_NS = NS_PER_S
+"""A pose is foreseen for a later time on the session's clock; farther away it is another clock."""
 BOOKKEEPING = frozenset(
     (
         "frames",
@@ -219,7 +222,7 @@ def _session(recording: Recording, files: _Files, task: str, about: DatasetAbout
         stem = f"{subject}_{session}_task-{task}"
         base = f"{subject}/{session}"
         gaze = _arrays_with(recording, part.number, _GAZE_NEEDS)
-        head = _arrays_with(recording, part.number, _HEAD_NEEDS)
+        head = _head_poses(recording, part.number)
         zero_ns = _first_ns(recording, part.number, gaze, head)
         run = f"run-{part.number}"
         events = _with_stimuli(_events(recording, part.number, zero_ns), files)
@@ -289,6 +292,22 @@ def _arrays_with(
             if len(arrays[PART_COLUMN]):
                 return arrays
     return None
+
+
+def _head_poses(recording: Recording, part: int) -> Columns | None:
+    """Return the head's poses of a part, dated by the time that they describe.
+
+    Measured poses where there are any; a foreseen one describes the time of its light.
+    """
+    if HEAD_MEASURED in recording.stream_names:
+        measured = recording.stream_arrays(HEAD_MEASURED, part=part)
+        if len(measured[PART_COLUMN]):
+            return {**measured, "t_host_ns": measured["t_device_ns"]}
+    head = _arrays_with(recording, part, _HEAD_NEEDS)
+    if head is None:
+        return None
+    is_foreseen = np.abs(head["t_device_ns"] - head["t_host_ns"]) <= MAX_FORESEEN_NS
+    return {**head, "t_host_ns": head["t_device_ns"]} if is_foreseen.all() else head
 
 
 def _is_body(schema: StreamSchema) -> bool:

@@ -31,6 +31,12 @@ class CachedRecording(Recording):
         product: T = self._products[key]
         return product
 
+    def amend(self, part: int, name: str, columns: Columns) -> None:
+        """Give these columns for a part's stream from now on, as `Recording` does."""
+        super().amend(part, name, columns)
+        self._arrays = {key: arrays for key, arrays in self._arrays.items() if key[0] != name}
+        self._products = {}
+
     def stream_arrays(
         self,
         name: str,

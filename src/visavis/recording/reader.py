@@ -50,6 +50,7 @@ class Recording:
         self.manifest, self.is_sealed = read_with_seal(path)
         self._journals: dict[int, JournalContent] = {}
         self._states: dict[tuple[int, str], StreamContent] = {}
+        self._amended: dict[tuple[int, str], Columns] = {}
         self._names_of_part: dict[int, tuple[str, ...]] = {}
 
     @property
@@ -279,7 +280,20 @@ class Recording:
                 f"{', '.join(self.stream_names) or 'none'}"
             )
 
+    def amend(self, part: int, name: str, columns: Columns) -> None:
+        """Give these columns, of as many rows, for a part's stream from now on; no file changes."""
+        self._amended[part, name] = {n: c for n, c in columns.items() if n != PART_COLUMN}
+
+    def is_amended(self, part: int, name: str) -> bool:
+        """Tell whether other columns than those of the file are given for a part's stream."""
+        return (part, name) in self._amended
+
     def _content(self, number: int, name: str, *, with_columns: bool = True) -> StreamContent:
+        content = self._content_of_file(number, name, with_columns=with_columns)
+        columns = self._amended.get((number, name))
+        return content if columns is None or not with_columns else replace(content, columns=columns)
+
+    def _content_of_file(self, number: int, name: str, *, with_columns: bool) -> StreamContent:
         path = self.path / self._part(number).folder / f"{name}.arrows"
         header = self._journal(number).headers.get(name)
         content = read_stream_file(path, header, with_columns=with_columns)

@@ -26,6 +26,7 @@ from visavis.recording.integrity import analysed_trials, damage_of
 from visavis.recording.manifest import Manifest
 from visavis.recording.reader import Recording
 from visavis.results.picture_delay import LATE, LatePictures, answer_times_from_light
+from visavis.results.reevaluation import ahead_ms, paired_by_arrival
 from visavis.study.exclusions import ANSWERED_COLUMN
 from visavis.study.look_measures import LOOK_COLUMNS, LooksOn
 from visavis.study.measures import Measure, SessionGaze, TrialRecord, value_of
@@ -354,6 +355,15 @@ def _timing_facts(recording: Recording, rows: pd.DataFrame) -> dict[str, str]:
         facts["latency"] = (
             f"transport {float(np.median(trips_ms)) / 2:.1f} ms one way, half the median of "
             f"{len(trips_ms)} time exchanges; {own}"
+        )
+    if any(paired_by_arrival(recording, part.number) for part in recording.manifest.parts):
+        facts["latency"] = "; ".join(
+            (
+                *filter(None, [facts.get("latency")]),
+                "gaze was recorded as turned by the head foreseen for the picture, "
+                f"{ahead_ms(recording):.1f} ms ahead, and is evaluated again with the head of its "
+                "own time",
+            )
         )
     if LATE.name in rows and rows[LATE.name].notna().any():
         late_ms = float(rows[LATE.name].median())

@@ -31,6 +31,7 @@ from visavis.results.family_tests import DEFAULT_TEST_RULES, TestRules
 from visavis.results.intake import SessionIntake, questionnaire, take_in
 from visavis.results.locked_plan.review import PlanReview
 from visavis.results.picture_delay import SETTING, delay_of
+from visavis.results.reevaluation import pair_by_own_time
 from visavis.results.selection import Selection, left_out_lines, select
 from visavis.results.tables.dictionary import PEOPLE, of_shown, trial_columns
 from visavis.results.unusual import MAX_LISTED, UnusualTrial, unusual_trials
@@ -311,6 +312,7 @@ class OpenedStudy:
         use_recorded_cast(recording)
         study, pieces = self.study, self.pieces
         experiment = self.experiment_of(recording)
+        pair_by_own_time(recording, self.views_of)
         intake = take_in(
             recording,
             self.measures(experiment),

@@ -35,8 +35,8 @@ from visavis.recording.manifest import Part, write_manifest
 from visavis.recording.reader import PART_COLUMN, Recording, component_names
 from visavis.recording.stream_file import Columns
 from visavis.results.opened_study import OpenedStudy, overrides_of
+from visavis.results.reevaluation import TARGETS, targets_again
 from visavis.running.sessions.perform import of_no_session, perform_new, perform_rest
-from visavis.running.sessions.reevaluation import TARGETS, targets_again
 from visavis.running.sessions.session_request import Request, SessionPerson
 
 DRAWN_STREAMS: Final = ("drawn", "drawn_gpu", "drawn_views", "mirror")
@@ -246,7 +246,7 @@ def _verify_by_feeding(recording: Recording, study: OpenedStudy) -> Verdict:
     verdicts = []
     for part in recording.manifest.parts:
         old = recording.stream_arrays(TARGETS, part=part.number)
-        new = targets_again(recording, study, part.number)
+        new = targets_again(recording, study.views_of, part.number)
         first, count = _of_stream(TARGETS, old, new)
         difference = None if first is None else _with_place(first, recording, part.number)
         differing = {TARGETS: count} if count else {}

@@ -6,7 +6,7 @@ so (`Pairing.AS_RECORDED`), which repeats what they hold, or by the present time
 every pose counts for the time that it describes (docs/decisions/0022).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from enum import StrEnum
 from typing import Any, Final
 
@@ -17,16 +17,17 @@ from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import DataError, UsageError
 from visavis.lab.geometry import Pose
 from visavis.lab.schema import SampleBatch, StreamSchema, empty_values
-from visavis.protocol.plan.shown_scene import recorded_scene
+from visavis.protocol.plan.shown_scene import RecordedScene, recorded_scene
 from visavis.protocol.session.head_history import HeadHistory
 from visavis.protocol.session.observation import GazeObserver
 from visavis.protocol.session.row_buffer import RowBuffer
 from visavis.recording.reader import PART_COLUMN, Recording
 from visavis.recording.stream_file import Columns
-from visavis.results.opened_study import OpenedStudy
-from visavis.stimuli.scene import Scene
+from visavis.stimuli.scene import Scene, SceneFrame
 
 TARGETS: Final = "gaze_targets"
+ViewsOf = Callable[[RecordedScene], Iterator[SceneFrame]]
+"""How a study says again what it showed."""
 
 
 class Pairing(StrEnum):
@@ -49,16 +50,42 @@ def paired_by_arrival(recording: Recording, part: int) -> bool:
     return bool((head["t_device_ns"] != head["t_host_ns"])[head["valid"]].any())
 
 
+def pair_by_own_time(recording: Recording, views_of: ViewsOf) -> bool:
+    """Let a recording give `gaze_targets` in which gaze is turned by the head of its own time.
+
+    Only parts are evaluated again in which it was turned by the head of another moment. The files
+    stay as they are. Return whether there are such parts; a second call does nothing.
+    """
+    parts = [
+        part.number
+        for part in recording.manifest.parts
+        if paired_by_arrival(recording, part.number)
+    ]
+    for number in parts:
+        if not recording.is_amended(number, TARGETS):
+            again = targets_again(recording, views_of, number, Pairing.OWN_TIME)
+            recording.amend(number, TARGETS, again)
+    return bool(parts)
+
+
+def ahead_ms(recording: Recording) -> float:
+    """Return how far the head was foreseen in a recording: the median over its frames."""
+    head = recording.stream_arrays(HEAD.name)
+    ahead_ns = (head["t_device_ns"] - head["t_host_ns"])[head["valid"]]
+    return float(np.median(ahead_ns)) / NS_PER_MS
+
+
 def targets_again(
     recording: Recording,
-    study: OpenedStudy,
+    views_of: ViewsOf,
     part: int,
     pairing: Pairing = Pairing.AS_RECORDED,
 ) -> Columns:
     """Feed the engine with a part's gaze, head and scenes, frame by frame; return `gaze_targets`.
 
-    The samples of each frame are as recorded. The offset of the tracker's clock is the trial's own
-    within a trial, and as recorded between trials.
+    Poses of the head count at the times that `pairing` says. The samples of each frame are as
+    recorded. The offset of the tracker's clock is the trial's own within a trial, and as recorded
+    between trials.
 
     Raises:
         UsageError: people sat before a screen; its place is not recorded.
@@ -80,7 +107,7 @@ def targets_again(
     targets = RowBuffer(schema, batches.append, hold_ns=NS_PER_S)
     observer = GazeObserver(targets, delay_ns=delay_ns)
     offsets_ns = _offsets_ns(recording, part)
-    scenes = _Scenes(recording, study, part)
+    scenes = _Scenes(recording, views_of, part)
     place_of = {int(seq): i for i, seq in enumerate(gaze["seq"])}
     first_of, last_of = _runs(recorded_targets["frame_index"])
     frame_count = len(frames["frame_index"])
@@ -161,8 +188,8 @@ def _hand_out(
 class _Scenes:
     """The scenes of a part, each made once, by the frame in which gaze was evaluated."""
 
-    def __init__(self, recording: Recording, study: OpenedStudy, part: int) -> None:
-        self._recording, self._study, self._part = recording, study, part
+    def __init__(self, recording: Recording, views_of: ViewsOf, part: int) -> None:
+        self._recording, self._views_of, self._part = recording, views_of, part
         self._frames = recording.stream_arrays("frames", part=part)
         self._states = recording.stream_arrays("scene_states", part=part)
         self._scene_by_number: dict[int, Scene] = {}
@@ -175,7 +202,7 @@ class _Scenes:
             frame = int(self._frames["frame_index"][max(0, k - 1)])
             t_ns = int(self._frames["t_host_ns"][max(0, k - 1)])
             frame_content = recorded_scene(self._recording, self._part, frame, t_ns, np.zeros(3))
-            view = next(iter(self._study.views_of(frame_content)))
+            view = next(iter(self._views_of(frame_content)))
             self._scene_by_number[number] = view.scene
         return self._scene_by_number[number]
 
