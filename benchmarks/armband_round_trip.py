@@ -50,7 +50,7 @@ WITHIN_S = 60.0
 CONTACTS = 500
 FASTEST_HZ = 1000.0
 APART_NS = round(1.1 * NS_PER_S / FASTEST_HZ)
-"""Commands that come sooner wait their turn in the driver, which is no overhead of its."""
+"""Commands that come sooner wait their turn in the driver, which is not an overhead of its own."""
 MOTORS_ON = (1.0, 1.0, 1.0, 1.0)
 ROOT = Path(__file__).resolve().parents[1]
 

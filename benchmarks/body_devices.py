@@ -178,7 +178,7 @@ def clock_rows() -> list[Row]:
         elapsed_ns = simulator.device_ns(clock.now_ns()) - reference_ns
         fitted_ms = health.clock_offset_ms + elapsed_ns * health.clock_drift_ppm * 1e-6 / NS_PER_MS
         error_ms = abs(fitted_ms - true_ns / NS_PER_MS - DELAY_MS)
-        # MVN's time code has whole milliseconds, cut off: half of one is no fault of the fit.
+        # MVN's time code has whole milliseconds, cut off: half of one is not a fault of the fit.
         note = " (time code of 1 ms)" if name == "MVN" else ""
         rows.append(
             Row(

@@ -203,7 +203,7 @@ def clock_rows() -> list[Row]:
 
 
 def fuzz_rows(n_frames: int) -> list[Row]:
-    """Damage good frames of every codec and count exceptions and rays that are no unit vector."""
+    """Damage good frames of every codec and count exceptions and rays that are not unit vectors."""
     rows = []
     total = wrong = 0
     for name, (payload, decode) in codecs().items():

@@ -46,12 +46,12 @@ FLAGS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox
 STAGE = """() => { const s = document.getElementById('stage').style;
   s.width = '640px'; s.height = '360px'; s.flex = 'none'; s.position = 'fixed'; }"""
 SCRUB = """async seconds => { const v = viewer, scene = v.header.scenes[0]; let k = 0;
-  const begun = performance.now(), drawn = v.drawn;
+  const begun = performance.now(), frames = v.frames;
   await new Promise(done => { const next = () => {
     v.seek(scene.t0 + (k++ % 480) / 480 * (scene.t1 - scene.t0));
     if (performance.now() - begun > 1000 * seconds) done(); else requestAnimationFrame(next); };
     requestAnimationFrame(next); });
-  return [v.drawn - drawn, (performance.now() - begun) / 1000]; }"""
+  return [v.frames - frames, (performance.now() - begun) / 1000]; }"""
 
 
 def measured(name: str, value: float, limit: float | None = None, *, most: bool = True) -> Row:

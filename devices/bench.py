@@ -142,7 +142,7 @@ def _stream(
             has_begun = bool(one.batches)
             one.pump.step()
             events = one.pump.take_events()
-            if has_begun or is_over is None:  # silence before the first batch is no event
+            if has_begun or is_over is None:  # silence before the first batch is not an event
                 one.events += [f"{e.kind}: {e.message}" for e in events]
         guard.tick()
         since_s = (clock.now_ns() - start_ns) / NS_PER_S

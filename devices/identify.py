@@ -23,14 +23,14 @@ def buzz(config: DeviceConfig, clock: Clock) -> str:
     """Vibrate all motors of a band three times; return a sentence with the confirmed pulses.
 
     Raises:
-        DeviceError: the band is missing, or the device is no band.
+        DeviceError: the band is missing, or the device is not a band.
     """
     rows: list[bool] = []
     with ExitStack() as stack:
         device = build_device(config, clock, IdleBody(), 1, stack)
         if not isinstance(device, Armband):
             raise DeviceError(
-                f"driver {config.driver!r} is no armband's",
+                f"driver {config.driver!r} is not an armband's",
                 role=config.role,
                 remedy="give the role an armband's driver",
             )

@@ -137,7 +137,7 @@ def _loaded(point: EntryPoint) -> AnySpec:
         ) from cause
     if not isinstance(spec, DriverSpec) or spec.name != point.name:
         raise ConfigError(
-            f"driver {point.name!r} names {point.value!r}, which is no DriverSpec of that name; "
+            f"driver {point.name!r} names {point.value!r}, which is not a DriverSpec of that name; "
             "docs/add-a-device.md shows one"
         )
     return spec

@@ -52,11 +52,13 @@ def read_wire_log(path: Path) -> WireLog:
         try:
             header = next(records)
         except (StopIteration, ValueError, msgpack.UnpackException) as cause:
-            raise DataError(f"{path}: no wire log: it is empty or cut in its header") from cause
+            raise DataError(
+                f"{path} is not a wire log: it is empty or cut in its header"
+            ) from cause
         if not isinstance(header, dict) or header.get("format") != FORMAT:
-            raise DataError(f"{path}: no wire log: its header does not say {FORMAT!r}")
+            raise DataError(f"{path} is not a wire log: its header does not say {FORMAT!r}")
         if not isinstance(header.get("note", {}), dict):
-            raise DataError(f"{path}: no wire log: the note in its header is damaged")
+            raise DataError(f"{path} is not a wire log: the note in its header is damaged")
         if header.get("version") != VERSION:
             raise DataError(
                 f"{path}: wire log version {header.get('version')!r}; this program reads "
@@ -75,7 +77,7 @@ def read_wire_log(path: Path) -> WireLog:
                     t_host_ns, frames = fields
                     sent_messages.append(Message(t_host_ns, frames))
             except (TypeError, ValueError) as cause:
-                raise DataError(f"{path}: record {number} is no wire log record") from cause
+                raise DataError(f"{path}: record {number} is not a wire log record") from cause
     return WireLog(
         str(header.get("transport", "")),
         bool(header.get("is_simulated", False)),
@@ -90,7 +92,7 @@ def _whole(records: msgpack.Unpacker, path: Path) -> Iterator[Any]:
     """Yield every whole record; a torn last one ends them.
 
     Raises:
-        DataError: the content is no msgpack.
+        DataError: the content is not msgpack.
     """
     try:
         yield from records

@@ -2,7 +2,7 @@
 
 The version becomes the topmost heading, with the day given by --date; gathered fragments are
 deleted. pyproject.toml and CITATION.cff get the version too, the latter the day as well. A file of
-changelog.d that is no fragment, or an empty one, ends it before anything is written.
+changelog.d that is not a fragment, or an empty one, ends it before anything is written.
 """
 
 import argparse
@@ -58,8 +58,8 @@ def fragments(folder: Path) -> list[Fragment]:
         named = NAME.fullmatch(path.name)
         if named is None or named["kind"] not in KINDS:
             raise ReleaseError(
-                f"{path} is no fragment; name it ISSUE.KIND.md or ISSUE.ABOUT.KIND.md, where KIND "
-                f"is {', '.join(KINDS)}"
+                f"{path} is not a fragment; name it ISSUE.KIND.md or ISSUE.ABOUT.KIND.md, where "
+                f"KIND is {', '.join(KINDS)}"
             )
         text = _plain_text(path.read_text("utf-8"))
         if not text:

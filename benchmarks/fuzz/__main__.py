@@ -6,8 +6,8 @@ Every input is a whole one of its format with one to three things done to it: bi
 numbers at their edges, deep or endless words put in, two samples spliced, a stretch twice. Of files
 with checksums a target more ("sealed again") has values changed and the checksums made anew. A
 reader may return something or refuse with an error of ours; a codec may not raise at all. Counted
-are tracebacks (any other error), results accepted wrong (a ray that is no unit vector, a button the
-device has not, a checked frame that nobody sent), and hangs: an input that takes more than
+are tracebacks (any other error), results accepted wrong (a ray that is not a unit vector, a button
+the device has not, a checked frame that nobody sent), and hangs: an input that takes more than
 `LIMIT_S` of processor time. A checksum of n bits lets one damaged frame of 2ⁿ pass by chance: the
 table says beside what was accepted wrong how many may be, and more are a failure.
 `--seconds` ends a target early; how many inputs it had is printed. An import of a whole person does

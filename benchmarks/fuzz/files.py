@@ -345,7 +345,7 @@ def json_sample(session: Path) -> bytes:
 
 
 def parse_json_of(data: bytes) -> object:
-    """Parse JSON; what is none is a ValueError by contract, which is no refusal of ours."""
+    """Parse JSON; what is none is a ValueError by contract, which is not a refusal of ours."""
     try:
         return parse_json(data)
     except ValueError:

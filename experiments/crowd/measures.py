@@ -123,7 +123,7 @@ def measure_walk(
             walk.joint("left_upper_arm")[:, [0, 2]],
             walk.joint("right_upper_arm")[:, [0, 2]],
         )
-    # Crossings of an edge of the hull from outside to outside are no gaps.
+    # Crossings of an edge of the hull from outside to outside are not gaps.
     inner = np.array([c.before is not None or c.after is not None for c in path.crossings], bool)
     crossings: list[dict[str, Any]] = [
         {

@@ -169,7 +169,7 @@ def similarity_table(group: GroupPaths) -> Table:
         f"n = {group.paths.n_people} here, {published.PARTICIPANTS} published. Within a block, "
         f"random halves as published: {here} here, "
         f"{mean_sd(published.DICE_WITHIN.mean, published.DICE_WITHIN.sd, 3)} published. The "
-        "crowds are ours, so a configuration's number is no pairing. See below before comparing "
+        "crowds are ours, so a configuration's number is not a pairing. See below before comparing "
         "between with within.",
     )
 

@@ -109,7 +109,7 @@ def checked_surface(mesh: SkinnedMesh, name: str) -> ClosedMesh:
     )
     if enclosed_volume_m3(surface) < _MIN_M3:
         raise MalformedMesh(
-            f"collision mesh of {name}: it encloses less than a litre, which is no person; check "
+            f"collision mesh of {name}: it encloses less than a litre: this is not a person; check "
             "that it is in metres"
         )
     return surface

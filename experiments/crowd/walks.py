@@ -206,7 +206,7 @@ def steps_within(
     """Return the steps of a trial that a running tracker could have seen.
 
     A session stops its tracker between two samples, so the last steps of its last trial may lie
-    after the last sample. Those less than one usual sample interval away are no part of the walk;
+    after the last sample. Those less than one usual sample interval away are not part of the walk;
     when the tracker had stopped earlier, every step stays and is missing.
     """
     grid = np.arange(start_ns, end_ns, step_ns, dtype=np.int64)

@@ -22,7 +22,7 @@ RULE = (
     "the threshold after Holm's correction over all correlations) under D, AD and DA; as partly "
     "found when it does in one or two of them; as the other way round when it rises in at least "
     "one and falls in none; as mixed when it does both. Otherwise the answer is “not significant” "
-    "with the number of participants, which is no proof of absence, or “undecided” when a test "
+    "with the number of participants, which is not proof of absence, or “undecided” when a test "
     "was not made or could not have reached its threshold with that number whatever the data (an "
     "exact Wilcoxon test of n differences cannot give less than p = 2/2ⁿ)."
 )

@@ -376,7 +376,7 @@ class Ledger:
                 else f"list the participants: visavis participant list {self.study}"
             )
             raise LedgerError(
-                f"{text!r} is no participant of {self.study}: not a number, and not a label with "
+                f"{text!r} is not a participant of {self.study}: neither a number nor a label with "
                 f"the right check letter; {hint}"
             )
         return number

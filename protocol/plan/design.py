@@ -350,7 +350,9 @@ def _check(design: Design) -> None:
         levels = {f.name: (*f.levels, *f.practice_only) for f in design.factors if not f.between}
         for cell in design.practice:
             if set(cell) != set(levels) or any(cell[n] not in levels[n] for n in cell):
-                problems.append(f"practice trial {dict(cell)!r} is no combination of the factors")
+                problems.append(
+                    f"practice trial {dict(cell)!r} is not a combination of the factors"
+                )
     if not problems and design.trial_count < design.blocks:
         problems.append(f"{design.trial_count} trials cannot fill {design.blocks} blocks")
     if problems:

@@ -179,7 +179,9 @@ def read_answer(question: Question, answer: Answer | None) -> Answer | None:
             if text == str(value):
                 return value
         choices = ", ".join(f"{value} {label}" for value, label in scale.options.items())
-        raise UsageError(f"{question.question_id}: {text!r} is no answer; choose from {choices}")
+        raise UsageError(
+            f"{question.question_id}: {text!r} is not an answer; choose from {choices}"
+        )
     quantity = read_quantity(text)
     if quantity is None or quantity[1] is not None:
         raise UsageError(f"{question.question_id}: {text!r} is not a number; type digits only")

@@ -321,7 +321,7 @@ class RunningRig:
         """Interval of body samples where only the loop itself polls for them.
 
         None where the tracker has a thread, where a real headset paces the loop, or where there
-        is no tracker.
+        is not a tracker.
         """
         pump = self._pumps.get("body_tracker")
         if pump is None or pump.is_threaded or not self._rig.headset.info.is_simulated:

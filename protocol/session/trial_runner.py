@@ -241,7 +241,7 @@ class TrialRunner:
             case Reflex(answer):
                 loop.set_reflex(answer)
             case _:
-                raise TypeError(f"a plan yielded {step!r}, which is no step")
+                raise TypeError(f"a plan yielded {step!r}, which is not a step")
         return None
 
     def _note_memory(self, trial: Trial) -> None:

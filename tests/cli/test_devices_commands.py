@@ -98,7 +98,7 @@ def test_wrong_input_is_refused_with_the_way_out(
 def test_a_file_that_is_no_wire_is_a_wrong_argument(tmp_path: Path) -> None:
     file = tmp_path / "notes.wire"
     file.write_bytes(b"junk")
-    with pytest.raises(UsageError, match="no wire log"):
+    with pytest.raises(UsageError, match="not a wire log"):
         typed("replay", str(file))
 
 

@@ -370,8 +370,8 @@ def test_usb_band_tells_its_battery():
         ({"set_one": "M{motr}{amplitude}\n"}, r"unknown field \{motr\}"),
         ({}, "either set_one or set_all"),
         ({"set_all": "{a0},{a1}\n"}, r"needs \{a0\} \{a1\} \{a2\} \{a3\}"),
-        ({"set_one": "M{motor}{amplitude}", "battery_answer": "("}, "no regular expression"),
-        ({"set_one": "M{motor", "stop": "S"}, "no template"),
+        ({"set_one": "M{motor}{amplitude}", "battery_answer": "("}, "not a regular expression"),
+        ({"set_one": "M{motor", "stop": "S"}, "not a template"),
         ({"sett": "x"}, "sett"),
     ],
 )

@@ -131,7 +131,7 @@ def test_a_labjack_that_does_not_answer_is_told_when_it_is_opened():
 
 @pytest.mark.parametrize("code", [0, 256, -1])
 def test_codes_that_eight_lines_cannot_hold_are_refused(code):
-    with pytest.raises(ConfigError, match=f"flash: {code} is no code: eight lines hold 1 to 255"):
+    with pytest.raises(ConfigError, match=f"{code} is not a code: eight lines hold 1 to 255"):
         driver_spec("serial_triggers").checked_options("triggers", {"codes": {"flash": code}})
 
 

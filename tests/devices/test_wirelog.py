@@ -60,7 +60,7 @@ def test_file_that_is_no_log_is_refused(tmp_path, content):
     path = tmp_path / "x.wire"
     path.write_bytes(content)
 
-    with pytest.raises(DataError, match="no wire log"):
+    with pytest.raises(DataError, match="not a wire log"):
         read_wire_log(path)
 
 

@@ -364,7 +364,7 @@ def test_a_lab_has_reasons_of_its_own_or_those_that_come_along(tmp_path):
 @pytest.mark.parametrize(
     ("said", "why"),
     [
-        ("{Late: came late}", "is no code"),
+        ("{Late: came late}", "is not a code"),
         ("{late: ' '}", "says nothing"),
         ("{" + ", ".join(f"code_{i}: x" for i in "abcdefghij") + "}", "at most 9"),
     ],

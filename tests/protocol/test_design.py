@@ -217,7 +217,7 @@ def test_order_of_a_participant_does_not_depend_on_the_group():
         ({"balanced": ("gaz",)}, "balanced names 'gaz'"),
         ({"blocked_by": "colour"}, "blocked_by names 'colour'"),
         ({"blocks": 0}, "start at 1"),
-        ({"practice": ({"gaze": "Q", "place": "place1"},)}, "no combination"),
+        ({"practice": ({"gaze": "Q", "place": "place1"},)}, "not a combination"),
         ({"factors": (Factor("g", (1, 2), between=True),), "balanced": ()}, "varies within"),
         ({"blocks": 73}, "cannot fill"),
     ],
@@ -252,5 +252,5 @@ def test_levels_of_practice_alone_are_met_in_practice_and_never_counted():
     )
     assert [0] == [t.factors["crowd"] for t in plan.trials if t.is_practice]
     assert [1, 2] == sorted(t.factors["crowd"] for t in plan.trials if not t.is_practice)
-    with pytest.raises(DesignError, match="no combination"):
+    with pytest.raises(DesignError, match="not a combination"):
         Design("walks", "1", (Factor("crowd", (1, 2)),), practice=({"crowd": 0},))

@@ -246,7 +246,7 @@ def test_only_copies_for_measuring_are_bent_to_a_measure(
         ({"with_skin": False}, "no skin"),
         ({"leave_out": ("left_lower_arm", "left_hand")}, "left_lower_arm"),
         ({"leave_out": ("right_eye",)}, "right_eye"),
-        ({"eye_radius_m": 0.05}, "no eyeball"),
+        ({"eye_radius_m": 0.05}, "not an eyeball"),
         ({"eyes_on_head": True, "eye_radius_m": 0.035}, "no bone for left_eye.*--joint-map FILE"),
         ({"eye_ahead_m": 0.05}, "its sphere lies 50 mm off"),
     ],

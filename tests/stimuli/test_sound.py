@@ -45,7 +45,7 @@ def test_wav_of_24_bits_has_its_values(tmp_path):
         (np.zeros((9, 6), np.int16), 48_000, "6 channels"),
         (np.zeros(0, np.int16), 48_000, "more than none"),
         (np.zeros(9, np.int16), 50, "samples a second"),
-        (np.array([0.0, np.nan]), 48_000, "no numbers"),
+        (np.array([0.0, np.nan]), 48_000, "not numbers"),
     ],
 )
 def test_what_cannot_be_played_is_refused_in_words(samples, rate_hz, told, tmp_path):

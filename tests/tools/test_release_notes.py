@@ -72,8 +72,8 @@ def test_long_changes_are_wrapped_under_themselves(tmp_path: Path) -> None:
 
 
 WRONG = {
-    "kind": ({"_1_mended": "x"}, "1.0", "2026-11-01", "is no fragment"),
-    "name": ({"Notes": "x"}, "1.0", "2026-11-01", "is no fragment"),
+    "kind": ({"_1_mended": "x"}, "1.0", "2026-11-01", "is not a fragment"),
+    "name": ({"Notes": "x"}, "1.0", "2026-11-01", "is not a fragment"),
     "empty": ({"_1_added": " \n"}, "1.0", "2026-11-01", "is empty"),
     "none": ({}, "1.0", "2026-11-01", "no fragments"),
     "again": ({"_1_added": "x"}, "0.9", "2026-11-01", "has 0.9 already"),

@@ -52,7 +52,7 @@ class AsciiTemplates:
             try:
                 groups = re.compile(getattr(self, name)).groups
             except re.error as cause:
-                problems.append(f"{name} is no regular expression: {cause}")
+                problems.append(f"{name} is not a regular expression: {cause}")
             else:
                 if name == "battery_answer" and self.battery_answer and groups < 1:
                     problems.append("battery_answer needs a group (…) around the percentage")
@@ -163,7 +163,7 @@ def _misfits(label: str, template: str, field_names: set[str]) -> list[str]:
     except KeyError:
         pass  # reported below, with every unknown name
     except (ValueError, IndexError, UnicodeEncodeError, AttributeError) as cause:
-        return [f"{label} is no template: {cause}"]
+        return [f"{label} is not a template: {cause}"]
     fields = _format_fields(field_names) or "no field"
     return [f"{label}: unknown field {{{name}}}; it may hold {fields}" for name in sorted(unknown)]
 

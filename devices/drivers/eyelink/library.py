@@ -185,7 +185,7 @@ class EyeLinkLibrary(NoTopics):
             raise DeviceNotFound(f"the EyeLink does not start to record (code {code})")
 
     def _exchange_time(self, timeout_s: float) -> Exchange:
-        """Ask the tracker itself: its own estimate on this computer is no exchange."""
+        """Ask the tracker itself: its own estimate on this computer is not an exchange."""
         tracker = self._tracker
         deadline_ns = self._clock.now_ns() + round(timeout_s * NS_PER_S)
         while tracker.readTime():  # an answer that came too late for an earlier question

@@ -94,7 +94,7 @@ class FoveLibrary(OnlyListening):
             create = self._library.fove_createHeadset
         except AttributeError as cause:
             raise DeviceNotFound(
-                f"{self._path!r} is no FoveClient library of version 1", remedy=LIBRARY_REMEDY
+                f"{self._path!r} is not a FoveClient library of version 1", remedy=LIBRARY_REMEDY
             ) from cause
         headset = ctypes.c_void_p()
         self._must(create(CAPABILITIES, ctypes.byref(headset)))

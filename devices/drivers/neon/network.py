@@ -85,7 +85,7 @@ class NeonNetwork(NoTopics):
         return Exchange(answer, sent_ns, self._clock.now_ns())
 
     def post(self, frames: Frames) -> None:
-        """Ask for the time without waiting; a missing answer is no error."""
+        """Ask for the time without waiting; a missing answer is not an error."""
         if frames[0] == b"time" and self._loop is not None:
             asyncio.run_coroutine_threadsafe(self._post_time(), self._loop)
 

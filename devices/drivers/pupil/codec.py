@@ -156,7 +156,7 @@ def encode_reference(direction_head: Vector, device_ns: int, distance_m: float) 
 
 
 def decode_time(frames: Sequence[bytes]) -> int | None:
-    """Return the device time (ns) in an answer to `t`; None if it is no finite number."""
+    """Return the device time (ns) in an answer to `t`; None if it is not a finite number."""
     try:
         seconds = float(frames[0])
     except (ValueError, IndexError):

@@ -140,7 +140,7 @@ def _with_marks(value: Any, count: list[int]) -> Any:
 
 
 def _sample_marks(marked_datum: dict[str, Any]) -> list[float]:
-    """Return the marks of the numbers that make a sample; KeyError when one is no float."""
+    """Return the marks of the numbers that make a sample; KeyError when one is not a float."""
     normals, centers = marked_datum["gaze_normals_3d"], marked_datum["eye_centers_3d"]
     pupils = {pupil["id"]: pupil for pupil in marked_datum["base_data"]}
     if len(marked_datum["base_data"]) != 2 or pupils.keys() != {0, 1}:

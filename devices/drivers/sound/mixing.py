@@ -21,7 +21,7 @@ SHADOW_MIN = 0.1
 SHADOW_MIN_DEG = 150.0
 """The weakest gain of high tones at an ear, and the direction, from the ear, where it occurs."""
 NEAREST_M = 0.25
-"""Sources nearer than this are no louder."""
+"""Sources nearer than this are not louder."""
 EARS = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
 """Directions of the ears from the middle of the head, left first; x is to the right."""
 EYES_TO_EARS_M = np.array([0.0, 0.0, 0.09])

@@ -46,7 +46,7 @@ class ViveProEye(GazeAndOpenness):
         try:
             self._wait_until(lambda: self._has_frame, deadline_ns, "eye data")
         except DeviceError as cause:
-            text = "SRanipal runs, but the headset is no Vive Pro Eye and gives no eye data"
+            text = "SRanipal runs, but the headset is not a Vive Pro Eye and gives no eye data"
             raise DeviceNotFound(text, remedy=VIVE_PRO_EYE.remedy) from cause
         self.info = replace(self.info, model="eye tracker of SRanipal")
         fault = self._warning(

@@ -59,7 +59,7 @@ class SranipalLibrary(OnlyListening):
             text = f"SRanipal at {self._path!r} cannot be loaded ({cause})"
             raise DeviceNotFound(text, remedy=LIBRARY_REMEDY) from cause
         except AttributeError as cause:
-            text = f"{self._path!r} is no SRanipal library"
+            text = f"{self._path!r} is not an SRanipal library"
             raise DeviceNotFound(text, remedy=LIBRARY_REMEDY) from cause
         error = start(ctypes.c_int(EYE_V2), None)
         if error != WORK:

@@ -15,7 +15,7 @@ from visavis.devices.plausible import is_place
 NO_VECTOR: Triple = (NAN, NAN, NAN)
 MAX_F4 = 3.4e38
 MIN_PUPIL_MM, MAX_PUPIL_MM = 0.5, 20.0
-"""Far outside the range of pupils (1.5 to 9 mm): other numbers are no diameter."""
+"""Far outside the range of pupils (1.5 to 9 mm): other numbers are not diameters."""
 
 _CODES = {"f4": "f", "?": "?", "u1": "B"}
 _ROW = struct.Struct("<" + "".join(_CODES[f.dtype] * math.prod(f.shape) for f in GAZE.fields))

@@ -25,7 +25,7 @@ class TriggerOptions(SimulatedOptions):
         wrong = {mark: code for mark, code in codes.items() if not 1 <= code <= 255}
         if wrong:
             mark, code = next(iter(wrong.items()))
-            raise ValueError(f"{mark}: {code} is no code: eight lines hold 1 to 255")
+            raise ValueError(f"{mark}: {code} is not a code: eight lines hold 1 to 255")
         return codes
 
     def for_trigger(self) -> dict[str, Any]:

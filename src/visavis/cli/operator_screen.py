@@ -42,7 +42,7 @@ LATE_MS = 1000.0
 
 
 class KeyReader:
-    """Put the terminal in single-key mode while open; a no-op when stdin is no terminal."""
+    """Put the terminal in single-key mode while open; a no-op when stdin is not a terminal."""
 
     def __init__(self) -> None:
         self._saved_mode: list[Any] | None = None

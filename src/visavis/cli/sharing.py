@@ -21,7 +21,7 @@ from visavis.study.responses import Text
 BLURRED_RISK = (
     "The public tier gives everybody the body of one reference person, smooths movements, tells "
     "gaze on heads in coarse steps and leaves out pupils, eye distances and what cannot be "
-    "blurred. This is no anonymity: habits of walking, looking and answering are left, and who "
+    "blurred. This is not anonymity: habits of walking, looking and answering are left, and who "
     "has other recordings of a person may know them again (Nair et al. 2023). Publish it only "
     "where the consent form and the ethics board allow it."
 )

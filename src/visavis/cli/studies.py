@@ -236,7 +236,7 @@ def session_of(path: Path, config: Path | None, participant: str = "") -> Path:
 
     Raises:
         UsageError: there is no such study, nobody of that label or number has a session, or the
-            folder is no session's.
+            folder is not a session's.
     """
     if path.is_dir() and not is_study(path):
         require_session(path)
@@ -252,7 +252,7 @@ def session_of(path: Path, config: Path | None, participant: str = "") -> Path:
 
 
 def require_session(path: Path) -> None:
-    """Refuse a path that is no session's folder, naming the sessions nearby.
+    """Refuse a path that is not a session's folder, naming the sessions nearby.
 
     Raises:
         UsageError: it has no manifest.
@@ -264,7 +264,7 @@ def require_session(path: Path) -> None:
     near += sorted(p.parent for p in path.glob("*/manifest.json"))
     hint = "\n  ".join(str(p) for p in near[:6])
     raise UsageError(
-        f"{path} is no session" + (f"; there are\n  {hint}" if near else "; give a folder ses-…")
+        f"{path} is not a session" + (f"; there are\n  {hint}" if near else "; give a folder ses-…")
     )
 
 

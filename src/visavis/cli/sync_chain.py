@@ -161,7 +161,7 @@ def perform_real(
         sensor = real_sensor(lab, sensor_name, clock, stack)
         band = _real_device(lab, band_role, clock, stack) if band_role else None
         if band is not None and not isinstance(band, Armband):
-            raise UsageError(f"{band_role} is no armband; leave --band out, or name one's role")
+            raise UsageError(f"{band_role} is not an armband; leave --band out, or name one's role")
         # A window has its own OpenGL context; a headset is given pictures drawn off the screen.
         display = screen_display(lab, clock)
         if screen is not None and display is not None:

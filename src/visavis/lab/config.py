@@ -297,7 +297,7 @@ class _File(_Part):
         for code, words in texts.items():
             if not INCIDENT.fullmatch(code):
                 raise ValueError(
-                    f"{code!r} is no code: small letters, digits and _, such as participant_late"
+                    f"{code!r} is not a code: small letters, digits and _, such as participant_late"
                 )
             if not words.strip():
                 raise ValueError(f"{code} says nothing; write in words what it stands for")

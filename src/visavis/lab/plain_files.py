@@ -53,7 +53,9 @@ def read_packed(path: Path, *, max_bytes: int = MAX_UNPACKED_BYTES) -> bytes:
         try:
             data = _at_most(stream, max_bytes + 1, PIECE_BYTES)
         except (EOFError, zlib.error) as error:
-            raise OSError(errno.EIO, f"it is no whole gzip file ({error})", str(path)) from error
+            raise OSError(
+                errno.EIO, f"it is not a complete gzip file ({error})", str(path)
+            ) from error
     if len(data) > max_bytes:
         raise OSError(errno.EFBIG, f"it unpacks to more than {max_bytes} bytes", str(path))
     return data
@@ -77,8 +79,8 @@ def _at_most(file: BufferedReader | gzip.GzipFile, most: int, piece: int) -> byt
 def read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
     """Return the arrays of an .npz file by name.
 
-    Raises OSError when it cannot be read, and ValueError for anything that is no whole .npz file
-    of real numbers and texts.
+    Raises OSError when it cannot be read, and ValueError for anything that is not a complete
+    .npz file of real numbers and texts.
     """
     try:
         with open_plain(path) as file, zipfile.ZipFile(file) as archive:
@@ -136,7 +138,7 @@ def _header(header: bytes) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
 def parse_json(data: bytes | str, *, max_depth: int = MAX_DEPTH) -> Any:
     """Return what a JSON text says.
 
-    Raises ValueError for anything else: numbers that are none, text that is no UTF-8, lists and
+    Raises ValueError for anything else: numbers that are none, text that is not UTF-8, lists and
     objects nested deeper than `max_depth`.
     """
     try:
@@ -150,7 +152,7 @@ def parse_json(data: bytes | str, *, max_depth: int = MAX_DEPTH) -> Any:
 
 
 def _refuse(constant: str) -> Any:
-    raise ValueError(f"{constant} is no JSON number")
+    raise ValueError(f"{constant} is not a JSON number")
 
 
 def _depth(value: Any) -> int:

@@ -61,7 +61,7 @@ def convert(value: float, from_unit: str, to_unit: str) -> float | None:
 
 
 def read_quantity(value: object) -> tuple[float, str | None] | None:
-    """Read 15, "15", "15 ms" or "1,5" as (number, unit or None); None when it is no number."""
+    """Read 15, "15", "15 ms" or "1,5" as (number, unit or None); None when it is not a number."""
     if isinstance(value, bool):
         return None
     if isinstance(value, int | float):

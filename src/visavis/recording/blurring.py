@@ -4,7 +4,7 @@ From how head and hands move in virtual reality, one of more than 50,000 people 
 from 100 s (Nair et al. 2023, USENIX Security); the height of the head and the lengths of the limbs
 tell most. Here everybody gets the body of one reference skeleton, and movements are smoothed in
 time. That takes away the static clues and the quick ones; how somebody walks through a room and
-what they look at stays, and may still be recognised by who knows it: a blur is no anonymity.
+what they look at stays, and may still be recognised by who knows it: a blur is not anonymity.
 """
 
 import re

@@ -126,7 +126,7 @@ def _decode(data: bytes) -> Lines:
         else:
             is_chained = True
         if record is None:
-            return Lines(tuple(records), (number, "is no record"))
+            return Lines(tuple(records), (number, "is not a record"))
         crc = zlib.crc32(line + b"\n", crc)
         record.pop("crc32", None)
         records.append(record)

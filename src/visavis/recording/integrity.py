@@ -74,7 +74,7 @@ class TrialDamage:
 class DamageReport:
     """Everything found wrong with one session's files; see `damage_of`.
 
-    `notes` is what no number depends on, and is no damage: a copy that cannot be read.
+    `notes` is what no number depends on, and is not damage: a copy that cannot be read.
     """
 
     session: Path

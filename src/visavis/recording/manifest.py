@@ -205,27 +205,27 @@ def _label_problems(manifest: Manifest) -> Iterator[str]:
     for part in manifest.parts:
         for stream in part.streams:
             if not STREAM.fullmatch(stream.name) or stream.file != f"{stream.name}.arrows":
-                yield f"parts: {stream.file!r} is no file of a stream"
+                yield f"parts: {stream.file!r} is not a file of a stream"
         if part.journal is not None and part.journal.file != JOURNAL_NAME:
-            yield f"parts: {part.journal.file!r} is no journal"
+            yield f"parts: {part.journal.file!r} is not a journal"
         for other in part.others:
             if Path(other.file).name != other.file or other.file in ("", ".", ".."):
-                yield f"parts: {other.file!r} is no file of a part"
+                yield f"parts: {other.file!r} is not a file of a part"
 
 
 def _plan_problems(plan: Any) -> Iterator[str]:
     """Yield the problems that prevent comparing a plan with the recorded trials."""
     if not isinstance(plan, dict):
-        yield "plan: it is no object"
+        yield "plan: it is not an object"
         return
     blocks = plan.get("blocks", [])
     if not isinstance(blocks, list) or not all(isinstance(b, dict) for b in blocks):
-        yield "plan.blocks: it is no list of blocks"
+        yield "plan.blocks: it is not a list of blocks"
         return
     for i, block in enumerate(blocks):
         trials = block.get("trials")
         if not isinstance(trials, list) or not all(isinstance(t, dict) for t in trials):
-            yield f"plan.blocks.{i}.trials: it is no list of trials"
+            yield f"plan.blocks.{i}.trials: it is not a list of trials"
             continue
         for trial in trials:
             wrong = [name for name, kind in _TRIAL.items() if not isinstance(trial.get(name), kind)]
@@ -234,7 +234,7 @@ def _plan_problems(plan: Any) -> Iterator[str]:
             elif not can_name_files(trial["trial_id"]):
                 yield f"plan.blocks.{i}.trials: {trial['trial_id']!r} cannot name a file"
     if blocks and not isinstance(plan.get("questionnaires", []), list):
-        yield "plan.questionnaires: it is no list"
+        yield "plan.questionnaires: it is not a list"
 
 
 _TRIAL: Mapping[str, type] = {

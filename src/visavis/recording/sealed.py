@@ -45,13 +45,13 @@ def seal_of(data: bytes) -> str:
 
 
 def unseal(data: bytes) -> SealedContent:
-    """Return the content of a text; raises ValueError when it is no JSON object or was changed."""
+    """Return the content of a text; ValueError when it is not a JSON object or was changed."""
     match = _TAIL_PATTERN.search(data[-_TAIL_BYTES:])
     if match and hashlib.sha256(data[:-_TAIL_BYTES]).hexdigest().encode() != match[1]:
         raise ValueError("its checksum disagrees with its content")
     content = parse_json(data)
     if not isinstance(content, dict):
-        raise ValueError("it is no JSON object")
+        raise ValueError("it is not a JSON object")
     if match:
         content.pop("sha256")
     return SealedContent(content, match is not None)

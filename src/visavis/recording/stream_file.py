@@ -145,7 +145,7 @@ def _header(
         try:
             return min(len(spare), len(data)), pa.ipc.read_schema(pa.py_buffer(spare))
         except (pa.ArrowException, OSError, ValueError) as error:
-            problems.append(f"{path}: the journal's copy of the header is no header ({error})")
+            problems.append(f"{path}: the journal's copy of the header is not a header ({error})")
             return 0, None
     try:
         message = read_message(data, 0)

@@ -52,7 +52,7 @@ def read_sound(path: Path) -> Sound:
     """Read a WAV file of 8 to 32 bits or floats, with one channel or two.
 
     Raises:
-        DataError: there is no such file, it is no WAV file, or it holds nothing that can be played.
+        DataError: there is no such file, it is not a WAV file, or nothing in it can be played.
     """
     from scipy.io import wavfile
 
@@ -78,7 +78,7 @@ def read_sound(path: Path) -> Sound:
     if not len(samples) or len(samples) > MAX_S * rate_hz:
         raise DataError(f"{path}: {len(samples) / rate_hz:g} s; more than none, up to {MAX_S:g} s")
     if not np.isfinite(samples).all():
-        raise DataError(f"{path}: holds values that are no numbers; save it again")
+        raise DataError(f"{path}: holds values that are not numbers; save it again")
     return Sound(path.stem, np.clip(samples, -1, 1), int(rate_hz))
 
 

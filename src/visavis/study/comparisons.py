@@ -169,7 +169,9 @@ class Compare:
         if self.between:
             raise DesignError(f"{about} has no between factor; take only= for one group")
         if self.raters != "participant" and self.raters not in self.within:
-            raise DesignError(f"{about} names raters {self.raters!r}, which is no factor of within")
+            raise DesignError(
+                f"{about} names raters {self.raters!r}, which is not a factor of within"
+            )
         if self.test == "icc" and options.get("kind") not in ICC_KINDS:
             raise DesignError(
                 f'{about} decides by one coefficient; name it: options=[("kind", "ICC2")] '

@@ -176,7 +176,7 @@ def limits_in_force(
     """Return the limit of every rule, with the settings in place of the study's own.
 
     Raises:
-        UsageError: a limit is no number, below 0, or a share above 1.
+        UsageError: a limit is not a number, below 0, or a share above 1.
     """
     limits: dict[str, float | None] = {r.name: r.limit for r in rules}
     for name, value in overrides.items():

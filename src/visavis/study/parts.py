@@ -107,7 +107,7 @@ class StudyDesign:
         return [
             *([] if names else ["there is no factor; add one, if need be with one level"]),
             *(
-                f"{name!r} cannot be a name: a trial uses that name itself, or it is no identifier"
+                f"{name!r} cannot be a name: a trial uses it itself, or it is not an identifier"
                 for name in (*names, *self.parameters, *self.derived)
                 if name in RESERVED_NAMES or not name.isidentifier()
             ),

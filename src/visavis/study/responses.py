@@ -187,7 +187,7 @@ class Text(_Response):
 
 @dataclass(frozen=True)
 class Number(_Response):
-    """A typed number; missing when the text is no number or out of bounds.
+    """A typed number; missing when the text is not a number or out of bounds.
 
     With a `step` a page shows a slider from `low` to `high`, which has no value until it is moved.
     """
@@ -206,7 +206,7 @@ class Number(_Response):
             raise DesignError(f"number {self.name}: a slider needs low, high and a step above 0")
 
     def value(self, option: str) -> Scalar | None:
-        """Return the number; None where the text is no number or out of bounds."""
+        """Return the number; None where the text is not a number or out of bounds."""
         try:
             number = float(option.replace(",", "."))
         except ValueError:

@@ -280,17 +280,21 @@ def test_a_link_that_names_somebody_of_the_ledger_is_recorded_as_theirs(host: Ho
     assert () == made.refused_runs
 
 
+PLACEHOLDER = {"id": "{{%ID%}}"}
+"""What a panel left in the address in place of an identifier."""
+
+
 @pytest.mark.parametrize(
     ("spoil", "said"),
     [
         (lambda lines: lines[0]["arrived"].update(seed=8), "seed"),
         (lambda lines: lines[0]["arrived"].update(sha256="0"), "is not what this study shows"),
         (lambda lines: lines.pop(4), "one is missing"),
-        (lambda lines: lines[3]["event"]["reply"].update(answers={}), "no object"),
+        (lambda lines: lines[3]["event"]["reply"].update(answers={}), "not an object"),
         (lambda lines: lines[3].update(at_ms="x"), "at_ms"),
         (lambda lines: lines[0].pop("at_ms"), "at_ms"),
-        (lambda lines: lines[0]["arrived"].update(parameters={"id": "{{%ID%}}"}), "no identifier"),
-        (lambda lines: lines[0]["arrived"].update(told={"id": "{{%ID%}}"}), "no identifier"),  # 0.2
+        (lambda lines: lines[0]["arrived"].update(parameters=PLACEHOLDER), "not an identifier"),
+        (lambda lines: lines[0]["arrived"].update(told=PLACEHOLDER), "not an identifier"),  # 0.2
     ],
 )
 def test_results_that_do_not_fit_are_left_out_whole_with_the_reason(

@@ -359,7 +359,7 @@ def test_orders_stay_even_over_those_who_complete(stays: list[bool], n_orders: i
 
 def test_only_what_can_be_an_identifier_is_taken() -> None:
     assert "" == arrival_of({}).identifier
-    with pytest.raises(PageError, match="PROLIFIC_PID=<b> is no identifier"):
+    with pytest.raises(PageError, match="PROLIFIC_PID=<b> is not an identifier"):
         arrival_of({"PROLIFIC_PID": "<b>"})
     somebody = arrival_of({"survey_code": "12345"})
     assert "https://sona/x?survey_code=12345" == completion_of(

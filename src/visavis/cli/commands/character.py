@@ -237,7 +237,7 @@ def _distances_m(text: str) -> tuple[float, ...]:
     """Return the distances in metres of a text such as "1,2,3.5"; an empty text has none.
 
     Raises:
-        UsageError: a part is no number from 0.3 to 30.
+        UsageError: a part is not a number from 0.3 to 30.
     """
     try:
         distances_m = tuple(float(part) for part in text.split(",") if part.strip())

@@ -119,7 +119,7 @@ def identify(role: RoleArgument, config: ConfigOption = None) -> None:
         hint = did_you_mean(role, bands)
         band_names = ", ".join(bands) or "none: add one under devices in the configuration"
         raise UsageError(
-            f"{role!r} is no armband of {lab.path}{hint or '.'} Its armbands: {band_names}"
+            f"{role!r} is not an armband of {lab.path}{hint or '.'} Its armbands: {band_names}"
         )
     message = buzz(_device(lab, role), SystemClock())
     say(message)

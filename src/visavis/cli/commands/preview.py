@@ -280,7 +280,7 @@ def picture_size(text: str) -> tuple[int, int]:
     """Return width and height in pixels of a text such as "960x600", rounded down to even.
 
     Raises:
-        UsageError: it is no size, or too small or large to draw.
+        UsageError: it is not a size, or too small or large to draw.
     """
     width, _, height = text.partition("x")
     if not (width.isdecimal() and height.isdecimal() and 64 <= int(width) <= 7680):

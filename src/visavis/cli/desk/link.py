@@ -178,7 +178,7 @@ class SessionLink:
                 if command is not None:
                     self._commands.append(command)
         except (TimeoutError, OSError, ValueError):
-            return  # it has gone, or is no desk
+            return  # it has gone, or is not a desk
         finally:
             if sending is not None:
                 sending.cancel()

@@ -136,7 +136,7 @@ class SessionWatch:
         except TimeoutError:
             return  # a busy session, or another program that waits to be spoken to
         except (OSError, ValueError):
-            return  # it has ended, or is no session
+            return  # it has ended, or is not a session
         finally:
             writer.close()
             if session is not None:

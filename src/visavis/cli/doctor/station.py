@@ -124,7 +124,7 @@ def locked(lab: LabConfig) -> Station | None:
         return None
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise UsageError(
-            f"{path} is no locked station ({type(error).__name__}: {error}); delete it and lock "
+            f"{path} is not a locked station ({type(error).__name__}: {error}); delete it and lock "
             f"again: {LOCK_AGAIN}"
         ) from error
 

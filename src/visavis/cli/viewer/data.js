@@ -91,7 +91,7 @@ const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const size = a => Math.hypot(a[0], a[1], a[2]);
 const unit = a => { const s = size(a) || 1; return [a[0] / s, a[1] / s, a[2] / s]; };
-function turned(q, v) {
+function rotate(q, v) {
   const [w, x, y, z] = q;
   const tx = 2 * (y * v[2] - z * v[1]), ty = 2 * (z * v[0] - x * v[2]), tz = 2 * (x * v[1] - y * v[0]);
   return [v[0] + w * tx + y * tz - z * ty, v[1] + w * ty + z * tx - x * tz, v[2] + w * tz + x * ty - y * tx];
@@ -109,8 +109,8 @@ function times(a, b) { // column-major 4 × 4
   }
   return out;
 }
-function placed(at, q, scale = [1, 1, 1]) {
-  const x = turned(q, [scale[0], 0, 0]), y = turned(q, [0, scale[1], 0]), z = turned(q, [0, 0, scale[2]]);
+function modelMatrix(at, q, scale = [1, 1, 1]) {
+  const x = rotate(q, [scale[0], 0, 0]), y = rotate(q, [0, scale[1], 0]), z = rotate(q, [0, 0, scale[2]]);
   return new Float32Array([...x, 0, ...y, 0, ...z, 0, ...at, 1]);
 }
 function spanning(a, b, radius) { // a y-axis cylinder of height 1 between two points

@@ -34,7 +34,7 @@ const PERSON = [`#version 300 es
 layout(location=0) in vec3 place; layout(location=1) in vec3 normal; layout(location=2) in vec3 detail;
 layout(location=3) in vec3 colour; layout(location=4) in uvec4 surface; layout(location=5) in uvec4 joints;
 layout(location=6) in vec4 weights; layout(location=7) in int morph;
-uniform mat4 seen; uniform sampler2D bones; uniform sampler2D deltas; uniform int person; uniform int most; uniform float shape[6];
+uniform mat4 projection; uniform sampler2D bones; uniform sampler2D deltas; uniform int person; uniform int most; uniform float shape[6];
 uniform vec3 tint;
 out vec3 v_light; out vec3 v_detail; flat out uvec4 v_surface;
 ${LIGHT}
@@ -53,7 +53,7 @@ void main() {
   vec4 h = vec4(at, 1.0);
   vec3 world = vec3(dot(r0, h), dot(r1, h), dot(r2, h)) / total;
   vec3 n = normalize(vec3(dot(r0.xyz, normal), dot(r1.xyz, normal), dot(r2.xyz, normal)));
-  gl_Position = seen * vec4(world, 1.0);
+  gl_Position = projection * vec4(world, 1.0);
   v_light = codes(pow(colour, vec3(2.2)) * light_at(world, n, 0.2)) * tint;
   v_detail = detail; v_surface = surface;
 }`, `#version 300 es
@@ -78,8 +78,8 @@ void main() {
 
 const ROOM = [`#version 300 es
 layout(location=0) in vec3 place; layout(location=1) in vec2 uv; layout(location=2) in vec3 light;
-uniform mat4 seen; out vec2 v_uv; out vec3 v_light;
-void main() { gl_Position = seen * vec4(place, 1.0); v_uv = uv; v_light = light * (255.0 / 127.0); }`,
+uniform mat4 projection; out vec2 v_uv; out vec3 v_light;
+void main() { gl_Position = projection * vec4(place, 1.0); v_uv = uv; v_light = light * (255.0 / 127.0); }`,
 `#version 300 es
 precision highp float;
 in vec2 v_uv; in vec3 v_light; uniform sampler2D picture; uniform int look; uniform float brightness; out vec4 o;
@@ -97,12 +97,12 @@ void main() {
 
 const THING = [`#version 300 es
 layout(location=0) in vec3 place; layout(location=1) in vec3 normal; layout(location=2) in vec3 colour; layout(location=3) in vec2 uv;
-uniform mat4 seen; uniform mat4 model; uniform vec4 paint; uniform float glow; out vec3 v_light; out vec2 v_uv;
+uniform mat4 projection; uniform mat4 model; uniform vec4 paint; uniform float glow; out vec3 v_light; out vec2 v_uv;
 ${LIGHT}
 void main() {
   vec4 world = model * vec4(place, 1.0);
   vec3 n = normalize(mat3(model) * normal);
-  gl_Position = seen * world;
+  gl_Position = projection * world;
   vec3 own = pow(mix(colour, paint.rgb, paint.a), vec3(2.2));
   v_light = codes(own * mix(light_at(world.xyz, n, 0.1), vec3(1.0), glow));
   v_uv = uv;
@@ -116,7 +116,7 @@ void main() {
 }`];
 
 // A room that was drawn before, with how far everything in it is.
-const KEPT = [`#version 300 es
+const CACHE = [`#version 300 es
 void main() { gl_Position = vec4(gl_VertexID == 1 ? 3 : -1, gl_VertexID == 2 ? 3 : -1, 0, 1); }`,
 `#version 300 es
 precision highp float; precision highp sampler2D;
@@ -152,8 +152,8 @@ class Program {
 function drawsOnProcessor() {
   const gl = document.createElement('canvas').getContext('webgl2');
   if (!gl) return false;
-  const told = gl.getExtension('WEBGL_debug_renderer_info');
-  const name = told ? gl.getParameter(told.UNMASKED_RENDERER_WEBGL) : '';
+  const extension = gl.getExtension('WEBGL_debug_renderer_info');
+  const name = extension ? gl.getParameter(extension.UNMASKED_RENDERER_WEBGL) : '';
   gl.getExtension('WEBGL_lose_context')?.loseContext();
   return /swiftshader|llvmpipe|softpipe|basic render/i.test(name);
 }
@@ -167,7 +167,7 @@ class Drawing {
     this.canvas = canvas;
     this.content = content;
     this.programs = {person: new Program(gl, PERSON, '#define TEXTURED'), quick: new Program(gl, QUICK), eyes: new Program(gl, QUICK_EYES), thing: new Program(gl, THING),
-      kept: new Program(gl, KEPT), room: new Program(gl, ROOM), holes: new Program(gl, ROOM, '#define HOLES')};
+      cache: new Program(gl, CACHE), room: new Program(gl, ROOM), holes: new Program(gl, ROOM, '#define HOLES')};
     this.white = this.texture(new Uint8Array([255, 255, 255, 255]), 1, 1);
     this.pictures = content.header.textures.map(() => this.white);
     this.people = content.header.people.map(() => null);
@@ -220,19 +220,19 @@ class Drawing {
 
   person(k) {
     if (this.people[k]) return this.people[k];
-    const gl = this.gl, told = this.content.header.people[k], c = this.content;
+    const gl = this.gl, mesh = this.content.header.people[k], c = this.content;
     const vao = gl.createVertexArray();
     gl.bindVertexArray(vao);
-    this.buffer(0, c.rows(told.place), 3);
-    this.buffer(1, this.padded(told.normal), 3, {normal: true});
-    this.buffer(2, c.rows(told.detail), 3);
-    this.buffer(3, this.padded(told.colour), 3, {normal: true});
-    this.buffer(4, c.plainRows(told.surface), 4, {whole: true});
-    this.buffer(5, c.plainRows(told.joints), 4, {whole: true});
-    this.buffer(6, c.plainRows(told.weights), 4, {normal: true});
-    this.buffer(7, c.flat(told.morph), 1, {whole: true});
-    const index = c.flat(told.index), kind = this.indices(index), bytes = index.BYTES_PER_ELEMENT;
-    const rows = c.rows(told.deltas), n = told.deltas.s[0], height = Math.max(1, Math.ceil(n / 64));
+    this.buffer(0, c.rows(mesh.place), 3);
+    this.buffer(1, this.padded(mesh.normal), 3, {normal: true});
+    this.buffer(2, c.rows(mesh.detail), 3);
+    this.buffer(3, this.padded(mesh.colour), 3, {normal: true});
+    this.buffer(4, c.plainRows(mesh.surface), 4, {whole: true});
+    this.buffer(5, c.plainRows(mesh.joints), 4, {whole: true});
+    this.buffer(6, c.plainRows(mesh.weights), 4, {normal: true});
+    this.buffer(7, c.flat(mesh.morph), 1, {whole: true});
+    const index = c.flat(mesh.index), kind = this.indices(index), bytes = index.BYTES_PER_ELEMENT;
+    const rows = c.rows(mesh.deltas), n = mesh.deltas.s[0], height = Math.max(1, Math.ceil(n / 64));
     const texels = new Float32Array(384 * height * 4);
     for (let i = 0; i < n; i++) for (let m = 0; m < 6; m++) for (let x = 0; x < 3; x++)
       texels[4 * ((i >> 6) * 384 + (i & 63) * 6 + m) + x] = rows[i * 18 + m * 3 + x];
@@ -243,7 +243,7 @@ class Drawing {
     gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
     // Runs that look alike are drawn at once.
     const runs = [];
-    for (const [first, count, picture, twoSided, look] of told.runs) {
+    for (const [first, count, picture, twoSided, look] of mesh.runs) {
       const mode = look === 'eye' ? 2 : picture >= 0 ? 1 : 0, before = runs[runs.length - 1];
       if (before && mode === 0 && before.mode === 0 && before.first + before.count === first) before.count += count;
       else runs.push({first, count, picture, mode});
@@ -253,41 +253,41 @@ class Drawing {
 
   room(k) {
     if (this.rooms[k]) return this.rooms[k];
-    const gl = this.gl, told = this.content.header.rooms[k], c = this.content;
+    const gl = this.gl, mesh = this.content.header.rooms[k], c = this.content;
     const vao = gl.createVertexArray();
     gl.bindVertexArray(vao);
-    this.buffer(0, c.rows(told.place), 3);
-    this.buffer(1, c.rows(told.uv), 2);
-    this.buffer(2, this.padded(told.light), 3, {normal: true});
-    const kind = this.indices(c.flat(told.index));
-    return this.rooms[k] = {vao, kind, runs: told.runs};
+    this.buffer(0, c.rows(mesh.place), 3);
+    this.buffer(1, c.rows(mesh.uv), 2);
+    this.buffer(2, this.padded(mesh.light), 3, {normal: true});
+    const kind = this.indices(c.flat(mesh.index));
+    return this.rooms[k] = {vao, kind, runs: mesh.runs};
   }
 
   // The part of a room that lies in the picture and is no speck in it, as a room of its own: where the
   // processor draws, what lies outside costs it as much as what does not.
-  seenRoom(k, seen, height) {
-    const gl = this.gl, told = this.content.header.rooms[k], c = this.content;
-    const part = told.part ||= this.pieces(told);
+  roomInView(k, projection, height) {
+    const gl = this.gl, mesh = this.content.header.rooms[k], c = this.content;
+    const part = mesh.part ||= this.pieces(mesh);
     const planes = [];
     for (const [row, sign] of [[0, 1], [0, -1], [1, 1], [1, -1], [2, 1]]) {
-      const plane = [0, 4, 8, 12].map(j => seen[3 + j] + sign * seen[row + j]), length = Math.hypot(plane[0], plane[1], plane[2]);
+      const plane = [0, 4, 8, 12].map(j => projection[3 + j] + sign * projection[row + j]), length = Math.hypot(plane[0], plane[1], plane[2]);
       planes.push(plane.map(v => v / length));
     }
     // Pixels that a metre takes a metre away.
-    const scale = 0.5 * height * Math.hypot(seen[1], seen[5], seen[9]), ball = part.balls;
-    let chosen = '';
+    const scale = 0.5 * height * Math.hypot(projection[1], projection[5], projection[9]), ball = part.balls;
+    let key = '';
     for (let i = 0, b = 0; i < part.count; i++, b += 4) {
       const x = ball[b], y = ball[b + 1], z = ball[b + 2], r = ball[b + 3];
-      const depth = seen[3] * x + seen[7] * y + seen[11] * z + seen[15];
+      const depth = projection[3] * x + projection[7] * y + projection[11] * z + projection[15];
       part.shown[i] = planes.every(p => p[0] * x + p[1] * y + p[2] * z + p[3] > -r) && 2 * r * scale > SPECK_PX * (depth - r) ? 1 : 0;
-      chosen += part.shown[i];
+      key += part.shown[i];
     }
     gl.bindVertexArray(part.vao);
-    if (chosen === part.chosen) return part;
-    part.chosen = chosen;
-    const index = c.flat(told.index);
+    if (key === part.key) return part;
+    part.key = key;
+    const index = c.flat(mesh.index);
     let end = 0;
-    part.runs = told.runs.map(([, , picture], run) => {
+    part.runs = mesh.runs.map(([, , picture], run) => {
       const first = end;
       for (let i = part.from[run]; i < part.from[run + 1]; i++) if (part.shown[i]) {
         const piece = index.subarray(part.first[i], part.first[i] + part.length[i]);
@@ -301,10 +301,10 @@ class Drawing {
   }
 
   // A room's triangles in pieces of a few, each with the ball round it (x, y, z, radius).
-  pieces(told) {
-    const gl = this.gl, c = this.content, place = c.rows(told.place), index = c.flat(told.index);
+  pieces(mesh) {
+    const gl = this.gl, c = this.content, place = c.rows(mesh.place), index = c.flat(mesh.index);
     const first = [], length = [], balls = [], from = [0];
-    for (const [begin, count] of told.runs) {
+    for (const [begin, count] of mesh.runs) {
       for (let i = begin; i < begin + count; i += 3 * PIECE) {
         const n = Math.min(3 * PIECE, begin + count - i), low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
         for (let j = i; j < i + n; j++) for (let a = 0; a < 3; a++) {
@@ -321,11 +321,11 @@ class Drawing {
     const vao = gl.createVertexArray();
     gl.bindVertexArray(vao);
     this.buffer(0, place, 3);
-    this.buffer(1, c.rows(told.uv), 2);
-    this.buffer(2, this.padded(told.light), 3, {normal: true});
+    this.buffer(1, c.rows(mesh.uv), 2);
+    this.buffer(2, this.padded(mesh.light), 3, {normal: true});
     const copy = new index.constructor(index.length), kind = this.indices(copy);
     return {vao, kind, first, length, from, index: copy, balls: new Float32Array(balls), count: first.length,
-      shown: new Uint8Array(first.length), chosen: '', runs: []};
+      shown: new Uint8Array(first.length), key: '', runs: []};
   }
 
   solid({place, normal, index}) {
@@ -337,16 +337,16 @@ class Drawing {
     return {vao, kind: this.indices(new Uint16Array(index)), count: index.length};
   }
 
-  thing(told) {
-    if (told.made) return told.made;
+  thing(mesh) {
+    if (mesh.buffers) return mesh.buffers;
     const gl = this.gl, vao = gl.createVertexArray(), c = this.content;
     gl.bindVertexArray(vao);
-    this.buffer(0, c.rows(told.place), 3);
-    this.buffer(1, this.padded(told.normal), 3, {normal: true});
-    this.buffer(2, this.padded(told.colour), 3, {normal: true});
-    this.buffer(3, c.rows(told.uv), 2);
-    const index = c.flat(told.index);
-    return told.made = {vao, kind: this.indices(index), count: index.length, picture: told.picture};
+    this.buffer(0, c.rows(mesh.place), 3);
+    this.buffer(1, this.padded(mesh.normal), 3, {normal: true});
+    this.buffer(2, this.padded(mesh.colour), 3, {normal: true});
+    this.buffer(3, c.rows(mesh.uv), 2);
+    const index = c.flat(mesh.index);
+    return mesh.buffers = {vao, kind: this.indices(index), count: index.length, picture: mesh.picture};
   }
 
   begin(width, height, background, brightness) {
@@ -362,18 +362,18 @@ class Drawing {
 
   // Puts what `draw` draws, kept from its second time on, until `key` or the picture's size is another; tells
   // whether it did. What is not kept is drawn after the people, who hide some of it.
-  kept(key, width, height, draw) {
+  drawCached(key, width, height, draw) {
     const gl = this.gl, whole = [key, width, height].join();
-    if (whole !== this.keptKey) {
-      this.keptKey = whole;
+    if (whole !== this.cacheKey) {
+      this.cacheKey = whole;
       return this.isKept = false;
     }
-    const kept = this.keptTarget ||= {colour: gl.createTexture(), depth: gl.createTexture(), frame: gl.createFramebuffer(), vao: gl.createVertexArray()};
+    const target = this.cacheTarget ||= {colour: gl.createTexture(), depth: gl.createTexture(), frame: gl.createFramebuffer(), vao: gl.createVertexArray()};
     if (!this.isKept) {
       this.isKept = true;
-      gl.bindFramebuffer(gl.FRAMEBUFFER, kept.frame);
-      for (const [texture, at, form, read, kind] of [[kept.colour, gl.COLOR_ATTACHMENT0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE],
-        [kept.depth, gl.DEPTH_ATTACHMENT, gl.DEPTH_COMPONENT24, gl.DEPTH_COMPONENT, gl.UNSIGNED_INT]]) {
+      gl.bindFramebuffer(gl.FRAMEBUFFER, target.frame);
+      for (const [texture, at, form, read, kind] of [[target.colour, gl.COLOR_ATTACHMENT0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE],
+        [target.depth, gl.DEPTH_ATTACHMENT, gl.DEPTH_COMPONENT24, gl.DEPTH_COMPONENT, gl.UNSIGNED_INT]]) {
         gl.activeTexture(gl.TEXTURE0);
         gl.bindTexture(gl.TEXTURE_2D, texture);
         gl.texImage2D(gl.TEXTURE_2D, 0, form, width, height, 0, read, kind, null);
@@ -384,10 +384,10 @@ class Drawing {
       draw();
       gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     }
-    const {p, at} = this.programs.kept;
+    const {p, at} = this.programs.cache;
     gl.useProgram(p);
-    gl.bindVertexArray(kept.vao);
-    [[at.picture, kept.colour], [at.depth, kept.depth]].forEach(([place, texture], k) => {
+    gl.bindVertexArray(target.vao);
+    [[at.picture, target.colour], [at.depth, target.depth]].forEach(([place, texture], k) => {
       gl.activeTexture(gl.TEXTURE0 + k);
       gl.bindTexture(gl.TEXTURE_2D, texture);
       gl.uniform1i(place, k);
@@ -398,10 +398,10 @@ class Drawing {
     return true;
   }
 
-  use(name, seen, room, brightness) {
+  use(name, projection, room, brightness) {
     const gl = this.gl, {p, at} = this.programs[name];
     gl.useProgram(p);
-    gl.uniformMatrix4fv(at.seen, false, seen);
+    gl.uniformMatrix4fv(at.projection, false, projection);
     gl.uniform1f(at.brightness, brightness);
     if (at.picture) gl.uniform1i(at.picture, 0);
     if (!at.lamps) return at;
@@ -418,14 +418,14 @@ class Drawing {
   }
 
   // `height` in pixels asks for the part in the picture alone, 0 for all of it.
-  drawRoom(k, seen, brightness, height = 0) {
-    const gl = this.gl, room = height ? this.seenRoom(k, seen, height) : this.room(k);
+  drawRoom(k, projection, brightness, height = 0) {
+    const gl = this.gl, room = height ? this.roomInView(k, projection, height) : this.room(k);
     gl.bindVertexArray(room.vao);
     gl.activeTexture(gl.TEXTURE0);
     for (const name of ['room', 'holes']) {
       const runs = room.runs.filter(([, , picture]) => (name === 'holes') === (picture >= 0 && this.content.header.textures[picture].holes));
       if (!runs.length) continue;
-      const at = this.use(name, seen, null, brightness);
+      const at = this.use(name, projection, null, brightness);
       for (const [first, count, picture] of runs) {
         if (!count) continue;
         gl.bindTexture(gl.TEXTURE_2D, picture < 0 ? this.white : this.pictures[picture]);
@@ -437,27 +437,27 @@ class Drawing {
 
   // A person's mesh of few triangles, for `QuickPeople`.
   lightMesh(k) {
-    const person = this.content.header.people[k], told = person.light, c = this.content;
+    const person = this.content.header.people[k], mesh = person.light, c = this.content;
     if (person.lightMesh) return person.lightMesh;
-    const n = told.place.s[0], joints = c.plainRows(told.joints), packed = c.plainRows(told.weights);
+    const n = mesh.place.s[0], joints = c.plainRows(mesh.joints), packed = c.plainRows(mesh.weights);
     const bone = new Uint16Array(4 * n), weight = new Float32Array(4 * n);
     for (let v = 0; v < n; v++) { // heaviest first, so that the first 0 ends them
       const order = [0, 1, 2, 3].sort((a, b) => packed[4 * v + b] - packed[4 * v + a]);
       const total = Math.max(1, packed[4 * v] + packed[4 * v + 1] + packed[4 * v + 2] + packed[4 * v + 3]);
       order.forEach((j, k) => { bone[4 * v + k] = 12 * joints[4 * v + j]; weight[4 * v + k] = packed[4 * v + j] / total; });
     }
-    const fine = {n, bone, weight, rest: c.rows(told.place), detail: c.rows(told.detail), normal: this.padded(told.normal),
-      colour: this.padded(told.colour), surface: c.plainRows(told.surface), morph: c.flat(told.morph), deltas: c.rows(told.deltas),
-      index: outward(c.flat(told.index), c.rows(told.place), this.padded(told.normal), told.openFrom), openFrom: told.openFrom, eyeFrom: told.eyeFrom};
+    const fine = {n, bone, weight, rest: c.rows(mesh.place), detail: c.rows(mesh.detail), normal: this.padded(mesh.normal),
+      colour: this.padded(mesh.colour), surface: c.plainRows(mesh.surface), morph: c.flat(mesh.morph), deltas: c.rows(mesh.deltas),
+      index: outward(c.flat(mesh.index), c.rows(mesh.place), this.padded(mesh.normal), mesh.openFrom), openFrom: mesh.openFrom, eyeFrom: mesh.eyeFrom};
     fine.coarse = COARSER.map(([, cell]) => coarser(fine, cell));
     return person.lightMesh = fine;
   }
 
   // `bones` holds 3 rows of 4 numbers for every joint of everyone; `shapes` 6 numbers a person.
-  drawPeople(cast, chosen, bones, joints, shapes, seen, room, brightness, tints) {
+  drawPeople(cast, visible, bones, joints, shapes, projection, room, brightness, tints) {
     const gl = this.gl, n = cast.length;
-    if (!chosen.length) return;
-    const at = this.use('person', seen, room, brightness);
+    if (!visible.length) return;
+    const at = this.use('person', projection, room, brightness);
     gl.activeTexture(gl.TEXTURE1);
     gl.bindTexture(gl.TEXTURE_2D, this.bones);
     if (this.bonesSize !== n * joints) {
@@ -470,7 +470,7 @@ class Drawing {
     gl.uniform1i(at.deltas, 2);
     const lit = room && room.lamps.length ? [0.86, 0.85, 0.83] : [0.85, 0.85, 0.85];
     gl.uniform3fv(at.eye_light, lit);
-    for (const i of chosen) {
+    for (const i of visible) {
       const model = this.person(cast[i]);
       gl.bindVertexArray(model.vao);
       gl.activeTexture(gl.TEXTURE2);
@@ -488,20 +488,20 @@ class Drawing {
   }
 
   // Things: {solid or mesh, model, paint [r, g, b] 0 to 1, glow}.
-  drawThings(things, seen, room, brightness) {
+  drawThings(things, projection, room, brightness) {
     if (!things.length) return;
-    const gl = this.gl, at = this.use('thing', seen, room, brightness);
+    const gl = this.gl, at = this.use('thing', projection, room, brightness);
     for (const thing of things) {
-      const made = thing.solid ? this.solids[thing.solid] : this.thing(thing.mesh);
-      gl.bindVertexArray(made.vao);
+      const buffers = thing.solid ? this.solids[thing.solid] : this.thing(thing.mesh);
+      gl.bindVertexArray(buffers.vao);
       gl.uniformMatrix4fv(at.model, false, thing.model);
       gl.uniform4fv(at.paint, thing.paint ? [...thing.paint, 1] : [0, 0, 0, 0]);
       gl.uniform1f(at.glow, thing.glow || 0);
-      const picture = made.picture ?? -1;
+      const picture = buffers.picture ?? -1;
       gl.activeTexture(gl.TEXTURE0);
       gl.bindTexture(gl.TEXTURE_2D, picture < 0 ? this.white : this.pictures[picture]);
       gl.uniform1i(at.look, picture < 0 ? 0 : 1);
-      gl.drawElements(gl.TRIANGLES, made.count, made.kind, 0);
+      gl.drawElements(gl.TRIANGLES, buffers.count, buffers.kind, 0);
     }
   }
 }

@@ -5,7 +5,7 @@ const MARKED_S = 0.5; // a page goes on with the answer: it is marked this much 
 class Pages {
   constructor(content, redraw) {
     this.steps = content.header.pages;
-    this.films = content.header.films.map(told => ({...told, pictures: told.frames.map(() => null)}));
+    this.films = content.header.films.map(film => ({...film, pictures: film.frames.map(() => null)}));
     this.content = content;
     this.redraw = redraw;
   }
@@ -45,11 +45,11 @@ class Pages {
   }
 
   question(g, question, t, y, width, font) {
-    const line = 1.35 * font, given = question.at !== null && t >= question.at - MARKED_S;
+    const line = 1.35 * font, isAnswered = question.at !== null && t >= question.at - MARKED_S;
     g.fillStyle = '#1e1e20';
     g.font = `${font}px system-ui, sans-serif`;
     g.fillText(question.prompt, width / 2, y, 0.96 * width);
-    const options = question.options.length ? question.options.map(([value, label]) => [label, given && value === question.answer]) : [[given ? question.answer || '' : '…', given]];
+    const options = question.options.length ? question.options.map(([value, label]) => [label, isAnswered && value === question.answer]) : [[isAnswered ? question.answer || '' : '…', isAnswered]];
     let size = font, widths;
     do {
       g.font = `${size}px system-ui, sans-serif`;

@@ -3,16 +3,16 @@
 
 const QUICK = [`#version 300 es
 layout(location=0) in vec3 place; layout(location=1) in vec3 light;
-uniform mat4 seen; uniform float brightness; out vec3 v_light;
-void main() { gl_Position = seen * vec4(place, 1.0); v_light = brightness * light; }`, `#version 300 es
+uniform mat4 projection; uniform float brightness; out vec3 v_light;
+void main() { gl_Position = projection * vec4(place, 1.0); v_light = brightness * light; }`, `#version 300 es
 precision mediump float;
 in vec3 v_light; out vec4 o;
 void main() { o = vec4(v_light, 1.0); }`];
 
 const QUICK_EYES = [`#version 300 es
 layout(location=0) in vec3 place; layout(location=1) in vec3 light; layout(location=2) in vec3 detail; layout(location=3) in uvec4 surface;
-uniform mat4 seen; out vec3 v_light; out vec3 v_detail; flat out uvec4 v_surface;
-void main() { gl_Position = seen * vec4(place, 1.0); v_light = light; v_detail = detail; v_surface = surface; }`, PERSON[1]];
+uniform mat4 projection; out vec3 v_light; out vec3 v_detail; flat out uvec4 v_surface;
+void main() { gl_Position = projection * vec4(place, 1.0); v_light = light; v_detail = detail; v_surface = surface; }`, PERSON[1]];
 
 const LINEAR = Float32Array.from({length: 256}, (_, i) => Math.pow(i / 255, 2.2));
 const CODES = Uint8Array.from({length: 2049}, (_, i) => { // light of 0 to 4, as LIGHT's codes()
@@ -39,11 +39,11 @@ function outward(index, place, normal, until) {
 // The mesh of somebody far away: vertices that are near each other at rest are one, left and right apart.
 // Clothes over skin and their two sides become the same triangle there, and have a front alone.
 function coarser({n, bone, weight, rest, normal, colour, index, eyeFrom}, cell) {
-  const known = new Map(), of = new Int32Array(n), chosen = [];
+  const numbers = new Map(), of = new Int32Array(n), picks = [];
   for (let v = 0; v < n; v++) {
     const key = [0, 1, 2].map(a => Math.floor(rest[3 * v + a] / cell)).join();
-    if (!known.has(key)) { known.set(key, chosen.length); chosen.push(v); }
-    of[v] = known.get(key);
+    if (!numbers.has(key)) { numbers.set(key, picks.length); picks.push(v); }
+    of[v] = numbers.get(key);
   }
   const corners = [], there = new Set();
   for (let k = 0; k < eyeFrom; k += 3) {
@@ -52,9 +52,9 @@ function coarser({n, bone, weight, rest, normal, colour, index, eyeFrom}, cell) 
     there.add(key);
     corners.push(a, b, c);
   }
-  const pick = (from, k) => from.constructor.from(chosen.flatMap(v => [...from.subarray(k * v, k * v + k)]));
-  const coarse = {n: chosen.length, bone: pick(bone, 4), weight: pick(weight, 4), rest: pick(rest, 3), normal: pick(normal, 4), colour: pick(colour, 4),
-    morph: new Int16Array(chosen.length).fill(-1), deltas: null, openFrom: corners.length, eyeFrom: corners.length};
+  const pick = (from, k) => from.constructor.from(picks.flatMap(v => [...from.subarray(k * v, k * v + k)]));
+  const coarse = {n: picks.length, bone: pick(bone, 4), weight: pick(weight, 4), rest: pick(rest, 3), normal: pick(normal, 4), colour: pick(colour, 4),
+    morph: new Int16Array(picks.length).fill(-1), deltas: null, openFrom: corners.length, eyeFrom: corners.length};
   return {...coarse, index: outward(Uint16Array.from(corners), coarse.rest, coarse.normal, corners.length)};
 }
 
@@ -174,13 +174,13 @@ class QuickPeople {
     return end;
   }
 
-  // `chosen` of a scene's people as they stand, seen in a view of `height` pixels.
-  draw(chosen, {bones, shapes, place, told: {joints}}, view, height, room, brightness) {
-    if (!chosen.length) return;
+  // Those `visible` of a scene's people as they stand, seen in a view of `height` pixels.
+  draw(visible, {bones, shapes, place, data: {joints}}, view, height, room, brightness) {
+    if (!visible.length) return;
     const d = this.drawing, gl = d.gl, w = view.world;
     this.next = (this.next + 1) % this.models.length;
     let vertices = 0, corners = 0, eyes = 0;
-    for (const i of chosen) {
+    for (const i of visible) {
       const depth = -(w[2] * place[3 * i] + w[6] * place[3 * i + 1] + w[10] * place[3 * i + 2] + w[14]);
       const fine = this.models[i], px = 1.8 * height / (2 * view.top * Math.max(depth, 0.01));
       const step = COARSER.filter(([most]) => px < most).length, m = step ? fine.coarse[step - 1] : fine;
@@ -192,14 +192,14 @@ class QuickPeople {
       if (!step) eyes = this.look(i, m, eyes);
       vertices += m.n;
     }
-    d.use('quick', view.seen, room, brightness);
+    d.use('quick', view.projection, room, brightness);
     gl.bindVertexArray(this.skin.vao);
     gl.bindBuffer(gl.ARRAY_BUFFER, this.skin.buffer);
     gl.bufferData(gl.ARRAY_BUFFER, this.corners, gl.STREAM_DRAW, 0, 4 * vertices);
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, this.index, gl.STREAM_DRAW, 0, corners);
     gl.drawElements(gl.TRIANGLES, corners, gl.UNSIGNED_INT, 0);
     if (!eyes) return;
-    const at = d.use('eyes', view.seen, room, brightness);
+    const at = d.use('eyes', view.projection, room, brightness);
     gl.uniform3fv(at.eye_light, room && room.lamps.length ? [0.86, 0.85, 0.83] : [0.85, 0.85, 0.85]);
     gl.uniform1i(at.look, 2);
     gl.bindVertexArray(this.eye.vao);

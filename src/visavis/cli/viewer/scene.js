@@ -1,13 +1,13 @@
 // One trial's scene: who stands how at a time, found again from key poses.
 
 class Keys {
-  constructor(content, told) {
-    this.k = told.k;
-    this.step = told.step;
-    if (!told.k) { this.tracks = 0; return; }
-    const counts = content.flat(told.counts);
-    this.at = content.flat(told.at);
-    this.v = content.plainRows(told.v);
+  constructor(content, keys) {
+    this.k = keys.k;
+    this.step = keys.step;
+    if (!keys.k) { this.tracks = 0; return; }
+    const counts = content.flat(keys.counts);
+    this.at = content.flat(keys.at);
+    this.v = content.plainRows(keys.v);
     this.tracks = counts.length;
     this.first = new Int32Array(counts.length + 1);
     for (let i = 0; i < counts.length; i++) this.first[i + 1] = this.first[i] + counts[i];
@@ -33,19 +33,19 @@ class Keys {
 }
 
 class Scene {
-  constructor(content, told) {
-    this.told = told;
+  constructor(content, data) {
+    this.data = data;
     this.content = content;
-    this.root = new Keys(content, told.root);
-    this.turns = new Keys(content, told.turns);
-    this.morphs = new Keys(content, told.morphs);
-    this.light = content.columns(told.light)[0];
-    const n = told.cast.length, joints = told.joints;
+    this.root = new Keys(content, data.root);
+    this.turns = new Keys(content, data.turns);
+    this.morphs = new Keys(content, data.morphs);
+    this.light = content.columns(data.light)[0];
+    const n = data.cast.length, joints = data.joints;
     this.bones = new Float32Array(n * joints * 12);
     this.shapes = new Float32Array(6 * n);
     this.place = new Float32Array(3 * n);
     this.head = new Float32Array(3 * n);
-    this.skeletons = told.cast.map(k => {
+    this.skeletons = data.cast.map(k => {
       const person = content.header.people[k];
       return person.skeleton ||= {parents: person.parents, offsets: content.plainRows(person.offsets), rest: content.plainRows(person.rest)};
     });
@@ -55,13 +55,13 @@ class Scene {
     this.p = new Float32Array(3 * joints);
   }
 
-  sample(t) { return Math.max(0, Math.min(this.told.n - 1, (t - this.told.t0) * this.told.rate)); }
+  sample(t) { return Math.max(0, Math.min(this.data.n - 1, (t - this.data.t0) * this.data.rate)); }
 
   // Place and point looked at (6) of the camera that knows the room; it jumps where it cuts.
   filmedFrom(t) {
-    this.views ||= this.content.columns(this.told.topology.views);
-    const x = this.sample(t), i = Math.floor(x), j = Math.min(i + 1, this.told.n - 1);
-    const cuts = this.told.topology.cuts.some(c => c * this.told.rate > i && c * this.told.rate <= j);
+    this.views ||= this.content.columns(this.data.topology.views);
+    const x = this.sample(t), i = Math.floor(x), j = Math.min(i + 1, this.data.n - 1);
+    const cuts = this.data.topology.cuts.some(c => c * this.data.rate > i && c * this.data.rate <= j);
     return this.views.map(v => cuts ? v[i] : v[i] + (x - i) * (v[j] - v[i]));
   }
 
@@ -70,7 +70,7 @@ class Scene {
   pose(t) {
     if (t === this.posedAt) return;
     this.posedAt = t;
-    const x = this.sample(t), joints = this.told.joints, n = this.told.cast.length;
+    const x = this.sample(t), joints = this.data.joints, n = this.data.cast.length;
     const {q, w, p, bones, place, head} = this;
     const morph = new Float32Array(6);
     for (let r = 0; r < n; r++) {
@@ -117,15 +117,15 @@ class Scene {
 class Streams {
   constructor(content) {
     this.content = content;
-    this.told = new Map(content.header.streams.map(s => [s.name, s]));
+    this.byName = new Map(content.header.streams.map(s => [s.name, s]));
     this.times = new Map();
     this.read = new Map();
   }
 
-  has(name) { return this.told.has(name) && this.told.get(name).t.s[0] > 0; }
+  has(name) { return this.byName.has(name) && this.byName.get(name).t.s[0] > 0; }
 
   t(name) {
-    if (!this.times.has(name)) this.times.set(name, this.content.seconds(this.told.get(name).t));
+    if (!this.times.has(name)) this.times.set(name, this.content.seconds(this.byName.get(name).t));
     return this.times.get(name);
   }
 
@@ -133,8 +133,8 @@ class Streams {
   field(name, field) {
     const key = name + '.' + field;
     if (!this.read.has(key)) {
-      const told = this.told.get(name)?.columns.find(c => c.name === field);
-      this.read.set(key, told ? this.content.columns(told.v) : null);
+      const column = this.byName.get(name)?.columns.find(c => c.name === field);
+      this.read.set(key, column ? this.content.columns(column.v) : null);
     }
     return this.read.get(key);
   }

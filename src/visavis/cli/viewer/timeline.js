@@ -77,7 +77,7 @@ class Timeline {
   // Whom gaze was on: [name, spans] for everybody who was ever looked at.
   whom() {
     if (this.looks) return this.looks;
-    const found = new Map();
+    const looks = new Map();
     if (this.streams.has('gaze_targets')) {
       const t = this.streams.t('gaze_targets'), hit = this.streams.field('gaze_targets', 'hit')[0];
       const scenes = this.header.scenes.filter(s => s.agents.length);
@@ -91,12 +91,12 @@ class Timeline {
         open = null;
         if (name) {
           open = {name, span: [t[i], t[i]]};
-          if (!found.has(name)) found.set(name, []);
-          found.get(name).push(open.span);
+          if (!looks.has(name)) looks.set(name, []);
+          looks.get(name).push(open.span);
         }
       }
     }
-    return this.looks = [...found].sort((a, b) => a[0] < b[0] ? -1 : 1);
+    return this.looks = [...looks].sort((a, b) => a[0] < b[0] ? -1 : 1);
   }
 
   rows() {
@@ -112,24 +112,24 @@ class Timeline {
 
   // Everything, anew only where something else than the present moment changed.
   draw() {
-    const drawn = [this.from, this.to, this.canvas.clientWidth, window.devicePixelRatio, ...this.plots.map(p => p.key)].join();
-    if (drawn !== this.drawn) { this.drawn = drawn; this.drawStill(); }
+    const viewKey = [this.from, this.to, this.canvas.clientWidth, window.devicePixelRatio, ...this.plots.map(p => p.key)].join();
+    if (viewKey !== this.viewKey) { this.viewKey = viewKey; this.drawStill(); }
     const x = this.x(this.t), inside = x >= LABEL_PX && x <= this.width - 8;
     this.cursor.style.display = inside ? 'block' : 'none';
     this.cursor.style.height = this.height - 2 + 'px';
     this.cursor.style.transform = `translateX(${x.toFixed(1)}px)`;
     const outside = !this.header.trials.some(s => s.shown && this.t >= s.t0 && this.t < s.t1);
     this.plots.forEach((plot, k) => {
-      const told = this.streams.told.get(plot.stream), {field, values, times} = this.of(plot);
+      const stream = this.streams.byName.get(plot.stream), {field, values, times} = this.of(plot);
       const now = lastAt(times, this.t), value = now >= 0 ? values[now] : NaN;
-      const said = (Number.isNaN(value) ? '–' : shortNumber(value)) + (field.unit && field.unit !== '1' ? ' ' + field.unit : '');
-      const text = said + (told.every > 1 && outside ? `\n1 row of ${told.every} here` : ''), box = this.values.children[k];
+      const reading = (Number.isNaN(value) ? '–' : shortNumber(value)) + (field.unit && field.unit !== '1' ? ' ' + field.unit : '');
+      const text = reading + (stream.every > 1 && outside ? `\n1 row of ${stream.every} here` : ''), box = this.values.children[k];
       if (box.textContent !== text) box.textContent = text;
     });
   }
 
   of(plot) {
-    const field = this.streams.told.get(plot.stream).columns.find(c => c.of.includes(plot.column));
+    const field = this.streams.byName.get(plot.stream).columns.find(c => c.of.includes(plot.column));
     return {field, values: this.streams.field(plot.stream, field.name)[field.of.indexOf(plot.column)], times: this.streams.t(plot.stream)};
   }
 
@@ -204,13 +204,13 @@ class Timeline {
       g.globalAlpha = trial.shown ? 1 : 0.45;
       g.fillRect(a, y, Math.max(1, b - a - 1), ROW_PX);
       g.globalAlpha = 1;
-      const told = trial.id + (trial.status === 'complete' ? '' : ' ' + trial.status) + '  ' + Object.values(trial.factors).join(' ');
+      const label = trial.id + (trial.status === 'complete' ? '' : ' ' + trial.status) + '  ' + Object.values(trial.factors).join(' ');
       const left = Math.max(a, LABEL_PX) + 4, room = Math.min(b, this.width) - left - 2;
-      if (room > 18) this.fitted(g, told, left, y + ROW_PX / 2, room, '#e6e7e9');
+      if (room > 18) this.fitText(g, label, left, y + ROW_PX / 2, room, '#e6e7e9');
     }
   }
 
-  fitted(g, text, x, y, room, colour) {
+  fitText(g, text, x, y, room, colour) {
     let shown = text;
     if (g.measureText(shown).width > room) {
       while (shown.length > 1 && g.measureText(shown + '…').width > room) shown = shown.slice(0, -1);
@@ -223,12 +223,12 @@ class Timeline {
 
   spans(g, y, spans, colour, name = '') {
     g.fillStyle = colour;
-    for (const [t0, t1, told] of spans) {
+    for (const [t0, t1] of spans) {
       const a = this.x(t0), b = this.x(t1);
       if (b < LABEL_PX || a > this.width) continue;
       g.fillStyle = colour;
       g.fillRect(a, y + 1, Math.max(1.5, b - a), ROW_PX - 2);
-      if (name && b - a > 44) this.fitted(g, name, Math.max(a, LABEL_PX) + 3, y + ROW_PX / 2, b - Math.max(a, LABEL_PX) - 5, '#111');
+      if (name && b - a > 44) this.fitText(g, name, Math.max(a, LABEL_PX) + 3, y + ROW_PX / 2, b - Math.max(a, LABEL_PX) - 5, '#111');
     }
   }
 

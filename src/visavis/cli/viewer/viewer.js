@@ -25,9 +25,9 @@ class Viewer {
     this.playing = false; this.speed = 1;
     this.free = {at: [0, 1.6, 3], yaw: 0, pitch: -0.1};
     this.above = {zoom: 1, by: [0, 0]};
-    this.held = new Set();
-    this.drawn = 0; this.spent = 0;
-    this.moved = -1e9; this.quick = false; this.toldAt = -1e9;
+    this.pressedKeys = new Set();
+    this.frames = 0; this.spent = 0;
+    this.moveMs = -1e9; this.quick = false; this.panelMs = -1e9;
     this.coarse = 0; this.pace = ON_TIME_MS; this.timed = false;
     this.line = new Timeline($('line'), header, this.streams, t => this.seek(t), this.drawing.slow);
     this.over = $('overlay').getContext('2d', {willReadFrequently: this.drawing.slow});
@@ -35,11 +35,11 @@ class Viewer {
     this.page();
     this.listen();
     this.startView();
-    const wanted = new URLSearchParams(location.hash.slice(1));
-    if (wanted.get('t')) this.seek(Number(wanted.get('t')));
-    const named = this.header.trials.findLast(s => s.t0 !== null && s.id === wanted.get('trial'));
+    const options = new URLSearchParams(location.hash.slice(1));
+    if (options.get('t')) this.seek(Number(options.get('t')));
+    const named = this.header.trials.findLast(s => s.t0 !== null && s.id === options.get('trial'));
     if (named) this.seek(named.t0 + 0.01);
-    if (CAMERAS.includes(wanted.get('camera'))) this.setCamera(wanted.get('camera'));
+    if (CAMERAS.includes(options.get('camera'))) this.setCamera(options.get('camera'));
     const trial = this.trialAt(this.t);
     if (trial) this.line.show(trial.t0 - 1, trial.t1 + 1);
     this.defaultPlots();
@@ -53,15 +53,15 @@ class Viewer {
   // ---- where we are ----
 
   sceneAt(t) {
-    const told = this.shown.find(s => t >= s.t0 && t < s.t1);
-    if (!told) return null;
-    if (!this.scenes.has(told)) this.scenes.set(told, new Scene(this.content, told));
-    return this.scenes.get(told);
+    const data = this.shown.find(s => t >= s.t0 && t < s.t1);
+    if (!data) return null;
+    if (!this.scenes.has(data)) this.scenes.set(data, new Scene(this.content, data));
+    return this.scenes.get(data);
   }
   trialAt(t) { return this.header.trials.find(s => t >= s.t0 && t < s.t1); }
 
   seek(t) {
-    this.moved = performance.now();
+    this.moveMs = performance.now();
     this.t = Math.max(0, Math.min(this.line.end, t));
     this.line.follow(this.t, false);
     this.dirty = true;
@@ -84,13 +84,13 @@ class Viewer {
   // The middle and the reach of everybody throughout a scene, so that the view from above stands still.
   middle(scene) {
     if (scene?.middle) return scene.middle;
-    const points = [], {t0, t1} = scene ? scene.told : {t0: this.t, t1: this.t};
+    const points = [], {t0, t1} = scene ? scene.data : {t0: this.t, t1: this.t};
     for (const share of [0, 0.25, 0.5, 0.75, 0.999]) {
       const t = t0 + share * (t1 - t0), head = this.streams.headAt(t);
       if (head) points.push(head.at);
       if (!scene) continue;
       scene.pose(t);
-      for (let i = 0; i < scene.told.cast.length; i++) points.push([...scene.place.subarray(3 * i, 3 * i + 3)]);
+      for (let i = 0; i < scene.data.cast.length; i++) points.push([...scene.place.subarray(3 * i, 3 * i + 3)]);
     }
     if (scene) scene.pose(this.t);
     if (!points.length) points.push([0, 1, 0]);
@@ -104,7 +104,7 @@ class Viewer {
 
   startView() { // behind and beside the participant, who looks at what there is
     const head = this.streams.headAt(this.t) || {at: [0, 1.6, 0], turn: [1, 0, 0, 0]};
-    const front = unit([...[turned(head.turn, [0, 0, -1])].map(v => [v[0], 0, v[2]])][0]);
+    const front = unit([...[rotate(head.turn, [0, 0, -1])].map(v => [v[0], 0, v[2]])][0]);
     const right = [-front[2], 0, front[0]];
     const at = add(add(add(head.at, front, -1.5), right, 0.9), [0, 0.45, 0]);
     const towards = unit(sub(add(add(head.at, front, 2.5), [0, -0.35, 0]), at));
@@ -116,9 +116,9 @@ class Viewer {
     let at = this.free.at, turn = turnOf(this.free.yaw, this.free.pitch), top = 0.577, near = 0.08;
     if (this.camera === 'eyes' && head) ({at, turn} = head), top = 0.84;
     if (this.camera === 'follow' && head) {
-      const f = turned(head.turn, [0, 0, -1]), yaw = Math.atan2(-f[0], -f[2]);
+      const f = rotate(head.turn, [0, 0, -1]), yaw = Math.atan2(-f[0], -f[2]);
       turn = turnOf(yaw, -0.12);
-      at = add(add(head.at, turned(turnOf(yaw, 0), [0, 0, 1]), 1.35), [0.0, 0.35, 0]);
+      at = add(add(head.at, rotate(turnOf(yaw, 0), [0, 0, 1]), 1.35), [0.0, 0.35, 0]);
     }
     if (this.camera === 'above') {
       const {centre, radius} = this.middle(scene), back = radius / 0.45 / this.above.zoom;
@@ -127,29 +127,29 @@ class Viewer {
       top = 0.45;
       near = Math.max(0.05, at[1] - CEILING_M);
     }
-    if (this.camera === 'topology' && scene?.told.topology) {
+    if (this.camera === 'topology' && scene?.data.topology) {
       const row = scene.filmedFrom(this.t), towards = unit(sub(row.slice(3), row));
       at = row.slice(0, 3);
       turn = turnOf(Math.atan2(-towards[0], -towards[2]), Math.asin(Math.max(-1, Math.min(1, towards[1]))));
-      top = Math.tan(scene.told.topology.fov * Math.PI / 360);
+      top = Math.tan(scene.data.topology.fov * Math.PI / 360);
     }
     const far = 120, back = [turn[0], -turn[1], -turn[2], -turn[3]];
-    const moved = turned(back, at).map(v => -v);
-    const x = turned(back, [1, 0, 0]), y = turned(back, [0, 1, 0]), z = turned(back, [0, 0, 1]);
+    const origin = rotate(back, at).map(v => -v);
+    const x = rotate(back, [1, 0, 0]), y = rotate(back, [0, 1, 0]), z = rotate(back, [0, 0, 1]);
     const world = new Float32Array([...x, 0, ...y, 0, ...z, 0, ...moved, 1]);
     const flat = new Float32Array([1 / (top * aspect), 0, 0, 0, 0, 1 / top, 0, 0, 0, 0, (far + near) / (near - far), -1, 0, 0, 2 * far * near / (near - far), 0]);
-    return {seen: times(flat, world), world, at, turn, top, aspect, near};
+    return {projection: times(flat, world), world, at, turn, top, aspect, near};
   }
 
   project(view, p, width, height) {
-    const m = view.seen, w = m[3] * p[0] + m[7] * p[1] + m[11] * p[2] + m[15];
+    const m = view.projection, w = m[3] * p[0] + m[7] * p[1] + m[11] * p[2] + m[15];
     if (w < 0.03) return null;
     const x = m[0] * p[0] + m[4] * p[1] + m[8] * p[2] + m[12], y = m[1] * p[0] + m[5] * p[1] + m[9] * p[2] + m[13];
     return [(x / w * 0.5 + 0.5) * width, (0.5 - y / w * 0.5) * height, w];
   }
 
   inView(scene, view) {
-    const out = [], m = view.world, wide = view.top * view.aspect, cast = scene.told.cast;
+    const out = [], m = view.world, wide = view.top * view.aspect, cast = scene.data.cast;
     const sx = Math.hypot(1, wide), sy = Math.hypot(1, view.top);
     for (let i = 0; i < cast.length; i++) {
       const [x, y, z] = scene.place.subarray(3 * i, 3 * i + 3), r = 1.25;
@@ -164,20 +164,20 @@ class Viewer {
   // ---- one picture ----
 
   tick(now) {
-    const passed = Math.min(0.25, (now - (this.last || now)) / 1000);
+    const elapsedS = Math.min(0.25, (now - (this.last || now)) / 1000);
     this.last = now;
     // How late pictures come is the time until the browser asks again after one, whatever moves time.
-    if (this.timed && passed > 0) this.pace += 0.2 * (1000 * passed - this.pace);
+    if (this.timed && elapsedS > 0) this.pace += 0.2 * (1000 * elapsedS - this.pace);
     this.timed = false;
     if (this.playing) {
-      this.t = Math.min(this.line.end, this.t + passed * this.speed);
+      this.t = Math.min(this.line.end, this.t + elapsedS * this.speed);
       if (this.t >= this.line.end) this.play(false);
       this.line.follow(this.t, true);
       this.dirty = true;
-      this.moved = performance.now();
+      this.moveMs = performance.now();
     }
-    if (this.held.size) this.fly(passed);
-    if (this.quick && now - this.moved >= REST_MS) this.dirty = true;
+    if (this.pressedKeys.size) this.fly(elapsedS);
+    if (this.quick && now - this.moveMs >= REST_MS) this.dirty = true;
     if (this.dirty || this.resized()) { this.dirty = false; this.draw(); }
     if (this.line.dirty) { this.line.dirty = false; this.line.draw(); }
   }
@@ -191,38 +191,38 @@ class Viewer {
   }
 
   draw() {
-    const begun = performance.now();
-    const quick = this.quick = this.drawing.slow && begun - this.moved < REST_MS;
+    const startMs = performance.now();
+    const quick = this.quick = this.drawing.slow && startMs - this.moveMs < REST_MS;
     const stage = $('stage'), ratio = Math.min(2, window.devicePixelRatio || 1);
     const width = Math.max(2, Math.round(stage.clientWidth * ratio)), height = Math.max(2, Math.round(stage.clientHeight * ratio));
     const scene = this.sceneAt(this.t), t = this.t;
     if (scene) scene.pose(t);
     const view = this.view(scene, width, height);
     const light = scene ? this.show.light ? 1 : scene.brightness(t) : 1;
-    const room = scene ? this.header.rooms[scene.told.room] : null;
+    const room = scene ? this.header.rooms[scene.data.room] : null;
     const d = this.drawing;
     const share = quick ? this.share() : 1;
     this.timed = quick;
     d.begin(Math.round(width * share), Math.round(height * share), room && room.lamps.length ? room.background : [34, 36, 40], scene && !room.lamps.length ? 1 : light);
     if (scene) {
-      const drawRoom = () => { if (this.show.room && room.lamps.length) d.drawRoom(scene.told.room, view.seen, light, quick ? share * height : 0); };
+      const drawRoom = () => { if (this.show.room && room.lamps.length) d.drawRoom(scene.data.room, view.projection, light, quick ? share * height : 0); };
       // A camera that stands still sees the same room again.
-      const isThere = quick && d.kept([scene.told.room, this.show.room, light, ...view.seen].join(), Math.round(width * share), Math.round(height * share), drawRoom);
-      if (this.show.people && scene.told.cast.length) {
-        const chosen = this.inView(scene, view);
-        if (quick) (scene.quick ||= new QuickPeople(d, scene.told.cast)).draw(chosen, scene, view, share * height, room, light);
-        else d.drawPeople(scene.told.cast, chosen, scene.bones, scene.told.joints, scene.shapes, view.seen, room, light);
+      const isThere = quick && d.drawCached([scene.data.room, this.show.room, light, ...view.projection].join(), Math.round(width * share), Math.round(height * share), drawRoom);
+      if (this.show.people && scene.data.cast.length) {
+        const visible = this.inView(scene, view);
+        if (quick) (scene.quick ||= new QuickPeople(d, scene.data.cast)).draw(visible, scene, view, share * height, room, light);
+        else d.drawPeople(scene.data.cast, visible, scene.bones, scene.data.joints, scene.shapes, view.projection, room, light);
       }
       if (!isThere) drawRoom();
-      d.drawThings(scene.told.moving.map(m => ({mesh: m.mesh, model: placed(m.at, m.turn), glow: m.glow})), view.seen, room, light);
+      d.drawThings(scene.data.moving.map(m => ({mesh: m.mesh, model: modelMatrix(m.at, m.turn), glow: m.glow})), view.projection, room, light);
     }
-    if (this.show.body) d.drawThings(this.bodyThings(), view.seen, null, 1);
+    if (this.show.body) d.drawThings(this.bodyThings(), view.projection, null, 1);
     const step = this.pages.at(t);
     if (step) this.drawPage(step, width, height);
     else this.drawOver(scene, view, width, height, light);
-    if (!quick || begun - this.toldAt >= TELL_MS) { this.toldAt = begun; this.tell(scene, light, step); }
-    this.drawn++;
-    this.spent += performance.now() - begun;
+    if (!quick || startMs - this.panelMs >= TELL_MS) { this.panelMs = startMs; this.tell(scene, light, step); }
+    this.frames++;
+    this.spent += performance.now() - startMs;
   }
 
   // Which share of the pixels' rows and columns a processor draws while time moves: fewer where it is late.
@@ -232,9 +232,9 @@ class Viewer {
   }
 
   segmentsOf() {
-    const told = this.streams.told.get('body')?.columns.find(c => c.name === 'position_m');
-    if (!told) return [];
-    return (told.about.split(': ')[1] || '').split(' ');
+    const column = this.streams.byName.get('body')?.columns.find(c => c.name === 'position_m');
+    if (!column) return [];
+    return (column.about.split(': ')[1] || '').split(' ');
   }
 
   // Where no body was measured, the posture that the study declares, below the head and turned as it faces.
@@ -277,12 +277,12 @@ class Viewer {
         out.push({solid: 'rod', model: spanning(at[a], at[b], thick), paint: colour(part)});
       }
       for (const [name, p] of Object.entries(at)) if (good(p) && name !== 'head')
-        out.push({solid: 'ball', model: placed(p, [1, 0, 0, 0], Array(3).fill(/hand/.test(name) ? 0.05 : 0.045)), paint: colour(name)});
+        out.push({solid: 'ball', model: modelMatrix(p, [1, 0, 0, 0], Array(3).fill(/hand/.test(name) ? 0.05 : 0.045)), paint: colour(name)});
     }
     if (head && outside) {
-      const middle = add(head.at, turned(head.turn, [0, 0.02, 0.09]));
-      out.push({solid: 'ball', model: placed(middle, head.turn, [0.078, 0.115, 0.095]), paint: [0.8, 0.72, 0.62]});
-      out.push({solid: 'box', model: placed(add(head.at, turned(head.turn, [0, 0, -0.02])), head.turn, [0.17, 0.09, 0.07]), paint: [0.12, 0.13, 0.15]});
+      const middle = add(head.at, rotate(head.turn, [0, 0.02, 0.09]));
+      out.push({solid: 'ball', model: modelMatrix(middle, head.turn, [0.078, 0.115, 0.095]), paint: [0.8, 0.72, 0.62]});
+      out.push({solid: 'box', model: modelMatrix(add(head.at, rotate(head.turn, [0, 0, -0.02])), head.turn, [0.17, 0.09, 0.07]), paint: [0.12, 0.13, 0.15]});
     }
     return out;
   }
@@ -298,12 +298,12 @@ class Viewer {
     if (c.width !== width || c.height !== height) { c.width = width; c.height = height; }
     const g = this.over, ratio = width / Math.max(1, $('stage').clientWidth), t = this.t;
     g.clearRect(0, 0, width, height);
-    const agents = scene ? scene.told.agents : [], gaze = this.streams.gazeAt(t);
+    const agents = scene ? scene.data.agents : [], gaze = this.streams.gazeAt(t);
     const at = p => this.project(view, p, width, height);
     const scale = height / (2 * view.top);
     g.font = `${12 * ratio}px system-ui, sans-serif`;
     g.textAlign = 'center';
-    if (scene && scene.told.mark && light <= 0.5) this.dot(g, at(scene.told.mark), 3 * ratio, '#ddd');
+    if (scene && scene.data.mark && light <= 0.5) this.dot(g, at(scene.data.mark), 3 * ratio, '#ddd');
     if (this.show.heat && scene) this.drawHeat(g, scene, at, scale, ratio);
     if (this.show.areas && light > 0) agents.forEach((agent, k) => {
       const p = at(agent.at);
@@ -330,15 +330,15 @@ class Viewer {
     if (this.show.body && this.streams.has('pointer')) {
       const p = this.streams.at('pointer', 'position_m', t, 0.2), q = this.streams.at('pointer', 'orientation_wxyz', t, 0.2), ok = this.streams.at('pointer', 'valid', t, 0.2);
       if (p && q && ok && ok[0] > 0.5) {
-        const a = at(p), b = at(add(p, turned(q, [0, 0, -1]), 3));
+        const a = at(p), b = at(add(p, rotate(q, [0, 0, -1]), 3));
         if (a && b) { g.strokeStyle = 'rgba(94,200,255,.9)'; g.lineWidth = 1.5 * ratio; g.beginPath(); g.moveTo(a[0], a[1]); g.lineTo(b[0], b[1]); g.stroke(); }
       }
     }
-    if (scene) for (const panel of scene.told.panels) this.drawPanel(g, panel, at, ratio);
+    if (scene) for (const panel of scene.data.panels) this.drawPanel(g, panel, at, ratio);
   }
 
   drawPanel(g, panel, at, ratio) {
-    const [w, h] = panel.size, corner = (x, y) => at(add(panel.at, turned(panel.turn, [x * w / 2, y * h / 2, 0])));
+    const [w, h] = panel.size, corner = (x, y) => at(add(panel.at, rotate(panel.turn, [x * w / 2, y * h / 2, 0])));
     const corners = [corner(-1, 1), corner(1, 1), corner(1, -1), corner(-1, -1)];
     if (corners.some(p => !p)) return;
     g.beginPath();
@@ -370,17 +370,17 @@ class Viewer {
     const hit = this.streams.field('gaze_targets', 'hit')[0], out = [];
     for (let i = Math.max(0, lastAt(times, from)); i < times.length && times[i] <= to; i += every) {
       if (!(valid[i] > 0.5) || Number.isNaN(along[0][i])) { out.push(null); continue; }
-      out.push({t: times[i], hit: hit[i], at: gazeEnd({from: origin.map(c => c[i]), along: along.map(c => c[i]), hit: hit[i]}, scene ? scene.told.agents : [])});
+      out.push({t: times[i], hit: hit[i], at: gazeEnd({from: origin.map(c => c[i]), along: along.map(c => c[i]), hit: hit[i]}, scene ? scene.data.agents : [])});
     }
     return out;
   }
 
   drawHeat(g, scene, at, scale, ratio) {
-    const key = scene.told.t0;
+    const key = scene.data.t0;
     if (this.heatOf !== key) {
       this.heatOf = key;
       const cells = new Map();
-      for (const f of this.fell(scene.told.t0, scene.told.t1, scene)) {
+      for (const f of this.fell(scene.data.t0, scene.data.t1, scene)) {
         if (!f) continue;
         const id = f.at.map(v => Math.round(v / 0.04)).join();
         const cell = cells.get(id) || {at: f.at, n: 0};
@@ -431,7 +431,7 @@ class Viewer {
     $('nothing').style.display = step || scene && !dark ? 'none' : 'grid';
     $('nothing').textContent = dark ? 'dark' : trial ? trial.shown ? '' : `${trial.id} is not in this page in space\nvisavis view … --trial ${trial.id}` : 'between trials';
     const key = trial ? trial.id + trial.t0 : '';
-    if (key !== this.toldTrial) { this.toldTrial = key; this.tellTrial(trial); }
+    if (key !== this.panelTrial) { this.panelTrial = key; this.tellTrial(trial); }
     this.tellEvents();
   }
 
@@ -455,9 +455,9 @@ class Viewer {
 
   tellEvents() {
     const k = lastAt(this.eventTimes, this.t);
-    if (k === this.toldEvent) return;
-    this.eventButtons[this.toldEvent]?.classList.remove('now');
-    this.toldEvent = k;
+    if (k === this.panelEvent) return;
+    this.eventButtons[this.panelEvent]?.classList.remove('now');
+    this.panelEvent = k;
     const button = this.eventButtons[k];
     if (!button) return;
     button.classList.add('now');
@@ -513,10 +513,10 @@ class Viewer {
       const button = document.createElement('button'), time = document.createElement('time');
       time.textContent = clockText(e.t);
       button.append(time, ` ${e.name} `);
-      const told = document.createElement('span');
-      told.textContent = e.text;
-      told.style.color = 'var(--quiet)';
-      button.append(told);
+      const text = document.createElement('span');
+      text.textContent = e.text;
+      text.style.color = 'var(--quiet)';
+      button.append(text);
       button.title = e.text;
       button.onclick = () => this.seek(e.t);
       return button;
@@ -525,7 +525,7 @@ class Viewer {
   }
 
   defaultPlots() {
-    const has = (s, c) => this.streams.has(s) && this.streams.told.get(s).columns.some(f => f.of.includes(c));
+    const has = (s, c) => this.streams.has(s) && this.streams.byName.get(s).columns.some(f => f.of.includes(c));
     for (const [s, c] of [['gaze', 'left_pupil_mm'], ['head', 'position_z_m']]) if (has(s, c)) this.line.plot(s, c);
   }
 
@@ -540,18 +540,18 @@ class Viewer {
 
   toggle(name) { $('layer-' + name).click(); }
 
-  fly(passed) {
-    const by = 2.5 * passed, turn = turnOf(this.free.yaw, this.free.pitch);
+  fly(elapsedS) {
+    const by = 2.5 * elapsedS, turn = turnOf(this.free.yaw, this.free.pitch);
     const moves = {w: [0, 0, -1], s: [0, 0, 1], a: [-1, 0, 0], d: [1, 0, 0], q: [0, -1, 0], e: [0, 1, 0]};
-    this.moved = performance.now();
-    for (const key of this.held) this.free.at = add(this.free.at, turned(turn, moves[key]), by);
+    this.moveMs = performance.now();
+    for (const key of this.pressedKeys) this.free.at = add(this.free.at, rotate(turn, moves[key]), by);
     this.dirty = true;
   }
 
   toFree() {
     if (this.camera === 'free') return;
     const stage = $('stage'), view = this.view(this.sceneAt(this.t), stage.clientWidth, stage.clientHeight);
-    const f = turned(view.turn, [0, 0, -1]);
+    const f = rotate(view.turn, [0, 0, -1]);
     this.free = {at: view.at, yaw: Math.atan2(-f[0], -f[2]), pitch: Math.asin(Math.max(-1, Math.min(1, f[1])))};
     this.setCamera('free');
   }
@@ -571,8 +571,8 @@ class Viewer {
     $('fit-trial').onclick = () => { const t = this.trialAt(this.t); if (t) this.line.show(t.t0 - 0.5, t.t1 + 0.5); };
     $('help-button').onclick = () => $('help').showModal();
     addEventListener('keydown', e => this.key(e));
-    addEventListener('keyup', e => this.held.delete(e.key.toLowerCase()));
-    addEventListener('blur', () => this.held.clear());
+    addEventListener('keyup', e => this.pressedKeys.delete(e.key.toLowerCase()));
+    addEventListener('blur', () => this.pressedKeys.clear());
     const over = $('overlay');
     let drag = null;
     over.addEventListener('contextmenu', e => e.preventDefault());
@@ -580,7 +580,7 @@ class Viewer {
     over.addEventListener('pointerup', () => { drag = null; });
     over.addEventListener('pointermove', e => {
       if (!drag) return;
-      this.moved = performance.now();
+      this.moveMs = performance.now();
       const dx = e.clientX - drag[0], dy = e.clientY - drag[1];
       drag = [e.clientX, e.clientY, drag[2]];
       if (this.camera === 'above') {
@@ -588,7 +588,7 @@ class Viewer {
         this.above.by = [this.above.by[0] - dx * scale, this.above.by[1] - dy * scale];
       } else {
         this.toFree();
-        if (drag[2]) this.free.at = add(this.free.at, turned(turnOf(this.free.yaw, this.free.pitch), [-dx, dy, 0]), 0.006);
+        if (drag[2]) this.free.at = add(this.free.at, rotate(turnOf(this.free.yaw, this.free.pitch), [-dx, dy, 0]), 0.006);
         else {
           this.free.yaw += 0.004 * dx;
           this.free.pitch = Math.max(-1.55, Math.min(1.55, this.free.pitch + 0.004 * dy));
@@ -599,7 +599,7 @@ class Viewer {
     over.addEventListener('wheel', e => {
       e.preventDefault();
       if (this.camera === 'above') this.above.zoom = Math.max(0.3, Math.min(12, this.above.zoom * Math.exp(-0.001 * e.deltaY)));
-      else { this.toFree(); this.free.at = add(this.free.at, turned(turnOf(this.free.yaw, this.free.pitch), [0, 0, 1]), 0.003 * e.deltaY); }
+      else { this.toFree(); this.free.at = add(this.free.at, rotate(turnOf(this.free.yaw, this.free.pitch), [0, 0, 1]), 0.003 * e.deltaY); }
       this.dirty = true;
     }, {passive: false});
   }
@@ -618,17 +618,17 @@ class Viewer {
     else if (key === '-') this.line.zoom(1 / 0.7);
     else if (key === '0') this.line.show(0, this.line.end);
     else if (key === '?') $('help').showModal();
-    else if ('wasdqe'.includes(key) && key.length === 1) { this.toFree(); this.held.add(key); }
+    else if ('wasdqe'.includes(key) && key.length === 1) { this.toFree(); this.pressedKeys.add(key); }
     else return;
     e.preventDefault();
   }
 }
 
-const begun = performance.now();
+const startMs = performance.now();
 unpacked($('data').textContent).then(content => {
   $('data').remove();
   window.viewer = new Viewer(content);
-  document.body.dataset.opened = (performance.now() - begun).toFixed(0);
+  document.body.dataset.opened = (performance.now() - startMs).toFixed(0);
 }).catch(problem => {
   $('nothing').style.display = 'grid';
   $('nothing').textContent = `This page cannot be shown: ${problem.message}`;

@@ -61,7 +61,7 @@ def arrival_of(parameters: Mapping[str, str]) -> Arrival:
             continue
         if not ID.fullmatch(parameters[name]):
             raise PageError(
-                f"{name}={parameters[name][:40]} is no identifier (letters, digits, - and _)"
+                f"{name}={parameters[name][:40]} is not an identifier (letters, digits, - and _)"
             )
         more = {n: parameters[n] for n in STORED_PARAMETERS if ID.fullmatch(parameters.get(n, ""))}
         return Arrival(panel, parameters[name], more)

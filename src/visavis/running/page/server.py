@@ -157,7 +157,7 @@ class LocalServer:
         except PageError as error:
             response = _refusal(400, str(error))
         except (ValueError, UnicodeDecodeError):
-            response = _refusal(400, "that is no JSON")
+            response = _refusal(400, "that is not JSON")
         if not response.prepared:
             response.headers.update(HEADERS)
         return response

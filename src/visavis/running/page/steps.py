@@ -211,7 +211,7 @@ def mapping(content: Any, what: str) -> Mapping[str, Any]:
         PageError: it is something else.
     """
     if not isinstance(content, Mapping):
-        raise PageError(f"{what} is no object: {str(content)[:60]!r}")
+        raise PageError(f"{what} is not an object: {str(content)[:60]!r}")
     return content
 
 
@@ -222,7 +222,7 @@ def number(content: Any, what: str) -> float:
         PageError: it is something else.
     """
     if isinstance(content, bool) or not isinstance(content, int | float):
-        raise PageError(f"{what} is no number: {str(content)[:60]!r}")
+        raise PageError(f"{what} is not a number: {str(content)[:60]!r}")
     if not abs(content) < 1e15:
         raise PageError(f"{what} is {content}")
     return float(content)

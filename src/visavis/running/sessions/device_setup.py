@@ -187,11 +187,11 @@ def require_picture(config: LabConfig) -> None:
 
 def _as_headset(device: Device) -> Headset:
     if not hasattr(device, "wait_frame"):
-        raise ConfigError(f"{device.info.driver} is no headset; give the headset role another")
+        raise ConfigError(f"{device.info.driver} is not a headset; give the headset role another")
     return device  # type: ignore[return-value]  # has the verbs that make it one
 
 
 def _as_eye_tracker(device: Device) -> EyeTracker:
     if not hasattr(device, "begin_calibration"):
-        raise ConfigError(f"{device.info.driver} is no eye tracker; give the role another")
+        raise ConfigError(f"{device.info.driver} is not an eye tracker; give the role another")
     return device  # type: ignore[return-value]  # has the verbs that make it one

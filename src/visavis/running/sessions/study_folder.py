@@ -49,7 +49,7 @@ def read_parameters(assignments: list[str]) -> dict[str, Any]:
     """Read NAME=VALUE texts; values are numbers, true, false or text as YAML reads them.
 
     Raises:
-        UsageError: a text is no assignment, or a name comes twice.
+        UsageError: a text is not an assignment, or a name comes twice.
     """
     read: dict[str, Any] = {}
     for text in assignments:

@@ -235,7 +235,7 @@ def code_layers(
 
 def _mipmaps(stack: list[TextureArray]) -> list[list[TextureArray]]:
     """Return the pictures halved time and again until one pixel is left; none at all where a side
-    is no power of 2. Mesa compiles its own way of doing this anew in every process.
+    is not a power of 2. Mesa compiles its own way of doing this anew in every process.
     """
     height, width, channels = stack[0].shape
     if height & height - 1 or width & width - 1:

@@ -159,7 +159,7 @@ def _lit(
 
 @compiled
 def looked_up(table: Floats, linear: np.float32) -> np.float32:
-    """Return a table's entry for light; the last one for light beyond it or that is no number."""
+    """Return a table's entry for light; the last for light beyond it or that is not a number."""
     last = table.shape[0] - 1
     root = np.sqrt(max(linear, np.float32(0.0))) * np.float32(1024.0)
     # Compared before it is made an index: light that is not a number stays inside the table, too.

@@ -51,7 +51,7 @@ class FilmingCamera(Protocol):
 
     @property
     def cut_ns(self) -> tuple[int, ...]:
-        """When it cut so far; the beginning is no cut."""
+        """When it cut so far; the beginning is not a cut."""
         ...
 
 

@@ -262,7 +262,7 @@ class Obstacles:
         """
         if not (len(triangles_m) and np.isfinite(triangles_m).all()):
             raise DesignError(
-                f"a place of {len(triangles_m)} triangles, or with corners that are no numbers, "
+                f"a place of {len(triangles_m)} triangles, or with corners that are not numbers, "
                 f"has nothing a camera could keep clear of; give a room with props"
             )
         order = np.arange(len(triangles_m))

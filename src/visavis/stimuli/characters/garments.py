@@ -289,7 +289,7 @@ def _connected_share(
 
 
 def _between_others(is_garment: Mask, is_other: Mask) -> Mask:
-    """Return which pixels are narrow pieces with what is no garment along most of their rim, though
+    """Return which pixels are narrow pieces whose rim mostly touches what is not a garment, though
     they look like the garment and may hang together with it.
     """
     from scipy import ndimage  # late, as above

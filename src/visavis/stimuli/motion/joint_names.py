@@ -34,7 +34,7 @@ _ESCAPED = re.compile(r"FBXASC(\d{3})")
 """How Autodesk's exporters write characters that their format has no place for: by their code."""
 _NUMBER = re.compile(r"(?<=.)[._]\d+$")
 _MIN_NUMBERED = 0.8
-"""From this share on, numbers at the ends of names are no part of them: Sketchfab and Blender put
+"""From this share on, numbers at the ends of names are not part of them: Sketchfab and Blender put
 one behind all.
 """
 _BIPED_FINGERS = ("thumb", "index", "middle", "ring", "little")

@@ -25,21 +25,21 @@ const SAY = {
 };
 
 const at = (id) => document.getElementById(id);
-let session = null, status = null, seen = null, ended = null, allowed = [], asked = null, heardAt = performance.now(), today = null, bounds = null, isOffline = false, which = "", wanted = "";
+let session = null, status = null, seen = null, ended = null, allowed = [], pendingAction = null, heardAt = performance.now(), today = null, bounds = null, isOffline = false, which = "", selection = "";
 
 function el(name, content = {}, ...inner) {
-  const made = document.createElement(name);
+  const node = document.createElement(name);
   for (const [attribute, value] of Object.entries(content)) {
-    if (attribute === "text") made.textContent = value;
-    else if (attribute === "on") made.addEventListener("click", value);
-    else if (value !== undefined && value !== "") made.setAttribute(attribute, value);
+    if (attribute === "text") node.textContent = value;
+    else if (attribute === "on") node.addEventListener("click", value);
+    else if (value !== undefined && value !== "") node.setAttribute(attribute, value);
   }
-  made.append(...inner.filter(Boolean));
-  return made;
+  node.append(...inner.filter(Boolean));
+  return node;
 }
 
 // Text with commands between backticks, as parts of an element.
-function worded(text) {
+function withCode(text) {
   return text.split("`").map((part, i) => (i % 2 ? el("code", { text: part }) : part)).filter(Boolean);
 }
 
@@ -47,9 +47,9 @@ async function post(path, content = {}) {
   const answer = await fetch(path, {
     method: "POST", headers: { "Content-Type": "application/json", "X-Visavis-Key": key }, body: JSON.stringify(content),
   });
-  const told = await answer.json();
-  if (!answer.ok) throw new Error(told.refused || `the desk answered ${answer.status}`);
-  return told;
+  const result = await answer.json();
+  if (!answer.ok) throw new Error(result.refused || `the desk answered ${answer.status}`);
+  return result;
 }
 
 function tell(text) {
@@ -81,7 +81,7 @@ const HAS_REASON = ["skip", "reason"];
 
 function press([action, label, , question]) {
   if (!question && action !== "abort") { command(action); return; }
-  asked = action;
+  pendingAction = action;
   const coded = HAS_REASON.includes(action) ? Object.entries(session.incidents) : [];
   at("ask-codes").hidden = !coded.length;
   at("ask-list").replaceChildren(...coded.map(([code, words]) =>
@@ -99,10 +99,10 @@ function press([action, label, , question]) {
 at("ask-form").addEventListener("submit", (event) => {
   event.preventDefault();
   const text = at("ask-text").value.trim();
-  const chosen = at("ask-list").querySelector("input:checked");
-  if (!at("ask-text").hidden && !text && !chosen) { at("ask-text").focus(); return; }
+  const choice = at("ask-list").querySelector("input:checked");
+  if (!at("ask-text").hidden && !text && !choice) { at("ask-text").focus(); return; }
   at("ask").close();
-  command(asked, text, chosen ? chosen.value : "");
+  command(pendingAction, text, choice ? choice.value : "");
 });
 at("ask-no").addEventListener("click", () => at("ask").close());
 
@@ -155,11 +155,11 @@ function put(id, text) {
   if (place && place.textContent !== text) place.textContent = text;
 }
 
-const kept = new Map();
+const lastTexts = new Map();
 function renew(id, content, make) {
   const now = JSON.stringify(content);
-  if (kept.get(id) === now && at(id).childNodes.length) return;
-  kept.set(id, now);
+  if (lastTexts.get(id) === now && at(id).childNodes.length) return;
+  lastTexts.set(id, now);
   at(id).replaceChildren(...make());
 }
 
@@ -237,10 +237,10 @@ function streams(rows) {
 
 const SVG = "http://www.w3.org/2000/svg";
 function shape(name, attributes, text) {
-  const made = document.createElementNS(SVG, name);
-  for (const [attribute, value] of Object.entries(attributes)) made.setAttribute(attribute, value);
-  if (text) made.textContent = text;
-  return made;
+  const node = document.createElementNS(SVG, name);
+  for (const [attribute, value] of Object.entries(attributes)) node.setAttribute(attribute, value);
+  if (text) node.textContent = text;
+  return node;
 }
 
 // Colours of both drawings; who is looked at and who is touched differ in more than colour.
@@ -265,30 +265,30 @@ function showAbove(s) {
   if (!bounds) return;
   const wide = Math.max(bounds[2] - bounds[0] + 1.6, 3), deep = Math.max(bounds[3] - bounds[1] + 1.6, 2.2);
   const x0 = (bounds[0] + bounds[2] - wide) / 2, z0 = (bounds[1] + bounds[3] - deep) / 2, size = Math.max(wide, deep);
-  const thin = size * 0.003, drawn = [];
-  above.areas.forEach((r, i) => drawn.push(shape("circle", { class: "area", cx: above.people[i][1], cy: above.people[i][2], r, ...AREA, "stroke-width": thin, "stroke-dasharray": size * 0.012 })));
+  const thin = size * 0.003, shapes = [];
+  above.areas.forEach((r, i) => shapes.push(shape("circle", { class: "area", cx: above.people[i][1], cy: above.people[i][2], r, ...AREA, "stroke-width": thin, "stroke-dasharray": size * 0.012 })));
   above.people.forEach((person, i) => {
     const isTouched = above.touched.includes(i);
     const look = isTouched ? TOUCHED : i === above.hit ? MET : PERSON;
-    drawn.push(shape("circle", { class: isTouched ? "touched" : "person", cx: person[1], cy: person[2], r: Math.max(person[3], size * 0.014), ...look, "stroke-width": isTouched ? 3 * thin : thin }));
+    shapes.push(shape("circle", { class: isTouched ? "touched" : "person", cx: person[1], cy: person[2], r: Math.max(person[3], size * 0.014), ...look, "stroke-width": isTouched ? 3 * thin : thin }));
   });
   if (above.gaze) {
     const [x, z, dx, dz] = above.gaze;
-    drawn.push(shape("line", { x1: x, y1: z, x2: x + 2 * size * dx, y2: z + 2 * size * dz, stroke: "#c0392b", "stroke-width": size * 0.006, "stroke-opacity": 0.8 }));
+    shapes.push(shape("line", { x1: x, y1: z, x2: x + 2 * size * dx, y2: z + 2 * size * dz, stroke: "#c0392b", "stroke-width": size * 0.006, "stroke-opacity": 0.8 }));
   }
   if (above.head) {
     const [x, z] = above.head, r = Math.max(0.16, size * 0.018);
     const length = Math.hypot(...above.ahead) || 1, ux = above.ahead[0] / length, uz = above.ahead[1] / length;
-    drawn.push(shape("path", { d: `M ${x + ux * r * 2} ${z + uz * r * 2} L ${x - uz * r} ${z + ux * r} L ${x + uz * r} ${z - ux * r} Z`, fill: "#14509a" }));
-    drawn.push(shape("circle", { cx: x, cy: z, r, fill: "#14509a" }));
+    shapes.push(shape("path", { d: `M ${x + ux * r * 2} ${z + uz * r * 2} L ${x - uz * r} ${z + ux * r} L ${x + uz * r} ${z - ux * r} Z`, fill: "#14509a" }));
+    shapes.push(shape("circle", { cx: x, cy: z, r, fill: "#14509a" }));
     for (const contact of s.contacts) {  // at the side of the arm that touches, bolder while its band vibrates
       const side = contact.segment.startsWith("left") ? 1 : -1;
-      drawn.push(shape("circle", { class: "contact", cx: x + side * uz * r * 1.5, cy: z - side * ux * r * 1.5, r: r * 0.6, fill: contact.vibrates ? "#a3121f" : "#fff", stroke: "#a3121f", "stroke-width": 3 * thin }));
+      shapes.push(shape("circle", { class: "contact", cx: x + side * uz * r * 1.5, cy: z - side * ux * r * 1.5, r: r * 0.6, fill: contact.vibrates ? "#a3121f" : "#fff", stroke: "#a3121f", "stroke-width": 3 * thin }));
     }
   }
   const bar = size > 12 ? 5 : 1, y = z0 + deep - size * 0.03, x = x0 + size * 0.03;
-  drawn.push(shape("path", { d: `M ${x} ${y} h ${bar}`, stroke: "#4a525b", "stroke-width": size * 0.006 }));
-  drawn.push(shape("text", { x: x + bar + size * 0.015, y: y + size * 0.012, "font-size": size * 0.04, fill: "#4a525b" }, `${bar} m`));
+  shapes.push(shape("path", { d: `M ${x} ${y} h ${bar}`, stroke: "#4a525b", "stroke-width": size * 0.006 }));
+  shapes.push(shape("text", { x: x + bar + size * 0.015, y: y + size * 0.012, "font-size": size * 0.04, fill: "#4a525b" }, `${bar} m`));
   at("above").setAttribute("viewBox", `${x0} ${z0} ${wide} ${deep}`);
   at("above").replaceChildren(...drawn);
   put("above-text", [gazeWords(s), contactWords(s)].filter(Boolean).join(" "));
@@ -304,8 +304,8 @@ function gazeWords(s) {
 
 function contactWords(s) {
   const now = s.contacts.map((one) => `${one.segment.replaceAll("_", " ") || "body"} touches ${one.person === null ? "somebody" : `person ${one.person + 1}`}${one.vibrates ? ", its band vibrates" : ""}`);
-  const begun = s.contacts_begun ? `${count(s.contacts_begun, "contact")} in this trial.` : "";
-  return [now.length ? `${now.join("; ")}.`.replace(/^./, (c) => c.toUpperCase()) : "", begun].filter(Boolean).join(" ");
+  const contacts = s.contacts_begun ? `${count(s.contacts_begun, "contact")} in this trial.` : "";
+  return [now.length ? `${now.join("; ")}.`.replace(/^./, (c) => c.toUpperCase()) : "", contacts].filter(Boolean).join(" ");
 }
 
 // Tangents to the right and up of straight ahead; SVG's y points down.
@@ -314,21 +314,21 @@ function showView(view) {
   if (!view) return;
   const [left, right, bottom, top] = view.tangents, size = right - left, thin = size * 0.004;
   const box = { x: left, y: -top, width: size, height: top - bottom };
-  const drawn = [shape("rect", { ...box, fill: view.jpeg ? "#000" : "#eef1f4" })];
-  if (view.jpeg) drawn.push(shape("image", { ...box, preserveAspectRatio: "none", href: `data:image/jpeg;base64,${view.jpeg}` }));
+  const shapes = [shape("rect", { ...box, fill: view.jpeg ? "#000" : "#eef1f4" })];
+  if (view.jpeg) shapes.push(shape("image", { ...box, preserveAspectRatio: "none", href: `data:image/jpeg;base64,${view.jpeg}` }));
   else {
-    for (const corners of view.boards) drawn.push(shape("polygon", { points: corners.map(([x, y]) => `${x},${-y}`).join(" "), fill: "#fff", stroke: "#4a525b", "stroke-width": thin }));
+    for (const corners of view.boards) shapes.push(shape("polygon", { points: corners.map(([x, y]) => `${x},${-y}`).join(" "), fill: "#fff", stroke: "#4a525b", "stroke-width": thin }));
     view.heads.forEach(([, x, y, r], i) => {
       const look = i === view.hit ? MET : PERSON;
-      drawn.push(shape("path", { d: `M ${x - 2 * r} ${-y + 4.5 * r} V ${-y + 2.2 * r} Q ${x - 2 * r} ${-y + 1.3 * r} ${x} ${-y + 1.3 * r} Q ${x + 2 * r} ${-y + 1.3 * r} ${x + 2 * r} ${-y + 2.2 * r} V ${-y + 4.5 * r} Z`, ...PERSON, "stroke-width": thin }));
-      drawn.push(shape("ellipse", { class: "head", cx: x, cy: -y, rx: 0.85 * r, ry: 1.1 * r, ...look, "stroke-width": thin }));
+      shapes.push(shape("path", { d: `M ${x - 2 * r} ${-y + 4.5 * r} V ${-y + 2.2 * r} Q ${x - 2 * r} ${-y + 1.3 * r} ${x} ${-y + 1.3 * r} Q ${x + 2 * r} ${-y + 1.3 * r} ${x + 2 * r} ${-y + 2.2 * r} V ${-y + 4.5 * r} Z`, ...PERSON, "stroke-width": thin }));
+      shapes.push(shape("ellipse", { class: "head", cx: x, cy: -y, rx: 0.85 * r, ry: 1.1 * r, ...look, "stroke-width": thin }));
     });
-    if (view.mark) drawn.push(shape("circle", { cx: view.mark[0], cy: -view.mark[1], r: size * 0.012, fill: "#1d2126" }));
+    if (view.mark) shapes.push(shape("circle", { cx: view.mark[0], cy: -view.mark[1], r: size * 0.012, fill: "#1d2126" }));
   }
-  for (const [x, y, r] of view.areas) drawn.push(shape("circle", { class: "area", cx: x, cy: -y, r, ...AREA, "stroke-width": thin, "stroke-dasharray": size * 0.016 }));
+  for (const [x, y, r] of view.areas) shapes.push(shape("circle", { class: "area", cx: x, cy: -y, r, ...AREA, "stroke-width": thin, "stroke-dasharray": size * 0.016 }));
   if (view.gaze) {
-    drawn.push(shape("circle", { cx: view.gaze[0], cy: -view.gaze[1], r: size * 0.022, fill: "none", stroke: "#fff", "stroke-width": 3.5 * thin }));
-    drawn.push(shape("circle", { class: "gaze", cx: view.gaze[0], cy: -view.gaze[1], r: size * 0.022, fill: "none", stroke: "#c0392b", "stroke-width": 2 * thin }));
+    shapes.push(shape("circle", { cx: view.gaze[0], cy: -view.gaze[1], r: size * 0.022, fill: "none", stroke: "#fff", "stroke-width": 3.5 * thin }));
+    shapes.push(shape("circle", { class: "gaze", cx: view.gaze[0], cy: -view.gaze[1], r: size * 0.022, fill: "none", stroke: "#c0392b", "stroke-width": 2 * thin }));
   }
   const seenBox = `${left} ${-top} ${size} ${top - bottom}`, inner = shape("svg", { ...box, viewBox: seenBox });
   inner.append(...drawn);  // whose overflow is cut
@@ -357,7 +357,7 @@ function verdictOf(verdict, label) {
   return el("div", { class: `verdict ${verdict.level}` },
     el("strong", { text: verdict.answer }),
     el("span", { text: `Participant ${label}: ${verdict.done} of ${count(verdict.planned, "trial")} done.` }),
-    verdict.redo.length ? el("ul", { class: "plain", "aria-label": "what to do" }, ...verdict.redo.map((step) => el("li", { class: "remedy" }, ...worded(step)))) : null,
+    verdict.redo.length ? el("ul", { class: "plain", "aria-label": "what to do" }, ...verdict.redo.map((step) => el("li", { class: "remedy" }, ...withCode(step)))) : null,
     el("ul", { class: "plain findings", "aria-label": "why" }, ...wrong.map(line)),
     el("details", {}, el("summary", { text: `${right.length} as they should be` }), el("ul", { class: "plain" }, ...right.map(line))));
 }
@@ -377,7 +377,7 @@ function person(who) {
   const state = who.session && who.state !== "to come" ? `session ${who.session} ${who.state}` : who.state;
   return el("div", { class: "person" }, el("b", { text: who.label }), el("span", { text: state }),
     verdict ? el("div", { class: short, text: `${verdict.answer} ${verdict.done} of ${verdict.planned} trials done.` }) : null,
-    verdict && who.state === "complete" ? el("ul", { class: "plain" }, ...verdict.redo.map((step) => el("li", { class: "remedy" }, ...worded(step)))) : null,
+    verdict && who.state === "complete" ? el("ul", { class: "plain" }, ...verdict.redo.map((step) => el("li", { class: "remedy" }, ...withCode(step)))) : null,
     who.command ? el("div", {}, el("code", { text: who.command }), document.createTextNode(" "), copied(who.command)) : null);
 }
 
@@ -439,7 +439,7 @@ function showSessions(sessions) {
   renew("sessions", [sessions, which], () => sessions.map((one) =>
     el("button", { type: "button", class: one.which === which ? "" : "quiet", "aria-pressed": String(one.which === which),
       text: `${one.participant} · ${one.study}${one.session > 1 ? `, session ${one.session}` : ""}`,
-      on: () => { wanted = one.which; } })));
+      on: () => { selection = one.which; } })));
 }
 
 // ---- what is new ------------------------------------------------------------------------------
@@ -448,22 +448,22 @@ async function follow() {
   let after = null;
   for (;;) {
     try {
-      const told = await post("/api/live", after === null || wanted !== which ? { which: wanted } : { after, which });
-      if (told.number !== after) heardAt = performance.now();
-      after = told.number;
+      const news = await post("/api/live", after === null || selection !== which ? { which: selection } : { after, which });
+      if (news.number !== after) heardAt = performance.now();
+      after = news.number;
       const before = session && session.path + session.participant;
-      session = told.session;
-      if (!wanted || !told.sessions.some((one) => one.which === wanted)) wanted = told.which;
-      which = told.which;
-      showSessions(told.sessions);
-      status = told.status;
-      seen = told.seen;
-      ended = told.ended;
+      session = news.session;
+      if (!selection || !news.sessions.some((one) => one.which === selection)) selection = news.which;
+      which = news.which;
+      showSessions(news.sessions);
+      status = news.status;
+      seen = news.seen;
+      ended = news.ended;
       const now = session && session.path + session.participant;
       if (session && (now !== before || !frame || !frame.isConnected)) {
         allowed = session.commands;
         bounds = null;
-        kept.clear();
+        lastTexts.clear();
         build();
       }
       if (now !== before) {

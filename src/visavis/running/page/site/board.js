@@ -6,10 +6,10 @@ const main = document.getElementById("main");
 const notice = document.getElementById("notice");
 
 function element(tag, attributes = {}, ...children) {
-  const made = document.createElement(tag);
-  for (const [name, value] of Object.entries(attributes)) if (value !== undefined) made.setAttribute(name, value);
-  made.append(...children);
-  return made;
+  const node = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) if (value !== undefined) node.setAttribute(name, value);
+  node.append(...children);
+  return node;
 }
 
 const minutes = (m) => (m === null ? "–" : m < 10 ? m.toFixed(1) : String(Math.round(m)));

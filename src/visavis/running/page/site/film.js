@@ -5,7 +5,7 @@ import * as wire from "./wire.js";
 const AT_ONCE = 2;
 const TRIES = 4;
 const FIRST_FRAME_LIMIT_MS = 10000;
-const loaded = new Map();
+const cache = new Map();
 
 const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 
@@ -16,14 +16,14 @@ async function hashOf(buffer) {
 }
 
 export function isLoaded(film) {
-  return loaded.has(film.film);
+  return cache.has(film.film);
 }
 
 export async function load(film, key) {
-  if (loaded.has(film.film)) return loaded.get(film.film).report;
+  if (cache.has(film.film)) return cache.get(film.film).report;
   let why = "";
   for (let attempt = 1; attempt <= TRIES; attempt += 1) {
-    const begun = performance.now();
+    const startMs = performance.now();
     try {
       const response = await wire.film(film.film, key);
       if (!response.ok) throw new Error(`the server answered ${response.status}`);
@@ -31,8 +31,8 @@ export async function load(film, key) {
       if (buffer.byteLength !== film.bytes) throw new Error("it came in part");
       const hash = await hashOf(buffer);
       if (hash !== null && hash !== film.sha256) throw new Error("it came damaged");
-      const report = { attempts: attempt, ms: performance.now() - begun, is_checked: hash !== null };
-      loaded.set(film.film, { url: URL.createObjectURL(new Blob([buffer], { type: "video/webm" })), report });
+      const report = { attempts: attempt, ms: performance.now() - startMs, is_checked: hash !== null };
+      cache.set(film.film, { url: URL.createObjectURL(new Blob([buffer], { type: "video/webm" })), report });
       return report;
     } catch (error) {
       why = String(error.message || error);
@@ -77,16 +77,16 @@ class Player {
   }
 
   watch(onFrame) {
-    const seen = (now, data) => {
+    const onPresented = (now, data) => {
       if (this.isOver) return;
       if (this.firstMs === null) this.firstMs = data.expectedDisplayTime || now;
       this.frames = Math.max(this.frames + (data.presentedFrames ? 0 : 1), data.presentedFrames || 0);
       this.mediaS = data.mediaTime;
       onFrame(this);
-      this.video.requestVideoFrameCallback(seen);
+      this.video.requestVideoFrameCallback(onPresented);
     };
     if (this.hasFrameTimes) {
-      this.video.requestVideoFrameCallback(seen);
+      this.video.requestVideoFrameCallback(onPresented);
       return;
     }
     let last = -1;
@@ -152,7 +152,7 @@ export function play(films, videos, onRound) {
   };
   for (const { video, film } of players) {
     video.addEventListener("ended", again);
-    video.src = loaded.get(film.film)?.url || "";
+    video.src = cache.get(film.film)?.url || "";
   }
   const ready = players.map(({ video }) => new Promise((resolve) => {
     if (video.readyState >= 3) resolve(); else video.addEventListener("canplay", resolve, { once: true });

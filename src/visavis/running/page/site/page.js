@@ -27,8 +27,8 @@ let store = null;
 let words = {};
 let queue = [];
 let next = 1;
-let shown = -1;
-let replied = -1;
+let stepNumber = -1;
+let replyNumber = -1;
 let isSending = false;
 let isOver = false;
 let cleanUp = () => {};
@@ -39,14 +39,14 @@ let putMs = 0;
 // ---- small things ---------------------------------------------------------------------------
 
 function element(tag, attributes = {}, ...children) {
-  const made = document.createElement(tag);
+  const node = document.createElement(tag);
   for (const [name, value] of Object.entries(attributes)) {
-    if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
-    else if (value === true) made.setAttribute(name, "");
-    else if (value !== false && value !== undefined && value !== null) made.setAttribute(name, value);
+    if (name.startsWith("on")) node.addEventListener(name.slice(2), value);
+    else if (value === true) node.setAttribute(name, "");
+    else if (value !== false && value !== undefined && value !== null) node.setAttribute(name, value);
   }
-  made.append(...children.filter((c) => c !== null && c !== undefined));
-  return made;
+  node.append(...children.filter((c) => c !== null && c !== undefined));
+  return node;
 }
 
 const say = (name, values = {}) => (words[name] || "").replace(/\{(\w+)\}/g, (_, n) => values[n] ?? "");
@@ -110,7 +110,7 @@ async function flush() {
         if (again.status === 200 && !again.body.failed && !queue.length) await take(again.body);
         continue;
       }
-      if (answer.status !== 200 || answer.body.failed) { broken(answer.body.refused || answer.body.failed); return; }
+      if (answer.status !== 200 || answer.body.failed) { showProblem(answer.body.refused || answer.body.failed); return; }
       if (failures || isLate) tell("");
       [failures, isLate] = [0, false];
       await take(answer.body);
@@ -123,9 +123,9 @@ async function flush() {
 async function take(state) {
   queue = queue.filter((e) => e.n > state.ack);
   await store.drop(state.ack);
-  if (state.number !== shown) {
-    shown = state.number;
-    replied = -1;
+  if (state.number !== stepNumber) {
+    stepNumber = state.number;
+    replyNumber = -1;
     show(state.step);
   }
 }
@@ -177,11 +177,11 @@ async function refreshHz() {
 }
 
 const reply = (content) => {
-  if (replied === shown) return undefined; // pressed twice
-  replied = shown;
+  if (replyNumber === stepNumber) return undefined; // pressed twice
+  replyNumber = stepNumber;
   const whole = mayRecord() ? { hidden_ms: hiddenNow(), ...content } : content;
   stop.hidden = true;
-  return send("reply", { step: shown, reply: whole });
+  return send("reply", { step: stepNumber, reply: whole });
 };
 
 // ---- what happens around a step -------------------------------------------------------------
@@ -193,15 +193,15 @@ function hiddenNow() {
 document.addEventListener("visibilitychange", () => {
   if (document.hidden) hiddenSince = performance.now();
   else if (hiddenSince !== null) { hiddenMs += performance.now() - hiddenSince; hiddenSince = null; }
-  if (store && shown >= 0) send("visibility", { is_visible: !document.hidden });
+  if (store && stepNumber >= 0) send("visibility", { is_visible: !document.hidden });
 });
-document.addEventListener("fullscreenchange", () => { if (shown >= 0) send("fullscreen", { is_full: !!document.fullscreenElement }); });
+document.addEventListener("fullscreenchange", () => { if (stepNumber >= 0) send("fullscreen", { is_full: !!document.fullscreenElement }); });
 let resizing = 0;
 addEventListener("resize", () => {
   clearTimeout(resizing);
-  resizing = setTimeout(() => { if (shown >= 0) send("resize", { view_px: [innerWidth, innerHeight], pixel_ratio: devicePixelRatio }); }, 400);
+  resizing = setTimeout(() => { if (stepNumber >= 0) send("resize", { view_px: [innerWidth, innerHeight], pixel_ratio: devicePixelRatio }); }, 400);
 });
-addEventListener("error", (e) => { if (shown >= 0) send("problem", { what: String(e.message).slice(0, 200) }); });
+addEventListener("error", (e) => { if (stepNumber >= 0) send("problem", { what: String(e.message).slice(0, 200) }); });
 addEventListener("pagehide", () => wire.leave(key, tab));
 
 function elsewhere() {
@@ -209,10 +209,10 @@ function elsewhere() {
   isOver = true;
   stop.hidden = true;
   put("narrow", element("h1", {}, say("elsewhere") || "This study is open in another tab."),
-    element("div", { class: "buttons" }, button(say("here") || "Go on here", () => { isOver = false; shown = -1; begin(true); })));
+    element("div", { class: "buttons" }, button(say("here") || "Go on here", () => { isOver = false; stepNumber = -1; begin(true); })));
 }
 
-function broken(why) {
+function showProblem(why) {
   cleanUp();
   isOver = true;
   stop.hidden = true;
@@ -231,9 +231,9 @@ stop.addEventListener("click", () => {
 
 // ---- questions ------------------------------------------------------------------------------
 
-function asked(question, index, changed) {
+function questionField(question, index, changed) {
   let answer = null;
-  const given = (option, by) => { answer = { option, at_ms: performance.now(), by }; changed(); };
+  const choose = (option, by) => { answer = { option, at_ms: performance.now(), by }; changed(); };
   const byOf = (e) => (e.pointerType ? e.pointerType : "keys");
   const legend = [question.prompt, question.is_optional ? element("span", { class: "optional" }, ` (${say("optional")})`) : null];
   let by = "mouse";
@@ -241,7 +241,7 @@ function asked(question, index, changed) {
   let controls = [];
   if (question.options?.length) {
     controls = question.options.map((option) => element("input", { type: "radio", name: `q${index}`, value: option.value,
-      onchange: () => given(option.value, by) }));
+      onchange: () => choose(option.value, by) }));
     const isShort = question.options.every((o) => o.label.length <= 2);
     const kind = question.kind === "list" ? "list" : isShort ? "short" : "";
     field = element("fieldset", {}, element("legend", {}, ...legend),
@@ -253,18 +253,18 @@ function asked(question, index, changed) {
     const control = element("input", { type: "range", min: question.low, max: question.high, step: question.step, value: (question.low + question.high) / 2,
       "aria-label": question.prompt });
     const holder = element("div", { class: "slider untouched" }, element("span", {}, `${question.low}`), control, element("span", {}, `${question.high}`), out);
-    const moved = (e) => { holder.classList.remove("untouched"); out.value = `${control.value} ${question.unit === "1" ? "" : question.unit}`; given(control.value, byOf(e)); };
+    const onMove = (e) => { holder.classList.remove("untouched"); out.value = `${control.value} ${question.unit === "1" ? "" : question.unit}`; choose(control.value, byOf(e)); };
     control.addEventListener("pointerdown", (e) => { by = e.pointerType || "mouse"; });
     control.addEventListener("keydown", () => { by = "keys"; });
-    control.addEventListener("input", () => moved({ pointerType: by === "keys" ? "" : by }));
-    control.addEventListener("pointerup", moved);
+    control.addEventListener("input", () => onMove({ pointerType: by === "keys" ? "" : by }));
+    control.addEventListener("pointerup", onMove);
     controls = [control];
     field = element("fieldset", {}, element("legend", {}, ...legend), holder);
   } else {
     const isText = question.kind === "text";
     const control = element(isText ? "textarea" : "input", { type: isText ? false : "text", class: isText ? false : "number",
       rows: isText ? 3 : false, maxlength: isText ? 10000 : 20, inputmode: isText ? false : "decimal", autocomplete: "off", id: `q${index}` });
-    control.addEventListener("input", () => given(control.value.trim() === "" ? null : control.value.trim(), "keys"));
+    control.addEventListener("input", () => choose(control.value.trim() === "" ? null : control.value.trim(), "keys"));
     controls = [control];
     field = element("div", {}, element("label", { class: "prompt", for: `q${index}` }, ...legend), control);
   }
@@ -336,9 +336,9 @@ const steps = {
     let played = 0;
     const hint = paragraph("", "hint");
     const field = element("input", { type: "text", class: "number", id: "heard", inputmode: "numeric", maxlength: 8, autocomplete: "off" });
-    const go = button(say("next"), () => done(field.value.trim()));
+    const go = button(say("next"), () => finish(field.value.trim()));
     go.disabled = true;
-    const done = (heard) => { cleanUp(); reply({ heard, played }); };
+    const finish = (heard) => { cleanUp(); reply({ heard, played }); };
     const play = button(say("sound_play"), () => {
       voice.currentTime = 0;
       voice.play().then(() => { played += 1; field.focus(); }, (error) => { hint.textContent = String(error.message || error); });
@@ -348,7 +348,7 @@ const steps = {
     cleanUp = () => { voice.pause(); cleanUp = () => {}; };
     put("narrow", element("h1", {}, say("sound_title")), paragraph(say("sound_text")), element("div", { class: "buttons" }, play), hint,
       element("div", {}, element("label", { class: "prompt", for: "heard" }, say("sound_heard")), field),
-      element("div", { class: "buttons" }, go, button(say("sound_none"), () => done(null), true)));
+      element("div", { class: "buttons" }, go, button(say("sound_none"), () => finish(null), true)));
   },
 
   async preload(step) {
@@ -383,7 +383,7 @@ const steps = {
     const hint = paragraph(step.min_rounds ? say("watch_first") : "", "hint");
     const go = button(say("next"), () => finish());
     const update = () => { go.disabled = !(isOpen && questions.every((q) => q.isFine())); };
-    const questions = step.questions.map((q, i) => asked(q, i, update));
+    const questions = step.questions.map((q, i) => questionField(q, i, update));
     let isOpen = false;
     let player = null;
     const open = () => { isOpen = true; hint.textContent = ""; for (const q of questions) q.enable(true); update(); };
@@ -413,7 +413,7 @@ const steps = {
       if (player) player.end();
       cleanUp = () => {};
     };
-    const failed = (which, why) => {
+    const showFailure = (which, why) => {
       cleanUp();
       put("narrow", paragraph(say("play_failed", { why })), element("div", { class: "buttons" },
         button(say("again"), () => show(step)),
@@ -431,7 +431,7 @@ const steps = {
     try {
       for (const f of step.films) await film.load(f, key);
     } catch (error) {
-      failed(step.films.find((f) => !film.isLoaded(f)), error.message);
+      showFailure(step.films.find((f) => !film.isLoaded(f)), error.message);
       return;
     }
     if (current !== step) return;
@@ -440,7 +440,7 @@ const steps = {
       await player.first;
       if (!step.min_rounds) open();
     } catch (error) {
-      if (current === step) failed(error.film, error.message);
+      if (current === step) showFailure(error.film, error.message);
     }
   },
 
@@ -450,7 +450,7 @@ const steps = {
       if (wrong) { wrong.field.classList.add("wrong"); wrong.controls[0].focus(); return; }
       reply({ answers: Object.fromEntries(questions.map((q) => [q.name, q.answer()?.option ?? null])) });
     });
-    const questions = step.questions.map((q, i) => asked(q, i, () => { for (const one of questions) if (one.isFine()) one.field.classList.remove("wrong"); }));
+    const questions = step.questions.map((q, i) => questionField(q, i, () => { for (const one of questions) if (one.isFine()) one.field.classList.remove("wrong"); }));
     put("narrow", element("h1", {}, step.title), step.text ? paragraph(step.text) : null, ...questions.map((q) => q.field),
       element("div", { class: "buttons" }, go));
   },
@@ -458,11 +458,11 @@ const steps = {
   async end(step) {
     isOver = true;
     remembered((storage) => storage.removeItem(SESSION));
-    const said = { done: "thanks", stopped: "stopped", withdrawn: "stopped", declined: "declined" }[step.outcome] || "thanks";
-    put("narrow", element("h1", {}, say(said)), whomToAsk());
+    const textName = { done: "thanks", stopped: "stopped", withdrawn: "stopped", declined: "declined" }[step.outcome] || "thanks";
+    put("narrow", element("h1", {}, say(textName)), whomToAsk());
     let file = null;
     let isTold = true;
-    try { file = await wire.ended(step.outcome); } catch { isTold = false; tell(say("lost")); }
+    try { file = await wire.finish(step.outcome); } catch { isTold = false; tell(say("lost")); }
     if (file) main.append(paragraph(say("hand_in")), element("p", {}, element("a", { href: file.address, download: file.name }, say("save"))));
     if (!completion || step.outcome !== "done") return;
     main.append(element("p", {}, element("a", { href: completion }, say("onward"))));
@@ -569,7 +569,7 @@ async function begin(takesOver) {
       await begin(false);
       return;
     }
-    broken(answer.body.refused || answer.body.failed);
+    showProblem(answer.body.refused || answer.body.failed);
     return;
   }
   tell("");
@@ -595,9 +595,9 @@ async function begin(takesOver) {
     return;
   }
   isRemembered = false;
-  if (queue.length) { shown = state.number; await flush(); if (shown === state.number && current.kind === "") show(state.step); }
-  else { shown = -1; await take(state); }
+  if (queue.length) { stepNumber = state.number; await flush(); if (stepNumber === state.number && current.kind === "") show(state.step); }
+  else { stepNumber = -1; await take(state); }
 }
 
-setInterval(() => { if (shown >= 0 && !isOver) flush(); }, BEAT_MS);
+setInterval(() => { if (stepNumber >= 0 && !isOver) flush(); }, BEAT_MS);
 begin(false);

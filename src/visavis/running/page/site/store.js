@@ -2,7 +2,7 @@
 
 const STORE = "events";
 
-function done(request) {
+function resultOf(request) {
   return new Promise((resolve, reject) => {
     request.onsuccess = () => resolve(request.result);
     request.onerror = () => reject(request.error);
@@ -30,11 +30,11 @@ class Durable {
       act(change.objectStore(name));
     });
   }
-  all() { return done(this.base.transaction(STORE).objectStore(STORE).getAll()); }
+  all() { return resultOf(this.base.transaction(STORE).objectStore(STORE).getAll()); }
   put(event) { return this.change(STORE, (s) => s.put(event)); }
   replace(events) { return this.change(STORE, (s) => { s.clear(); for (const e of events) s.put(e); }); }
   drop(upTo) { return this.change(STORE, (s) => s.delete(IDBKeyRange.upperBound(upTo))); }
-  get(name) { return done(this.base.transaction("meta").objectStore("meta").get(name)); }
+  get(name) { return resultOf(this.base.transaction("meta").objectStore("meta").get(name)); }
   set(name, value) { return this.change("meta", (s) => s.put(value, name)); }
 }
 
@@ -45,7 +45,7 @@ export async function openStore(name) {
       request.result.createObjectStore(STORE, { keyPath: "n" });
       request.result.createObjectStore("meta");
     };
-    return new Durable(await done(request));
+    return new Durable(await resultOf(request));
   } catch {
     return new InMemory();
   }

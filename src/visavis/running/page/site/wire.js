@@ -24,4 +24,4 @@ export function leave(key, tab) {
 export const film = (name, key) => fetch(`/films/${name}`, { headers: keyed(key), cache: "no-store" });
 
 // What a page shows below its thanks; the server has everything already.
-export const ended = async () => null;
+export const finish = async () => null;

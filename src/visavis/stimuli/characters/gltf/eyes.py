@@ -48,15 +48,15 @@ def fitted_eye(file: GltfFile, figure: Figure, side: str) -> EyeFit:
     centre, radius = fitted_sphere(points)
     if not MIN_RADIUS_M < radius < MAX_RADIUS_M:
         raise CharacterError(
-            f"{file.path}: what hangs on bone {figure.names[bone]!r} is no eyeball (sphere of "
+            f"{file.path}: what hangs on bone {figure.names[bone]!r} is not an eyeball (sphere of "
             f"{1000 * radius:.0f} mm); an eyeball's radius is 5 to 30 mm: separate the "
             "eyeball from other surfaces, or scale the figure to metres"
         )
     off_m = float(np.linalg.norm(centre - figure.at_m[bone]))
     if off_m > MAX_OFF_BONE_M:
         raise CharacterError(
-            f"{file.path}: what hangs on bone {figure.names[bone]!r} is no eyeball about it: its "
-            f"sphere lies {1000 * off_m:.0f} mm off, as where an iris is drawn on a flat disc; "
+            f"{file.path}: what hangs on bone {figure.names[bone]!r} is not an eyeball round it: "
+            f"its sphere lies {1000 * off_m:.0f} mm off, as where an iris is drawn on a flat disc; "
             "give the figure round eyeballs, each about its own bone"
         )
     axis = _axis(surface, ball, centre)

@@ -102,7 +102,7 @@ def read_figure(file: GltfFile, joint_map: Mapping[str, str] | None = None) -> F
             "export mesh and armature together"
         )
     if not all(np.isfinite(surface.vertices_m).all() for surface in surfaces):
-        raise CharacterError(f"{file.path}: some of its points are no numbers; export it again")
+        raise CharacterError(f"{file.path}: some of its points are not numbers; export it again")
     bones = sorted(bound)
     at = np.full((n, 3), np.nan)
     for i in bones:

@@ -93,7 +93,7 @@ class GltfFile:
         """Return the values (count, width) of an accessor, normalised ones as floats.
 
         Raises:
-            CharacterError: a value is no finite number, which glTF forbids.
+            CharacterError: a value is not a finite number, which glTF forbids.
         """
         entry = self.tree["accessors"][index]
         width, dtype = _WIDTH[entry["type"]], np.dtype(_TYPES[entry["componentType"]])
@@ -194,7 +194,7 @@ def read_glb(path: Path) -> GltfFile:
     """Read a .glb file.
 
     Raises:
-        CharacterError: it is no whole glTF binary, or needs an extension that is not read.
+        CharacterError: it is not a complete glTF binary, or needs an extension that is not read.
     """
     try:
         data = read_plain(path, max_bytes=MAX_BYTES)
@@ -219,7 +219,7 @@ def read_glb(path: Path) -> GltfFile:
     except (KeyError, ValueError) as e:
         raise CharacterError(f"{path}: its description is broken ({e}); export it again") from e
     if not isinstance(tree, dict):
-        raise CharacterError(f"{path}: its description is no glTF; export it again")
+        raise CharacterError(f"{path}: its description is not glTF; export it again")
     unknown_extensions = sorted(set(tree.get("extensionsRequired", [])) - _KNOWN)
     if unknown_extensions:
         raise CharacterError(

@@ -91,7 +91,7 @@ def colour_factor(file: GltfFile, material: int | None) -> Vector:
 def shine_as_roughness(file: GltfFile) -> None:
     """Convert materials with specular colour and glossiness (older programs) to roughness.
 
-    Such a material (KHR_materials_pbrSpecularGlossiness) is no metal, and as rough as its
+    Such a material (KHR_materials_pbrSpecularGlossiness) is not metal, and as rough as its
     glossiness on the mean is low; one that is told in both ways stays as it is.
     """
     for entry in file.items("materials"):

@@ -113,10 +113,10 @@ async function stepsOf(place) {
 }
 
 // A film that failed ends its trial, as it does where a server runs.
-function following(index, failed) {
+function nextIndex(index, hasFailed) {
   const was = at.steps[index];
   let next = index + 1;
-  while (failed && at.steps[next]?.trial === was.trial && at.steps[next].is_practice === was.is_practice) next += 1;
+  while (hasFailed && at.steps[next]?.trial === was.trial && at.steps[next].is_practice === was.is_practice) next += 1;
   return next;
 }
 
@@ -126,7 +126,7 @@ function after(was, event) {
   if (event.kind !== "reply") return now;
   if (was.outcome || event.step !== was.number) return null;
   const { reply } = event;
-  now.index = following(was.index, reply.failed);
+  now.index = nextIndex(was.index, reply.failed);
   if (reply.stop) now.outcome = reply.stop === "keep" ? "stopped" : "withdrawn";
   else if (at.steps[was.index].kind === "consent" && reply.agreed !== true) now.outcome = "declined";
   else if (now.index >= at.steps.length) now.outcome = "done";
@@ -295,7 +295,7 @@ async function hostAnswers(everyMs) {
 }
 
 // Whose answers nobody took has them as a file; who wants them deleted, deleted wherever they are.
-export async function ended(outcome) {
+export async function finish(outcome) {
   const lines = (await store.of(at.run)).filter((line) => line.line >= 0);
   if (jatos) { await endInJatos(outcome, lines[0]?.arrived.place); return null; }
   if (outcome === "withdrawn") await store.drop(at.run);

@@ -6,12 +6,12 @@ const PAGE = ["page.js", "store.js", "film.js", "wire.js", "page.css", "bundle.j
 
 self.addEventListener("install", (event) => {
   self.skipWaiting();
-  event.waitUntil(caches.open(KEPT).then((kept) => kept.addAll(PAGE)));
+  event.waitUntil(caches.open(KEPT).then((cache) => cache.addAll(PAGE)));
 });
 self.addEventListener("activate", (event) => event.waitUntil(self.clients.claim()));
 self.addEventListener("fetch", (event) => {
   const isOurs = event.request.url.startsWith(self.registration.scope);
-  if (event.request.method === "GET" && isOurs) event.respondWith(given(event.request));
+  if (event.request.method === "GET" && isOurs) event.respondWith(respond(event.request));
 });
 self.addEventListener("message", (event) => { // the page itself, which came before this was here
   event.waitUntil(fetch(event.data).then((response) => keep(event.data, response)));
@@ -24,12 +24,12 @@ async function keep(address, response) {
   return response;
 }
 
-async function given(request) {
+async function respond(request) {
   try {
     return await keep(request.url, await fetch(request));
   } catch (error) {
-    const found = await (await caches.open(KEPT)).match(nameOf(request.url));
-    if (found) return found;
+    const match = await (await caches.open(KEPT)).match(nameOf(request.url));
+    if (match) return match;
     throw error;
   }
 }
