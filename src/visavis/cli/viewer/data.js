@@ -87,7 +87,6 @@ function lastAt(sorted, x) {
 
 const sub = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
 const add = (a, b, s = 1) => [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]];
-const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const size = a => Math.hypot(a[0], a[1], a[2]);
 const unit = a => { const s = size(a) || 1; return [a[0] / s, a[1] / s, a[2] / s]; };

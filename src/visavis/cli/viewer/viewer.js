@@ -136,7 +136,7 @@ class Viewer {
     const far = 120, back = [turn[0], -turn[1], -turn[2], -turn[3]];
     const origin = rotate(back, at).map(v => -v);
     const x = rotate(back, [1, 0, 0]), y = rotate(back, [0, 1, 0]), z = rotate(back, [0, 0, 1]);
-    const world = new Float32Array([...x, 0, ...y, 0, ...z, 0, ...moved, 1]);
+    const world = new Float32Array([...x, 0, ...y, 0, ...z, 0, ...origin, 1]);
     const flat = new Float32Array([1 / (top * aspect), 0, 0, 0, 0, 1 / top, 0, 0, 0, 0, (far + near) / (near - far), -1, 0, 0, 2 * far * near / (near - far), 0]);
     return {projection: times(flat, world), world, at, turn, top, aspect, near};
   }
@@ -264,7 +264,6 @@ class Viewer {
       const chains = [['hips', 'spine', 'chest', 'upper_chest', 'neck', 'head'],
         ...['left', 'right'].flatMap(s => [['upper_chest', s + '_shoulder', s + '_upper_arm', s + '_lower_arm', s + '_hand'].map((n, i) => i ? n : at.upper_chest ? n : 'chest'),
           ['hips', s + '_upper_leg', s + '_lower_leg', s + '_foot', s + '_toes']])];
-      const names = {upper_arm: 'forearm'};
       for (const chain of chains) {
         const there = chain.filter(n => good(at[n]));
         for (let k = 1; k < there.length; k++) bones.push([there[k - 1], there[k]]);

@@ -111,13 +111,13 @@ document.addEventListener("keydown", (event) => {
   const target = event.target.tagName;
   if (["INPUT", "TEXTAREA"].includes(target) || (event.key === " " && ["BUTTON", "SUMMARY"].includes(target))) return;
   const name = event.key === "Escape" ? "Esc" : event.key.toUpperCase();
-  const found = BUTTONS.find((button) => button[2] === name && allowed.includes(button[0]));
+  const match = BUTTONS.find((button) => button[2] === name && allowed.includes(button[0]));
   if (event.key === " " && allowed.includes("advance") && status && status.can_go_on) {
     event.preventDefault();
     command("advance");
-  } else if (found) {
+  } else if (match) {
     event.preventDefault();
-    press(found);
+    press(match);
   }
 });
 
@@ -290,7 +290,7 @@ function showAbove(s) {
   shapes.push(shape("path", { d: `M ${x} ${y} h ${bar}`, stroke: "#4a525b", "stroke-width": size * 0.006 }));
   shapes.push(shape("text", { x: x + bar + size * 0.015, y: y + size * 0.012, "font-size": size * 0.04, fill: "#4a525b" }, `${bar} m`));
   at("above").setAttribute("viewBox", `${x0} ${z0} ${wide} ${deep}`);
-  at("above").replaceChildren(...drawn);
+  at("above").replaceChildren(...shapes);
   put("above-text", [gazeWords(s), contactWords(s)].filter(Boolean).join(" "));
   put("above-key", above.areas.length ? "Dashed: areas of interest, as wide as the study counts looks." : "");
 }
@@ -331,7 +331,7 @@ function showView(view) {
     shapes.push(shape("circle", { class: "gaze", cx: view.gaze[0], cy: -view.gaze[1], r: size * 0.022, fill: "none", stroke: "#c0392b", "stroke-width": 2 * thin }));
   }
   const seenBox = `${left} ${-top} ${size} ${top - bottom}`, inner = shape("svg", { ...box, viewBox: seenBox });
-  inner.append(...drawn);  // whose overflow is cut
+  inner.append(...shapes);  // whose overflow is cut
   at("view").setAttribute("viewBox", seenBox);
   at("view").replaceChildren(inner);
   put("view-of", view.jpeg ? "left eye, a moment ago" : session.is_blind ? "in outline, as you are blinded" : "in outline: no picture is drawn");
@@ -341,12 +341,12 @@ function showView(view) {
 
 // Findings of one level and subject in one line each, as they came.
 function bySubject(findings) {
-  const found = new Map();
+  const groups = new Map();
   for (const { level, subject, message } of findings) {
-    if (!found.has(subject)) found.set(subject, { level, subject, messages: [] });
-    found.get(subject).messages.push(message);
+    if (!groups.has(subject)) groups.set(subject, { level, subject, messages: [] });
+    groups.get(subject).messages.push(message);
   }
-  return [...found.values()];
+  return [...groups.values()];
 }
 
 function verdictOf(verdict, label) {
