@@ -6,16 +6,17 @@ look-ahead of `T`, and what the head turned between the measurements. Not modell
 of long look-aheads.
 """
 
-import math
 import threading
-from collections import deque
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from visavis.devices.contracts import Body
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
+from visavis.stimuli.motion.quaternion_kernels import times
 
 SPEED_OVER_NS = 2 * NS_PER_MS
 """Speed is taken between measurements at least this far apart."""
@@ -26,13 +27,13 @@ MAX_TURN_DEG_S = 1500.0
 """A head that is faster was put elsewhere, and did not move there."""
 MEASUREMENTS_KEPT = 64
 
-Numbers = tuple[float, ...]
 
+class _Past(NamedTuple):
+    """The ring of the latest measurements, in order of time."""
 
-class _Measurement(NamedTuple):
-    t_ns: int
-    place_m: Numbers
-    turn_wxyz: Numbers
+    t_ns: npt.NDArray[np.int64]
+    place_m: Vector
+    turn_wxyz: Vector
 
 
 class Foresight:
@@ -41,89 +42,90 @@ class Foresight:
     def __init__(self, body: Body) -> None:
         self._body = body
         self._lock = threading.Lock()
-        self._past: deque[_Measurement] = deque(maxlen=MEASUREMENTS_KEPT)
+        n = MEASUREMENTS_KEPT
+        self._past = _Past(np.zeros(n, np.int64), np.zeros((n, 3)), np.zeros((n, 4)))
+        self._newest = -1
+        self._newest_ns = 0
+        self._count = 0
 
     def at(self, now_ns: int, t_ns: int) -> tuple[Vector, Vector]:
         """Return position (3,) and orientation (4,) at `t_ns` by what is known at `now_ns`.
 
         A time that has passed is interpolated between measurements.
         """
+        place_m, turn_wxyz = np.empty(3), np.empty(4)
         with self._lock:  # devices of one runtime may ask from threads of their own
-            newest = self._measured(now_ns)
-            if t_ns < newest.t_ns:
-                return _arrays(self._between(t_ns))
-            before = self._earlier(newest)
-        if t_ns == newest.t_ns or before is None:
-            return _arrays(newest)
-        return _arrays(_moved(before, newest, t_ns))
+            if not self._count or now_ns > self._newest_ns:
+                self._measure(now_ns)
+            _foresee(self._past, self._newest, self._count, t_ns, place_m, turn_wxyz)
+        return place_m, turn_wxyz
 
-    def _measured(self, now_ns: int) -> _Measurement:
+    def _measure(self, now_ns: int) -> None:
         past = self._past
-        if not past or now_ns > past[-1].t_ns:
-            place_m, turn = self._body.head(now_ns)
-            past.append(_Measurement(now_ns, tuple(place_m.tolist()), tuple(turn.tolist())))
-        return past[-1]
+        i = self._newest = (self._newest + 1) % MEASUREMENTS_KEPT
+        past.place_m[i], past.turn_wxyz[i] = self._body.head(now_ns)
+        past.t_ns[i] = self._newest_ns = now_ns
+        self._count = min(self._count + 1, MEASUREMENTS_KEPT)
 
-    def _earlier(self, newest: _Measurement) -> _Measurement | None:
-        """Return the measurement from which the speed is taken; None where none is fit."""
-        for one in reversed(self._past):
-            since_ns = newest.t_ns - one.t_ns
+
+@compiled
+def _foresee(
+    past: _Past, newest: int, count: int, t_ns: int, place_m: Vector, turn_wxyz: Vector
+) -> None:
+    """Write the head at a time: interpolated up to the newest measurement, then foreseen."""
+    capacity = past.t_ns.shape[0]
+    first, last = newest, newest
+    if t_ns < past.t_ns[newest]:
+        # Between two measurements; before the oldest, that one.
+        for back in range(count):
+            first = (newest - back) % capacity
+            if past.t_ns[first] <= t_ns:
+                break
+            last = first
+    elif t_ns > past.t_ns[newest]:
+        # The speed is that since the latest measurement that is neither too near nor too old.
+        for back in range(1, count):
+            i = (newest - back) % capacity
+            since_ns = past.t_ns[newest] - past.t_ns[i]
             if since_ns >= STALE_NS:
-                return None
+                break
             if since_ns >= SPEED_OVER_NS:
-                return one
-        return None
-
-    def _between(self, t_ns: int) -> _Measurement:
-        after = self._past[-1]
-        for one in reversed(self._past):
-            if one.t_ns <= t_ns:
-                return _moved(one, after, t_ns)
-            after = one
-        return after
+                first = i
+                break
+    _move(past, first, last, t_ns, place_m, turn_wxyz)
 
 
-def _moved(first: _Measurement, last: _Measurement, t_ns: int) -> _Measurement:
-    """Return the pose at a time of a steady movement through two; `last` where they are too far."""
-    span_ns = last.t_ns - first.t_ns
+@compiled
+def _move(
+    past: _Past, first: int, last: int, t_ns: int, place_m: Vector, turn_wxyz: Vector
+) -> None:
+    """Write the pose at a time of a steady movement through two; `last` where they are too far."""
+    span_ns = past.t_ns[last] - past.t_ns[first]
+    bw, bx, by, bz = past.turn_wxyz[last]
+    place_m[:] = past.place_m[last]
+    turn_wxyz[:] = past.turn_wxyz[last]
     if span_ns <= 0:
-        return last
-    way_m = tuple(b - a for a, b in zip(first.place_m, last.place_m, strict=True))
-    w, x, y, z = _between_turns(first.turn_wxyz, last.turn_wxyz)
-    sine = math.sqrt(x * x + y * y + z * z)
-    angle = 2 * math.atan2(sine, w)
-    if sine == 0 and way_m == (0.0, 0.0, 0.0):
-        return last._replace(t_ns=t_ns)
-    is_jump = (
-        math.degrees(angle) * NS_PER_S > MAX_TURN_DEG_S * span_ns
-        or math.hypot(*way_m) * NS_PER_S > MAX_SPEED_M_S * span_ns
-    )
-    if is_jump:
-        return last._replace(t_ns=t_ns)
-    share = (t_ns - last.t_ns) / span_ns
-    place_m = tuple(b + share * d for b, d in zip(last.place_m, way_m, strict=True))
-    half = share * angle / 2
-    k = math.sin(half) / sine if sine else 0.0
-    turn = _multiply((math.cos(half), k * x, k * y, k * z), last.turn_wxyz)
-    return _Measurement(t_ns, place_m, turn)
-
-
-def _between_turns(a: Numbers, b: Numbers) -> Numbers:
-    """Return the rotation (w, x, y, z) in world that leads from one orientation to another."""
-    turn = _multiply(b, (a[0], -a[1], -a[2], -a[3]))
-    return turn if turn[0] >= 0 else tuple(-n for n in turn)
-
-
-def _multiply(a: Numbers, b: Numbers) -> Numbers:
-    aw, ax, ay, az = a
-    bw, bx, by, bz = b
-    return (
-        aw * bw - ax * bx - ay * by - az * bz,
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-    )
-
-
-def _arrays(pose: _Measurement) -> tuple[Vector, Vector]:
-    return np.array(pose.place_m), np.array(pose.turn_wxyz)
+        return
+    way_x, way_y, way_z = past.place_m[last] - past.place_m[first]
+    # The rotation in world that leads from one orientation to the other, the short way round.
+    aw, ax, ay, az = past.turn_wxyz[first]
+    w, x, y, z = times((bw, bx, by, bz), (aw, -ax, -ay, -az))
+    if w < 0.0:
+        w, x, y, z = -w, -x, -y, -z
+    sine = np.sqrt(x * x + y * y + z * z)
+    angle = 2.0 * np.arctan2(sine, w)
+    way_m = np.sqrt(way_x * way_x + way_y * way_y + way_z * way_z)
+    if (
+        np.degrees(angle) * NS_PER_S > MAX_TURN_DEG_S * span_ns
+        or way_m * NS_PER_S > MAX_SPEED_M_S * span_ns
+    ):
+        return
+    share = (t_ns - past.t_ns[last]) / span_ns
+    place_m[0] += share * way_x
+    place_m[1] += share * way_y
+    place_m[2] += share * way_z
+    if sine > 0.0:
+        half = share * angle / 2.0
+        k = np.sin(half) / sine
+        turn = times((np.cos(half), k * x, k * y, k * z), (bw, bx, by, bz))
+        turn_wxyz[0], turn_wxyz[1], turn_wxyz[2], turn_wxyz[3] = turn
