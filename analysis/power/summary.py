@@ -8,7 +8,7 @@ import numpy as np
 from visavis.analysis.power.contract import PlannedTestResult, PowerStudy, Source
 from visavis.analysis.power.replicates import PowerRequest, Replicate
 from visavis.analysis.statistics import PowerCurve, power_curve
-from visavis.analysis.statistics.power_estimates import AdequacyRule
+from visavis.analysis.statistics.power_estimates import AdequacyRule, proportion_interval
 from visavis.analysis.statistics.results import Row, number, threshold_text
 from visavis.lab.errors import UsageError
 
@@ -128,10 +128,28 @@ def summarise(
         study.effect_meaning(request.effect, source),
         tests,
         (
+            *_anything_notes(request, by_number),
             *_notes(tests, request, len(by_number), rule, target),
             *_printed_notes(study, tests, request),
             *notes,
         ),
+    )
+
+
+def _anything_notes(request: PowerRequest, replicates: list[Replicate]) -> Iterator[str]:
+    """Say, without an effect, how often a study finds anything: the error rate of its headlines."""
+    if request.effect != 0 or len(request.tests) < 2 or not replicates:
+        return
+    n = request.numbers[-1]
+    hits = sum(
+        any(r.verdicts[n][name].is_significant is True for name in request.tests)
+        for r in replicates
+    )
+    share = proportion_interval(hits, len(replicates))
+    yield (
+        f"without an effect, any of these {len(request.tests)} tests succeeds in "
+        f"{hits / len(replicates):.3f} of studies (n = {n}, 95% CI [{share.low:.3f}, "
+        f"{share.high:.3f}]); of claims, which succeed in one direction only, less than α is due"
     )
 
 

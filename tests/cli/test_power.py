@@ -1,6 +1,7 @@
 """The power command: same answer from any number of processes and from a scheduler."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -239,6 +240,28 @@ def test_the_rule_decides_which_number_is_adequate() -> None:
     found = made_up({4: 50, 8: 84, 12: 95})
     assert 8 == summary_of(found, rule="estimate").smallest_n
     assert 12 == summary_of(found, rule="lower bound").smallest_n
+
+
+def test_without_an_effect_it_is_told_how_often_anything_is_found() -> None:
+    """40 of 100 studies find the first, 30 the second, 20 of them both."""
+    replicates = [
+        Replicate(
+            k,
+            {12: {"first": PlannedTestResult(k < 40), "second": PlannedTestResult(20 <= k < 50)}},
+        )
+        for k in range(100)
+    ]
+    for effect, said in ((0.0, True), (1.0, False)):
+        wanted = request(numbers=(12,), tests=("first", "second"), replicates=100)
+        summary = summarise(
+            TwoTests(),
+            replace(wanted, effect=effect),
+            replicates,
+            source="studies",
+            people_are_simulated=True,
+        )
+        start = "without an effect, any of these 2 tests succeeds in 0.500 of studies (n = 12, "
+        assert said == any(note.startswith(start) for note in summary.notes)
 
 
 def test_power_of_the_printed_statistic_is_that_of_the_noncentral_t() -> None:
