@@ -9,6 +9,16 @@ from dataclasses import replace
 from itertools import combinations
 
 from visavis.analysis.statistics_report.outcome import Outcome
+from visavis.analysis.statistics_report.r_contrasts import (
+    GRID,
+    WIDE_MODEL,
+    aligned_lines,
+    dunn_lines,
+    games_howell_lines,
+    marginal_lines,
+    pair_lines,
+)
+from visavis.analysis.statistics_report.r_values import r_string, r_vector
 
 DATA_FILE = "tested.csv"
 LINE = 'line <- function(name, value, p) cat(sprintf("%s\\t%.10g\\t%.10g\\n", name, value, p))'
@@ -32,13 +42,13 @@ def r_code(outcome: Outcome) -> str:
     lines = [*head, f'd <- read.csv("{DATA_FILE}", check.names = FALSE)', LINE]
     if q.test == "cronbach":
         return "\n".join([*lines, *body]) + "\n"
-    lines.append(f"d$y <- d[[{_r_string(q.dv)}]]")
+    lines.append(f"d$y <- d[[{r_string(q.dv)}]]")
     if q.partner:
-        lines.append(f"d$x <- d[[{_r_string(q.partner)}]]")
+        lines.append(f"d$x <- d[[{r_string(q.partner)}]]")
     if q.subject and q.subject in data:
-        lines.append(f"d$s <- factor(d[[{_r_string(q.subject)}]])")
+        lines.append(f"d$s <- factor(d[[{r_string(q.subject)}]])")
     lines += [
-        f"d${names[f]} <- factor(d[[{_r_string(f)}]], levels = {_vector(levels)})"
+        f"d${names[f]} <- factor(d[[{r_string(f)}]], levels = {r_vector(levels)})"
         for f, levels in factors.items()
     ]
     lines.append('options(contrasts = c("contr.sum", "contr.poly"))  # type III')
@@ -47,14 +57,6 @@ def r_code(outcome: Outcome) -> str:
 
 Body = tuple[list[str], tuple[str, ...]]
 """Lines of code, and the packages they need."""
-
-
-def _r_string(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
-
-
-def _vector(values: Sequence[str]) -> str:
-    return f"c({', '.join(_r_string(v) for v in values)})"
 
 
 def _r_term(names: Mapping[str, str], term: str) -> str:
@@ -70,16 +72,20 @@ def _pairs(outcome: Outcome) -> list[tuple[str, str]]:
     return list(combinations([str(v) for v in outcome.data[factor].cat.categories], 2))
 
 
-def _two(outcome: Outcome, names: Mapping[str, str], call: str, statistic: str) -> list[str]:
+def _two(
+    outcome: Outcome, names: Mapping[str, str], call: str, statistic: str, effect: str = ""
+) -> list[str]:
     """Return a call for each pair of levels; x and y are their values, paired by subject."""
     lines = ["d <- d[order(d$s), ]"] if outcome.question.within else []
     for a, b in _pairs(outcome):
         lines += [
-            f"x <- d$y[d$f1 == {_r_string(a)}]; y <- d$y[d$f1 == {_r_string(b)}]",
+            f"x <- d$y[d$f1 == {r_string(a)}]; y <- d$y[d$f1 == {r_string(b)}]",
             f"t <- {call}",
-            f"line({_r_string(f'{a} - {b}')}, {statistic}, "
+            f"line({r_string(f'{a} - {b}')}, {statistic}, "
             f"{'coin::pvalue(t)' if 'coin::' in call else 't$p.value'})",
         ]
+        if effect:
+            lines.append(f"line({r_string(f'effect {a} - {b}')}, {effect}, NA)")
     return lines
 
 
@@ -88,6 +94,10 @@ OFF = (
     "off <- function(x, y) { unit <- 10^floor(log10(max(abs(c(x, y))))); "
     "round((x - y) / unit, 9) * unit }"
 )
+POOLED_SD = (
+    "sqrt(((length(x) - 1) * var(x) + (length(y) - 1) * var(y)) / (length(x) + length(y) - 2))"
+)
+MATCHED = "{ r <- off(x, y); r <- r[r != 0]; sum(sign(r) * rank(abs(r))) / sum(rank(abs(r))) }"
 SIGNED_RANK = (
     "coin::wilcoxsign_test(off(x, y) ~ rep(0, length(x)), "
     'distribution = "exact", zero.method = "Wilcoxon")',
@@ -103,12 +113,13 @@ def _t(outcome: Outcome, names: Mapping[str, str]) -> Body:
             'line("t", t$statistic, t$p.value)',
         ], ()
     how = "paired = TRUE" if q.within else f"var.equal = {str(q.model.equal_variances).upper()}"
-    return _two(outcome, names, f"t.test(x, y, {how})", "t$statistic"), ()
+    effect = "mean(x - y) / sd(x - y)" if q.within else f"(mean(x) - mean(y)) / {POOLED_SD}"
+    return _two(outcome, names, f"t.test(x, y, {how})", "t$statistic", effect), ()
 
 
 def _wilcoxon(outcome: Outcome, names: Mapping[str, str]) -> Body:
     call, V = SIGNED_RANK
-    return [OFF, *_two(outcome, names, call, V)], ("coin",)
+    return [OFF, *_two(outcome, names, call, V, MATCHED)], ("coin",)
 
 
 def _paired_tests(outcome: Outcome, names: Mapping[str, str]) -> Body:
@@ -119,11 +130,11 @@ def _paired_tests(outcome: Outcome, names: Mapping[str, str]) -> Body:
         ranks |= by_rank
         call, statistic = SIGNED_RANK if by_rank else ("t.test(x, y, paired = TRUE)", "t$statistic")
         lines += [
-            f"x <- d$y[d$f1 == {_r_string(a)}]; y <- d$y[d$f1 == {_r_string(b)}]",
-            f"line({_r_string(f'{a} - {b}, Shapiro-Wilk')}, shapiro.test(x - y)$statistic, "
+            f"x <- d$y[d$f1 == {r_string(a)}]; y <- d$y[d$f1 == {r_string(b)}]",
+            f"line({r_string(f'{a} - {b}, Shapiro-Wilk')}, shapiro.test(x - y)$statistic, "
             "shapiro.test(x - y)$p.value)",
             f"t <- {call}",
-            f"line({_r_string(f'{a} - {b}')}, {statistic}, "
+            f"line({r_string(f'{a} - {b}')}, {statistic}, "
             f"{'coin::pvalue(t)' if by_rank else 't$p.value'})",
         ]
     return lines, ("coin",) if ranks else ()
@@ -133,11 +144,12 @@ def _mann_whitney(outcome: Outcome, names: Mapping[str, str]) -> Body:
     lines = []
     for a, b in _pairs(outcome):
         lines += [
-            f"e <- droplevels(d[d$f1 %in% {_vector([a, b])}, ])",
+            f"e <- droplevels(d[d$f1 %in% {r_vector([a, b])}, ])",
             't <- coin::wilcox_test(y ~ f1, data = e, distribution = "exact")',
-            f"U <- suppressWarnings(wilcox.test(e$y[e$f1 == {_r_string(a)}], "
-            f"e$y[e$f1 == {_r_string(b)}])$statistic)",
-            f"line({_r_string(f'{a} - {b}')}, U, coin::pvalue(t))",
+            f"U <- suppressWarnings(wilcox.test(e$y[e$f1 == {r_string(a)}], "
+            f"e$y[e$f1 == {r_string(b)}])$statistic)",
+            f"line({r_string(f'{a} - {b}')}, U, coin::pvalue(t))",
+            f"line({r_string(f'effect {a} - {b}')}, 2 * U / prod(table(e$f1)) - 1, NA)",
         ]
     return lines, ("coin",)
 
@@ -146,16 +158,16 @@ def _shapiro(outcome: Outcome, names: Mapping[str, str]) -> Body:
     q = outcome.question
     one = "line({name}, shapiro.test({values})$statistic, shapiro.test({values})$p.value)"
     if not names:
-        return [one.format(name=_r_string(q.dv), values="d$y")], ()
+        return [one.format(name=r_string(q.dv), values="d$y")], ()
     assert outcome.data is not None  # noqa: S101  # r_code asked
     factor = (*q.within, *q.between)[0]
     levels = [str(v) for v in outcome.data[factor].cat.categories]
     lines = ["d <- d[order(d$s), ]"] if q.within else []
-    values = {v: f"d$y[d$f1 == {_r_string(v)}]" for v in levels}
-    lines += [one.format(name=_r_string(f"{factor} {v}"), values=values[v]) for v in levels]
+    values = {v: f"d$y[d$f1 == {r_string(v)}]" for v in levels}
+    lines += [one.format(name=r_string(f"{factor} {v}"), values=values[v]) for v in levels]
     if q.within:
         lines += [
-            one.format(name=_r_string(f"{a} - {b}"), values=f"{values[a]} - {values[b]}")
+            one.format(name=r_string(f"{a} - {b}"), values=f"{values[a]} - {values[b]}")
             for a, b in combinations(levels, 2)
         ]
     return lines, ()
@@ -175,14 +187,10 @@ def _tost(outcome: Outcome, names: Mapping[str, str]) -> Body:
     if names:
         ((a, b),) = _pairs(outcome)
         lines = ["d <- d[order(d$s), ]"] if q.within else []
-        lines.append(f"x <- d$y[d$f1 == {_r_string(a)}]; y <- d$y[d$f1 == {_r_string(b)}]")
+        lines.append(f"x <- d$y[d$f1 == {r_string(a)}]; y <- d$y[d$f1 == {r_string(b)}]")
         groups = f", var.equal = {str(q.model.equal_variances).upper()}"
         values, how = "x, y", ", paired = TRUE" if q.within else groups
-        pooled_sd = (
-            "sqrt(((length(x) - 1) * var(x) + (length(y) - 1) * var(y)) / "
-            "(length(x) + length(y) - 2))"
-        )
-        spread = "sd(x - y)" if q.within else pooled_sd
+        spread = "sd(x - y)" if q.within else POOLED_SD
     lines.append(f"unit <- {'1' if q.reference.unit == 'raw' else spread}")
     for name, bound, side in (
         ("above low", q.reference.low, "greater"),
@@ -195,7 +203,7 @@ def _tost(outcome: Outcome, names: Mapping[str, str]) -> Body:
 
 def _cronbach(outcome: Outcome, names: Mapping[str, str]) -> Body:
     items = ", ".join(
-        f"{'-' if i in outcome.question.reliability.reverse else ''}d[[{_r_string(i)}]]"
+        f"{'-' if i in outcome.question.reliability.reverse else ''}d[[{r_string(i)}]]"
         for i in outcome.question.reliability.items
     )
     return [
@@ -212,11 +220,11 @@ plain <- function(e) e$univariate.tests[-1, , drop = FALSE]"""  # noqa: E501  # 
 
 
 def _roles(outcome: Outcome, names: Mapping[str, str]) -> str:
-    def r_vector(factors: Sequence[str]) -> str:
-        return _vector([names[f] for f in factors]) if factors else "NULL"
+    def roles(factors: Sequence[str]) -> str:
+        return r_vector([names[f] for f in factors]) if factors else "NULL"
 
     q = outcome.question
-    return f"{r_vector(q.within)}, {r_vector(q.between)}"
+    return f"{roles(q.within)}, {roles(q.between)}"
 
 
 def _f_lines(source: str, outcome: Outcome, names: Mapping[str, str]) -> list[str]:
@@ -224,31 +232,55 @@ def _f_lines(source: str, outcome: Outcome, names: Mapping[str, str]) -> list[st
     lines = []
     for row in outcome.rows:
         term, correction = str(row["term"]), row.get("sphericity_correction")
-        at = _r_string(_r_term(names, term))
+        at = r_string(_r_term(names, term))
         p = f'plain({source})[{at}, "Pr(>F)"]'
         if correction == "Greenhouse-Geisser":
             p = f'{source}$pval.adjustments[{at}, "Pr(>F[GG])"]'
         elif correction == "Huynh-Feldt":
             p = f'{source}$pval.adjustments[{at}, "Pr(>F[HF])"]'
-        lines.append(f'line({_r_string(term)}, plain({source})[{at}, "F value"], {p})')
+        lines.append(f'line({r_string(term)}, plain({source})[{at}, "F value"], {p})')
+        if row.get("effect") == "η²p":
+            lines += [
+                f"u <- plain({source})[{at}, ]",
+                f"line({r_string(f'effect {term}')}, "
+                'u["Sum Sq"] / (u["Sum Sq"] + u["Error SS"]), NA)',
+            ]
     return lines
 
 
 def _rm(outcome: Outcome, names: Mapping[str, str]) -> Body:
     table_line = f"e <- afex_table(d, {_roles(outcome, names)})"
-    return [AOV, table_line, *_f_lines("e", outcome, names)], ("afex",)
+    contrasts = marginal_lines(outcome, names, _wide(outcome, names))
+    packages = ("afex", "emmeans") if contrasts else ("afex",)
+    return [AOV, table_line, *_f_lines("e", outcome, names), *contrasts], packages
+
+
+def _wide(outcome: Outcome, names: Mapping[str, str]) -> list[str]:
+    """Return code of the multivariate linear model of people's cells."""
+    q = outcome.question
+    factors = [
+        f"{role} <- {r_vector([names[f] for f in of_role])}"
+        for role, of_role in (("within", q.within), ("between", q.between))
+    ]
+    return [*factors, WIDE_MODEL]
 
 
 def _lm(outcome: Outcome, names: Mapping[str, str]) -> list[str]:
     lines = [f"t <- drop1(aov(y ~ {' * '.join(names.values())}, data = d), . ~ ., test = 'F')"]
     for row in outcome.rows:
-        at = _r_string(_r_term(names, str(row["term"])))
-        lines.append(f'line({_r_string(str(row["term"]))}, t[{at}, "F value"], t[{at}, "Pr(>F)"])')
+        at = r_string(_r_term(names, str(row["term"])))
+        lines.append(f'line({r_string(str(row["term"]))}, t[{at}, "F value"], t[{at}, "Pr(>F)"])')
+        if row.get("effect") == "η²p":
+            term = r_string(f"effect {row['term']}")
+            share = f't[{at}, "Sum of Sq"] / (t[{at}, "Sum of Sq"] + t["<none>", "RSS"])'
+            lines.append(f"line({term}, {share}, NA)")
     return lines
 
 
 def _anova(outcome: Outcome, names: Mapping[str, str]) -> Body:
-    return _lm(outcome, names), ()
+    model = [f"m <- lm(y ~ {' * '.join(names.values())}, data = d)", GRID]
+    contrasts = marginal_lines(outcome, names, model)
+    return [*_lm(outcome, names), *contrasts], ("emmeans",) if contrasts else ()
 
 
 ALIGNED = """aligned_ranks <- function(term, factors) {
@@ -266,7 +298,7 @@ def _art(outcome: Outcome, names: Mapping[str, str]) -> Body:
     if q.model.error != "strata" or q.missing == "mixed":
         return _mixed_note(outcome, names)
     lines = [AOV] if q.within else []
-    every = _vector(list(names.values()))
+    every = r_vector(list(names.values()))
     if q.model.transform == "int":
         lines.append("d$y <- qnorm((rank(d$y) - 3/8) / (nrow(d) + 1/4))")
     else:
@@ -275,14 +307,20 @@ def _art(outcome: Outcome, names: Mapping[str, str]) -> Body:
     for row in outcome.rows:
         alone = _with_rows(outcome, [row])
         if q.model.transform == "art":
-            term = _vector([names[f] for f in str(row["term"]).split(":")])
+            term = r_vector([names[f] for f in str(row["term"]).split(":")])
             lines += ["d$y <- response", f"d$y <- aligned_ranks({term}, {every})"]
         if q.within:
             lines.append(f"e <- afex_table(d, {_roles(outcome, names)})")
             lines += _f_lines("e", alone, names)
         else:
             lines += _lm(alone, names)
-    return lines, ("afex",) if q.within else ()
+    if q.model.transform == "art":
+        contrasts = aligned_lines(outcome, names)
+    else:
+        model = [f"m <- lm(y ~ {' * '.join(names.values())}, data = d)", GRID]
+        contrasts = marginal_lines(outcome, names, _wide(outcome, names) if q.within else model)
+    packages = ("afex",) if q.within else ()
+    return [*lines, *contrasts], (*packages, "emmeans") if len(contrasts) > 1 else packages
 
 
 def _with_rows(outcome: Outcome, rows: Sequence[Mapping[str, object]]) -> Outcome:
@@ -305,9 +343,11 @@ def _kenward_roger(outcome: Outcome, names: Mapping[str, str], random: str) -> B
         't <- anova(m, type = 3, ddf = "Kenward-Roger")',
     ]
     for row in outcome.rows:
-        at = _r_string(_r_term(names, str(row["term"])))
-        lines.append(f'line({_r_string(str(row["term"]))}, t[{at}, "F value"], t[{at}, "Pr(>F)"])')
-    return lines, ("lmerTest", "pbkrtest")
+        at = r_string(_r_term(names, str(row["term"])))
+        lines.append(f'line({r_string(str(row["term"]))}, t[{at}, "F value"], t[{at}, "Pr(>F)"])')
+    contrasts = marginal_lines(outcome, names, [GRID])
+    packages = ("lmerTest", "pbkrtest")
+    return [*lines, *contrasts], (*packages, "emmeans") if contrasts else packages
 
 
 def _mixed_note(outcome: Outcome, names: Mapping[str, str]) -> Body:
@@ -342,7 +382,8 @@ def _gee(outcome: Outcome, names: Mapping[str, str]) -> Body:
         "# The same estimates; errors are the plain sandwich, without Mancl and DeRouen's",
         "# correction for few subjects, so p is smaller than Visavis prints.",
         'for (i in rownames(t)) line(i, t[i, "Estimate"], t[i, "Pr(>|W|)"])',
-    ], ("geepack",)
+        *(contrasts := marginal_lines(outcome, names, [GRID], show="estimate")),
+    ], ("geepack", "emmeans") if contrasts else ("geepack",)
 
 
 def _clmm(outcome: Outcome, names: Mapping[str, str]) -> Body:
@@ -357,7 +398,7 @@ def _clmm(outcome: Outcome, names: Mapping[str, str]) -> Body:
     slopes = _people_differ(outcome)
     if slopes:
         parts = [term.split(":") for term in slopes]
-        slope_vector = _vector(
+        slope_vector = r_vector(
             [":".join(r for f, r in names.items() if f in part) for part in parts]
         )
         labels = f'attr(terms(~ {" * ".join(names.values())}), "term.labels")'
@@ -365,7 +406,7 @@ def _clmm(outcome: Outcome, names: Mapping[str, str]) -> Body:
         lines.append("# ordinal integrates several random effects by Laplace's approximation.")
         random, how = "(1 + own | s)", ""
     more = f', "+ {random}"' if has_people else ""
-    call = f"clmm(f, data = d[{_vector(['y', 's'])}]{how})" if has_people else "clm(f, data = d)"
+    call = f"clmm(f, data = d[{r_vector(['y', 's'])}]{how})" if has_people else "clm(f, data = d)"
     lines += [
         "fit <- function(keep) {",
         '  columns <- if (any(keep)) "X[, keep, drop = FALSE]" else "1"',
@@ -381,10 +422,20 @@ def _clmm(outcome: Outcome, names: Mapping[str, str]) -> Body:
     for i, row in enumerate(outcome.rows, 1):
         ratio = f"2 * c(logLik(full) - logLik(fit(term != {i})))"
         lines.append(
-            f"chi2 <- {ratio}; line({_r_string(str(row['term']))}, chi2, "
+            f"chi2 <- {ratio}; line({r_string(str(row['term']))}, chi2, "
             f"pchisq(chi2, sum(term == {i}), lower.tail = FALSE))"
         )
-    return lines, ("ordinal",)
+    formula = " * ".join(names.values())
+    people = f" + {random}" if has_people else ""
+    model = [
+        "d$rating <- ordered(d$y)",
+        f"m <- ordinal::clm{'m' * has_people}(rating ~ {formula}{people}, data = d{how})",
+        GRID,
+    ]
+    if slopes:
+        return lines, ("ordinal",)  # emmeans does not know columns of the slopes' own
+    contrasts = marginal_lines(outcome, names, model, show="estimate")
+    return [*lines, *contrasts], ("ordinal", "emmeans") if contrasts else ("ordinal",)
 
 
 def _people_differ(outcome: Outcome) -> list[str]:
@@ -408,8 +459,8 @@ def _bradley_terry(outcome: Outcome, names: Mapping[str, str]) -> Body:
     items = [str(v) for v in outcome.data[first].cat.categories]
     groups = [f"d${names[g]}" for g in q.between]
     lines = [
-        f"first <- d[[{_r_string(str(first))}]]; second <- d[[{_r_string(str(second))}]]",
-        f"X <- sapply({_vector(items[1:])}, function(v) (first == v) - (second == v))",
+        f"first <- d[[{r_string(str(first))}]]; second <- d[[{r_string(str(second))}]]",
+        f"X <- sapply({r_vector(items[1:])}, function(v) (first == v) - (second == v))",
         "term <- rep(1, ncol(X))",
     ]
     if q.model.side:
@@ -441,7 +492,7 @@ def _bradley_terry(outcome: Outcome, names: Mapping[str, str]) -> Body:
     for i, row in enumerate(outcome.rows, 1):
         lines.append(
             f"chi2 <- 2 * (fit(X[, term != {i}, drop = FALSE]) - fit(X)); "
-            f"line({_r_string(str(row['term']))}, chi2, "
+            f"line({r_string(str(row['term']))}, chi2, "
             f"pchisq(chi2, sum(term == {i}), lower.tail = FALSE))"
         )
     return lines, ()
@@ -473,7 +524,7 @@ def _people_like(outcome: Outcome, lines: list[str]) -> Body:
     for i, row in enumerate(outcome.rows, 1):
         lines.append(
             f"chi2 <- 2 * c(logLik(full) - logLik(fit(term != {i}))); "
-            f"line({_r_string(str(row['term']))}, chi2, "
+            f"line({r_string(str(row['term']))}, chi2, "
             f"pchisq(chi2, sum(term == {i}), lower.tail = FALSE))"
         )
     return lines, ("lme4",)
@@ -534,7 +585,17 @@ def _krippendorff(outcome: Outcome, names: Mapping[str, str]) -> Body:
 
 
 def _friedman(outcome: Outcome, names: Mapping[str, str]) -> Body:
-    return ["t <- friedman.test(y ~ f1 | s, data = d)", 'line("f1", t$statistic, t$p.value)'], ()
+    lines = ["t <- friedman.test(y ~ f1 | s, data = d)", 'line("f1", t$statistic, t$p.value)']
+    w = "t$statistic / (nlevels(d$s) * (nlevels(d$f1) - 1))"
+    lines.append(f'line("effect f1", {w}, NA)')
+    if not outcome.contrasts:
+        return lines, ()
+    call, V = SIGNED_RANK
+    lines += [
+        "d <- d[order(d$s), ]",
+        *pair_lines(outcome, [f"t <- {call}", f"c({V}, coin::pvalue(t))"]),
+    ]
+    return lines, ("coin",)
 
 
 def _conditions(outcome: Outcome, names: Mapping[str, str]) -> Body:
@@ -545,11 +606,20 @@ def _conditions(outcome: Outcome, names: Mapping[str, str]) -> Body:
 
 
 def _kruskal(outcome: Outcome, names: Mapping[str, str]) -> Body:
-    return ["t <- kruskal.test(y ~ f1, data = d)", 'line("f1", t$statistic, t$p.value)'], ()
+    return [
+        "t <- kruskal.test(y ~ f1, data = d)",
+        'line("f1", t$statistic, t$p.value)',
+        'line("effect f1", t$statistic / (nrow(d) - 1), NA)',
+        *dunn_lines(outcome),
+    ], ()
 
 
 def _welch(outcome: Outcome, names: Mapping[str, str]) -> Body:
-    return ["t <- oneway.test(y ~ f1, data = d)", 'line("f1", t$statistic, t$p.value)'], ()
+    return [
+        "t <- oneway.test(y ~ f1, data = d)",
+        'line("f1", t$statistic, t$p.value)',
+        *games_howell_lines(outcome),
+    ], ()
 
 
 _BODIES: Mapping[str, Callable[[Outcome, Mapping[str, str]], Body]] = {

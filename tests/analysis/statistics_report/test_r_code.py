@@ -33,6 +33,10 @@ QUESTIONS: dict[str, dict[str, Any]] = {
     "lmm": {"test": "lmm", **TWO, "random": "components"},
     "gee": {"test": "gee", **ONE},
     "clmm": {"test": "clmm", **ONE, "dv": "rating"},
+    "art of conditions": {"test": "art", **TWO},
+    "art of groups": {"test": "art", "between": ("g", "sex"), "subject": "who"},
+    "rm beside two": {"test": "rm", **TWO, "between": ("g", "sex")},
+    "anova of two": {"test": "anova", "between": ("g", "sex"), "subject": "who"},
     "clmm with slopes": {"test": "clmm", **PAIR, "dv": "rating", "random": "a"},
     "clmm, maximal": {"test": "clmm", **PAIR, "dv": "rating", "random": "maximal"},
     "bradleyterry": {"test": "bradleyterry", **VOTES, "side": True},
@@ -83,6 +87,7 @@ def people() -> pd.DataFrame:
     for factor in ("a", "b"):
         y += [slopes[key] for key in zip(frame["who"], frame[factor], strict=True)]
     frame["y"] = np.round(y, 3)
+    frame["sex"] = np.where(frame["who"].str[1:].astype(int) % 2, "f", "m")
     frame["skewed"] = np.round(np.exp(2 * frame["y"]), 3)
     pairs = [("p", "q"), ("q", "r"), ("r", "p"), ("q", "p"), ("r", "q"), ("p", "r")]
     frame["one"], frame["other"] = zip(*(pairs[i % 6] for i in range(len(frame))), strict=True)
@@ -102,7 +107,7 @@ def people() -> pd.DataFrame:
 
 
 def asked(name: str) -> Outcome:
-    question = {"dv": "y", "levels": {}} | QUESTIONS[name]
+    question = {"dv": "y", "levels": {}, "always_posthoc": True} | QUESTIONS[name]
     if "b" in question.get("within", ()):
         question["levels"] = {"b": ["low", "mid", "high"]}
     return answer(people(), Question(**question))
@@ -192,12 +197,84 @@ COMPARED = [n for n, q in QUESTIONS.items() if q["test"] not in ("gee", "tost")]
 @pytest.mark.slow
 @pytest.mark.parametrize("name", COMPARED)
 def test_r_finds_the_same_statistic_and_p(name: str, repeated: dict[str, Printed | str]) -> None:
-    found = {k: v for k, v in read(repeated, name).items() if "Shapiro-Wilk" not in k}
+    beside = ("contrast ", "effect ")
+    found = {
+        k: v
+        for k, v in read(repeated, name).items()
+        if "Shapiro-Wilk" not in k and not k.startswith(beside)
+    }
     want = list(expected(asked(name)))
     assert len(want) == len(found), found
     for (value, p), (r_value, r_p) in zip(want, found.values(), strict=True):
         assert value == pytest.approx(r_value, rel=1e-4)
         assert p == pytest.approx(r_p, rel=1e-3, abs=1e-9, nan_ok=True)
+
+
+WITH_CONTRASTS = {
+    "rm": 47,
+    "rm beside two": 78,
+    "gg": 3,
+    "mixed": 22,
+    "lmm": 22,
+    "int": 19,
+    "art of conditions": 22,
+    "art of groups": 9,
+    "anova": 1,
+    "anova of two": 8,
+    "welch": 1,
+    "kruskal": 1,
+    "friedman": 3,
+    "conditions": 3,
+}
+ESTIMATES_ALONE = {"gee": 3, "clmm": 3}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", WITH_CONTRASTS)
+def test_r_finds_the_same_contrasts(name: str, repeated: dict[str, Printed | str]) -> None:
+    found = [v for k, v in read(repeated, name).items() if k.startswith("contrast ")]
+    rows = asked(name).contrasts
+    assert WITH_CONTRASTS[name] == len(rows) == len(found)
+    for row, (value, p) in zip(rows, found, strict=True):
+        ours = next(float(row[n] or 0) for n in ("t", "V", "z") if row.get(n) is not None)
+        assert ours == pytest.approx(value, rel=1e-4, abs=1e-6)
+        assert float(row["p_adjusted"] or 0) == pytest.approx(p, rel=1e-3, abs=1e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ESTIMATES_ALONE)
+def test_r_estimates_the_same_contrasts(name: str, repeated: dict[str, Printed | str]) -> None:
+    found = [v for k, v in read(repeated, name).items() if k.startswith("contrast ")]
+    rows = asked(name).contrasts
+    assert ESTIMATES_ALONE[name] == len(rows) == len(found)
+    for row, (value, p) in zip(rows, found, strict=True):
+        assert float(row["estimate"] or 0) == pytest.approx(value, rel=1e-3)
+        assert np.isnan(p)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["rm", "gg", "anova", "anova of two", "friedman", "kruskal"])
+def test_r_finds_the_same_effect_sizes(name: str, repeated: dict[str, Printed | str]) -> None:
+    outcome = asked(name)
+    found = {
+        k.removeprefix("effect "): v for k, (v, _) in read(repeated, name).items() if "effect " in k
+    }
+    want = {str(row.get("term", "f1")): row["effect_size"] for row in outcome.rows}
+    want |= {
+        f"{row['family']}: {row['contrast']}": row["effect_size"]
+        for row in outcome.contrasts
+        if name in ("gg", "anova") and "contrast" in row
+    }
+    assert set(want) == set(found)
+    for key, value in want.items():
+        assert float(value or 0) == pytest.approx(found[key], rel=1e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["t", "t of groups", "wilcoxon", "mannwhitney"])
+def test_r_finds_the_same_effect_size_of_two(name: str, repeated: dict[str, Printed | str]) -> None:
+    (found,) = [v for k, (v, _) in read(repeated, name).items() if k.startswith("effect ")]
+    assert float(asked(name).rows[0]["effect_size"] or 0) == pytest.approx(found, rel=1e-5)
 
 
 @pytest.mark.slow
@@ -213,4 +290,5 @@ def test_equivalence_is_the_larger_of_rs_two_tests(
 def test_r_estimates_the_same_equations(repeated: dict[str, Printed | str]) -> None:
     frame, found = people(), read(repeated, "gee")
     made = gee(frame, "y", subject="who", within=("b",), levels={"b": ["low", "mid", "high"]})
-    assert made.model.beta == pytest.approx([value for value, _ in found.values()], rel=1e-4)
+    values = [value for name, (value, _) in found.items() if not name.startswith("contrast ")]
+    assert made.model.beta == pytest.approx(values, rel=1e-4)
