@@ -23,7 +23,8 @@ def partial_eta_squared(
     rows of a one-way design. For a t test pass F = t², df1 = 1 and n.
     """
     interval = eta_interval(F, df1, df2, cases=cases, level=level)
-    return Effect("η²p", eta_squared_of_f(F, df1, df2), interval)
+    # An F so small that not even no effect explains it has bounds of zero, which hold nothing.
+    return Effect("η²p", eta_squared_of_f(F, df1, df2), interval if interval.high > 0 else None)
 
 
 def eta_squared_of_f(F: float, df1: float, df2: float) -> float:

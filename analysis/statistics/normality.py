@@ -54,3 +54,12 @@ def skewness(values: Array) -> float:
     if n < 3 or m2 <= 1e-24 * max(1e-300, float(np.abs(values).max()) ** 2):
         return 0.0
     return float((about_mean**3).mean() / m2**1.5 * np.sqrt(n * (n - 1)) / (n - 2))
+
+
+def excess_kurtosis(values: Array) -> float:
+    """Return how much longer the tails are than normal ones (0); 0 without spread."""
+    about_mean = values - values.mean()
+    m2 = float((about_mean**2).mean())
+    if m2 <= 1e-24 * max(1e-300, float(np.abs(values).max()) ** 2):
+        return 0.0
+    return float((about_mean**4).mean() / m2**2 - 3)

@@ -10,11 +10,18 @@ import pandas as pd
 
 from visavis.analysis.statistics import Design, cell_means, describe, read_design
 from visavis.analysis.statistics.errors import MissingCell, MissingValue, SubjectInTwoGroups
+from visavis.analysis.statistics.inputs import is_constant
+from visavis.analysis.statistics.nonlinear_scales import SKEW_LIMIT
+from visavis.analysis.statistics.normality import excess_kurtosis, skewness
 from visavis.analysis.statistics.results import Array, Row, number
 from visavis.analysis.statistics_report.outcome import Outcome, Question, Samples
 from visavis.analysis.statistics_report.table_file import DataTable, natural_order
 from visavis.lab.errors import UsageError
 
+STANDARDISED_BY_SD = ("rm", "anova", "welch", "t", "paired", "conditions")
+"""Tests whose effect sizes divide by a standard deviation of people."""
+LONG_TAILS = 2.0
+"""Excess kurtosis of residuals from which intervals of such effect sizes carry a warning."""
 MAX_CELLS_DRAWN = 12
 MAX_CELLS_NAMED = 6
 MAX_SPREAD_RATIO = 2.0
@@ -93,6 +100,8 @@ def outcome_of(
 ) -> Outcome:
     """Return an outcome with the cells, notes, samples and rows that its design gives."""
     exclusions = () if design is None else left_out(design)
+    if design is not None and q.test in STANDARDISED_BY_SD:
+        notes = (*notes, *far_from_normal(design, (*rows, *more.get("contrasts", ()))))
     return Outcome(
         question=q,
         title=title,
@@ -103,6 +112,31 @@ def outcome_of(
         samples=() if design is None else samples_of(design),
         is_simulated=table.is_simulated,
         **{"data": None if design is None else tested_rows(design, q.subject), **more},
+    )
+
+
+def far_from_normal(design: Design, rows: Sequence[Row]) -> tuple[str, ...]:
+    """Note intervals of standardised effects where residuals are skewed or have long tails."""
+    effects = {
+        str(row["effect"])
+        for row in rows
+        if row.get("effect") in ("dz", "d", "η²", "η²p") and row.get("effect_ci_low") is not None
+    }
+    if not effects:
+        return ()
+    groups = [design.cells, design.subject] if design.within else [design.cells]
+    away = design.y
+    for codes in groups:
+        away = away - (np.bincount(codes, away) / np.maximum(np.bincount(codes), 1))[codes]
+    if is_constant(away):
+        return ()
+    skew, tails = skewness(away), excess_kurtosis(away)
+    if abs(skew) <= SKEW_LIMIT and tails <= LONG_TAILS:
+        return ()
+    return (
+        f"residuals are not normal (skewness {number(skew)}, excess kurtosis {number(tails)}), as "
+        f"the intervals of {' and '.join(sorted(effects))} take them to be: those of large effects "
+        "are too narrow; differences and rank-biserial correlations keep theirs",
     )
 
 
