@@ -41,6 +41,7 @@ WIRING: Final = {
 }
 """Where the wiring of each kind is told."""
 WIRING_OF: Final = {
+    "ble_sensor": "sensors.md",
     "lsl_stream": "synchronisation.md",
     "screen_display": "screens.md",
 }

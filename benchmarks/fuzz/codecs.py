@@ -25,6 +25,7 @@ from visavis.devices.drivers.bands.bhaptics_codec import BhapticsLanguage
 from visavis.devices.drivers.bands.buzz_codec import BuzzLanguage
 from visavis.devices.drivers.bands.report_codec import ReportLanguage, ReportLayout
 from visavis.devices.drivers.bands.vhp_codec import VhpSleeveLanguage, VhpSlimLanguage
+from visavis.devices.drivers.ble_sensor.codec import read_heart_rate, read_polar_ecg
 from visavis.devices.drivers.buttons.codes import ByteButtons
 from visavis.devices.drivers.buttons.device import Press
 from visavis.devices.drivers.buttons.hid_reports import ReportReader, layout_of
@@ -176,6 +177,14 @@ def _lsl_gaze(samples: Sequence[bytes]) -> Callable[[bytes], object]:
         return encoded
 
     return read
+
+
+def _notified(data: bytes) -> None:
+    for read in (read_heart_rate, read_polar_ecg):
+        try:
+            read(data)
+        except DataError:
+            continue
 
 
 def _natnet(data: bytes) -> None:
@@ -368,6 +377,7 @@ def codecs() -> Iterator[Target]:
         ("sranipal.codec", frames("vive_pro_eye"), sranipal.decode_eye_data),
     ):
         yield Target(name, sample_frames, read, is_sound=gaze_is_sound)
+    yield Target("ble_sensor.codec", frames("ble_sensor"), _notified)
     yield Target("lsl.body", frames("lsl_body"), _xml)
     yield Target("natnet.codec", frames("natnet"), _natnet)
     yield Target("openvr.codec", frames("openvr_headset", "openvr_trackers"), _openvr)

@@ -28,6 +28,7 @@ NEEDED = {
         ("serial_triggers", "parallel_triggers", "labjack_triggers", "lsl_triggers"), CODES
     ),
     "openvr_trackers": {"worn": {"LHR-0A": "left_hand"}},
+    "ble_sensor": {"profile": "polar_ecg"},
     "lsl_body": {"objects": {"Wand": "right_hand"}},
     "natnet": {"multicast_group": ""},
     "ble_armband": {"name": "Visavis"},

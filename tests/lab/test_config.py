@@ -345,7 +345,7 @@ def test_what_a_model_of_ours_refuses_is_told_in_its_own_words(tmp_path):
     )
     with pytest.raises(ConfigError) as refused:
         parse_config(without_address, tmp_path / "c.yaml", OPTION_MODELS)
-    assert "armband_left_forearm: give the band's address or the name" in str(refused.value)
+    assert "armband_left_forearm: give the device's address or the name" in str(refused.value)
     assert "alue error" not in str(refused.value)
 
 

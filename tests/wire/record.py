@@ -19,7 +19,8 @@ from visavis.lab.schema import SampleBatch
 FOLDER = Path(__file__).resolve().parent
 EXPECTED = FOLDER / "decoded.json"
 SECONDS = 0.5
-SHORTER_S = {
+OTHERWISE_S = {
+    "ble_sensor": 2.0,
     "openvr_trackers": 0.12,
     "openvr_controllers": 0.12,
     "xsens": 0.3,
@@ -42,7 +43,7 @@ def record(driver: str, folder: Path = FOLDER) -> Path:
             check_headset(make, n_frames=FRAMES)
         else:
             device = make()
-            collect(device, let_pass, seconds=SHORTER_S.get(driver, SECONDS))
+            collect(device, let_pass, seconds=OTHERWISE_S.get(driver, SECONDS))
             device.close()
 
     capture(driver, check, path)

@@ -96,8 +96,9 @@ class BleLink:
 
     `address` or the advertised `name` (its beginning is enough) finds the band; two that fit the
     name are refused. Characteristics that are not given are those of the first of `SERVICES` that
-    it has. With `splits`, a message longer than a packet goes in several; otherwise it is refused,
-    because the band takes one message per packet.
+    it has; with `notify_uuid` alone it is only listened to. Bytes go without response where the
+    characteristic takes them so. With `splits`, a message longer than a packet goes in several;
+    otherwise it is refused, because the device takes one message per packet.
     """
 
     def __init__(
@@ -177,6 +178,8 @@ class BleLink:
         client = self._client
         if not self._is_open or self._is_gone or client is None:
             raise DeviceDisconnected(f"{self.kind} is not connected", remedy=self._remedy)
+        if self._characteristic is None:
+            raise DeviceError(f"{self.kind} only notifies", remedy="give its write_uuid")
         longest = self._characteristic.max_write_without_response_size
         if len(data) > longest and not self._splits:
             raise DeviceError(
@@ -233,25 +236,30 @@ class BleLink:
             raise bleak.exc.BleakError(f"{self.kind} does not advertise")
         client = bleak.BleakClient(device, self._on_gone, timeout=ATTEMPT_S)
         await client.connect()
-        uuids = self._uuids if all(self._uuids) else _serial_service(client.services)
-        if uuids is None or any(client.services.get_characteristic(uuid) is None for uuid in uuids):
+        uuids = self._uuids if self._uuids[1] else _serial_service(client.services)
+        if uuids is None or not all(
+            client.services.get_characteristic(uuid) is not None for uuid in uuids if uuid
+        ):
             offers = ", ".join(sorted(service.uuid for service in client.services)) or "none"
             await client.disconnect()
             raise DeviceNotFound(
-                f"{self.kind} has no serial service that is known here; its services: {offers}",
+                f"{self.kind} has no service that is known here; its services: {offers}",
                 remedy="give write_uuid and notify_uuid of its characteristics in lab_config.yaml",
             )
         self._found_address = device.address
         write_uuid, notify_uuid = uuids
-        characteristic = client.services.get_characteristic(write_uuid)
+        characteristic = client.services.get_characteristic(write_uuid) if write_uuid else None
         self._client, self._characteristic = client, characteristic
         self._is_gone = False
+        if characteristic is not None and "indicate" in characteristic.properties:
+            await client.start_notify(write_uuid, self._on_data)  # it answers what is written
         await client.start_notify(notify_uuid, self._on_data)
         asyncio.get_running_loop().call_later(ORPHAN_S, self._drop_orphan, client)
 
     async def _write(self, client: Any, pieces: Sequence[bytes]) -> None:
+        needs_answer = "write-without-response" not in self._characteristic.properties
         for piece in pieces:
-            await client.write_gatt_char(self._characteristic, piece, response=False)
+            await client.write_gatt_char(self._characteristic, piece, response=needs_answer)
 
     async def _by_name(self) -> Any:
         """Return the only device whose name begins so, or None if there is none in time."""

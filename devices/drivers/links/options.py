@@ -1,6 +1,6 @@
 """Options of devices by the wire they hang on."""
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
@@ -40,8 +40,23 @@ def long_uuid(uuid: str) -> str:
 UUID = r"^([0-9A-Fa-f]{4}|[0-9A-Fa-f]{8}(-[0-9A-Fa-f]{4}){3}-[0-9A-Fa-f]{12}|)$"
 
 
-class BleBandOptions(BandOptions):
-    """A band by its address, or by the beginning of the name it advertises.
+class BleOptions(SimulatedOptions):
+    """A device by its address, or by the beginning of the name it advertises."""
+
+    address: str = ""
+    name: str = ""
+    write_uuid: Annotated[str, Field(pattern=UUID), AfterValidator(long_uuid)] = ""
+    notify_uuid: Annotated[str, Field(pattern=UUID), AfterValidator(long_uuid)] = ""
+
+    @model_validator(mode="after")
+    def _has_a_way(self) -> Self:
+        if not self.address and not self.name:
+            raise ValueError("give the device's address or the name it advertises")
+        return self
+
+
+class BleBandOptions(BleOptions, BandOptions):
+    """A band on Bluetooth LE.
 
     The serial services of Nordic, HM-10 and Microchip are found by themselves; `write_uuid` and
     `notify_uuid` (16 or 128 bits) name the characteristics of another.
@@ -50,15 +65,8 @@ class BleBandOptions(BandOptions):
     splits: ClassVar[bool] = True
     """Whether the band takes a message in pieces."""
 
-    address: str = ""
-    name: str = ""
-    write_uuid: Annotated[str, Field(pattern=UUID), AfterValidator(long_uuid)] = ""
-    notify_uuid: Annotated[str, Field(pattern=UUID), AfterValidator(long_uuid)] = ""
-
     @model_validator(mode="after")
-    def _has_a_way(self) -> "BleBandOptions":
+    def _both_ways(self) -> Self:
         if bool(self.write_uuid) != bool(self.notify_uuid):
             raise ValueError("give write_uuid and notify_uuid together; they may be the same")
-        if not self.address and not self.name:
-            raise ValueError("give the band's address or the name it advertises")
         return self
