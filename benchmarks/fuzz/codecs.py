@@ -42,6 +42,7 @@ from visavis.devices.drivers.neon import codec as neon
 from visavis.devices.drivers.openvr import codec as openvr
 from visavis.devices.drivers.pupil import codec as pupil
 from visavis.devices.drivers.pupil.layout import GazeDecoder
+from visavis.devices.drivers.qualisys import codec as qualisys
 from visavis.devices.drivers.sranipal import codec as sranipal
 from visavis.devices.drivers.streaming.gaze_rays import Sample
 from visavis.devices.drivers.streaming.screen import Screen
@@ -185,6 +186,18 @@ def _notified(data: bytes) -> None:
             read(data)
         except DataError:
             continue
+
+
+def _qualisys(data: bytes) -> None:
+    for _, payload in qualisys.PacketReader().feed(data):
+        for read in (
+            qualisys.decode_frame,
+            lambda b: qualisys.decode_settings(qualisys.text_of(b)),
+        ):
+            try:
+                read(payload)
+            except DataError:
+                continue
 
 
 def _natnet(data: bytes) -> None:
@@ -381,6 +394,7 @@ def codecs() -> Iterator[Target]:
     yield Target("lsl.body", frames("lsl_body"), _xml)
     yield Target("natnet.codec", frames("natnet"), _natnet)
     yield Target("openvr.codec", frames("openvr_headset", "openvr_trackers"), _openvr)
+    yield Target("qualisys.codec", frames("qualisys"), _qualisys)
     jacks = frames("labjack_triggers")
     yield Target(
         "triggers.labjack_codec",

@@ -26,6 +26,7 @@ OTHERWISE_S = {
     "xsens": 0.3,
     "pupil_core": 0.3,
     "natnet": 0.3,
+    "qualisys": 0.3,
 }
 FRAMES = 12
 
