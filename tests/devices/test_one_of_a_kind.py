@@ -135,6 +135,14 @@ def test_two_streams_of_a_type_are_refused_by_name_and_source(monkeypatch):
     assert not lsl.taken
 
 
+def test_two_streams_of_one_source_are_two_where_their_names_differ(monkeypatch):
+    lsl = Lsl(("gaze", "tracker"), ("openness", "tracker"))
+    monkeypatch.setattr(inlet, "lsl_library", lambda: lsl)
+
+    with pytest.raises(DeviceNotFound, match=r"'gaze' of lab .*'openness' of lab"):
+        LslInlet(SimClock()).open(1.0)
+
+
 def test_stream_that_was_open_is_taken_again_though_another_appeared(monkeypatch):
     lsl = Lsl(("gaze A", "a1"))
     monkeypatch.setattr(inlet, "lsl_library", lambda: lsl)

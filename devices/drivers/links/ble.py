@@ -233,6 +233,7 @@ class BleLink:
         else:
             device = await self._by_name()
         if device is None:
+            self._found_address = ""  # some change their address: look for the name next time
             raise bleak.exc.BleakError(f"{self.kind} does not advertise")
         client = bleak.BleakClient(device, self._on_gone, timeout=ATTEMPT_S)
         await client.connect()

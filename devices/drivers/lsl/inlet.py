@@ -64,7 +64,7 @@ class LslInlet(OnlyListening):
         criteria = {"name": name, "type": content_type, "source_id": source_id}
         self._predicate = " and ".join(f"{k}='{_plain(v)}'" for k, v in criteria.items() if v)
         self._content_type = content_type
-        self._opened: tuple[str, str] | None = None
+        self._opened: tuple[str, ...] | None = None
         self._lsl: Any = None
         self._inlet: Any = None
         self._info = b""
@@ -94,7 +94,7 @@ class LslInlet(OnlyListening):
             inlet.close_stream()
             raise DeviceTimeout(f"the stream {stream.name()!r} does not open") from cause
         self._inlet = inlet
-        self._opened = (stream.source_id(), stream.hostname())
+        self._opened = _source_of(stream)
         self._answers.clear()
         self._stopping.clear()
         self._offset_request.clear()
@@ -110,9 +110,7 @@ class LslInlet(OnlyListening):
         streams = pylsl.resolve_bypred(wanted, MANY, min(within_s, LOOK_FOR_OTHERS_S))
         if not streams:
             streams = pylsl.resolve_bypred(wanted, 1, within_s)
-        by_source = {
-            (s.source_id(), s.hostname()) if s.source_id() else s.uid(): s for s in streams
-        }
+        by_source = {_source_of(s): s for s in streams}
         if not by_source:
             raise DeviceTimeout(f"no stream with {self._predicate} was found on the network")
         if self._opened in by_source:
@@ -200,6 +198,13 @@ class LslInlet(OnlyListening):
             ctypes.byref(code),
         )
         return None if code.value else (float(offset_s), float(spread.value))
+
+
+def _source_of(stream: Any) -> tuple[str, ...]:
+    """Return what tells a stream's source from others; LSL recovers one that has a source_id."""
+    if stream.source_id():
+        return stream.source_id(), stream.name(), stream.hostname()
+    return (stream.uid(),)
 
 
 def _plain(text: str) -> str:
