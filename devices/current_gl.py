@@ -54,6 +54,15 @@ def current_context() -> GlContext:
     raise DeviceError("no OpenGL context is current in this thread", remedy=_REMEDY)
 
 
+def is_current(context: GlContext) -> bool:
+    """Tell whether a context is the one that is current in this thread."""
+    try:
+        now = current_context()
+    except DeviceError:
+        return False
+    return (now.system, now.context) == (context.system, context.context)
+
+
 class GlCopies:
     """Copy and read textures of the context that is current; leaves its state as it was."""
 

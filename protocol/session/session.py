@@ -51,10 +51,18 @@ class Session:
     def run(self) -> None:
         """Perform the plan to its end.
 
+        The stage outlives the devices: a headset's runtime frees its images in the stage's context.
+
         Raises:
             SessionAborted: the operator ended it; everything finished is kept, resumable.
             DeviceError: a device is missing or stayed away; resumable as well.
         """
+        try:
+            self._run_on_devices()
+        finally:
+            self._setup.stage.close()
+
+    def _run_on_devices(self) -> None:
         setup = self._setup
         self._states.move(SessionState.PREFLIGHT)
         deliver: list[FrameLoop] = []
@@ -97,8 +105,6 @@ class Session:
                 # Ended from the keyboard, by the system or by a defect: keep buffered rows, too.
                 loop.flush()
                 raise
-            finally:
-                setup.stage.close()
 
     @property
     def _calibrates(self) -> bool:

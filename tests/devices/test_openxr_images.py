@@ -367,3 +367,46 @@ def test_a_capture_of_before_lenses_were_asked_about_hides_nothing(context):
         headset.open(1.0)
         assert [(), ()] == [view.hidden for view in headset.eye_views()]
         headset.close()
+
+
+def test_images_whose_context_is_gone_are_left_to_the_process(context):
+    xr = pytest.importorskip("xr")
+    with simulated() as (runtime, clock):
+        library = runtime.library()
+        headset = OpenXrHeadset("headset", library.transport(), clock)
+        headset.show_images()
+        headset.open(1.0)
+        headset.start(lambda _: None)
+        headset.submit(one_frame(headset), noise(context, np.random.default_rng(4))[1])
+        instance = library._instance
+        other = pytest.importorskip("moderngl").create_context(
+            standalone=True, require=330, backend="egl"
+        )
+        headset.close()  # a genuine runtime would take the process with it
+        assert headset.state is DeviceState.CLOSED
+        assert not {"xrDestroySwapchain", "xrDestroyInstance"} & set(runtime.calls)
+        other.release()
+        context.__enter__()
+        xr.destroy_instance(instance)
+        assert runtime.failure is None
+
+
+def test_the_simulated_runtime_fails_where_a_genuine_one_would_crash(context):
+    xr = pytest.importorskip("xr")
+    with simulated() as (runtime, clock):
+        library = runtime.library()
+        headset = OpenXrHeadset("headset", library.transport(), clock)
+        headset.show_images()
+        headset.open(1.0)
+        headset.start(lambda _: None)
+        headset.submit(one_frame(headset), noise(context, np.random.default_rng(4))[1])
+        other = pytest.importorskip("moderngl").create_context(
+            standalone=True, require=330, backend="egl"
+        )
+        with pytest.raises(xr.exception.RuntimeFailureError):
+            xr.destroy_swapchain(library._images._chains[0][0])
+        other.release()
+        context.__enter__()
+        headset.close()
+        assert "context of its images was gone" in str(runtime.failure)
+        runtime.failure = None

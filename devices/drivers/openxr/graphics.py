@@ -12,7 +12,13 @@ import struct
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from visavis.devices.current_gl import SRGB8_ALPHA8, GlContext, GlCopies, current_context
+from visavis.devices.current_gl import (
+    SRGB8_ALPHA8,
+    GlContext,
+    GlCopies,
+    current_context,
+    is_current,
+)
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DeviceNotFound
 from visavis.lab.frame import EyeView
@@ -165,6 +171,7 @@ class EyeImages:
         self._xr = xr
         self._session = session
         self._space = space
+        self._context = current_context()
         self._copies = GlCopies()
         self._size_px = (0, 0)
         self._chains: list[tuple[Any, list[int]]] = []
@@ -208,9 +215,15 @@ class EyeImages:
         self._layer = xr.CompositionLayerProjection(space=self._space, views=views)
         return ""
 
-    def close(self) -> None:
-        """Release the swap chains; the session may be gone already."""
+    def close(self) -> bool:
+        """Release the swap chains; the session may be gone already.
+
+        Return whether that was possible: the runtime frees their textures in the context in which
+        the session began, and where that is gone it would take the process with it.
+        """
         self._layer = None
+        if not is_current(self._context):
+            return False
         for chain, _ in self._chains:
             try:
                 self._xr.destroy_swapchain(chain)
@@ -218,6 +231,7 @@ class EyeImages:
                 continue
         self._chains = []
         self._copies.close()
+        return True
 
     def _make_chains(self, size_px: tuple[int, int]) -> str:
         xr = self._xr

@@ -300,8 +300,8 @@ class OpenXrLibrary:
         """Release everything; destroying the instance destroys its children."""
         instance, self._instance = self._instance, None
         images, self._images, self._display_time = self._images, None, None
-        if images is not None:
-            images.close()
+        if images is not None and not images.close():
+            instance = None  # with it go images whose context is gone: leave them to the process
         self._session, self._actions, self._binding, self._time = None, None, None, None
         self._eyes, self.eyes_by = None, ""
         self._spaces, self.states, self._running = {}, [], False

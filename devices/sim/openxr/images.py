@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from visavis.devices.current_gl import SRGB8_ALPHA8
+from visavis.devices.current_gl import SRGB8_ALPHA8, GlContext, current_context, is_current
 from visavis.devices.drivers.openxr.graphics import BINDING_TYPES
 from visavis.devices.sim.image_reader import ImageReader
 
@@ -52,6 +52,7 @@ class ShownFrame:
 class _Chain:
     textures: list[int]
     size_px: tuple[int, int]
+    context: GlContext
     acquired_indices: deque[int] = field(default_factory=deque)
     has_waited: bool = False
     following: int = 0
@@ -81,8 +82,9 @@ class SimulatedImages:
         return SUCCESS if self._asked_requirements else REQUIREMENTS_CALL_MISSING
 
     def forget(self) -> None:
-        """Forget every swap chain, as at the end of a session; textures go with their context."""
-        self._chains.clear()
+        """Free every swap chain, as at the end of a session."""
+        for chain in list(self._chains):
+            self._free(chain)
         self._asked_requirements = False
 
     def layers_result(self, info: Any) -> int:
@@ -125,6 +127,13 @@ class SimulatedImages:
             self.on_frame(ShownFrame(int(info.display_time), (eyes[0], eyes[1])))
         return SUCCESS
 
+    def _free(self, handle: int) -> None:
+        """Free a swap chain; a genuine runtime does it in the program's context, or crashes."""
+        chain = self._chains.pop(handle)
+        if not is_current(chain.context):
+            raise AssertionError("a swap chain was freed when the context of its images was gone")
+        self._reader.copies.delete(chain.textures)
+
     # ---- the runtime's functions -------------------------------------------------------------
 
     def _xr_GetOpenGLGraphicsRequirementsKHR(
@@ -149,13 +158,12 @@ class SimulatedImages:
         size = (int(create_info.width), int(create_info.height))
         copies = self._reader.copies
         textures = [copies.texture(size, int(create_info.format)) for _ in range(OPENGL_IMAGES)]
-        self._chains[self._new_handle(chain)] = _Chain(textures, size)
+        self._chains[self._new_handle(chain)] = _Chain(textures, size, current_context())
         return SUCCESS
 
     def _xr_DestroySwapchain(self, chain: Any) -> int:
-        swapchain = self._chains.pop(_handle(chain), None)
-        if swapchain is not None:
-            self._reader.copies.delete(swapchain.textures)
+        if _handle(chain) in self._chains:
+            self._free(_handle(chain))
         return SUCCESS
 
     def _xr_EnumerateSwapchainImages(
