@@ -35,6 +35,8 @@ SETTLE_S = 0.5
 BUSY_REMEDY = "it is simulated here, so this computer is too busy: close other programs"
 
 Tick = Callable[[float], None]
+Prepare = Callable[[Device, ExitStack], None]
+"""Makes a device ready to be opened; what it needs meanwhile is closed after the device."""
 
 
 @dataclass(frozen=True)
@@ -70,16 +72,19 @@ def capture(
     wires: Wires = BARE,
     tick: Tick | None = None,
     is_over: Callable[[], bool] | None = None,
+    prepare: Prepare | None = None,
 ) -> tuple[Trial, ...]:
     """Open every device, stream for a while, close; one that fails does not stop the others.
 
-    A headset among them paces the loop. `tick` gets the seconds measured so far; `is_over` ends the
-    capture early.
+    A headset among them paces the loop. Every device is made ready by `prepare` before any is
+    opened, because some share a runtime. `tick` gets the seconds measured so far; `is_over` ends
+    the capture early.
     """
     trials: dict[str, Trial] = {d.role: Trial(d.role, d.driver, d.simulated) for d in devices}
     body: Any = IdleBody() if clock.is_virtual else SharedBody(IdleBody())
     with ExitStack() as stack:
-        running = _start(devices, clock, body, stack, wires, trials)
+        built = _built(devices, clock, body, stack, wires, trials, prepare)
+        running = _start(built, clock, stack, trials)
         bands = {r: one.device for r, one in running.items() if isinstance(one.device, Armband)}
         with HapticGuard(bands, clock, handle_signals=not clock.is_virtual) as guard:
             _stream(running, clock, seconds, guard, tick, is_over)
@@ -90,25 +95,48 @@ def capture(
     return tuple(trials.values())
 
 
-def _start(
+def _built(
     devices: Sequence[DeviceConfig],
     clock: Clock,
     body: Body,
     stack: ExitStack,
     wires: Wires,
     trials: dict[str, Trial],
-) -> dict[str, _Running]:
-    running: dict[str, _Running] = {}
+    prepare: Prepare | None,
+) -> list[tuple[DeviceConfig, Device]]:
+    built = []
     for config in devices:
         try:
             device = build_device(config, clock, body, SEED, stack, wires)
+            if prepare is not None:
+                prepare(device, stack)
+        except LabError as problem:
+            trials[config.role] = _failed(trials[config.role], problem)
+        else:
+            built.append((config, device))
+    return built
+
+
+def _failed(trial: Trial, problem: LabError) -> Trial:
+    remedy = str(getattr(problem, "remedy", ""))
+    text = str(problem).removesuffix(f"; {remedy}").removeprefix(f"{trial.role}: ")
+    if trial.simulated and isinstance(problem, DeviceTimeout):
+        remedy = BUSY_REMEDY
+    return replace(trial, error=text, remedy=remedy)
+
+
+def _start(
+    built: Sequence[tuple[DeviceConfig, Device]],
+    clock: Clock,
+    stack: ExitStack,
+    trials: dict[str, Trial],
+) -> dict[str, _Running]:
+    running: dict[str, _Running] = {}
+    for config, device in built:
+        try:
             device.open(SIMULATED_OPEN_S if config.simulated else OPEN_DEADLINE_S)
         except LabError as problem:
-            remedy = str(getattr(problem, "remedy", ""))
-            text = str(problem).removesuffix(f"; {remedy}").removeprefix(f"{config.role}: ")
-            if config.simulated and isinstance(problem, DeviceTimeout):
-                remedy = BUSY_REMEDY
-            trials[config.role] = replace(trials[config.role], error=text, remedy=remedy)
+            trials[config.role] = _failed(trials[config.role], problem)
             continue
         stack.callback(device.close)
         batches: list[SampleBatch] = []

@@ -82,6 +82,7 @@ class SimulatedXrRuntime:
         per_eye: str = "none",
         hides_corners: bool = True,
         look_ahead_ms: float | None = None,
+        offers_headless: bool = True,
     ) -> None:
         self.failure: Exception | None = None
         self.calls: list[str] = []
@@ -94,6 +95,7 @@ class SimulatedXrRuntime:
         self._faults = faults if faults is not None else FaultSchedule()
         self._supports_gaze = supports_gaze
         self._hides_corners = hides_corners
+        self._offers_headless = offers_headless
         self._tells_sample_time = tells_sample_time
         self._time_extension = time_extension
         self._origin_ns = clock.now_ns()
@@ -161,7 +163,8 @@ class SimulatedXrRuntime:
     def _xr_EnumerateInstanceExtensionProperties(
         self, layer: Any, capacity: int, count: Any, properties: Any
     ) -> int:
-        names = [HEADLESS, self._time_extension, EYE_GAZE, OPENGL, EGL]
+        names = [HEADLESS] if self._offers_headless else []
+        names += [self._time_extension, EYE_GAZE, OPENGL, EGL]
         names += [self.eyes.extension] if self.eyes.extension else []
         names += [VISIBILITY_MASK] if self._hides_corners else []
         count[0] = len(names)

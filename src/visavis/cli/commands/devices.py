@@ -35,6 +35,7 @@ from visavis.lab.clock import SimClock, SystemClock
 from visavis.lab.config import DeviceConfig, LabConfig
 from visavis.lab.errors import DataError, DeviceError, UsageError
 from visavis.lab.yaml_lines import did_you_mean
+from visavis.running.sessions.showing_devices import shown_pictures, with_their_headset
 
 devices_app = typer.Typer(help="What devices there are, and whether they work.")
 app.add_typer(devices_app, name="devices")
@@ -90,9 +91,10 @@ def listen(
     """
     lab = load_lab(config, quiet=as_json)
     _check_seconds(seconds)
-    devices = [_device(lab, role) for role in roles] if roles else list(lab.devices.values())
+    wanted = [_device(lab, role) for role in roles] if roles else list(lab.devices.values())
+    devices, prepare = with_their_headset(lab, wanted), shown_pictures(lab)
     if as_json:
-        trials = capture(devices, SystemClock(), seconds)
+        trials = capture(devices, SystemClock(), seconds, prepare=prepare)[-len(wanted) :]
         say_json([asdict(t) for t in trials])
     else:
         with console.status(f"listening for {seconds:g} s") as status:
@@ -100,8 +102,10 @@ def listen(
                 devices,
                 SystemClock(),
                 seconds,
+                prepare=prepare,
                 tick=lambda passed_s: status.update(f"listening: {passed_s:.0f} of {seconds:g} s"),
             )
+        trials = trials[-len(wanted) :]
         print_trials(trials)
     if any(trial.error for trial in trials):
         raise typer.Exit(DeviceError.exit_code)
@@ -208,7 +212,8 @@ def capture_wire(
     clock = SystemClock()
     wires = CapturedWires(role, path, clock, note_of(device))
     with console.status(f"capturing for {seconds:g} s"):
-        trials = capture([device], clock, seconds, wires=wires)
+        devices = with_their_headset(lab, [device])
+        trials = capture(devices, clock, seconds, wires=wires, prepare=shown_pictures(lab))[-1:]
     wires.end()
     if not trials[0].error and not wires.is_captured:
         raise UsageError(

@@ -19,6 +19,7 @@ from visavis.lab.clock import Clock
 from visavis.lab.config import DeviceConfig, LabConfig
 from visavis.lab.config_files import CONFIG_NAME, EXAMPLE
 from visavis.running.sessions.device_setup import roles_expected
+from visavis.running.sessions.showing_devices import shown_pictures
 
 DEVICES = "devices"
 SELF_TEST_S = 10.0
@@ -52,7 +53,9 @@ def examine(lab: LabConfig, clock: Clock, *, self_test_s: float = 0.0) -> Report
     trials = [_without_runtime(d, absent) for d in devices]
     devices_to_open = [d for d, trial in zip(devices, trials, strict=True) if trial is None]
     captured_trials = iter(
-        capture(devices_to_open, clock, self_test_s or GLANCE_S) if devices_to_open else ()
+        capture(devices_to_open, clock, self_test_s or GLANCE_S, prepare=shown_pictures(lab))
+        if devices_to_open
+        else ()
     )
     all_trials = tuple(trial if trial is not None else next(captured_trials) for trial in trials)
     findings = (
