@@ -65,6 +65,7 @@ from visavis.lab.errors import DeviceNotFound
 HEADLESS = "XR_MND_headless"
 EYE_GAZE = "XR_EXT_eye_gaze_interaction"
 SIMULATED_RUNTIME = "Visavis"
+HEADLESS_RATE_HZ = 90.0
 
 _NO_RUNTIME = (
     "install the headset's OpenXR runtime, start it once and make it the active one (for eye "
@@ -99,6 +100,9 @@ class OpenXrLibrary:
         self.tells_hidden = False
         self._eyes: EyesOfRuntime | None = None
         self.states: list[int] = []
+        self.headless_rate_hz = HEADLESS_RATE_HZ
+        """Frames per second that are counted where nothing is shown, and so nothing paces."""
+        self._headless_next_ns = 0
         self._users: list[OpenXrTransport] = []
         self._xr: Any = None
         self._instance: Any = None
@@ -305,6 +309,7 @@ class OpenXrLibrary:
         self._session, self._actions, self._binding, self._time = None, None, None, None
         self._eyes, self.eyes_by = None, ""
         self._spaces, self.states, self._running = {}, [], False
+        self._headless_next_ns = 0
         if instance is not None:
             self._xr.destroy_instance(instance)
 
@@ -388,6 +393,21 @@ class OpenXrLibrary:
         self._display_time = state.predicted_display_time
         return int(number(self._display_time)), int(number(state.predicted_display_period))
 
+    def _next_headless(self) -> tuple[int, int]:
+        """Wait for a tick of our own; return the runtime's time one period later, and the period.
+
+        A headless session has no frames: xrBeginFrame needs graphics, and the display time of
+        xrWaitFrame means nothing (XR_MND_headless). Monado refuses the one and sets no other.
+        """
+        period_ns = round(NS_PER_S / self.headless_rate_hz)
+        now_ns = self.clock.now_ns()
+        late_by = max(0, -(-(now_ns - self._headless_next_ns) // period_ns))
+        due_ns = self._headless_next_ns + late_by * period_ns if self._headless_next_ns else now_ns
+        self.clock.sleep_until_ns(due_ns)
+        self._headless_next_ns = due_ns + period_ns
+        now = self._now()[1]
+        return now + period_ns, period_ns
+
     def _end_frame(self, layers: Sequence[Any] = ()) -> None:
         xr, display_time, self._display_time = self._xr, self._display_time, None
         xr.end_frame(
@@ -400,10 +420,11 @@ class OpenXrLibrary:
         )
 
     def _frame(self, _: Frames) -> Frames:
-        display_time, period = self._begin_frame()
-        flags, pose = self._locate("view", "stage", display_time)
         if self._images is None:
-            self._end_frame()
+            display_time, period = self._next_headless()
+        else:
+            display_time, period = self._begin_frame()
+        flags, pose = self._locate("view", "stage", display_time)
         host_ns, now = self._now()
         payload = FRAME.pack(host_ns, now, display_time, period, flags, *numbers(pose))
         has_focus = bool(self.states) and self.states[-1] == int(

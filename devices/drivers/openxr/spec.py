@@ -14,8 +14,9 @@ GENUINE_LOADER = (
 
 
 class OpenXrHeadsetOptions(SimulatedOptions):
-    """Options of `openxr_headset`, which count on the simulated runtime only: its rate, and how
-    long after a frame's start its light leaves (None: two frames).
+    """Options of `openxr_headset`: the frames counted where nothing is shown, which is also the
+    rate of the simulated runtime, and how long after a frame's start its light leaves (None: two
+    frames).
     """
 
     of_wire = frozenset({"display_rate_hz", "look_ahead_ms"})

@@ -11,6 +11,7 @@ from visavis.devices.drivers.openxr.spec import (
     OPENXR_GAZE,
     OPENXR_HEADSET,
     OpenXrGazeOptions,
+    OpenXrHeadsetOptions,
 )
 from visavis.devices.sim.openxr.runtime import SimulatedXrRuntime
 from visavis.devices.transports import MessageTransport
@@ -22,6 +23,8 @@ def _wire(site: Site[Any]) -> MessageTransport:
     if "openxr" not in site.shared:
         site.shared["openxr"] = OpenXrLibrary(site.clock)
     library: OpenXrLibrary = site.shared["openxr"]
+    if isinstance(site.options, OpenXrHeadsetOptions):
+        library.headless_rate_hz = site.options.display_rate_hz
     return library.transport()
 
 

@@ -8,6 +8,7 @@ sensors, thumbsticks, dead zones, which controller a hand holds (always one with
 # ruff: noqa: N802 - the functions bear the names of OpenXR
 
 import ctypes
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -17,7 +18,12 @@ from visavis.devices.contracts import Body, MovingBody
 from visavis.lab.geometry import rotate
 
 SUCCESS, SESSION_NOT_FOCUSED = 0, 8
-PATH_UNSUPPORTED, ACTIONSETS_NOT_ATTACHED = -22, -46
+PATH_UNSUPPORTED, PATH_FORMAT_INVALID, ACTION_TYPE_MISMATCH = -22, -21, -27
+NAME_DUPLICATED, ACTIONSET_NOT_ATTACHED, ACTIONSETS_ALREADY_ATTACHED = -44, -46, -47
+WELL_FORMED_PATH = re.compile(r"(/(?!\.+(/|$))[a-z0-9\-_.]+)+")
+"""Section 6.2 of the specification: levels of lower-case characters, none of dots alone."""
+WELL_FORMED_NAME = re.compile(r"[a-z0-9\-_.]{1,63}")
+BOOLEAN, FLOAT = 1, 2
 SEGMENTS = ("left_hand", "right_hand")
 OFFSETS_M = ((-0.25, -0.45, -0.3), (0.25, -0.45, -0.3))
 PRESSES = {"trigger": "select", "select": "select", "menu": "menu", "grip": "grip"}
@@ -63,6 +69,7 @@ class SimulatedHands:
         self._now_ns = now_ns
         self._has_focus = has_focus
         self._names: dict[int, str] = {}
+        self._kinds: dict[str, int] = {}
         self._paths: dict[int, str] = {}
         self._down: set[tuple[int, str]] = set()
         self._new_handle: Callable[[Any], int] = lambda _: 0
@@ -75,6 +82,7 @@ class SimulatedHands:
         """Forget actions and their attachment, as at the end of an instance."""
         self.is_attached = False
         self._names.clear()
+        self._kinds.clear()
         self._down.clear()
 
     def hand_of(self, space_info: Any) -> int | None:
@@ -96,6 +104,8 @@ class SimulatedHands:
 
     def _xr_StringToPath(self, instance: Any, text: Any, path: Any) -> int:
         path_text = text.decode() if isinstance(text, bytes) else str(text)
+        if WELL_FORMED_PATH.fullmatch(path_text) is None:
+            return PATH_FORMAT_INVALID
         numbers_by_path = {name: number for number, name in self._paths.items()}
         number = numbers_by_path.get(path_text, len(self._paths) + 1)
         self._paths[number] = path_text
@@ -107,15 +117,21 @@ class SimulatedHands:
         return SUCCESS
 
     def _xr_CreateAction(self, actions: Any, info: Any, action: Any) -> int:
-        name = info.contents.action_name
-        self._names[self._new_handle(action)] = (
-            name.decode() if isinstance(name, bytes) else str(name)
-        )
+        raw_name, kind = info.contents.action_name, info.contents.action_type
+        name = raw_name.decode() if isinstance(raw_name, bytes) else str(raw_name)
+        if WELL_FORMED_NAME.fullmatch(name) is None:
+            return PATH_FORMAT_INVALID
+        if self.is_attached:
+            return ACTIONSETS_ALREADY_ATTACHED
+        if name in self._names.values():
+            return NAME_DUPLICATED
+        handle = self._new_handle(action)
+        self._names[handle], self._kinds[name] = name, int(getattr(kind, "value", kind))
         return SUCCESS
 
     def _xr_SuggestInteractionProfileBindings(self, instance: Any, bindings: Any) -> int:
         if self.is_attached:
-            return ACTIONSETS_NOT_ATTACHED
+            return ACTIONSETS_ALREADY_ATTACHED
         suggestion = bindings.contents
         profile = self._paths[int(suggestion.interaction_profile)]
         if profile not in VALID_PATHS:
@@ -129,11 +145,13 @@ class SimulatedHands:
 
     def _xr_AttachSessionActionSets(self, session: Any, info: Any) -> int:
         if self.is_attached:
-            return ACTIONSETS_NOT_ATTACHED
+            return ACTIONSETS_ALREADY_ATTACHED
         self.is_attached = True
         return SUCCESS
 
     def _xr_SyncActions(self, session: Any, info: Any) -> int:
+        if not self.is_attached:
+            return ACTIONSET_NOT_ATTACHED
         for _, control, value in self._body.presses(self._now_ns()):
             side, _, button = control.rpartition("_")
             key = (int(side != "left"), PRESSES[button])
@@ -142,12 +160,16 @@ class SimulatedHands:
 
     def _xr_GetActionStateBoolean(self, session: Any, info: Any, state: Any) -> int:
         hand, name = self._hand_and_name(info.contents)
+        if (problem := self._refusal(name, BOOLEAN)) != SUCCESS:
+            return problem
         state.contents.is_active = self._is_on(hand)
         state.contents.current_state = (hand, name) in self._down and self._is_on(hand)
         return SUCCESS
 
     def _xr_GetActionStateFloat(self, session: Any, info: Any, state: Any) -> int:
-        hand, _ = self._hand_and_name(info.contents)
+        hand, name = self._hand_and_name(info.contents)
+        if (problem := self._refusal(name, FLOAT)) != SUCCESS:
+            return problem
         state.contents.is_active = self._is_on(hand)
         is_pulled = (hand, "select") in self._down and self._is_on(hand)
         state.contents.current_state = float(is_pulled)
@@ -162,6 +184,11 @@ class SimulatedHands:
         return SUCCESS
 
     # ---- inside -----------------------------------------------------------------------------
+
+    def _refusal(self, name: str, kind: int) -> int:
+        if not self.is_attached:
+            return ACTIONSET_NOT_ATTACHED
+        return SUCCESS if self._kinds[name] == kind else ACTION_TYPE_MISMATCH
 
     def _hand_and_name(self, info: Any) -> tuple[int, str]:
         handle = int(ctypes.cast(info.action, ctypes.c_void_p).value or 0)

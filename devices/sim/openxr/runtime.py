@@ -3,7 +3,10 @@
 A small C library (`native/openxr_runtime`) is compiled when it is first needed and hands out
 the functions of this module, made with pyopenxr's own prototypes. It offers headless sessions,
 sessions with OpenGL (`images` reads back the images shown), controllers (`hands`), eye gaze, each
-eye if configured (`eyes`), and time conversion. It checks the order of frame calls. A session with
+eye if configured (`eyes`), and time conversion. It refuses what the specification calls an error:
+calls out of order or in another state of the session, times and handles that are none, names and
+paths that are not well formed, actions asked for as another type. A headless session has no frames,
+as with Monado. A session with
 graphics gets the focus only after its first frames. Gaze is sampled at its own rate, so locating it
 twice within a period gives the same sample. The head at a time to come is foreseen from how it
 moves (`visavis.devices.sim.foresight`). Not modelled: boundaries, the runtime's smoothing of gaze.
@@ -44,9 +47,10 @@ EPOCH_NS = 7_000_000_000_000
 
 MILLI_HZ, TICK_NS = 1000, 100
 RUNTIME_NAME = b"Visavis simulated OpenXR"
-SUCCESS, EVENT_UNAVAILABLE = 0, 4
+SUCCESS, EVENT_UNAVAILABLE, FRAME_DISCARDED = 0, 4, 9
 API_VERSION_UNSUPPORTED, FORM_FACTOR_UNAVAILABLE = -4, -35
-SESSION_NOT_RUNNING, TIME_INVALID = -16, -30
+SESSION_RUNNING, SESSION_NOT_RUNNING, TIME_INVALID = -14, -16, -30
+SESSION_NOT_READY, SESSION_NOT_STOPPING, HANDLE_INVALID = -28, -29, -12
 ACTIONSETS_NOT_ATTACHED, SIZE_INSUFFICIENT = -46, -11
 IDLE, READY, SYNCHRONIZED, VISIBLE, FOCUSED, STOPPING, LOSS_PENDING, EXITING = range(1, 9)
 ALL_VALID_AND_TRACKED = 0b1111
@@ -117,6 +121,8 @@ class SimulatedXrRuntime:
         )
         self.eyes.allocate_with(self._new_handle)
         self._last_frame = -1
+        self._state = 0
+        """The session's state by the last event that was taken."""
         self._keep: list[Any] = []
         self._before: str | None = None
         self._folder: tempfile.TemporaryDirectory[str] | None = None
@@ -184,6 +190,7 @@ class SimulatedXrRuntime:
 
     def _xr_DestroyInstance(self, instance: Any) -> int:
         self._states.clear()
+        self._state = 0
         self._spaces.clear()
         self._running = self._is_lost = self._has_waited = self._is_in_frame = False
         self._frames_ended = 0
@@ -223,12 +230,20 @@ class SimulatedXrRuntime:
         return SUCCESS
 
     def _xr_BeginSession(self, session: Any, info: Any) -> int:
+        if self._running:
+            return SESSION_RUNNING
+        if self._state != READY:
+            return SESSION_NOT_READY
         self._running = True
         if self._is_headless:
             self._states.extend((SYNCHRONIZED, VISIBLE, FOCUSED))
         return SUCCESS
 
     def _xr_EndSession(self, session: Any) -> int:
+        if not self._running:
+            return SESSION_NOT_RUNNING
+        if self._state != STOPPING:
+            return SESSION_NOT_STOPPING
         self._running = False
         return SUCCESS
 
@@ -246,7 +261,8 @@ class SimulatedXrRuntime:
         target = ctypes.cast(event, ctypes.POINTER(event_type)).contents
         kind = int(self._xr.StructureType.EVENT_DATA_SESSION_STATE_CHANGED.value)
         ctypes.cast(event, ctypes.POINTER(ctypes.c_int32))[0] = kind
-        target.state = self._xr.SessionState(self._states.popleft())
+        self._state = self._states.popleft()
+        target.state = self._xr.SessionState(self._state)
         return SUCCESS
 
     # ---- spaces, frames, times ------------------------------------------------------------------
@@ -262,9 +278,14 @@ class SimulatedXrRuntime:
         return self._new_space(space, int(getattr(kind, "value", kind)))
 
     def _xr_DestroySpace(self, space: Any) -> int:
+        self._spaces.pop(self._handle(space), None)
         return SUCCESS
 
     def _xr_LocateSpace(self, space: Any, base: Any, at: Any, location: Any) -> int:
+        if int(getattr(at, "value", at)) <= 0:
+            return TIME_INVALID
+        if self._handle(space) not in self._spaces or self._handle(base) not in self._spaces:
+            return HANDLE_INVALID
         at_ns = int(getattr(at, "value", at)) - EPOCH_NS
         kind = self._spaces[self._handle(space)]
         if kind == GAZE:
@@ -292,6 +313,9 @@ class SimulatedXrRuntime:
     def _xr_LocateViews(
         self, session: Any, info: Any, state: Any, capacity: int, count: Any, views: Any
     ) -> int:
+        display_time = info.contents.display_time
+        if int(getattr(display_time, "value", display_time)) <= 0:
+            return TIME_INVALID
         count[0] = 2
         if capacity >= 2 and views:
             for eye, side in enumerate((-0.5, 0.5)):
@@ -334,6 +358,10 @@ class SimulatedXrRuntime:
     def _xr_WaitFrame(self, session: Any, info: Any, state: Any) -> int:
         if not self._running:
             return SESSION_NOT_RUNNING
+        if self._is_headless:
+            return SUCCESS  # as Monado: the times of the state are left as they were
+        if self._has_waited:
+            raise AssertionError("xrWaitFrame was called twice, which blocks for ever")
         scale, rate = NS_PER_S * MILLI_HZ, self._rate_milli_hz
         frame = max(-(-self._clock.now_ns() * rate // scale), self._last_frame + 1)
         self._last_frame = frame
@@ -346,12 +374,17 @@ class SimulatedXrRuntime:
         return SUCCESS
 
     def _xr_BeginFrame(self, session: Any, info: Any) -> int:
-        if not self._has_waited:
-            return CALL_ORDER_INVALID
+        if not self._running:
+            return SESSION_NOT_RUNNING
+        if self._is_headless or not self._has_waited:
+            return CALL_ORDER_INVALID  # a session without graphics has no frames
+        is_discarded = self._is_in_frame
         self._has_waited, self._is_in_frame = False, True
-        return SUCCESS
+        return FRAME_DISCARDED if is_discarded else SUCCESS
 
     def _xr_EndFrame(self, session: Any, info: Any) -> int:
+        if not self._running:
+            return SESSION_NOT_RUNNING
         if not self._is_in_frame:
             return CALL_ORDER_INVALID
         if int(info.contents.display_time) != self._display_time:
