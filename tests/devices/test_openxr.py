@@ -474,3 +474,37 @@ def test_any_bytes_of_eyes_are_read_or_counted(raw):
     for asked in (b"eyes", b"gaze"):
         for sample in device._decode(Message(1, (asked, b"", raw))):
             assert gaze_is_sound(sample)
+
+
+def test_a_runtime_that_died_is_found_again_by_every_device_when_it_is_back():
+    with simulated() as (runtime, clock):
+        library = runtime.library()
+        headset = OpenXrHeadset("headset", library.transport(), clock)
+        eyes = OpenXrGaze("eyes", library.transport(), clock)
+        batches = []
+        for device in (headset, eyes):
+            device.open(1.0)
+            device.start(batches.append)
+
+        def both(n):
+            for _ in range(n):
+                frames(headset, 1)
+                with contextlib.suppress(DeviceDisconnected):
+                    eyes.poll(0.0)
+
+        both(20)
+        runtime.crash()
+        both(90)
+        assert DeviceState.FAULT is headset.state
+        assert "lost the OpenXR session" in headset.check()[0].message
+        runtime.restart()
+        both(200)
+        assert (DeviceState.STREAMING,) * 2 == (headset.state, eyes.state)
+        assert () == headset.check() == eyes.check()
+        before = {name: len(column(batches, "valid", name)) for name in ("gaze", "head_measured")}
+        both(20)
+        for name, count in before.items():
+            assert column(batches, "valid", name)[count:].all()
+            assert len(column(batches, "valid", name)) > count + 10
+        eyes.close()
+        headset.close()

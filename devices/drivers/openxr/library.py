@@ -11,6 +11,7 @@ Requests: `images`, `runtime`, `gaze`, `eyes`, `hands`, `frame`, `late`, `show`,
 `hidden`, `size`, `buzz`.
 """
 
+import contextlib
 import ctypes
 import struct
 from collections.abc import Callable, Sequence
@@ -66,6 +67,8 @@ HEADLESS = "XR_MND_headless"
 EYE_GAZE = "XR_EXT_eye_gaze_interaction"
 SIMULATED_RUNTIME = "Visavis"
 HEADLESS_RATE_HZ = 90.0
+LOST = ("InstanceLostError", "SessionLostError")
+"""Errors after which a runtime has to be connected to anew: it died, or let the session go."""
 
 _NO_RUNTIME = (
     "install the headset's OpenXR runtime, start it once and make it the active one (for eye "
@@ -166,6 +169,8 @@ class OpenXrLibrary:
         except _CallRefusal as problem:
             return (str(problem).encode(),)
         except self._xr.exception.XrException as problem:
+            if type(problem).__name__ in LOST:
+                self._disconnect()  # nothing of it answers again; the next to open connects anew
             return (type(problem).__name__.encode(),)
 
     # ---- connection -----------------------------------------------------------------------
@@ -250,6 +255,11 @@ class OpenXrLibrary:
         focus_state = int(self._xr.SessionState.FOCUSED.value)
         while focus_state not in self.states:
             self._pump_events()
+            if self._instance is None:
+                raise DeviceNotFound(
+                    "the OpenXR runtime let the session go again",
+                    remedy="look at the runtime; start it again if it is not running",
+                )
             now_ns = self.clock.now_ns()
             if focus_state not in self.states and now_ns >= deadline_ns:
                 raise DeviceNotFound(
@@ -311,7 +321,9 @@ class OpenXrLibrary:
         self._spaces, self.states, self._running = {}, [], False
         self._headless_next_ns = 0
         if instance is not None:
-            self._xr.destroy_instance(instance)
+            # what is left of a runtime that died may refuse even this
+            with contextlib.suppress(self._xr.exception.XrException):
+                self._xr.destroy_instance(instance)
 
     # ---- calls ----------------------------------------------------------------------------
 

@@ -48,6 +48,12 @@ EPOCH_NS = 7_000_000_000_000
 MILLI_HZ, TICK_NS = 1000, 100
 RUNTIME_NAME = b"Visavis simulated OpenXR"
 SUCCESS, EVENT_UNAVAILABLE, FRAME_DISCARDED = 0, 4, 9
+RUNTIME_FAILURE, INSTANCE_LOST = -2, -13
+WITHOUT_INSTANCE = (
+    "xrCreateInstance",
+    "xrDestroyInstance",
+    "xrEnumerateInstanceExtensionProperties",
+)
 API_VERSION_UNSUPPORTED, FORM_FACTOR_UNAVAILABLE = -4, -35
 SESSION_RUNNING, SESSION_NOT_RUNNING, TIME_INVALID = -14, -16, -30
 SESSION_NOT_READY, SESSION_NOT_STOPPING, HANDLE_INVALID = -28, -29, -12
@@ -121,6 +127,7 @@ class SimulatedXrRuntime:
         )
         self.eyes.allocate_with(self._new_handle)
         self._last_frame = -1
+        self._is_dead = self._is_instance_lost = False
         self._state = 0
         """The session's state by the last event that was taken."""
         self._keep: list[Any] = []
@@ -160,6 +167,14 @@ class SimulatedXrRuntime:
         """Return the real library, which will find this runtime."""
         return OpenXrLibrary(self._clock, counter=lambda: self._clock.now_ns() // TICK_NS)
 
+    def crash(self) -> None:
+        """Die, as a runtime's service does: every call but the end of the instance is refused."""
+        self._is_dead = self._is_instance_lost = True
+
+    def restart(self) -> None:
+        """Let a new instance be made; the one from before the crash stays lost."""
+        self._is_dead = False
+
     def end(self) -> None:
         """End the session from the runtime's side, as when its program is closed."""
         self._states.extend((VISIBLE, SYNCHRONIZED, STOPPING, IDLE, EXITING))
@@ -181,6 +196,9 @@ class SimulatedXrRuntime:
         return SUCCESS
 
     def _xr_CreateInstance(self, info: Any, instance: Any) -> int:
+        if self._is_dead:
+            return RUNTIME_FAILURE
+        self._is_instance_lost = False
         if self._active("version"):
             return API_VERSION_UNSUPPORTED
         names = info.contents.enabled_extension_names
@@ -482,11 +500,13 @@ class SimulatedXrRuntime:
 
         def call(*args: Any) -> int:
             self.calls.append(name)
+            if self._is_instance_lost and name not in WITHOUT_INSTANCE:
+                return INSTANCE_LOST
             try:
                 return function(*args)
             except Exception as problem:  # exceptions must not reach C code
                 self.failure = self.failure or problem
-                return -2  # XR_ERROR_RUNTIME_FAILURE
+                return RUNTIME_FAILURE
 
         callback = prototype(call)
         self._keep.append(callback)
