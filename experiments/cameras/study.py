@@ -48,6 +48,8 @@ five cameras under the ceiling that take turns.
 """
 PAIRS: Final = tuple(f"{a}|{b}" for i, a in enumerate(CAMERAS) for b in tuple(CAMERAS)[i + 1 :])
 VOTES: Final = ("left_much", "left_some", "equal", "right_some", "right_much")
+MEANINGS: Final = ("first_much", "first_some", "equal", "second_some", "second_much")
+"""What the votes mean where the film of the pair's first camera stands left."""
 SAW: Final = ("left", "right", "both", "neither")
 SIZE_PX: Final = (640, 360)
 RATE_HZ: Final = 30
@@ -154,7 +156,7 @@ def trial(t: TrialScript) -> Iterator[Action]:
     )
     is_left = bool(t.rng().integers(2))
     pair = Pair(first, second) if is_left else Pair(second, first)
-    answers: Any = yield t.watch(pair, Choice("vote", VOTES), Choice("saw", SAW))
+    answers: Any = yield t.watch(pair, *questions(is_left))
     vote: Answer = answers["vote"]
     saw: Answer = answers["saw"]
     sign = -1 if is_left else 1
@@ -166,6 +168,16 @@ def trial(t: TrialScript) -> Iterator[Action]:
     t.row["saw_first"], t.row["saw_second"] = in_first, in_second
     both_known = in_first is not None and in_second is not None
     t.row["understood"] = int(bool(in_first)) - int(bool(in_second)) if both_known else None
+
+
+def questions(is_left: bool) -> tuple[Choice, Choice]:
+    """Return both questions of a trial in which the pair's first film stands left or right."""
+    first, second = ("left", "right") if is_left else ("right", "left")
+    shown = {first: "first", second: "second"}
+    return (
+        Choice("vote", VOTES, means=MEANINGS if is_left else MEANINGS[::-1]),
+        Choice("saw", SAW, means=[shown.get(side, side) for side in SAW]),
+    )
 
 
 @study.answer

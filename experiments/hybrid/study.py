@@ -35,6 +35,8 @@ CITATION: Final = (
     "characters from two key poses, compared with key-frame animation."
 )
 VOTES: Final = ("left_much", "left_some", "equal", "right_some", "right_much")
+MEANINGS: Final = ("hybrid_much", "hybrid_some", "equal", "clip_some", "clip_much")
+"""What the votes mean where the hybrid stands left; with sides swapped, the other way round."""
 AWAY_M: Final = 3.2
 TURN_DEG: Final = 40.0
 """Figures are seen from the side of their front, so that steps show."""
@@ -174,7 +176,8 @@ def trial(t: TrialScript) -> Iterator[Action]:
     hybrid_film, clip = film(int(t.increment)), film(-1)
     is_left = t.hybrid_side == "left"
     pair = Pair(hybrid_film, clip) if is_left else Pair(clip, hybrid_film)
-    answers: Any = yield t.watch(pair, Choice("vote", VOTES))
+    votes = Choice("vote", VOTES, means=MEANINGS if is_left else MEANINGS[::-1])
+    answers: Any = yield t.watch(pair, votes)
     vote: Answer = answers["vote"]
     if vote.option is not None:
         for_right = VOTES.index(vote.option) - 2

@@ -1,6 +1,6 @@
 """How often each option of every `Choice` was chosen, by condition: a section and a table."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
 import pandas as pd
@@ -16,11 +16,15 @@ from visavis.study.sections import Extra
 from visavis.study.texts import label_in_unit, label_of
 
 NAME: Final = "choices"
+NOT_KEPT: Final = (
+    "These sessions were recorded by a version that did not keep what an option meant in a trial: "
+    "options are counted as they stood, whatever they meant."
+)
 MAX_OPEN_ROWS: Final = 24
 """The report folds tables with more rows."""
 COLUMNS: Final = (
     Described("asked", "", "the choice, as the study names it"),
-    Described("option", "", "one of its options"),
+    Described("option", "", "one of its options, or what it meant where trials swap them"),
     Described("times_chosen", "1", "answers that named the option in this condition"),
     Described("answers", "1", "answers given in this condition; trials without one do not count"),
     Described("people", "1", "participants who answered in this condition"),
@@ -36,24 +40,39 @@ def choice_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extr
     blocks: list[Block] = []
     for response in experiment.responses.values():
         if isinstance(response, Choice) and response.name in analysis.selection.counted:
-            count_rows = list(_counts(analysis, response))
+            meanings = meanings_of(experiment, response.name)
+            has_meanings = meanings != tuple(map(str, response.options))
+            is_kept = f"{response.name}_means" in analysis.selection.counted
+            counted = f"{response.name}_means" if has_meanings and is_kept else response.name
+            options = meanings if counted != response.name else tuple(map(str, response.options))
+            count_rows = list(_counts(analysis, response.name, counted, options))
             rows += count_rows
-            blocks += (
-                _choice_blocks(count_rows, response, analysis, experiment) if count_rows else []
-            )
+            if not count_rows:
+                continue
+            blocks += _choice_blocks(count_rows, response, options, analysis, experiment)
+            if has_meanings and not is_kept:
+                blocks.append(Paragraph(NOT_KEPT))
     if not rows:
         return Extra()
     section = Section(NAME, "What was chosen", tuple(blocks))
     return Extra(section, (), {NAME: pd.DataFrame(rows)}, COLUMNS)
 
 
-def _counts(analysis: StudyAnalysis, response: Choice) -> Iterator[dict[str, Any]]:
-    """Yield a row for each condition and option, in their order."""
-    name, factors = response.name, list(analysis.cells)
+def meanings_of(experiment: StudyExperiment, name: str) -> tuple[str, ...]:
+    """Return everything that options of a choice mean in some condition, in order."""
+    asked = (r for read in experiment.read.values() for r in read.responses if r.name == name)
+    return tuple(dict.fromkeys(m for r in asked if isinstance(r, Choice) for m in r.meanings))
+
+
+def _counts(
+    analysis: StudyAnalysis, name: str, counted: str, meanings: Sequence[str]
+) -> Iterator[dict[str, Any]]:
+    """Yield a row for each condition and meaning of the column `counted`, in their order."""
+    factors = list(analysis.cells)
     trials = analysis.selection.counted
-    answered_trials = trials[trials[name].notna()]
-    choices = answered_trials[name].astype(str)
-    options = dict.fromkeys([*map(str, response.options), *sorted(choices.unique())])
+    answered_trials = trials[trials[counted].notna()]
+    choices = answered_trials[counted].astype(str)
+    options = dict.fromkeys([*meanings, *sorted(choices.unique())])
     cells = (
         answered_trials.groupby(factors, sort=False, observed=True)
         if factors
@@ -86,16 +105,12 @@ def _counts(analysis: StudyAnalysis, response: Choice) -> Iterator[dict[str, Any
 def _choice_blocks(
     rows: list[dict[str, Any]],
     response: Choice,
+    options: Sequence[str],
     analysis: StudyAnalysis,
     experiment: StudyExperiment,
 ) -> Iterator[Block]:
     texts, factors = experiment.texts, list(analysis.cells)
-    words = dict(zip(map(str, response.options), response.options, strict=True))
-    names = {
-        option: (None if response.labels else texts.find(f"choices.{response.name}.{value}"))
-        or label_of(texts, option)
-        for option, value in words.items()
-    }
+    names = {o: texts.find(f"choices.{response.name}.{o}") or label_of(texts, o) for o in options}
     level = f"{100 * analysis.rules.interval_level:.0f} %"
     heads = ", ".join(label_in_unit(texts, f) for f in factors) or "Condition"
     table_rows = tuple(

@@ -130,11 +130,35 @@ class Choice(_OptionResponse):
     """One of several options (n-AFC); `right` is the correct one, if there is one.
 
     `labels` are the words for the options on this occasion, in their order, if they vary between
-    trials; like options they are translated by `choices.NAME.LABEL`.
+    trials; like options they are translated by `choices.NAME.LABEL`. `means` is what each option
+    means on this occasion, in their order, where it is not the option itself: in a trial with sides
+    swapped "left" means another thing. Left out, it is the labels. The row keeps it as
+    `NAME_means`, and reports count meanings; their words are `choices.NAME.MEANING` too.
     """
 
     labels: Sequence[str] = ()
+    means: Sequence[str] = ()
     _words = ("choice", "options", "the option chosen")
+
+    @property
+    def meanings(self) -> tuple[str, ...]:
+        """What the options mean on this occasion, in their order."""
+        return tuple(self.means or self.labels or self.options)
+
+    def more(self, option: str | None) -> dict[str, Scalar | None]:
+        """Return whether the answer is right, and what it means, where an option has either."""
+        row = super().more(option)
+        if self.means or self.labels:
+            at = None if option is None else self.options.index(option)
+            row[f"{self.name}_means"] = None if at is None else self.meanings[at]
+        return row
+
+    @property
+    def _further(self) -> tuple[Column, ...]:
+        if not (self.means or self.labels):
+            return super()._further
+        words = "what the option chosen meant in this trial"
+        return (*super()._further, Column(f"{self.name}_means", "", words))
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -145,6 +169,11 @@ class Choice(_OptionResponse):
         object.__setattr__(self, "labels", tuple(map(str, self.labels)))
         if self.labels and len(set(self.labels)) != len(self.options):
             raise DesignError(f"choice {self.name}: give each of its options a label of its own")
+        object.__setattr__(self, "means", tuple(map(str, self.means)))
+        if self.means and len(self.means) != len(self.options):
+            raise DesignError(
+                f"choice {self.name} has {len(self.options)} options and {len(self.means)} meanings"
+            )
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,13 @@ import pytest
 from benchmarks.hybrid_votes import held
 from visavis.cli.quick_tracker import tracker_of
 from visavis.experiments.hybrid.clips import CLIPS, Flaws, hybrid_clip, key_frame_clip, period_s
-from visavis.experiments.hybrid.sections import consistency, sign_test_p
-from visavis.experiments.hybrid.study import looks_of, study
-from visavis.results.opened_study import OpenedStudy
+from visavis.experiments.hybrid.sections import consistency, positive_01, sign_test_p
+from visavis.experiments.hybrid.study import MEANINGS, looks_of, study
+from visavis.results.choices import meanings_of
+from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.running.quick import quick_study
 from visavis.stimuli.motion.clip import placed_joints
+from visavis.study.responses import Choice
 
 PEOPLE = 31
 MANY = 150
@@ -81,6 +83,28 @@ def test_a_sign_test_counts_people_not_votes() -> None:
     everybody = votes([(str(i), side, 1.0) for i in range(6) for side in ("left", "right")])
     assert pytest.approx(2 / 2**6) == sign_test_p(everybody)
     assert pytest.approx(1.0) == sign_test_p(votes([("a", "left", 0.0)]))
+
+
+def test_votes_mean_hybrid_or_clip_whichever_side_they_stood_on() -> None:
+    read = find_study("hybrid")
+    assert isinstance(read, OpenedStudy)
+    made = read.experiment({})
+    means = {}
+    for key, trial in made.read.items():
+        (vote,) = trial.responses
+        assert isinstance(vote, Choice)
+        means[dict(key)["hybrid_side"]] = dict(zip(vote.options, vote.meanings, strict=True))
+    assert ("hybrid_much", "clip_much") == (means["left"]["left_much"], means["left"]["right_much"])
+    assert ("clip_some", "hybrid_some") == (
+        means["right"]["left_some"],
+        means["right"]["right_some"],
+    )
+    assert MEANINGS == meanings_of(made, "vote")
+
+
+def test_the_source_counts_every_vote_but_significantly_for_the_clip_as_positive() -> None:
+    own = votes([(str(k), "left", v) for k, v in enumerate((-2.0, -2.0, -1.0, 0.0, 2.0))])
+    assert 0.6 == positive_01(own)
 
 
 def test_contradictions_are_votes_that_go_with_the_side() -> None:
