@@ -1,4 +1,4 @@
-"""Random delays and damage of a simulated wire, drawn anew with every stretch of behaviour."""
+"""Random delays and damage of a simulated wire."""
 
 from collections.abc import Sequence
 
@@ -6,7 +6,25 @@ import numpy as np
 
 from visavis.devices.contracts import Body
 
+LEG_FLOOR_NS = 100_000
+LEG_UNDISTURBED_01 = 0.7
+LEG_WAIT_NS = 150_000
+
+_LEG_STREAM = 0x1E
 _SEED_RANGE = 2**64
+
+
+class NetworkLegs:
+    """One-way travel times in a local network."""
+
+    def __init__(self, seed: int) -> None:
+        self._rng = np.random.default_rng([seed, _LEG_STREAM])
+
+    def draw_ns(self) -> int:
+        """Draw a travel time: often the floor, otherwise the floor and a wait."""
+        if self._rng.random() < LEG_UNDISTURBED_01:
+            return LEG_FLOOR_NS
+        return LEG_FLOOR_NS + round(self._rng.exponential(LEG_WAIT_NS))
 
 
 class WireNoise:

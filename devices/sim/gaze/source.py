@@ -23,17 +23,14 @@ from visavis.devices.sim.gaze.tracker_error import (
     draw_systematic,
     measured_directions,
 )
+from visavis.devices.sim.wire_noise import NetworkLegs
 from visavis.devices.transports import Frames, Message
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 
 MILLI_HZ = 1000
 OPEN_EYE_01 = 0.5
 EYE_X_M = 0.032
-LEG_FLOOR_NS = 100_000
-LEG_UNDISTURBED_01 = 0.7
-LEG_WAIT_NS = 150_000
 
-_LEG_STREAM = 0x1E
 _EPOCH_STREAM = 0xE0
 _GARBAGE_STREAM = 0x6A
 _LATENCY, _LOSS, _DUPLICATE, _REORDER, _GARBAGE = range(N_WHITE + N_SLOW, N_WHITE + N_SLOW + 5)
@@ -262,7 +259,7 @@ class GazePeer(ABC):
         )
         if self.is_calibrated_before:
             self.source.calibrated_fit = body.fit()
-        self._legs = np.random.default_rng([seed, _LEG_STREAM])
+        self._legs = NetworkLegs(seed)
         self._outbox: deque[Message] = deque()
         self._needs_sorting = False
 
@@ -298,10 +295,8 @@ class GazePeer(ABC):
         return messages
 
     def leg_ns(self) -> int:
-        """Draw a one-way travel time: often the floor, otherwise the floor and a wait."""
-        if self._legs.random() < LEG_UNDISTURBED_01:
-            return LEG_FLOOR_NS
-        return LEG_FLOOR_NS + round(self._legs.exponential(LEG_WAIT_NS))
+        """Draw how long the next request or reply travels."""
+        return self._legs.draw_ns()
 
     def handle_request(self, frames: Frames, t_ns: int) -> Frames | None:
         """Answer unless a fault keeps the device silent."""

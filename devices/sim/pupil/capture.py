@@ -36,6 +36,7 @@ from visavis.devices.sim.pupil.wire import (
     pack_notification,
     write_datums,
 )
+from visavis.devices.sim.wire_noise import LEG_FLOOR_NS, NetworkLegs
 from visavis.devices.transports import Frames, Message
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 from visavis.lab.compiled import compiled
@@ -45,15 +46,11 @@ Floats = npt.NDArray[np.float64]
 Times = npt.NDArray[np.int64]
 
 MILLI_HZ = 1000
-LEG_FLOOR_NS = 100_000
-LEG_UNDISTURBED_01 = 0.7
-LEG_WAIT_NS = 150_000
 VERDICT_AFTER_NS = 500 * NS_PER_MS
 DEFAULT_VERSION = "3.5.1"
 DEFAULT_PORTS = (50021, 50022)
 MAX_ANNOTATIONS = 1_000
 
-_LEG_STREAM = 0x1E
 _EPOCH_STREAM = 0xE0
 _GARBAGE_STREAM = 0x6A
 _LATENCY, _LOSS, _DUPLICATE, _REORDER, _GARBAGE = range(N_WHITE + N_SLOW, N_WHITE + N_SLOW + 5)
@@ -112,7 +109,7 @@ class PupilCoreSimulator:
         self._origin_ns = clock.now_ns() if clock is not None else 0
         epoch_rng = np.random.default_rng([seed, _EPOCH_STREAM])
         self._epoch_ns = int(epoch_rng.integers(10**12, 10**14))
-        self._legs = np.random.default_rng([seed, _LEG_STREAM])
+        self._legs = NetworkLegs(seed)
         self._garbage = np.random.default_rng([seed, _GARBAGE_STREAM])
         half_mm = eye_distance_mm / 2
         centers = {0: (half_mm, 0.0, 0.0), 1: (-half_mm, 0.0, 0.0)}
@@ -179,10 +176,8 @@ class PupilCoreSimulator:
         return messages
 
     def leg_ns(self) -> int:
-        """Draw a one-way travel time: often the floor, otherwise the floor and a wait."""
-        if self._legs.random() < LEG_UNDISTURBED_01:
-            return LEG_FLOOR_NS
-        return LEG_FLOOR_NS + round(self._legs.exponential(LEG_WAIT_NS))
+        """Draw how long the next request or reply travels."""
+        return self._legs.draw_ns()
 
     def handle_request(self, frames: Frames, t_ns: int) -> Frames | None:
         """Answer as Pupil Remote does; None while a fault keeps it silent."""

@@ -50,9 +50,9 @@ SKINNED_LAYOUT = (
 
 EACH = source("each")
 
-VERTEX = LIGHTING + EACH + source("people_vertex")
+VERTEX = LIGHTING + EACH + source("people_skinned_look") + source("people_vertex")
 
-LIT_VERTEX = LIGHTING + DECODED + EACH + source("people_lit_vertex")
+LIT_VERTEX = LIGHTING + DECODED + EACH + source("people_lit_look") + source("people_vertex")
 """For people whom the processor has skinned and lit."""
 
 SHADOW_VERTEX = source("people_shadow_vertex")

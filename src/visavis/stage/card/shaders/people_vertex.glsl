@@ -1,7 +1,5 @@
 in vec3 in_place;
-in vec3 in_normal;
-in vec3 in_detail;
-in vec3 in_albedo;
+in vec3 in_detail;  // of textured surfaces the layer last
 in uvec4 in_surface;
 in uint in_person;
 EACH out vec3 place;
@@ -12,9 +10,9 @@ flat out uvec4 surface;
 flat out uint person;
 void main() {
     place = in_place;
-    normal = in_normal;
+    normal = vertex_normal();
     detail = in_detail;
-    albedo_here = in_albedo;
+    albedo_here = vertex_albedo();
     surface = in_surface;
     person = in_person;
     gl_Position = view_projection * vec4(in_place, 1.0);
