@@ -38,7 +38,7 @@ from character_making.shoes import SOLE_M, shoe_field, shoes
 from character_making.skin_canvas import SIZE, SkinCanvas
 from character_making.skin_paint import base_colour, painted
 from visavis.lab.geometry import Vector
-from visavis.stimuli.characters.capsules import fitted_capsules
+from visavis.stimuli.characters.capsules import fit_capsules
 from visavis.stimuli.characters.character import Character, Eyeball, Material, SkinnedMesh
 from visavis.stimuli.characters.coverage import seen_tags, view_from
 from visavis.stimuli.characters.errors import CharacterError
@@ -446,7 +446,7 @@ def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> C
         levels=(),
         measuring=(),
         materials=materials,
-        capsules=fitted_capsules(figure.rig.skeleton, closed),
+        capsules=fit_capsules(figure.rig.skeleton, closed),
         eyeball=Eyeball(figure.eye_radius_m, 0.0062, 0.0022, recipe.face.iris),
         source=SOURCE,
         licence=LICENCE,

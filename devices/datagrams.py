@@ -59,9 +59,9 @@ class UdpTransport(NoTopics):
         """Bind; raises DeviceNotFound when the port is taken or the address is not ours."""
         self.close()
         try:
-            self._sockets.append(self._bound(self._local))
+            self._sockets.append(self._bind(self._local))
             if self._group is not None:
-                member = self._bound(("", self._group[1]))
+                member = self._bind(("", self._group[1]))
                 self._sockets.append(member)
                 ours = self._local[0] or "0.0.0.0"  # noqa: S104 - any interface may hear the group
                 membership = socket.inet_aton(self._group[0]) + socket.inet_aton(ours)
@@ -111,7 +111,7 @@ class UdpTransport(NoTopics):
             each.close()
         self._sockets = []
 
-    def _bound(self, address: tuple[str, int]) -> socket.socket:
+    def _bind(self, address: tuple[str, int]) -> socket.socket:
         udp_socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             udp_socket.setsockopt(

@@ -38,15 +38,15 @@ class WireNoise:
         self._seed = [seed] if isinstance(seed, int) else list(seed)
         self._body = body
         self._stretch = 0 if body is None else body.stretch()
-        self._rng = self._drawn_anew()
+        self._rng = self._new_generator()
 
     def rng(self) -> np.random.Generator:
         """Return the generator of the present stretch."""
         stretch = 0 if self._body is None else self._body.stretch()
         if stretch != self._stretch:
             self._stretch = stretch
-            self._rng = self._drawn_anew()
+            self._rng = self._new_generator()
         return self._rng
 
-    def _drawn_anew(self) -> np.random.Generator:
+    def _new_generator(self) -> np.random.Generator:
         return np.random.default_rng([*self._seed, self._stretch % _SEED_RANGE])

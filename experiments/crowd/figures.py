@@ -58,7 +58,7 @@ def collision_figures(
     )
 
 
-def counted_of(group: GroupPaths, collisions: pd.DataFrame) -> pd.DataFrame:
+def analysed_collisions(group: GroupPaths, collisions: pd.DataFrame) -> pd.DataFrame:
     """Return the counted collisions of a group's walks that are analysed."""
     mine = group.rows_of(collisions)
     return mine if mine.empty else mine[mine["counted"].to_numpy(bool)]
@@ -71,7 +71,7 @@ def _collisions(group: GroupPaths, collisions: pd.DataFrame) -> Figure:
         for axes in (parts, volumes, durations):
             no_data(axes, "no collision")
         return figure
-    counted_rows = counted_of(group, collisions)
+    counted_rows = analysed_collisions(group, collisions)
     walks = group.counted_walks.groupby("condition").size()
     y = np.arange(len(BODY_PARTS))
     for k, condition in enumerate(group.paths.blocks):

@@ -12,7 +12,7 @@ from visavis.analysis.gait import clearance_m, crossing_angles_deg, walk_measure
 from visavis.experiments.crowd.collision_measures import WalkVolumes, collision_rows, walk_volumes
 from visavis.experiments.crowd.pedestrian import has_pedpy, pedestrian_measures
 from visavis.experiments.crowd.surfaces import Surface
-from visavis.experiments.crowd.tracking import named_durations
+from visavis.experiments.crowd.tracking import format_durations
 from visavis.experiments.crowd.walks import Walk
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import ConfigError, UsageError
@@ -91,7 +91,7 @@ def measure_walk(
     row["lost_01"] = float(is_lost.mean()) if len(is_lost) else 1.0
     row["tracked_s"] = 0.0
     flags = [text for text in str(walk.row.get("flags") or "").split(";") if text]
-    row["frozen_segments_measured"] = named_durations(walk.frozen_ns)
+    row["frozen_segments_measured"] = format_durations(walk.frozen_ns)
     if walk.frozen_ns:
         flags.append("segment_frozen")
     # A body that was never tracked has no measures at all.

@@ -19,7 +19,7 @@ from visavis.analysis.report.notation import (
 )
 from visavis.experiments.crowd import published
 from visavis.experiments.crowd.columns import SIMILARITY
-from visavis.experiments.crowd.figures import collision_figures, counted_of
+from visavis.experiments.crowd.figures import analysed_collisions, collision_figures
 from visavis.experiments.crowd.figures_paths import path_figures
 from visavis.experiments.crowd.paths import VARIANT_NAMES, VARIANTS, GroupPaths
 from visavis.results.analysis import StudyAnalysis
@@ -280,7 +280,7 @@ def _name(pair: tuple[str, str]) -> str:
 def collision_facts(group: GroupPaths, collisions: pd.DataFrame) -> dict[str, dict[str, float]]:
     """Return named numbers per walk by block, of a group's walks that are analysed."""
     walks_of_group = group.counted_walks
-    rows = counted_of(group, collisions)
+    rows = analysed_collisions(group, collisions)
     facts = {}
     for condition in group.paths.blocks:
         walks = int((walks_of_group["condition"] == condition).sum())

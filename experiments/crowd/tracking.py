@@ -100,7 +100,7 @@ class TrackingWatch:
             "body_samples": self.samples,
             "body_silent_ms": self.silent_ns / NS_PER_MS,
             "body_frozen_ms": self.frozen_ns / NS_PER_MS,
-            "frozen_segments": named_durations(self._parts.frozen_for_ns),
+            "frozen_segments": format_durations(self._parts.frozen_for_ns),
             "body_part_lost_samples": self.part_lost_samples,
             "outside_room_samples": self.outside_samples,
         }
@@ -117,7 +117,7 @@ class TrackingWatch:
         return [name for name, amount in marks if amount]
 
 
-def named_durations(duration_ns: Mapping[str, int]) -> str:
+def format_durations(duration_ns: Mapping[str, int]) -> str:
     """Return `segment=milliseconds` of every segment, separated by semicolons."""
     return ";".join(f"{name}={round(ns / NS_PER_MS)}" for name, ns in duration_ns.items())
 

@@ -66,6 +66,6 @@ class SessionPlan:
         return tuple(t for b in self.blocks for t in b.trials)
 
 
-def asked_after(questionnaire: str, block: Block) -> str:
+def name_after_block(questionnaire: str, block: Block) -> str:
     """Return the name under which a questionnaire asked after a block is recorded."""
     return f"{questionnaire}@{block.index}"

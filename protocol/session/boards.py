@@ -190,7 +190,7 @@ def newer_ray(before: Ray | None, view: FrameView, ways: Ways | None = None) -> 
     return Ray(view.head, is_hand=False) if view.head_valid else before
 
 
-def chosen_by(ray: Pose | None, panel: Panel, beside_01: float = Ways.beside_01) -> int | None:
+def choice_under(ray: Pose | None, panel: Panel, beside_01: float = Ways.beside_01) -> int | None:
     """Return which choice a ray meets, None for none."""
     if ray is None:
         return None
@@ -204,7 +204,7 @@ def _choice_pointed_at(
     """Return the choice pointed at and what points: the first controller that meets one."""
     poses = view.pointers or (() if ray is None else (ray.pose,))
     for pose in poses:
-        choice = chosen_by(pose, panel, ways.beside_01)
+        choice = choice_under(pose, panel, ways.beside_01)
         if choice is not None:
             return choice, pose
     return None, None

@@ -38,7 +38,7 @@ from visavis.protocol.session.head_history import MAX_WAITING
 from visavis.protocol.session.observation import GazeObserver
 from visavis.protocol.session.rig import RunningRig
 from visavis.protocol.session.row_buffer import RowBuffer
-from visavis.protocol.session.screen_gaze import seen_on_screen
+from visavis.protocol.session.screen_gaze import gaze_through_screen
 from visavis.protocol.session.states import SessionState, StateMachine
 from visavis.protocol.session.streams import FRAMES, gaze_targets_schema, scene_states_schema
 from visavis.recording.writer import Recorder
@@ -55,7 +55,7 @@ BEGAN = SOUND_EVENTS.index("began")
 UPRIGHT = Pose(np.array([0.0, 1.2, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
 
 
-def still_wanted(steps: Sequence[Play | Silence]) -> list[Play | Silence]:
+def without_ended_steps(steps: Sequence[Play | Silence]) -> list[Play | Silence]:
     """Leave out steps that the same answer ends again.
 
     Samples that arrive together after a pause can hold contacts that began and ended within it; no
@@ -153,7 +153,7 @@ class FrameLoop:
         if role == "eye_tracker" and batch.schema.name == GAZE.name:
             if self.screen is not None:
                 self.screen.watch(batch)
-                batch = seen_on_screen(batch, self.screen.screen, self.screen.place, self.head)
+                batch = gaze_through_screen(batch, self.screen.screen, self.screen.place, self.head)
             self.observer.take(batch)
             self._stage.watch(role, batch)
             if self.gaze_tap is not None:
@@ -327,7 +327,7 @@ class FrameLoop:
                 return
             view = self._body_view([batch])
             self._reflex_input = (batch, view)
-            for step in still_wanted(self._reflex(view)):
+            for step in without_ended_steps(self._reflex(view)):
                 if isinstance(step, Play):
                     self._rig.play(step)
                 else:

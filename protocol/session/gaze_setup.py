@@ -276,7 +276,7 @@ def _point(
     still = quat_between(aims, np.broadcast_to(target, aims.shape))
     turns = quat_multiply(still, quat_multiply(quat_conjugate(base), turns))
 
-    def turned_with_target(column: str, valid: str) -> Vector:
+    def in_target_frame(column: str, valid: str) -> Vector:
         direction = rotate(turns, values[column].astype(np.float64))
         valid_direction: Vector = np.where(values[valid][:, None], direction, np.nan)
         return valid_direction
@@ -285,9 +285,9 @@ def _point(
         name=name,
         target=target,
         t_ns=np.concatenate([batch.t_device_ns for batch in samples.batches]),
-        combined=turned_with_target("direction_head", "valid"),
-        left=turned_with_target("left_direction_head", "left_valid"),
-        right=turned_with_target("right_direction_head", "right_valid"),
+        combined=in_target_frame("direction_head", "valid"),
+        left=in_target_frame("left_direction_head", "left_valid"),
+        right=in_target_frame("right_direction_head", "right_valid"),
         aim_head=unit(aims_head),
         combined_head=np.where(
             values["valid"][:, None], values["direction_head"].astype(np.float64), np.nan

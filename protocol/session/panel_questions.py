@@ -15,7 +15,7 @@ from visavis.protocol.plan.steps import FrameView, Show
 from visavis.protocol.session.boards import QUESTIONNAIRE, BoardAnswer, DwellRule, ask_on_board
 from visavis.protocol.session.frame_loop import FrameLoop
 from visavis.recording.writer import Recorder
-from visavis.stimuli.panels import SIZE_M, PanelFrame, choice_centre_m, placed_before
+from visavis.stimuli.panels import SIZE_M, PanelFrame, board_pose, choice_centre_m
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import Scene
 
@@ -62,7 +62,7 @@ class PanelRespondent:
         if not options or len(options) + 1 > MAX_CHOICES:
             return self._otherwise.answer(question_id, prompt, options)
         choices = (*options, self._leave_out)
-        panel = Panel(prompt, choices, placed_before(self._loop.head), SIZE_M)
+        panel = Panel(prompt, choices, board_pose(self._loop.head), SIZE_M)
         if self._participant is not None:
             label = self._otherwise.answer(question_id, prompt, options)
             looked_at = choices.index(label) if label in options else len(options)

@@ -109,7 +109,7 @@ def progress_of_recording(recording: Recording) -> Progress:
     return progress_of(entries)
 
 
-def left_of(block: Block, progress: Progress) -> tuple[Trial, ...]:
+def remaining_trials(block: Block, progress: Progress) -> tuple[Trial, ...]:
     """Return a block's trials still to do: never begun in planned order, then interrupted ones."""
     order_by_id = {trial_id: order for order, trial_id in enumerate(progress.unfinished)}
     fresh = [

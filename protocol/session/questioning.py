@@ -3,7 +3,7 @@
 from visavis.lab.errors import UsageError
 from visavis.protocol.plan.experiment import Respondent
 from visavis.protocol.plan.questionnaires import Question, Questionnaire, read_answer
-from visavis.protocol.plan.session_plan import Block, asked_after
+from visavis.protocol.plan.session_plan import Block, name_after_block
 from visavis.protocol.session.frame_loop import FrameLoop
 from visavis.protocol.session.session_setup import SessionSetup
 
@@ -22,13 +22,13 @@ class Questioning:
 
     def is_due(self, block: Block) -> bool:
         """Tell whether questions that belong to the end of a block are left."""
-        return bool(self._left_after(block))
+        return bool(self._remaining_questionnaires(block))
 
     def ask_after(self, block: Block) -> None:
         """Ask what belongs to the end of a block, under names such as "presence@2"."""
         self._loop.show_scene(self._setup.experiment.blank(None))
-        for questionnaire in self._left_after(block):
-            self._ask_questionnaire(questionnaire, asked_after(questionnaire.name, block))
+        for questionnaire in self._remaining_questionnaires(block):
+            self._ask_questionnaire(questionnaire, name_after_block(questionnaire.name, block))
 
     def ask_at_end(self) -> None:
         """Ask what belongs to the session's end."""
@@ -41,12 +41,13 @@ class Questioning:
             }:
                 self._ask_questionnaire(questionnaire, questionnaire.name)
 
-    def _left_after(self, block: Block) -> list[Questionnaire]:
+    def _remaining_questionnaires(self, block: Block) -> list[Questionnaire]:
         answered_names = self._setup.progress.complete_questionnaires
         return [
             q
             for q in self._setup.questionnaires
-            if q.name in block.questionnaires and asked_after(q.name, block) not in answered_names
+            if q.name in block.questionnaires
+            and name_after_block(q.name, block) not in answered_names
         ]
 
     def _ask_questionnaire(self, questionnaire: Questionnaire, name: str) -> None:

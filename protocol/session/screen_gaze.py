@@ -11,7 +11,7 @@ from visavis.lab.screen import FlatScreen
 DIRECTIONS = ("direction_head", "left_direction_head", "right_direction_head")
 
 
-def seen_on_screen(
+def gaze_through_screen(
     batch: SampleBatch, screen: FlatScreen, place: Pose, drawn_from: Pose
 ) -> SampleBatch:
     """Return gaze samples as rays of the eye that the picture is drawn for.

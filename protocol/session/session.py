@@ -14,7 +14,7 @@ from visavis.protocol.session.gaze_setup import GazeSetup
 from visavis.protocol.session.operator import Action
 from visavis.protocol.session.operator_desk import LOST_STREAM_NS, OperatorDesk
 from visavis.protocol.session.panel_questions import PanelRespondent
-from visavis.protocol.session.progress import left_of
+from visavis.protocol.session.progress import remaining_trials
 from visavis.protocol.session.questioning import Questioning
 from visavis.protocol.session.rig import RunningRig
 from visavis.protocol.session.session_setup import SessionSetup
@@ -90,7 +90,7 @@ class Session:
             self._questioning = Questioning(setup, loop, self._asking())
             self._runner = TrialRunner(setup, loop, self._desk, rig)
             if self._calibrates:
-                self._gaze_setup = self._made_gaze_setup()
+                self._gaze_setup = self._new_gaze_setup()
             for fault in rig.preflight(demands_of(setup.experiment)):
                 self._desk.report(fault)
             rig.start()
@@ -136,7 +136,7 @@ class Session:
             leave_out=setup.leave_out,
         )
 
-    def _made_gaze_setup(self) -> GazeSetup:
+    def _new_gaze_setup(self) -> GazeSetup:
         setup, tracker = self._setup, self._rig.eye_tracker
         if tracker is None:
             raise ConfigError(
@@ -157,7 +157,7 @@ class Session:
     def _perform(self) -> None:
         setup = self._setup
         self._loop.show_scene(setup.experiment.blank(None))
-        left = [t for block in setup.plan.blocks for t in left_of(block, setup.progress)]
+        left = [t for block in setup.plan.blocks for t in remaining_trials(block, setup.progress)]
         for trial in left[:1]:
             self._foresee(trial)
         self._recorder.event(
@@ -174,7 +174,7 @@ class Session:
             self._participant.prepare(0, self._loop.t_ns)
         has_begun = False
         for block in setup.plan.blocks:
-            trials = left_of(block, setup.progress)
+            trials = remaining_trials(block, setup.progress)
             if trials:
                 if has_begun:
                     self._take_break(block)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from visavis.lab.geometry import Pose, rotate, turn_towards, unit
 from visavis.protocol.plan.steps import BodyView, FrameView
-from visavis.protocol.session.boards import chosen_by, newer_ray
+from visavis.protocol.session.boards import choice_under, newer_ray
 from visavis.stimuli.panels import choice_centre_m
 from visavis.stimuli.picture import Panel
 
@@ -24,15 +24,15 @@ def ray(origin, target):
 @pytest.mark.parametrize("board", BOARDS)
 def test_a_ray_to_the_middle_of_a_choice_chooses_it(board):
     for i in range(len(board.choices)):
-        assert i == chosen_by(ray((0.2, 1.1, -0.3), choice_centre_m(board, i)), board)
+        assert i == choice_under(ray((0.2, 1.1, -0.3), choice_centre_m(board, i)), board)
 
 
 def test_a_ray_away_from_the_board_chooses_nothing():
     board = BOARDS[0]
-    assert chosen_by(ray((0.0, 1.6, 0.0), (0.0, 1.6, 5.0)), board) is None
-    assert chosen_by(ray((0.0, 1.6, 0.0), (4.0, 1.6, -1.7)), board) is None
-    assert chosen_by(ray((0.0, 1.1, -3.0), choice_centre_m(board, 2)), board) is None
-    assert chosen_by(None, board) is None
+    assert choice_under(ray((0.0, 1.6, 0.0), (0.0, 1.6, 5.0)), board) is None
+    assert choice_under(ray((0.0, 1.6, 0.0), (4.0, 1.6, -1.7)), board) is None
+    assert choice_under(ray((0.0, 1.1, -3.0), choice_centre_m(board, 2)), board) is None
+    assert choice_under(None, board) is None
 
 
 @given(st.floats(-3.1, 3.1), st.floats(-1.5, 1.5))

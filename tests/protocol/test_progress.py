@@ -1,5 +1,5 @@
 from visavis.protocol.plan.session_plan import Block, Trial
-from visavis.protocol.session.progress import Progress, left_of, progress_of
+from visavis.protocol.session.progress import Progress, progress_of, remaining_trials
 
 
 def trial(number: int) -> Trial:
@@ -22,21 +22,21 @@ def ids(trials: tuple[Trial, ...]) -> list[str]:
 
 
 def test_a_new_session_has_every_trial_left_in_planned_order() -> None:
-    assert ["T01", "T02", "T03", "T04"] == ids(left_of(BLOCK, Progress()))
+    assert ["T01", "T02", "T03", "T04"] == ids(remaining_trials(BLOCK, Progress()))
     assert Progress().is_resumed is False
 
 
 def test_a_trial_without_its_row_comes_back_at_the_end_of_the_block() -> None:
     progress = progress_of([start("T01"), end("T01", "complete"), start("T02")])
 
-    assert ["T03", "T04", "T02"] == ids(left_of(BLOCK, progress))
+    assert ["T03", "T04", "T02"] == ids(remaining_trials(BLOCK, progress))
     assert progress.attempts == {"T01": 1, "T02": 1}
 
 
 def test_an_interrupted_row_leaves_the_trial_to_be_done_again() -> None:
     progress = progress_of([start("T02"), end("T02", "interrupted")])
 
-    assert ["T01", "T03", "T04", "T02"] == ids(left_of(BLOCK, progress))
+    assert ["T01", "T03", "T04", "T02"] == ids(remaining_trials(BLOCK, progress))
 
 
 def test_a_trial_skipped_before_and_performed_now_is_not_skipped() -> None:
@@ -49,7 +49,7 @@ def test_a_trial_skipped_before_and_performed_now_is_not_skipped() -> None:
 
 def test_a_skipped_trial_is_not_done_again() -> None:
     progress = progress_of([start("T01"), end("T01", "skipped")])
-    assert ["T02", "T03", "T04"] == ids(left_of(BLOCK, progress))
+    assert ["T02", "T03", "T04"] == ids(remaining_trials(BLOCK, progress))
 
 
 def test_a_repeat_asked_for_survives_a_crash() -> None:
@@ -59,7 +59,7 @@ def test_a_repeat_asked_for_survives_a_crash() -> None:
         {"event": "trial_repeat", "trial_id": "T01"},
     ]
 
-    assert ["T02", "T03", "T04", "T01"] == ids(left_of(BLOCK, progress_of(events)))
+    assert ["T02", "T03", "T04", "T01"] == ids(remaining_trials(BLOCK, progress_of(events)))
 
 
 def test_what_a_simulated_participant_learned_last_is_kept():
@@ -84,7 +84,7 @@ def test_a_finished_second_attempt_ends_an_interrupted_trial() -> None:
     ]
     progress = progress_of(events)
 
-    assert ["T03", "T04"] == ids(left_of(BLOCK, progress))
+    assert ["T03", "T04"] == ids(remaining_trials(BLOCK, progress))
     assert progress.attempts["T01"] == 2
 
 

@@ -30,7 +30,7 @@ from visavis.stage.errors import StageError
 from visavis.stage.frame_truth import read_views
 from visavis.stage.own_body import OwnBody
 from visavis.stage.renderer import ON_PROCESSOR, Quality, Renderer
-from visavis.stage.stills import made_small
+from visavis.stage.stills import shrink
 from visavis.stimuli.picture import Camera, Picture
 from visavis.stimuli.scene import Agent, Scene, SceneFrame
 
@@ -441,5 +441,5 @@ def test_the_operator_is_given_the_left_eye_small_twice_a_second() -> None:
     height, width, _ = glance.image.shape
     assert width in (WIDTH_PX, PROCESSOR_WIDTH_PX)
     assert 2 * height == width
-    small = made_small(left, (width, height)).astype(int)
+    small = shrink(left, (width, height)).astype(int)
     assert np.abs(small - glance.image).mean() < 1.0

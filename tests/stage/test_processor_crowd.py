@@ -175,7 +175,11 @@ def test_change_of_level_writes_only_whoever_changed(
     renderer: Renderer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     calls = _counted(
-        monkeypatch, "model", "coarser", "ProcessorCrowd._lay_out_afresh", "ProcessorCrowd._still"
+        monkeypatch,
+        "model",
+        "coarser",
+        "ProcessorCrowd._lay_out_afresh",
+        "ProcessorCrowd._constant_part",
     )
     picture = _pictured(4)
     crowd = renderer.crowd_of(picture)
@@ -191,12 +195,12 @@ def test_change_of_level_writes_only_whoever_changed(
         "model": characters,
         "coarser": characters,
         "ProcessorCrowd._lay_out_afresh": 1,
-        "ProcessorCrowd._still": 8,
+        "ProcessorCrowd._constant_part": 8,
     } == spent(1, 1, 1, 1)
     # One person is there twice, from near and from far.
-    assert {"model": 1, "coarser": 1, "ProcessorCrowd._still": 2} == spent(1, 2, 1, 1)
-    assert {"ProcessorCrowd._still": 2} == spent(1, 1, 1, 1)
-    assert {"ProcessorCrowd._still": 2} == spent(1, 2, 1, 1)
+    assert {"model": 1, "coarser": 1, "ProcessorCrowd._constant_part": 2} == spent(1, 2, 1, 1)
+    assert {"ProcessorCrowd._constant_part": 2} == spent(1, 1, 1, 1)
+    assert {"ProcessorCrowd._constant_part": 2} == spent(1, 2, 1, 1)
     assert {} == spent(1, 2, 1, 1)
 
 

@@ -13,7 +13,7 @@ from visavis.stage.card.targets import EyeTarget
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import LIGHTEST, Quality, Renderer
 from visavis.stage.room_buffers import PropBuffers
-from visavis.stage.stills import made_small
+from visavis.stage.stills import shrink
 from visavis.stimuli.picture import Panel, Picture
 
 
@@ -113,7 +113,7 @@ def test_samples_of_a_pixel_are_averaged_in_light(fast: bool) -> None:
             fine = rough.image(picture, camera, (8 * 160, 8 * 120))
     except StageError as problem:
         pytest.skip(str(problem))
-    of_light = made_small(fine, (160, 120)).astype(float)
+    of_light = shrink(fine, (160, 120)).astype(float)
     of_codes = fine.reshape(120, 8, 160, 8, 3).mean(axis=(1, 3))
     edges = of_light - of_codes > 8
     assert edges.sum() > 100

@@ -9,7 +9,7 @@ from tests.stage import figures
 from visavis.lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import Quality, Renderer
-from visavis.stage.stills import Stills, made_small
+from visavis.stage.stills import Stills, shrink
 from visavis.stimuli.characters.cast import load_character
 from visavis.stimuli.dressing.casting import build_of
 from visavis.stimuli.gaze.turning import Aimed
@@ -45,7 +45,7 @@ def test_still_is_the_smoothed_picture() -> None:
 def test_a_small_pixel_shows_the_light_of_those_it_stands_for() -> None:
     large = np.zeros((4, 6, 3), np.uint8)
     large[:, ::2] = 255
-    small = made_small(large, (3, 2))
+    small = shrink(large, (3, 2))
     assert small.shape == (2, 3, 3)
     assert np.unique(small).tolist() == [188]  # half the light of 255; half its code is 128
 
@@ -53,7 +53,7 @@ def test_a_small_pixel_shows_the_light_of_those_it_stands_for() -> None:
 def test_what_is_even_keeps_its_codes_when_made_small() -> None:
     codes = np.arange(256, dtype=np.uint8).reshape(16, 16)
     large = np.repeat(np.repeat(codes, 3, axis=0), 3, axis=1)[..., None].repeat(3, axis=2)
-    assert np.array_equal(codes, made_small(large, (16, 16))[..., 0])
+    assert np.array_equal(codes, shrink(large, (16, 16))[..., 0])
 
 
 def test_stripes_finer_than_pixels_fade_instead_of_beating() -> None:

@@ -27,7 +27,7 @@ from visavis.stimuli.characters.character import MORPHS, SkinnedMesh
 from visavis.stimuli.characters.closing import collision_mesh, is_closed
 from visavis.stimuli.characters.errors import CharacterError
 from visavis.stimuli.characters.gltf import import_gltf
-from visavis.stimuli.characters.gltf.eyes import fitted_eye, iris_colour
+from visavis.stimuli.characters.gltf.eyes import fit_eye, iris_colour
 from visavis.stimuli.characters.gltf.figure import Surface, read_figure
 from visavis.stimuli.characters.gltf.file import GltfFile, read_glb
 from visavis.stimuli.characters.gltf.looks import (
@@ -99,7 +99,7 @@ def test_eye_axis_is_fitted_from_the_eyeball_not_its_bone(glb: Path) -> None:
     y = np.radians(4.0)
     leaning = np.array([-np.sin(y), 0, -np.cos(y)])
     for side in ("left", "right"):
-        eye = fitted_eye(file, figure, side)
+        eye = fit_eye(file, figure, side)
         assert angle_deg(eye.axis, leaning) < 0.05
         assert eye.radius_m == pytest.approx(0.014, abs=1e-5)
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg, rotate
-from visavis.stimuli.panels import DISTANCE_M, SIZE_M, choice_centre_m, choice_met, placed_before
+from visavis.stimuli.panels import DISTANCE_M, SIZE_M, board_pose, choice_centre_m, choice_met
 from visavis.stimuli.picture import Panel
 
 FORWARD = np.array([0.0, 0.0, -1.0])
@@ -14,7 +14,7 @@ FORWARD = np.array([0.0, 0.0, -1.0])
 
 def board(yaw_deg: float = 0.0, n: int = 5, head_m: tuple[float, ...] = (0.0, 1.6, 0.0)) -> Panel:
     head = Pose(np.array(head_m), quat_from_yaw_pitch_deg(yaw_deg, -20.0))
-    return Panel("How real?", tuple(map(str, range(n))), placed_before(head), SIZE_M)
+    return Panel("How real?", tuple(map(str, range(n))), board_pose(head), SIZE_M)
 
 
 @given(st.floats(-180, 180), st.integers(1, 9), st.data())

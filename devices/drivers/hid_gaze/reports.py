@@ -27,7 +27,7 @@ def hid_library() -> Any:
     return library
 
 
-def found_trackers(library: Any) -> list[Mapping[str, Any]]:
+def list_trackers(library: Any) -> list[Mapping[str, Any]]:
     """Return every connected eye tracker as hidapi describes it."""
     return [
         row
@@ -65,7 +65,7 @@ class HidReports(NoTopics):
         """Find and open the tracker, and learn the size of its report."""
         self.close()
         library = self._injected_library if self._injected_library is not None else hid_library()
-        rows = found_trackers(library)
+        rows = list_trackers(library)
         matches = [r for r in rows if not self._serial or r.get("serial_number") == self._serial]
         if not matches:
             serials = ", ".join(str(row.get("serial_number")) for row in rows) or "none"

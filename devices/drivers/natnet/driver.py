@@ -69,7 +69,7 @@ class NatNet(BodyDevice):
     def _connect(self, deadline_ns: int) -> None:
         self._server, self._models = None, None
         self._ask_until(deadline_ns, codec.CONNECT, b"Ping\0", lambda: self._server is not None)
-        server = self._known_server()
+        server = self._require_server()
         if not codec.OLDEST <= server.version:
             raise ProtocolViolation(
                 f"{server.program} speaks NatNet {server.version[0]}.{server.version[1]}; this "
@@ -97,7 +97,7 @@ class NatNet(BodyDevice):
             remedy = "give skeleton in lab_config.yaml, or stream only one"
             the_only(skeletons, repr, "skeletons in Motive", remedy)
 
-    def _known_server(self) -> codec.Server:
+    def _require_server(self) -> codec.Server:
         if self._server is None:
             raise DeviceTimeout("Motive did not say who it is", remedy=NATNET.remedy)
         return self._server

@@ -129,7 +129,7 @@ class PupilCoreSimulator:
         self._calibrated_fit: int | None = None
         self._judge: CalibrationJudge | None = None
         self._turn: Vector | None = None
-        self._room = self._made_room(16)
+        self._room = self._make_room(16)
         self._queued_eyes: list[Floats] = []
         self._queued_ns: list[int] = []
         self._queue_key: tuple[int, int] | None = None
@@ -233,7 +233,7 @@ class PupilCoreSimulator:
             return "OK"
         return "Unknown command."
 
-    def _made_room(self, n: int) -> _Measurements:
+    def _make_room(self, n: int) -> _Measurements:
         return _Measurements(
             np.empty((n, len(GAZE_VALUES))),
             np.empty((n, self._both.pattern.bytes.size), np.uint8),
@@ -287,7 +287,7 @@ class PupilCoreSimulator:
             t_device, ahead_ns = np.array(t_list, np.int64), self._epoch_ns - self._origin_ns
         template = self._both
         if n > self._room.delay_ns.size:  # reused by every call, which copies its messages
-            self._room = self._made_room(2 * n)
+            self._room = self._make_room(2 * n)
         measurements = self._room.first(n)
         _measure(
             eyes,

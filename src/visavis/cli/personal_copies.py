@@ -13,7 +13,7 @@ from visavis.lab.errors import LedgerError
 from visavis.protocol.people.exports_register import register_export
 from visavis.recording.durable import protect_files
 from visavis.recording.manifest import read_manifest
-from visavis.running.sessions.damage import counted_damage, describe, require_intact
+from visavis.running.sessions.damage import count_damage, describe, require_intact
 from visavis.running.sessions.folder_check import is_study
 
 RISK = (
@@ -31,7 +31,7 @@ def require_whole(session: Path, *, accept: bool) -> None:
     damage_reports = require_intact([session], accept=accept)
     if damage_reports:
         say(
-            f"[yellow]{verbatim(counted_damage(damage_reports, 1))}:\n"
+            f"[yellow]{verbatim(count_damage(damage_reports, 1))}:\n"
             f"{verbatim(describe(damage_reports))}[/]"
         )
 

@@ -22,10 +22,10 @@ from visavis.stage.drawn_stage import Display, DrawnStage, default_views
 from visavis.stage.frame_truth import read_views
 from visavis.stage.own_body import OwnBody
 from visavis.stage.renderer import Image, Renderer
-from visavis.stage.stills import made_small, still_quality
+from visavis.stage.stills import shrink, still_quality
 from visavis.stimuli.dressing.casting import default_casting
 from visavis.stimuli.dressing.picture_of import picture_of
-from visavis.stimuli.panels import SIZE_M, PanelFrame, placed_before
+from visavis.stimuli.panels import SIZE_M, PanelFrame, board_pose
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import SceneFrame
 from visavis.study.experiment import StudyExperiment
@@ -121,7 +121,7 @@ def redraw(recording: Recording, frame: int, *, part: int | None = None) -> list
         StageError: nothing can draw here, or this version dresses the scene in another way.
     """
     if not was_drawn(recording):
-        return _drawn_now(recording, frame, part)
+        return _draw_anew(recording, frame, part)
     record = recorded_frame(recording, frame, part=part)
     views, size_px, quality = read_views(record.views)
     people = len(record.drawn_row["level"])
@@ -142,7 +142,7 @@ def was_drawn(recording: Recording) -> bool:
     return "drawn" in recording.stream_names
 
 
-def _drawn_now(recording: Recording, frame: int, part: int | None) -> list[Image]:
+def _draw_anew(recording: Recording, frame: int, part: int | None) -> list[Image]:
     """Draw a frame of a session in which nothing was drawn."""
     study, _ = study_of_folder(recording.path.resolve().parent.parent, recording.manifest.study)
     part_number = recording.manifest.parts[0].number if part is None else part
@@ -173,7 +173,7 @@ def _drawn_now(recording: Recording, frame: int, part: int | None) -> list[Image
         stage.draw(view, FrameInfo(frame, t_ns, t_ns), head)
         if (trouble := stage.trouble()) is not None:
             raise trouble
-        return [made_small(image, UNDRAWN_PX) for image in stage.images()]
+        return [shrink(image, UNDRAWN_PX) for image in stage.images()]
     finally:
         stage.close()
 
@@ -235,7 +235,7 @@ def _trial_boards(
     recording: Recording, study: OpenedStudy, part: int, t_ns: int
 ) -> Iterator[Panel]:
     """Yield the boards on which a trial may have asked then: those at their usual place."""
-    for answer in _asked_then(recording, part, t_ns):
+    for answer in _questions_at(recording, part, t_ns):
         plan = recording.manifest.plan
         experiment = _experiment(recording, study)
         trial_fields = next(
@@ -248,10 +248,10 @@ def _trial_boards(
             continue
         words = TrialScript(Trial(**trial_fields), experiment.settings).words_of(response)
         for head in _heads_at(recording, part, int(answer["asked_ns"])):
-            yield Panel(*words, placed_before(head), SIZE_M)
+            yield Panel(*words, board_pose(head), SIZE_M)
 
 
-def _asked_then(recording: Recording, part: int, t_ns: int) -> Iterator[dict[str, Any]]:
+def _questions_at(recording: Recording, part: int, t_ns: int) -> Iterator[dict[str, Any]]:
     """Yield what was answered to the questions that a trial asked then."""
     for payload in recording.events_named("answered", part)["payload"]:
         if "asked_ns" in payload and payload["asked_ns"] <= t_ns <= payload["answered_ns"]:
@@ -260,7 +260,7 @@ def _asked_then(recording: Recording, part: int, t_ns: int) -> Iterator[dict[str
 
 def _answer_soon(recording: Recording, study: OpenedStudy, part: int, t_ns: int) -> int | None:
     """Return the choice of a trial's question that is taken within a moment, or None."""
-    for answer in _asked_then(recording, part, t_ns):
+    for answer in _questions_at(recording, part, t_ns):
         response = _experiment(recording, study).responses.get(answer["question"])
         if response is not None and answer["answered_ns"] - t_ns <= MARKED_NS:
             options = [str(option) for option in response.options]

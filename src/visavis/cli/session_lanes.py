@@ -34,10 +34,10 @@ class Lane:
 
 def lanes_of(recording: Recording, part: int) -> list[Lane]:
     """Return what was touched and what vibrated in a part of a session."""
-    return [*_paired(recording, part), *_vibrations(recording, part)]
+    return [*_pair_lanes(recording, part), *_vibrations(recording, part)]
 
 
-def _paired(recording: Recording, part: int) -> Iterator[Lane]:
+def _pair_lanes(recording: Recording, part: int) -> Iterator[Lane]:
     """Yield what began and ended, by the events `…_begin` and `…_end` of one role."""
     lanes: dict[str, Lane] = {}
     open_at: dict[str, tuple[int, str]] = {}

@@ -96,12 +96,12 @@ def _people(
 
 def _picture(room: Room, who: Character, clip: Clip, body: SeenBody, t_s: float) -> Picture:
     pose = clip.at(t_s)
-    room = replace(room, props=(*room.props, *_held_object(body, pose)))
+    room = replace(room, props=(*room.props, *_object_in_hand(body, pose)))
     people = PosedPeople(pose.root_m[None], pose.orientation_wxyz[None], np.zeros((1, len(MORPHS))))
     return Picture(round(t_s * 1e9), room, (who,), people)
 
 
-def _held_object(body: SeenBody, pose: Frames) -> tuple[Prop, ...]:
+def _object_in_hand(body: SeenBody, pose: Frames) -> tuple[Prop, ...]:
     """Return the object that the body holds, where it is in a pose."""
     is_held = body.labels % BOTH_SIDES == PART_INDEX["held_object"]
     if not is_held.any():

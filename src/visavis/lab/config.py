@@ -448,7 +448,7 @@ def _device(
     else:
         model = option_models[driver]
         if screen is not None:
-            problems += _taken_from_screen(document, at, model, options, screen)
+            problems += _take_screen_options(document, at, model, options, screen)
         option_problems = model_problems(
             document, model, options, at, also_known=("driver", "simulated")
         )
@@ -461,7 +461,7 @@ def _device(
     )
 
 
-def _taken_from_screen(
+def _take_screen_options(
     document: Document,
     at: KeyPath,
     model: type[BaseModel],

@@ -46,7 +46,7 @@ class PropBuffers:
         if lit_by is not None and len(laid_out.indices):
             lit_room = baked_room(laid_out, lit_by)
             laid_out, light = lit_room.vertices, self._buffer(lit_room.light)
-        self._runs = _joined_runs(laid_out.runs, self._layers)
+        self._runs = _join_runs(laid_out.runs, self._layers)
         self._outline_count = sum(map(len, casting))
         self._arrays: dict[tuple[int, bool], moderngl.VertexArray] = {}
         if len(laid_out.indices):
@@ -115,7 +115,7 @@ def _place_layers(laid_out: RoomVertices, layers: Layers) -> None:
             laid_out.vertices["look"][vertices, 2:] = layer % 256, layer // 256
 
 
-def _joined_runs(runs: tuple[Run, ...], layers: Layers) -> tuple[Run, ...]:
+def _join_runs(runs: tuple[Run, ...], layers: Layers) -> tuple[Run, ...]:
     """Join runs that follow one another and whose pictures are in one array."""
 
     def drawn_as(run: Run) -> tuple[int, bool]:

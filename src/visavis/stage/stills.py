@@ -36,7 +36,7 @@ _CODE_OF_LIGHT = np.round(
 ).astype(np.uint8)
 
 
-def made_small(large: npt.NDArray[np.uint8], size_px: tuple[int, int]) -> npt.NDArray[np.uint8]:
+def shrink(large: npt.NDArray[np.uint8], size_px: tuple[int, int]) -> npt.NDArray[np.uint8]:
     """Return a picture (height, width, 3) in a size whose width and height divide its own: each
     pixel is the mean of the light of those it stands for.
     """
@@ -60,7 +60,7 @@ class Stills(Closing):
         """Return the picture as (height, width, 3) sRGB bytes, top row first."""
         width, height = size_px
         large = self._renderer.image(picture, camera, (self._times * width, self._times * height))
-        return made_small(large, size_px)
+        return shrink(large, size_px)
 
     def close(self) -> None:
         """Release the graphics context."""

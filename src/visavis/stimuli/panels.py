@@ -66,7 +66,7 @@ def choice_centre_m(panel: Panel, choice: int) -> Vector:
     return middle
 
 
-def placed_before(head: Pose) -> Pose:
+def board_pose(head: Pose) -> Pose:
     """Return the pose of a board to be read from this head: upright, straight ahead."""
     forward = rotate(head.orientation_wxyz, np.array([0.0, 0.0, -1.0]))
     yaw_deg = float(np.degrees(np.arctan2(-forward[0], -forward[2])))

@@ -145,7 +145,7 @@ def read_trial(
                     responses.append(response)
                     script.words_of(response)
                     seconds += ANSWER_S
-                    reply = answers[response.name] = _made_up(response, script.view)
+                    reply = answers[response.name] = _answer_to(response, script.view)
                     if reply.option is not None:
                         script.row[response.name] = response.value(reply.option)
                 if step.viewing is not None:
@@ -214,6 +214,6 @@ def _seconds_of(step: Action, settings: Settings) -> float:
         return 0.0
 
 
-def _made_up(response: Response, view: FrameView) -> Answer:
+def _answer_to(response: Response, view: FrameView) -> Answer:
     option = str(response.options[0]) if response.options else "0"
     return Answer(option, "keys", 0, 0, view)

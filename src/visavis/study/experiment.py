@@ -280,7 +280,7 @@ class StudyExperiment:
                     instruction=self.texts.find(*instruction_names, values=text_values) or "",
                     calibrate=self.study.devices.calibrate
                     and (block.index == 0 or self.study.devices.calibrate_blocks),
-                    questionnaires=() if is_practice else self._asked_after_blocks(),
+                    questionnaires=() if is_practice else self._questionnaires_after_blocks(),
                 )
             )
         parameters = {
@@ -290,7 +290,7 @@ class StudyExperiment:
         parameters["language"] = self.language
         return replace(plan, blocks=tuple(blocks), parameters=parameters)
 
-    def _asked_after_blocks(self) -> tuple[str, ...]:
+    def _questionnaires_after_blocks(self) -> tuple[str, ...]:
         asks = self.study.asks
         omissions = () if asks.skip_after_block is None else asks.skip_after_block(self.parameters)
         return tuple(name for name in asks.after_block if name not in omissions)

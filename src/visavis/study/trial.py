@@ -30,7 +30,7 @@ from visavis.protocol.plan.steps import (
     SoundOnset,
     Step,
 )
-from visavis.stimuli.panels import SIZE_M, PanelFrame, placed_before
+from visavis.stimuli.panels import SIZE_M, PanelFrame, board_pose
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.sound import Sound
@@ -369,7 +369,7 @@ class TrialScript:
         view = yield from self._now()
         prompt, labels = self.words_of(response)
         if isinstance(response, Pointing):
-            answer = yield from await_pointing(response.limit_s, view, self._still)
+            answer = yield from await_pointing(response.limit_s, view, self._scene_update)
         elif not is_on_board(response, self.settings):
             yield from self._clear(board.over_scene, view)
             answer = yield from ask_at_terminal(
@@ -377,7 +377,7 @@ class TrialScript:
             )
         else:
             answer = yield from asked_on_board(
-                Panel(prompt, labels, board.at or placed_before(view.head), board.size_m),
+                Panel(prompt, labels, board.at or board_pose(view.head), board.size_m),
                 tuple(response.options),
                 response.name,
                 self.settings.ways,
@@ -394,7 +394,9 @@ class TrialScript:
         view = yield from self._now()
         from_ns = self._sound_on_ns or self._onset_ns or view.t_ns
         controls = tuple(response.options)
-        answer = yield from await_press(controls, response.limit_s, view, from_ns, self._still)
+        answer = yield from await_press(
+            controls, response.limit_s, view, from_ns, self._scene_update
+        )
         yield from self._record_answer(response, answer)
         return answer
 
@@ -472,7 +474,7 @@ class TrialScript:
 
         return show
 
-    def _still(self, view: FrameView) -> Show | None:
+    def _scene_update(self, view: FrameView) -> Show | None:
         """Return the step that updates the current scene; None without a change."""
         staged_scene = self._staged_scene
         next_frame = (
@@ -486,7 +488,7 @@ class TrialScript:
 
     def _wait(self, seconds: float) -> Performing:
         view = yield from self._now()
-        yield from self._until(view.t_ns + round(seconds * NS_PER_S), self._still)
+        yield from self._until(view.t_ns + round(seconds * NS_PER_S), self._scene_update)
 
     def _vibrate(
         self, role: str, pattern: VibrationPattern, motors: tuple[int, ...], amplitude_01: float
@@ -517,11 +519,11 @@ class TrialScript:
         self._sound_on_ns = began_ns or 0
         if wait == "end" and began_ns is not None:
             end_ns = began_ns + round(sound.duration_s * NS_PER_S)
-            yield from self._until(end_ns, self._still)
+            yield from self._until(end_ns, self._scene_update)
         return PlayedSound(began_ns, sound.duration_s)
 
     def _on_to_next(self, view: FrameView) -> Performing:
-        step = self._still(view)
+        step = self._scene_update(view)
         if step is not None:
             yield step
         return (yield from self._frame())
@@ -566,7 +568,7 @@ class TrialScript:
             if view.head_valid and np.hypot(x - place[0], z - place[1]) <= within_m:
                 is_there = True
                 break
-            step = self._still(view)
+            step = self._scene_update(view)
             if step is not None:
                 yield step
             view = yield from self._frame()

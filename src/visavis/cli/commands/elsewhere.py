@@ -15,7 +15,7 @@ from visavis.cli.app import (
     errors,
     verbatim,
 )
-from visavis.cli.commands.serving import CompletionOption, built_films, page_study
+from visavis.cli.commands.serving import CompletionOption, build_films, page_study
 from visavis.cli.commands.session import LanguageOption, SeedOption, SetOption
 from visavis.lab.errors import DataError, UsageError
 from visavis.running.page.arrivals import check_completion
@@ -58,7 +58,7 @@ def export_web(
         raise UsageError(f"--results takes an address, https://…, not {results!r}")
     here, base = page_study(study, devices, config, seed, assignments, language)
     bundle = write_bundle(
-        base, built_films(base), output, places=places, completion=completion, results=results
+        base, build_films(base), output, places=places, completion=completion, results=results
     )
     mark = "[magenta]REHEARSAL[/]  " if here.is_simulated else ""
     films = f" and {bundle.films} films" if bundle.films else ""
@@ -104,7 +104,7 @@ def import_web(
     key_file = None if here.is_simulated else here.key_file
     summary = import_runs(
         base,
-        built_films(base),
+        build_films(base),
         here.ledger,
         runs,
         identify=lambda label, who: None if key_file is None else key_file.identify(label, who),

@@ -140,7 +140,7 @@ def page_study(
     return here, base
 
 
-def built_films(base: Request) -> "FilmStore":
+def build_films(base: Request) -> "FilmStore":
     """Return a study's films; build the missing ones with a progress bar."""
     experiment = base.experiment
     assert isinstance(experiment, StudyExperiment)  # noqa: S101  # page_study has checked it
@@ -164,7 +164,7 @@ async def _serve(
     from visavis.running.page.reception import Reception, Rules
     from visavis.running.page.server import LOCAL, PageServer
 
-    store = built_films(base)
+    store = build_films(base)
     key_file = None if here.is_simulated else here.key_file
 
     def withdraw(label: str) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from visavis.cli.doctor.findings import Finding
-from visavis.devices.drivers.hid_gaze.reports import found_trackers, hid_library
+from visavis.devices.drivers.hid_gaze.reports import hid_library, list_trackers
 from visavis.devices.drivers.openxr.offer import ask
 from visavis.devices.libraries import HID, OPENXR, SERIAL
 from visavis.devices.registry import driver_spec
@@ -242,7 +242,7 @@ def _hid_devices() -> list[Finding]:
         return [Finding(PORTS, "USB HID", "note", "cannot be listed", f"run: {HID.install}")]
     try:
         library = hid_library()
-        trackers, count = found_trackers(library), len(library.enumerate())
+        trackers, count = list_trackers(library), len(library.enumerate())
     except (DeviceNotFound, OSError) as problem:
         return [Finding(PORTS, "USB HID", "note", f"cannot be listed: {problem}")]
     names = [f"{t.get('product_string')} {t.get('serial_number')}".strip() for t in trackers]
@@ -263,7 +263,7 @@ def network(lab: LabConfig, *, are_open: bool = False) -> tuple[Finding, ...]:
     specs = [(d, driver_spec(d.driver)) for d in real]
     if not are_open:
         rows += [_dial(d) for d, spec in specs if spec.wire.dials]
-        rows += [row for d in real for row in _taken_port(d)]
+        rows += [row for d in real for row in _port_conflicts(d)]
     let_in = sorted(
         {
             rule.format(**spec.checked_options(d.role, d.options).model_dump())
@@ -314,7 +314,7 @@ def _dial(device: DeviceConfig) -> Finding:
     return Finding(NETWORK, subject, "ok", f"{address}:{port} answers")
 
 
-def _taken_port(device: DeviceConfig) -> Sequence[Finding]:
+def _port_conflicts(device: DeviceConfig) -> Sequence[Finding]:
     key = driver_spec(device.driver).wire.binds
     if not key:
         return ()

@@ -13,7 +13,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from visavis.protocol.plan.questionnaires import Question, Questionnaire, read_answer
-from visavis.protocol.plan.session_plan import Block, SessionPlan, Trial, asked_after
+from visavis.protocol.plan.session_plan import Block, SessionPlan, Trial, name_after_block
 from visavis.protocol.plan.steps import Mark, Row
 from visavis.running.page.spoken_digits import HOW_MANY, say_digits, spoken_digits
 from visavis.running.page.steps import PageStep, Reply, mapping, number, put
@@ -209,7 +209,9 @@ def _block(visit: Visit, block: Block) -> Generator[Out, Reply | None, None]:
     yield Event("block_end", {"block": block.index})
     for questionnaire in visit.questionnaires:
         if questionnaire.name in block.questionnaires:
-            yield from _questionnaire(visit, questionnaire, asked_after(questionnaire.name, block))
+            yield from _questionnaire(
+                visit, questionnaire, name_after_block(questionnaire.name, block)
+            )
 
 
 def _trial(visit: Visit, block: Block, trial: Trial) -> Generator[Out, Reply | None, None]:

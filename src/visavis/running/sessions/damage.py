@@ -28,14 +28,14 @@ def require_intact(sessions: Sequence[Path], *, accept: bool) -> tuple[DamageRep
         return ()
     if not accept:
         raise DataError(
-            f"{counted_damage(damage_reports, len(sessions))}:\n{describe(damage_reports)}\n"
+            f"{count_damage(damage_reports, len(sessions))}:\n{describe(damage_reports)}\n"
             "restore the files from a copy; or add --accept-damage to go on with what is left: "
             "trials that lost samples are then missing, and marked as damaged"
         )
     return damage_reports
 
 
-def counted_damage(reports: Sequence[DamageReport], of: int) -> str:
+def count_damage(reports: Sequence[DamageReport], of: int) -> str:
     """Say how many recordings are damaged."""
     return f"{len(reports)} of {of} recordings {'is' if len(reports) == 1 else 'are'} damaged"
 

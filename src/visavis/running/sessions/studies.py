@@ -30,7 +30,7 @@ from visavis.results.opened_study import OpenedStudy, overrides_of
 from visavis.results.picture_delay import SETTING, read_sync_test, required_for
 from visavis.results.selection import IS_ANALYSED
 from visavis.results.unusual import UnusualTrial
-from visavis.running.sessions.damage import counted_damage, describe, require_intact, write_damage
+from visavis.running.sessions.damage import count_damage, describe, require_intact, write_damage
 from visavis.running.sessions.data_root import prepare_data_root
 from visavis.running.sessions.folder_check import SIMULATED_PREFIX
 from visavis.running.sessions.piecewise import measure_sessions
@@ -58,8 +58,8 @@ from visavis.running.sessions.study_folder import (
     DERIVED_FOLDER,
     MEASURED_FOLDER,
     StudySettings,
-    made_files,
     one_per_participant,
+    output_files,
     read_parameters,
     read_settings,
     session_folders,
@@ -241,7 +241,7 @@ def analyse_study(
     damage_reports = require_intact(sessions, accept=accept_damage)
     if damage_reports:
         notifier.warn(
-            f"{counted_damage(damage_reports, len(sessions))}; what cannot be read is missing\n"
+            f"{count_damage(damage_reports, len(sessions))}; what cannot be read is missing\n"
             f"{describe(damage_reports)}"
         )
     out_dir = output.resolve() if output is not None else folder / DERIVED_FOLDER
@@ -308,7 +308,7 @@ def analyse_study(
     if is_ours:
         protect(out_dir)
     labels = sorted({m.participant for m in manifests})
-    files = made_files(out_dir) if is_ours else ()
+    files = output_files(out_dir) if is_ours else ()
     try:
         register_export(folder, SystemClock(), ANALYSIS, out_dir, labels, files)
     except LedgerError as error:  # a read-only archive

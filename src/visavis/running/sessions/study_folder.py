@@ -230,7 +230,7 @@ def _was_completed(session: Path) -> bool:
     return bool(parts) and parts[-1].status == "complete"
 
 
-def made_files(out_dir: Path) -> tuple[Path, ...]:
+def output_files(out_dir: Path) -> tuple[Path, ...]:
     """Return the files that an analysis made, without measured walks, which are kept for later."""
     measured_dir = out_dir / MEASURED_FOLDER
     return tuple(

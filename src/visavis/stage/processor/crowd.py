@@ -329,10 +329,12 @@ class ProcessorCrowd:
             if slot is None:
                 return False
             self._slot_of[i] = slot
-            room.still.write(self._still(i).view(np.uint8), offset=STILL_VERTEX.itemsize * slot)
+            room.still.write(
+                self._constant_part(i).view(np.uint8), offset=STILL_VERTEX.itemsize * slot
+            )
         return True
 
-    def _still(self, i: int) -> npt.NDArray[np.void]:
+    def _constant_part(self, i: int) -> npt.NDArray[np.void]:
         """Return what never moves of one person."""
         still: npt.NDArray[np.void] = self._joined_models.models[self._model_of[i]].still.copy()
         still["person"] = 1 + i % len(self.cast)
@@ -352,7 +354,7 @@ class ProcessorCrowd:
         self._slot_of = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int64)
         still = np.zeros(rows, STILL_VERTEX)
         for i, slot, size in zip(everyone.tolist(), self._slot_of, sizes, strict=True):
-            still[slot : slot + size] = self._still(i)
+            still[slot : slot + size] = self._constant_part(i)
         self._room = _Room(
             free,
             np.zeros((rows, 6), np.float32),

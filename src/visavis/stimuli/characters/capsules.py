@@ -36,7 +36,7 @@ OUTSIDE_SHARE = 0.1
 """Share of the surface of a piece that may stick out of its capsules."""
 
 
-def fitted_capsules(skeleton: Skeleton, mesh: SkinnedMesh) -> tuple[BodyCapsule, ...]:
+def fit_capsules(skeleton: Skeleton, mesh: SkinnedMesh) -> tuple[BodyCapsule, ...]:
     """Return capsules that hold at least nine tenths of each part's surface.
 
     Trunk and head, which are wider than deep, get two or three capsules side by side.

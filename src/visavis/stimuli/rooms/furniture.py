@@ -397,7 +397,7 @@ def place_prop(
     material = surfaces.surface(
         name, texture, roughness_01=roughness_01, kind=kind, double_sided=double_sided
     )
-    standing = tuple(_placed_block(b, at_m, yaw_deg) for b in blocks)
+    standing = tuple(_place_block(b, at_m, yaw_deg) for b in blocks)
     return Prop(
         name, move_mesh(mesh, at_m, yaw_deg=yaw_deg), material, emission_01, casts_shadow, standing
     )
@@ -405,11 +405,11 @@ def place_prop(
 
 def shift_prop(prop: Prop, by_m: Point) -> Prop:
     """Return a prop and its blocks set elsewhere on the same floor, or on one as much higher."""
-    blocks = tuple(_placed_block(block, by_m, 0.0) for block in prop.blocks)
+    blocks = tuple(_place_block(block, by_m, 0.0) for block in prop.blocks)
     return replace(prop, mesh=move_mesh(prop.mesh, by_m), blocks=blocks)
 
 
-def _placed_block(block: Block, at_m: Point, yaw_deg: float) -> Block:
+def _place_block(block: Block, at_m: Point, yaw_deg: float) -> Block:
     middle = rotate(quat_from_yaw_pitch_deg(yaw_deg), np.array(block.at_m)) + np.asarray(at_m)
     x, y, z = middle.tolist()
     floor = block.floor_m + float(at_m[1])

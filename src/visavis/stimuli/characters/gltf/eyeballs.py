@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 
 from visavis.lab.geometry import Vector
 from visavis.stimuli.characters.errors import CharacterError
-from visavis.stimuli.characters.gltf.eyes import MAX_RADIUS_M, MIN_RADIUS_M, balls_on, fitted_sphere
+from visavis.stimuli.characters.gltf.eyes import MAX_RADIUS_M, MIN_RADIUS_M, balls_on, fit_sphere
 from visavis.stimuli.characters.gltf.figure import Figure, Surface
 from visavis.stimuli.characters.gltf.file import GltfFile
 
@@ -70,7 +70,7 @@ def _pieces(figure: Figure) -> Iterator[_Piece]:
         for points in _parts(surface):
             at = surface.vertices_m[points]
             if share[points].mean() > 0.5 and np.ptp(at, axis=0).max() < 2.2 * MAX_RADIUS_M:
-                yield _Piece(k, points, *fitted_sphere(at))
+                yield _Piece(k, points, *fit_sphere(at))
 
 
 def _below(figure: Figure, top: int) -> npt.NDArray[np.bool_]:

@@ -26,7 +26,7 @@ class EyeFit:
     iris_srgb: tuple[int, int, int]
 
 
-def fitted_eye(file: GltfFile, figure: Figure, side: str) -> EyeFit:
+def fit_eye(file: GltfFile, figure: Figure, side: str) -> EyeFit:
     """Fit an eye from the surface bound to its bone.
 
     The axis is that of the eyeball's own symmetry: its rings are denser at the front, or it is
@@ -45,7 +45,7 @@ def fitted_eye(file: GltfFile, figure: Figure, side: str) -> EyeFit:
         )
     surface, ball = max(balls, key=lambda pair: len(pair[1]))
     points = surface.vertices_m[ball]
-    centre, radius = fitted_sphere(points)
+    centre, radius = fit_sphere(points)
     if not MIN_RADIUS_M < radius < MAX_RADIUS_M:
         raise CharacterError(
             f"{file.path}: what hangs on bone {figure.names[bone]!r} is not an eyeball (sphere of "
@@ -74,7 +74,7 @@ def balls_on(figure: Figure, side: str) -> list[tuple[Surface, npt.NDArray[np.in
     return balls
 
 
-def fitted_sphere(points_m: Vector) -> tuple[Vector, float]:
+def fit_sphere(points_m: Vector) -> tuple[Vector, float]:
     """Return the sphere of least squares, first all points, then without a bulging cornea."""
     fit_points_m = points_m
     centre, radius = points_m.mean(axis=0), 0.0

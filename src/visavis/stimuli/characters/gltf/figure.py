@@ -79,7 +79,7 @@ def read_figure(file: GltfFile, joint_map: Mapping[str, str] | None = None) -> F
             world[i] = above @ _local(nodes[i])
         return world[i]
 
-    bound = _bound_bones(file, place)
+    bound = _bone_places(file, place)
     surfaces = []
     for i, node in enumerate(nodes):
         if "mesh" not in node:
@@ -124,7 +124,7 @@ def _local(node: Mapping[str, Any]) -> Vector:
     return matrix
 
 
-def _bound_bones(file: GltfFile, place: Callable[[int], Vector]) -> dict[int, Vector]:
+def _bone_places(file: GltfFile, place: Callable[[int], Vector]) -> dict[int, Vector]:
     """Return the places (4, 4) of bones as the meshes were bound to them."""
     bound: dict[int, Vector] = {}
     for skin in file.items("skins"):

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from visavis.lab.geometry import Vector, rotate, unit
 from visavis.stimuli.characters.body_parts import PART_INDEX
-from visavis.stimuli.characters.capsules import fitted_capsules
+from visavis.stimuli.characters.capsules import fit_capsules
 from visavis.stimuli.characters.character import (
     Character,
     Eyeball,
@@ -21,7 +21,7 @@ from visavis.stimuli.characters.character import (
 from visavis.stimuli.characters.closing import closed_surface
 from visavis.stimuli.characters.errors import CharacterError
 from visavis.stimuli.characters.gltf.eyeballs import with_eyeballs
-from visavis.stimuli.characters.gltf.eyes import EyeFit, fitted_eye
+from visavis.stimuli.characters.gltf.eyes import EyeFit, fit_eye
 from visavis.stimuli.characters.gltf.figure import Figure, Surface, read_figure
 from visavis.stimuli.characters.gltf.file import GltfFile, read_glb
 from visavis.stimuli.characters.gltf.islands import with_full_margins
@@ -152,7 +152,7 @@ def _import_figure(
 ) -> Character:
     shine_as_roughness(file)
     figure = with_eyeballs(file, read_figure(file, joint_map))
-    eyes = {side: fitted_eye(file, figure, side) for side in ("left", "right")}
+    eyes = {side: fit_eye(file, figure, side) for side in ("left", "right")}
     points = np.concatenate([s.vertices_m for s in figure.surfaces])
     at, tips = marks_of(figure, points, {side: eye.centre_m for side, eye in eyes.items()})
     rig = rig_of_marks(at, tips, float(points[:, 1].min()))
@@ -192,7 +192,7 @@ def _import_figure(
         levels=levels,
         measuring=measuring,
         materials=with_full_margins(materials, mesh),
-        capsules=fitted_capsules(rig.skeleton, body),
+        capsules=fit_capsules(rig.skeleton, body),
         eyeball=Eyeball(
             radius,
             round(0.38 * radius, 5),
