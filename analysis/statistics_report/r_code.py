@@ -40,6 +40,8 @@ def r_code(outcome: Outcome) -> str:
     if packages:
         head.append(f"# Needs the package{'s' if len(packages) > 1 else ''} {', '.join(packages)}.")
     lines = [*head, f'd <- read.csv("{DATA_FILE}", check.names = FALSE)', LINE]
+    if any("off(" in line for line in body):
+        lines.append(OFF)
     if q.test == "cronbach":
         return "\n".join([*lines, *body]) + "\n"
     lines.append(f"d$y <- d[[{r_string(q.dv)}]]")
@@ -119,12 +121,12 @@ def _t(outcome: Outcome, names: Mapping[str, str]) -> Body:
 
 def _wilcoxon(outcome: Outcome, names: Mapping[str, str]) -> Body:
     call, V = SIGNED_RANK
-    return [OFF, *_two(outcome, names, call, V, MATCHED)], ("coin",)
+    return _two(outcome, names, call, V, MATCHED), ("coin",)
 
 
 def _paired_tests(outcome: Outcome, names: Mapping[str, str]) -> Body:
     """Repeat the test that the decision path took for each pair."""
-    lines, ranks = ["d <- d[order(d$s), ]", OFF], False
+    lines, ranks = ["d <- d[order(d$s), ]"], False
     for (a, b), row in zip(_pairs(outcome), outcome.rows, strict=True):
         by_rank = row.get("V") is not None
         ranks |= by_rank
@@ -534,13 +536,12 @@ def _sign(outcome: Outcome, names: Mapping[str, str]) -> Body:
     if not names:
         mu = outcome.question.reference.mu
         return [
-            OFF,
             f"r <- off(d$y, {mu!r})",
             "t <- binom.test(sum(r > 0), sum(r != 0))",
             'line("above", t$statistic, t$p.value)',
         ], ()
     call = "{ r <- off(x, y); binom.test(sum(r > 0), sum(r != 0)) }"
-    return [OFF, *_two(outcome, names, call, "t$statistic")], ()
+    return _two(outcome, names, call, "t$statistic"), ()
 
 
 def _binomial(outcome: Outcome, names: Mapping[str, str]) -> Body:
