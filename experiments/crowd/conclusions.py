@@ -8,8 +8,9 @@ from visavis.analysis.report.notation import decimal, signed
 from visavis.experiments.crowd.comparisons import COLLISIONS, RATINGS, SPEED, TO_GAP, VOLUME
 from visavis.experiments.crowd.design import AFTER, BEFORE, HAPTIC
 from visavis.experiments.crowd.paths import GroupPaths
-from visavis.results.analysis import Finding, StudyAnalysis
+from visavis.results.analysis import StudyAnalysis
 from visavis.results.differences import means_of_levels
+from visavis.results.findings import Finding
 from visavis.study.measures import Measure
 from visavis.study.sections import Conclusion
 

@@ -1,6 +1,8 @@
 """A claim is printed only in its own direction, whatever the test and the model."""
 
+import re
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -219,7 +221,51 @@ def test_tables_say_what_became_of_a_claim() -> None:
         assert 0 < min(sign * low, sign * high)
 
 
+@pytest.mark.parametrize("way", [w for w in WAYS if w != "mixed"])
+def test_a_one_sided_test_has_half_the_p_and_finds_one_direction_only(way: str) -> None:
+    keywords = {"expects": "directed > averted", **WAYS[way]}
+    both = Compare("mood", claim=CLAIM, **keywords)
+    one = replace(both, one_sided=True)
+    factors = [f for f in (GAZE, DISTANCE) if f.name in both.within]
+
+    def slightly(factors: Mapping[str, Any], rng: np.random.Generator) -> float:
+        return float(rng.normal(5, 1) + 0.3 * (factors["gaze"] == "directed"))
+
+    p = {}
+    for name, compare in (("both", both), ("one", one)):
+        (finding,) = analysed(factors, [compare], {"mood": slightly})[0].findings
+        (term,) = (t for t in finding.terms if t.name == "gaze")
+        (difference,) = answer_claim(finding).differences
+        p[name] = term.p
+    assert (p["both"] / 2 if difference.sign > 0 else 1 - p["both"] / 2) == pytest.approx(p["one"])
+    shown, lowered_one = verdict(one, lifted), verdict(one, lowered)
+    assert "found" == shown.status
+    assert re.search(r"One-sided, as planned: p (= \.0|< \.001)", shown.detail)
+    assert "reversed" == lowered_one.status
+
+
+def test_r_gives_the_same_one_sided_p() -> None:
+    """t.test(x, y, paired = TRUE, alternative = "greater"), binom.test(9, 12, alternative = …)."""
+    x, y = [5.1, 4.2, 6.3, 5.8, 4.9, 6.1], [4.8, 4.4, 5.9, 5.1, 5.0, 5.2]
+    rows = pd.DataFrame(
+        {"participant": f"P{i}", "gaze": gaze, "mood": v}
+        for gaze, values in (("directed", x), ("averted", y))
+        for i, v in enumerate(values)
+    )
+    measures = {"mood": Measure("mood", "1", "Mood")}
+    levels = {"gaze": ("averted", "directed")}
+    for expects, expected in (
+        ("directed > averted", 0.0586933975731),
+        ("averted > directed", 0.941306602427),
+    ):
+        of = Compare("mood", within="gaze", test="t", expects=expects, one_sided=True)
+        finding = answer_comparison(of, rows, measures, levels, is_simulated=True)
+        assert expected == pytest.approx(finding.terms[0].p, abs=1e-9)
+
+
 REFUSED = [
+    ({"within": "gaze", "one_sided": True}, "is one-sided, which needs a direction"),
+    ({"within": "gaze", "expects": "a > b, c", "one_sided": True}, "a direction between two"),
     ({"within": "gaze", "claim": "yes"}, "has no direction; say which level gives the greater"),
     ({"test": "sign", "claim": "yes"}, 'add expects="mood > 0" or expects="mood < 0"'),
     ({"test": "binomial", "claim": "yes"}, 'add expects="mood > 0.5"'),

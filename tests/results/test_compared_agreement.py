@@ -11,7 +11,8 @@ from visavis.analysis.statistics.agreement import cohen_kappa, icc, krippendorff
 from visavis.analysis.statistics_report import Question, answer
 from visavis.cli.quick_tracker import tracker_of
 from visavis.lab.errors import DesignError
-from visavis.results.analysis import Finding, answer_comparison
+from visavis.results.analysis import answer_comparison
+from visavis.results.findings import Finding
 from visavis.results.power import KitPower
 from visavis.running.quick import quick_study
 from visavis.study.comparisons import Compare

@@ -4,18 +4,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
-import numpy as np
 import pandas as pd
 
 from visavis.analysis.statistics import adjust_p
-from visavis.analysis.statistics.results import MINUS
-from visavis.analysis.statistics_report import Outcome, answer
+from visavis.analysis.statistics_report import answer
 from visavis.lab.errors import DataError, LabError
 from visavis.protocol.plan.steps import Scalar
 from visavis.recording.reader import Recording
+from visavis.results.differences import as_planned_sided
 from visavis.results.family_tests import (
     DEFAULT_TEST_RULES,
-    Agreement,
     CorrelationTest,
     PairTest,
     Test,
@@ -23,13 +21,14 @@ from visavis.results.family_tests import (
     compare_pairs,
     results_of,
 )
+from visavis.results.findings import Finding, Term
 from visavis.results.selection import Selection
 from visavis.results.sensitivity import SensitivityRow, sensitivity
 from visavis.study.comparisons import AGREEMENT, THING, Compare
 from visavis.study.declaration import Study
 from visavis.study.look_measures import MAIN_MEASURES
 from visavis.study.measures import Measure, aggregate_cells
-from visavis.study.pairs import Family, Pairs, Printed
+from visavis.study.pairs import Family, Pairs
 from visavis.study.responses import Rating
 from visavis.study.sections import Conclusion
 
@@ -38,131 +37,6 @@ DECIDING: Final = ("p_used", "p_above", "p")
 """Columns of a test's row that may hold the p that decides; the first one present does."""
 MIN_PARTICIPANTS: Final = 3
 """Fewer participants are not tested."""
-
-
-@dataclass(frozen=True)
-class Term:
-    """One effect of a comparison: its p, and its p corrected over the family."""
-
-    name: str
-    p: float
-    p_corrected: float
-    alpha: float
-    row: Mapping[str, Any] = field(repr=False)
-
-    @property
-    def is_significant(self) -> bool:
-        """The decision after correction; headlines use no other."""
-        return self.p_corrected < self.alpha
-
-
-@dataclass(frozen=True)
-class Contrast:
-    """Two levels of a factor compared after the overall test: first minus second.
-
-    `difference` is the difference of means; in a Bradley–Terry model, the log odds of being
-    preferred. `p` is corrected over the contrasts. A contrast is significant only where the
-    overall test was.
-    """
-
-    first: str
-    second: str
-    p: float
-    is_significant: bool
-    difference: float
-    sentence: str
-    row: Mapping[str, Any] = field(repr=False)
-    published_result: Printed | None = None
-
-    @property
-    def name(self) -> str:
-        """The contrast in short: 'A – B'."""
-        return f"{self.first} – {self.second}"
-
-    @property
-    def agreement(self) -> Agreement | None:
-        """Our verdict and the source's; None where the source prints none.
-
-        The source's direction is that of second minus first.
-        """
-        if self.published_result is None:
-            return None
-        same = self.published_result.direction in (0, -int(np.sign(self.difference)))
-        return Agreement(self.published_result.is_significant, self.is_significant, same)
-
-
-@dataclass(frozen=True)
-class Finding:
-    """What came of one planned comparison; `outcome` is None where nothing was tested."""
-
-    compare: Compare
-    measure: Measure
-    outcome: Outcome | None
-    terms: tuple[Term, ...]
-    why_not: str = ""
-
-    @property
-    def contrasts(self) -> tuple[Contrast, ...]:
-        """Contrasts between the levels of its one factor, or the items of a Bradley–Terry model."""
-        compare, outcome = self.compare, self.outcome
-        factors = (*compare.within, *compare.between)
-        if compare.model == "bradleyterry":
-            return self._items_compared()
-        if compare.test in AGREEMENT:
-            return ()
-        if outcome is None or outcome.data is None or len(factors) != 1 or not self.terms:
-            return ()
-        values = outcome.data[compare.dv].astype(float)
-        means = values.groupby(outcome.data[factors[0]].astype(str)).mean()
-        levels = list(map(str, outcome.data[factors[0]].cat.categories))
-        lines = zip(outcome.contrasts, outcome.contrast_sentences, strict=True)
-        rows = [(*levels_of(row), float(row["p_adjusted"]), text, row) for row, text in lines]  # type: ignore[arg-type]  # a number, as tests write it
-        if not rows and len(levels) == 2:
-            rows = [
-                (
-                    levels[0],
-                    levels[1],
-                    self.terms[0].p_corrected,
-                    " ".join(outcome.sentences),
-                    self.terms[0].row,
-                )
-            ]
-        return tuple(
-            Contrast(
-                a,
-                b,
-                p,
-                self.terms[0].is_significant and p < compare.alpha,
-                float(means[a] - means[b]),
-                text,
-                row,
-                compare.pairs.get((a, b)),
-            )
-            for a, b, p, text, row in rows
-        )
-
-    def _items_compared(self) -> tuple[Contrast, ...]:
-        outcome, compare = self.outcome, self.compare
-        if outcome is None or not self.terms:
-            return ()
-        lines = zip(outcome.contrasts, outcome.contrast_sentences, strict=True)
-        return tuple(
-            Contrast(
-                *(pair := levels_of(row)),
-                float(p := row["p_adjusted"]),  # type: ignore[arg-type]  # a number, as tests write it
-                self.terms[0].is_significant and float(p) < compare.alpha,  # type: ignore[arg-type]  # as above
-                float(row["estimate"]),  # type: ignore[arg-type]  # as above
-                text,
-                row,
-                compare.pairs.get(pair),
-            )
-            for row, text in lines
-            if row["family"] == "items"
-        )
-
-    def contrast(self, pair: tuple[str, str]) -> Contrast | None:
-        """Return the contrast of two levels; None where it was not tested."""
-        return next((c for c in self.contrasts if (c.first, c.second) == pair), None)
 
 
 @dataclass(frozen=True)
@@ -459,7 +333,7 @@ def answer_comparison(
         for row in outcome.rows
         if isinstance(p := next((row[n] for n in DECIDING if row.get(n) is not None), None), float)
     )
-    return Finding(compare, measure, outcome, terms)
+    return as_planned_sided(Finding(compare, measure, outcome, terms))
 
 
 def _agreement_rows(compare: Compare, frame: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:
@@ -479,14 +353,6 @@ def _agreement_rows(compare: Compare, frame: pd.DataFrame) -> tuple[pd.DataFrame
             frame = frame[~frame["participant"].isin(gaps)]
             notes = (f"left out: {len(gaps)} participants without all ratings",)
     return frame[["participant", *compare.within, THING, compare.dv]], notes
-
-
-def levels_of(row: Mapping[str, Any]) -> tuple[str, str]:
-    """Return the two levels of a contrast's row."""
-    if "level_1" in row:
-        return str(row["level_1"]), str(row["level_2"])
-    first, _, second = str(row["contrast"]).partition(f" {MINUS} ")
-    return first, second
 
 
 def with_corrected_p(findings: Sequence[Finding]) -> tuple[Finding, ...]:

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 from visavis.analysis.report.blocks import Status
-from visavis.results.analysis import Finding, Term
 from visavis.results.differences import (
     Difference,
     difference_of_directed,
@@ -11,6 +10,7 @@ from visavis.results.differences import (
     levels_there,
 )
 from visavis.results.family_tests import Agreement
+from visavis.results.findings import Finding, Term
 from visavis.study.comparisons import DIRECTED, Compare
 from visavis.study.expectations import Order, orders_of
 
@@ -60,7 +60,10 @@ def answer_claim(finding: Finding) -> ClaimAnswer:
         return ClaimAnswer(
             "undecided", differences, "the test of ranks and the means point in opposite directions"
         )
-    if any(d.sign < 0 for d in significant):
+    # A one-sided test cannot find the other direction; that its p would have been significant on
+    # both sides must be seen all the same.
+    is_beyond = term.is_one_sided and 2 * (1 - term.p) < term.alpha
+    if any(d.sign < 0 for d in significant) or is_beyond:
         return ClaimAnswer("reversed", differences)
     as_expected = sum(d.sign > 0 for d in significant)
     if as_expected == len(differences):

@@ -1,7 +1,7 @@
 """Differences between the levels of a factor, with intervals, and which way a test points."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -9,7 +9,7 @@ import pandas as pd
 from scipy import stats
 
 from visavis.analysis.statistics.results import Interval, number, percent, quantities
-from visavis.results.analysis import Finding, Term, levels_of
+from visavis.results.findings import Finding, Term, levels_of
 from visavis.study.expectations import Order
 
 Kind = Literal["difference", "odds", "share", "equivalence", "agreement"]
@@ -60,6 +60,21 @@ def differences_of(finding: Finding, term: Term, orders: Sequence[Order]) -> Ite
     else:
         for greater, less in orders[0].pairs:
             yield _of_two_levels(finding, term, orders[0].factor, greater, less)
+
+
+def as_planned_sided(finding: Finding) -> Finding:
+    """Return a finding whose claimed effect has a one-sided p, where that was planned."""
+    compare = finding.compare
+    if not compare.one_sided:
+        return finding
+    terms = []
+    for term in finding.terms:
+        if compare.is_claimed(term.name):
+            (difference,) = differences_of(finding, term, compare.orders)
+            p = term.p / 2 if difference.sign > 0 else 1 - term.p / 2
+            term = replace(term, p=p, p_corrected=p, is_one_sided=True)
+        terms.append(term)
+    return replace(finding, terms=tuple(terms))
 
 
 def _of_two_levels(

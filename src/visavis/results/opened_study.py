@@ -158,22 +158,22 @@ class OpenedStudy:
                     names = [level for f in factors for level in levels.get(f, ())]
                     if compare.model == "bradleyterry":
                         names = [item for level in names for item in level.split(PAIR_SIGN)]
-                    self._refuse_order(text, order, tuple(dict.fromkeys(names)), len(orders))
+                    # An interaction, like a one-sided test, has one direction between two levels.
+                    two_only = len(orders) == 2 or (compare.one_sided and text == compare.expects)
+                    self._refuse_order(text, order, tuple(dict.fromkeys(names)), two_only)
 
-    def _refuse_order(
-        self, text: str, order: Order, levels: Sequence[str], factor_count: int
-    ) -> None:
-        """Refuse an order of other levels than these, or an interaction without one direction."""
+    def _refuse_order(self, text: str, order: Order, levels: Sequence[str], two_only: bool) -> None:
+        """Refuse an order of other levels than these, or of more where there may be two only."""
         place = line_saying(self.study.files.path, text) or f"study {self.study.name}"
         for name in order.names if levels else ():  # levels of derived columns follow from trials
             if name not in levels:
                 near = did_you_mean(name, levels)
                 raise DesignError(f"{place}: {text!r} names {name!r}, which is no level{near}")
-        if factor_count == 2 and len(levels) > 2:
+        if two_only and len(levels) > 2:
             raise DesignError(
-                f"{place}: {text!r} is of an interaction, and {order.factor} has {len(levels)} "
-                "levels; only an interaction of two factors with two levels each has one "
-                "direction. Expect an order of one factor instead"
+                f"{place}: {text!r} is of an interaction or one-sided, and {order.factor} has "
+                f"{len(levels)} levels; only between two levels is there one direction. Expect an "
+                "order of one factor, tested on both sides, instead"
             )
 
     def _unknown_column(

@@ -13,7 +13,7 @@ from visavis.analysis.report import Picture, ReportProvenance
 from visavis.lab.errors import UsageError
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.questionnaires import Questionnaire
-from visavis.results.analysis import SIMULATED_COLUMN, Finding, StudyAnalysis
+from visavis.results.analysis import SIMULATED_COLUMN, StudyAnalysis
 from visavis.results.choices import choice_section
 from visavis.results.claims import (
     answer_claim,
@@ -25,6 +25,7 @@ from visavis.results.confusion import confusion_section
 from visavis.results.family_tests import columns_of_tests, published_cells
 from visavis.results.figures.family_figures import family_figures
 from visavis.results.figures.study_figures import figure_of_quality, study_figures
+from visavis.results.findings import Finding
 from visavis.results.intake import questionnaire
 from visavis.results.locked_plan.review import PlanReview, review_section
 from visavis.results.quality import QUALITY_TABLE, Quality, quality_of
@@ -232,6 +233,7 @@ def statistics_rows(analysis: StudyAnalysis) -> list[dict[str, Any]]:
                 "term": term.name,
                 "p_family": term.p_corrected,
                 "is_significant": term.is_significant,
+                "is_one_sided": term.is_one_sided,
                 **(_claim_cells(finding) if term is claimed else {}),
             }
             printed_result = compare.published_of(term.name)

@@ -18,13 +18,7 @@ import pandas as pd
 from visavis.analysis.power import PlannedTestResult, PrintedTest, Source, Verdicts
 from visavis.analysis.statistics.results import number
 from visavis.lab.errors import DataError, UsageError
-from visavis.results.analysis import (
-    Finding,
-    Results,
-    StudyAnalysis,
-    answer_comparison,
-    with_corrected_p,
-)
+from visavis.results.analysis import Results, StudyAnalysis, answer_comparison, with_corrected_p
 from visavis.results.claims import answer_claim, claimed_finding_term
 from visavis.results.family_tests import (
     DEFAULT_TEST_RULES,
@@ -35,6 +29,7 @@ from visavis.results.family_tests import (
     results_of,
     scores_of,
 )
+from visavis.results.findings import Finding
 from visavis.results.intake import SimulatedStudy
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.results.selection import IS_ANALYSED, Selection

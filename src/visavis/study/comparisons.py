@@ -104,7 +104,8 @@ class Compare:
     distance: near > far": the advantage of waving is greater when near). Without a factor it is the
     measure and the number ("vote > 3"). A claim is shown only where every difference it expects is
     significant in that direction. Tests of equivalence and of agreement have their own direction
-    and take none.
+    and take none. `one_sided` tests a claim about two levels in its direction only: its p is half
+    the other's, and the opposite is never found.
 
     Comparisons of one `family` are corrected together. An `exploratory` one has
     a place of its own in the report and makes no headline. `only` are levels of other factors that
@@ -128,6 +129,7 @@ class Compare:
     pairs: Mapping[tuple[str, str], Printed] = field(default_factory=dict, repr=False)
     raters: str = "participant"
     expects: str = ""
+    one_sided: bool = False
 
     def __post_init__(self) -> None:
         for name in ("within", "between"):
@@ -152,6 +154,7 @@ class Compare:
         object.__setattr__(self, "options", tuple(self.options))
         self._refuse_agreement()
         self._refuse_direction()
+        self._refuse_one_sided()
 
     def _refuse_agreement(self) -> None:
         """Refuse tests of agreement without raters, items or a coefficient."""
@@ -236,6 +239,19 @@ class Compare:
                 f"{about} expects something of {name!r}, which is no factor of it; there are "
                 f"{', '.join(factors)}"
             )
+
+    def _refuse_one_sided(self) -> None:
+        """Refuse a one-sided test of what has no single direction."""
+        if not self.one_sided:
+            return
+        about = f"the comparison of {self.dv} is one-sided"
+        if not self.expects or any(len(order.names) != 2 for order in self.orders):
+            raise DesignError(
+                f"{about}, which needs a direction between two levels: "
+                'expects="waves > stands", or leave one_sided out'
+            )
+        if self.model == "bradleyterry" or (self.test == "binomial" and self.mu != 0.5):
+            raise DesignError(f"{about}; {self.model or self.test} is tested on both sides only")
 
     def _expects_example(self) -> str:
         """Return how to write the direction of this comparison."""

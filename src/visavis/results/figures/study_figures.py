@@ -35,7 +35,8 @@ from visavis.analysis.plots.panels import (
     spread_out,
 )
 from visavis.analysis.report.notation import count_of
-from visavis.results.analysis import Finding, StudyAnalysis
+from visavis.results.analysis import StudyAnalysis
+from visavis.results.findings import Finding
 from visavis.results.quality import QUALITY_COLUMNS, Quality
 from visavis.results.selection import IS_ANALYSED, Selection, rule_words
 from visavis.study.exclusions import Exclusion

@@ -123,8 +123,10 @@ def _comparisons(
             del about["only"]
         if one.raters == "participant":  # and this one
             del about["raters"]
-        if not one.expects:  # and this one
+        if not one.expects:  # and these
             del about["expects"]
+        if not one.one_sided:
+            del about["one_sided"]
         about["test"] = one.question(levels).test if is_in_design else one.test
         about["options"] = {key: str(value) for key, value in one.options}
         yield name, about

@@ -123,4 +123,5 @@ def _with_locked_claim(compare: Compare, planned: Mapping[str, Any]) -> Compare:
     expects = planned.get("expects", "")
     if not expects:
         return compare
-    return replace(compare, claim=planned["claim"], expects=expects)
+    one_sided = bool(planned.get("one_sided", False))
+    return replace(compare, claim=planned["claim"], expects=expects, one_sided=one_sided)

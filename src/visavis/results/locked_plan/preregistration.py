@@ -88,6 +88,7 @@ def _hypothesis(name: str, compare: Mapping[str, Any]) -> str:
 def _test(name: str, compare: Mapping[str, Any]) -> str:
     alone = compare["correction"] == "none"
     family = "uncorrected" if alone else f"{compare['correction']} over family {compare['family']}"
+    family += ", one-sided" if compare.get("one_sided") else ""
     options = "".join(f", {k} {v}" for k, v in compare["options"].items())
     return f"`{name}`: test {compare['test']}, α = {compare['alpha']:g}, {family}{options}"
 

@@ -6,7 +6,7 @@ from visavis.analysis.report import Verdict
 from visavis.analysis.report.blocks import Status
 from visavis.analysis.report.notation import count_of, probability
 from visavis.analysis.statistics.results import quantities
-from visavis.results.analysis import Finding, StudyAnalysis, Term
+from visavis.results.analysis import StudyAnalysis
 from visavis.results.claims import (
     ClaimAnswer,
     answer_claim,
@@ -20,6 +20,7 @@ from visavis.results.differences import (
     difference_words,
     means_of_levels,
 )
+from visavis.results.findings import Finding, Term
 from visavis.study.experiment import StudyExperiment
 from visavis.study.texts import Texts, label_in_unit, label_of
 
@@ -66,10 +67,11 @@ def _verdict(
         )
     elif compare.correction == "none" and uncorrected > 1:
         correction = f" Not corrected; the study makes {count_of(uncorrected, 'such test')}."
+    sided = f" One-sided, as planned: p {p_words(term.p)}." if term.is_one_sided else ""
     return Verdict(
         status,
         headline,
-        f"{_sentence(finding, term)}{why_not}{correction}{_published_note(finding, term)}"
+        f"{_sentence(finding, term)}{why_not}{sided}{correction}{_published_note(finding, term)}"
         + "".join(f" Note: {note}." for note in doubts),
     )
 

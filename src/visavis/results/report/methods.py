@@ -6,7 +6,8 @@ from typing import Final
 from visavis.analysis.report.notation import decimal, threshold
 from visavis.analysis.statistics.adjust import ADJUSTMENT_NAME
 from visavis.protocol.plan.session_plan import Trial
-from visavis.results.analysis import Finding, StudyAnalysis
+from visavis.results.analysis import StudyAnalysis
+from visavis.results.findings import Finding
 from visavis.results.report.reporting_list import STAMPS_COUNTED, confidence_rule, stamp_rule
 from visavis.study.experiment import StudyExperiment
 from visavis.study.look_measures import MeasureParameters

@@ -28,9 +28,10 @@ from visavis.analysis.report import (
 )
 from visavis.analysis.report.notation import count_of, mean_sd, percentage
 from visavis.protocol.plan.questionnaires import Questionnaire
-from visavis.results.analysis import MIN_PARTICIPANTS, Finding, StudyAnalysis
+from visavis.results.analysis import MIN_PARTICIPANTS, StudyAnalysis
 from visavis.results.claims import published_agreement
 from visavis.results.figures.study_figures import figure_name
+from visavis.results.findings import Finding
 from visavis.results.quality import LOSS_COLUMNS, Quality, quality_table
 from visavis.results.report.family_report import (
     agreement_table,
