@@ -149,7 +149,8 @@ def _anything_notes(request: PowerRequest, replicates: list[Replicate]) -> Itera
     yield (
         f"without an effect, any of these {len(request.tests)} tests succeeds in "
         f"{hits / len(replicates):.3f} of studies (n = {n}, 95% CI [{share.low:.3f}, "
-        f"{share.high:.3f}]); of claims, which succeed in one direction only, less than α is due"
+        f"{share.high:.3f}]); claims succeed in one direction only, and one of equivalence holds "
+        "then"
     )
 
 

@@ -369,7 +369,8 @@ def test_without_an_effect_nothing_is_found(reference: str) -> None:
     for family in study.study.analysis.families:
         for test in results_of(family, rows, nobody, known, levels):
             assert test.outcome is None or test.outcome.p > NULL_ALPHA, test.sentence()
-    compared = [c for c in experiment.compare if c.dv in rows]
+    # Without an effect equivalence is true, and found.
+    compared = [c for c in experiment.compare if c.dv in rows and c.test != "tost"]
     assert compared or study.study.analysis.families or not experiment.compare
     for compare in compared:
         finding = answer_comparison(compare, rows, known, levels, is_simulated=True)
