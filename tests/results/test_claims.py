@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
 
 from tests.results.test_headlines import DISTANCE, GAZE, GROUP, PLACE, analysed, headlines
 from visavis import Compare
@@ -209,6 +210,56 @@ def test_the_same_as_published_is_the_same_direction(
     beside = published_agreement(finding, finding.terms[0])
     assert beside is not None
     assert agrees is beside.agrees
+
+
+def test_the_interval_of_a_headline_is_that_of_t() -> None:
+    """Paired, and Welch's of groups; in mixed designs every group weighs alike."""
+    for compare in (
+        Compare("mood", within="gaze", test="t", expects="averted > directed"),
+        Compare("mood", between="group", test="t", expects="a > b"),
+    ):
+        factors = [GAZE, GROUP] if compare.between else [GAZE]
+        (finding,) = analysed(factors, [compare], {"mood": lifted})[0].findings
+        (difference,) = answer_claim(finding).differences
+        row = finding.terms[0].row
+        assert difference.interval is not None
+        assert (row["estimate"], row["ci_low"], row["ci_high"]) == pytest.approx(
+            (difference.value, difference.interval.low, difference.interval.high)
+        )
+
+
+def test_in_a_mixed_design_every_group_weighs_alike() -> None:
+    """Four people gain 2, two people gain 5: the mean over groups is 3.5, not 3."""
+    gains = {"a": [1.0, 2.0, 3.0, 2.0], "b": [4.5, 5.5]}
+    rows = pd.DataFrame(
+        {
+            "participant": f"{g}{i}",
+            "group": g,
+            "gaze": gaze,
+            "mood": i + gain * (gaze == "directed"),
+        }
+        for g, values in gains.items()
+        for i, gain in enumerate(values)
+        for gaze in ("averted", "directed")
+    )
+    of = Compare("mood", "gaze", "group", test="rm", expects="gaze: directed > averted")
+    finding = answer_comparison(
+        of,
+        rows,
+        {"mood": Measure("mood", "1", "Mood")},
+        {"gaze": ("averted", "directed"), "group": ("a", "b")},
+        is_simulated=True,
+    )
+    (difference,) = answer_claim(finding).differences
+    assert 3.5 == pytest.approx(difference.value)
+    # Half of each group's mean: SE² = (s²a/4 + s²b/2)/4, df after Welch and Satterthwaite.
+    variances = [np.var(gains["a"], ddof=1) / 16, np.var(gains["b"], ddof=1) / 8]
+    df = sum(variances) ** 2 / (variances[0] ** 2 / 3 + variances[1] ** 2 / 1)
+    half = stats.t.ppf(0.975, df) * np.sqrt(sum(variances))
+    assert difference.interval is not None
+    assert (3.5 - half, 3.5 + half) == pytest.approx(
+        (difference.interval.low, difference.interval.high)
+    )
 
 
 def test_tables_say_what_became_of_a_claim() -> None:
