@@ -34,6 +34,24 @@ def trial(t):
 SLIPS = [
     ('Compare("comfort"', 'Compare("comfrot"', 9, "no measure 'comfrot'; did you mean 'comfort'?"),
     ('within="eyes"', 'within="eye"', 10, "no factor 'eye'; did you mean 'eyes'?"),
+    (
+        'within="eyes"',
+        'within="eyes", expects="directd > averted"',
+        10,
+        "'directd > averted' names 'directd', which is no level; did you mean 'directed'?",
+    ),
+    (
+        'within="eyes"',
+        'within="eyes", claim="Looking back"',
+        10,
+        "claims 'Looking back' and has no direction; say which level gives the greater values",
+    ),
+    (
+        '"distance", "eyes"]',
+        '"distance", "eyes"], expects="eyes: directed > averted; far: 1.0 > 2.5"',
+        9,
+        "expects something of 'far', which is no factor of it; there are distance, eyes",
+    ),
     ('dwell_on("active")', 'dwell_on("actve")', 7, "no role 'actve'; did you mean 'active'?"),
     ("distance_m=", "distance=", 18, "scene person takes no 'distance'; did you mean 'distance_m'"),
     ("eyes=t.eyes", "eys=t.eyes", 18, "scene person takes no 'eys'; did you mean 'eyes'"),

@@ -41,8 +41,15 @@ def verdicts_of(analysis: StudyAnalysis, experiment: StudyExperiment) -> list[Ve
     return verdicts
 
 
+def _claim_of(finding: Finding) -> str:
+    """Return the claim; without words for it the measure with the direction expected."""
+    compare = finding.compare
+    direction = f"{finding.measure.words}: {compare.expects}" if compare.expects else ""
+    return compare.claim or direction
+
+
 def _not_tested(finding: Finding) -> Verdict:
-    claim = finding.compare.claim_words
+    claim = _claim_of(finding)
     heading = f"{finding.measure.words}: not tested" + (f" – {lower(claim)}" if claim else "")
     return Verdict("undecided", heading, f"{finding.why_not}.")
 
@@ -77,7 +84,7 @@ def _verdict(
 
 
 def _claim_headline(finding: Finding, answer: ClaimAnswer, texts: Texts) -> str:
-    claim = finding.compare.claim_words
+    claim = _claim_of(finding)
     words = _words_of(answer.differences, texts)
     several = len(answer.differences) > 1 and answer.status in ("partly", "reversed")
     by_how_much = "; ".join(
