@@ -17,12 +17,17 @@ from visavis.analysis.statistics.contrasts import (
     pair_matrix,
 )
 from visavis.analysis.statistics.design import Frame, read_design
-from visavis.analysis.statistics.effects import partial_eta_squared
+from visavis.analysis.statistics.effects import partial_eta_squared, rank_effect
 from visavis.analysis.statistics.errors import ConstantResponse
 from visavis.analysis.statistics.inputs import AT_LEAST, is_constant
 from visavis.analysis.statistics.marginal import posthoc
 from visavis.analysis.statistics.rank_sum import mann_whitney
-from visavis.analysis.statistics.ranks import average_ranks, tie_sizes
+from visavis.analysis.statistics.ranks import (
+    JACKKNIFE_UP_TO,
+    average_ranks,
+    ranks_without_each,
+    tie_sizes,
+)
 from visavis.analysis.statistics.results import (
     MINUS,
     Array,
@@ -344,11 +349,24 @@ def kruskal_wallis(
         H,
         k - 1,
         float(special.chdtrc(k - 1, H)),
-        Effect("ε²", H / (N - 1)),
+        rank_effect("ε²", H / (N - 1), (k - 1, N - k), _without_each(ranks)),
         names,
         tuple(float(r.mean()) for r in ranks),
         Provenance("Kruskal-Wallis", N, unit="rows", error_term="ranks, corrected for ties"),
     )
+
+
+def _without_each(ranks: Sequence[Array]) -> Array:
+    """Return ε² without each row, (N,), ranks counted anew."""
+    every = np.concatenate(ranks)
+    if every.size > JACKKNIFE_UP_TO:
+        return np.empty(0)
+    group = np.repeat(np.eye(len(ranks)), [r.size for r in ranks], axis=0)
+    stays = 1 - np.eye(every.size)
+    anew = (ranks_without_each(every) - every.size / 2) * stays
+    between = ((anew @ group) ** 2 / (stays @ group)).sum(axis=1)
+    total = (anew**2).sum(axis=1)
+    return np.asarray(between / np.where(total > 0, total, np.inf), dtype=np.float64)
 
 
 def tukey_hsd(

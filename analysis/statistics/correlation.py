@@ -9,9 +9,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy import special
 
+from visavis.analysis.statistics.effects import jackknife_error
 from visavis.analysis.statistics.errors import ConstantResponse, StatisticsError, UnknownMethod
 from visavis.analysis.statistics.inputs import is_constant, paired
-from visavis.analysis.statistics.ranks import average_ranks
+from visavis.analysis.statistics.ranks import JACKKNIFE_UP_TO, average_ranks, ranks_without_each
 from visavis.analysis.statistics.results import (
     MINUS,
     Array,
@@ -27,8 +28,6 @@ from visavis.analysis.statistics.t_tests import two_sided_t
 SpearmanMethod: TypeAlias = Literal["auto", "exact", "t", "edgeworth"]
 
 PERMUTED_UP_TO = 9
-JACKKNIFE_UP_TO = 2000
-"""Pairs up to which each is left out once; beyond, memory runs short."""
 Z_LIMIT = 0.9999
 """Correlation at which the z of a jackknife sample is cut off."""
 
@@ -175,10 +174,7 @@ def _without_each(a: Array, b: Array, *, are_ranks: bool = False) -> Array:
     stays = 1 - np.eye(n)
     columns = []
     for values in (a, b):
-        kept = np.tile(values, (n, 1))
-        if are_ranks:
-            gone = values[:, None]
-            kept = kept - (kept > gone) - 0.5 * (kept == gone)
+        kept = ranks_without_each(values) if are_ranks else np.tile(values, (n, 1))
         kept = (kept - (kept * stays).sum(axis=1, keepdims=True) / (n - 1)) * stays
         columns.append(kept)
     x, y = columns
@@ -202,9 +198,7 @@ def _interval(
         return Interval(r, r, level)
     error = float(factor) / np.sqrt(n - 3)
     z_of_each = np.arctanh(np.clip(without_each, -Z_LIMIT, Z_LIMIT))
-    own = 0.0
-    if z_of_each.size:
-        own = float(np.sqrt((n - 1) / n * ((z_of_each - z_of_each.mean()) ** 2).sum()))
+    own = jackknife_error(z_of_each)
     reach = float(special.stdtrit(n - 2, 0.5 + level / 2)) * max(error, min(own, 2 * error))
     z = np.arctanh(r)
     return Interval(float(np.tanh(z - reach)), float(np.tanh(z + reach)), level)

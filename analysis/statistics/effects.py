@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
+import numpy.typing as npt
 from scipy import special
 
 from visavis.analysis.statistics.errors import StatisticsError
@@ -51,6 +52,45 @@ def eta_interval(
     rows = df1 + df2 + 1 if cases is None else cases
     low, high = (b / (b + rows) for b in bounds)
     return Interval(float(low), float(high), level)
+
+
+def rank_effect(
+    name: str, value: float, df: tuple[int, int], without_each: Array, *, level: float = 0.95
+) -> Effect:
+    """Return a share of rank variance (ε² of Kruskal-Wallis, Kendall's W) with its interval.
+
+    Either is eta squared of the ranks, whose F (Conover's, Iman and Davenport's) has `df`; the
+    interval is the noncentral one of that F, as if ranks were normal, up to twice as wide where
+    the jackknife says so: `without_each` are the shares without each person. Where all ranks agree,
+    or where F is smaller than chance makes it, there is none.
+    """
+    if value >= 1 - 1e-12:
+        return Effect(name, value)
+    F = value / (1 - value) * df[1] / df[0]
+    plain = eta_interval(float(F), *df, level=level)
+    if plain.high <= 0:
+        return Effect(name, value)
+    # On the scale of a standardised difference, on which the noncentral interval is nearly even.
+    here, low, high = (float(_root_odds(np.float64(v))) for v in (value, plain.low, plain.high))
+    own = jackknife_error(_root_odds(without_each))
+    normal = (high - low) / (2 * float(special.ndtri(0.5 + level / 2)))
+    wider = float(np.clip(own / normal, 1.0, 2.0))
+    lowest, highest = max(0.0, here - wider * (here - low)), here + wider * (high - here)
+    interval = Interval(lowest**2 / (1 + lowest**2), highest**2 / (1 + highest**2), level)
+    return Effect(name, value, interval)
+
+
+def jackknife_error(without_each: Array) -> float:
+    """Return the standard error of a statistic from its values without each of n cases."""
+    n = without_each.size
+    if n == 0:
+        return 0.0
+    return float(np.sqrt((n - 1) / n * ((without_each - without_each.mean()) ** 2).sum()))
+
+
+def _root_odds(share: npt.NDArray[np.float64] | np.float64) -> npt.NDArray[np.float64]:
+    inside = np.clip(share, 0, 1 - 1e-6)
+    return np.asarray(np.sqrt(inside / (1 - inside)), dtype=np.float64)
 
 
 def _solve_noncentrality(cdf: Callable[[float], float], target: float, start: float) -> float:

@@ -10,6 +10,7 @@ from scipy import special
 
 from visavis.analysis.statistics.adjust import ADJUSTMENT_NAME, Adjustment, adjust_p
 from visavis.analysis.statistics.design import Design, Frame, Levels, read_design
+from visavis.analysis.statistics.effects import rank_effect
 from visavis.analysis.statistics.errors import ConstantResponse, TooFewLevels
 from visavis.analysis.statistics.ranks import average_ranks, tie_sizes
 from visavis.analysis.statistics.results import (
@@ -134,7 +135,7 @@ def friedman(
         chi2,
         k - 1,
         float(special.chdtrc(k - 1, chi2)),
-        Effect("Kendall's W", W),
+        rank_effect("Kendall's W", W, df, _without_each(ranks)),
         F,
         df,
         float(special.fdtrc(*df, F)),
@@ -142,6 +143,16 @@ def friedman(
         tuple(ranks.mean(axis=0).tolist()),
         Provenance("Friedman", n, error_term="ranks within subjects, corrected for ties"),
     )
+
+
+def _without_each(ranks: Array) -> Array:
+    """Return Kendall's W without each of the people in rows, (n,)."""
+    n, k = ranks.shape
+    off = ranks - (k + 1) / 2
+    of_person = (off**2).sum(axis=1)
+    of_conditions = ((off.sum(axis=0) - off) ** 2).sum(axis=1) / (n - 1)
+    total = of_person.sum() - of_person
+    return np.asarray(of_conditions / np.where(total > 0, total, np.inf), dtype=np.float64)
 
 
 def posthoc_signed_rank(

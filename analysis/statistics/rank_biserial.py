@@ -12,6 +12,7 @@ from functools import lru_cache
 import numpy as np
 from scipy import special
 
+from visavis.analysis.statistics.effects import jackknife_error
 from visavis.analysis.statistics.results import Array, Effect, Interval
 
 SHIFTS = np.linspace(-6.0, 6.0, 1201)
@@ -36,7 +37,7 @@ def matched_rank_biserial(d: Array, *, level: float = 0.95) -> Effect:
     if n < 2:
         return Effect("r_rb", value, Interval(-1.0, 1.0, level))
     without = (total - signs) / (n * (n - 1) / 2)
-    own_error = float(np.sqrt((n - 1) / n * ((without - without.mean()) ** 2).sum()))
+    own_error = jackknife_error(without)
     expected, error = _of_one_sample(n)
     population = 2 * special.ndtr(np.sqrt(2) * SHIFTS) - 1
     return _score(value, population, expected, error, own_error, n - 1.0, level)

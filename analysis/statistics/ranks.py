@@ -4,6 +4,9 @@ import numpy as np
 
 from visavis.analysis.statistics.results import Array
 
+JACKKNIFE_UP_TO = 2000
+"""Cases up to which each is left out once; beyond, memory runs short."""
+
 
 def average_ranks(values: Array) -> Array:
     """Return ranks 1..n of a column (n,); tied values share their average rank."""
@@ -19,3 +22,10 @@ def average_ranks(values: Array) -> Array:
 def tie_sizes(values: Array) -> Array:
     """Return how many values share each distinct value."""
     return np.unique(values, return_counts=True)[1].astype(np.float64)
+
+
+def ranks_without_each(ranks: Array) -> Array:
+    """Return ranks (n,) counted anew without each case, (n, n); the diagonal has no meaning."""
+    of_all, gone = ranks[None, :], ranks[:, None]
+    anew: Array = of_all - (of_all > gone) - 0.5 * (of_all == gone)
+    return anew

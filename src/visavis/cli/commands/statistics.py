@@ -122,7 +122,7 @@ def stats(
         str, typer.Option("--missing", help="error, listwise, or mixed: a mixed model.")
     ] = "error",
     posthoc: Annotated[
-        str, typer.Option("--posthoc", help="tukey, holm, bonferroni, bh or none.")
+        str, typer.Option("--posthoc", help="tukey, mvt, holm, bonferroni, bh or none.")
     ] = "",
     always: Annotated[
         bool, typer.Option("--always-posthoc", help="Contrasts of effects not significant too.")
