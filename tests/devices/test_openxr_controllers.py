@@ -8,7 +8,9 @@ from tests.devices.openvr_rigs import passer
 from tests.devices.test_openxr import column, poll, running, simulated
 from visavis.devices.conformance import check_batches, check_lifecycle, check_response_input
 from visavis.devices.contracts import POINTER, DeviceState, ResponseInput
+from visavis.devices.drivers.openxr.actions import PROFILES_OF_EXTENSIONS
 from visavis.devices.drivers.openxr.controllers import OpenXrControllers
+from visavis.devices.sim.openxr import hands
 from visavis.devices.wirelog import ReplayTransport, TeeTransport
 from visavis.lab.clock import NS_PER_S, SimClock
 from visavis.lab.errors import ConfigError
@@ -113,3 +115,39 @@ def test_lost_session_is_told_and_hands_come_back():
 def test_unknown_part_is_refused_with_the_known_ones():
     with pytest.raises(ConfigError, match="say left, right or any and one of select"):
         OpenXrControllers("responses", None, SimClock(), controls={"go": "left knob"})
+
+
+NEWER = {
+    "META_TOUCH_CONTROLLER_PLUS": "meta/touch_controller_plus",
+    "FB_TOUCH_CONTROLLER_PRO": "facebook/touch_controller_pro",
+    "BD_CONTROLLER_INTERACTION": "bytedance/pico4_controller",
+    "HTC_VIVE_FOCUS3_CONTROLLER_INTERACTION": "htc/vive_focus3_controller",
+}
+
+
+def test_extensions_of_newer_controllers_bear_the_names_of_the_header():
+    xr = pytest.importorskip("xr", reason="pip install pyopenxr")
+    names = {getattr(xr, f"{name}_EXTENSION_NAME"): profile for name, profile in NEWER.items()}
+
+    assert {name: profile for name, (profile, _) in PROFILES_OF_EXTENSIONS.items()} == names
+
+
+@pytest.mark.parametrize("offered", [(), tuple(PROFILES_OF_EXTENSIONS)[:2]])
+def test_profiles_of_newer_controllers_are_suggested_where_the_runtime_offers_them(offered):
+    with simulated() as (runtime, clock):
+        runtime.hands.extensions = list(offered)
+        device = make("responses", runtime.library().transport(), clock)
+        device.open(1.0)
+        device.close()
+
+    suggested = [name for name in NEWER.values() if name in runtime.hands.profiles]
+    assert suggested == [PROFILES_OF_EXTENSIONS[name][0] for name in offered]
+    assert "khr/simple_controller" in runtime.hands.profiles
+
+
+def test_profile_whose_path_an_older_revision_lacks_leaves_the_others(monkeypatch):
+    pico = "/interaction_profiles/bytedance/pico4_controller"
+    monkeypatch.setitem(hands.VALID_PATHS, pico, ("input/trigger/value",))
+    with running(make) as (device, runtime, _, _):
+        assert device.state is DeviceState.STREAMING
+        assert "oculus/touch_controller" in runtime.hands.profiles

@@ -4,9 +4,10 @@ Bindings are suggested first, everything is attached at once, and spaces come la
 this order, and a session takes action sets only once.
 """
 
+import contextlib
 import ctypes
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 GAZE_PROFILE = "/interaction_profiles/ext/eye_gaze_interaction"
@@ -56,11 +57,43 @@ PROFILES: Mapping[str, Mapping[str, str]] = {
 }
 """Action -> path below a hand, by interaction profile, as the specification lists them."""
 
+_WITH_SQUEEZE = {
+    **_COMMON,
+    "select": "input/trigger/value",
+    "trigger": "input/trigger/value",
+    "grip": "input/squeeze/value",
+}
+PROFILES_OF_EXTENSIONS: Mapping[str, tuple[str, Mapping[str, str]]] = {
+    "XR_META_touch_controller_plus": ("meta/touch_controller_plus", _WITH_SQUEEZE),
+    "XR_FB_touch_controller_pro": ("facebook/touch_controller_pro", _WITH_SQUEEZE),
+    "XR_BD_controller_interaction": ("bytedance/pico4_controller", _WITH_SQUEEZE),
+    "XR_HTC_vive_focus3_controller_interaction": (
+        "htc/vive_focus3_controller",
+        {**_WITH_SQUEEZE, "grip": "input/squeeze/click"},
+    ),
+}
+"""Profiles of newer controllers by the extension that has to be enabled for them: Touch Plus (Quest
+3), Touch Pro, Pico 4, and Focus 3 with which a Vive XR Elite comes. Without theirs a runtime gives
+such a controller through an older profile, or not at all."""
+
+
+def controller_extensions(offered_extensions: Iterable[str]) -> list[str]:
+    """Return the extensions of controllers that a runtime offers, to be enabled."""
+    return [name for name in PROFILES_OF_EXTENSIONS if name in set(offered_extensions)]
+
 
 class OpenXrActions:
     """The action set of one session: gaze where there is any, and two hands."""
 
-    def __init__(self, xr: Any, instance: Any, session: Any, *, with_gaze: bool) -> None:
+    def __init__(
+        self,
+        xr: Any,
+        instance: Any,
+        session: Any,
+        *,
+        with_gaze: bool,
+        extensions: Iterable[str] = (),
+    ) -> None:
         self._xr = xr
         self._instance = instance
         self._session = session
@@ -79,12 +112,11 @@ class OpenXrActions:
             )
         }
         for profile, paths in PROFILES.items():
-            bindings = [
-                (self._actions[name], f"/user/hand/{hand}/{path}")
-                for hand in HANDS
-                for name, path in paths.items()
-            ]
-            self._suggest(f"/interaction_profiles/{profile}", bindings)
+            self._suggest_hands(profile, paths)
+        for extension in controller_extensions(extensions):
+            # an older revision of an extension may lack a path: the other profiles still hold
+            with contextlib.suppress(xr.exception.PathUnsupportedError):
+                self._suggest_hands(*PROFILES_OF_EXTENSIONS[extension])
         if with_gaze:
             self._actions["gaze"] = self._action("gaze", kinds.POSE_INPUT, per_hand=False)
             self._suggest(GAZE_PROFILE, [(self._actions["gaze"], GAZE_PATH)])
@@ -143,6 +175,14 @@ class OpenXrActions:
                 subaction_paths=self._hand_paths if per_hand else [],
             ),
         )
+
+    def _suggest_hands(self, profile: str, paths: Mapping[str, str]) -> None:
+        bindings = [
+            (self._actions[name], f"/user/hand/{hand}/{path}")
+            for hand in HANDS
+            for name, path in paths.items()
+        ]
+        self._suggest(f"/interaction_profiles/{profile}", bindings)
 
     def _suggest(self, profile: str, bindings: list[tuple[Any, str]]) -> None:
         xr = self._xr

@@ -24,6 +24,7 @@ from visavis.devices.drivers.openxr.actions import (
     HAND,
     HANDS,
     OpenXrActions,
+    controller_extensions,
     supports_gaze,
 )
 from visavis.devices.drivers.openxr.eyes import (
@@ -204,6 +205,7 @@ class OpenXrLibrary:
         enabled_names += [per_eye] if per_eye else []
         self.tells_hidden = self._shows_images and VISIBILITY_MASK in offered_names
         enabled_names += [VISIBILITY_MASK] if self.tells_hidden else []
+        enabled_names += controller_extensions(offered_names)
         application = xr.ApplicationInfo(
             application_name="Visavis", api_version=xr.Version(1, 0, 0)
         )
@@ -244,7 +246,13 @@ class OpenXrLibrary:
             self._eyes = HtcEyes(xr, self._instance, self._session, self.clock)
         elif self.eyes_by:
             self._eyes = FbEyes(xr, self._session)
-        self._actions = OpenXrActions(xr, self._instance, self._session, with_gaze=self.offers_gaze)
+        self._actions = OpenXrActions(
+            xr,
+            self._instance,
+            self._session,
+            with_gaze=self.offers_gaze,
+            extensions=enabled_names,
+        )
         self._spaces.update(self._actions.spaces)
         if self._binding is not None:
             self._images = EyeImages(xr, self._session, self._spaces["stage"])

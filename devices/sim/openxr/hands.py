@@ -53,7 +53,33 @@ VALID_PATHS = {
         "input/squeeze/click",
     ),
     "/interaction_profiles/ext/eye_gaze_interaction": ("/user/eyes_ext/input/gaze_ext/pose",),
+    "/interaction_profiles/meta/touch_controller_plus": (
+        "input/trigger/value",
+        "input/squeeze/value",
+    ),
+    "/interaction_profiles/facebook/touch_controller_pro": (
+        "input/trigger/value",
+        "input/squeeze/value",
+    ),
+    "/interaction_profiles/bytedance/pico4_controller": (
+        "input/trigger/click",
+        "input/trigger/value",
+        "input/squeeze/click",
+        "input/squeeze/value",
+    ),
+    "/interaction_profiles/htc/vive_focus3_controller": (
+        "input/trigger/click",
+        "input/trigger/value",
+        "input/squeeze/click",
+    ),
 }
+NEEDS_EXTENSION = {
+    "/interaction_profiles/meta/touch_controller_plus": "XR_META_touch_controller_plus",
+    "/interaction_profiles/facebook/touch_controller_pro": "XR_FB_touch_controller_pro",
+    "/interaction_profiles/bytedance/pico4_controller": "XR_BD_controller_interaction",
+    "/interaction_profiles/htc/vive_focus3_controller": "XR_HTC_vive_focus3_controller_interaction",
+}
+"""Profiles that a runtime knows only with this extension; Khronos' registry, version 1.1."""
 
 
 class SimulatedHands:
@@ -63,6 +89,8 @@ class SimulatedHands:
         self, body: Body, now_ns: Callable[[], int], has_focus: Callable[[], bool]
     ) -> None:
         self.off: set[int] = set()
+        self.extensions: list[str] = list(NEEDS_EXTENSION.values())
+        self.profiles: list[str] = []
         self.pulses: list[tuple[int, int]] = []
         self.is_attached = False
         self._body = body
@@ -136,6 +164,9 @@ class SimulatedHands:
         profile = self._paths[int(suggestion.interaction_profile)]
         if profile not in VALID_PATHS:
             return PATH_UNSUPPORTED
+        if NEEDS_EXTENSION.get(profile) not in (None, *self.extensions):
+            return PATH_UNSUPPORTED
+        self.profiles.append(profile.removeprefix("/interaction_profiles/"))
         for i in range(suggestion.count_suggested_bindings):
             path = self._paths[int(suggestion._suggested_bindings[i].binding)]  # noqa: SLF001 - the package's field
             below = path.removeprefix("/user/hand/left/").removeprefix("/user/hand/right/")

@@ -188,6 +188,7 @@ class SimulatedXrRuntime:
         names += [self._time_extension, EYE_GAZE, OPENGL, EGL]
         names += [self.eyes.extension] if self.eyes.extension else []
         names += [VISIBILITY_MASK] if self._hides_corners else []
+        names += self.hands.extensions
         count[0] = len(names)
         if capacity and properties:
             for i, name in enumerate(names):
