@@ -5,6 +5,7 @@ USB, lines that a box clears by itself.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 from visavis.devices.byte_links import Chunk
 from visavis.devices.contracts import Body
@@ -105,3 +106,26 @@ def _sum8(data: bytes) -> int:
     while total > 255:
         total = total % 256 + total // 256
     return total
+
+
+class XidLinesPeer(LinesPeer):
+    """A Cedrus unit whose lines are raised by `mh`; `width_ms` is what `mp` said."""
+
+    def __init__(self, *options: Any, **more: Any) -> None:
+        super().__init__(*options, **more)
+        self.width_ms = 0
+        self._rest = b""
+
+    def receive(self, data: bytes, t_ns: int) -> None:
+        """Take commands, however they are cut; other bytes are skipped."""
+        self._rest += data
+        while len(self._rest) >= 2:
+            size = {b"mp": 6, b"mh": 4}.get(self._rest[:2], 1)
+            if len(self._rest) < size:
+                return
+            command, self._rest = self._rest[:size], self._rest[size:]
+            number = int.from_bytes(command[2:], "little")
+            if command[:2] == b"mp":
+                self.width_ms = number
+            elif command[:2] == b"mh":
+                self.log.append((t_ns, number))

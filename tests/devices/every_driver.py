@@ -25,7 +25,14 @@ ROLES = {
 CODES = {"codes": {"trial_start": 1, "trial_end": 2}}
 NEEDED = {
     **dict.fromkeys(
-        ("serial_triggers", "parallel_triggers", "labjack_triggers", "lsl_triggers"), CODES
+        (
+            "serial_triggers",
+            "xid_triggers",
+            "parallel_triggers",
+            "labjack_triggers",
+            "lsl_triggers",
+        ),
+        CODES,
     ),
     "openvr_trackers": {"worn": {"LHR-0A": "left_hand"}},
     "ble_sensor": {"profile": "polar_ecg"},

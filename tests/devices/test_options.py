@@ -20,6 +20,7 @@ OF_NEED = (
     "lsl_triggers",
     "parallel_triggers",
     "serial_triggers",
+    "xid_triggers",
 )
 """Drivers that cannot do without an option."""
 

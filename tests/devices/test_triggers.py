@@ -2,8 +2,10 @@
 
 import json
 import os
+import struct
 import subprocess
 import sys
+import types
 from pathlib import Path
 
 import numpy as np
@@ -14,19 +16,26 @@ from hypothesis import strategies as st
 from tests.faults.sessions import lab, perform
 from visavis.devices.byte_links import MemoryLink
 from visavis.devices.drivers.links.serial_port import SerialLink
-from visavis.devices.drivers.triggers import labjack_codec
+from visavis.devices.drivers.triggers import labjack_codec, xid_commands
 from visavis.devices.drivers.triggers.links import ParallelLink
 from visavis.devices.drivers.triggers.pulses import PulseTrain
 from visavis.devices.faults import FaultSchedule
 from visavis.devices.pump import Pump
 from visavis.devices.registry import driver_spec, driver_wiring
-from visavis.devices.sim.triggers import LabJackPeer, LinesPeer
+from visavis.devices.sim.triggers import LabJackPeer, LinesPeer, XidLinesPeer
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, SimClock, SystemClock
 from visavis.lab.config import DeviceConfig
 from visavis.lab.errors import ConfigError, DeviceTimeout
 
 ROOT = Path(__file__).parents[2]
 CODES = {"trial_start": 1, "trial_end": 2, "flash": 255}
+
+
+TIMED = [
+    ("serial_triggers", LinesPeer),
+    ("labjack_triggers", LabJackPeer),
+    ("xid_triggers", XidLinesPeer),
+]
 
 
 def on_lines(faults=(), driver="serial_triggers", peer=LinesPeer, **options):
@@ -55,9 +64,7 @@ def stamps_of(batches):
     return np.concatenate([batch.t_host_ns for batch in batches]).tolist()
 
 
-@pytest.mark.parametrize(
-    ("driver", "peer"), [("serial_triggers", LinesPeer), ("labjack_triggers", LabJackPeer)]
-)
+@pytest.mark.parametrize(("driver", "peer"), TIMED)
 def test_a_code_stands_for_its_width_and_the_next_waits_for_the_rest(driver, peer):
     clock, lines, device, pump, batches = on_lines(driver=driver, peer=peer)
     begin_ns = clock.now_ns()
@@ -73,9 +80,7 @@ def test_a_code_stands_for_its_width_and_the_next_waits_for_the_rest(driver, pee
     assert rows["t_commanded_ns"].tolist() == [begin_ns] * 2
 
 
-@pytest.mark.parametrize(
-    ("driver", "peer"), [("serial_triggers", LinesPeer), ("labjack_triggers", LabJackPeer)]
-)
+@pytest.mark.parametrize(("driver", "peer"), TIMED)
 def test_a_pulse_bears_the_time_of_its_onset_not_of_its_release(driver, peer):
     clock, _, device, pump, batches = on_lines(driver=driver, peer=peer)
     go_on(clock, pump, 10)
@@ -160,6 +165,37 @@ def test_every_code_stands_once_in_order_never_shorter_than_asked(asked, width_m
 
 
 # ---- the vendors' own code ------------------------------------------------------------------
+
+
+def cedrus_writes(monkeypatch, use):
+    """What Cedrus' own client writes to a unit's port."""
+    sys.modules.setdefault("ftd2xx", types.ModuleType("ftd2xx"))  # its USB library, of no use here
+    client = pytest.importorskip("pyxid2.internal", reason="pip install pyxid2")
+    written = []
+    connection = client.XidConnection(0, 115_200)
+    monkeypatch.setattr(
+        connection, "write", lambda data: written.append(data.encode("latin-1")), raising=False
+    )
+    use(connection)
+    return written[-1]
+
+
+@pytest.mark.parametrize("code", [0, 1, 128, 255, 65_535])
+def test_lines_are_raised_as_the_vendors_client_raises_them(monkeypatch, code):
+    theirs = cedrus_writes(monkeypatch, lambda unit: unit.set_digital_output_lines(code))
+
+    assert xid_commands.raise_lines(code) == theirs
+
+
+def test_width_of_a_pulse_is_packed_as_in_the_vendors_client():
+    assert xid_commands.pulse_width(5) == struct.pack("<ccI", b"m", b"p", 5)  # set_pulse_duration
+
+
+def test_unit_is_told_the_width_and_ends_its_pulses_by_itself():
+    _, lines, _, _, _ = on_lines(driver="xid_triggers", peer=XidLinesPeer)
+
+    assert lines.width_ms == 5
+    assert lines.log[0][1] == 0
 
 
 def packets_of_labjack(*commands):

@@ -15,6 +15,7 @@ from visavis.devices.byte_links import ByteLink
 from visavis.devices.contracts import NO_DEVICE_TIME, DeviceState, Fault, Health, Sink
 from visavis.devices.drivers.triggers.labjack_codec import AnswerReader, lines_out, set_lines
 from visavis.devices.drivers.triggers.pulses import Pulse, PulseTrain, Step
+from visavis.devices.drivers.triggers.xid_commands import pulse_width, raise_lines
 from visavis.devices.lifecycle import HasLife, Lifecycle
 from visavis.devices.meter import StreamMeter
 from visavis.devices.spec import AnySpec
@@ -306,5 +307,25 @@ def labjack(
         hello=lines_out(),
         encode=set_lines,
         answers=True,
+        **options,  # type: ignore[arg-type]  # they were checked by the option model
+    )
+
+
+def xid_lines(
+    role: str, link: ByteLink, clock: Clock, spec: AnySpec, *, width_ms: float, **options: object
+) -> TriggerOut:
+    """Return triggers on the output lines of a Cedrus c-pod, m-pod or StimTracker.
+
+    The unit ends a pulse by itself after `width_ms`, by its own clock; the end that is written to
+    it then changes nothing. Its time is whole milliseconds.
+    """
+    return TriggerOut(
+        role,
+        link,
+        clock,
+        spec=spec,
+        width_ms=width_ms,
+        hello=pulse_width(max(1, round(width_ms))) + raise_lines(0),
+        encode=raise_lines,
         **options,  # type: ignore[arg-type]  # they were checked by the option model
     )

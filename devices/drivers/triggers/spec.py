@@ -39,6 +39,12 @@ class SerialTriggerOptions(TriggerOptions, SerialOptions):
     baud: int = Field(default=115_200, ge=1200, le=3_000_000)
 
 
+class XidTriggerOptions(SerialTriggerOptions):
+    """Options of `xid_triggers`; a pulse's width is whole milliseconds."""
+
+    width_ms: float = Field(default=5.0, ge=1, le=1000, multiple_of=1)
+
+
 class ParallelTriggerOptions(TriggerOptions):
     """Options of `parallel_triggers`: "/dev/parport0", or on Windows an address, "0x378"."""
 
@@ -71,6 +77,19 @@ SERIAL_TRIGGERS = DriverSpec(
         stands_for="trigger boxes on a serial port: a byte sets eight lines, 0 clears them",
         checked="our reading of such boxes' manuals; pyserial on a pseudo-terminal",
         unproven="any box: its delay, and whether it clears its lines by itself",
+    ),
+)
+XID_TRIGGERS = DriverSpec(
+    name="xid_triggers",
+    kind="triggers",
+    options=XidTriggerOptions,
+    product=Product(vendor="Cedrus", model="c-pod, m-pod or StimTracker"),
+    wire=Wire(medium="serial port", carries="bytes", library=SERIAL),
+    remedy="plug the unit in, switch it to XID mode; `visavis doctor` lists what is plugged in",
+    claims=Claims(
+        stands_for="Cedrus c-pod, m-pod, StimTracker: output lines by XID",
+        checked="bytes compared with the vendor's own client pyxid2",
+        unproven="a unit: its delay, the width of its pulses",
     ),
 )
 PARALLEL_TRIGGERS = DriverSpec(
@@ -112,4 +131,4 @@ LSL_TRIGGERS = DriverSpec(
         unproven="other recorders",
     ),
 )
-SPECS = (SERIAL_TRIGGERS, PARALLEL_TRIGGERS, LABJACK_TRIGGERS, LSL_TRIGGERS)
+SPECS = (SERIAL_TRIGGERS, XID_TRIGGERS, PARALLEL_TRIGGERS, LABJACK_TRIGGERS, LSL_TRIGGERS)
