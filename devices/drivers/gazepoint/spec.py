@@ -52,7 +52,7 @@ GAZEPOINT = DriverSpec(
     remedy=REMEDY,
     claims=Claims(
         stands_for="Gazepoint GP3",
-        checked="our reading of the Open Gaze document; TCP",
+        checked="every example of the Open Gaze document; TCP",
         unproven="axes of eye positions, missing fields",
     ),
 )

@@ -68,7 +68,7 @@ NATNET = DriverSpec(
     ),
     claims=Claims(
         stands_for="OptiTrack Motive 2.0 and later (NatNet 3.0–4.2)",
-        checked="our reading of the vendor's SDK; UDP",
+        checked="our reading of the vendor's SDK; numbers that a Motive 2.1 sent; UDP",
         unproven="any Motive; multicast",
     ),
 )
