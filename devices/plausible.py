@@ -94,7 +94,7 @@ class ClockPace:
         self._start = None
 
     def wrong(self) -> float | None:
-        """Return the device's seconds per second of the host if they can be none, else None."""
+        """Return the device's seconds per second of the host where they are wrong, else None."""
         if len(self._paces) < MIN_BLOCKS:
             return None
         pace = median(self._paces)

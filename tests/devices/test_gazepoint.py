@@ -191,7 +191,7 @@ def test_clock_that_counts_other_seconds_blocks_and_names_both():
     assert "its clock counts 0.333 s in 1 s of this computer" in rig.messages()
 
 
-def test_frequency_that_can_be_none_is_named_and_seconds_are_used():
+def test_implausible_frequency_is_named_and_seconds_are_used():
     rig = GazeRig(Gazepoint, GazepointSimulator, ticks_per_s=7)
     rig.start().run(5.0)
 

@@ -22,7 +22,7 @@ EACH = [SAMPLES_PER_S, SCREEN_SIDE_MM, TICKS_PER_S, VIBRATION_HZ]
 
 @pytest.mark.parametrize("bounds", EACH, ids=lambda bounds: bounds.unit)
 @pytest.mark.parametrize("value", [0.0, -1.0, 1e300, float("nan"), float("inf")])
-def test_no_bound_admits_nothing_negative_endless_or_missing(bounds, value):
+def test_bounds_admit_nothing_negative_endless_or_missing(bounds, value):
     assert not bounds.admit(value)
 
 
@@ -61,7 +61,7 @@ def test_jump_and_stretch_held_back_are_no_wrong_pace():
 
 
 @pytest.mark.parametrize("rate_hz", [-5.0, 1e12, float("inf"), float("nan")])
-def test_rate_of_a_stream_that_can_be_none_is_refused(rate_hz):
+def test_implausible_rate_of_a_stream_is_refused(rate_hz):
     with pytest.raises(ProtocolViolation, match="rate of the stream 'eeg' is said to be"):
         require_rate(StreamInfo("eeg", "", rate_hz, 1, ()))
 

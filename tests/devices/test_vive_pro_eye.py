@@ -71,7 +71,7 @@ def test_a_runtime_that_does_not_start_and_another_headset_are_told(stand_in):
     with pytest.raises(DeviceNotFound, match=r"eye module \(error -3\); start SR_Runtime"):
         library.open(1.0)
     stand_in.answer_with(0, -1, False)
-    with pytest.raises(DeviceNotFound, match="no Vive Pro Eye and gives no eye data"):
+    with pytest.raises(DeviceNotFound, match="not a Vive Pro Eye and gives no eye data"):
         ViveProEye("eye_tracker", library, SystemClock()).open(0.2)
     stand_in.answer_with(0, 0, True)
     with pytest.raises(DeviceNotFound, match=r"nowhere.*cannot be loaded.*library_path"):

@@ -128,7 +128,7 @@ def number(values: Attributes, key: str) -> float:
 
 
 def tick_frequency(text: str) -> float | None:
-    """Return the ticks per second in the answer FREQ; None when it can be none.
+    """Return the ticks per second in the answer FREQ; None when it is not plausible.
 
     The vendor's document calls it a long long, and its own example (4704405731611246592) is the bit
     pattern of the double 3330093.0; both ways of writing it are read.

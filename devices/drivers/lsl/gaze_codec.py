@@ -98,7 +98,7 @@ def parse_info(xml: bytes) -> StreamInfo | None:
 
 
 def require_rate(info: StreamInfo) -> None:
-    """Raise ProtocolViolation for a nominal rate that can be none; 0 is an irregular stream's."""
+    """Raise ProtocolViolation for an implausible nominal rate; 0 is an irregular stream's."""
     if info.rate_hz and not SAMPLES_PER_S.admit(info.rate_hz):
         raise ProtocolViolation(
             SAMPLES_PER_S.sentence(f"the rate of the stream {info.name!r}", info.rate_hz),

@@ -57,7 +57,7 @@ class Settings:
 
 
 class PacketReader:
-    """Cut a byte stream into packets; a size that can be none loses what has come so far."""
+    """Cut a byte stream into packets; an impossible size drops what has come so far."""
 
     def __init__(self) -> None:
         self.malformed = 0
@@ -116,11 +116,11 @@ def decode_frame(payload: bytes) -> Frame:
 
 
 def decode_settings(xml: str) -> Settings:
-    """Read the XML of the parameters general, 3d and 6d; raises DataError when it is no XML."""
+    """Read the XML of the parameters general, 3d and 6d; raises DataError when it is not XML."""
     try:
         root = ElementTree.fromstring(xml)  # noqa: S314 - of a computer in the lab
     except ElementTree.ParseError as cause:
-        raise DataError("QTM's parameters are no XML") from cause
+        raise DataError("QTM's parameters are not XML") from cause
     names = tuple((body.findtext("Name") or "").strip() for body in root.iterfind("./The_6D/Body"))
     up = (root.findtext("./The_3D/AxisUpwards") or "").strip()
     try:
@@ -131,7 +131,7 @@ def decode_settings(xml: str) -> Settings:
 
 
 def quaternion(columns: tuple[float, ...]) -> tuple[float, float, float, float] | None:
-    """Return the unit quaternion (w, x, y, z) of a rotation's columns; None if it is none."""
+    """Return the unit quaternion (w, x, y, z) of a rotation's columns; None of other numbers."""
     xx, yx, zx, xy, yy, zy, xz, yz, zz = columns
     lengths = (
         xx * xx + yx * yx + zx * zx,
