@@ -255,3 +255,15 @@ def test_a_runtime_simulated_in_this_process_is_polled_by_the_sessions_thread():
         pump.stop()
         device.close()
     assert "device-responses" not in threads
+
+
+def test_controllers_that_change_hands_keep_the_controls_of_their_hand():
+    with running(controllers) as (device, runtime, clock, _):
+        device.poll(0.0)
+        device.pulse("left", 500)
+        runtime.swap_hands()
+        clock.sleep_until_ns(clock.now_ns() + 10_000_000)
+        device.poll(0.0)
+        device.pulse("left", 500)
+        (before, _), (after, _) = runtime.haptic_pulses
+    assert {before, after} == {1, 2}

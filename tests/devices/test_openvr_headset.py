@@ -418,3 +418,22 @@ def test_a_capture_of_before_the_pose_was_asked_again_has_no_later_one(tmp_path)
     replayed.wait_frame()
     assert replayed.late_head() is None
     replayed.close()
+
+
+def test_eyes_that_are_moved_apart_are_drawn_for_and_told():
+    with headset_on() as (headset, runtime, _, _):
+
+        def apart_m():
+            run(headset, 2)
+            left, right = headset.eye_views()
+            return right.offset_m[0] - left.offset_m[0]
+
+        assert apart_m() == pytest.approx(0.063)
+        runtime.move_eyes(0.070)
+        assert apart_m() == pytest.approx(0.070)
+        assert "warning: the distance between the eyes was set from 63.0 to 70.0 mm" in texts(
+            headset
+        )
+        runtime.move_eyes(0.063)
+        assert apart_m() == pytest.approx(0.063)
+        assert not texts(headset)

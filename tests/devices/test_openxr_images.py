@@ -410,3 +410,28 @@ def test_the_simulated_runtime_fails_where_a_genuine_one_would_crash(context):
         headset.close()
         assert "context of its images was gone" in str(runtime.failure)
         runtime.failure = None
+
+
+def test_eyes_that_are_moved_apart_are_drawn_for_and_told(context):
+    rng, seen = np.random.default_rng(6), []
+    with showing() as (headset, runtime, _, _):
+        runtime.images.on_frame = seen.append
+
+        def apart_m():
+            headset.submit(one_frame(headset), noise(context, rng)[1])
+            left, right = headset.eye_views()
+            drawn = np.subtract(seen[-1].eyes[1].position_m, seen[-1].eyes[0].position_m)
+            assert np.linalg.norm(drawn) == pytest.approx(right.offset_m[0] - left.offset_m[0])
+            return right.offset_m[0] - left.offset_m[0]
+
+        assert apart_m() == pytest.approx(0.063)
+        assert () == headset.check()
+        hidden = headset.eye_views()[0].hidden
+        runtime.ipd_m = 0.070
+        assert apart_m() == pytest.approx(0.070)
+        assert hidden == headset.eye_views()[0].hidden != ()
+        (fault,) = headset.check()
+        assert ("warning", True) == (fault.severity, "from 63.0 to 70.0 mm" in fault.message)
+        runtime.ipd_m = 0.063
+        assert apart_m() == pytest.approx(0.063)
+        assert () == headset.check()

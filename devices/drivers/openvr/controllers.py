@@ -114,7 +114,7 @@ class OpenVrControllers(RuntimeControllers):
         event = codec.decode_event(message.frames[-1])
         if event is None:
             return
-        if event.kind in ("activated", "deactivated"):
+        if event.kind in ("activated", "deactivated", "role_changed"):
             try:
                 with legible("the runtime's list of devices", self._spec.remedy):
                     self._connect(self._clock.now_ns())

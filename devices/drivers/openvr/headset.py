@@ -19,7 +19,12 @@ import numpy.typing as npt
 
 from visavis.devices.contracts import HEAD, DeviceState, Fault
 from visavis.devices.drivers.openvr import codec
-from visavis.devices.drivers.openvr.display import BaseStations, add_timing, read_display
+from visavis.devices.drivers.openvr.display import (
+    BaseStations,
+    DisplayFacts,
+    add_timing,
+    read_display,
+)
 from visavis.devices.drivers.openvr.spec import OPENVR_HEADSET
 from visavis.devices.drivers.runtimes.headset import CALL_TIMEOUT_S, HeadPose, RuntimeHeadset
 from visavis.devices.drivers.streaming.message_device import legible
@@ -190,7 +195,8 @@ class OpenVrHeadset(RuntimeHeadset):
         """Report standby, a headset not worn, lost tracking, moved base stations, lost focus."""
         loss = self._loss if self.state is DeviceState.FAULT else ""
         self._findings.untracked = self._untracked
-        return self._findings.faults(self.info.role, loss, self._bases.moved_m)
+        faults = self._findings.faults(self.info.role, loss, self._bases.moved_m)
+        return (*faults, *self._eyes_moved())
 
     # ---- private --------------------------------------------------------------------------
 
@@ -203,14 +209,17 @@ class OpenVrHeadset(RuntimeHeadset):
     def _learn(self) -> None:
         runtime = self._answer("runtime").decode("utf-8", "replace")
         self._learn_devices()
-        eyes = (self._answer("eye 0"), self._answer("eye 1"))
-        role, remedy = self.info.role, OPENVR_HEADSET.remedy
-        facts = read_display(self._answer("display"), eyes, role=role, remedy=remedy)
+        facts = self._display_facts()
         self._set_rate(facts.rate_hz)
         self.render_size_px = facts.render_size_px
         self._photons_ns, self._midpoint = facts.photons_ns, facts.midpoint_m
         self._views = facts.views
         self.info = replace(self.info, driver_version=f"1 ({runtime})")
+
+    def _display_facts(self) -> DisplayFacts:
+        eyes = (self._answer("eye 0"), self._answer("eye 1"))
+        role, remedy = self.info.role, OPENVR_HEADSET.remedy
+        return read_display(self._answer("display"), eyes, role=role, remedy=remedy)
 
     def _learn_devices(self) -> None:
         with legible("the runtime's list of devices", OPENVR_HEADSET.remedy):
@@ -306,6 +315,14 @@ class OpenVrHeadset(RuntimeHeadset):
             self._findings.taken_off = event.kind == "taken_off"
         elif event.slot == 0 and event.button == "worn":
             self._findings.taken_off = event.kind == "release"
+        elif event.kind == "eyes_moved" and self.state is DeviceState.STREAMING:
+            try:
+                facts = self._display_facts()
+            except DeviceError as problem:
+                self._lose(str(problem))
+            else:
+                self._midpoint = facts.midpoint_m
+                self._change_views(facts.views)
         elif event.kind in ("activated", "deactivated") and self.state is DeviceState.STREAMING:
             try:
                 self._learn_devices()

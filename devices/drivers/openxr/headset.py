@@ -73,6 +73,8 @@ class OpenXrHeadset(RuntimeHeadset):
             if not error and rest and len(rest[0]) == FRAME.size:
                 self._has_lost_focus = rest[1:2] == [b"0"]
                 measured = rest[2] if len(rest) > 2 else b""  # missing in older captures
+                if len(rest) > 3:
+                    self._move_eyes(rest[3])
                 return self._begin(FRAME.unpack(rest[0]), measured, exchange.t_receive_ns)
             self._lose(error.decode("ascii", "replace") or "an unreadable answer")
         self._life.require("wait_frame", DeviceState.STREAMING, DeviceState.FAULT)
@@ -131,7 +133,7 @@ class OpenXrHeadset(RuntimeHeadset):
         if self._image_refusal:
             text = f"images were refused: {self._image_refusal}"
             return (Fault(role, "blocking", text, OPENXR_HEADSET.remedy),)
-        faults = []
+        faults = list(self._eyes_moved())
         if self._untracked:
             remedy = "put the headset on and check its tracking"
             if self._turn_alone is None:
@@ -168,8 +170,19 @@ class OpenXrHeadset(RuntimeHeadset):
         super()._reset(now_ns)
         self._last_display = None
 
+    def _move_eyes(self, packed: bytes) -> None:
+        """Take views that the runtime changed; what lenses hide stays as it was told."""
+        if self._views is not None:
+            left, right = self._read_views(packed, (self._views[0].hidden, self._views[1].hidden))
+            self._change_views((left, right))
+
     def _learn_views(self) -> None:
-        rows = msgpack.unpackb(self._answer("views"))
+        self._views = self._read_views(self._answer("views"), self._hidden_areas())
+
+    def _read_views(
+        self, packed: bytes, hidden: tuple[Corners, Corners]
+    ) -> tuple[EyeView, EyeView]:
+        rows = msgpack.unpackb(packed)
         if len(rows) != 2:
             raise ProtocolViolation(
                 f"the runtime has {len(rows)} views, not 2", remedy=OPENXR_HEADSET.remedy
@@ -181,9 +194,9 @@ class OpenXrHeadset(RuntimeHeadset):
                 *(math.tan(angle) for angle in row[7:11]),
                 hidden=corners,
             )
-            for row, corners in zip(rows, self._hidden_areas(), strict=True)
+            for row, corners in zip(rows, hidden, strict=True)
         )
-        self._views = (left, right)
+        return left, right
 
     def _hidden_areas(self) -> tuple[Corners, Corners]:
         """Return the areas that the lenses hide; empty where the runtime does not say."""

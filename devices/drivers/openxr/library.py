@@ -107,6 +107,7 @@ class OpenXrLibrary:
         self.headless_rate_hz = HEADLESS_RATE_HZ
         """Frames per second that are counted where nothing is shown, and so nothing paces."""
         self._headless_next_ns = 0
+        self._views_sent = b""
         self._users: list[OpenXrTransport] = []
         self._xr: Any = None
         self._instance: Any = None
@@ -452,7 +453,13 @@ class OpenXrLibrary:
         )
         now_flags, now_pose = self._locate("view", "stage", now)
         measured = LATE.pack(now_flags, *numbers(now_pose))
-        return payload, b"1" if has_focus else b"0", measured
+        answer = (payload, b"1" if has_focus else b"0", measured)
+        if self._images is None:
+            return answer
+        # The eyes may be moved apart at any time; what changed goes with the frame.
+        views = self._located_views(display_time)
+        is_new, self._views_sent = views != self._views_sent, views
+        return (*answer, views) if is_new else answer
 
     def _late(self, _: Frames) -> Frames:
         """Predict the head once more for the frame that has begun."""
@@ -491,17 +498,21 @@ class OpenXrLibrary:
         return (payload,)
 
     def _views(self, _: Frames) -> Frames:
+        self._views_sent = self._located_views(self._now()[1])
+        return (self._views_sent,)
+
+    def _located_views(self, at: int) -> bytes:
+        """Return how both eyes look at a time of the runtime, in the head's space."""
         xr = self._xr
-        now = self._now()[1]
         _, views = xr.locate_views(
             self._session,
             xr.ViewLocateInfo(
                 view_configuration_type=xr.ViewConfigurationType.PRIMARY_STEREO,
-                display_time=xr.Time(now),
+                display_time=xr.Time(at),
                 space=self._spaces["view"],
             ),
         )
-        return (packed_views(views),)
+        return packed_views(views)
 
 
 class _CallRefusal(Exception):

@@ -5,7 +5,7 @@ from abc import abstractmethod
 
 import numpy as np
 
-from visavis.devices.contracts import DeviceState, Health
+from visavis.devices.contracts import DeviceState, Fault, Health
 from visavis.devices.drivers.streaming.message_device import MessageDevice, legible
 from visavis.devices.frame_streams import HEAD_ROW, FrameStreams
 from visavis.devices.plausible import is_place
@@ -23,6 +23,8 @@ at once."""
 
 _LOST_ROW = HEAD_ROW.pack(*[math.nan] * 7, False)
 
+EYES_MOVED_MM = 0.1
+"""Runtimes repeat the distance of the eyes with small differences."""
 HeadPose = tuple[tuple[float, float, float], tuple[float, float, float, float]] | None
 """Position (m) and orientation (w, x, y, z) in the world; None: not tracked."""
 
@@ -53,6 +55,8 @@ class RuntimeHeadset(MessageDevice):
         self.display_rate_hz = display_rate_hz
         self.render_size_px = render_size_px
         self._views: tuple[EyeView, EyeView] | None = None
+        self._eyes_apart_mm: float | None = None
+        self._eyes_now_mm = 0.0
         self._loss = ""
         self._frame: FrameInfo | None = None
         self._turn_alone: tuple[float, float, float, float] | None = None
@@ -167,6 +171,25 @@ class RuntimeHeadset(MessageDevice):
         self._frame = FrameInfo(self._index, t_ns, predicted_ns, skipped_count)
         return self._frame
 
+    def _change_views(self, views: tuple[EyeView, EyeView]) -> None:
+        """Draw for other views from now on; where the eyes are farther apart or closer, say so."""
+        before, self._views = self._views, views
+        if before is None:
+            return
+        old_mm, new_mm = (_apart_mm(two) for two in (before, views))
+        if self._eyes_apart_mm is None:
+            self._eyes_apart_mm = old_mm
+        self._eyes_now_mm = new_mm
+
+    def _eyes_moved(self) -> tuple[Fault, ...]:
+        """Return a warning while the eyes are not as far apart as when the headset was opened."""
+        first_mm, now_mm = self._eyes_apart_mm, self._eyes_now_mm
+        if first_mm is None or abs(now_mm - first_mm) < EYES_MOVED_MM:
+            return ()
+        text = f"the distance between the eyes was set from {first_mm:.1f} to {now_mm:.1f} mm"
+        remedy = "pictures follow it; if nobody meant to, set the headset back"
+        return (Fault(self.info.role, "warning", text, remedy),)
+
     def _add_measured(self, pose: HeadPose, t_ns: int, t_host_ns: int) -> None:
         """Record where the runtime tracked the head at a session time; None: it did not."""
         is_tracked = pose is not None and is_place(*pose[0])
@@ -204,6 +227,8 @@ class RuntimeHeadset(MessageDevice):
         self._frame = None
         self._submitted_ns = -1
         self._untracked = False
+        self._eyes_apart_mm = None
+        self._eyes_now_mm = 0.0
 
     def _reconnect(self) -> None:
         try:
@@ -214,3 +239,7 @@ class RuntimeHeadset(MessageDevice):
             self._loss = f"lost the {self.runtime}: {problem}"
             return
         self._life.state = DeviceState.STREAMING
+
+
+def _apart_mm(views: tuple[EyeView, EyeView]) -> float:
+    return 1000 * math.dist(views[0].offset_m, views[1].offset_m)

@@ -65,8 +65,10 @@ BUTTON_NUMBERS = {
 EVENT_NUMBERS = {
     "activated": 100,
     "deactivated": 101,
+    "eyes_moved": 105,
     "standby": 106,
     "awake": 107,
+    "role_changed": 108,
     "press": 200,
     "release": 201,
     "quit": 700,
@@ -226,6 +228,18 @@ class SimulatedVrRuntime:
         """Press or release a button."""
         at_ns = self._clock.now_ns() if t_ns is None else t_ns
         self._events.append((at_ns, "press" if down else "release", slot, button))
+
+    def move_eyes(self, ipd_m: float) -> None:
+        """Turn the knob: move the eyes so far apart, and tell every program."""
+        self._place_eyes(ipd_m)
+        self._push("eyes_moved", 0)
+
+    def swap_hands(self) -> None:
+        """Let both controllers change hands, and tell every program."""
+        controllers = [d for d in self.devices if d.kind == CONTROLLER]
+        for device in controllers:
+            device.role = 3 - device.role
+            self._push("role_changed", self.devices.index(device))
 
     def move_base_station(self, number: int, offset_m: Vector) -> None:
         """Displace a base station for good."""
@@ -439,10 +453,8 @@ class SimulatedVrRuntime:
         }
         self._tables.fill(0, vr.IVRSystem_FnTable, system)
         self._tables.fill(1, vr.IVRCompositor_FnTable, compositor)
-        for eye, sign in ((0, -1.0), (1, 1.0)):
-            matrix = (ctypes.c_float * 12)(1, 0, 0, sign * IPD_M / 2, 0, 1, 0, 0, 0, 0, 1, 0)
-            tangents = (ctypes.c_float * 4)(*RAW_TANGENTS[eye])
-            self._native.visavis_vr_set_eye(eye, matrix, tangents)
+        self._place_eyes(IPD_M)
+        for eye in (0, 1):
             corners = [(u if eye == 0 else 1.0 - u, v) for three in HIDDEN_01 for u, v in three]
             flat = (ctypes.c_float * (2 * len(corners)))(*(x for uv in corners for x in uv))
             self._native.visavis_vr_set_hidden(eye, flat, len(HIDDEN_01))
@@ -450,6 +462,12 @@ class SimulatedVrRuntime:
         version = self._faults.active("version", 0) is not None
         refusal = 108 if self._faults.active("late_start", 0) is not None else 0
         self._native.visavis_vr_set_init(refusal, int(version))
+
+    def _place_eyes(self, ipd_m: float) -> None:
+        for eye, sign in ((0, -1.0), (1, 1.0)):
+            matrix = (ctypes.c_float * 12)(1, 0, 0, sign * ipd_m / 2, 0, 1, 0, 0, 0, 0, 1, 0)
+            tangents = (ctypes.c_float * 4)(*RAW_TANGENTS[eye])
+            self._native.visavis_vr_set_eye(eye, matrix, tangents)
 
     def _name_devices(self) -> None:
         for slot, device in enumerate(self.devices):

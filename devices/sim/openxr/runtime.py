@@ -95,6 +95,8 @@ class SimulatedXrRuntime:
         offers_headless: bool = True,
     ) -> None:
         self.failure: Exception | None = None
+        self.ipd_m = IPD_M
+        """How far the eyes are apart; a knob changes it."""
         self.calls: list[str] = []
         self._body = body
         self._clock = clock
@@ -339,7 +341,7 @@ class SimulatedXrRuntime:
         if capacity >= 2 and views:
             for eye, side in enumerate((-0.5, 0.5)):
                 view = views[eye]
-                view.pose.position.x = side * IPD_M
+                view.pose.position.x = side * self.ipd_m
                 view.pose.orientation.w = 1.0
                 angles = VIEW_ANGLES_RAD
                 view.fov.angle_left, view.fov.angle_right = angles[:2]

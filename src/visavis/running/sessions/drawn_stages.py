@@ -62,6 +62,7 @@ def build_drawn_stage(
                 lambda: OFFSCREEN_PX,
                 n,
                 rate_hz,
+                views_from=_followed_views(rig),
                 late_head=_late_head(rig),
             ),
             clock,
@@ -229,7 +230,23 @@ def _of_headset(config: LabConfig, rig: Rig, people_count: int) -> Display:
         scale = config.display.quality.render_scale
         return round(scale * width), round(scale * height)
 
-    return Display(views, size_px, people_count, headset.display_rate_hz, late_head=_late_head(rig))
+    return Display(
+        views,
+        size_px,
+        people_count,
+        headset.display_rate_hz,
+        views_from=_followed_views(rig),
+        late_head=_late_head(rig),
+    )
+
+
+def _followed_views(rig: Rig) -> Callable[[Pose], Sequence[EyeView]] | None:
+    """Return how a headset's views are asked in every frame; None where there are none.
+
+    Somebody may turn the knob that moves the eyes apart.
+    """
+    views: Views | None = getattr(rig.headset, "eye_views", None)
+    return None if views is None else lambda _: views()
 
 
 def _late_head(rig: Rig) -> Callable[[], Pose | None] | None:
