@@ -1,0 +1,161 @@
+"""One scenario on Monado in a process of its own, since a runtime may take it along.
+
+    python -m tests.genuine.monado_child headless|pictures|knob|killed
+
+Prints JSON. "killed" asks for the end and the start of the service with a line each on its output,
+and goes on when a line comes back.
+"""
+
+import json
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from tests.genuine.monado import Remote
+from visavis.devices.contracts import DeviceState
+from visavis.devices.drivers.openxr.headset import OpenXrHeadset
+from visavis.devices.drivers.openxr.library import OpenXrLibrary
+from visavis.lab.clock import NS_PER_S, SystemClock
+from visavis.lab.errors import DeviceError
+from visavis.lab.geometry import quat_from_yaw_pitch_deg
+from visavis.stage.window import Window
+
+PLACES = (((0.0, 1.6, 0.0), 0.0), ((0.25, 1.5, -0.5), 40.0), ((-1.0, 1.2, 0.75), -75.0))
+CLOCK = SystemClock()
+
+
+def wait_s(seconds: float) -> None:
+    """Let the runtime take what was set."""
+    CLOCK.sleep_until_ns(CLOCK.now_ns() + round(seconds * NS_PER_S))
+
+
+def say(line: str) -> None:
+    """Tell the test."""
+    sys.stdout.write(f"{line}\n")
+    sys.stdout.flush()
+
+
+class Run:
+    """The headset's driver on Monado, with or without pictures."""
+
+    def __init__(self, *, shows: bool) -> None:
+        self.window = Window("Visavis", (64, 64)) if shows else None
+        self.textures: Sequence[Any] = ()
+        if self.window is not None:
+            context = self.window.context
+            self.textures = [context.texture((64, 64), 4, bytes(64 * 64 * 4)) for _ in (0, 1)]
+        self.headset = OpenXrHeadset("headset", OpenXrLibrary(CLOCK).transport(), CLOCK)
+        if shows:
+            self.headset.show_images()
+        self.batches: list[Any] = []
+        self.headset.open(10.0)
+        self.headset.start(self.batches.append)
+
+    def frames(self, n: int) -> list[Any]:
+        """Perform frames as the session's loop does."""
+        frames = []
+        for _ in range(n):
+            frames.append(self.headset.wait_frame())
+            try:
+                self.headset.submit(frames[-1], self.textures)
+                self.headset.poll(0.0)
+            except DeviceError:
+                continue  # it is away
+        return frames
+
+    def last(self, stream: str) -> Any:
+        """Return the last row of a stream."""
+        return [b for b in self.batches if b.schema.name == stream][-1].values[-1]
+
+    def close(self) -> None:
+        """End it as a session does: the stage outlives the devices."""
+        self.headset.close()
+        if self.window is not None:
+            self.window.close()
+
+
+def poses(*, shows: bool) -> dict[str, Any]:
+    """Return how far poses are from where the head was put, and what the frames were like."""
+    remote = Remote()
+    run = Run(shows=shows)
+    apart_m, apart = [], []
+    frames = []
+    for place, yaw_deg in PLACES:
+        w, x, y, z = quat_from_yaw_pitch_deg(yaw_deg)
+        remote.put_head(place, (x, y, z, w))
+        wait_s(0.1)
+        frames += run.frames(60)
+        for stream in ("head", "head_measured"):
+            row = run.last(stream)
+            apart_m.append(float(np.abs(row["position_m"] - place).max()))
+            dot = float(abs(row["orientation_wxyz"] @ np.array([w, x, y, z])))
+            apart.append(1 - dot)
+    result = {
+        "state": run.headset.state.value,
+        "faults": [f.message for f in run.headset.check()],
+        "runtime": run.headset.info.model,
+        "apart_m": max(apart_m),
+        "apart": max(apart),
+        "period_ms": float(np.median(np.diff([f.t_ns for f in frames])) / 1e6),
+        "ahead_ms": float(np.median([f.predicted_display_ns - f.t_ns for f in frames]) / 1e6),
+    }
+    run.close()
+    remote.close()
+    return result
+
+
+def knob() -> dict[str, Any]:
+    """Return the distance of the views after the eyes were moved."""
+    remote = Remote()
+    remote.put_eyes(0.058)
+    wait_s(0.3)
+    run = Run(shows=True)
+
+    def apart_mm() -> float:
+        run.frames(30)
+        left, right = run.headset.eye_views()
+        return 1000 * (right.offset_m[0] - left.offset_m[0])
+
+    first = apart_mm()
+    remote.put_eyes(0.070)
+    wait_s(0.3)
+    result = {
+        "first": first,
+        "then": apart_mm(),
+        "faults": [f.message for f in run.headset.check()],
+    }
+    run.close()
+    return result
+
+
+def killed() -> dict[str, Any]:
+    """Return the states before, during and after the service was away."""
+    run = Run(shows=True)
+    run.frames(30)
+    states = [run.headset.state.value]
+    for word in ("kill", "start"):
+        say(word)
+        sys.stdin.readline()
+        end_ns = CLOCK.now_ns() + (3 if word == "kill" else 20) * NS_PER_S
+        while CLOCK.now_ns() < end_ns:
+            run.frames(10)
+            if word == "start" and run.headset.state is DeviceState.STREAMING:
+                break
+        states.append(run.headset.state.value)
+    run.frames(60)
+    result = {"states": states, "valid": bool(run.last("head")["valid"])}
+    run.close()
+    return result
+
+
+SCENARIOS = {
+    "headless": lambda: poses(shows=False),
+    "pictures": lambda: poses(shows=True),
+    "knob": knob,
+    "killed": killed,
+}
+
+if __name__ == "__main__":
+    say(json.dumps(SCENARIOS[sys.argv[1]]()))

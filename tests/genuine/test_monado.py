@@ -1,0 +1,73 @@
+"""The OpenXR headset on a genuine runtime, where one is installed."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.genuine.monado import Service, missing, screen
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(bool(missing()), reason=f"no genuine OpenXR runtime: {missing()}"),
+]
+
+
+@pytest.fixture
+def service(tmp_path: Path) -> Iterator[Service]:
+    made = Service(tmp_path)
+    with screen(made.environment):
+        made.start()
+        yield made
+        made.kill()
+
+
+def performed(service: Service, scenario: str) -> Any:
+    with subprocess.Popen(
+        [sys.executable, "-X", "faulthandler", "-m", "tests.genuine.monado_child", scenario],
+        cwd=REPOSITORY,
+        env=service.environment,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as child:
+        assert child.stdin is not None
+        assert child.stdout is not None
+        result = None
+        for line in child.stdout:
+            if line.startswith("{"):
+                result = json.loads(line)
+            elif line.strip() in ("kill", "start"):
+                (service.kill if line.strip() == "kill" else service.start)()
+                child.stdin.write("done\n")
+                child.stdin.flush()
+    assert 0 == child.returncode
+    return result
+
+
+@pytest.mark.parametrize("scenario", ["headless", "pictures"])
+def test_poses_are_where_the_head_was_put(service: Service, scenario: str) -> None:
+    result = performed(service, scenario)
+    assert ("streaming", []) == (result["state"], result["faults"])
+    assert "Monado" in result["runtime"]
+    assert result["apart_m"] < 1e-4
+    assert result["apart"] < 1e-6
+    assert 1 < result["ahead_ms"] < 100
+
+
+def test_eyes_that_are_moved_apart_are_drawn_for(service: Service) -> None:
+    result = performed(service, "knob")
+    assert (58.0, 70.0) == pytest.approx((result["first"], result["then"]), abs=0.01)
+    assert any("58.0 to 70.0 mm" in fault for fault in result["faults"])
+
+
+def test_a_service_that_was_killed_is_found_again(service: Service) -> None:
+    result = performed(service, "killed")
+    assert ["streaming", "fault", "streaming"] == result["states"]
+    assert result["valid"]
