@@ -168,3 +168,14 @@ def test_the_simulated_runtime_refuses(breach):
         for device in devices:
             device.close()
     assert os.environ.get("XR_ENABLE_API_LAYERS") is None
+
+
+def test_headless_frames_lie_on_the_grid_of_the_clock_on_which_sessions_align():
+    with simulated() as (runtime, clock):
+        clock.sleep_until_ns(12_345_678)
+        headset, *others = started(runtime, clock)
+        starts = [frame.t_ns for frame in frames(headset, 60)]
+        for device in (*others, headset):
+            device.close()
+    assert any(t_ns % 100_000_000 == 0 for t_ns in starts)
+    assert all(t_ns in (k * 10**9 // 90 for k in range(90)) for t_ns in starts)

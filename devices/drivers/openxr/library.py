@@ -106,7 +106,7 @@ class OpenXrLibrary:
         self.states: list[int] = []
         self.headless_rate_hz = HEADLESS_RATE_HZ
         """Frames per second that are counted where nothing is shown, and so nothing paces."""
-        self._headless_next_ns = 0
+        self._headless_frame = -1
         self._views_sent = b""
         self._users: list[OpenXrTransport] = []
         self._xr: Any = None
@@ -328,7 +328,7 @@ class OpenXrLibrary:
         self._session, self._actions, self._binding, self._time = None, None, None, None
         self._eyes, self.eyes_by = None, ""
         self._spaces, self.states, self._running = {}, [], False
-        self._headless_next_ns = 0
+        self._headless_frame = -1
         if instance is not None:
             # what is left of a runtime that died may refuse even this
             with contextlib.suppress(self._xr.exception.XrException):
@@ -420,14 +420,13 @@ class OpenXrLibrary:
         A headless session has no frames: xrBeginFrame needs graphics, and the display time of
         xrWaitFrame means nothing (XR_MND_headless). Monado refuses the one and sets no other.
         """
-        period_ns = round(NS_PER_S / self.headless_rate_hz)
-        now_ns = self.clock.now_ns()
-        late_by = max(0, -(-(now_ns - self._headless_next_ns) // period_ns))
-        due_ns = self._headless_next_ns + late_by * period_ns if self._headless_next_ns else now_ns
-        self.clock.sleep_until_ns(due_ns)
-        self._headless_next_ns = due_ns + period_ns
-        now = self._now()[1]
-        return now + period_ns, period_ns
+        # Ticks lie on the grid k / rate of the session's clock, which does not drift.
+        scale, rate_mhz = NS_PER_S * 1000, round(self.headless_rate_hz * 1000)
+        frame = max(-(-self.clock.now_ns() * rate_mhz // scale), self._headless_frame + 1)
+        self._headless_frame = frame
+        self.clock.sleep_until_ns(frame * scale // rate_mhz)
+        period_ns = round(scale / rate_mhz)
+        return self._now()[1] + period_ns, period_ns
 
     def _end_frame(self, layers: Sequence[Any] = ()) -> None:
         xr, display_time, self._display_time = self._xr, self._display_time, None
