@@ -1,25 +1,35 @@
 """One scenario on Monado in a process of its own, since a runtime may take it along.
 
-    python -m tests.genuine.monado_child headless|pictures|knob|killed
+    python -m tests.genuine.monado_child SCENARIO
 
 Prints JSON. "killed" asks for the end and the start of the service with a line each on its output,
 and goes on when a line comes back.
 """
 
 import json
+import os
+import signal
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from tests.faults.sessions import lab, request
 from tests.genuine.monado import Remote
 from visavis.devices.contracts import DeviceState
 from visavis.devices.drivers.openxr.headset import OpenXrHeadset
 from visavis.devices.drivers.openxr.library import OpenXrLibrary
 from visavis.lab.clock import NS_PER_S, SystemClock
+from visavis.lab.config import DeviceConfig
 from visavis.lab.errors import DeviceError
 from visavis.lab.geometry import quat_from_yaw_pitch_deg
+from visavis.protocol.session.operator import Action, Command, UnattendedOperator
+from visavis.recording.reader import Recording
+from visavis.running.sessions.perform import perform_new
 from visavis.stage.window import Window
 
 PLACES = (((0.0, 1.6, 0.0), 0.0), ((0.25, 1.5, -0.5), 40.0), ((-1.0, 1.2, 0.75), -75.0))
@@ -150,7 +160,59 @@ def killed() -> dict[str, Any]:
     return result
 
 
+def session(ending: str) -> dict[str, Any]:
+    """Perform a short session whose headset is Monado's; return what became of its recording."""
+
+    def terminate(*_: object) -> None:
+        raise SystemExit(143)
+
+    signal.signal(signal.SIGTERM, terminate)  # as `visavis` does
+    data_root = Path(os.environ["XDG_CONFIG_HOME"]) / ending
+    config = lab(data_root)
+    headset = DeviceConfig(role="headset", driver="openxr_headset", simulated=False, options={})
+    config = config.model_copy(
+        update={
+            "devices": {**config.devices, "headset": headset},
+            "display": config.display.model_copy(update={"show": "headset"}),
+        }
+    )
+
+    class Ended(UnattendedOperator):
+        """Ends the session some seconds after its first frame, in one of the usual ways."""
+
+        end_ns = 0
+
+        def poll(self) -> Sequence[Command]:
+            """Wait for the moment."""
+            self.end_ns = self.end_ns or CLOCK.now_ns() + 3 * NS_PER_S
+            if CLOCK.now_ns() < self.end_ns:
+                return ()
+            if ending == "abort":
+                return (Command(Action.ABORT),)
+            os.kill(os.getpid(), {"sigterm": signal.SIGTERM, "ctrl-c": signal.SIGINT}[ending])
+            return ()
+
+    made = replace(request(config, Ended(), trial_s=0.5), clock=CLOCK)
+    problem = ""
+    try:
+        perform_new(made)
+    except BaseException as error:
+        problem = type(error).__name__
+    recording = Recording(next(data_root.glob("simulated/*/sub-*/ses-001")))
+    timing = recording.stream_arrays("frame_timing")
+    return {
+        "problem": problem,
+        "status": recording.status,
+        "problems": list(recording.part_problems(1)),
+        "shown": int((timing["t_submitted_ns"] >= 0).sum()),
+        "beyond_ms": float(
+            np.nanmax(np.append(recording.stream_arrays("gaze_targets")["head_beyond_ms"], 0.0))
+        ),
+    }
+
+
 SCENARIOS = {
+    **{ending: partial(session, ending) for ending in ("abort", "sigterm", "ctrl-c")},
     "headless": lambda: poses(shows=False),
     "pictures": lambda: poses(shows=True),
     "knob": knob,

@@ -71,3 +71,14 @@ def test_a_service_that_was_killed_is_found_again(service: Service) -> None:
     result = performed(service, "killed")
     assert ["streaming", "fault", "streaming"] == result["states"]
     assert result["valid"]
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.parametrize("ending", ["abort", "sigterm", "ctrl-c"])
+def test_a_session_with_pictures_ends_in_any_way_with_its_recording_sealed(
+    service: Service, ending: str
+) -> None:
+    result = performed(service, ending)
+    assert [] == result["problems"]
+    assert result["shown"] > 0
+    assert "aborted" == result["status"]

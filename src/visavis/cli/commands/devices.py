@@ -21,6 +21,7 @@ from visavis.cli.app import (
     verbatim,
 )
 from visavis.cli.device_report import print_trials
+from visavis.cli.showing_devices import shown_pictures, with_their_headset
 from visavis.devices.access_rules import RULES_PATH, access_rules
 from visavis.devices.bench import Trial, capture
 from visavis.devices.captures import device_of, note_of
@@ -35,7 +36,6 @@ from visavis.lab.clock import SimClock, SystemClock
 from visavis.lab.config import DeviceConfig, LabConfig
 from visavis.lab.errors import DataError, DeviceError, UsageError
 from visavis.lab.yaml_lines import did_you_mean
-from visavis.running.sessions.showing_devices import shown_pictures, with_their_headset
 
 devices_app = typer.Typer(help="What devices there are, and whether they work.")
 app.add_typer(devices_app, name="devices")

@@ -11,6 +11,7 @@ from visavis.cli.doctor.findings import Finding, worst
 from visavis.cli.doctor.machine import COMPUTER, computer, libraries, licence_of
 from visavis.cli.doctor.station import station_findings
 from visavis.cli.doctor.wires import RUNTIME_NAMES, RUNTIMES, network, ports, runtimes
+from visavis.cli.showing_devices import shown_pictures
 from visavis.cli.sync_records import MAX_AGE_DAYS, age_days, newest
 from visavis.devices.bench import Trial, capture
 from visavis.devices.contracts import Device
@@ -19,7 +20,6 @@ from visavis.lab.clock import Clock
 from visavis.lab.config import DeviceConfig, LabConfig
 from visavis.lab.config_files import CONFIG_NAME, EXAMPLE
 from visavis.running.sessions.device_setup import roles_expected
-from visavis.running.sessions.showing_devices import shown_pictures
 
 DEVICES = "devices"
 SELF_TEST_S = 10.0
