@@ -78,7 +78,10 @@ class Question:
 
 
 class Questionnaire(_Part):
-    """A whole questionnaire; `licence` says on what terms its wording may be used."""
+    """A whole questionnaire; `licence` says on what terms its wording may be used.
+
+    `reworded` names the scale whose structure it has in other words than its authors'.
+    """
 
     name: str
     title: str = Field(min_length=1)
@@ -86,12 +89,23 @@ class Questionnaire(_Part):
     language: str = "en"
     citation: str = ""
     licence: str = Field(min_length=1)
+    reworded: str = ""
     instruction: str = ""
     scales: dict[str, Scale] = Field(min_length=1)
     items: list[Item] = Field(min_length=1)
     scores: dict[str, Score] = Field(default_factory=dict)
     wording: str = Field(default="", exclude=True)
     """Name of the file whose texts replace its own; empty when none does."""
+
+    @property
+    def caveat(self) -> str:
+        """The sentence that goes wherever a score is named; empty for a scale in its own words."""
+        if not self.reworded:
+            return ""
+        return (
+            f"{self.title}: reworded, not validated. Its items are not in the words of "
+            f"{self.reworded}; norms, cut-offs and printed values of that scale do not apply to it."
+        )
 
     def questions(self) -> Iterator[Question]:
         """Yield every question in the order of asking."""
@@ -136,7 +150,8 @@ def load_questionnaire(
 
     For a `language` other than its own, texts come from the file NAME.LANGUAGE.yaml next to it,
     where there is one; the `language` of the result says which was used. `wording` is a lab's file
-    that replaces texts (a translation, a licensed wording) and leaves structure and scoring alone.
+    that replaces texts (a translation, a licensed wording) and leaves structure and scoring alone;
+    one that states its `licence` and words every item has the scale's own words.
 
     Raises:
         ConfigError: every problem with its line.
@@ -409,6 +424,13 @@ def _with_wording(questionnaire: Questionnaire, path: Path) -> Questionnaire:
         item.model_copy(update={"text": wording.items.get(item.id, item.text)})
         for item in questionnaire.items
     ]
+    has_own_words = wording.licence is not None and items.keys() <= wording.items.keys()
     return questionnaire.model_copy(
-        update={**plain, "scales": scales, "items": new_items, "wording": path.name}
+        update={
+            **plain,
+            "scales": scales,
+            "items": new_items,
+            "wording": path.name,
+            "reworded": "" if has_own_words else questionnaire.reworded,
+        }
     )

@@ -43,6 +43,7 @@ from visavis.results.report.family_report import (
 from visavis.results.report.headlines import lower, p_words, verdicts_of
 from visavis.results.report.methods import comparison_words, method_paragraphs
 from visavis.results.report.reporting_list import ExclusionCounts, reporting_table
+from visavis.results.report.reworded import with_caveats
 from visavis.results.selection import rule_words
 from visavis.results.unusual import VIEWS, looks_table, unusual_trials
 from visavis.study.comparisons import trials_of
@@ -94,15 +95,19 @@ def build_report(
             )
         ),
         is_simulated=analysis.is_simulated,
-        sections=(
-            _summary(analysis, experiment),
-            *_measures(analysis, experiment, pictures),
-            *family_sections(analysis, pictures),
-            *sections,
-            *quality_sections,
-            _people(analysis, experiment, questionnaires, pictures, provenance, path.parent),
-            _methods(analysis, experiment),
-            provenance_section(provenance),
+        sections=with_caveats(
+            (
+                _summary(analysis, experiment),
+                *_measures(analysis, experiment, pictures),
+                *family_sections(analysis, pictures),
+                *sections,
+                *quality_sections,
+                _people(analysis, experiment, questionnaires, pictures, provenance, path.parent),
+                _methods(analysis, experiment),
+                provenance_section(provenance),
+            ),
+            analysis,
+            questionnaires,
         ),
         footer="" if source is None else f"Published values: {source.citation}",
     )

@@ -131,6 +131,7 @@ def people_columns(questionnaires: Sequence[Questionnaire]) -> dict[str, Column]
             column = f"{questionnaire.name}_{score}"
             low, high = score_range(questionnaire, score)
             words = f"{questionnaire.title}: {rule.method} of {score.replace('_', ', ')}"
+            words += "; reworded, not validated" if questionnaire.reworded else ""
             columns[column] = Column(column, "1", f"{words}, {low:g} to {high:g}")
     return columns
 
