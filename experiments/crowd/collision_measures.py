@@ -126,10 +126,13 @@ def collision_rows(walk: Walk, volumes: WalkVolumes) -> list[dict[str, Any]]:
     for collision in find_collisions(walk.t_ns, volumes.volume_m3, volumes.rule):
         i = index[collision.peak_ns]
         starts, ends = body.posed(walk.position_m[i], walk.orientation_wxyz[i])
-        centre = np.full(3, np.nan)
+        centre, printed_m3 = np.full(3, np.nan), np.nan
         if poser is not None:
             common = common_volume(poser.own(i), poser.other(i, collision.character))
             centre = common.centre_m
+            printed_m3 = common_volume(
+                poser.own(i), poser.other(i, collision.character), "published"
+            ).volume_m3
         part = _part_at(walk, sensor, i, collision.character, centre, starts, ends, body.radius_m)
         side, _, rest = part.partition("_")
         rows.append(
@@ -141,6 +144,7 @@ def collision_rows(walk: Walk, volumes: WalkVolumes) -> list[dict[str, Any]]:
                 "end_s": (collision.end_ns - start_ns) / 1e9,
                 "duration_s": collision.duration_s,
                 "max_volume_dm3": 1000 * collision.max_volume_m3,
+                "max_volume_published_dm3": 1000 * printed_m3,
                 "peak_s": (collision.peak_ns - start_ns) / 1e9,
                 "body_part": rest if side in SIDE_OF else part,
                 "side": side if side in SIDE_OF else "middle",

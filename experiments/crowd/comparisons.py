@@ -19,6 +19,10 @@ PAIRS: Final = ((BEFORE, HAPTIC), (HAPTIC, AFTER), (BEFORE, AFTER))
 
 COLLISIONS: Final = Measure("collisions", "1", "Collisions per walk")
 VOLUME: Final = Measure("max_volume_dm3", "dm³", "Largest common volume")
+VOLUME_AS_PUBLISHED: Final = Measure(
+    "max_volume_published_dm3", "dm³", "Largest common volume, by the source's rule"
+)
+"""Cubes that touch both bodies: stands beside printed volumes, and nothing else is compared."""
 TO_GAP: Final = Measure("shoulders_to_gap_deg", "deg", "Shoulders to gap")
 SPEED: Final = Measure("speed_m_s", "m/s", "Walking speed")
 PRIMARY: Final = (COLLISIONS, VOLUME, TO_GAP, SPEED)
@@ -40,6 +44,8 @@ RATINGS: Final = tuple(
 )
 """Means of 7-point ratings, asked after every block."""
 MEASURES: Final = (*PRIMARY, *FURTHER, *RATINGS)
+MEANS_OF: Final = {VOLUME.column: VOLUME_AS_PUBLISHED.column}
+"""Measures whose printed means are of another rule."""
 
 RULES: Final = (
     Exclusion(
@@ -141,7 +147,7 @@ def _printed_pairs(column: str) -> Iterator[tuple[tuple[str, str], Printed]]:
     if column not in published.TESTS:
         return
     different = published.DIFFERENT.get(column, {})
-    means = published.MEANS[column]
+    means = published.MEANS[MEANS_OF.get(column, column)]
     for pair in PAIRS:
         if pair in different:
             sign = int(np.sign(means[pair[1]].mean - means[pair[0]].mean))

@@ -175,6 +175,9 @@ def _collision_measures(
         "collisions_uncounted": len(collisions) - len(counted_collisions),
         "collisions_cut": sum(c["cut"] for c in counted_collisions),
         "max_volume_dm3": _mean([c["max_volume_dm3"] for c in counted_collisions]),
+        "max_volume_published_dm3": _mean(
+            [c["max_volume_published_dm3"] for c in counted_collisions]
+        ),
         "largest_volume_dm3": max((c["max_volume_dm3"] for c in counted_collisions), default=0.0),
         "collision_s": _mean([c["duration_s"] for c in counted_collisions]),
         "collision_speed_m_s": _mean([c["speed_m_s"] for c in counted_collisions]),

@@ -20,7 +20,7 @@ from visavis.results.intake import person_of
 from visavis.stimuli.scenes.station_crowd import DENSITY_PER_M2
 from visavis.study.pieces import MeasuredTrial, Pieces, Rows
 
-VERSION: Final = 7
+VERSION: Final = 8
 """Raise it when measures change, so that stored measures are computed again."""
 
 

@@ -28,7 +28,7 @@ MEANS: Final[Mapping[str, Mapping[str, MeanSd]]] = {
         HAPTIC: MeanSd(62.8, 34.6),
         AFTER: MeanSd(60.7, 34.6),
     },
-    "max_volume_dm3": {BEFORE: MeanSd(0.8, 0.3), HAPTIC: MeanSd(0.6, 0.3)},
+    "max_volume_published_dm3": {BEFORE: MeanSd(0.8, 0.3), HAPTIC: MeanSd(0.6, 0.3)},
     "shoulders_to_gap_deg": {
         BEFORE: MeanSd(34.3, 6.0),
         HAPTIC: MeanSd(40.1, 8.2),

@@ -64,6 +64,7 @@ def quick_measures(walk: QuickWalk, step_m: float) -> tuple[dict[str, Any], froz
     row = {
         "collisions": len(largest),
         "max_volume_dm3": 1000 * float(largest.mean()) if len(largest) else np.nan,
+        "max_volume_published_dm3": np.nan,  # capsules have no cubes to count
         "shoulders_to_gap_deg": to_gap,
         "shoulders_to_way_deg": to_way,
         "speed_m_s": gait.speed_m_s,

@@ -122,8 +122,8 @@ def measured_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> Ex
     if not as_published:
         true = (
             "volumes are true common volumes; the source counted cubes that touch both bodies, "
-            "which overstates a common volume about twofold and lets near misses count, so "
-            "compare changes over blocks rather than sizes"
+            "which overstates a common volume about twofold and lets near misses count. Beside the "
+            "printed volumes stands the source's rule, of our collisions at their largest"
         )
         differences = (true, *differences)
     blocks: tuple[Block, ...] = (

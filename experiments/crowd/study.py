@@ -11,7 +11,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 from visavis.experiments.crowd import published
 from visavis.experiments.crowd.columns import TRIALS
-from visavis.experiments.crowd.comparisons import MEASURES, RULES, PathThresholds, comparisons
+from visavis.experiments.crowd.comparisons import (
+    MEASURES,
+    RULES,
+    VOLUME_AS_PUBLISHED,
+    PathThresholds,
+    comparisons,
+)
 from visavis.experiments.crowd.conclusions import QUESTIONS, RULE, conclude
 from visavis.experiments.crowd.design import (
     ABOUT_OWN_BODY,
@@ -105,7 +111,7 @@ study = Study(
     posture="standing",
     cells=("condition",),
     columns=TRIALS,
-    measures=MEASURES,
+    measures=(*MEASURES, VOLUME_AS_PUBLISHED),
     compare=tuple(comparisons()),
     questions=QUESTIONS,
     exclusions=RULES,

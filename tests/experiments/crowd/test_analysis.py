@@ -14,6 +14,7 @@ from visavis.experiments.crowd.measuring import narrow_gaps
 from visavis.experiments.crowd.sections import collision_facts
 from visavis.lab.errors import ConfigError, DataError, UsageError
 from visavis.recording.integrity import DAMAGED_STATUS, LOST_STATUS
+from visavis.results.report.study_report import _beside_published
 
 
 @pytest.fixture(scope="module")
@@ -238,6 +239,21 @@ def test_a_control_group_is_analysed_apart_and_compared():
 def test_without_a_control_group_nothing_is_asked_of_one(study):
     assert [{}] * 18 == [dict(f.compare.only) for f in study.findings]
     assert not any(f.compare.between for f in study.findings)
+
+
+def test_printed_volumes_stand_beside_those_of_the_sources_own_rule_alone(study):
+    assert "max_volume_dm3" not in published.MEANS
+    rows = pd.DataFrame([w.row for w in walks(4)])
+    rows["max_volume_published_dm3"] = 1.5
+    found = analysed(tables(walks(4)) | {"trials": rows})
+    measured = found.measure("max_volume_published_dm3")
+    assert {BEFORE, HAPTIC} == set(found.study.report.source.cells[measured.column])
+    table = _beside_published(found, OPENED.experiment({}).texts)
+    volumes = [row for row in table.rows if "olume" in str(row[0])]
+    means = [row for row in volumes if "rule" in str(row[0])]
+    assert 2 == len(means)
+    assert all("1.5" in str(row[1]) for row in means)
+    assert not any("+5 %" in str(row) for row in volumes)
 
 
 def test_published_means_and_dice_stand_as_printed():

@@ -212,6 +212,15 @@ def test_steps_without_a_tracked_joint_are_missing_and_cut_collisions(walk):
     assert any(c["cut"] for c in cut)
 
 
+def test_a_collision_has_the_sources_volume_beside_its_own(walk):
+    rows = collision_rows(walk, walk_volumes(walk, surface="light"))
+    assert rows
+    for row in rows:
+        assert row["max_volume_published_dm3"] > row["max_volume_dm3"]
+    body = collision_rows(walk, walk_volumes(walk, surface="capsules"))
+    assert all(np.isnan(row["max_volume_published_dm3"]) for row in body)
+
+
 @pytest.mark.parametrize("rule", ["centres", "published"])
 def test_other_rules_are_named_and_published_ones_read_more(walk, rule):
     short = carried(0.3, step_s=0.05, begin=(-2.0, 2.1), end=(-1.8, 1.9))
