@@ -11,6 +11,8 @@ from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector
 from visavis.stimuli.camera.choosing import Clearance, is_free, place_on, points_of_interest
 from visavis.stimuli.camera.director import (
+    NO_CUTS,
+    NO_PLACE,
     STYLES,
     Cut,
     Director,
@@ -138,6 +140,42 @@ def test_subject_is_seen_and_a_person_who_hides_it_causes_a_cut(place: FilmedPla
     assert ["start", "hidden"] == [c.reason for c in director.cuts]
     assert 2.2 <= director.cuts[1].t_ns / NS_PER_S <= 2.3
     assert director.sees_subject
+
+
+def test_a_hidden_subject_breaks_the_shortest_shot(place: FilmedPlace) -> None:
+    subject = np.array([8.0, 0.0, 2.0])
+    style = replace(FULL_CUTS, moves=False, min_shot_s=5.0, lengths=LogNormalLengths(60.0, 0.0))
+    quiet = Director(place, style, lambda _: Moment(subject, 1.75), seed=1)
+    between = 0.5 * (quiet.view_at(0).position_m + above(subject, 0.93 * 1.75))
+    stands = np.array([[*above(between, -0.3), *above(between, 0.3), 0.25]])
+
+    def hidden_from_the_second_tenth(t_ns: int) -> Moment:
+        return Moment(subject, 1.75, stands if t_ns >= NS_PER_S // 10 else NOBODY)
+
+    director = Director(place, style, hidden_from_the_second_tenth, seed=1)
+    director.view_at(2 * NS_PER_S)
+    assert ["start", "hidden"] == [c.reason for c in director.cuts]
+    assert 0.3 <= director.cuts[1].t_ns / NS_PER_S <= 0.4
+    assert [] == director.hidden
+
+
+def test_a_subject_who_stays_hidden_is_in_the_log_with_the_reason(place: FilmedPlace) -> None:
+    subject = np.array([8.0, 0.0, 2.0])
+    turns = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    posts = [subject + np.array([np.cos(a), 0.0, np.sin(a)]) for a in turns]
+    around = [[*post, *above(post, 4.0), 0.6] for post in posts]
+
+    def walled_in(t_ns: int) -> Moment:
+        is_hidden = NS_PER_S <= t_ns < 2 * NS_PER_S
+        return Moment(subject, 1.75, np.array(around) if is_hidden else NOBODY)
+
+    for style, why in ((FULL_CUTS, NO_PLACE), (replace(FULL_CUTS, cuts=False), NO_CUTS)):
+        director = Director(place, replace(style, moves=False), walled_in, seed=1)
+        director.view_at(3 * NS_PER_S)
+        (hidden,) = director.hidden
+        assert hidden.why == why
+        assert 0.8 <= hidden.seconds <= 1.1
+        assert 0.9 <= hidden.t_ns / NS_PER_S <= 1.1
 
 
 def test_same_seed_gives_the_same_film_and_another_seed_other_lengths(place: FilmedPlace) -> None:

@@ -22,6 +22,7 @@ from visavis.cli.film.film import FilmSettings, Overlay, write_film
 from visavis.cli.notifier import NOTIFIER, Forecast
 from visavis.cli.personal_copies import protect_and_register, require_whole
 from visavis.cli.studies import session_of
+from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import UsageError
 from visavis.recording.cached import CachedRecording
 from visavis.running.sessions.study_folder import study_of_folder
@@ -126,6 +127,12 @@ def film(
         if sheet is not None:
             result.sheet.write(sheet)
             console.print(f"written [b]{verbatim(sheet)}[/]", soft_wrap=True)
+    for hidden in [] if result.decisions is None else result.decisions.hidden:
+        console.print(
+            f"hidden for {hidden['seconds']:.2f} s at {hidden['t_ns'] / NS_PER_S:.1f} s: "
+            f"{hidden['why']}",
+            soft_wrap=True,
+        )
     # A film is personal data: protect its files and register them, so that a withdrawal finds them.
     files = [output] if result.decisions is None else [output, decisions_path]
     files += [] if result.sheet is None or sheet is None else [sheet]

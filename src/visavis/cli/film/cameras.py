@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -95,7 +95,11 @@ class FollowCamera:
 
 @dataclass(frozen=True)
 class Decisions:
-    """What a film's camera did: `views` (n, 7) of time, place and the point looked at, and cuts."""
+    """What a film's camera did: `views` (n, 7) of time, place and the point looked at, and cuts.
+
+    `hidden` are the times for which the subject stayed hidden longer than the style allows, and why
+    no cut ended them.
+    """
 
     camera: str
     shot: str
@@ -105,6 +109,7 @@ class Decisions:
     cuts: list[dict[str, Any]]
     views: list[list[float]]
     seen: list[bool]
+    hidden: list[dict[str, Any]] = field(default_factory=list)
 
     def write(self, path: Path) -> None:
         """Write them as JSON, one line a view."""
@@ -165,6 +170,7 @@ class TopologyCamera:
             [{k: _json_value(v) for k, v in cut.items()} for cut in cut_rows],
             self._views,
             self._sees_subject,
+            [vars(hidden) for hidden in (self._director.hidden if self._director else ())],
         )
 
     def _moment(self, t_ns: int) -> Moment:

@@ -20,6 +20,8 @@ Floats32 = npt.NDArray[np.float32]
 
 SIZE, DIRECT, INDIRECT, DISTANCE, ANGLE, FLOW = range(6)
 """The criteria by which a place is scored."""
+AHEAD_OF_CUT_S = 1.0
+"""For so long the subject should be seen after a cut."""
 SEEN = (0.4, 0.15, 0.25, 0.2)
 """Weights of seeing each point: head now, chest now, head soon, head later."""
 NO_EDGE = -1
@@ -382,6 +384,16 @@ def move_to(
 
 
 @compiled
+def _sees_soon(place: Vector, subject: Subject, velocity: Vector, clearance: Clearance) -> bool:
+    """Tell whether the head will be seen from a place in half of `AHEAD_OF_CUT_S`, and then."""
+    for share in (0.5, 1.0):
+        head = subject.points[0] + share * AHEAD_OF_CUT_S * velocity
+        if not sees(place, head, clearance.people, *clearance.surfaces):
+            return False
+    return True
+
+
+@compiled
 def cut_to(
     subject: Subject,
     velocity: Vector,
@@ -395,7 +407,8 @@ def cut_to(
     """Return edge, share and score to which to cut, and whether that keeps the angle.
 
     `velocity` (3,) is the subject's, `before` (3,) the camera before the cut. Only places that see
-    the head; edge −1 when none does. One that turns the view by less than `min_angle_deg` only
+    the head; edge −1 when none does. One from which the head will be hidden within `AHEAD_OF_CUT_S`
+    only where there is no other, and then one that turns the view by less than `min_angle_deg` only
     where every other one does too.
     """
     nodes, edges, _ = network
@@ -415,8 +428,9 @@ def cut_to(
             np.isnan(before[0]) or view_angle_deg(subject.centre, before, place) >= min_angle_deg
         )
     best, best_edge, best_share = 0.0, NO_EDGE, 0.0
-    # First only places that turn the view enough (the 30° rule of cutting), then all others.
-    for wants_angle in (True, False):
+    # First only places that will see the head and turn the view enough (the 30° rule of cutting).
+    for attempt in range(4):
+        wants_ahead, wants_angle = attempt < 2, attempt % 2 == 0
         rank = np.empty(n)
         for i in range(n):
             rank[i] = score[i] if keeps[i] == wants_angle else -2.0
@@ -430,6 +444,8 @@ def cut_to(
             # A cut to somewhere from which the face is hidden would look like a mistake.
             sees_head = sees(place, subject.points[0], clearance.people, *clearance.surfaces)
             if not sees_head or not is_free(place, clearance):
+                continue
+            if wants_ahead and not _sees_soon(place, subject, velocity, clearance):
                 continue
             seen_01 = _seen_part(place, subject.points, 0.0, clearance)
             total = score[i] + weights[DIRECT] * seen_01

@@ -99,9 +99,9 @@ class Style:
     """How a film is made.
 
     `lost_s` is how long the subject may be hidden, or its size be off by more than the factor
-    `off_by`, before a cut. No shot is shorter than `min_shot_s`. `step_m` is the step along a
-    track towards a better place; a place should see where the subject will be in `ahead_s`. The
-    camera keeps `clear_m` from surfaces and `people_clear_m` from people.
+    `off_by`, before a cut. No shot is shorter than `min_shot_s`, unless the subject is hidden.
+    `step_m` is the step along a track towards a better place; a place should see where the subject
+    will be in `ahead_s`. The camera keeps `clear_m` from surfaces and `people_clear_m` from people.
     """
 
     shot: ShotSize = ShotSize.LONG
@@ -121,6 +121,22 @@ class Style:
     max_tests: int = 48
     clear_m: float = 0.1
     people_clear_m: float = 0.15
+
+
+NO_PLACE: Final = "no place of the camera graph sees them"
+NO_CUTS: Final = "this style does not cut"
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """A time for which the subject was hidden longer than `Style.lost_s`, and why it stayed so.
+
+    `t_ns` is when it began, `seconds` how long it lasted.
+    """
+
+    t_ns: int
+    seconds: float
+    why: str
 
 
 STYLES: Final = {
@@ -235,6 +251,7 @@ class Director:
         self._hidden_ticks = self._misframed_ticks = 0
         self._is_held = False
         self.cuts: list[Cut] = []
+        self.hidden: list[Hidden] = []
         self._recent: list[Vector] = []
         self._meet(moment_at(start_ns))
         self._edge, self._share = NO_EDGE, 0.0
@@ -337,9 +354,21 @@ class Director:
             if reason and age >= self._retry:
                 has_cut = self._cut(reason, may_break_angle=reason == "hidden")
                 self._retry = 0 if has_cut else age + DECISIONS_PER_S // 10
+            self._note_hidden()
             if style.moves and not has_cut:
                 self._retarget()
         self._guard()
+
+    def _note_hidden(self) -> None:
+        """Note how long the subject has been hidden by now, and why no cut has ended that."""
+        ticks = self._hidden_ticks
+        if ticks <= self._style.lost_s * DECISIONS_PER_S:
+            return
+        why = NO_PLACE if self._style.cuts else NO_CUTS
+        begun_ns = self._time_of(self._tick - ticks)
+        if self.hidden and self.hidden[-1].t_ns == begun_ns:
+            self.hidden.pop()
+        self.hidden.append(Hidden(begun_ns, ticks / DECISIONS_PER_S, why))
 
     def _watch(self) -> None:
         """Count for how many decisions the subject has been hidden or of a wrong size."""
@@ -352,10 +381,10 @@ class Director:
 
     def _reason(self, age: int) -> str:
         style = self._style
-        if age < style.min_shot_s * DECISIONS_PER_S:
-            return ""
         if self._hidden_ticks > style.lost_s * DECISIONS_PER_S:
             return "hidden"
+        if age < style.min_shot_s * DECISIONS_PER_S:
+            return ""
         if self._misframed_ticks > style.lost_s * DECISIONS_PER_S:
             return "size"
         return "length" if age >= self._shot_s * DECISIONS_PER_S else ""
