@@ -5,8 +5,10 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from visavis.analysis.report import Block, Bullets, Paragraph, Section
+from visavis.analysis.report import Block, Bullets, Column, Paragraph, Section, Table
+from visavis.analysis.report.notation import decimal, probability
 from visavis.analysis.statistics import StatisticsError, oneway_anova, tost_paired, tukey_hsd
+from visavis.analysis.statistics.adjust import adjust_p
 from visavis.experiments.interpolation import published
 from visavis.results.analysis import StudyAnalysis
 from visavis.study.experiment import StudyExperiment
@@ -37,6 +39,7 @@ def as_printed(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
         sentences.append(f"That cannot be computed: {problem}")
     sentences.append(equivalence(rows))
     blocks.append(Bullets(tuple(sentences)))
+    blocks += subset_table(rows, analysis.people)
     misfits = published.impossible_means()
     misfit_list = "; ".join(f"{mean} ({method}, {subset})" for subset, method, mean in misfits)
     blocks.append(
@@ -46,6 +49,67 @@ def as_printed(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
         )
     )
     return Extra(Section("printed", "As the source analysed it", tuple(blocks)))
+
+
+GROUPS: Final = {
+    "novice": ("animation_experience", (1, 2, 3)),
+    "experienced": ("animation_experience", (4,)),
+    "male": ("gender", (2,)),
+    "female": ("gender", (1,)),
+}
+"""Groups of people that the source analyses: the question, and the answers of the group."""
+
+
+def subset_rows(rows: pd.DataFrame, people: pd.DataFrame, subset: published.Subset) -> pd.DataFrame:
+    """Return the ratings of a printed subset; none where nobody said that they belong to it."""
+    if subset.gesture:
+        return rows[rows["gesture"] == subset.gesture]
+    if subset.name == "main":
+        return rows
+    column, answers = GROUPS.get(subset.name, ("", ()))
+    if column not in people:
+        return rows.iloc[:0]
+    group = people.loc[pd.to_numeric(people[column], errors="coerce").isin(answers), "participant"]
+    return rows[rows["participant"].isin(set(group))]
+
+
+def subset_table(rows: pd.DataFrame, people: pd.DataFrame) -> list[Block]:
+    """Return the source's analysis by experience, gender and gesture, corrected as one family."""
+    methods, found = published.METHODS, []
+    for subset in published.SUBSETS:
+        own = subset_rows(rows, people, subset)
+        own = own[own["naturalness"].notna()]
+        try:
+            test = oneway_anova(own, "naturalness", factor="method", levels=list(methods))
+        except StatisticsError:
+            continue
+        means = own.groupby("method")["naturalness"].mean()
+        found.append((subset, own["participant"].nunique(), means, float(test.p)))
+    if not found:
+        return []
+    adjusted = adjust_p([p for *_, p in found])
+    table_rows = tuple(
+        (
+            subset.name,
+            str(people_count),
+            *(decimal(float(means[m]), 2) for m in methods),
+            probability(float(p)),
+            ", ".join(subset.means),
+            subset.p,
+        )
+        for (subset, people_count, means, _), p in zip(found, adjusted, strict=True)
+    )
+    heads = ("Subset", "People", "LinEuler", "Slerp", "Squad", "p", "printed means", "printed p")
+    return [
+        Table(
+            tuple(Column(head, "left" if head == "Subset" else "right") for head in heads),
+            table_rows,
+            "The source's hypotheses: experience, gender, gesture",
+            "One-way ANOVA over methods in each subset, Holm-corrected over the rows; printed p "
+            "are not corrected. Experienced is whose work animation is or was. Whom a panel sent "
+            "is stored apart from answers, so that the source's row on its panel has no counterpart.",
+        )
+    ]
 
 
 def equivalence(rows: pd.DataFrame) -> str:

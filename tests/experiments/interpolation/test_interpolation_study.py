@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
+from visavis.analysis.report import Table
 from visavis.analysis.statistics import oneway_anova, tukey_hsd
 from visavis.analysis.statistics.results import Array
 from visavis.cli.quick_tracker import tracker_of
@@ -18,6 +19,7 @@ from visavis.experiments.interpolation.gestures import (
     seconds_of,
     source_of,
 )
+from visavis.experiments.interpolation.sections import subset_table
 from visavis.experiments.interpolation.study import ERROR_SD, PERSON_SD, naturalness_of, study
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.quick import quick_study
@@ -115,6 +117,52 @@ def test_the_source_s_analysis_finds_squad_above_both_and_no_more(judged: pd.Dat
     assert found[frozenset(("squad", "slerp"))] < 0.05
     assert found[frozenset(("squad", "lineuler"))] < 0.05
     assert found[frozenset(("slerp", "lineuler"))] > 0.05
+
+
+def ratings(gap: dict[str, float]) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return ratings and people: novice men and experienced women, by how far Squad is above."""
+    rows, people = [], []
+    rng = np.random.default_rng(4)
+    for k in range(24):
+        kind = "novice" if k % 2 else "experienced"
+        people.append(
+            {
+                "participant": f"P{k}",
+                "gender": 2 if k % 2 else 1,
+                "animation_experience": 1 if k % 2 else 4,
+            }
+        )
+        for gesture in GESTURES:
+            for method in METHODS:
+                above = gap[kind] if method == "squad" else 0.0
+                rows.append(
+                    {
+                        "participant": f"P{k}",
+                        "gesture": gesture,
+                        "method": method,
+                        "naturalness": 3.0 + above + 0.5 * rng.standard_normal(),
+                    }
+                )
+    return pd.DataFrame(rows), pd.DataFrame(people)
+
+
+def test_experience_gender_and_gesture_are_analysed_as_one_family_beside_what_is_printed() -> None:
+    rows, people = ratings({"novice": 0.0, "experienced": 1.0})
+    (table,) = subset_table(rows, people)
+    assert isinstance(table, Table)
+    of = {str(row[0]): row for row in table.rows}
+    assert {"main", "novice", "experienced", "male", "female", *GESTURES} == set(of)
+    assert ("12", "12", "24") == (of["novice"][1], of["experienced"][1], of["beat"][1])
+    assert "< .001" == of["experienced"][5] == of["female"][5]
+    assert not str(of["novice"][5]).startswith("<")
+    assert "1.13e-11" == of["female"][-1]
+
+
+def test_groups_that_nobody_named_have_no_row_and_nobody_is_guessed_into_one() -> None:
+    rows, people = ratings({"novice": 1.0, "experienced": 1.0})
+    (table,) = subset_table(rows, people[["participant"]])
+    assert isinstance(table, Table)
+    assert {"main", *GESTURES} == {str(row[0]) for row in table.rows}
 
 
 def test_who_works_with_animation_tells_the_methods_further_apart(judged: pd.DataFrame) -> None:
