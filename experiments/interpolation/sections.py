@@ -107,7 +107,7 @@ def subset_table(rows: pd.DataFrame, people: pd.DataFrame) -> list[Block]:
             "The source's hypotheses: experience, gender, gesture",
             "One-way ANOVA over methods in each subset, Holm-corrected over the rows; printed p "
             "are not corrected. Experienced is whose work animation is or was. Whom a panel sent "
-            "is stored apart from answers, so that the source's row on its panel has no counterpart.",
+            "is stored apart from answers, so the row of its panel has no counterpart.",
         )
     ]
 
