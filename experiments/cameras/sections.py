@@ -19,7 +19,7 @@ from visavis.study.sections import Extra
 
 NAMES: Final = {
     "topology": "topology",
-    "follow": "following",
+    "follow": "follow",
     "roadmap": "roadmap",
     "placed": "placed by hand",
 }
