@@ -54,14 +54,8 @@ class Schedule(NamedTuple):
 
 @compiled
 def _softly_above(x: float, width: float) -> float:
-    """Return 0 up to x = 0, then a parabola that after `width` is the line x - width / 2.
-
-    It must be exactly 0 where nothing turns: what is left there changes sign with the side on
-    which a target lies, and somebody who looks straight ahead would twitch.
-    """
-    if x <= 0.0:
-        return 0.0
-    return float(x * x / (2.0 * width) if x < width else x - 0.5 * width)
+    """Return max(x, 0) with its corner rounded over `width`."""
+    return float(0.5 * (x + np.sqrt(x * x + width * width)) - 0.5 * width)
 
 
 @compiled
@@ -117,24 +111,24 @@ def shares_rad(yaw: float, pitch: float, person: int) -> Triple:
     """Return how far trunk (yaw) and head (yaw, pitch) turn for a target.
 
     Small shifts are left to the eyes; how much of a larger one the head takes is a habit of the
-    person (Stahl 1999, Exp Brain Res 126:41). What remains for the eyes is 19° sideways and 14°
+    person (Stahl 1999, Exp Brain Res 126:41). What remains for the eyes is 22° sideways and 16°
     up or down at most, until the neck ends.
     """
     size, side = abs(yaw), 1.0 if yaw >= 0.0 else -1.0
     # Nobody turns to what is right behind: it would be on the other side a moment later.
     x = min(1.0, max(0.0, (size - 2.18) / 0.9))
     size *= 1.0 - x * x * (3.0 - 2.0 * x)
-    trunk = 0.55 * _softly_above(size - np.radians(43.0), 0.25)
-    trunk -= _softly_above(trunk - np.radians(42.0), 0.15)
+    trunk = 0.55 * _softly_above(size - np.radians(52.0), 0.25)
+    trunk -= _softly_above(trunk - np.radians(40.0), 0.15)
     rest = size - trunk
     gain = 0.45 + 0.45 * chance(person, 211, 0)
     spare = np.radians(5.0 + 9.0 * chance(person, 212, 0))
     usual = gain * _softly_above(rest - spare, 0.10)
-    head = usual + _softly_above(rest - np.radians(17.5) - usual, 0.05)
+    head = usual + _softly_above(rest - np.radians(20.0) - usual, 0.05)
     head -= _softly_above(head - np.radians(66.0), 0.10)
     up, sign = abs(pitch), 1.0 if pitch >= 0.0 else -1.0
     nod = 0.5 * _softly_above(up - np.radians(5.0), 0.08)
-    nod += _softly_above(up - np.radians(12.0) - nod, 0.05)
+    nod += _softly_above(up - np.radians(15.0) - nod, 0.05)
     nod -= _softly_above(nod - np.radians(38.0), 0.10)
     return side * trunk, side * head, sign * nod
 
