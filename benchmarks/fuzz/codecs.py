@@ -32,6 +32,7 @@ from visavis.devices.drivers.buttons.hid_reports import ReportReader, layout_of
 from visavis.devices.drivers.buttons.keyboard import Keyboard, KeyLink
 from visavis.devices.drivers.buttons.xid import BUTTONS, XidReader
 from visavis.devices.drivers.eyelink import codec as eyelink
+from visavis.devices.drivers.eyelink.spec import PupilScale
 from visavis.devices.drivers.fove import codec as fove
 from visavis.devices.drivers.gazepoint import codec as gazepoint
 from visavis.devices.drivers.hid_gaze import codec as hid_gaze
@@ -348,7 +349,7 @@ def codecs() -> Iterator[Target]:
     ascii_bands = AsciiTemplates(
         set_one="M{motor} {amplitude}\n", stop="S\n", battery_answer=r"BAT (\d+)"
     )
-    screen = (SCREEN, SCREEN_PX, HALF_M, eyelink.PupilScale(5.0, 4000.0, is_area=True))
+    screen = (SCREEN, SCREEN_PX, HALF_M, PupilScale(5.0, 4000.0, is_area=True))
     languages: dict[str, tuple[Callable[[], object], str]] = {
         "ascii_codec": (lambda: AsciiLanguage(ascii_bands), "ascii_armband"),
         "bhaptics_codec": (BhapticsLanguage, "bhaptics"),

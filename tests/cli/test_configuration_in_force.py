@@ -122,8 +122,8 @@ SAYS_IT = {
     "character fetch": "valid nobody.zip",
 }
 """With what each verb ends soon after it has read the configuration."""
-NEEDS_NONE = {"new", "devices replay"}
-"""Files are written from a study's name alone, a wire that was captured is its own device."""
+NEEDS_NONE = {"new", "devices replay", "participant information"}
+"""Files and texts are written from a study alone, a wire that was captured is its own device."""
 
 
 def verbs(command: Any, name: str = "") -> Iterator[str]:

@@ -63,6 +63,7 @@ def test_session_streams_gaze_head_and_events(
     names = {name for name, *_ in lsl.pushed}
     assert {
         "visavis headset head",
+        "visavis headset head_measured",
         "visavis headset frame_timing",
         "visavis eye_tracker gaze",
         "visavis responses responses",

@@ -17,7 +17,7 @@ from visavis.devices.drivers.eyelink import camera_setup, codec
 from visavis.devices.drivers.eyelink import library as eyelink_library
 from visavis.devices.drivers.eyelink.driver import NO_RESULT, EyeLink
 from visavis.devices.drivers.eyelink.library import VERDICT, EyeLinkLibrary
-from visavis.devices.drivers.eyelink.spec import EyeLinkOptions
+from visavis.devices.drivers.eyelink.spec import EyeLinkOptions, PupilScale
 from visavis.devices.drivers.eyelink.wiring import WIRINGS
 from visavis.devices.drivers.streaming.gaze_rays import rows_to_values
 from visavis.devices.drivers.streaming.screen import Screen
@@ -29,7 +29,7 @@ from visavis.lab.geometry import angle_deg
 
 SCREEN = Screen(500.0, 300.0, 600.0)
 PX = (1000, 600)
-THOUSANDTHS = codec.PupilScale(1.0, 1000.0)
+THOUSANDTHS = PupilScale(1.0, 1000.0)
 
 
 def row_of(time_ms, eyes, *numbers, scale=THOUSANDTHS):
@@ -114,7 +114,7 @@ def test_tracker_is_told_what_a_pupils_size_is(gives_area):
 
 
 def test_pupil_that_no_eye_has_is_told_with_both_numbers():
-    scale = codec.PupilScale(5.0, 64.0)
+    scale = PupilScale(5.0, 64.0)
     rig = GazeRig(EyeLink, EyeLinkSimulator, options={"pupil_scale": scale}).start().run(0.5)
 
     assert "mm, but can only be 1 to 10 mm: was artificial_pupil_units" in rig.messages()

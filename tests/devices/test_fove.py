@@ -223,7 +223,7 @@ def test_library_without_the_functions_is_refused():
     clock = SystemClock()
     path = ctypes.util.find_library("m") if hasattr(ctypes, "util") else "libm.so.6"
 
-    with pytest.raises(DeviceNotFound, match="no FoveClient library"):
+    with pytest.raises(DeviceNotFound, match="not a FoveClient library"):
         Fove("eyes", FoveLibrary(path or "libm.so.6", clock), clock).open(1.0)
 
 

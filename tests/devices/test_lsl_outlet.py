@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from visavis.devices.contracts import HEAD, body_schema
+from visavis.devices.contracts import FRAME_TIMING, body_schema
 from visavis.devices.drivers.lsl.outlet import LslOutlets, LslScope
 from visavis.lab.clock import SimClock
 from visavis.lab.schema import SampleBatch, empty_values
@@ -176,21 +176,22 @@ class FakeOutlet:
 
 
 def outlets_on(lsl, clock, **options):
-    streams = {"headset": (HEAD,)}
+    streams = {"headset": (FRAME_TIMING,)}
     return LslOutlets(
         streams, LslScope("s"), clock, source="x", is_simulated=True, lsl=lsl, **options
     )
 
 
-def head_batch(device_ns, host_ns):
-    values = empty_values(HEAD, 1)
-    return SampleBatch(HEAD, np.arange(1), np.array([device_ns]), np.array([host_ns]), values)
+def timing_batch(device_ns, host_ns):
+    values = empty_values(FRAME_TIMING, 1)
+    numbers, device, host = np.arange(1), np.array([device_ns]), np.array([host_ns])
+    return SampleBatch(FRAME_TIMING, numbers, device, host, values)
 
 
 def test_without_an_offset_the_arrival_is_the_stamp():
     clock = SimClock()
     lsl = FakeLsl(clock)
-    outlets_on(lsl, clock).take("headset", head_batch(10**15, 2_000_000_000))
+    outlets_on(lsl, clock).take("headset", timing_batch(10**15, 2_000_000_000))
     assert lsl.pushed[0][2] == pytest.approx(9.0)
 
 
@@ -198,14 +199,14 @@ def test_a_sample_never_bears_a_time_after_its_arrival():
     clock = SimClock()
     lsl = FakeLsl(clock)
     outlets = outlets_on(lsl, clock, offset_of=lambda role: 0)
-    outlets.take("headset", head_batch(3_000_000_000, 2_000_000_000))
+    outlets.take("headset", timing_batch(3_000_000_000, 2_000_000_000))
     assert lsl.pushed[0][2] == pytest.approx(9.0)
 
 
 def test_a_stream_nobody_announced_is_left_out():
     clock = SimClock()
     lsl = FakeLsl(clock)
-    outlets_on(lsl, clock).take("other", head_batch(0, 0))
+    outlets_on(lsl, clock).take("other", timing_batch(0, 0))
     assert lsl.pushed == []
 
 

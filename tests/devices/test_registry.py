@@ -120,7 +120,7 @@ def test_driver_without_a_simulator_says_so(packaged):
     [
         ("visavis.devices.pump:Nothing", "cannot be imported"),
         ("no_such_package:SPEC", "cannot be imported"),
-        ("visavis.devices.pump:Pump", "no DriverSpec"),
+        ("visavis.devices.pump:Pump", "not a DriverSpec"),
         ("visavis.devices.drivers.pupil.spec:PUPIL_CORE", "of that name"),
     ],
 )

@@ -136,7 +136,7 @@ def test_a_stream_in_another_folder_is_named(session: Path, file: str) -> None:
     part = unseal((session / "manifest.json").read_bytes()).content["parts"][0]
     stream = {**part["streams"][0], "file": file}
     rewritten(session, parts=[{**part, "streams": [stream]}])
-    with pytest.raises(RecordingError, match="no file of a stream"):
+    with pytest.raises(RecordingError, match="not a file of a stream"):
         Recording(session)
 
 

@@ -164,7 +164,7 @@ def test_the_same_is_asked_of_a_table() -> None:
         ({"test": "icc", "claim": "c", "options": [("kind", "ICC4")]}, "ICC1, ICC2"),
         ({**ICC2, "claim": ""}, "needs a claim"),
         ({**ICC2, "between": "group"}, "only= for one group"),
-        ({**ICC2, "raters": "occasion"}, "no factor of within"),
+        ({**ICC2, "raters": "occasion"}, "not a factor of within"),
         ({"test": "krippendorff", "claim": "c"}, "needs a scale"),
         ({"test": "kappa", "claim": "c"}, "two raters"),
         ({"test": "kappa", "claim": "c", "options": [("scale", "steps")]}, "needs a scale"),

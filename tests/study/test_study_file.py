@@ -112,7 +112,7 @@ def test_scene_that_does_not_exist_is_told_before_anything_runs(tmp_path: Path) 
 
 def test_factor_named_like_a_step_is_refused(tmp_path: Path) -> None:
     text = 'from visavis import Factor, Study\nstudy = Study("own", factors=[Factor("show", [1])])'
-    with pytest.raises(DesignError, match="uses that name itself"):
+    with pytest.raises(DesignError, match="a trial uses it itself"):
         study_of_file(written(tmp_path, text))
 
 

@@ -5,11 +5,10 @@ top left, times in milliseconds of the tracker, pupils in its own units. -32768 
 missing numbers, and 4294967295 a time that is not known.
 """
 
-import math
 import struct
-from dataclasses import dataclass
 
 from visavis.devices.contracts import SessionName
+from visavis.devices.drivers.eyelink.spec import PupilScale
 from visavis.devices.drivers.streaming.gaze_rays import (
     NO_VECTOR,
     Eye,
@@ -28,26 +27,6 @@ MISSING_BEYOND = 32_767.0
 NO_TIME = 4_294_967_295
 MAX_MESSAGE = 130
 MAX_EDF_NAME = 8
-
-
-@dataclass(frozen=True)
-class PupilScale:
-    """An artificial pupil of so many millimetres, and the size that the tracker gave it.
-
-    The tracker gives a pupil's diameter or, with `is_area`, its area, which grows by the square of
-    the diameter. Without a measurement (0 units) sizes stay unknown.
-    """
-
-    artificial_mm: float = 0.0
-    artificial_units: float = 0.0
-    is_area: bool = False
-
-    def diameter_mm(self, units: float) -> float:
-        """Return the diameter of a pupil of this size; NaN when it is not known."""
-        if not (self.artificial_units > 0 and 0 < units < math.inf):
-            return NAN
-        share = units / self.artificial_units
-        return self.artificial_mm * (math.sqrt(share) if self.is_area else share)
 
 
 UNKNOWN_PUPIL = PupilScale()

@@ -19,7 +19,7 @@ from visavis.devices.contracts import (
 )
 from visavis.devices.drivers.eyelink import codec
 from visavis.devices.drivers.eyelink.library import TIME, VERDICT
-from visavis.devices.drivers.eyelink.spec import EYELINK
+from visavis.devices.drivers.eyelink.spec import EYELINK, PupilScale
 from visavis.devices.drivers.streaming.gaze_device import GazeDevice
 from visavis.devices.drivers.streaming.gaze_rays import Sample
 from visavis.devices.drivers.streaming.screen import Screen
@@ -55,7 +55,7 @@ class EyeLink(GazeDevice):
         exchange_interval_s: float = 1.0,
         screen: Screen | None = None,
         screen_px: tuple[int, int] = (1920, 1080),
-        pupil_scale: codec.PupilScale = codec.UNKNOWN_PUPIL,
+        pupil_scale: PupilScale = codec.UNKNOWN_PUPIL,
         eye_distance_mm: float = 64.0,
     ) -> None:
         self._screen = screen or Screen()

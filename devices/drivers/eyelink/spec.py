@@ -1,13 +1,34 @@
 """EyeLink: its options and its description."""
 
+import math
+from dataclasses import dataclass
 from typing import Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from visavis.devices.drivers.eyelink.codec import PupilScale
 from visavis.devices.drivers.streaming.options import EyeDistanceMm, ScreenOptions
 from visavis.devices.libraries import PYLINK
 from visavis.devices.spec import Claims, DriverSpec, Product, Wire
+
+
+@dataclass(frozen=True)
+class PupilScale:
+    """An artificial pupil of so many millimetres, and the size that the tracker gave it.
+
+    The tracker gives a pupil's diameter or, with `is_area`, its area, which grows by the square of
+    the diameter. Without a measurement (0 units) sizes stay unknown.
+    """
+
+    artificial_mm: float = 0.0
+    artificial_units: float = 0.0
+    is_area: bool = False
+
+    def diameter_mm(self, units: float) -> float:
+        """Return the diameter of a pupil of this size; NaN when it is not known."""
+        if not (self.artificial_units > 0 and 0 < units < math.inf):
+            return math.nan
+        share = units / self.artificial_units
+        return self.artificial_mm * (math.sqrt(share) if self.is_area else share)
 
 
 class EyeLinkOptions(ScreenOptions):

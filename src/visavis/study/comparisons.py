@@ -141,10 +141,10 @@ class Compare:
                     f"the comparison of {self.dv} names no factor; add within= or between=, or a "
                     f"test that needs none ({', '.join(ALONE)})"
                 )
-            if not self.claim:
+            if not self.claim and not self.expects:
                 raise DesignError(
                     f"the comparison of {self.dv} has no factor whose effect it could name; say "
-                    "what it would show: claim="
+                    "what it would show: claim= or expects="
                 )
         if self.model not in get_args(Model):
             models = ", ".join(name for name in get_args(Model) if name)

@@ -241,7 +241,7 @@ def test_joined_cells_are_matched_within_a_group_and_apart_between_groups() -> N
     assert 15 == len(people)
     assert art.aligned is not None
     joint = join_factors(art.design, ("G", "B"))
-    ranks = aligned_ranks(aligned_columns(joint)["G:B"])
+    ranks = aligned_ranks(aligned_columns(joint)["G:B"], joint.y)
     cells = pd.DataFrame({**frame, "rank": ranks}).pivot_table(
         index=["G", "subject"], columns="B", values="rank"
     )

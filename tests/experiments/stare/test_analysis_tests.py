@@ -107,11 +107,12 @@ def test_two_participants_are_too_few_and_the_sentence_says_so():
     assert "not tested, 2 participants with both values, 3 needed" in test.sentence()
 
 
-def test_constant_difference_is_a_stated_problem_not_a_crash():
+def test_constant_difference_is_tested_by_ranks():
     test = dwell(means_of(A=[1.0, 2.0, 3.0, 4.0], D=[2.0, 3.0, 4.0, 5.0]))
 
-    assert test.outcome is None
-    assert test.problem
+    assert not test.problem
+    assert test.outcome is not None
+    assert test.outcome.p == 0.125
 
 
 def test_condition_nobody_saw_gives_no_test():
