@@ -265,7 +265,7 @@ def test_the_public_tier_says_its_risk_and_what_every_measure_loses(tmp_path: Pa
     assert 0 == done.exit_code, done.output
     said = (out / "public_tier.md").read_text("utf-8")
     for text in (said, done.output.replace("\n", " ")):
-        assert "no anonymity" in text
+        assert "not anonymity" in text
         assert "Nair et al. 2023" in text
     for measure in ("dwell_ms", "fixation_count", "head_height_m", "head_speed_m_s"):
         assert f"| {measure} |" in said

@@ -6,7 +6,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+from scipy.special import stdtrit
 
 from visavis.analysis.statistics.results import Interval, number, percent, quantities
 from visavis.results.findings import Finding, Term, levels_of
@@ -273,7 +273,7 @@ def _of_groups(
         return (value if not people.empty else float("nan")), None
     if variance == 0.0:
         return value, Interval(value, value, INTERVAL_LEVEL)
-    half = float(stats.t.ppf(0.5 + INTERVAL_LEVEL / 2, variance**2 / squares)) * variance**0.5
+    half = float(stdtrit(variance**2 / squares, 0.5 + INTERVAL_LEVEL / 2)) * variance**0.5
     return value, Interval(value - half, value + half, INTERVAL_LEVEL)
 
 

@@ -240,9 +240,9 @@ class Viewer {
   // Where no body was measured, the posture that the study declares, below the head and turned as it faces.
   atRest(head) {
     if (!head || !this.header.rest) return null;
-    const {joints, yaw_rad} = this.header.rest, front = turned(head.turn, [0, 0, -1]);
+    const {joints, yaw_rad} = this.header.rest, front = rotate(head.turn, [0, 0, -1]);
     const turn = turnOf(yaw_rad === null ? Math.atan2(-front[0], -front[2]) : yaw_rad, 0);
-    return Object.fromEntries(Object.entries(joints).map(([name, p]) => [name, add(turned(turn, p), [head.at[0], 0, head.at[2]])]));
+    return Object.fromEntries(Object.entries(joints).map(([name, p]) => [name, add(rotate(turn, p), [head.at[0], 0, head.at[2]])]));
   }
 
   bodyThings() {
