@@ -32,6 +32,7 @@ ON_A_SERIAL_PORT = (
     "byte_buttons",
     "serial_triggers",
     "xid_buttons",
+    "xid_triggers",
 )
 OPTIONS = {
     "gazepoint": {"camera_up_mm": -150.0, "screen_distance_mm": 700.0},

@@ -116,7 +116,7 @@ def test_before_consent_a_page_sends_what_a_request_needs(choice: str, tmp_path:
     for line in ("Films.", "Recorded:", "your browser", "Not your name.", "I agree."):
         assert line in answer["shown"]
     arrive, hello, *rest = answer["sent"][: answer["before"]]
-    assert {"told": {"PROLIFIC_PID": "5f3a99c"}, "before": ""} == arrive["body"]
+    assert {"parameters": {"PROLIFIC_PID": "5f3a99c"}, "before": ""} == arrive["body"]
     assert {"tab", "before", "takes_over", "at_ms"} == set(hello["body"])
     assert [] == [s for s in rest if s["body"]["events"]]
 
