@@ -93,8 +93,6 @@ INTERRUPTION_COLUMNS = {
 }
 """Columns that tell the interruption, each with the reason why it may differ."""
 
-SAME_CALIBRATION_DEG = 0.01
-"""A calibration made again is measured at other phases of display and tracker."""
 ROUNDING_NS = 2
 """Frames are not whole nanoseconds apart."""
 
@@ -383,10 +381,7 @@ def unequal_cells(table: pd.DataFrame, reference: pd.DataFrame) -> tuple[list[st
     for column in (c for c in columns if c in table.columns):
         found, expected = table[column], reference[column]
         is_time = column.endswith("_ns") and pd.api.types.is_numeric_dtype(expected)
-        within: float | None = ROUNDING_NS if is_time else None
-        if column.startswith("calibration_") and column.endswith("_deg"):
-            within = SAME_CALIBRATION_DEG
-        same = found == expected if within is None else (found - expected).abs() <= within
+        same = (found - expected).abs() <= ROUNDING_NS if is_time else found == expected
         unequal = ~(same | (found.isna() & expected.isna()))
         differing += [
             f"{trial_id} {column}: {found[trial_id]!r} for {expected[trial_id]!r}"

@@ -450,7 +450,10 @@ class Session:
         self._runner.align()
         if self._participant is not None:
             self._participant.prepare(STRETCH_CALIBRATION + stretch, self._loop.t_ns)
-            self._desk.next_frame()  # targets are placed before the head as it now is
+            # Targets are placed before the head as it now is. What is foreseen of it at the first
+            # frame still comes from its movement before, which an interruption changes.
+            self._desk.next_frame()
+            self._desk.next_frame()
 
 
 def _error(calibration: CalibrationInForce) -> float:
