@@ -174,9 +174,9 @@ def _without_each(a: Array, b: Array, *, are_ranks: bool = False) -> Array:
     stays = 1 - np.eye(n)
     columns = []
     for values in (a, b):
-        kept = ranks_without_each(values) if are_ranks else np.tile(values, (n, 1))
-        kept = (kept - (kept * stays).sum(axis=1, keepdims=True) / (n - 1)) * stays
-        columns.append(kept)
+        samples = ranks_without_each(values) if are_ranks else np.tile(values, (n, 1))
+        samples = (samples - (samples * stays).sum(axis=1, keepdims=True) / (n - 1)) * stays
+        columns.append(samples)
     x, y = columns
     with np.errstate(invalid="ignore", divide="ignore"):
         r: Array = (x * y).sum(axis=1) / np.sqrt((x**2).sum(axis=1) * (y**2).sum(axis=1))

@@ -160,10 +160,10 @@ def compare_paired(
     correction: Adjustment = "bonferroni" if n_tests > 1 else "none"
     p_adjusted = min(1.0, test.p * n_tests)
     cut = threshold_text(normality_alpha)
-    found = f"all {d.size} are {d[0]:g}" if normality is None else normality.sentence()
+    answer = f"all {d.size} are {d[0]:g}" if normality is None else normality.sentence()
     check = Step(
         f"Are the differences {between} normal (Shapiro-Wilk, α = {cut})",
-        found,
+        answer,
         "yes, paired t test" if is_normal else "no, Wilcoxon signed-rank test",
     )
     run = Step("Test", test.sentence(), p_text(test.p))
@@ -183,7 +183,7 @@ def compare_paired(
         provenance=replace(
             test.provenance,
             correction=_correction_text(correction, n_tests),
-            notes=(*test.provenance.notes, f"chosen by {found}"),
+            notes=(*test.provenance.notes, f"chosen by {answer}"),
         ),
         means=(float(first.mean()), float(second.mean())),
         unit=unit,

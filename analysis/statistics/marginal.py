@@ -160,15 +160,15 @@ class GroupCells:
         names = [f.name for f in self.design.within]
         unit = np.eye(table[0].size).reshape(-1, *table.shape[1:])
         terms = [t for size in range(len(names) + 1) for t in combinations(names, size)]
-        found = []
+        errors = []
         for term in terms:
             stratum = strata.test(table, term)
             square, df, name = stratum.ss_error / stratum.df2, stratum.df2, stratum.error_term
             if term and self.error == "one":
                 ss, df = strata.pooled_within_error(table)
                 square, name = ss / df, "Within, pooled"
-            found.append((strata.scores(unit, term), square, df, name))
-        return found
+            errors.append((strata.scores(unit, term), square, df, name))
+        return errors
 
     def error_of(self, C: Array) -> str:
         """Return which spread or which strata these sums of cells are judged by."""
@@ -455,8 +455,8 @@ def _family(
     adjust: ContrastAdjustment,
     effects: Sequence[Effect | None] | None = None,
 ) -> Contrasts:
-    found = model.compare(C)
-    ses = np.sqrt(np.diag(found.covariance))
+    comparison = model.compare(C)
+    ses = np.sqrt(np.diag(comparison.covariance))
     notes = provenance.notes
     fit = model.model if isinstance(model, FixedEffects) else None
     if isinstance(fit, RandomIntercept) and fit.is_singular:
@@ -464,14 +464,14 @@ def _family(
     return contrast_family(
         names,
         contrasts,
-        found.estimates,
+        comparison.estimates,
         ses,
-        found.dfs,
+        comparison.dfs,
         k=k,
         provenance=replace(
             provenance, error_term=provenance.error_term or model.error_of(C), notes=notes
         ),
         adjustment=adjust,
-        effects=found.effects if effects is None else effects,
-        correlation=found.covariance / np.outer(ses, ses),
+        effects=comparison.effects if effects is None else effects,
+        correlation=comparison.covariance / np.outer(ses, ses),
     )

@@ -292,7 +292,7 @@ unpack(fs.readFileSync(0, 'utf8')).then(content => {
 """
 
 
-@pytest.mark.skipif(not NODE, reason="node is not installed")
+@pytest.mark.skipif(not NODE, reason="there is no node; apt install nodejs")
 @pytest.mark.parametrize("reference", EVERY, ids=name_of)
 def test_the_viewers_page_reads_every_column_as_it_was_recorded(
     reference: str, tmp_path: Path

@@ -35,7 +35,7 @@ def cut_off(pictures: Sequence[Picture], camera: Camera) -> list[CutOff]:
     """Return the moving parts of people that a still camera does not show whole, worst first."""
     if not pictures:
         return []
-    found = []
+    parts = []
     for person, character in enumerate(pictures[0].cast):
         names = (*character.skeleton.names, CROWN)
         points = np.stack(
@@ -52,8 +52,8 @@ def cut_off(pictures: Sequence[Picture], camera: Camera) -> list[CutOff]:
         moving = np.ptp(points, axis=0).max(axis=1) > MOVES_M
         for side, outside in _outside(points, camera).items():
             counts = np.where(moving, outside.sum(axis=0), 0)
-            found += [CutOff(names[i], side, int(counts[i])) for i in np.flatnonzero(counts)]
-    return sorted(found, key=lambda part: -part.pictures)
+            parts += [CutOff(names[i], side, int(counts[i])) for i in np.flatnonzero(counts)]
+    return sorted(parts, key=lambda part: -part.pictures)
 
 
 def refuse_cut_off(name: str, pictures: Sequence[Picture], camera: Camera) -> None:
