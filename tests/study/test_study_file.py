@@ -1,5 +1,7 @@
 """A study file: found, planned, refused where it is wrong, performed and analysed."""
 
+import os
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -95,6 +97,19 @@ def test_file_without_a_trial_says_so(tmp_path: Path) -> None:
 def test_file_that_declares_no_study_says_so(tmp_path: Path) -> None:
     with pytest.raises(DesignError, match="declares no studies"):
         study_of_file(written(tmp_path, "x = 1\n"))
+
+
+def test_a_file_changed_twice_within_a_second_is_read_as_it_is_now(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    file = tmp_path / "own.py"
+    trial = "\n@study.trial\ndef trial(t):\n    yield t.dark(1)\n"
+    for level in ("averted", "lowered"):
+        file.write_text(HEAD.replace("averted", level) + trial, "utf-8")
+        os.utime(file, (1_700_000_000, 1_700_000_000))
+        assert (level, "directed") == study_of_file(file).factor("gaze").levels
+    assert [file] == list(tmp_path.iterdir())
 
 
 def test_error_in_a_study_file_names_file_and_line(tmp_path: Path) -> None:

@@ -6,9 +6,10 @@ import importlib.util
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from importlib.machinery import SourceFileLoader
 from importlib.metadata import entry_points
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, ModuleType
 from typing import Final
 
 from visavis.lab.errors import DesignError, UsageError
@@ -120,16 +121,29 @@ def study_of_file(path: Path) -> Study:
     return study
 
 
+class _UncachedLoader(SourceFileLoader):
+    """Compiles a study's file whenever it is read.
+
+    Python takes byte code for current where the second of the last change and the length agree, so
+    a file changed twice within a second could run as it was before.
+    """
+
+    def get_code(self, fullname: str) -> CodeType:
+        """Return the code of the file as it is now; no byte code is read or written."""
+        return compile(self.get_data(self.path), self.path, "exec", dont_inherit=True)
+
+
 def _module_of(path: Path) -> ModuleType:
     name = f"{MODULE_OF_STUDY}{path.stem}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
+    loader = _UncachedLoader(name, str(path))
+    spec = importlib.util.spec_from_file_location(name, path, loader=loader)
+    if spec is None or path.suffix != ".py":
         raise DesignError(f"{path} is not a Python file")
     module = importlib.util.module_from_spec(spec)
     sys.path.insert(0, str(path.parent))
     sys.modules[name] = module
     try:
-        spec.loader.exec_module(module)
+        loader.exec_module(module)
     except SyntaxError as error:
         raise DesignError(f"{path}, line {error.lineno}: {error.msg}") from error
     except Exception as error:
