@@ -1,7 +1,9 @@
 """What leaves the lab bears pseudonyms and no free text, unless asked otherwise."""
 
+import ast
 import gzip
 import json
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,15 +12,21 @@ import pytest
 from typer.testing import CliRunner
 
 from tests.recording.sessions import new_recorder, probe_batch, probe_manifest
+from visavis import cli, devices, experiments, protocol, running, study
 from visavis.cli.main import app
+from visavis.cli.sharing import shared_recording
 from visavis.lab.clock import SimClock
+from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import UsageError
 from visavis.protocol.people.key_file import KeyFile
 from visavis.recording.folder import create_session
-from visavis.recording.sharing import age_band
+from visavis.recording.sharing import EVENT_CLASSES, age_band, class_of_field
 
 LABEL = "07H"
+PARTS = tuple(
+    Path(found.__file__).parent for found in (devices, experiments, protocol, cli, running, study)
+)
 TYPED = "my neighbour Ann Example did it"
 
 
@@ -117,3 +125,111 @@ def test_the_recording_stays_as_it_is(session: Path, lab: Path) -> None:
 )
 def test_ages_are_bands_of_ten_years(age: object, band: str | None) -> None:
     assert band == age_band(age)
+
+
+OWN = """
+from visavis import Choice, Factor, Number, Scene, Study, Text
+
+study = Study("own", factors=[Factor("level", ["one"])], uses=[], calibrate=False)
+
+
+@study.trial
+def trial(t):
+    yield t.show(Scene("person"), seconds=0.2)
+    yield t.ask(Choice("side", ["left", "right"]))
+    yield t.ask(Number("age"))
+    yield t.ask(Text("who"))
+"""
+OWN_DESIGN = {
+    "design": {
+        "questions": {
+            "side": {"kind": "Choice", "options": ["left", "right"]},
+            "age": {"kind": "Number", "options": []},
+            "who": {"kind": "Text", "options": []},
+        }
+    }
+}
+
+
+@pytest.fixture(params=["found", "by its design alone", "unheard of"])
+def own_session(lab: Path, request: pytest.FixtureRequest) -> Path:
+    """Return a session of a study in a file: at its place, gone, and of a time without designs."""
+    clock, has_design = SimClock(), request.param != "unheard of"
+    configuration = OWN_DESIGN if has_design else {}
+    manifest = replace(probe_manifest(LABEL, is_simulated=False), study="own")
+    manifest = replace(manifest, configuration=configuration, configuration_sha256="")
+    with create_session(lab.parent / "data", manifest) as folder:
+        recorder = new_recorder(folder, clock, is_simulated=False)
+        recorder.append(probe_batch(0, 10))
+        given = {"side": "left", "age": 37.0, "who": TYPED}
+        for question, answer in given.items():
+            answered = {"trial_id": "T1", "question": question, "answer": answer}
+            recorder.event("answered", 0, **answered)
+            page = {"about": {"user_agent": "Zilla"}, "reply": {"answers": {question: answer}}}
+            recorder.event("page_event", 0, kind="reply", tab="tab-of-Ann", **page)
+        recorder.event("answer", 0, questionnaire="of_the_lab", question="name", answer=TYPED)
+        recorder.event("noticed", 0, what=TYPED)
+        row = {"participant": LABEL, "trial_id": "T1", "status": "complete", "frames": 77123}
+        typed = {"age_typed": f"37, {TYPED}", "level_01": TYPED, "who_by": "keyboard"}
+        recorder.trial({**row, **given, **typed})
+        folder.end_part(clock, recorder.close("complete"), reason=TYPED)
+    study = lab.parent / "own.py"
+    if request.param == "found":
+        study.write_text(OWN, "utf-8")
+        lines = lab.read_text("utf-8") + f"\nstudies:\n  own: {study}\n"
+        lab.write_text(lines, "utf-8")
+    return folder.path
+
+
+def test_nothing_leaves_of_which_nobody_can_say_what_it_is(
+    own_session: Path, lab: Path, request: pytest.FixtureRequest
+) -> None:
+    public = shared_recording(own_session, load_config(lab), tier="public", keep_label=False)
+    blurred = public.trials().to_csv() + public.events().to_csv()
+    for written in (blurred, export(own_session, lab)):
+        assert "neighbour" not in written
+        assert "Zilla" not in written
+        assert "tab-of-Ann" not in written
+        assert "37.0" not in written
+        assert "77123" in written
+        assert ("30-39" in written) is ("unheard" not in request.node.callspec.id)
+
+
+def test_what_is_withheld_is_named(
+    own_session: Path, lab: Path, request: pytest.FixtureRequest
+) -> None:
+    arguments = ["export", str(own_session), "-o", str(lab.parent / "o"), "--config", str(lab)]
+    said = " ".join(CliRunner().invoke(app, arguments).output.split())
+    assert "withheld, as free text or because nothing says what it is:" in said
+    assert "column level_01" in said
+    assert ("the study own cannot be read" in said) is ("[found" not in request.node.name)
+
+
+def calls_that_record(folder: Path) -> Iterator[tuple[str, str, set[str]]]:
+    """Yield where an event of a constant name is made in a folder's code, its name and fields."""
+    for file in sorted(folder.rglob("*.py")):
+        for call in ast.walk(ast.parse(file.read_text("utf-8"))):
+            if not isinstance(call, ast.Call) or not call.args:
+                continue
+            name = getattr(call.func, "attr", getattr(call.func, "id", ""))
+            first = call.args[0]
+            if name not in ("event", "Event", "Mark") or not isinstance(first, ast.Constant):
+                continue
+            fields = {k.arg for k in call.keywords if k.arg}
+            for argument in call.args[1:]:
+                if isinstance(argument, ast.Dict):
+                    fields |= {k.value for k in argument.keys if isinstance(k, ast.Constant)}
+            yield f"{file.name}:{call.lineno}", str(first.value), {str(f) for f in fields}
+
+
+def test_every_event_that_our_code_records_has_a_class() -> None:
+    made = [c for part in PARTS for c in calls_that_record(part) if c[1] != "trial"]
+    assert len(made) > 40
+    assert [] == [(place, name) for place, name, _ in made if name not in EVENT_CLASSES]
+    unclassed = [
+        (place, name, field)
+        for place, name, fields in made
+        for field in sorted(fields)
+        if not class_of_field(name, field)
+    ]
+    assert [] == unclassed

@@ -10,6 +10,7 @@ from tests.experiments.crowd.sessions import session as crowd_session
 from tests.experiments.small_studies import SESSIONS, simulated
 from tests.faults.sessions import lab, perform
 from tests.recording.test_export import ABOUT, issues_of
+from visavis.cli.sharing import shared_recording
 from visavis.devices.registry import OPTION_MODELS
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
@@ -44,11 +45,21 @@ def recording_of(study: str, root: Path) -> Recording:
     return Recording(perform_new(replace(request, on=on)))
 
 
+def withheld_from(recording: Recording) -> list[str]:
+    """Return what of a recording is withheld from others though nobody typed it."""
+    config = load_config(EXAMPLE, OPTION_MODELS)
+    shown = shared_recording(recording.path, config, tier="shared", keep_label=True)
+    assert len(shown.events())
+    assert len(shown.trials())
+    return [name for name in shown.withheld if not name.endswith("_typed")]
+
+
 @pytest.mark.parametrize("study", ["interpolation", "hybrid", "stare before a screen"])
 def test_a_study_on_a_page_or_a_screen_passes_the_official_validator(
     study: str, tmp_path: Path
 ) -> None:
     recording = recording_of(study, tmp_path / "data")
+    assert [] == withheld_from(recording)
     task = study.partition(" ")[0]
     written = export_bids(
         [recording], tmp_path / "bids", task=task, dataset_name=study, about=ABOUT
@@ -61,6 +72,7 @@ def test_a_study_on_a_page_or_a_screen_passes_the_official_validator(
 @pytest.mark.parametrize("study", ["stare", "crowd", "waving"])
 def test_a_studys_data_set_passes_the_official_validator(study: str, tmp_path: Path) -> None:
     recording = recording_of(study, tmp_path / "data")
+    assert [] == withheld_from(recording)
     written = export_bids(
         [recording], tmp_path / "bids", task=study, dataset_name=study, about=ABOUT
     )

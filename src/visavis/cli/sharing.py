@@ -1,6 +1,7 @@
 """What a recording contains when it is shared outside the lab."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,12 +12,16 @@ from visavis.analysis.blur_loss import loss_table, motion_of
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import LabError, UsageError
 from visavis.protocol.people.key_file import KeyFile
+from visavis.protocol.plan.columns import ENGINE_COLUMNS
 from visavis.recording.bids_about import DatasetAbout
 from visavis.recording.reader import Recording
-from visavis.recording.sharing import TIERS, SharedRecording, Sharing, TextRule, Tier
-from visavis.results.opened_study import find_study, overrides_of
+from visavis.recording.sharing import TIERS, RowRule, SharedRecording, Sharing, TextRule, Tier
+from visavis.results.opened_study import OpenedStudy, find_study, overrides_of
 from visavis.results.report.methods import own_methods
-from visavis.study.responses import Text
+from visavis.results.tables.dictionary import of_shown, trial_columns
+from visavis.running.sessions.recorded_design import design_of_session
+from visavis.running.sessions.study_folder import study_of_folder
+from visavis.study.responses import ANSWER_ENDINGS, Text
 
 BLURRED_RISK = (
     "The public tier gives everybody the body of one reference person, smooths movements, tells "
@@ -47,15 +52,46 @@ def shared_recording(
     label, study = recording.manifest.participant, recording.manifest.study
     if not keep_label and not recording.is_simulated:
         label = KeyFile(lab.key_root, study, [lab.data_root]).pseudonym(label)
-    rule, columns = _texts_of(study, lab)
-    return SharedRecording(
-        session, Sharing(label, matching_tier, rule, columns, matching_tier == "public")
+    if matching_tier == "raw":
+        return SharedRecording(session, Sharing(label, matching_tier, lambda form, question: False))
+    opened_study: OpenedStudy | None = None
+    with suppress(LabError):
+        opened_study = _study_of(session, study, lab)
+    sharing = Sharing(
+        label,
+        matching_tier,
+        _text_rule(opened_study, lab),
+        _row_rule(opened_study, recording),
+        blurs=matching_tier == "public",
     )
+    return SharedRecording(session, sharing)
+
+
+def withheld_lines(recordings: Sequence[SharedRecording], lab: LabConfig) -> tuple[str, ...]:
+    """Return what was withheld as free text or unknown, and what to do about it."""
+    lines = []
+    for name in sorted({r.manifest.study for r in recordings if r.sharing.tier != "raw"}):
+        of_study = [r for r in recordings if r.manifest.study == name]
+        try:
+            _study_of(of_study[0].path, name, lab)
+        except LabError as error:
+            lines.append(
+                f"the study {name} cannot be read ({error}); answers to its questionnaires, and "
+                "what only its file describes, are withheld: name the file under studies in "
+                "lab_config.yaml and export again"
+            )
+        withheld = sorted(set().union(*(r.withheld for r in of_study)))
+        if withheld:
+            lines.append(
+                "withheld, as free text or because nothing says what it is: "
+                f"{', '.join(withheld)}; --tier raw has it"
+            )
+    return tuple(lines)
 
 
 def losses(recordings: Sequence[SharedRecording], lab: LabConfig) -> pd.DataFrame:
     """Return what each measure of a study loses by the blur of the public tier."""
-    study = find_study(recordings[0].manifest.study, lab.studies)
+    study = _study_of(recordings[0].path, recordings[0].manifest.study, lab)
     before, after, online, motion = [], [], [], []
     for public in recordings:
         raw = Recording(public.path)
@@ -91,7 +127,7 @@ def dataset_about(recording: Recording, lab: LabConfig) -> DatasetAbout:
     """
     fields = lab.publication.model_dump()
     try:
-        opened_study = find_study(recording.manifest.study, lab.studies)
+        opened_study = _study_of(recording.path, recording.manifest.study, lab)
     except LabError:
         return DatasetAbout(**fields)
     study = opened_study.study
@@ -102,19 +138,52 @@ def dataset_about(recording: Recording, lab: LabConfig) -> DatasetAbout:
     return DatasetAbout(description, own_methods(experiment), **fields)
 
 
-def _texts_of(study: str, lab: LabConfig) -> tuple[TextRule, frozenset[str]]:
-    """Return which answers and columns are free text; all answers of a study not found."""
+def _study_of(session: Path, study: str, lab: LabConfig) -> OpenedStudy:
+    """Return the study that a session is of: by its folder, else by its name."""
     try:
-        opened_study = find_study(study, lab.studies)
-        text_questions = {
-            form.name: {q.question_id for q in form.questions() if q.scale.kind == "text"}
-            for form in opened_study.questionnaires(lab)
-        }
+        return study_of_folder(session.parent.parent, study)[0]
     except LabError:
-        return (lambda questionnaire, question: True), frozenset()
-    columns = frozenset(r.name for r in opened_study.study.asks.responses if isinstance(r, Text))
+        return find_study(study, lab.studies)
+
+
+def _text_rule(study: OpenedStudy | None, lab: LabConfig) -> TextRule:
+    """Return which answers to questionnaires are free text; all, where the study is not found."""
+    if study is None:
+        return lambda questionnaire, question: True
+    text_questions = {
+        form.name: {q.question_id for q in form.questions() if q.scale.kind == "text"}
+        for form in study.questionnaires(lab)
+    }
 
     def is_text(questionnaire: str, question: str) -> bool:
         return questionnaire not in text_questions or question in text_questions[questionnaire]
 
-    return is_text, columns
+    return is_text
+
+
+def _row_rule(study: OpenedStudy | None, recording: Recording) -> RowRule:
+    """Return which values of trial rows may leave: those that are described and nobody typed.
+
+    Where the study cannot be found, its design in the recording says what was varied and asked.
+    """
+    questions = design_of_session(recording.manifest).get("questions", {})
+    kinds = {name: question["kind"] for name, question in questions.items()}
+    columns = {c.name for c in ENGINE_COLUMNS}
+    roles: frozenset[str] = frozenset()
+    if study is not None:
+        experiment = study.experiment_of(recording)
+        kinds |= {name: type(r).__name__ for name, r in experiment.responses.items()}
+        columns |= set(trial_columns(experiment, study.measures(experiment)))
+        roles = frozenset().union(*(t.roles for t in experiment.read.values()))
+    else:
+        columns |= set(design_of_session(recording.manifest).get("factors", {}))
+        columns |= {f"{name}{ending}" for name in kinds for ending in ANSWER_ENDINGS}
+    typed = {name for name, kind in kinds.items() if kind == Text.__name__}
+    typed |= {f"{name}_typed" for name in kinds}
+
+    def leaves(name: str, value: Any) -> bool:
+        if name in typed:
+            return False
+        return name in columns or (of_shown(name, roles) and not isinstance(value, str))
+
+    return leaves

@@ -1,5 +1,6 @@
 """A recording prepared for sharing: pseudonym, no free text, ages in bands, motion blurred."""
 
+import csv
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -30,20 +31,45 @@ TIERS: Final[tuple[Tier, ...]] = ("raw", "shared", "public")
 TextRule: TypeAlias = Callable[[str, str], bool]
 """Returns whether the answer to a question (questionnaire, question) is free text."""
 
+RowRule: TypeAlias = Callable[[str, Any], bool]
+"""Returns whether a value may leave: by the name of its trial column or question, and itself."""
+
 AGE_BAND_YEARS: Final = 10
 TYPED_FIELDS: Final = ("text", "reason", "message")
-"""What the operator or participant typed, by its name in events and trial rows."""
+"""What the operator or participant typed, by its name in trial rows."""
 
-TYPED_EVENTS: Final = ("operator", "session_aborted", "session_failed", "trial_skip")
+ANY: Final = "*"
+"""Stands for every field of an event, and for every event."""
 _AGE = re.compile(r"(.*[._])?age")
+
+
+def _read_classes() -> Mapping[str, Mapping[str, str]]:
+    """Return the class of every field of every event: public, private, or answer."""
+    classes: dict[str, dict[str, str]] = {}
+    with Path(__file__).with_name("event_classes.csv").open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(file):
+            for field in row["fields"].split():
+                classes.setdefault(row["event"], {})[field] = row["class"]
+    return classes
+
+
+EVENT_CLASSES: Final = _read_classes()
+"""What of an event may leave the laboratory, by event and field; what is not here does not."""
+
+
+def class_of_field(event: str, field: str) -> str:
+    """Return whether a field of an event is "public", "private" or an "answer"; "" if unknown."""
+    fields = EVENT_CLASSES.get(event, {})
+    return fields.get(field) or fields.get(ANY, "")
 
 
 @dataclass(frozen=True)
 class Sharing:
     """How a recording is shown: `label` in the place of the participant's own.
 
-    In the tier "raw" nothing else changes. In "shared", free text (answers by `is_text`, columns of
-    trial rows in `text_columns`, what the operator typed) is missing and ages are bands of ten
+    In the tier "raw" nothing else changes. In "shared" only that leaves of which somebody says what
+    it is: fields of events by `EVENT_CLASSES`, answers to questionnaires by `is_text`, values of
+    trial rows and answers within trials by `leaves`. Free text is missing and ages are bands of ten
     years; so they are in "public". With `blurs`, as "public" has it, motion is blurred
     (`visavis.recording.blurring`): streams that cannot be are left out, and lengths of the body in
     trial rows and events are missing.
@@ -52,7 +78,7 @@ class Sharing:
     label: str
     tier: Tier
     is_text: TextRule
-    text_columns: frozenset[str] = frozenset()
+    leaves: RowRule = lambda name, value: False
     blurs: bool = False
 
 
@@ -63,6 +89,8 @@ class SharedRecording(Recording):
         super().__init__(path)
         self.sharing = sharing
         self._own = self.manifest.participant
+        self.withheld: set[str] = set()
+        """Names of trial columns and events read so far that may not leave."""
         self._blurred_streams: dict[tuple[int, str], StreamContent] = {}
         self._medians_m: dict[str, float] = {}
         parts = self.manifest.parts
@@ -147,22 +175,42 @@ class SharedRecording(Recording):
         return None
 
     def _row(self, row: Mapping[str, Any]) -> dict[str, Any]:
-        hidden_columns = {*TYPED_FIELDS, *self.sharing.text_columns} if self._hides else set()
+        shown = {name: self._relabel(value) for name, value in row.items()}
+        if self._hides:
+            shown = {name: self._value(name, value) for name, value in shown.items()}
         if self.sharing.blurs:
-            hidden_columns |= {name for name in row if tells_length(name)}
-        return {k: None if k in hidden_columns else self._relabel(v) for k, v in row.items()}
+            shown |= {name: None for name in row if tells_length(name)}
+        return shown
+
+    def _value(self, name: str, value: Any) -> Any:
+        """Return a value of a trial row, or an answer within a trial, as it may leave."""
+        if value is None or name in TYPED_FIELDS:
+            return None
+        if not self.sharing.leaves(name, value):
+            self.withheld.add(f"column {name}")
+            return None
+        return age_band(value) if _AGE.fullmatch(name) else value
 
     def _payload(self, name: str, payload: Mapping[str, Any]) -> dict[str, Any]:
-        public = {k: self._relabel(v) for k, v in payload.items()}
+        shown = {k: self._relabel(v) for k, v in payload.items()}
         if self.sharing.blurs:
-            public |= {k: None for k in public if tells_length(k)}
+            shown |= {k: None for k in shown if tells_length(k)}
         if not self._hides:
-            return public
-        if name in TYPED_EVENTS:
-            public |= {k: None for k in TYPED_FIELDS if k in public}
-        if name == "answer":
-            public["answer"] = self._answer(public)
-        return public
+            return shown
+        for field in shown:
+            match class_of_field(name, field):
+                case "public":
+                    pass
+                case "answer" if "questionnaire" in payload:
+                    shown[field] = self._answer(payload)
+                case "answer":
+                    shown[field] = self._value(str(payload.get("question")), shown[field])
+                case "private":
+                    shown[field] = None
+                case _:
+                    self.withheld.add(f"event {name}: {field}")
+                    shown[field] = None
+        return shown
 
     def _answer(self, payload: Mapping[str, Any]) -> Any:
         questionnaire, question, answer = (

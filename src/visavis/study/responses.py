@@ -7,7 +7,7 @@ A response is data. Its words stand in the study's text files (`questions.NAME`,
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, TypeAlias
+from typing import ClassVar, Final, TypeAlias
 
 from visavis.lab.errors import DesignError
 from visavis.protocol.plan.columns import Column
@@ -15,6 +15,10 @@ from visavis.protocol.plan.steps import Scalar
 
 MAX_CHOICES = 9
 """As many options as there are digits on a keyboard."""
+ANSWER_ENDINGS: Final = (
+    "", "_by", "_ms", "_is_right", "_means", "_side", "_yaw_deg", "_pitch_deg",
+)  # fmt: skip
+"""Endings of the columns that an answer adds to a trial's row, what was typed left out."""
 WAYS = "ray, gaze, keys, keyboard, mouse, touch, pen or operator"
 
 

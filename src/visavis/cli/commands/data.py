@@ -28,6 +28,7 @@ from visavis.cli.sharing import (
     loss_page,
     losses,
     shared_recording,
+    withheld_lines,
 )
 from visavis.cli.studies import folder_of, session_of
 from visavis.experiments.crowd.pedestrian_export import export_walks
@@ -164,9 +165,11 @@ def export(
     # Looking up a study by its name has already printed which configuration is used.
     lab = load_lab(config, only_simulates=is_simulated, quiet=not session_path.is_dir())
     recordings = [shared_recording(s, lab, tier=tier, keep_label=keep_label) for s in sessions]
+    loss_table = losses(recordings, lab) if tier == "public" else None
     paths = _write_recordings(recordings, format_name, output, lab)
-    if tier == "public":
-        loss_table = losses(recordings, lab)
+    for line in withheld_lines(recordings, lab):
+        say(f"[yellow]{verbatim(line)}[/]")
+    if loss_table is not None:
         note = output / ("README.md" if format_name == "bids" else LOSS_NAME)
         before = f"{note.read_text('utf-8')}\n" if note in paths else ""
         note.write_text(before + loss_page(loss_table), "utf-8")
