@@ -18,12 +18,13 @@ REASON_COLUMN: Final = "left_out_because"
 MAX_LEVELS_NAMED: Final = 8
 
 _CONDITION = re.compile(r"\s*([^<>=!]+?)\s*(<=|>=|!=|==|=|<|>)\s*(.*?)\s*")
-_ORDERS: Final[dict[str, Callable[[Any, float], Any]]] = {
+ORDERS: Final[dict[str, Callable[[Any, float], Any]]] = {
     "<": operator.lt,
     "<=": operator.le,
     ">": operator.gt,
     ">=": operator.ge,
 }
+"""The signs of conditions that compare numbers, with what they compute."""
 
 
 def counted_rows(table: DataTable) -> DataTable:
@@ -48,6 +49,12 @@ def counted_rows(table: DataTable) -> DataTable:
     return _rows_kept(table, counts, note)
 
 
+def condition_parts(text: str) -> tuple[str, str, str] | None:
+    """Return column, sign and value of a condition; None where a text is none."""
+    match = _CONDITION.fullmatch(text)
+    return None if match is None or not match[3] else (match[1], match[2], match[3])
+
+
 def rows_where(table: DataTable, conditions: Sequence[str]) -> DataTable:
     """Return the rows that fulfil every condition, with a note about each.
 
@@ -60,13 +67,13 @@ def rows_where(table: DataTable, conditions: Sequence[str]) -> DataTable:
         StatisticsError: there is no such column, or it holds no numbers.
     """
     for text in conditions:
-        match = _CONDITION.fullmatch(text)
-        if match is None or not match[3]:
+        parts = condition_parts(text)
+        if parts is None:
             raise UsageError(
                 f"--where takes COLUMN=LEVEL, COLUMN!=LEVEL or COLUMN>NUMBER, not {text!r}"
             )
-        column, sign, value = match.groups()
-        if sign in _ORDERS:
+        column, sign, value = parts
+        if sign in ORDERS:
             keep = _above_or_below(table, column, sign, value)
         else:
             keep = _of_levels(table, column, value)
@@ -81,7 +88,7 @@ def _above_or_below(table: DataTable, column: str, sign: str, value: str) -> npt
         limit = float(value)
     except ValueError as error:
         raise UsageError(f"--where {column}{sign}{value}: {value!r} is no number") from error
-    return np.asarray(_ORDERS[sign](table.numbers(column), limit), dtype=bool)
+    return np.asarray(ORDERS[sign](table.numbers(column), limit), dtype=bool)
 
 
 def _of_levels(table: DataTable, column: str, value: str) -> npt.NDArray[np.bool_]:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from visavis.analysis.statistics.published import check_integer_mean, check_oneway_from_means
+from visavis.study.pairs import Printed
 
 METHODS: Final = ("lineuler", "slerp", "squad")
 GESTURES_A_PERSON: Final = 4
@@ -41,6 +42,17 @@ SUBSETS: Final = (
     Subset("iconic", 97, ("2.5155", "2.6082", "3.6701"), "2.8e-16", "iconic"),
     Subset("metaphoric", 97, ("2.4948", "2.5979", "3.2989"), "6.82e-8", "metaphoric"),
 )
+
+TESTS: Final = {
+    subset.name: Printed(
+        True,
+        float(subset.p),
+        text=f"one-way ANOVA, ratings as independent, p = {subset.p}",
+        order="squad > slerp, lineuler",
+    )
+    for subset in SUBSETS
+}
+"""What the source prints of the methods in every subset; Tukey's test found Squad above both."""
 
 
 def impossible_means() -> tuple[tuple[str, str, str], ...]:

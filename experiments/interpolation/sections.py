@@ -56,6 +56,7 @@ GROUPS: Final = {
     "experienced": ("animation_experience", (4,)),
     "male": ("gender", (2,)),
     "female": ("gender", (1,)),
+    "panel": ("recruited_by", (1,)),
 }
 """Groups of people that the source analyses: the question, and the answers of the group."""
 
@@ -106,8 +107,8 @@ def subset_table(rows: pd.DataFrame, people: pd.DataFrame) -> list[Block]:
             table_rows,
             "The source's hypotheses: experience, gender, gesture",
             "One-way ANOVA over methods in each subset, Holm-corrected over the rows; printed p "
-            "are not corrected. Experienced is whose work animation is or was. Whom a panel sent "
-            "is stored apart from answers, so the row of its panel has no counterpart.",
+            "are not corrected. Experienced is whose work animation is or was; panel are those who "
+            "say that a panel sent them.",
         )
     ]
 

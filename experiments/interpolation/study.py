@@ -44,6 +44,8 @@ AWAY_M: Final = 2.6
 LENS: Final = Lens(eye_m=(0.95, 1.30, 0.0), aim_m=(0.0, 1.26, -AWAY_M), half_height_01=0.32)
 """From the front and a little from the side, from above the raised hands to the knee."""
 MAX_SAME: Final = 10
+CLAIM: Final = "Gestures look more natural with Squad than with Slerp or LinEuler"
+EXPECTED: Final = "squad > slerp, lineuler"
 
 # The simulated rater sees how unevenly the wrists move, how fast, and how far they rise; fitted to
 # the twelve printed means by gesture and method (each within .20).
@@ -91,8 +93,8 @@ study = Study(
         Compare(
             "naturalness",
             within="method",
-            claim="Gestures look more natural with Squad than with Slerp or LinEuler",
-            expects="squad > slerp, lineuler",
+            claim=CLAIM,
+            expects=EXPECTED,
         ),
         Compare(
             "naturalness",
@@ -104,7 +106,36 @@ study = Study(
             claim="The same on the scale of ratings",
             expects="method: squad > slerp, lineuler",
         ),
+        # The source's second, third and fourth hypotheses: tables 4, 5 and 6.
+        *(
+            Compare(
+                "naturalness",
+                within="method",
+                by=by,
+                family="subsets",
+                claim=CLAIM,
+                expects=EXPECTED,
+                published=published.TESTS,
+            )
+            for by in ("experience", "gesture", "gender_named")
+        ),
+        Compare(  # table 3: those whom a panel sent
+            "naturalness",
+            within="method",
+            where="recruited_by = 1",
+            family="subsets",
+            claim=CLAIM,
+            expects=EXPECTED,
+            published=published.TESTS["panel"],
+        ),
     ],
+    groups={
+        "experience": {
+            "novice": "animation_experience < 4",
+            "experienced": "animation_experience = 4",
+        },
+        "gender_named": {"male": "gender = 2", "female": "gender = 1"},
+    },
     sections=["visavis.experiments.interpolation.sections:as_printed"],
     source=Source(
         CITATION,

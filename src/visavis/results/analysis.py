@@ -6,6 +6,7 @@ from typing import Any, Final
 
 import pandas as pd
 
+from visavis.analysis.report.notation import count_of
 from visavis.analysis.statistics import adjust_p
 from visavis.analysis.statistics_report import answer
 from visavis.lab.errors import DataError, LabError
@@ -25,6 +26,7 @@ from visavis.results.findings import Finding, Term
 from visavis.results.selection import Selection
 from visavis.results.sensitivity import SensitivityRow, sensitivity
 from visavis.study.comparisons import AGREEMENT, THING, Compare
+from visavis.study.conditions import Groups, columns_asked, condition_of, with_people
 from visavis.study.declaration import Study
 from visavis.study.look_measures import MAIN_MEASURES
 from visavis.study.measures import Measure, aggregate_cells
@@ -92,6 +94,11 @@ class StudyAnalysis:
         if pieces is None or self.how is None:
             return ""
         return ", ".join(f"{name} {getattr(self.how, name)}" for name in pieces.kept_by)
+
+    def rows_of(self, compare: Compare, trials: pd.DataFrame) -> pd.DataFrame:
+        """Return the trials that a comparison is about, with the columns that it names."""
+        groups = self.study.analysis.groups
+        return compare.select(rows_to_compare(compare, trials, self.people, groups))
 
     def measure(self, column: str) -> Measure:
         """Return a measure by its column."""
@@ -199,18 +206,20 @@ def analyse_rows(
         raise DataError(
             f"no trial of {study.name} counts ({why or 'there is none'}); nothing can be analysed"
         )
-    levels = dict(in_force.levels)
+    groups = study.analysis.groups
+    levels = {**in_force.levels, **{group: tuple(of) for group, of in groups.items()}}
     by_column = {m.column: m for m in in_force.measures}
+    comparisons = study.analysis.compare if in_force.compare is None else in_force.compare
     findings = [
         answer_comparison(
             c,
-            selection.counted,
+            rows_to_compare(c, selection.counted, people, groups),
             by_column,
             levels,
             is_simulated=is_simulated,
             level_words=in_force.level_words,
         )
-        for c in (study.analysis.compare if in_force.compare is None else in_force.compare)
+        for c in comparisons
     ]
     analysis = StudyAnalysis(
         study,
@@ -220,7 +229,7 @@ def analyse_rows(
         levels,
         tuple(in_force.measures),
         with_corrected_p(findings),
-        tuple(in_force.cells or levels),
+        tuple(in_force.cells or in_force.levels),
         rules=in_force.rules,
         tables=tables or {},
         thresholds=in_force.thresholds,
@@ -230,6 +239,24 @@ def analyse_rows(
     analysis = _with_families(analysis, by_column, sensitivity_rows)
     further_of = study.analysis.further_of
     return analysis if further_of is None else replace(analysis, further=further_of(analysis))
+
+
+def columns_of(compare: Compare, groups: Groups) -> tuple[str, ...]:
+    """Return the columns of trials or people that a comparison's factors and conditions read."""
+    by = (compare.by,) if compare.by else ()
+    return columns_asked(
+        compare.where, (*compare.within, *compare.between, *compare.only, *by), groups
+    )
+
+
+def rows_to_compare(
+    compare: Compare, trials: pd.DataFrame, people: pd.DataFrame | None, groups: Groups
+) -> pd.DataFrame:
+    """Return trials with every column that a comparison names, answers of people among them."""
+    conditions = [condition_of(text, compare.name).column for text in compare.where]
+    names = (*compare.within, *compare.between, *compare.only, *conditions)
+    named = {name: of for name, of in groups.items() if name in names}
+    return with_people(trials, people, columns_of(compare, groups), named)
 
 
 def _with_families(
@@ -293,9 +320,22 @@ def answer_comparison(
         )
     # From here a comparison that cannot be tested is a finding that says why, so that the others
     # are still analysed.
+    named = (*factors, *compare.only)
+    if absent := [name for name in named if name not in trials]:
+        return Finding(compare, measure, None, (), f"no trial has {', '.join(absent)}")
+    everybody = trials["participant"].nunique()
     trials = compare.select(trials)
+    if compare.restrictions and trials.empty:
+        why = f"no trial of {', '.join(compare.restrictions)} counts"
+        return Finding(compare, measure, None, (), why)
     if measure.column not in trials:
         return Finding(compare, measure, None, (), f"no trial has {measure.column}")
+    in_no_group = trials[list(factors)].isna().any(axis=1)
+    notes: tuple[str, ...] = ()
+    if in_no_group.any():
+        trials = trials[~in_no_group]
+        out = everybody - trials["participant"].nunique()
+        notes = (f"left out: {count_of(out, 'participant')} in no group of this comparison",)
     if compare.model:  # models take single trials, not the means of cells
         frame = trials[["participant", *factors, measure.column]].copy()
         frame[measure.column] = pd.to_numeric(frame[measure.column], errors="coerce").astype(float)
@@ -307,7 +347,6 @@ def answer_comparison(
         who = "1 participant has" if n == 1 else f"{n} participants have"
         why = f"{who} {words}; tests need {MIN_PARTICIPANTS}"
         return Finding(compare, measure, None, (), why)
-    notes: tuple[str, ...] = ()
     if compare.test in AGREEMENT:
         frame, notes = _agreement_rows(compare, frame)
     question = compare.question(
@@ -332,6 +371,7 @@ def answer_comparison(
         )
         for row in outcome.rows
         if isinstance(p := next((row[n] for n in DECIDING if row.get(n) is not None), None), float)
+        and compare.is_asked(str(row.get("term", "")))
     )
     return as_planned_sided(Finding(compare, measure, outcome, terms))
 

@@ -33,12 +33,13 @@ from visavis.results.locked_plan.review import PlanReview
 from visavis.results.picture_delay import SETTING, delay_of
 from visavis.results.reevaluation import pair_by_own_time
 from visavis.results.selection import Selection, left_out_lines, select
-from visavis.results.tables.dictionary import PEOPLE, of_shown, trial_columns
+from visavis.results.tables.dictionary import PEOPLE, of_shown, people_columns, trial_columns
 from visavis.results.unusual import MAX_LISTED, UnusualTrial, unusual_trials
 from visavis.results.validation import judge_validation
 from visavis.stimuli.scene import SceneFrame
 from visavis.study.cast import use_recorded_cast
 from visavis.study.catalogue import declared_study
+from visavis.study.conditions import columns_asked
 from visavis.study.declaration import Study
 from visavis.study.exclusions import ANSWERED_COLUMN, STANDARD_COLUMNS, Exclusion, limits_in_force
 from visavis.study.expectations import Order
@@ -108,14 +109,20 @@ class OpenedStudy:
             DesignError: with the line of the study file and the most similar valid name.
         """
         measure_columns = tuple(m.column for m in self.measures(experiment))
-        factors = (*(f.name for f in self.study.design.factors), *self.study.design.derived)
+        groups = self.study.analysis.groups
+        factors = (
+            *(f.name for f in self.study.design.factors),
+            *self.study.design.derived,
+            *groups,
+        )
         uses = [
             *((c.dv, "measure", measure_columns) for c in self.study.analysis.compare),
             *(
                 (name, "factor", factors)
                 for c in self.study.analysis.compare
-                for name in (*c.within, *c.between, *c.only)
+                for name in (*c.within, *c.between, *c.only, *((c.by,) if c.by else ()))
             ),
+            *self._asked_columns(experiment),
         ]
         choices = tuple(n for n, r in experiment.responses.items() if isinstance(r, Choice))
         columns = (*factors, *(c.name for c in self.study.analysis.columns))
@@ -139,6 +146,30 @@ class OpenedStudy:
                 there = f" there are {', '.join(valid_names)}" if is_short else ""
                 raise DesignError(f"{place}: there is no {kind} {name!r}{near}{there}")
 
+    def _asked_columns(self, experiment: StudyExperiment) -> list[tuple[str, str, tuple[str, ...]]]:
+        """Return every column that conditions of comparisons and groups read, and all there are.
+
+        Raises:
+            DesignError: a group of people has the name of a column.
+        """
+        groups, comparisons = self.study.analysis.groups, self.study.analysis.compare
+        conditions = [text for c in comparisons for text in c.where]
+        columns = columns_asked(conditions, tuple(groups), groups)
+        if not columns:
+            return []
+        asked = self.original_questionnaires(self.study.asks.questionnaires)
+        there = {
+            **trial_columns(experiment, self.measures(experiment)),
+            **people_columns(asked),
+        }
+        for name in groups:
+            if name in there:
+                place = line_saying(self.study.files.path, name) or f"study {self.study.name}"
+                raise DesignError(
+                    f"{place}: {name!r} is a column already; give the group of people another name"
+                )
+        return [(name, "column", (*there, *groups)) for name in columns]
+
     def _refuse_unknown_levels(self) -> None:
         """Refuse directions of claims and of published results about levels that are not there.
 
@@ -146,6 +177,7 @@ class OpenedStudy:
             DesignError: with the line of the study file and the most similar valid name.
         """
         levels = {f.name: tuple(map(str, f.levels)) for f in self.study.design.factors}
+        levels |= {name: tuple(of) for name, of in self.study.analysis.groups.items()}
         for compare in (c for c in self.study.analysis.compare if c.within or c.between):
             texts = [(compare.expects, compare.orders)]
             texts += [

@@ -18,7 +18,14 @@ import pandas as pd
 from visavis.analysis.power import PlannedTestResult, PrintedTest, Source, Verdicts
 from visavis.analysis.statistics.results import number
 from visavis.lab.errors import DataError, UsageError
-from visavis.results.analysis import Results, StudyAnalysis, answer_comparison, with_corrected_p
+from visavis.results.analysis import (
+    Results,
+    StudyAnalysis,
+    answer_comparison,
+    columns_of,
+    rows_to_compare,
+    with_corrected_p,
+)
 from visavis.results.claims import answer_claim, claimed_finding_term
 from visavis.results.family_tests import (
     DEFAULT_TEST_RULES,
@@ -34,6 +41,7 @@ from visavis.results.intake import SimulatedStudy
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.results.selection import IS_ANALYSED, Selection
 from visavis.study.comparisons import AGREEMENT, Compare
+from visavis.study.conditions import with_people
 from visavis.study.declaration import Study
 from visavis.study.experiment import StudyExperiment
 from visavis.study.measures import aggregate_cells
@@ -286,11 +294,18 @@ class KitPower:
         experiment: StudyExperiment,
     ) -> dict[str, PlannedTestResult]:
         measures = {m.column: m for m in opened_study.measures(experiment)}
-        levels = experiment.levels
+        groups = opened_study.study.analysis.groups
+        levels = {**experiment.levels, **{name: tuple(of) for name, of in groups.items()}}
         asks = any(name in opened_study.study.analysis.questions for name in tests)
         findings = with_corrected_p(
             [
-                answer_comparison(compare, rows, measures, levels, is_simulated=True)
+                answer_comparison(
+                    compare,
+                    rows_to_compare(compare, rows, None, groups),
+                    measures,
+                    levels,
+                    is_simulated=True,
+                )
                 for compare in (c.with_alphas({"alpha": alpha}) for c in experiment.compare)
                 if not compare.exploratory and (asks or _is_asked(compare, tests, experiment))
             ]
@@ -315,13 +330,18 @@ def _effect_name(compare: Compare, term: str, every: Sequence[Compare]) -> str:
 
     Where several comparisons have it, their levels, model or test, and factors are added.
     """
+    # Tests name the factors of an interaction in an order of their own.
+    term = next((own for own in compare.terms if set(own.split(":")) == set(term.split(":"))), term)
     name = f"{compare.dv}:{term}"
     same = [c for c in every if not c.exploratory and c.dv == compare.dv and term in c.terms]
-    if len(same) < 2:
+    # Those of some people or trials are named by these; the others keep their short name.
+    alike = [c for c in same if bool(c.restrictions) == bool(compare.restrictions)]
+    is_whole = len(alike) == 1 and not compare.restrictions
+    if len(same) < 2 or (is_whole and any(c.restrictions for c in same)):
         return name
-    whom = [str(level) for level in compare.only.values()]
     over = "by " + " × ".join((*compare.within, *compare.between))
-    return f"{name} ({', '.join(filter(None, (*whom, compare.model or compare.test, over)))})"
+    of = (*compare.restrictions, compare.model or compare.test, over)
+    return f"{name} ({', '.join(filter(None, of))})"
 
 
 def _is_asked(compare: Compare, tests: Sequence[str], experiment: StudyExperiment) -> bool:
@@ -489,6 +509,9 @@ def _rows_for_tests(
     families = families_of(opened_study.study)
     factors = {of.factor for of in families}
     test_rows = trials
+    for compare in experiment.compare:
+        columns = columns_of(compare, opened_study.study.analysis.groups)
+        test_rows = with_people(test_rows, people, columns, {})
     if not opened_study.study.analysis.compare and len(factors) == 1:
         names = {name for of in families for name in of.measures}
         measures = [m for m in opened_study.measures(experiment) if m.column in names]

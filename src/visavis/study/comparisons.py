@@ -12,6 +12,7 @@ from visavis.analysis.statistics.published import check_f
 from visavis.analysis.statistics_report import Question
 from visavis.lab.errors import DesignError
 from visavis.protocol.plan.steps import Scalar
+from visavis.study.conditions import Groups, condition_of, fulfils
 from visavis.study.expectations import HOW_TO_WRITE, Order, orders_of
 from visavis.study.pairs import Printed
 
@@ -23,6 +24,9 @@ AGREEMENT: Final = ("icc", "krippendorff", "kappa")
 """Tests of the agreement of raters about the items that the factors distinguish."""
 DIRECTED: Final = ("tost", *AGREEMENT)
 """Tests that have their direction: within bounds, or agreement above a number."""
+TWO_LEVELS: Final = ("paired", "conditions", "friedman", "wilcoxon", "t", "welch", "mannwhitney",
+                     "kruskal", "sign")  # fmt: skip
+"""Tests of one factor, which have no interaction: of that the design decides the test."""
 THING: Final = "thing rated"
 """Column that names the rated item in tests of agreement."""
 _SYMBOLS: Final = {"p": "p", "eta2p": "partial η²"}
@@ -111,6 +115,12 @@ class Compare:
     a place of its own in the report and makes no headline. `only` are levels of other factors that
     trials must have ({"group": "haptics"}). `pairs` are published results of two levels, compared
     after the overall test of a factor.
+
+    `where` are conditions on columns of trials or on answers of participants ("age >= 30", "gender
+    = 1, 3", or a column of truths by its name), which must all hold. `by` repeats the comparison at
+    every level of another factor, or of a group of people that the study declares (`groups`), and
+    adds whether what is compared differs between these levels: its interaction with `by`. All of
+    them are corrected as one family; `published` may then be given by level of `by`.
     """
 
     dv: str
@@ -130,9 +140,11 @@ class Compare:
     raters: str = "participant"
     expects: str = ""
     one_sided: bool = False
+    by: str = ""
+    where: str | Sequence[str] = ()
 
     def __post_init__(self) -> None:
-        for name in ("within", "between"):
+        for name in ("within", "between", "where"):
             value = getattr(self, name)
             object.__setattr__(self, name, (value,) if isinstance(value, str) else tuple(value))
         if not self.within and not self.between:
@@ -152,9 +164,27 @@ class Compare:
         if self.model and self.test:
             raise DesignError(f"the comparison of {self.dv} names a test and a model; choose one")
         object.__setattr__(self, "options", tuple(self.options))
+        for condition in self.where:
+            condition_of(condition, f"the comparison of {self.dv}, where")
+        self._refuse_by()
         self._refuse_agreement()
         self._refuse_direction()
         self._refuse_one_sided()
+
+    def _refuse_by(self) -> None:
+        """Refuse a repetition over levels that this comparison cannot have."""
+        if not self.by:
+            return
+        about = f"the comparison of {self.dv} by {self.by}"
+        if not self.within and not self.between:
+            raise DesignError(f"{about} needs a factor whose effect it repeats: within=, between=")
+        if self.by in self.only:
+            raise DesignError(f"{about} names {self.by} in only=, too; leave one of them out")
+        if self.model == "bradleyterry" or self.test in (*AGREEMENT, "tost"):
+            raise DesignError(
+                f"{about}: {self.model or self.test} has no interaction with {self.by}; name the "
+                'levels one by one: where="..."'
+            )
 
     def _refuse_agreement(self) -> None:
         """Refuse tests of agreement without raters, items or a coefficient."""
@@ -321,7 +351,52 @@ class Compare:
         if self.test in AGREEMENT:
             return (every,)
         pairs = [f"{a}:{b}" for i, a in enumerate(names) for b in names[i + 1 :]]
-        return tuple(dict.fromkeys((*names, *pairs, every)))
+        return tuple(t for t in dict.fromkeys((*names, *pairs, every)) if self.is_asked(t))
+
+    def is_asked(self, term: str) -> bool:
+        """Tell whether an effect is one of those asked for.
+
+        Where `by` is a factor already, those are its interactions with the others.
+        """
+        names = (*self.within, *self.between)
+        return self.by not in names or {self.by} < set(term.split(":"))
+
+    def parts(self, levels: Sequence[Scalar], *, is_between: bool) -> tuple["Compare", ...]:
+        """Return what a comparison `by` another factor consists of; without `by` only itself.
+
+        One comparison at each of the `levels` of `by`, then the interaction with it; `is_between`
+        tells whether it groups people.
+        """
+        if not self.by or self.by in (*self.within, *self.between):
+            return (self,)
+        printed_by_level = (
+            self.published
+            if isinstance(self.published, Mapping) and set(self.published) & set(map(str, levels))
+            else None
+        )
+        at_levels = (
+            replace(
+                self,
+                by="",
+                only={**self.only, self.by: level},
+                published=(
+                    self.published if printed_by_level is None else printed_by_level.get(str(level))
+                ),
+            )
+            for level in levels
+        )
+        interaction = replace(
+            self,
+            within=tuple(self.within) if is_between else (*self.within, self.by),
+            between=(*self.between, self.by) if is_between else tuple(self.between),
+            test="" if self.test in TWO_LEVELS else self.test,
+            claim="",
+            expects="",
+            one_sided=False,
+            published=None,
+            pairs={},
+        )
+        return (*at_levels, interaction)
 
     @property
     def claimed_term(self) -> str:
@@ -340,14 +415,24 @@ class Compare:
     @property
     def name(self) -> str:
         """The comparison's name in tables: measure, factors and selected levels."""
-        of = f" ({', '.join(map(str, self.only.values()))})" if self.only else ""
+        of = f" ({', '.join(self.restrictions)})" if self.restrictions else ""
         if self.test in AGREEMENT:
             of = f", {self.test}{of}"
-        return f"{self.dv} by {' × '.join((*self.within, *self.between)) or 'itself'}{of}"
+        names = (*self.within, *self.between)
+        each = f", each {self.by}" if self.by and self.by not in names else ""
+        return f"{self.dv} by {' × '.join(names) or 'itself'}{each}{of}"
+
+    @property
+    def restrictions(self) -> tuple[str, ...]:
+        """What trials it is about: levels of other factors, and conditions."""
+        return (*map(str, self.only.values()), *self.where)
 
     def select(self, trials: pd.DataFrame) -> pd.DataFrame:
-        """Return the trials that it uses."""
-        return trials_of(trials, self.only)
+        """Return the trials that it uses, which have the columns its conditions are about."""
+        trials = trials_of(trials, self.only)
+        for text in self.where:
+            trials = trials[fulfils(trials, condition_of(text, self.name))]
+        return trials
 
     def with_alphas(self, settings: Mapping[str, Any]) -> "Compare":
         """Return a copy with the thresholds `alpha` and `normality_alpha` that were set."""
@@ -415,20 +500,33 @@ def possible(
     compare: Sequence[Compare],
     in_force: Mapping[str, Sequence[Scalar]],
     design_factors: Sequence[str],
+    between: Sequence[str] = (),
+    groups: Groups | None = None,
 ) -> tuple[Compare, ...]:
-    """Return the comparisons that a design can make.
+    """Return the comparisons that a design can make, those `by` a factor in their parts.
 
-    `in_force` are the levels of every factor, `design_factors` the factors that vary in the design.
-    A group to which everybody belongs is not a factor. Comparisons about an absent level, or
-    between absent groups, are left out.
+    `in_force` are the levels of every factor, `design_factors` the factors that vary in the design,
+    `between` those between people, `groups` the groups of people that follow from answers. A group
+    to which everybody belongs is not a factor. Comparisons about an absent level, or between absent
+    groups, are left out.
     """
-    comparisons = []
-    for one in compare:
+    groups = groups or {}
+    comparisons: list[Compare] = []
+    for whole in compare:
+        levels = in_force.get(whole.by) or tuple(groups.get(whole.by, ()))
+        is_between = whole.by in (*groups, *between)
+        comparisons += whole.parts(levels, is_between=is_between) if levels else (whole,)
+    possible_ones = []
+    for one in comparisons:
         factors = (*one.within, *one.between)
         if any(level not in in_force.get(name, (level,)) for name, level in one.only.items()):
             continue
         if any(name in in_force and name not in design_factors for name in factors):
             continue
-        restriction = {name: level for name, level in one.only.items() if name in design_factors}
-        comparisons.append(replace(one, only=restriction))
-    return tuple(comparisons)
+        restriction = {
+            name: level
+            for name, level in one.only.items()
+            if name in design_factors or name in groups
+        }
+        possible_ones.append(replace(one, only=restriction))
+    return tuple(possible_ones)

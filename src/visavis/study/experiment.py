@@ -346,10 +346,17 @@ class StudyExperiment:
     @cached_property
     def compare(self) -> tuple[Compare, ...]:
         """The comparisons that the design in force can make."""
-        in_force = {
+        in_force = self.levels | {
             f.name: self.parameters.get(f.name, f.levels) for f in self.study.design.factors
         }
-        return possible(self.study.analysis.compare, in_force, tuple(self.levels))
+        design = self.study.design_with(self.parameters)
+        return possible(
+            self.study.analysis.compare,
+            in_force,
+            tuple(self.levels),
+            [f.name for f in design.between],
+            self.study.analysis.groups,
+        )
 
     def _with_derived_columns(self, factors: Mapping[str, Any]) -> dict[str, Any]:
         """Return a trial's factors with the columns derived from them."""

@@ -15,6 +15,7 @@ from visavis.protocol.plan.orders import Constraint
 from visavis.protocol.plan.parameters import Range
 from visavis.protocol.plan.steps import Scalar
 from visavis.study.comparisons import Compare
+from visavis.study.conditions import Groups
 from visavis.study.exclusions import STANDARD_RULES, Exclusion
 from visavis.study.look_measures import LooksOn
 from visavis.study.measures import Measure
@@ -240,6 +241,9 @@ class AnalysisPlan:
     """Rules that leave out trials and people."""
     compare: Sequence[Compare] = ()
     """Comparisons of a measure over factors."""
+    groups: Groups = field(default_factory=dict)
+    """Groups of people that follow from answers: the condition of every level by name. Comparisons
+    name them as factors between people (`between`, `by`, `only`)."""
     families: Sequence[Family] = ()
     """Families of simple tests: pairs of levels, correlations with a score. The first one of
     pairs is made again without rules of exclusion, and by padding and minimum duration."""

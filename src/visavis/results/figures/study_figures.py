@@ -60,7 +60,7 @@ def study_figures(analysis: StudyAnalysis, texts: Texts) -> Iterator[ReportFigur
 
 def figure_name(finding: Finding) -> str:
     """Return the file stem of a comparison's figure."""
-    words = (*_factors(finding), *map(str, finding.compare.only.values()))
+    words = (*_factors(finding), *finding.compare.restrictions)
     return re.sub(r"\W+", "_", f"{finding.measure.column}_by_" + "_".join(words))
 
 
@@ -71,7 +71,7 @@ def _factors(finding: Finding) -> tuple[str, ...]:
 def _comparison(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> ReportFigure:
     factors = _factors(finding)
     names = " and ".join(label_of(texts, f) for f in factors)
-    n = count_of(analysis.n_participants, "participant")
+    n = _people_count(analysis, finding)
     source = analysis.study.report.source
     cells = {} if source is None else source.cells.get(finding.measure.column, {})
     notes = " Open diamonds: published means (dashed: ± SD)." if cells else ""
@@ -88,6 +88,12 @@ def _comparison(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> Repo
     )
 
 
+def _people_count(analysis: StudyAnalysis, finding: Finding) -> str:
+    """Return in words how many participants a comparison is about."""
+    rows = analysis.rows_of(finding.compare, analysis.selection.counted)
+    return count_of(int(rows["participant"].nunique()), "participant")
+
+
 def _panels(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> Figure:
     factors = _factors(finding)
     x, panels = factors[0], factors[1:2]
@@ -96,19 +102,23 @@ def _panels(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> Figure:
     axes = figure.subplots(1, len(panel_levels), sharey=True, squeeze=False)[0]
     levels = analysis.levels[x]
     labels = [label_of(texts, str(v)) for v in levels]
-    counted_rows = finding.compare.select(analysis.selection.counted)
+    counted_rows = analysis.rows_of(finding.compare, analysis.selection.counted)
     cells = aggregate_cells(counted_rows, [finding.measure], factors[:2])
     outside = aggregate_cells(
-        finding.compare.select(trials_of_who_is_out(analysis)), [finding.measure], factors[:2]
+        analysis.rows_of(finding.compare, trials_of_who_is_out(analysis)),
+        [finding.measure],
+        factors[:2],
     )
     besides = aggregate_cells(
-        finding.compare.select(trials_with_left_out(analysis)), [finding.measure], factors[:2]
+        analysis.rows_of(finding.compare, trials_with_left_out(analysis)),
+        [finding.measure],
+        factors[:2],
     )
     for ax, panel in zip(axes, panel_levels, strict=True):
         mine = cells if not panels else cells[cells[panels[0]] == panel]
         table, people = _wide(mine, x, finding.measure.column, levels)
         colours = [COLOURS[i % len(COLOURS)] for i in range(len(levels))]
-        if analysis.study.factor(x).between:
+        if x in finding.compare.between:
             _dots(ax, table, labels, colours, people)
         else:
             paired_lines(ax, table, labels, colours, people=people)

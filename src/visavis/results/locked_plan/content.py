@@ -15,12 +15,14 @@ from visavis.study.measures import Measure
 
 LOCK_VERSION: Final = 1
 VERSIONS: Final = "versions"
+GROUPS: Final = "groups"
 FILE_SHA256: Final = "study_file_sha256"
 COMPARED_PARTS: Final = (
     "parameters",
     "factors",
     "measures",
     "comparisons",
+    GROUPS,
     "families",
     "tests",
     "exclusions",
@@ -48,7 +50,9 @@ def plan_content(
     """
     study = experiment.study
     design = study.design_with(experiment.parameters)
+    groups = study.analysis.groups
     levels = {f.name: tuple(map(str, f.levels)) for f in design.factors}
+    levels |= {name: tuple(of) for name, of in groups.items()}
     limits = limits_in_force(study.analysis.exclusions, settings or {})
     rules = DEFAULT_TEST_RULES.with_settings(settings or {})
     thresholds, pieces = study.thresholds_with(settings or {}), study.analysis.measured_in_pieces
@@ -75,6 +79,8 @@ def plan_content(
             for m in measures
         },
         "comparisons": dict(_comparisons(compare, levels)),
+        # Plans of earlier versions lack groups of people that follow from answers.
+        **({GROUPS: {name: dict(of) for name, of in groups.items()}} if groups else {}),
         # Functions cannot be written as data, and wording changes no result.
         "families": {
             f"{i}. {family.family}": {
@@ -125,8 +131,9 @@ def _comparisons(
             del about["raters"]
         if not one.expects:  # and these
             del about["expects"]
-        if not one.one_sided:
-            del about["one_sided"]
+        for key in ("one_sided", "by", "where"):
+            if not about[key]:
+                del about[key]
         about["test"] = one.question(levels).test if is_in_design else one.test
         about["options"] = {key: str(value) for key, value in one.options}
         yield name, about

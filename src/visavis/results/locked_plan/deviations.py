@@ -18,7 +18,8 @@ UNPLANNED_FAMILY: Final = "not planned"
 planned ones."""
 _PART: Final[Mapping[str, str]] = {
     "parameters": "parameter", "factors": "factor", "measures": "measure",
-    "comparisons": "comparison", "families": "family", "tests": "test rule",
+    "comparisons": "comparison", "groups": "group of people", "families": "family",
+    "tests": "test rule",
     "exclusions": "exclusion", VERSIONS: "version", "questions": "question", "scenes": "scene",
 }  # fmt: skip
 
@@ -53,7 +54,9 @@ def deviations_between(plan: Mapping[str, Any], actual: Mapping[str, Any]) -> tu
     A changed study file is reported only where nothing else differs, versions aside.
     """
     deviations = tuple(
-        d for part in COMPARED_PARTS for d in differing(part, plan[part], actual[part])
+        d
+        for part in COMPARED_PARTS
+        for d in differing(part, plan.get(part, {}), actual.get(part, {}))
     )
     before, after = str(plan[FILE_SHA256]), str(actual[FILE_SHA256])
     in_file = any(d.part != VERSIONS for d in deviations)

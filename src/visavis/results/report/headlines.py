@@ -32,7 +32,7 @@ def verdicts_of(analysis: StudyAnalysis, experiment: StudyExperiment) -> list[Ve
     verdicts = []
     for finding in planned:
         if not finding.terms:
-            verdicts.append(_not_tested(finding))
+            verdicts.append(_not_tested(finding, experiment.texts))
         claimed = claimed_finding_term(finding)
         for term in finding.terms:
             if claimed is not None and term is not claimed and term.name == claimed.name:
@@ -41,15 +41,25 @@ def verdicts_of(analysis: StudyAnalysis, experiment: StudyExperiment) -> list[Ve
     return verdicts
 
 
-def _claim_of(finding: Finding) -> str:
-    """Return the claim; without words for it the measure with the direction expected."""
+def _claim_of(finding: Finding, texts: Texts) -> str:
+    """Return the claim with the people or trials it is about.
+
+    Without words for it, that is the measure with the direction expected.
+    """
     compare = finding.compare
     direction = f"{finding.measure.words}: {compare.expects}" if compare.expects else ""
-    return compare.claim or direction
+    claim = compare.claim or direction
+    return claim and f"{claim}{_whom(finding, texts)}"
 
 
-def _not_tested(finding: Finding) -> Verdict:
-    claim = _claim_of(finding)
+def _whom(finding: Finding, texts: Texts) -> str:
+    """Return which people or trials a comparison is about: " (novice)"; of all nothing."""
+    names = ", ".join(label_of(texts, name) for name in finding.compare.restrictions)
+    return f" ({names})" if names else ""
+
+
+def _not_tested(finding: Finding, texts: Texts) -> Verdict:
+    claim = _claim_of(finding, texts)
     heading = f"{finding.measure.words}: not tested" + (f" – {lower(claim)}" if claim else "")
     return Verdict("undecided", heading, f"{finding.why_not}.")
 
@@ -84,7 +94,7 @@ def _verdict(
 
 
 def _claim_headline(finding: Finding, answer: ClaimAnswer, texts: Texts) -> str:
-    claim = _claim_of(finding)
+    claim = _claim_of(finding, texts)
     words = _words_of(answer.differences, texts)
     several = len(answer.differences) > 1 and answer.status in ("partly", "reversed")
     by_how_much = "; ".join(
@@ -108,7 +118,7 @@ def _claim_headline(finding: Finding, answer: ClaimAnswer, texts: Texts) -> str:
 def _effect_headline(finding: Finding, term: Term, status: Status, texts: Texts) -> str:
     """Return what became of an effect of which nothing is claimed, with the means it is about."""
     words = finding.measure.words
-    names = " × ".join(label_of(texts, n) for n in term.name.split(":"))
+    names = " × ".join(label_of(texts, n) for n in term.name.split(":")) + _whom(finding, texts)
     which_way = _which_way(finding, term, texts)
     if status != "found":
         return f"Inconclusive: {lower(words)} by {names}" + (f" ({which_way})" if which_way else "")
@@ -151,7 +161,7 @@ def _more_with(finding: Finding, term: Term, texts: Texts) -> str:
     difference = Difference((more,), (less,), "difference", value, interval, 0, True)
     by_how_much = difference_words(difference, {more: "", less: ""}, finding.measure.unit)
     return (
-        f"{finding.measure.words}: more with {label_in_unit(texts, factor)} "
+        f"{finding.measure.words}{_whom(finding, texts)}: more with {label_in_unit(texts, factor)} "
         f"{label_of(texts, more)} than {label_of(texts, less)} "
         f"({high}{unit} and {low}{unit}, difference {by_how_much.partition(': ')[2]})"
     )

@@ -235,5 +235,5 @@ def comparison_words(finding: Finding, texts: Texts) -> str:
         label_of(texts, name)
         for name in (*finding.compare.within, *finding.compare.between) or ("itself",)
     )
-    levels = ", ".join(label_of(texts, str(v)) for v in finding.compare.only.values())
+    levels = ", ".join(label_of(texts, v) for v in finding.compare.restrictions)
     return f"{words[:1].lower()}{words[1:]} by {factors}" + (f" ({levels})" if levels else "")
