@@ -6,7 +6,13 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from visavis.analysis.statistics import SignedRank, compare_paired
+from visavis.analysis.statistics import (
+    SignedRank,
+    compare_paired,
+    tost_independent,
+    tost_one_sample,
+    tost_paired,
+)
 from visavis.analysis.statistics.errors import ConstantResponse
 from visavis.analysis.statistics_report import Question, answer
 
@@ -90,3 +96,41 @@ def test_a_group_of_two_is_compared_and_has_no_effect_size(
     lacks_effect = small == 2 and test != "anova"
     assert {lacks_effect} == {c.get("effect_size") is None for c in of_two}
     assert all(isinstance(c["p_adjusted"], float) for c in of_two)
+
+
+@pytest.mark.parametrize(
+    ("always", "p", "is_equivalent"),
+    [(0.2, 0.5**PEOPLE, True), (0.0, 0.5**PEOPLE, True), (0.5, 1.0, False), (-0.7, 1.0, False)],
+)
+def test_who_all_differ_alike_are_equivalent_exactly_within_the_bounds(
+    always: float, p: float, is_equivalent: bool
+) -> None:
+    y = [0.7 * i for i in range(PEOPLE)]
+    made = tost_paired([v + always for v in y], y, low=-0.5, high=0.5)
+    alone = tost_one_sample([always] * PEOPLE, low=-0.5, high=0.5)
+
+    assert (pytest.approx(p), is_equivalent) == (made.p, made.is_equivalent)
+    assert (pytest.approx(p), is_equivalent) == (alone.p, alone.is_equivalent)
+    assert pytest.approx((always, always)) == (made.interval.low, made.interval.high)
+    assert "without exception" in made.sentence()
+    assert "exact sign tests" in made.sentence()
+    assert (None, None, None) == tuple(made.row()[name] for name in ("t_low", "t_high", "df"))
+
+
+def test_two_groups_that_do_not_vary_are_compared_with_bounds_by_ranks() -> None:
+    made = tost_independent([1.2] * 4, [1.0] * 6, low=-0.5, high=0.5)
+    # wilcox.test(rep(.7, 4) + 1:4 * 1e-9, rep(0, 6) + 1:6 * 1e-9, alternative = "greater")$p.value
+    assert pytest.approx(0.0047619047619047615) == made.p == made.p_low
+    assert made.is_equivalent
+
+
+def test_bounds_in_standard_deviations_need_one() -> None:
+    with pytest.raises(ConstantResponse, match="have no size"):
+        tost_one_sample([0.2] * PEOPLE, low=-0.5, high=0.5, unit="sd")
+
+
+def test_a_report_says_that_who_all_differ_alike_are_equivalent() -> None:
+    question = Question("tost", dv="y", within=("level",), subject="person", low=-1.5, high=1.5)
+    outcome = answer(alike("ab"), question)
+    assert outcome.row()["is_equivalent"]
+    assert "nothing varies, so that t has no error: exact tests take its place" in outcome.notes
