@@ -91,9 +91,9 @@ def _hermite(x: float, x0: float, x1: float, y0: float, y1: float, m0: float, m1
 
 
 @compiled
-def _foot_pitch(phase: float, stance: float, strike: float, push: float) -> float:
+def _foot_pitch(phase: float, stance: float, flat: float, strike: float, push: float) -> float:
     """Return how far the heel is up: −strike at contact, flat, push when the toes leave."""
-    flat, rise = 0.18 * stance, 0.56 * stance
+    rise = 0.56 * stance
     slope = 1.5 * push / (stance - rise)
     if phase < flat:
         return -strike * (1.0 - ease(phase / flat))
@@ -105,7 +105,7 @@ def _foot_pitch(phase: float, stance: float, strike: float, push: float) -> floa
 
 
 @compiled
-def _about_ball(b: Vector, pitch: float) -> tuple[float, float]:
+def about_ball(b: Vector, pitch: float) -> tuple[float, float]:
     """Return how far forward and up the ankle goes when a flat foot turns about its ball."""
     over, ahead = b[p.B_ANKLE] - b[p.B_BALL_Y], b[p.B_FOOT]
     s, c = np.sin(pitch), np.cos(pitch)
@@ -113,7 +113,7 @@ def _about_ball(b: Vector, pitch: float) -> tuple[float, float]:
 
 
 @compiled
-def _about_heel(b: Vector, pitch: float) -> tuple[float, float]:
+def about_heel(b: Vector, pitch: float) -> tuple[float, float]:
     """Return how far forward and up the ankle goes when a flat foot turns about its heel."""
     s, c = np.sin(pitch), np.cos(pitch)
     return (
@@ -129,7 +129,7 @@ def _print_m(index: int, first_m: float, step: float, distance_m: float) -> floa
 
 
 @compiled
-def _foot(
+def place_foot(
     leg: Vector,
     b: Vector,
     clock_m: float,
@@ -141,8 +141,12 @@ def _foot(
     strike: float,
     push: float,
     lift: float,
+    flat: float,
 ) -> None:
-    """Place one foot along the way; its contacts come at clock = offset + whole strides."""
+    """Place one foot along the way; its contacts come at clock = offset + whole strides.
+
+    It is flat on the floor from the share `flat` of a stride on.
+    """
     stride = 2.0 * step
     k = np.floor((clock_m - offset_m) / stride)
     phase = (clock_m - offset_m) / stride - k
@@ -154,9 +158,9 @@ def _foot(
     # A foot that only closes up rolls less.
     came, goes = (here - before) / stride, (after - here) / stride
     landing = strike * (came if phase < 0.5 * stance else goes)
-    pitch = _foot_pitch(phase, stance, landing, push * goes)
-    ball_forward, ball_up = _about_ball(b, pitch)
-    heel_forward, heel_up = _about_heel(b, pitch)
+    pitch = _foot_pitch(phase, stance, flat, landing, push * goes)
+    ball_forward, ball_up = about_ball(b, pitch)
+    heel_forward, heel_up = about_heel(b, pitch)
     u = 0.0
     if phase < stance:
         forward, up = (ball_forward, ball_up) if pitch >= 0.0 else (heel_forward, heel_up)
@@ -188,14 +192,14 @@ def _foot(
 
 
 @compiled
-def _reach_height_m(b: Vector, half: float, shift: float, strike: float, push: float) -> float:
+def reach_height_m(b: Vector, half: float, shift: float, strike: float, push: float) -> float:
     """Return how high above a standing ankle both legs let the hip joints be, ahead and behind."""
     # The hips are lowest where a step is longest: the front leg stands on its heel, the rear one on
     # its ball, and neither may be stretched beyond its reach.
-    forward, up = _about_heel(b, -strike)
+    forward, up = about_heel(b, -strike)
     ahead = half - shift + forward
     height = np.sqrt((REACH * b[p.B_LEG]) ** 2 - ahead * ahead) + up
-    forward, up = _about_ball(b, push)
+    forward, up = about_ball(b, push)
     behind = half + shift - forward
     return float(min(height, np.sqrt((REACH * b[p.B_LEG]) ** 2 - behind * behind) + up))
 
@@ -258,7 +262,7 @@ def gait_rows(
         push = np.radians(45.0 if runs else 50.0 * min(1.15, relative))
         lift = scale * (0.23 if runs else 0.055)
         shift = scale * (RUN_SHIFT_M if runs else WALK_SHIFT_M)
-        reach = _reach_height_m(b, stance * step, shift, strike, push)
+        reach = reach_height_m(b, stance * step, shift, strike, push)
         contact = -0.94 * step
         phase = (clock - contact) / (2.0 * step)
         cycle = 2.0 * np.pi * phase
@@ -269,7 +273,10 @@ def gait_rows(
             foot[p.ANKLE] = sign * wide
             offset = contact + (0.0 if side == 0 else step)
             foot[p.FOOT_YAW] = -sign * np.radians(3.0 + 5.0 * chance(person, 401, side))
-            _foot(foot, b, clock, offset, step, distance, stance, shift, strike, push, lift)
+            place_foot(
+                foot, b, clock, offset, step, distance, stance, shift, strike, push, lift,
+                0.18 * stance,
+            )  # fmt: skip
             foot[p.KNEE_OUT] = np.radians(1.0)
         _carry(c, b, person, cycle, full, stance, step, reach, runs)
         c[p.HIPS + 2] = -body + (0.01 * scale if runs else 0.0)
