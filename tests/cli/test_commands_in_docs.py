@@ -50,7 +50,12 @@ def problem_of(words: list[str]) -> str:
     command: Any = typer.main.get_command(app)
     rest = list(words)
     context = command.context_class(command)
-    while hasattr(command, "list_commands") and rest and not rest[0].startswith("-"):
+    while hasattr(command, "list_commands") and rest:
+        default = getattr(command, "default_name", "")
+        if default and rest[0] not in command.list_commands(context):
+            rest.insert(0, default)
+        if rest[0].startswith("-"):
+            break
         name = rest.pop(0).rstrip(".,;:")
         if not re.fullmatch(r"[a-z-]+", name):
             return ""  # VERB, plan|preview

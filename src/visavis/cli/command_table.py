@@ -108,8 +108,7 @@ COMMANDS: Mapping[str, Entry] = {
     "character": Entry("character", "People for scenes: list them, import your own, look at them."),
     "import": Entry("data", "Read data recorded by other programs."),
     "export": Entry(
-        "data",
-        "Copy a session into files that other programs read; the recording is not touched.",
+        "export", "Copy sessions, people and motions into files that other programs read."
     ),
 }
 """Commands in the order of the help."""

@@ -10,19 +10,16 @@ import typer
 from rich.progress import Progress
 
 from visavis.cli.app import JsonOption, app, console, say, verbatim
+from visavis.cli.motions import motion_on_character
 from visavis.cli.warp_sheet import write_curves, write_sheet
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Vector
 from visavis.stimuli.characters.cast import load_character
 from visavis.stimuli.characters.character import Character
-from visavis.stimuli.motion.baking import KINDS_BY_NAME, bake
-from visavis.stimuli.motion.build import build_of_character
 from visavis.stimuli.motion.bvh import write_bvh
 from visavis.stimuli.motion.bvh_clip import bvh_of_clip
 from visavis.stimuli.motion.clip import Clip
 from visavis.stimuli.motion.clip_file import write_clip
-from visavis.stimuli.motion.motion_file import MOTION_SUFFIXES, read_motion
-from visavis.stimuli.motion.people import Person
 from visavis.stimuli.motion.warping.cases import CASES, SEARCHED, case_named, stage_case
 from visavis.stimuli.motion.warping.clips import warp_clip
 from visavis.stimuli.motion.warping.features import parse_feature
@@ -88,7 +85,7 @@ def warp(
             raise UsageError("give --observer X,Y,Z and at least one --feature, or a --case")
         targets = tuple(parse_feature(text) for text in feature)
         movable_units = units_named(tuple(name.strip() for name in units.split(",")))
-        motion, body, view = _motion_on_character(clip, who, _point(observer), seconds, unit_m)
+        motion, body, view = _seen_motion(clip, who, _point(observer), seconds, unit_m)
         things, lamps, settings = (), (), SEARCHED
     settings = replace(settings, threads=threads)
     with Progress(console=console, transient=True, disable=as_json) as bar:
@@ -135,20 +132,11 @@ def warp(
     say(f"written to [b]{verbatim(output)}[/]: {', '.join(OUT_NAMES)}")
 
 
-def _motion_on_character(
+def _seen_motion(
     name: str, who: Character, eye_m: Vector, seconds: float, unit_m: float
 ) -> tuple[Clip, SeenBody, Outlook]:
     """Return the motion on the character, its body, and the observer's view of it."""
-    path = Path(name)
-    if name in KINDS_BY_NAME:
-        motion = bake(Person(build_of_character(who), KINDS_BY_NAME[name], seed=5), seconds)
-    elif path.suffix.lower() in MOTION_SUFFIXES:
-        motion = read_motion(path, who.skeleton, unit_m=unit_m)
-    else:
-        raise UsageError(
-            f"{name!r} is neither a BVH file, a clip, nor a motion; motions are "
-            f"{', '.join(KINDS_BY_NAME)}"
-        )
+    motion = motion_on_character(name, who, seconds, unit_m)
     low, high = motion.root_m.min(axis=0), motion.root_m.max(axis=0)
     centre = (low + high) / 2 + np.array([0.0, 0.30, 0.0])
     radius = VIEW_RADIUS_M + float(np.linalg.norm(high - low)) / 2

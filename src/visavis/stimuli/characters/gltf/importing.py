@@ -32,6 +32,7 @@ from visavis.stimuli.characters.gltf.kinds import (
     pieces_by_kind,
 )
 from visavis.stimuli.characters.gltf.looks import Looks, colour_factor, shine_as_roughness, srgb_of
+from visavis.stimuli.characters.gltf.own_figure import OwnFigure, read_own_figure
 from visavis.stimuli.characters.levels import LEVELS, join_skinned_meshes, lighter, thin_mesh
 from visavis.stimuli.characters.measuring import MEASURING_TRIANGLES, match_areas
 from visavis.stimuli.characters.rest_pose import (
@@ -54,8 +55,12 @@ _SHAPES: dict[str, tuple[tuple[str, float], ...]] = {
     "right_blink": (
         (r"r_?eye_?close|eyeblink_?r(ight)?$|blink_?r(ight)?$|right.?(eye.?)?blink", 1.0),
     ),
-    "lids_up": ((r"eyelookup", 1.0), (r"[lr]_?eye_?open", 0.5)),
-    "lids_down": ((r"eyelookdown", 1.0), (r"[lr]_?eye_?close|eyeblink|blink_?[lr]", 0.45)),
+    "lids_up": ((r"^lids_up$", 1.0), (r"eyelookup", 1.0), (r"[lr]_?eye_?open", 0.5)),
+    "lids_down": (
+        (r"^lids_down$", 1.0),
+        (r"eyelookdown", 1.0),
+        (r"[lr]_?eye_?close|eyeblink|blink_?[lr]", 0.45),
+    ),
     "jaw_open": ((r"jaw_?open", 1.0), (r"mouth_?open", 1.0)),
     "smile": ((r"mouth_?smile", 0.8), (r"smile_?close", 0.8), (r"smile", 0.8)),
 }
@@ -116,14 +121,18 @@ def import_gltf(
 ) -> Character:
     """Return the character in a .glb file, in the T-pose, with levels, parts and capsules.
 
-    `gender` is read from a name such as Asian_F_2 when None; `joint_map` gives the file's bones for
-    joints of ours that their names do not tell.
+    What `visavis export character` wrote comes back as it was, under the name in the file; all
+    else is fitted. `gender` is read from a name such as Asian_F_2 when None; `joint_map` gives the
+    file's bones for joints of ours that their names do not tell.
 
     Raises:
         CharacterError: the file is broken, or lacks a skin, a needed bone, or eyes.
     """
     file = read_glb(path)
     try:
+        own = read_own_figure(file)
+        if own is not None:
+            return _own_character(own, name, gender)
         return _import_figure(file, name or path.stem, gender or _gender(path), joint_map)
     except (KeyError, IndexError, TypeError) as e:
         raise CharacterError(
@@ -133,6 +142,36 @@ def import_gltf(
         raise CharacterError(
             f"{path}: its numbers contradict each other ({e or type(e).__name__}); export it again"
         ) from e
+
+
+def _own_character(own: OwnFigure, name: str | None, gender: Gender | None) -> Character:
+    facts = own.facts
+    levels, measuring = _lighter_copies(own.mesh)
+    return Character(
+        name=name or facts["name"],
+        gender=gender or facts["gender"],
+        stature_m=facts["stature_m"],
+        age_years=facts["age_years"],
+        skeleton=own.skeleton,
+        levels=levels,
+        measuring=measuring,
+        materials=own.materials,
+        capsules=own.capsules,
+        eyeball=own.eyeball,
+        source=facts["source"],
+        licence=facts["licence"],
+        closed=closed_surface(own.mesh, own.skeleton),
+    )
+
+
+def _lighter_copies(
+    mesh: SkinnedMesh,
+) -> tuple[tuple[SkinnedMesh, ...], tuple[SkinnedMesh, ...]]:
+    """Return the levels of detail of a mesh, and the copies that body parts are measured on."""
+    first = lighter(mesh, LEVELS[0])
+    # Copies for measuring are fitted to the finest level, because that is what people see.
+    levels = (first, *(lighter(mesh, budget) for budget in LEVELS[1:]))
+    return levels, tuple(match_areas(thin_mesh(mesh, n), first) for n in MEASURING_TRIANGLES)
 
 
 def _gender(path: Path) -> Gender:
@@ -174,10 +213,7 @@ def _import_figure(
             materials.append(looks.material(surface.material, kind, is_shared=is_shared))
         parts.append(_at_rest(file, figure, rig, surface, kind, keys[key], eyes))
     mesh = join_skinned_meshes(parts)
-    first = lighter(mesh, LEVELS[0])
-    # Copies for measuring are fitted to the finest level, because that is what people see.
-    levels = (first, *(lighter(mesh, budget) for budget in LEVELS[1:]))
-    measuring = tuple(match_areas(thin_mesh(mesh, n), first) for n in MEASURING_TRIANGLES)
+    levels, measuring = _lighter_copies(mesh)
     stature = float(np.ptp(points[:, 1]))
     radius = float(np.mean([eye.radius_m for eye in eyes.values()]))
     body = closed_surface(mesh, rig.skeleton)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -56,9 +57,16 @@ files mean the skin by it, others everything that is worn.
 
 
 def _kind(file: GltfFile, figure: Figure, surface: Surface) -> MaterialKind | None:
-    """Return the kind of a surface by its names; None when they do not tell."""
+    """Return the kind of a surface by what its material says or by names; None when neither does.
+
+    Materials that Visavis exported say their kind, and Blender passes that on.
+    """
     label = surface.name.lower()
     if surface.material is not None:
+        extras = file.items("materials")[surface.material].get("extras") or {}
+        if extras.get("kind") in get_args(MaterialKind):
+            kind: MaterialKind = extras["kind"]
+            return kind
         label += " " + str(file.items("materials")[surface.material].get("name", "")).lower()
     corners = np.unique(surface.triangles)
     is_accessory = any(word in label for word in ("lash", "brow", "gland"))
