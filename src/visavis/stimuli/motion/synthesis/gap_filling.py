@@ -15,6 +15,8 @@ from visavis.stimuli.motion.errors import MotionError
 HOLD_SPEED_01: Final = 0.08
 """Share of the last velocity at which the way into the hold begins to be measured."""
 QUARTER: Final = 0.25
+CANDIDATES: Final = 64
+"""Pieces of a long source that are compared exactly."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +55,10 @@ def best_segment(source: Vector, before: Vector, after: Vector, gap: int, window
             "either side; give a longer source or a smaller window"
         )
     sooner = before[::-1][: window + 1]
+    if len(starts) > 2 * CANDIDATES:
+        # Correlations find the few best starts fast, but lose digits; these are compared exactly.
+        rough = _rough_distance(source, sooner, after[: window + 1], gap, weight)
+        starts = starts[np.sort(np.argpartition(rough, CANDIDATES)[:CANDIDATES])]
     offsets = np.arange(window + 1)
     off_before = sooner - source[starts[:, None] - offsets]
     off_after = after[: window + 1] - source[starts[:, None] + gap + 1 + offsets]
@@ -62,6 +68,27 @@ def best_segment(source: Vector, before: Vector, after: Vector, gap: int, window
     others = np.delete(distance, best)
     more = float(others.min() - distance[best]) if len(others) else np.nan
     return Segment(int(starts[best]), float(distance[best]), more)
+
+
+def _rough_distance(
+    source: Vector, sooner: Vector, after: Vector, gap: int, weight: Vector
+) -> Vector:
+    """Return the distance of every start, without what is the same for all of them."""
+    window = len(weight) - 1
+    # Values about their mean, so that little is lost where squares are subtracted.
+    middle = source.mean(axis=0)
+    values = source - middle
+    size = (values**2).sum(axis=1)
+    past = np.convolve(size, weight, "valid")
+    ahead = np.correlate(size, weight, "valid")
+    for column in range(values.shape[1]):
+        own = values[:, column]
+        past -= 2 * np.convolve(own, weight * (sooner[:, column] - middle[column]), "valid")
+        ahead -= 2 * np.correlate(own, weight * (after[:, column] - middle[column]), "valid")
+    # `past` begins with start `window`, `ahead` with frame 0; the last start leaves a window after.
+    count = len(source) - gap - 2 * window - 1
+    rough: Vector = past[:count] + ahead[window + gap + 1 :][:count]
+    return rough
 
 
 def fill_gap(source: Vector, before: Vector, after: Vector, gap: int, start: int) -> Vector:

@@ -54,13 +54,15 @@ class Habits:
     """Statistics of phrases in the order they were spoken.
 
     `beta` is the rules' share beside the chain's. Rules hold from `min_support` of all phrases and
-    `min_confidence` on.
+    `min_confidence` on. `first_of_takes` are the phrases (counted from 0) that begin another
+    recording: they follow nothing.
     """
 
     phrases: tuple[Phrase, ...]
     beta: float = 0.65
     min_support: float = 0.02
     min_confidence: float = 0.30
+    first_of_takes: frozenset[int] = frozenset()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "phrases", tuple(Phrase(*p) for p in self.phrases))
@@ -88,7 +90,9 @@ class Habits:
             DataError: nothing ever followed it.
         """
         codes = self._codes[part]
-        follows = codes[1:][codes[:-1] == CLASSES[part].index(posture)]
+        goes_on = [row not in self.first_of_takes for row in range(1, len(codes))]
+        is_before = codes[:-1] == CLASSES[part].index(posture)
+        follows = codes[1:][is_before & np.array(goes_on, dtype=np.bool_)]
         if not follows.size:
             raise DataError(f"no phrase follows one with {part} {posture}; annotate more speech")
         counts: Vector = np.bincount(follows, minlength=3) / follows.size
