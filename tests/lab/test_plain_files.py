@@ -5,6 +5,7 @@ import os
 import tracemalloc
 import zipfile
 from collections.abc import Callable
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,16 @@ import numpy.typing as npt
 import pytest
 import yaml
 
+from visavis.lab import plain_files
 from visavis.lab.errors import ConfigError
-from visavis.lab.plain_files import open_plain, parse_json, read_arrays, read_packed, read_plain
+from visavis.lab.plain_files import (
+    open_plain,
+    parse_json,
+    read_arrays,
+    read_packed,
+    read_plain,
+    with_whole_characters,
+)
 from visavis.lab.yaml_lines import parse_document, read_document
 
 
@@ -155,3 +164,60 @@ def test_pickled_objects_are_refused(tmp_path: Path) -> None:
     np.savez(path, names=np.array([{}], dtype=object))
     with pytest.raises(ValueError, match="pickle"):
         read_arrays(path)
+
+
+def hostile_archive(path: Path, size: int) -> None:
+    """Write an archive of six megabytes at most that unpacks to `size` bytes of zeros."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        with archive.open("zeros.npy", "w", force_zip64=True) as member:
+            head = {"descr": "|u1", "fortran_order": False, "shape": (size,)}
+            np.lib.format.write_array_header_1_0(member, head)
+            for _ in range(0, size, 1 << 20):
+                member.write(bytes(1 << 20))
+
+
+def test_an_archive_that_unpacks_to_more_than_it_may_is_refused_unread(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(plain_files, "MAX_ARRAYS_BYTES", 4 << 20)
+    hostile_archive(tmp_path / "small.npz", 3 << 20)
+    assert (3 << 20,) == read_arrays(tmp_path / "small.npz")["zeros"].shape
+    hostile_archive(tmp_path / "large.npz", 8 << 20)
+    with pytest.raises(ValueError, match=r"unpacks to \d+ bytes"):
+        read_arrays(tmp_path / "large.npz")
+
+
+@pytest.mark.parametrize("version", [(1, 0), (2, 0)])
+@pytest.mark.parametrize("by_column", [False, True])
+def test_an_array_that_claims_more_than_is_there_is_not_allocated(
+    tmp_path: Path, version: tuple[int, int], by_column: bool
+) -> None:
+    member = BytesIO()
+    head = {"descr": "<f8", "fortran_order": by_column, "shape": (1 << 20, 1 << 20)}
+    write = {
+        (1, 0): np.lib.format.write_array_header_1_0,
+        (2, 0): np.lib.format.write_array_header_2_0,
+    }
+    write[version](member, head)
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+        archive.writestr("a.npy", member.getvalue() + bytes(64))
+    with pytest.raises(ValueError, match=r"claims|buffer is smaller"):
+        read_arrays(tmp_path / "a.npz")
+    assert [[1.0, 2.0]] == _read_back(tmp_path, np.asfortranarray([[1.0, 2.0]]))
+
+
+def _read_back(folder: Path, array: npt.NDArray[np.float64]) -> object:
+    np.savez(folder / "b.npz", array=array)
+    return read_arrays(folder / "b.npz")["array"].tolist()
+
+
+@pytest.mark.parametrize(
+    ("posted", "whole"),
+    [
+        ("a\ud83d", "a�"),
+        (["\udc00", 1, None], ["�", 1, None]),
+        ({"\ud83d": {"b": "😀"}}, {"�": {"b": "😀"}}),
+    ],
+)
+def test_halves_of_characters_are_marked(posted: object, whole: object) -> None:
+    assert whole == with_whole_characters(posted)

@@ -5,6 +5,7 @@ import gzip
 import json
 import math
 import os
+import re
 import stat
 import tokenize
 import zipfile
@@ -22,7 +23,9 @@ MAX_DEPTH = 64
 MAX_TEXT_BYTES = 256 * 1024 * 1024
 """Far more than any text file that Visavis writes."""
 MAX_UNPACKED_BYTES = 4 << 30
+MAX_ARRAYS_BYTES = 1 << 30
 PIECE_BYTES = 1 << 20
+_HALF_CHARACTER = re.compile("[\ud800-\udfff]")
 
 
 def open_plain(path: Path) -> BufferedReader:
@@ -84,6 +87,9 @@ def read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
     """
     try:
         with open_plain(path) as file, zipfile.ZipFile(file) as archive:
+            unpacked_bytes = sum(member.file_size for member in archive.infolist())
+            if unpacked_bytes > MAX_ARRAYS_BYTES:
+                raise ValueError(f"it unpacks to {unpacked_bytes} bytes, more than it may")
             arrays = {
                 name.removesuffix(".npy"): _array(archive.read(name)) for name in archive.namelist()
             }
@@ -122,7 +128,18 @@ def _array(member: bytes) -> npt.NDArray[Any]:
         if count > 0 and dtype.itemsize > 0 and not by_column and not dtype.hasobject:
             flat = np.frombuffer(member, dtype, count, end)
             return flat.reshape(shape).copy()
-    read: npt.NDArray[Any] = np.lib.format.read_array(BytesIO(member), allow_pickle=False)
+    stream = BytesIO(member)
+    is_first_version = np.lib.format.read_magic(stream) == (1, 0)
+    read_header = (
+        np.lib.format.read_array_header_1_0
+        if is_first_version
+        else np.lib.format.read_array_header_2_0
+    )
+    shape, _, dtype = read_header(stream)
+    if math.prod(shape) * dtype.itemsize > len(member):  # NumPy would allocate it before it reads
+        raise ValueError(f"an array claims {math.prod(shape)} values that are not there")
+    stream.seek(0)
+    read: npt.NDArray[Any] = np.lib.format.read_array(stream, allow_pickle=False)
     return read
 
 
@@ -148,6 +165,22 @@ def parse_json(data: bytes | str, *, max_depth: int = MAX_DEPTH) -> Any:
     raw = data.encode(errors="replace") if isinstance(data, str) else data
     if raw.count(b"[") + raw.count(b"{") > max_depth and _depth(value) > max_depth:
         raise ValueError(f"it is nested deeper than {max_depth} levels")
+    return value
+
+
+def with_whole_characters(value: Any) -> Any:
+    """Return a JSON value with U+FFFD in the place of halves of characters (lone surrogates).
+
+    A browser cuts a text between the halves of an emoji; no file could hold what is left.
+    """
+    if isinstance(value, str):
+        return _HALF_CHARACTER.sub("\ufffd", value)
+    if isinstance(value, list):
+        return [with_whole_characters(inner) for inner in value]
+    if isinstance(value, dict):
+        return {
+            _HALF_CHARACTER.sub("\ufffd", k): with_whole_characters(v) for k, v in value.items()
+        }
     return value
 
 

@@ -208,6 +208,20 @@ def test_a_program_that_starts_lab_recorder_starts_and_ends_a_session(tmp_path: 
     served(tmp_path, act)
 
 
+def test_a_web_page_that_posts_to_the_port_of_remote_commands_is_not_obeyed(tmp_path: Path) -> None:
+    async def act(desk: DeskServer, address: str, post: Post) -> None:
+        commands: list[Command] = []
+        desk._watch.tell = commands.append  # type: ignore[method-assign,assignment]  # records
+        port = await desk.listen_as_lab_recorder(0)
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n\nstop\n")
+        assert b"" == await reader.read()
+        assert [] == commands
+        writer.close()
+
+    served(tmp_path, act)
+
+
 def test_the_day_is_told_with_the_lab_and_its_mark(tmp_path: Path) -> None:
     async def act(desk: DeskServer, address: str, post: Post) -> None:
         status, told = await post("/api/today", {})

@@ -1,8 +1,10 @@
 """The server tells nobody else anything, and serves sessions to whoever has their key."""
 
 import asyncio
+import json
 import re
 from collections.abc import Awaitable, Callable
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +12,7 @@ import aiohttp
 import pytest
 
 from tests.running.page.pages import Page, begun
-from visavis.running.page.server import KEY, SITE, PageServer, PageSession
+from visavis.running.page.server import HEADERS, KEY, SITE, PageServer, PageSession
 
 MAX_PAGE_BYTES = 300_000
 
@@ -65,6 +67,94 @@ def test_under_another_name_it_does_not_answer(tmp_path: Path) -> None:
             return response.status
 
     assert 403 == served(tmp_path, ask)
+
+
+STRANGERS: dict[str, dict[str, str]] = {
+    "another site, no questions asked": {
+        "Content-Type": "text/plain",
+        "Sec-Fetch-Site": "cross-site",
+    },
+    "another site, as JSON": {
+        "Content-Type": "application/json",
+        "Origin": "https://other.example",
+    },
+    "another server of this computer": {
+        "Content-Type": "application/json",
+        "Origin": "http://127.0.0.1:1",
+    },
+    "a sandboxed frame": {"Content-Type": "application/json", "Origin": "null"},
+    "a form": {"Content-Type": "application/x-www-form-urlencoded"},
+    "a plain text": {"Content-Type": "text/plain"},
+}
+
+
+@pytest.mark.parametrize("path", ["/api/hello", "/api/events", "/api/leave"])
+@pytest.mark.parametrize("headers", STRANGERS.values(), ids=list(STRANGERS))
+def test_a_page_of_another_site_cannot_post(
+    tmp_path: Path, headers: dict[str, str], path: str
+) -> None:
+    async def ask(http: aiohttp.ClientSession, page: Page, server: PageServer) -> int:
+        body = json.dumps({"tab": "one", "key": "key", "events": [page.event()]})
+        async with http.post(path, data=body, headers=headers) as response:
+            return response.status
+
+    assert served(tmp_path, ask) in (403, 415)
+
+
+def test_a_page_behind_a_proxy_may_post_under_the_name_it_is_served_under(tmp_path: Path) -> None:
+    async def ask(http: aiohttp.ClientSession, page: Page, server: PageServer) -> int:
+        server._hosts = (*server._hosts, "lab.example")
+        headers = {"Origin": "https://lab.example", "Sec-Fetch-Site": "same-origin", KEY: "key"}
+        body = {"tab": "one", "events": [page.event()]}
+        async with http.post("/api/events", json=body, headers=headers) as response:
+            return response.status
+
+    assert 200 == served(tmp_path, ask)
+
+
+def test_every_refusal_is_json_under_the_same_headers(tmp_path: Path) -> None:
+    async def ask(http: aiohttp.ClientSession, page: Page, server: PageServer) -> list[Any]:
+        as_json = {"Content-Type": "application/json"}
+        found: list[Any] = []
+        for method, path, data, headers in (
+            ("GET", "/nowhere", b"", {}),
+            ("DELETE", "/api/hello", b"", as_json),
+            ("POST", "/api/events", BytesIO(b"x" * (2 << 20)), as_json),
+            ("POST", "/api/events", b"{}", {"Content-Type": "application/json; charset=foo"}),
+        ):
+            async with http.request(method, path, data=data, headers=headers) as response:
+                assert set(HEADERS.items()) <= set(response.headers.items())
+                assert (await response.json())["refused"]
+                found.append(response.status)
+        return found
+
+    assert [404, 405, 413, 400] == served(tmp_path, ask)
+
+
+def test_half_a_character_in_an_answer_loses_neither_it_nor_what_follows(tmp_path: Path) -> None:
+    async def ask(http: aiohttp.ClientSession, page: Page, server: PageServer) -> list[int]:
+        http.headers[KEY] = "key"
+        resized = {"kind": "resize", "at_ms": 1.0, "view_px": "\ud83d"}
+        events = [{**resized, "n": 1}, {**resized, "n": 2}]
+        body = json.dumps({"tab": "one", "events": events}).encode()
+        async with http.post(
+            "/api/events", data=body, headers={"Content-Type": "application/json"}
+        ) as response:
+            return [response.status, (await response.json())["ack"]]
+
+    assert [200, 2] == served(tmp_path, ask)
+
+
+def test_a_time_that_no_clock_shows_is_refused_before_it_is_recorded(tmp_path: Path) -> None:
+    async def ask(http: aiohttp.ClientSession, page: Page, server: PageServer) -> list[int]:
+        http.headers[KEY] = "key"
+        found = []
+        for at_ms in (1e308, 1.0):
+            async with http.post("/api/hello", json={"tab": "one", "at_ms": at_ms}) as response:
+                found.append(response.status)
+        return found
+
+    assert [400, 200] == served(tmp_path, ask)
 
 
 def test_pages_may_load_from_nobody_but_their_server(tmp_path: Path) -> None:

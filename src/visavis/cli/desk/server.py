@@ -29,6 +29,7 @@ FILES: Final = {"/": "desk.html", "/desk.js": "desk.js", "/desk.css": "desk.css"
 MAX_WAIT_S: Final = 5.0
 REMOTE: Final = {b"start": Action.ADVANCE, b"stop": Action.ABORT}
 """Effects of LabRecorder's remote commands on a session; its other commands change nothing."""
+HTTP: Final = b" HTTP/"
 
 
 class DeskServer:
@@ -181,6 +182,8 @@ class DeskServer:
         """Serve a program that speaks LabRecorder's protocol; answer lines as LabRecorder does."""
         try:
             while line := await reader.readline():
+                if HTTP in line:
+                    return  # any page of any site may post here, and its body would be obeyed
                 action = REMOTE.get(line.strip())
                 if action is not None:
                     await self._watch.tell(Command(action))

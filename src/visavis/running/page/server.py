@@ -10,7 +10,7 @@ from typing import Any, Final, Protocol
 from aiohttp import web
 
 from visavis.lab.errors import DeviceError, RecordingError
-from visavis.lab.plain_files import parse_json
+from visavis.lab.plain_files import parse_json, with_whole_characters
 from visavis.running.page.desk import PageDesk
 from visavis.running.page.steps import OpenElsewhereError, PageError, number
 
@@ -30,6 +30,7 @@ MAX_PARAMETERS: Final = 20
 SHUTDOWN_S: Final = 5.0
 """How long the server waits for films in transfer when it stops."""
 LOCAL: Final = "127.0.0.1"
+OWN_HOSTS: Final = (LOCAL, "localhost")
 HEADERS: Final = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
     "connect-src 'self'; media-src blob:; img-src data:; base-uri 'none'; form-action 'none'; "
@@ -38,10 +39,19 @@ HEADERS: Final = {
     "Referrer-Policy": "no-referrer",
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cache-Control": "no-store",
+    "Server": "Visavis",
 }
 """Nothing is loaded from third parties, and nothing is sent to them."""
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+class StrangerError(Exception):
+    """A request that is refused before anything reads it, with the status to answer."""
+
+    def __init__(self, status: int, why: str) -> None:
+        super().__init__(why)
+        self.status = status
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +114,7 @@ class LocalServer:
         site: Path,
         files: Mapping[str, str],
         posts: Mapping[str, Handler],
-        hosts: tuple[str, ...] = (LOCAL, "localhost"),
+        hosts: tuple[str, ...] = OWN_HOSTS,
         gets: Mapping[str, Handler] | None = None,
     ) -> None:
         self._hosts = hosts
@@ -148,10 +158,13 @@ class LocalServer:
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        if request.host.partition(":")[0] not in self._hosts:
-            return _refusal(403, "this address is not served")
         try:
+            self._refuse_strangers(request)
             response = await handler(request)
+        except web.HTTPClientError as answer:  # no such path or method, or too long
+            response = _refusal(answer.status, answer.reason)
+        except StrangerError as error:
+            response = _refusal(error.status, str(error))
         except OpenElsewhereError as error:
             response = _refusal(409, str(error))
         except PageError as error:
@@ -161,6 +174,29 @@ class LocalServer:
         if not response.prepared:
             response.headers.update(HEADERS)
         return response
+
+    def _refuse_strangers(self, request: web.Request) -> None:
+        """Refuse other host names, and what a page of another site sends through the browser.
+
+        A page can post to any address without asking, but only as a form or as plain text, and
+        browsers say where it comes from. Programs say neither; they have JSON or the key.
+
+        Raises:
+            StrangerError: it is one of these.
+        """
+        if request.host.partition(":")[0] not in self._hosts:
+            raise StrangerError(403, "this address is not served")
+        if request.method in ("GET", "HEAD", "OPTIONS"):
+            return
+        if request.headers.get("Sec-Fetch-Site", "same-origin") not in ("same-origin", "none"):
+            raise StrangerError(403, "pages of other sites send nothing here")
+        origin = request.headers.get("Origin", "")
+        if origin and origin.partition("://")[2] != request.host:
+            host = origin.partition("://")[2].partition(":")[0]
+            if host not in self._hosts or host in OWN_HOSTS:  # behind a proxy, names may differ
+                raise StrangerError(403, "pages of other sites send nothing here")
+        if request.content_type != "application/json" and KEY not in request.headers:
+            raise StrangerError(415, "a request is JSON, and says so")
 
     async def _file(self, request: web.Request) -> web.StreamResponse:
         return web.FileResponse(self._site / self._files[request.path])
@@ -173,7 +209,7 @@ class PageServer(LocalServer):
     """
 
     def __init__(
-        self, hosts: tuple[str, ...] = (LOCAL, "localhost"), reception: Reception | None = None
+        self, hosts: tuple[str, ...] = OWN_HOSTS, reception: Reception | None = None
     ) -> None:
         self._reception = reception
         self._sessions: dict[str, PageSession] = {}
@@ -216,7 +252,7 @@ class PageServer(LocalServer):
         if isinstance(session, EndedSession):
             return web.json_response({**session.about, **session.state()})
         about = body.get("about")
-        at_ms = body.get("at_ms")
+        at_ms = number(body.get("at_ms", 0.0), "at_ms")
 
         def hello() -> None:
             session.desk.hello(
@@ -224,7 +260,7 @@ class PageServer(LocalServer):
                 before=text_of(body, "before", is_needed=False),
                 takes_over=body.get("takes_over") is True,
                 about=about if isinstance(about, dict) else {},
-                at_ms=float(at_ms) if isinstance(at_ms, int | float) else 0.0,
+                at_ms=at_ms,
             )
 
         return web.json_response({**session.about, **await self._act(session, hello)})
@@ -317,10 +353,14 @@ def _refusal(status: int, why: str) -> web.Response:
 
 async def body_of(request: web.Request) -> Mapping[str, Any]:
     """Return the posted object; raises PageError if it is not an object."""
-    body = await request.json(loads=parse_json)
+    try:
+        body = await request.json(loads=parse_json)
+    except LookupError as error:
+        raise PageError(f"nobody knows the encoding {request.charset}") from error
     if not isinstance(body, Mapping):
         raise PageError("a request is an object")
-    return body
+    whole: Mapping[str, Any] = with_whole_characters(body)
+    return whole
 
 
 def text_of(body: Mapping[str, Any], name: str, *, is_needed: bool = True) -> str:

@@ -16,7 +16,12 @@ from typing import Any, Final
 
 from visavis.lab.clock import StampClock
 from visavis.lab.errors import DataError, LabError, LedgerError
-from visavis.lab.plain_files import MAX_UNPACKED_BYTES, parse_json, read_plain
+from visavis.lab.plain_files import (
+    MAX_UNPACKED_BYTES,
+    parse_json,
+    read_plain,
+    with_whole_characters,
+)
 from visavis.protocol.people.ledger import Ledger, Participant
 from visavis.recording.folder import SessionFolder, create_session, open_session
 from visavis.recording.manifest import read_manifest
@@ -121,7 +126,7 @@ def read_runs(paths: Iterable[Path]) -> tuple[list[Run], int]:
     for text in _texts(paths):
         for line in filter(None, map(str.strip, text.splitlines())):
             try:
-                entry = parse_json(line)
+                entry = with_whole_characters(parse_json(line))
                 key, its = str(entry["run"]), int(entry["line"])
             except (ValueError, TypeError, KeyError, OverflowError):
                 unreadable += 1
