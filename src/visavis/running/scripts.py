@@ -26,13 +26,13 @@ from visavis.results.analysis import StudyAnalysis
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.results.picture_delay import SETTING
 from visavis.running.sessions.damage import require_intact
+from visavis.running.sessions.intake_list import intake_list
 from visavis.running.sessions.plan_lock import check_interim_analysis, read_lock
 from visavis.running.sessions.studies import analyse_study, simulate_study
 from visavis.running.sessions.study_folder import (
     DEFAULT_SEED,
     DERIVED_FOLDER,
     StudySettings,
-    one_per_participant,
     sessions_of,
     study_of_folder,
     wanted_settings,
@@ -135,7 +135,7 @@ class StudyData:
         return self._taken_in({})
 
     def _taken_in(self, how: Mapping[str, Any]) -> tuple[Any, ...]:
-        paths, _ = one_per_participant(tuple(s.path for s in self.sessions))
+        paths = intake_list([s.path for s in self.sessions]).measured
         require_intact(paths, accept=self.accept_damage)
         return tuple(self.study.measure(Recording(path), how) for path in paths)
 

@@ -7,6 +7,8 @@ from pathlib import Path
 from statistics import median
 from typing import Any, Final
 
+import pandas as pd
+
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import LabError
 from visavis.protocol.people.ledger import Participant
@@ -99,7 +101,7 @@ def place_of(entry: Participant, session: Path) -> Place:
         entry.label,
         entry.index,
         entry.group,
-        _state(recording, events, session),
+        state_of(recording, events),
         trials_done,
         planned_count,
         minutes,
@@ -107,7 +109,8 @@ def place_of(entry: Participant, session: Path) -> Place:
     )
 
 
-def _state(recording: Recording, events: Any, session: Path) -> str:
+def state_of(recording: Recording, events: pd.DataFrame) -> str:
+    """Return how far a session came, one of `STATES`, from its events."""
     if recording.status == "complete":
         return "complete"
     names = events["name"]
@@ -116,7 +119,7 @@ def _state(recording: Recording, events: Any, session: Path) -> str:
         return STOPPED if stop_payloads[-1]["keep"] else WITHDRAWN
     if any(payload["agreed"] is False for payload in events.loc[names == "consent", "payload"]):
         return DECLINED
-    return "running" if is_held(session) else "left"
+    return "running" if is_held(recording.path) else "left"
 
 
 def board_of(

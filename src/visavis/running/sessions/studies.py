@@ -33,6 +33,7 @@ from visavis.results.unusual import UnusualTrial
 from visavis.running.sessions.damage import count_damage, describe, require_intact, write_damage
 from visavis.running.sessions.data_root import prepare_data_root
 from visavis.running.sessions.folder_check import SIMULATED_PREFIX
+from visavis.running.sessions.intake_list import intake_list
 from visavis.running.sessions.piecewise import measure_sessions
 from visavis.running.sessions.plan_lock import (
     check_interim_analysis,
@@ -58,7 +59,6 @@ from visavis.running.sessions.study_folder import (
     DERIVED_FOLDER,
     MEASURED_FOLDER,
     StudySettings,
-    one_per_participant,
     output_files,
     read_parameters,
     read_settings,
@@ -214,12 +214,10 @@ def analyse_study(
         UsageError: the study's locked plan keeps results hidden until it is complete.
     """
     folder = folder.resolve()
-    sessions, left_out = one_per_participant(sessions_of(folder))
-    for path in left_out:
-        notifier.warn(
-            f"left out: {path.parent.name}/{path.name}; of several sessions of one person the "
-            "first complete one is analysed"
-        )
+    listed = intake_list(sessions_of(folder))
+    sessions = listed.measured
+    for line in listed.lines():
+        notifier.warn(line)
     manifests = [read_manifest(s) for s in sessions]
     # An analysis is of one study, and of real or simulated sessions unless a mixture is wanted.
     names = {m.study for m in manifests}

@@ -1,0 +1,62 @@
+"""Who came and left stops nobody's analysis: they are counted, named, and left out."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.running.page.test_reception import Place, served
+from visavis.lab.errors import DataError
+from visavis.running.page.client import arrive, visit
+from visavis.running.page.reception import Reception, Rules
+from visavis.running.page.steps import PageStep
+from visavis.running.scripts import StudyData
+from visavis.running.sessions.intake_list import intake_list
+
+LEAVERS = ("opened", "declined", "broke off", "stopped")
+
+
+def visited(place: Place, who: tuple[str, ...]) -> None:
+    async def act(base: str, _: Reception) -> None:
+        for manner in who:
+            stop = {"declined": "decline", "stopped": "keep"}.get(manner, "")
+            at: dict[str, Callable[[PageStep], bool]] = {
+                "opened": lambda step: True,
+                "broke off": lambda step: step.kind == "watch",
+            }
+            await visit(
+                await arrive(base, {}),
+                place.visitor(stop),
+                place.clock,
+                ends=at.get(manner, lambda step: False),
+            )
+
+    served(place, act)
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Place:
+    return Place(tmp_path, Rules())
+
+
+def test_who_came_and_left_is_named_and_left_out(place: Place) -> None:
+    visited(place, ("complete", *LEAVERS, "complete"))
+    listed = intake_list(place.sessions())
+    assert ["sub-S01B", "sub-S06G"] == [path.parent.name for path in listed.measured]
+    assert 4 == len(listed.lines())
+    reasons = [reason for _, reason in listed.left_out]
+    assert ["left", "declined", "left", "stopped, data kept"] == [
+        reason.partition("(")[2].rstrip(")") for reason in reasons
+    ]
+
+
+def test_a_script_measures_who_finished_among_who_left(place: Place) -> None:
+    visited(place, ("complete", *LEAVERS))
+    data = StudyData(place.folder, place.reception()._base.study)
+    assert ["S01B"] == [intake.manifest.participant for intake in data._intakes]
+
+
+def test_nobody_who_began_a_trial_is_said_with_who_came(place: Place) -> None:
+    visited(place, ("declined", "opened"))
+    with pytest.raises(DataError, match=r"nobody has .*S01B holds no trial"):
+        intake_list(place.sessions())
