@@ -48,6 +48,7 @@ from visavis.devices.drivers.sranipal import codec as sranipal
 from visavis.devices.drivers.streaming.gaze_rays import Sample
 from visavis.devices.drivers.streaming.screen import Screen
 from visavis.devices.drivers.triggers import labjack_codec as labjack
+from visavis.devices.drivers.vicon import codec as vicon
 from visavis.devices.drivers.xsens import codec as xsens
 from visavis.devices.registry import driver_wiring
 from visavis.devices.streams import GAZE
@@ -396,6 +397,7 @@ def codecs() -> Iterator[Target]:
     yield Target("natnet.codec", frames("natnet"), _natnet)
     yield Target("openvr.codec", frames("openvr_headset", "openvr_trackers"), _openvr)
     yield Target("qualisys.codec", frames("qualisys"), _qualisys)
+    yield Target("vicon.codec", frames("vicon"), vicon.decode)
     jacks = frames("labjack_triggers")
     yield Target(
         "triggers.labjack_codec",

@@ -8,10 +8,10 @@ that was silent for longer than a few seconds.
 
 import struct
 from collections.abc import Mapping, Sequence
+from typing import Unpack
 
 from visavis.devices.contracts import MovingBody
-from visavis.devices.faults import FaultSchedule
-from visavis.devices.sim.body.wire import BodyWire
+from visavis.devices.sim.body.wire import NamedBodiesWire, Streaming
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.lab.geometry import Vector
 
@@ -20,11 +20,15 @@ FORGOTTEN_AFTER_NS = 5 * NS_PER_S
 SKELETON_NUMBER = 3
 
 
-class NatNetSimulator(BodyWire):
+class NatNetSimulator(NamedBodiesWire):
     """Answer connect and model requests and stream frames in protocol `version`.
 
     `bodies` maps rigid body names to segments; with `skeleton` they are its bones instead.
     """
+
+    usual_rate_hz = 120.0
+    usual_delay_ms = 4.0
+    epoch_ns = 5_000_000_000_000
 
     def __init__(
         self,
@@ -32,28 +36,11 @@ class NatNetSimulator(BodyWire):
         clock: Clock,
         *,
         bodies: Mapping[str, str],
-        seed: int,
         skeleton: str = "",
         version: tuple[int, int] = (4, 1),
-        rate_hz: float = 120.0,
-        faults: FaultSchedule | None = None,
-        drift_ppm: float = 0.0,
-        delay_ms: float = 4.0,
-        jitter_ms: float = 0.5,
+        **streaming: Unpack[Streaming],
     ) -> None:
-        super().__init__(
-            body,
-            clock,
-            seed=seed,
-            segments=tuple(bodies.values()),
-            rate_hz=rate_hz,
-            faults=faults,
-            drift_ppm=drift_ppm,
-            delay_ms=delay_ms,
-            jitter_ms=jitter_ms,
-            epoch_ns=5_000_000_000_000,
-        )
-        self._names = tuple(bodies)
+        super().__init__(body, clock, bodies=bodies, **streaming)
         self._skeleton = skeleton
         version_fault = self._faults.active("version", 0)
         parts = version_fault.text.split(".") if version_fault is not None else version
@@ -82,9 +69,9 @@ class NatNetSimulator(BodyWire):
         """Return one frame; Motive's T-pose faces +z."""
         rigid = b"".join(
             self._rigid_body(i + 1, position_m[i], turn[i], tracked=tracked)
-            for i in range(len(self._names))
+            for i in range(len(self.names))
         )
-        n = len(self._names)
+        n = len(self.names)
         marker = struct.pack("<i3ffhf", 65537, 0.1, 0.2, 0.3, 0.014, 1, 0.0004)
         bones = struct.pack("<ii", SKELETON_NUMBER, n) + rigid
         plate = struct.pack("<iiif", 1, 1, 1, 9.81)
@@ -127,11 +114,11 @@ class NatNetSimulator(BodyWire):
     def _models(self) -> bytes:
         if self._skeleton:
             head = self._skeleton.encode() + b"\0"
-            head += struct.pack("<ii", SKELETON_NUMBER, len(self._names))
-            bones = b"".join(self._description(i + 1, n) for i, n in enumerate(self._names))
+            head += struct.pack("<ii", SKELETON_NUMBER, len(self.names))
+            bones = b"".join(self._description(i + 1, n) for i, n in enumerate(self.names))
             descriptions = [(2, head + bones)]
         else:
-            descriptions = [(1, self._description(i + 1, n)) for i, n in enumerate(self._names)]
+            descriptions = [(1, self._description(i + 1, n)) for i, n in enumerate(self.names)]
         descriptions.insert(0, (0, b"all\0" + struct.pack("<i", 1) + b"marker\0"))
         payload = struct.pack("<i", len(descriptions))
         for kind, content in descriptions:

@@ -6,53 +6,25 @@ and garbage apply to whole packets.
 """
 
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from visavis.devices.contracts import MovingBody
-from visavis.devices.faults import FaultSchedule
-from visavis.devices.sim.body.wire import BodyWire
-from visavis.lab.clock import Clock
+from visavis.devices.sim.body.wire import NamedBodiesWire
 from visavis.lab.geometry import Vector, rotate
 
 
-class QualisysSimulator(BodyWire):
+class QualisysSimulator(NamedBodiesWire):
     """Answer version and parameters, and stream frames once it was asked to.
 
-    `bodies` maps names to segments. With `is_measuring` false nothing is measured.
+    With `is_measuring` false nothing is measured; `up` is the axis that points upwards.
     """
 
-    def __init__(
-        self,
-        body: MovingBody,
-        clock: Clock,
-        *,
-        bodies: Mapping[str, str],
-        seed: int,
-        rate_hz: float = 100.0,
-        faults: FaultSchedule | None = None,
-        drift_ppm: float = 0.0,
-        delay_ms: float = 3.0,
-        jitter_ms: float = 0.5,
-    ) -> None:
-        super().__init__(
-            body,
-            clock,
-            seed=seed,
-            segments=tuple(bodies.values()),
-            rate_hz=rate_hz,
-            faults=faults,
-            drift_ppm=drift_ppm,
-            delay_ms=delay_ms,
-            jitter_ms=jitter_ms,
-            epoch_ns=40_000_000_000,
-        )
-        self.is_measuring = True
-        self.up = "+Z"
-        self._rate_hz = rate_hz
-        self._names = tuple(bodies)
-        self._is_asked = False
+    usual_delay_ms = 3.0
+    epoch_ns = 40_000_000_000
+    is_measuring = True
+    up = "+Z"
+    _is_asked = False
 
     def is_streaming(self, t_ns: int) -> bool:
         """Tell whether somebody asked for frames."""
@@ -74,7 +46,7 @@ class QualisysSimulator(BodyWire):
         self, number: int, device_ns: int, position_m: Vector, turn: Vector, *, tracked: bool
     ) -> Sequence[bytes]:
         """Return one data packet."""
-        content = struct.pack("<IHH", len(self._names), 0, 0)
+        content = struct.pack("<IHH", len(self.names), 0, 0)
         for place, facing in zip(position_m, turn, strict=True):
             x, y, z = (float(v) * 1e3 for v in place)
             numbers = [x, -z, y]  # our y is QTM's z
@@ -101,7 +73,7 @@ class QualisysSimulator(BodyWire):
 
     def _xml(self) -> str:
         bodies = "".join(
-            f"<Body><Name>{name}</Name><Enabled>true</Enabled></Body>" for name in self._names
+            f"<Body><Name>{name}</Name><Enabled>true</Enabled></Body>" for name in self.names
         )
         return (
             "<QTM_Parameters_Ver_1.24>"

@@ -7,12 +7,12 @@ TCP.
 
 import struct
 from collections.abc import Sequence
+from typing import Unpack
 
 import numpy as np
 
 from visavis.devices.contracts import MovingBody
-from visavis.devices.faults import FaultSchedule
-from visavis.devices.sim.body.wire import BodyWire
+from visavis.devices.sim.body.wire import BodyWire, Streaming
 from visavis.lab.clock import NS_PER_MS, Clock
 from visavis.lab.geometry import Vector
 
@@ -29,32 +29,20 @@ MVN_ORDER = (
 class XsensSimulator(BodyWire):
     """Stream type 02 of a moving body; `items_per_datagram` splits a sample when below 23."""
 
+    usual_rate_hz = 240.0
+    epoch_ns = 1_000_000_000
+
     def __init__(
         self,
         body: MovingBody,
         clock: Clock,
         *,
-        seed: int,
-        rate_hz: float = 240.0,
-        faults: FaultSchedule | None = None,
-        drift_ppm: float = 0.0,
-        delay_ms: float = 2.0,
-        jitter_ms: float = 0.5,
         items_per_datagram: int = 23,
         message_type: str = "02",
+        **streaming: Unpack[Streaming],
     ) -> None:
-        super().__init__(
-            body,
-            clock,
-            seed=seed,
-            segments=tuple(name for name in MVN_ORDER if name != "L3"),
-            rate_hz=rate_hz,
-            faults=faults,
-            drift_ppm=drift_ppm,
-            delay_ms=delay_ms,
-            jitter_ms=jitter_ms,
-            epoch_ns=1_000_000_000,
-        )
+        segments = tuple(name for name in MVN_ORDER if name != "L3")
+        super().__init__(body, clock, segments=segments, **streaming)
         self._per_datagram = items_per_datagram
         self._type = message_type
 

@@ -39,6 +39,7 @@ NEEDED = {
     "lsl_body": {"objects": {"Wand": "right_hand"}},
     "natnet": {"multicast_group": ""},
     "qualisys": {"bodies": {"Wand": "right_hand"}},
+    "vicon": {"bodies": {"Wand": "right_hand"}},
     "ble_armband": {"name": "Visavis"},
     "spp_armband": {"address": "00:11:22:33:44:55"},
 }

@@ -13,10 +13,12 @@ from visavis.devices.contracts import BodyTracker, DeviceState
 from visavis.devices.datagrams import UdpTransport
 from visavis.devices.drivers.lsl.body import LslBody
 from visavis.devices.drivers.natnet.driver import MOTIVE_BONES, NatNet
+from visavis.devices.drivers.vicon.driver import Vicon
 from visavis.devices.drivers.xsens.driver import XsensMvn
 from visavis.devices.pump import Pump
 from visavis.devices.sim.lsl.body import LslBodySimulator
 from visavis.devices.sim.natnet import NatNetSimulator
+from visavis.devices.sim.vicon import ViconSimulator
 from visavis.devices.sim.xsens import XsensSimulator
 from visavis.devices.transports import MemoryTransport
 from visavis.devices.wirelog import ReplayTransport, TeeTransport
@@ -27,10 +29,14 @@ WORN = {"Wand": "right_hand", "Cap": "head"}
 XSENS = (XsensSimulator, XsensMvn, 1_000_000_000)
 NATNET = (partial(NatNetSimulator, bodies=WORN), partial(NatNet, bodies=WORN), 5_000 * NS_PER_S)
 SKELETON = (partial(NatNetSimulator, bodies=MOTIVE_BONES, skeleton="Bob"), NatNet, 5_000 * NS_PER_S)
-LSL = (partial(LslBodySimulator, objects=WORN), partial(LslBody, objects=WORN), 90 * NS_PER_S)
+LSL = (partial(LslBodySimulator, bodies=WORN), partial(LslBody, objects=WORN), 90 * NS_PER_S)
+VICON = (partial(ViconSimulator, bodies=WORN), partial(Vicon, bodies=WORN), 0)
 WIRES = pytest.mark.parametrize(
-    "wire", [XSENS, NATNET, SKELETON, LSL], ids=["xsens", "rigid", "bones", "lsl"]
+    "wire",
+    [XSENS, NATNET, SKELETON, LSL, VICON],
+    ids=["xsens", "rigid", "bones", "lsl", "vicon"],
 )
+NUMBERED = pytest.mark.parametrize("wire", [XSENS, NATNET, VICON], ids=["xsens", "natnet", "vicon"])
 TWO = pytest.mark.parametrize("wire", [XSENS, NATNET], ids=["xsens", "natnet"])
 
 
@@ -92,7 +98,7 @@ def test_segments_are_where_the_body_has_them(wire):
     np.testing.assert_allclose(rig.column("orientation_wxyz"), turns, atol=1e-3)
 
 
-@TWO
+@NUMBERED
 def test_lost_samples_are_holes_and_told(wire):
     rig = rig_of(wire, {"kind": "loss", "amount": 0.05}).start().run(10)
     seq = rig.stamps("seq")
@@ -101,7 +107,7 @@ def test_lost_samples_are_holes_and_told(wire):
     assert "samples were lost on the way" in rig.messages()
 
 
-@TWO
+@NUMBERED
 def test_duplicates_and_late_ones_are_left_out_and_told(wire):
     faults = [{"kind": "duplicate", "amount": 0.2}, {"kind": "reorder", "amount": 0.1}]
     rig = rig_of(wire, *faults).start().run(5)
@@ -110,7 +116,7 @@ def test_duplicates_and_late_ones_are_left_out_and_told(wire):
     assert "came late or twice" in rig.messages()
 
 
-@TWO
+@NUMBERED
 def test_noise_on_the_wire_is_counted_and_never_delivered(wire):
     rig = rig_of(wire, {"kind": "garbage", "amount": 0.3}).start().run(5)
     assert "could not be read" in rig.messages()

@@ -27,6 +27,7 @@ OTHERWISE_S = {
     "pupil_core": 0.3,
     "natnet": 0.3,
     "qualisys": 0.3,
+    "vicon": 0.3,
 }
 FRAMES = 12
 

@@ -42,7 +42,7 @@ class LslBodyOptions(StreamOptions):
 
     def for_simulator(self) -> dict[str, Any]:
         """Return rate, drift and the objects that move."""
-        return {**super().for_simulator(), "objects": self.objects}
+        return {**super().for_simulator(), "bodies": self.objects}
 
 
 class LslStreamOptions(StreamOptions):

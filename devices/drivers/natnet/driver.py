@@ -13,13 +13,17 @@ import numpy as np
 
 from visavis.devices.drivers.natnet import codec
 from visavis.devices.drivers.natnet.spec import MOTIVE_BONES, NATNET
-from visavis.devices.drivers.streaming.body_device import BodyDevice, BodySample
+from visavis.devices.drivers.streaming.body_device import (
+    BodyDevice,
+    BodySample,
+    turn_world,
+    upright,
+)
 from visavis.devices.one_of_a_kind import the_only
 from visavis.devices.plausible import TICKS_PER_S
 from visavis.devices.transports import Message, MessageTransport
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.lab.errors import ConfigError, DataError, DeviceTimeout, ProtocolViolation
-from visavis.lab.geometry import quat_conjugate, quat_from_yaw_pitch_deg, quat_multiply, rotate
 
 COMMAND_PORT, DATA_PORT, GROUP = 1510, 1511, "239.255.42.99"
 KEEP_ALIVE_EVERY_NS = NS_PER_S
@@ -51,7 +55,7 @@ class NatNet(BodyDevice):
             raise ConfigError(f"{role}: two bodies are mapped to one segment; give each its own")
         self._by_bones = not bodies
         self._skeleton = skeleton
-        self._turn = quat_from_yaw_pitch_deg(yaw_deg)
+        self._world = upright("+Y", yaw_deg)
         self._server: codec.Server | None = None
         self._models: codec.Models | None = None
         self._row_of: dict[int | tuple[int, int], int] = {}
@@ -180,11 +184,7 @@ class NatNet(BodyDevice):
                 position[row] = body.position
                 turn[row] = np.array((w, i, j, k)) / np.sqrt(length)
                 valid[row] = True
-        turn[valid] = quat_multiply(
-            quat_multiply(self._turn, turn[valid]), quat_conjugate(self._turn)
-        )
-        with np.errstate(invalid="ignore", over="ignore"):  # infinite places are refused later
-            position[valid] = rotate(self._turn, position[valid])
+        turn_world(self._world, position, turn, valid)
         clock_hz = self._server.clock_hz if self._server is not None else 0
         device_ns = frame.exposure_ticks * NS_PER_S // clock_hz if clock_hz else 0
         return BodySample(frame.number, device_ns, position, turn, valid)

@@ -12,18 +12,20 @@ import numpy as np
 
 from visavis.devices.drivers.qualisys import codec
 from visavis.devices.drivers.qualisys.spec import QUALISYS
-from visavis.devices.drivers.streaming.body_device import BodyDevice, BodySample
+from visavis.devices.drivers.streaming.body_device import (
+    UPRIGHT,
+    BodyDevice,
+    BodySample,
+    turn_world,
+    upright,
+)
 from visavis.devices.plausible import SAMPLES_PER_S
 from visavis.devices.transports import Message, MessageTransport
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.lab.errors import ConfigError, DataError, DeviceTimeout, ProtocolViolation
-from visavis.lab.geometry import quat_conjugate, quat_from_yaw_pitch_deg, quat_multiply, rotate
 
 VERSION = "1.24"
 STREAM = "streamframes allframes 6dres"
-HALF = math.sqrt(0.5)
-UPRIGHT = {"+Z": (HALF, -HALF, 0.0, 0.0), "+Y": (1.0, 0.0, 0.0, 0.0)}
-"""How QTM's world is turned to y up, by its upward axis."""
 
 
 class Qualisys(BodyDevice):
@@ -46,7 +48,7 @@ class Qualisys(BodyDevice):
         if not bodies or len(set(bodies.values())) != len(bodies):
             raise ConfigError(f"{role}: map each 6DOF body of QTM to a segment of its own")
         self._names = dict(bodies)
-        self._yaw = quat_from_yaw_pitch_deg(yaw_deg)
+        self._yaw_deg = yaw_deg
         self._reader = codec.PacketReader()
         self._settings: codec.Settings | None = None
         self._answers: list[str] = []
@@ -145,8 +147,5 @@ class Qualisys(BodyDevice):
             facing = None if body is None else codec.quaternion(body[1])
             if body is not None and facing is not None and all(map(math.isfinite, body[0])):
                 position[row], turn[row], valid[row] = body[0], facing, True
-        upright = quat_multiply(self._yaw, np.array(UPRIGHT[settings.up]))
-        with np.errstate(invalid="ignore", over="ignore"):  # infinite places are refused later
-            position[valid] = rotate(upright, position[valid])
-        turn[valid] = quat_multiply(quat_multiply(upright, turn[valid]), quat_conjugate(upright))
+        turn_world(upright(settings.up, self._yaw_deg), position, turn, valid)
         return BodySample(frame.number, frame.t_us * 1000, position, turn, valid)

@@ -4,6 +4,7 @@ A driver adds a codec: how to connect, how to read a message, how to keep the st
 that arrive after a later one are dropped and counted; a hole in `seq` is a lost sample.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -18,7 +19,13 @@ from visavis.devices.segment_watch import SegmentWatch
 from visavis.devices.spec import AnySpec
 from visavis.devices.transports import MessageTransport
 from visavis.lab.clock import Clock
-from visavis.lab.geometry import Vector
+from visavis.lab.geometry import (
+    Vector,
+    quat_conjugate,
+    quat_from_yaw_pitch_deg,
+    quat_multiply,
+    rotate,
+)
 
 Severity = Literal["warning", "blocking"]
 Flags = npt.NDArray[np.bool_]
@@ -39,6 +46,23 @@ class BodySample:
     position_m: Vector
     orientation_wxyz: Vector
     valid: Flags
+
+
+UPRIGHT = {"+Z": (math.sqrt(0.5), -math.sqrt(0.5), 0.0, 0.0), "+Y": (1.0, 0.0, 0.0, 0.0)}
+"""How a tracker's world is turned to y up, by its upward axis."""
+
+
+def upright(up: str, yaw_deg: float) -> Vector:
+    """Return the rotation (w, x, y, z) from a tracker's world to ours, turned about y at last."""
+    return quat_multiply(quat_from_yaw_pitch_deg(yaw_deg), np.array(UPRIGHT[up]))
+
+
+def turn_world(world: Vector, position_m: Vector, orientation_wxyz: Vector, valid: Flags) -> None:
+    """Turn valid rows from a tracker's world to ours, in place; bodies' own axes turn with it."""
+    turns = quat_multiply(world, orientation_wxyz[valid])
+    orientation_wxyz[valid] = quat_multiply(turns, quat_conjugate(world))
+    with np.errstate(invalid="ignore", over="ignore"):  # infinite places are refused later
+        position_m[valid] = rotate(world, position_m[valid])
 
 
 class BodyDevice(StreamDevice[BodySample]):

@@ -5,7 +5,8 @@ swapped markers. A sample taken at t arrives after a least delay and a random on
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Required, TypedDict, Unpack
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +24,17 @@ _DELAY_STREAM, _GARBAGE_STREAM = 0xD1, 0x6B
 _LOSS, _DUPLICATE, _REORDER, _GARBAGE = range(4)
 
 
+class Streaming(TypedDict, total=False):
+    """Keyword arguments of every `BodyWire`: how a simulated tracker streams."""
+
+    seed: Required[int]
+    rate_hz: float
+    faults: FaultSchedule | None
+    drift_ppm: float
+    delay_ms: float
+    jitter_ms: float
+
+
 class BodyWire(ABC):
     """Follow `visavis.devices.transports.Peer`: sample a body's segments and stream them.
 
@@ -30,27 +42,28 @@ class BodyWire(ABC):
     after the simulator is made. Its clock starts at `epoch_ns` and runs `drift_ppm` fast.
     """
 
+    usual_rate_hz = 100.0
+    usual_delay_ms = 2.0
+    usual_jitter_ms = 0.5
+    epoch_ns = 0
+
     def __init__(
         self,
         body: MovingBody,
         clock: Clock,
         *,
-        seed: int,
         segments: Sequence[str],
-        rate_hz: float,
-        faults: FaultSchedule | None = None,
-        drift_ppm: float = 0.0,
-        delay_ms: float = 2.0,
-        jitter_ms: float = 0.5,
-        epoch_ns: int = 0,
+        **streaming: Unpack[Streaming],
     ) -> None:
         self.segments = tuple(segments)
         self._body = body
-        self._rate_milli_hz = round(rate_hz * MILLI_HZ)
-        self._faults = faults if faults is not None else FaultSchedule()
-        self._drift = drift_ppm * 1e-6
-        self._delay_ms, self._jitter_ms = delay_ms, jitter_ms
-        self._epoch_ns = epoch_ns
+        self._rate_hz = streaming.get("rate_hz", self.usual_rate_hz)
+        self._rate_milli_hz = round(self._rate_hz * MILLI_HZ)
+        self._faults = streaming.get("faults") or FaultSchedule()
+        self._drift = streaming.get("drift_ppm", 0.0) * 1e-6
+        self._delay_ms = streaming.get("delay_ms", self.usual_delay_ms)
+        self._jitter_ms = streaming.get("jitter_ms", self.usual_jitter_ms)
+        seed = streaming["seed"]
         self._origin_ns = clock.now_ns()
         self._delays = WireNoise([seed, _DELAY_STREAM], body)
         self._garbage = WireNoise([seed, _GARBAGE_STREAM], body)
@@ -123,7 +136,7 @@ class BodyWire(ABC):
     def device_ns(self, t_ns: int) -> int:
         """Return what the device's clock shows at a session time."""
         since_ns = t_ns - self._origin_ns
-        own_ns = self._epoch_ns + since_ns + round(self._drift * since_ns)
+        own_ns = self.epoch_ns + since_ns + round(self._drift * since_ns)
         return own_ns + self._faults.clock_error_ns(since_ns)
 
     def _hold(self, positions: Vector, turns: Vector, since_ns: npt.NDArray[np.int64]) -> None:
@@ -178,3 +191,18 @@ class BodyWire(ABC):
                 garbage = self._garbage.rng()
                 data = garbage.bytes(int(garbage.integers(1, 900)))
             self._outbox += [Message(arrival_ns, (data,))] * copies
+
+
+class NamedBodiesWire(BodyWire):
+    """A tracker of bodies that its operator named; `bodies` maps their names to segments."""
+
+    def __init__(
+        self,
+        body: MovingBody,
+        clock: Clock,
+        *,
+        bodies: Mapping[str, str],
+        **streaming: Unpack[Streaming],
+    ) -> None:
+        self.names = tuple(bodies)
+        super().__init__(body, clock, segments=tuple(bodies.values()), **streaming)

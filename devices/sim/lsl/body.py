@@ -7,46 +7,35 @@ outlets over the loopback).
 
 import struct
 from collections.abc import Mapping, Sequence
+from typing import Unpack
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 from visavis.devices.contracts import MovingBody, body_schema
-from visavis.devices.faults import FaultSchedule
-from visavis.devices.sim.body.wire import BodyWire
+from visavis.devices.sim.body.wire import NamedBodiesWire, Streaming
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.lab.geometry import Vector
 from visavis.lab.xdf_channels import describe
 
 
-class LslBodySimulator(BodyWire):
-    """Send `objects` (name in the stream -> segment) with the meta-data of our own outlets."""
+class LslBodySimulator(NamedBodiesWire):
+    """Send `bodies` (object of the stream -> segment) with the meta-data of our own outlets."""
+
+    usual_rate_hz = 60.0
+    usual_delay_ms = 1.0
+    usual_jitter_ms = 0.3
+    epoch_ns = 90_000_000_000
 
     def __init__(
         self,
         body: MovingBody,
         clock: Clock,
         *,
-        objects: Mapping[str, str],
-        seed: int,
-        rate_hz: float = 60.0,
-        faults: FaultSchedule | None = None,
-        drift_ppm: float = 0.0,
-        delay_ms: float = 1.0,
-        jitter_ms: float = 0.3,
+        bodies: Mapping[str, str],
+        **streaming: Unpack[Streaming],
     ) -> None:
-        super().__init__(
-            body,
-            clock,
-            seed=seed,
-            segments=tuple(objects.values()),
-            rate_hz=rate_hz,
-            faults=faults,
-            drift_ppm=drift_ppm,
-            delay_ms=delay_ms,
-            jitter_ms=jitter_ms,
-            epoch_ns=90_000_000_000,
-        )
+        super().__init__(body, clock, bodies=bodies, **streaming)
         root = Element("info")
-        describe(SubElement(root, "desc"), body_schema(tuple(objects), rate_hz))
+        describe(SubElement(root, "desc"), body_schema(self.names, self._rate_hz))
         self._xml = tostring(root)
 
     def answer(self, request: bytes, t_ns: int) -> bytes | None:
