@@ -169,11 +169,11 @@ BAND_EVENTS = (
 frames, silenced at the end of a time to live, and so on."""
 
 
-def body_schema(segments: Sequence[str], rate_hz: float) -> StreamSchema:
+def body_schema(segments: Sequence[str], rate_hz: float, name: str = "body") -> StreamSchema:
     """Return the stream of a body tracker: every segment, every sample, in a fixed order."""
     n, segment_list = len(segments), " ".join(segments)
     return StreamSchema(
-        name="body",
+        name=name,
         nominal_rate_hz=rate_hz,
         fields=(
             Field("position_m", "f4", "m", "world", (n, 3), f"origins of: {segment_list}"),

@@ -23,6 +23,7 @@ OTHERWISE_S = {
     "ble_sensor": 2.0,
     "openvr_trackers": 0.12,
     "openvr_controllers": 0.12,
+    "openxr_hands": 0.12,
     "xsens": 0.3,
     "pupil_core": 0.3,
     "natnet": 0.3,

@@ -83,7 +83,7 @@ class FbEyes:
 def supports_fb(xr: Any, instance: Any, system: Any) -> bool:
     """Tell whether the headset of a system tracks either eye, by Meta's extension."""
     properties = xr.SystemEyeTrackingPropertiesFB()
-    _system_properties(xr, instance, system, properties)
+    system_properties(xr, instance, system, properties)
     return bool(properties.supports_eye_tracking)
 
 
@@ -212,14 +212,15 @@ class HtcEyes:
 def supports_htc(xr: Any, instance: Any, system: Any) -> bool:
     """Tell whether the headset of a system tracks either eye, by HTC's extension."""
     properties = _Supports(SUPPORTS)
-    _system_properties(xr, instance, system, properties)
+    system_properties(xr, instance, system, properties)
     return bool(properties.supports_eye_tracking)
 
 
 SUPPORTED: dict[str, Callable[[Any, Any, Any], bool]] = {HTC: supports_htc, FB: supports_fb}
 
 
-def _system_properties(xr: Any, instance: Any, system: Any, next_struct: Any) -> None:
+def system_properties(xr: Any, instance: Any, system: Any, next_struct: Any) -> None:
+    """Let the runtime fill in what an extension tells of a system."""
     properties = xr.SystemProperties(next=ctypes.cast(ctypes.pointer(next_struct), ctypes.c_void_p))
     result = xr.raw_functions.xrGetSystemProperties(instance, system, ctypes.byref(properties))
     problem = xr.check_result(xr.Result(result))

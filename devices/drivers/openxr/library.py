@@ -7,7 +7,7 @@ numbers), so that a `TeeTransport` around the transport writes a `.wire` log. On
 every device of the process. Times are XrTime (ns) as the runtime gives them, next to the same
 instant on the session's clock (`visavis.devices.drivers.openxr.runtime_time`).
 
-Requests: `images`, `runtime`, `gaze`, `eyes`, `hands`, `frame`, `late`, `show`, `views`,
+Requests: `images`, `runtime`, `gaze`, `eyes`, `hands`, `joints`, `frame`, `late`, `show`, `views`,
 `hidden`, `size`, `buzz`.
 """
 
@@ -43,6 +43,7 @@ from visavis.devices.drivers.openxr.graphics import (
     ask_graphics_requirements,
     hidden_area,
 )
+from visavis.devices.drivers.openxr.joints import HAND_TRACKING, HandJoints, supports_hands
 from visavis.devices.drivers.openxr.packing import (
     FRAME,
     INSTANT,
@@ -103,6 +104,7 @@ class OpenXrLibrary:
         self.eyes_by = ""
         self.tells_hidden = False
         self._eyes: EyesOfRuntime | None = None
+        self._joints: HandJoints | None = None
         self.states: list[int] = []
         self.headless_rate_hz = HEADLESS_RATE_HZ
         """Frames per second that are counted where nothing is shown, and so nothing paces."""
@@ -125,6 +127,7 @@ class OpenXrLibrary:
             "gaze": self._gaze,
             "eyes": self._both_eyes,
             "hands": self._hands,
+            "joints": self._hand_joints,
             "frame": self._frame,
             "late": self._late,
             "show": self._show,
@@ -204,6 +207,7 @@ class OpenXrLibrary:
         per_eye = extension_for_eyes(offered_names)
         enabled_names = [*way, timing, *([EYE_GAZE] if EYE_GAZE in offered_names else [])]
         enabled_names += [per_eye] if per_eye else []
+        enabled_names += [HAND_TRACKING] if HAND_TRACKING in offered_names else []
         self.tells_hidden = self._shows_images and VISIBILITY_MASK in offered_names
         enabled_names += [VISIBILITY_MASK] if self.tells_hidden else []
         enabled_names += controller_extensions(offered_names)
@@ -247,6 +251,8 @@ class OpenXrLibrary:
             self._eyes = HtcEyes(xr, self._instance, self._session, self.clock)
         elif self.eyes_by:
             self._eyes = FbEyes(xr, self._session)
+        if HAND_TRACKING in enabled_names and supports_hands(xr, self._instance, system):
+            self._joints = HandJoints(xr, self._instance, self._session)
         self._actions = OpenXrActions(
             xr,
             self._instance,
@@ -326,7 +332,7 @@ class OpenXrLibrary:
         if images is not None and not images.close():
             instance = None  # with it go images whose context is gone: leave them to the process
         self._session, self._actions, self._binding, self._time = None, None, None, None
-        self._eyes, self.eyes_by = None, ""
+        self._eyes, self.eyes_by, self._joints = None, "", None
         self._spaces, self.states, self._running = {}, [], False
         self._headless_frame = -1
         if instance is not None:
@@ -343,7 +349,8 @@ class OpenXrLibrary:
         return self._time.now()
 
     def _runtime(self, _: Frames) -> Frames:
-        facts = [self.version, self.offers_gaze, self.eyes_by, self.tells_hidden]
+        tracks_hands = self._joints is not None
+        facts = [self.version, self.offers_gaze, self.eyes_by, self.tells_hidden, tracks_hands]
         payload: bytes = msgpack.packb(facts)
         return (payload,)
 
@@ -398,6 +405,12 @@ class OpenXrLibrary:
             axis_state = (trigger_01 is not None, 0.0 if trigger_01 is None else trigger_01)
             parts.append(HAND.pack(*axis_state, flags, *numbers(pose)))
         return (b"".join(parts),)
+
+    def _hand_joints(self, _: Frames) -> Frames:
+        if self._joints is None:
+            return ()
+        host_ns, now = self._now()
+        return (self._joints.read(self._spaces["stage"], host_ns, now),)
 
     def _buzz(self, frames: Frames) -> Frames:
         hand, duration_us = (int(part) for part in frames[1].split())

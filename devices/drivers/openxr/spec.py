@@ -44,6 +44,13 @@ class OpenXrGazeOptions(GazeTiming, SimulatedOptions):
     lost_after_s: float = Field(default=2.0, gt=0, le=60)
 
 
+class OpenXrHandsOptions(SimulatedOptions):
+    """Options of `openxr_hands`: how often the joints are asked for."""
+
+    rate_hz: float = Field(default=90.0, ge=1, le=2000)
+    lost_after_s: float = Field(default=2.0, gt=0, le=60)
+
+
 OPENXR_HEADSET = DriverSpec(
     name="openxr_headset",
     kind="headset",
@@ -92,4 +99,20 @@ OPENXR_GAZE = DriverSpec(
         unproven="any runtime: latency, smoothing, which of them tell each eye",
     ),
 )
-SPECS = (OPENXR_HEADSET, OPENXR_CONTROLLERS, OPENXR_GAZE)
+OPENXR_HANDS = DriverSpec(
+    name="openxr_hands",
+    kind="body tracker",
+    options=OpenXrHandsOptions,
+    product=Product(model="OpenXR hand joints"),
+    wire=Wire(medium="OpenXR", library=OPENXR, runtime="openxr"),
+    remedy=(
+        "switch hand tracking on in the headset, put the controllers down, and hold both hands "
+        "before its cameras; some runtimes pass it on through a link program only"
+    ),
+    claims=Claims(
+        stands_for="OpenXR hand tracking: 26 joints a hand",
+        checked=GENUINE_LOADER,
+        unproven="any runtime: how it foresees and smooths, hands made up from controllers",
+    ),
+)
+SPECS = (OPENXR_HEADSET, OPENXR_CONTROLLERS, OPENXR_GAZE, OPENXR_HANDS)

@@ -4,11 +4,13 @@ from typing import Any
 
 from visavis.devices.drivers.openxr.controllers import OpenXrControllers
 from visavis.devices.drivers.openxr.gaze import OpenXrGaze
+from visavis.devices.drivers.openxr.hand_joints import OpenXrHands
 from visavis.devices.drivers.openxr.headset import OpenXrHeadset
 from visavis.devices.drivers.openxr.library import OpenXrLibrary
 from visavis.devices.drivers.openxr.spec import (
     OPENXR_CONTROLLERS,
     OPENXR_GAZE,
+    OPENXR_HANDS,
     OPENXR_HEADSET,
     OpenXrGazeOptions,
     OpenXrHeadsetOptions,
@@ -54,6 +56,12 @@ WIRINGS = (
     Wiring(
         OPENXR_CONTROLLERS,
         make=driven_by(OpenXrControllers),
+        real=_wire,
+        simulated=_simulated_wire,
+    ),
+    Wiring(
+        OPENXR_HANDS,
+        make=driven_by(OpenXrHands),
         real=_wire,
         simulated=_simulated_wire,
     ),

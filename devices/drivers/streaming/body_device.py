@@ -19,6 +19,7 @@ from visavis.devices.segment_watch import SegmentWatch
 from visavis.devices.spec import AnySpec
 from visavis.devices.transports import MessageTransport
 from visavis.lab.clock import Clock
+from visavis.lab.config import is_own_role
 from visavis.lab.geometry import (
     Vector,
     quat_conjugate,
@@ -68,7 +69,8 @@ def turn_world(world: Vector, position_m: Vector, orientation_wxyz: Vector, vali
 class BodyDevice(StreamDevice[BodySample]):
     """Follow the `BodyTracker` contract over a message transport.
 
-    A segment with an impossible place (infinite, or beyond a kilometre) is not valid.
+    A segment with an impossible place (infinite, or beyond a kilometre) is not valid. The stream of
+    a tracker under a role of the lab's own bears the role's name: a suit and props are told apart.
     """
 
     def __init__(
@@ -83,7 +85,8 @@ class BodyDevice(StreamDevice[BodySample]):
         lost_after_s: float = 2.0,
     ) -> None:
         self.segments = tuple(segments)
-        schema = body_schema(self.segments, rate_hz)
+        stream = role if is_own_role(role) else "body"
+        schema = body_schema(self.segments, rate_hz, stream)
         super().__init__(role, transport, clock, spec, schema, lost_after_s=lost_after_s)
 
     def check(self) -> tuple[Fault, ...]:

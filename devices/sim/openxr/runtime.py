@@ -2,12 +2,12 @@
 
 A small C library (`native/openxr_runtime`) is compiled when it is first needed and hands out
 the functions of this module, made with pyopenxr's own prototypes. It offers headless sessions,
-sessions with OpenGL (`images` reads back the images shown), controllers (`hands`), eye gaze, each
-eye if configured (`eyes`), and time conversion. It refuses what the specification calls an error:
-calls out of order or in another state of the session, times and handles that are none, names and
-paths that are not well formed, actions asked for as another type. A headless session has no frames,
-as with Monado. A session with
-graphics gets the focus only after its first frames. Gaze is sampled at its own rate, so locating it
+sessions with OpenGL (`images` reads back the images shown), controllers (`hands`), hand joints
+(`joints`), eye gaze, each eye if configured (`eyes`), and time conversion. It refuses what the
+specification calls an error: calls out of order or in another state of the session, times and
+handles that are none, names and paths that are not well formed, actions asked for as another type.
+A headless session has no frames, as with Monado. A session with graphics gets the focus only after
+its first frames. Gaze is sampled at its own rate, so locating it
 twice within a period gives the same sample. The head at a time to come is foreseen from how it
 moves (`visavis.devices.sim.foresight`). Not modelled: boundaries, the runtime's smoothing of gaze.
 """
@@ -40,6 +40,8 @@ from visavis.devices.sim.openxr.eyes import (
 )
 from visavis.devices.sim.openxr.hands import SimulatedHands
 from visavis.devices.sim.openxr.images import CALL_ORDER_INVALID, SimulatedImages
+from visavis.devices.sim.openxr.joints import EXTENSION as HAND_TRACKING
+from visavis.devices.sim.openxr.joints import SimulatedJoints
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 
 EPOCH_NS = 7_000_000_000_000
@@ -120,6 +122,10 @@ class SimulatedXrRuntime:
         self.images = SimulatedImages(self._new_handle)
         self.hands = SimulatedHands(body, clock.now_ns, self._has_focus)
         self.hands.allocate_with(self._new_handle)
+        self.joints = SimulatedJoints(
+            self.hands, lambda: self._active("silence") or not self._has_focus(), EPOCH_NS
+        )
+        self.joints.allocate_with(self._new_handle)
         self.eyes = SimulatedEyes(
             body,
             per_eye,
@@ -148,7 +154,7 @@ class SimulatedXrRuntime:
         self._before = os.environ.get("XR_RUNTIME_JSON")
         os.environ["XR_RUNTIME_JSON"] = str(manifest)
         self._native = ctypes.CDLL(str(library))
-        for part in (self, self.images, self.hands, self.eyes):
+        for part in (self, self.images, self.hands, self.joints, self.eyes):
             for name in dir(type(part)):
                 if name.startswith("_xr_"):
                     self._offer("xr" + name.removeprefix("_xr_"), getattr(part, name))
@@ -191,6 +197,7 @@ class SimulatedXrRuntime:
         names += [self.eyes.extension] if self.eyes.extension else []
         names += [VISIBILITY_MASK] if self._hides_corners else []
         names += self.hands.extensions
+        names += [HAND_TRACKING] if self.joints.is_supported else []
         count[0] = len(names)
         if capacity and properties:
             for i, name in enumerate(names):
@@ -207,6 +214,7 @@ class SimulatedXrRuntime:
         names = info.contents.enabled_extension_names
         texts = [n.decode() if isinstance(n, bytes) else str(n) for n in names]
         self._is_headless = HEADLESS in texts
+        self.joints.is_enabled = HAND_TRACKING in texts
         return self._new(instance)
 
     def _xr_DestroyInstance(self, instance: Any) -> int:
@@ -236,6 +244,9 @@ class SimulatedXrRuntime:
         each = self._next_struct(properties, self._xr.SystemEyeTrackingPropertiesFB)
         if each is not None:
             each.supports_eye_tracking = self.eyes.supported
+        hands = self._next_struct(properties, self._xr.SystemHandTrackingPropertiesEXT)
+        if hands is not None:
+            hands.supports_hand_tracking = self.joints.is_supported
         address = self._link_of(properties, SUPPORTS_HTC)
         if address:
             self.eyes.answer_properties(address)
