@@ -59,6 +59,7 @@ BODY_LIKE = StreamSchema(
     ),
     60.0,
 )
+HANDS = replace(BODY_LIKE, name="hands")
 MOTION_TYPES = (
     "ACCEL", "ANGACCEL", "GYRO", "JNTANG", "LATENCY", "MAGN", "MISC", "ORNT", "POS", "VEL",
 )  # fmt: skip
@@ -236,16 +237,19 @@ def test_bids_counts_of_motion_channels_are_those_of_the_table_of_channels(
     assert [] == issues_of(tmp_path / "b")
 
 
-def test_bids_channels_of_a_body_name_each_segments_own_column(tmp_path: Path) -> None:
-    recording = gaze_session(tmp_path / "d", own=(BODY_LIKE,))
+@pytest.mark.parametrize("tracked", ["body", "hands"])
+def test_bids_channels_of_a_body_name_each_segments_own_column(
+    tmp_path: Path, tracked: str
+) -> None:
+    recording = gaze_session(tmp_path / "d", own=(BODY_LIKE, HANDS))
     export_bids([recording], tmp_path / "b", task="stare", dataset_name="Stare", about=ABOUT)
-    stem = "sub-P01_ses-001_task-stare_tracksys-body_run-1"
+    stem = f"sub-P01_ses-001_task-stare_tracksys-{tracked}_run-1"
     motion = tmp_path / "b" / "sub-P01" / "ses-001" / "motion"
     channels = pd.read_csv(motion / f"{stem}_channels.tsv", sep="\t", keep_default_na=False)
     table = pd.read_csv(
         motion / f"{stem}_motion.tsv", sep="\t", names=channels["name"].tolist(), na_values="n/a"
     )
-    recorded = recording.stream_arrays("body")
+    recorded = recording.stream_arrays(tracked)
     for k, segment in enumerate(("pelvis", "left_hand")):
         own = channels[channels["tracked_point"] == segment]
         assert [*"xyz", "quat_x", "quat_y", "quat_z", "quat_w"] == own["component"].tolist()

@@ -2,7 +2,7 @@
 
 Gaze goes to `beh/…_recording-eye<1|2|3>_physio.tsv.gz` (left, right, combined), head poses to
 `motion/…_tracksys-HMD_motion.tsv` (before a screen `tracksys-eyetracker`, or nothing where the head
-rests), the tracked body to `motion/…_tracksys-body_motion.tsv`, other
+rests), tracked bodies to `motion/…_tracksys-<stream>_motion.tsv`, other
 streams of devices to `beh/…_recording-<name>_physio.tsv.gz` (those without a rate to the events),
 events and trials to `…_events.tsv` beside both, and who and what stood where to `stimuli/`, one
 file for every arrangement, named by `stim_file` of the events. Times count in seconds from the
@@ -226,11 +226,11 @@ def _session(recording: Recording, files: _Files, task: str, about: DatasetAbout
         zero_ns = _first_ns(recording, part.number, gaze, head)
         run = f"run-{part.number}"
         events = _with_stimuli(_events(recording, part.number, zero_ns), files)
-        body = _arrays_with(recording, part.number, _HEAD_NEEDS, bodies=True)
+        bodies = _bodies(recording, part.number)
         head = head if _head_system(recording) else None
         notes = {**_events_notes(recording, events), **common_fields}
         # BIDS wants events beside every kind of data; both copies are the same.
-        for kind in ("beh", *(["motion"] if head is not None or body is not None else [])):
+        for kind in ("beh", *(["motion"] if head is not None or bodies else [])):
             files.tsv(f"{base}/{kind}/{stem}_{run}_events.tsv", events)
             files.json(f"{base}/{kind}/{stem}_{run}_events.json", notes)
             scans.append(f"{kind}/{stem}_{run}_events.tsv")
@@ -257,10 +257,7 @@ def _session(recording: Recording, files: _Files, task: str, about: DatasetAbout
                 _stream_notes(recording, schema, table, rate_hz(arrays)) | common_fields,
             )
             scans.append(f"{name}.tsv.gz")
-        for system, poses, points in (
-            (_head_system(recording), head, ("head",)),
-            ("body", body, _segments(recording, body)),
-        ):
+        for system, poses, points in ((_head_system(recording), head, ("head",)), *bodies):
             if poses is None:
                 continue
             name = f"motion/{stem}_tracksys-{system}_{run}"
@@ -276,16 +273,23 @@ def _session(recording: Recording, files: _Files, task: str, about: DatasetAbout
     )
 
 
-def _arrays_with(
-    recording: Recording, part: int, fields: frozenset[str], *, bodies: bool = False
-) -> Columns | None:
-    """Return the first stream of a part that has the needed fields and any sample.
-
-    With `bodies` one with the poses of many segments, otherwise one with a single pose.
-    """
+def _bodies(recording: Recording, part: int) -> list[tuple[str, Columns, tuple[str, ...]]]:
+    """Return the bodies tracked in a part: name of the stream, poses, names of its segments."""
+    bodies = []
     for name in recording.stream_names:
         schema = recording.stream_schema(name)
-        if schema is None or name in BOOKKEEPING or _is_body(schema) != bodies:
+        if schema is not None and name not in BOOKKEEPING and _is_body(schema):
+            arrays = recording.stream_arrays(name, part=part)
+            if len(arrays[PART_COLUMN]):
+                bodies.append((_label(name), arrays, segments_of(schema)))
+    return bodies
+
+
+def _arrays_with(recording: Recording, part: int, fields: frozenset[str]) -> Columns | None:
+    """Return the first stream of a part that has the needed fields, one pose and any sample."""
+    for name in recording.stream_names:
+        schema = recording.stream_schema(name)
+        if schema is None or name in BOOKKEEPING or _is_body(schema):
             continue
         if fields <= {f.name for f in schema.fields}:
             arrays = recording.stream_arrays(name, part=part)
@@ -328,13 +332,6 @@ def _others(recording: Recording) -> list[str]:
 
 def _label(name: str) -> str:
     return "".join(c for c in name if c.isascii() and c.isalnum())
-
-
-def _segments(recording: Recording, body: Columns | None) -> tuple[str, ...]:
-    """Return the names of a body's segments, as its stream describes them."""
-    schemas = (recording.stream_schema(name) for name in recording.stream_names)
-    schema = next((s for s in schemas if s is not None and _is_body(s)), None)
-    return () if body is None or schema is None else segments_of(schema)
 
 
 def _task_fields(recording: Recording, about: DatasetAbout) -> dict[str, Any]:
@@ -560,8 +557,8 @@ def _motion_notes(
     system: str,
     measured_hz: float,
 ) -> dict[str, Any]:
-    roles = {"HMD": "head", "eyetracker": "eye", "body": "body"}
-    device = _device(recording, roles[system])
+    role = {"HMD": "head", "eyetracker": "eye"}.get(system, system)
+    device = _device(recording, role)
     return {
         "TrackingSystemName": system,
         "SamplingFrequency": measured_hz,
