@@ -9,8 +9,14 @@ import numpy.typing as npt
 
 from visavis.analysis.gaze.aoi import LOST, aoi_of_samples
 from visavis.analysis.gaze.loss import frozen_samples
+from visavis.lab.clock import NS_PER_MS
+from visavis.lab.device_clock import ClockJump
 from visavis.lab.errors import DataError
 from visavis.recording.reader import Recording
+from visavis.recording.session_times import session_times
+
+MISDATED_NS = 20 * NS_PER_MS
+"""Gaze dated wrongly by more was turned by the head of another moment: at 50°/s, by a degree."""
 
 
 @dataclass(frozen=True)
@@ -82,36 +88,97 @@ def gaze_delay_ms(recording: Recording) -> float | None:
     return None
 
 
-def targets_of_part(recording: Recording, part: int) -> tuple[GazeTargets, npt.NDArray[np.bool_]]:
-    """Return a part's evaluated samples with frozen ones marked as lost, and which these are.
+def gaze_delay_ns(recording: Recording) -> int:
+    """Return the delay that a session took off its gaze samples' times, in nanoseconds.
+
+    The manifests of older recordings say it in the configuration alone.
+    """
+    options = recording.manifest.configuration["devices"].get("eye_tracker", {})
+    infos = [i for i in recording.manifest.devices if i.get("role") == "eye_tracker"]
+    delays = [i.get("gaze_delay_ms") for i in infos] or [options.get("gaze_delay_ms")]
+    return round((delays[-1] or 0.0) * NS_PER_MS)
+
+
+@dataclass(frozen=True)
+class PartGaze:
+    """The evaluated gaze samples of one part, as an analysis takes them.
+
+    `targets` (n samples) are dated by all time exchanges of the part. `frozen` (n,) tells which
+    repeat one direction too long. `misdated_ns` (n,) is by how much the session, which knew only
+    earlier exchanges, dated a sample otherwise; `jumps` are those of the tracker's clock.
+    """
+
+    targets: GazeTargets
+    frozen: npt.NDArray[np.bool_]
+    misdated_ns: npt.NDArray[np.int64]
+    jumps: tuple[ClockJump, ...] = ()
+
+    def clock_jump_ms(self, start_ns: int, end_ns: int) -> float:
+        """Return the largest jump of the tracker's clock that a stretch of time suffers from.
+
+        It lies within, or samples there were still dated by the clock as it was before. 0: none.
+        """
+        jumps_ns = [abs(j.by_ns) for j in self.jumps if start_ns <= j.t_ns < end_ns]
+        if self.jumps:
+            t_ns = self.targets.t_ns
+            late = np.abs(self.misdated_ns[(t_ns >= start_ns) & (t_ns < end_ns)])
+            jumps_ns += late[late > MISDATED_NS].tolist()
+        return max(jumps_ns, default=0) / NS_PER_MS
+
+
+def gaze_of_part(recording: Recording, part: int) -> PartGaze:
+    """Return a part's evaluated samples, dated anew, with useless ones marked as lost.
 
     A tracker that repeats one direction for 100 ms or more has lost the eyes (docs/gaze.md).
+    After a jump of the tracker's clock the session took, until it was aligned again, the head and
+    the scene of another moment: what was evaluated so is lost as well.
     """
     columns = dict(recording.stream_arrays("gaze_targets", part=part))
     gaze = recording.stream_arrays("gaze", part=part)
-    is_repeat = frozen_samples(gaze["t_device_ns"], gaze["direction_head"])
-    is_frozen: npt.NDArray[np.bool_] = np.zeros(len(columns["gaze_seq"]), dtype=np.bool_)
-    if is_repeat.any():
-        is_frozen = np.isin(columns["gaze_seq"], gaze["seq"][is_repeat])
-        columns["valid"] = columns["valid"] & ~is_frozen
-        columns["hit"] = np.where(is_frozen, LOST, columns["hit"]).astype(columns["hit"].dtype)
-        columns["angle_deg"] = np.where(is_frozen[:, None], np.nan, columns["angle_deg"])
-        columns["direction_world"] = np.where(
-            is_frozen[:, None], np.nan, columns["direction_world"]
-        )
-    columns["direction_head"] = _in_head(gaze, columns["gaze_seq"])
-    return GazeTargets.from_columns(columns), is_frozen
+    numbers = columns["gaze_seq"]
+    times = session_times(recording, "gaze", part)
+    is_repeat = frozen_samples(times.t_ns, gaze["direction_head"])
+    is_frozen = np.isin(numbers, gaze["seq"][is_repeat]) if is_repeat.any() else _none(numbers)
+    rows, is_match = _rows_of(gaze["seq"], numbers)
+    recorded_ns = columns["t_sample_ns"]
+    if is_match.any():
+        seen_ns = times.t_ns[rows] - gaze_delay_ns(recording)
+        columns["t_sample_ns"] = np.where(is_match, seen_ns, recorded_ns)
+    misdated_ns = recorded_ns - columns["t_sample_ns"]
+    is_lost = is_frozen | (np.abs(misdated_ns) > MISDATED_NS) if times.jumps else is_frozen
+    if is_lost.any():
+        columns["valid"] = columns["valid"] & ~is_lost
+        columns["hit"] = np.where(is_lost, LOST, columns["hit"]).astype(columns["hit"].dtype)
+        columns["angle_deg"] = np.where(is_lost[:, None], np.nan, columns["angle_deg"])
+        columns["direction_world"] = np.where(is_lost[:, None], np.nan, columns["direction_world"])
+    columns["direction_head"] = _in_head(gaze, rows, is_match)
+    return PartGaze(GazeTargets.from_columns(columns), is_frozen, misdated_ns, times.jumps)
+
+
+def _none(numbers: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
+    return np.zeros(len(numbers), dtype=np.bool_)
+
+
+def _rows_of(
+    recorded: npt.NDArray[np.integer[Any]], numbers: npt.NDArray[np.integer[Any]]
+) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.bool_]]:
+    """Return the rows of the gaze stream (n,) that bear these numbers, and whether there is one."""
+    if not len(recorded):
+        return np.zeros(len(numbers), np.intp), _none(numbers)
+    order = np.argsort(recorded, kind="stable")
+    places = np.searchsorted(recorded, numbers, sorter=order)
+    rows = order[np.minimum(places, len(order) - 1)]
+    return rows, recorded[rows] == numbers
 
 
 def _in_head(
-    gaze: Mapping[str, npt.NDArray[Any]], gaze_numbers: npt.NDArray[np.integer[Any]]
+    gaze: Mapping[str, npt.NDArray[Any]],
+    rows: npt.NDArray[np.intp],
+    is_match: npt.NDArray[np.bool_],
 ) -> npt.NDArray[np.float32]:
-    """Return (n, 3) the eye in the head at samples by number; NaN where lost or not recorded."""
-    in_head = np.full((len(gaze_numbers), 3), np.nan, np.float32)
-    if not len(gaze["seq"]):
-        return in_head
-    order = np.argsort(gaze["seq"], kind="stable")
-    at = order[np.minimum(np.searchsorted(gaze["seq"], gaze_numbers, sorter=order), len(order) - 1)]
-    is_match = (gaze["seq"][at] == gaze_numbers) & gaze["valid"][at]
-    in_head[is_match] = gaze["direction_head"][at[is_match]]
+    """Return (n, 3) the eye in the head of samples; NaN where lost or not recorded."""
+    in_head = np.full((len(rows), 3), np.nan, np.float32)
+    if is_match.any():
+        is_seen = is_match & gaze["valid"][rows]
+        in_head[is_seen] = gaze["direction_head"][rows[is_seen]]
     return in_head

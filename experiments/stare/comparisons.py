@@ -5,7 +5,7 @@ from typing import Any, Final
 from visavis.experiments.stare import published
 from visavis.experiments.stare.published import COMPARISONS
 from visavis.results.family_tests import CorrelationTest, PairTest
-from visavis.study.exclusions import COMPLETENESS_RULES, Exclusion
+from visavis.study.exclusions import CLOCK_RULE, COMPLETENESS_RULES, Exclusion
 from visavis.study.look_measures import (
     DWELL_MS,
     FIRST_FIXATION_DURATION_MS,
@@ -43,6 +43,7 @@ SCORE_COLUMN: Final = "social_anxiety_total"
 """Liebowitz total, 0 to 144, in the table of participants' answers."""
 
 RULES: Final = (
+    CLOCK_RULE,
     Exclusion(
         "max_trial_lost_01",
         "trial",

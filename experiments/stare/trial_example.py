@@ -63,10 +63,10 @@ def example_of(
             and row["condition"] == SHOWN_CONDITION
             and row.get("switch_cause") == "look"
         ):
-            targets = gaze.of_part(int(row["recording_part"]))
-            if targets is None:
+            samples = gaze.of_part(int(row["recording_part"]))
+            if samples is None:
                 return None
-            example = trial_example(targets, row, params=params)
+            example = trial_example(samples.targets, row, params=params)
             lasted_ms = causing_look_ms(example, (row["look_ns"] - row["t_start_ns"]) / NS_PER_MS)
             if lasted_ms > longest_ms:
                 best, longest_ms = example, lasted_ms

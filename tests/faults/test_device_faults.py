@@ -1,10 +1,12 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from tests.faults.sessions import (
+    TRIAL_S,
     TRIALS,
     Rows,
     events,
@@ -17,11 +19,15 @@ from tests.faults.sessions import (
     trial_table,
     verdict,
 )
+from visavis.analysis.gaze.targets import gaze_of_part
 from visavis.analysis.session_verdict import Level
 from visavis.devices.drivers.streaming import exchange_log
+from visavis.experiments.stare.comparisons import RULES
 from visavis.lab.errors import DeviceError
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
+from visavis.results.selection import select
+from visavis.study.exclusions import limits_in_force
 
 
 @pytest.fixture(scope="module")
@@ -134,6 +140,45 @@ def test_a_jump_of_the_trackers_clock_flags_its_trial_and_spares_the_next(
     assert rows.loc["T02", "lost_01"] > 0.5
     assert rows.loc["T03", "lost_01"] < 0.1
     assert "the tracker's clock jumped" in findings(recording)
+
+
+def test_a_trial_in_which_the_clock_jumps_is_excluded_by_a_rule_of_that_name(
+    tmp_path: Path, in_t02: float
+) -> None:
+    recording = perform(lab(tmp_path, tracker=fault("clock_jump", in_t02, amount=3.5)))
+
+    rows = find_study("stare").measure(recording).rows
+    by_trial = rows.set_index("trial_id")
+    assert by_trial.loc["T02", "clock_jump_ms"] == pytest.approx(3500)
+    assert set(by_trial.drop("T02")["clock_jump_ms"]) == {0.0}
+    # The trial is cut at the jump, after a quarter of it; the samples that the session dated 3.5 s
+    # late are of their own trial, not of the next.
+    assert by_trial.loc["T02", "lost_01"] == pytest.approx(0.75, abs=0.05)
+    assert by_trial.loc[["T02", "T03"], "gaze_samples"].tolist() == [TRIAL_S * 60] * 2
+    selection = select(
+        rows, RULES, limits_in_force(RULES, {}), cells=(), planned_counts={}, cell_count=1
+    )
+    assert [("max_clock_jump_ms", 1)] == [
+        (left.rule, left.count) for left in selection.left if left.rule == "max_clock_jump_ms"
+    ]
+    reason = selection.rows.set_index("trial_id").loc["T02", "left_out_because"]
+    assert "the eye tracker's clock jumped by 3500 ms (limit 20 ms)" == reason
+
+
+def test_gaze_follows_a_clock_that_drifts_within_trials(tmp_path: Path) -> None:
+    steady = perform(lab(tmp_path / "steady"))
+    drifting = perform(lab(tmp_path / "drifting", tracker=fault("drift", 0.0, amount=50.0)))
+
+    recorded, dated = (
+        [r.stream_arrays("gaze_targets")["t_sample_ns"], gaze_of_part(r, 1).targets.t_ns]
+        for r in (steady, drifting)
+    )
+    assert np.array_equal(*recorded)
+    # The session knew the past alone: it dated samples up to 3 ms from when they were taken.
+    assert np.abs(dated[0] - recorded[1]).max() > 1e6
+    assert np.abs(dated[1] - recorded[1]).max() < 2_000
+    own = drifting.stream_arrays("gaze")
+    assert (np.diff(own["t_device_ns"] - own["t_host_ns"]) != 0).any()  # raw stamps stay
 
 
 def test_duplicate_stamps_are_left_out_counted_and_flagged(tmp_path: Path, in_t02: float) -> None:

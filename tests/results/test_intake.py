@@ -1,5 +1,6 @@
 """What a recording gives to analysis: the trials' own padding, frozen gaze lost."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -8,13 +9,18 @@ import pandas as pd
 import pytest
 
 from visavis.analysis.gaze.aoi import LOST
-from visavis.analysis.gaze.targets import targets_of_part
+from visavis.analysis.gaze.targets import gaze_of_part
 from visavis.results.intake import validations_of
 from visavis.study.look_measures import LooksOn
 
 
 class FewSamples:
     """A recording of 24 samples at 120 Hz; the first twelve repeat one direction."""
+
+    manifest = SimpleNamespace(configuration={"devices": {}}, devices=())
+
+    def events_named(self, name: str, part: int) -> pd.DataFrame:
+        return pd.DataFrame({"payload": []})
 
     def stream_arrays(self, name: str, *, part: int) -> dict[str, npt.NDArray[np.generic]]:
         n, m = 24, 2
@@ -27,6 +33,7 @@ class FewSamples:
             return {
                 "seq": np.arange(last),
                 "t_device_ns": t_ns[:last],
+                "t_host_ns": t_ns[:last],
                 "direction_head": direction[:last],
                 "valid": np.arange(last) != 13,
             }
@@ -43,7 +50,8 @@ class FewSamples:
 
 
 def test_gaze_that_repeats_one_direction_for_100_ms_is_lost() -> None:
-    samples, frozen = targets_of_part(FewSamples(), 1)  # type: ignore[arg-type]  # only its streams are read
+    gaze = gaze_of_part(FewSamples(), 1)  # type: ignore[arg-type]  # only its streams are read
+    samples, frozen = gaze.targets, gaze.frozen
 
     assert [True] * 12 + [False] * 12 == frozen.tolist()
     assert [LOST] * 12 + [0] * 12 == samples.hit.tolist()
@@ -52,7 +60,7 @@ def test_gaze_that_repeats_one_direction_for_100_ms_is_lost() -> None:
 
 
 def test_eye_in_head_is_that_of_the_same_sample_and_missing_where_it_was_lost() -> None:
-    samples, _ = targets_of_part(FewSamples(), 1)  # type: ignore[arg-type]  # as above
+    samples = gaze_of_part(FewSamples(), 1).targets  # type: ignore[arg-type]  # as above
 
     assert samples.direction_head is not None
     right = samples.direction_head[:, 0].tolist()

@@ -8,7 +8,7 @@ of arrival instead. Events and trials are string streams on the session clock.
 
 import json
 import struct
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -24,10 +24,9 @@ from visavis.lab.xdf_channels import channels_of, content_type, describe, flat_c
 from visavis.recording.durable import make_folder, write_failure
 from visavis.recording.journal import as_json
 from visavis.recording.reader import Recording
+from visavis.recording.session_times import EXCHANGE_EVENT, exchanges_by_stream
 
 FILE_HEADER, STREAM_HEADER, SAMPLES, CLOCK_OFFSET, STREAM_FOOTER = 1, 2, 3, 4, 6
-EXCHANGE_EVENT = "clock_exchanges"
-STREAM_OF_ROLE = {"eye_tracker": "gaze"}
 SAMPLES_PER_CHUNK = 5000
 SAME_CLOCK_NS = NS_PER_S
 """Device and host stamps that never differ by more than this are of one clock."""
@@ -154,7 +153,7 @@ def _write_part(recording: Recording, part: int, writer: XdfWriter) -> None:
     }
     events = recording.events()
     events = events[events["recording_part"] == part]
-    exchanges = _exchanges(events[events["name"] == EXCHANGE_EVENT]["payload"])
+    exchanges = exchanges_by_stream(events[events["name"] == EXCHANGE_EVENT]["payload"])
     number = 0
     for name in recording.stream_names:
         schema = recording.stream_schema(name)
@@ -210,14 +209,6 @@ def _write_part(recording: Recording, part: int, writer: XdfWriter) -> None:
         writer.begin(stream, facts)
         writer.texts(number, times / NS_PER_S, texts)
         writer.finish(number)
-
-
-def _exchanges(payloads: Iterable[dict[str, Any]]) -> dict[str, list[list[int]]]:
-    exchanges: dict[str, list[list[int]]] = {}
-    for payload in payloads:
-        stream = STREAM_OF_ROLE.get(str(payload.get("role")), str(payload.get("role")))
-        exchanges.setdefault(stream, []).extend(payload.get("send_device_receive_ns", ()))
-    return exchanges
 
 
 def _text(row: dict[str, Any]) -> str:

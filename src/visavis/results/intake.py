@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from visavis.analysis.gaze.targets import gaze_delay_ms
+from visavis.analysis.gaze.targets import PartGaze, gaze_delay_ms
 from visavis.analysis.own_streams import OwnStream, own_streams
 from visavis.analysis.report import SessionSource
 from visavis.analysis.report.sources import source_of
@@ -29,7 +29,7 @@ from visavis.results.picture_delay import LATE, LatePictures, answer_times_from_
 from visavis.results.reevaluation import ahead_ms, paired_by_arrival
 from visavis.study.exclusions import ANSWERED_COLUMN
 from visavis.study.look_measures import LOOK_COLUMNS, LooksOn
-from visavis.study.measures import Measure, SessionGaze, TrialRecord, value_of
+from visavis.study.measures import CLOCK_JUMP, Measure, SessionGaze, TrialRecord, value_of
 
 
 @dataclass(frozen=True)
@@ -121,6 +121,7 @@ def take_in(
     gaze = SessionGaze(recording)
     trial_measures = [m for m in measures if m.of is not None]
     values: dict[str, list[Any]] = {m.column: [] for m in trial_measures}
+    jumps_ms: list[float | None] = []
     look_rows: list[dict[str, Any]] = []
     sensitivity_rows: list[dict[str, Any]] = []
     rules = [(on, on.rules(recording.manifest.plan)) for on in looks]
@@ -132,10 +133,12 @@ def take_in(
         rows = _from_light(rows, late, answers)
     for row in rows.to_dict("records"):
         is_complete = row["status"] == "complete"
+        part = gaze.of_part(int(row["recording_part"])) if is_complete else None
+        jumps_ms.append(None if part is None else _clock_jump_ms(part, row))
         record = TrialRecord(
             {str(k): v for k, v in row.items()},
             recording,
-            gaze.of_part(int(row["recording_part"])) if is_complete else None,
+            None if part is None else part.targets,
             unreadable.get(
                 (row["recording_part"], str(row["trial_id"]), row.get("attempt")), frozenset()
             ),
@@ -148,13 +151,15 @@ def take_in(
             values[measure.column].append(value_of(measure, record) if is_complete else None)
         look_rows.append({})
         for on, params in rules if is_complete else ():
-            frozen = gaze.frozen_of_part(int(row["recording_part"]))
+            frozen = np.zeros(0, np.bool_) if part is None else part.frozen
             columns, settings = on.measure(record, frozen, params)
             look_rows[-1] |= columns
             if not row["is_practice"]:
                 key = {k: row[k] for k in ("participant", "session", "trial_id", "attempt")}
                 sensitivity_rows += [{**key, **setting} for setting in settings]
     new_columns = pd.DataFrame(values, index=rows.index)
+    if looks or any(m.needs_gaze for m in measures):
+        new_columns[CLOCK_JUMP.name] = jumps_ms
     # The columns of looks are there even where no trial has a value.
     if rules:
         look_names = [c.name for c in LOOK_COLUMNS]
@@ -180,6 +185,14 @@ def take_in(
         own_streams(recording),
         blocks,
     )
+
+
+def _clock_jump_ms(gaze: PartGaze, row: Mapping[Any, Any]) -> float | None:
+    """Return the jump of the tracker's clock that a trial suffers from; None without times."""
+    start, end = row.get("t_start_ns"), row.get("t_end_ns")
+    if start is None or end is None or start != start or end != end:
+        return None
+    return gaze.clock_jump_ms(int(start), int(end))
 
 
 def _from_light(rows: pd.DataFrame, late: LatePictures, answers: Sequence[str]) -> pd.DataFrame:

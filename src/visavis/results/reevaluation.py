@@ -12,6 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from visavis.analysis.gaze.targets import gaze_delay_ns
 from visavis.devices.streams import GAZE, HEAD, HEAD_MEASURED
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import DataError, UsageError
@@ -103,7 +104,7 @@ def targets_again(
     if schema is None:
         raise DataError(f"{recording.path}: stream {TARGETS} has no schema")
     batches: list[SampleBatch] = []
-    delay_ns = _delay_ns(recording)
+    delay_ns = gaze_delay_ns(recording)
     targets = RowBuffer(schema, batches.append, hold_ns=NS_PER_S)
     observer = GazeObserver(targets, delay_ns=delay_ns)
     offsets_ns = _offsets_ns(recording, part)
@@ -205,14 +206,6 @@ class _Scenes:
             view = next(iter(self._views_of(frame_content)))
             self._scene_by_number[number] = view.scene
         return self._scene_by_number[number]
-
-
-def _delay_ns(recording: Recording) -> int:
-    """Return the configured delay of the tracker's time stamps, in nanoseconds."""
-    options = recording.manifest.configuration["devices"].get("eye_tracker", {})
-    infos = [i for i in recording.manifest.devices if i.get("role") == "eye_tracker"]
-    delays = [i.get("gaze_delay_ms") for i in infos] or [options.get("gaze_delay_ms")]
-    return round((delays[-1] or 0.0) * NS_PER_MS)
 
 
 def _offsets_ns(recording: Recording, part: int) -> list[tuple[int, int, int, int]]:

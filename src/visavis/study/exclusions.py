@@ -8,7 +8,7 @@ import numpy as np
 
 from visavis.lab.errors import DesignError, UsageError
 from visavis.lab.yaml_lines import did_you_mean
-from visavis.study.measures import HEAD_LOST_COLUMN, LOST_COLUMN
+from visavis.study.measures import CLOCK_JUMP, HEAD_LOST_COLUMN, LOST_COLUMN
 
 Level = Literal["trial", "participant"]
 ANSWERED_COLUMN: Final = "answered_01"
@@ -19,6 +19,7 @@ COLUMN_WORDS: Final[Mapping[str, str]] = {
     LOST_COLUMN: "share of the scene without usable gaze",
     "lost_01": "share of the trial without usable gaze",
     HEAD_LOST_COLUMN: "share of the trial without a tracked head",
+    CLOCK_JUMP.name: "jump of the eye tracker's clock in ms",
     "bad_trials_01": "share of trials left out",
     "calibration_error_deg": "mean calibration error in degrees",
     "completed_01": "share of planned trials finished",
@@ -126,7 +127,17 @@ COMPLETENESS_RULES: Final = (
 )
 """Exclusion rules for participants with too little data. They apply to every study."""
 
+CLOCK_RULE: Final = Exclusion(
+    "max_clock_jump_ms",
+    "trial",
+    CLOCK_JUMP.name,
+    20.0,
+    "the eye tracker's clock jumped by {value:.0f} ms (limit {limit:.0f} ms)",
+)
+"""For every study of gaze: after a jump, samples were turned by the head of another moment."""
+
 STANDARD_RULES: Final = (
+    CLOCK_RULE,
     Exclusion(
         "max_trial_lost_01",
         "trial",

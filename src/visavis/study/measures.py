@@ -15,7 +15,7 @@ import pandas as pd
 
 from visavis.analysis.gaze.aoi import DEFAULT_PAD_DEG
 from visavis.analysis.gaze.looks import DEFAULT_LOOK_PARAMETERS, LookMeasures, measure_trial
-from visavis.analysis.gaze.targets import GazeTargets, targets_of_part
+from visavis.analysis.gaze.targets import GazeTargets, PartGaze, gaze_of_part
 from visavis.lab.errors import DataError, DesignError, UsageError
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.steps import Scalar
@@ -32,6 +32,12 @@ LOOKS: Final = replace(DEFAULT_LOOK_PARAMETERS, backward="sort", conflicts="keep
 """A tracker's faulty stamps must not cost a study its session: they are mended."""
 LOST_COLUMN: Final = "gaze_lost_01"
 HEAD_LOST_COLUMN: Final = "head_lost_01"
+CLOCK_JUMP: Final = Column(
+    "clock_jump_ms",
+    "ms",
+    "the largest jump of the eye tracker's clock within the trial, or shortly before it with "
+    "samples still dated by the old clock; 0: none",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -301,22 +307,13 @@ class SessionGaze:
         self._recording = recording
 
     @cached_property
-    def _parts(self) -> dict[int, tuple[GazeTargets, npt.NDArray[np.bool_]]]:
+    def _parts(self) -> dict[int, PartGaze]:
         return {}
 
-    def of_part(self, part: int) -> GazeTargets | None:
-        """Return one part's samples, frozen ones marked as lost; None without an eye tracker."""
-        read = self._read(part)
-        return None if read is None else read[0]
-
-    def frozen_of_part(self, part: int) -> npt.NDArray[np.bool_]:
-        """Tell for every sample of one part whether gaze repeats one direction too long."""
-        read = self._read(part)
-        return np.zeros(0, np.bool_) if read is None else read[1]
-
-    def _read(self, part: int) -> tuple[GazeTargets, npt.NDArray[np.bool_]] | None:
+    def of_part(self, part: int) -> PartGaze | None:
+        """Return one part's samples, frozen and misdated ones lost; None without a tracker."""
         if "gaze_targets" not in self._recording.stream_names:
             return None
         if part not in self._parts:
-            self._parts[part] = targets_of_part(self._recording, part)
+            self._parts[part] = gaze_of_part(self._recording, part)
         return self._parts[part]

@@ -17,7 +17,7 @@ from visavis.study.exclusions import ANSWERED_COLUMN
 from visavis.study.experiment import StudyExperiment
 from visavis.study.films import film_columns
 from visavis.study.look_measures import LOOK_COLUMNS
-from visavis.study.measures import Measure
+from visavis.study.measures import CLOCK_JUMP, Measure
 
 ANALYSED_COLUMNS: Final = (
     Column("is_analysed", "", "the trial counts in means and tests"),
@@ -47,7 +47,7 @@ STATISTICS: Final = read_columns(Path(__file__).with_name("statistics_columns.cs
 
 def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> dict[str, Column]:
     """Return the descriptions of the columns of a study's trial table, by name."""
-    columns = {c.name: c for c in (*ENGINE_COLUMNS, *ANALYSED_COLUMNS, LATE)}
+    columns = {c.name: c for c in (*ENGINE_COLUMNS, *ANALYSED_COLUMNS, LATE, CLOCK_JUMP)}
     for factor in experiment.study.design.factors:
         levels = ", ".join(map(str, factor.levels))
         kind = "between" if factor.between else "within"
