@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from visavis.analysis import statistics
-from visavis.analysis.statistics.agreement import icc
+from visavis.analysis.statistics.agreement import cohen_kappa, icc, krippendorff_alpha
 from visavis.analysis.statistics.binomial import binomial_test
 from visavis.analysis.statistics.bradley_terry import bradley_terry
 from visavis.analysis.statistics.clmm import Clmm, clmm
@@ -74,6 +74,9 @@ def draw(kind: str, promise: Promise, effect: float, n: int, rng: np.random.Gene
     person = rng.normal(size=(n, 1)) * promise.people
     if kind == "skewed":
         return np.exp(0.8 * noise) + person + shift
+    if kind == "categories":  # a rater names what they see three times of four, else any of three
+        seen = rng.integers(0, 3, size=(n, 1))
+        return np.where(rng.random((n, k)) < 0.75, seen, rng.integers(0, 3, size=(n, k))) * 1.0
     if kind == "ratings":
         return np.clip(np.round(4 + 1.2 * (noise + 0.8 * person + shift)), 1, 7)
     return noise + person + shift
@@ -190,6 +193,20 @@ def agreeing(v: Array) -> tuple[float, Interval | None]:
     return one.value, one.interval
 
 
+def alike(what: str, v: Array) -> tuple[float, Interval | None]:
+    """Return Cohen’s kappa, or Krippendorff’s alpha, of things in rows rated by columns."""
+    coefficient, scale = what.split(" ")
+    run: Any = cohen_kappa if coefficient == "κ" else krippendorff_alpha
+    made = run(v, scale=scale)
+    return made.value, made.interval
+
+
+def equivalent(v: Array) -> tuple[float, Interval | None]:
+    """Return the interval of an equivalence test, at α = .025 one of 95 %."""
+    made = statistics.tost_paired(v[:, 0], v[:, 1], low=-1, high=1, alpha=0.025)
+    return made.estimate, made.interval
+
+
 def reliable(v: Array) -> tuple[float, Interval | None]:
     """Return Cronbach's alpha of items in columns."""
     names = [f"item {j}" for j in range(v.shape[1])]
@@ -223,6 +240,26 @@ PROMISES: Sequence[Promise] = (
     Promise("pearson", partial(correlated, "pearson"), effects=(0.5,), truth_n=200_000),
     Promise("spearman", partial(correlated, "spearman"), effects=(0.5,), truth_n=200_000),
     Promise("ICC2, 4 raters", agreeing, columns=4, effects=(0.5,)),
+    Promise("equivalence", equivalent),
+    *(
+        Promise(
+            f"{what}, {columns} raters",
+            partial(alike, what),
+            (kind,),
+            columns=columns,
+            effects=(0.0,),
+            truth_n=4000,
+            share=share,
+        )
+        for what, columns, kind, share in (
+            ("κ nominal", 2, "categories", 1.0),
+            ("κ ordinal", 2, "ratings", 1.0),
+            ("κ interval", 2, "ratings", 1.0),
+            ("α nominal", 3, "categories", 0.5),
+            ("α ordinal", 4, "ratings", 0.5),
+            ("α interval", 4, "ratings", 0.5),
+        )
+    ),
     Promise("Cronbach's α, 4 items", reliable, columns=4, effects=(0.5,)),
     *(
         Promise(

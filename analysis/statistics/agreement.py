@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import special
 
+from visavis.analysis.statistics.effects import jackknife_error
 from visavis.analysis.statistics.errors import (
     ConstantResponse,
     MissingValue,
@@ -31,8 +32,8 @@ from visavis.analysis.statistics.results import (
 
 Scale: TypeAlias = Literal["nominal", "ordinal", "interval", "ratio"]
 ICC_KINDS = ("ICC1", "ICC2", "ICC3", "ICC1k", "ICC2k", "ICC3k")
-N_RESAMPLES = 2000
-RESAMPLING_SEED = 1
+NEARLY_ONE = 1 - 1e-9
+"""The largest coefficient that Fisher's z is taken of."""
 
 
 @dataclass(frozen=True)
@@ -216,6 +217,9 @@ class Agreement(Result):
     provenance: Provenance
     above: float = 0.0
     p_above: float = float("nan")
+    se: float = float("nan")
+    """Of kappa the large-sample error (Fleiss, Cohen and Everitt 1969), which the interval does
+    not use: it is too small for a few things."""
 
     def sentence(self) -> str:
         """Return the result as an APA sentence."""
@@ -244,8 +248,9 @@ def krippendorff_alpha(
     """Return Krippendorff's alpha of ratings (things, raters), NaN where there is none.
 
     Any number of raters, missing ratings left out; categories of a nominal scale are numbers
-    standing for them. The interval is that of 2000 samples of the things, with distances between
-    the categories as in all of them; `p_above` is the share of samples no larger than `above`.
+    standing for them. The interval is that of the jackknife over things on Fisher's z, by t, and at
+    least that of a one-way intraclass correlation, which alpha of interval scales nearly is;
+    `p_above` follows from it.
     Raises a `StatisticsError` where nothing was rated twice, or all ratings are the same.
     """
     if scale not in get_args(Scale):
@@ -279,14 +284,20 @@ def krippendorff_alpha(
         )
         return alphas
 
-    rng = np.random.default_rng(RESAMPLING_SEED)
-    draws = rng.multinomial(len(table), np.full(len(table), 1 / len(table)), size=N_RESAMPLES)
-    alphas_of_samples = alpha(draws.astype(float))
-    low, high = np.quantile(alphas_of_samples, [(1 - level) / 2, (1 + level) / 2])
+    n = len(table)
+    value = float(alpha(np.ones((1, n)))[0])
+    largest = float(apart.max()) / float(_chance_distance(counts.sum(axis=0), apart))
+    interval, p_above = _jackknifed(value, alpha(1.0 - np.eye(n)), above, level, largest)
+    if value < NEARLY_ONE:
+        by_f, p_by_f = _as_one_way(value, above, level, n, float(n_of_thing.mean()))
+        interval = Interval(
+            min(interval.low, by_f.low), max(interval.high, by_f.high), interval.level
+        )
+        p_above = max(p_above, p_by_f)
     return Agreement(
         "Krippendorff's α",
-        float(alpha(np.ones((1, len(table))))[0]),
-        Interval(float(low), float(high), level),
+        value,
+        interval,
         scale,
         Provenance(
             "Krippendorff's alpha",
@@ -295,8 +306,55 @@ def krippendorff_alpha(
             notes=(f"{int(n_of_thing.sum())} ratings of {len(table)} things rated twice or more",),
         ),
         above,
-        float((alphas_of_samples <= above).sum() + 1) / (N_RESAMPLES + 1),
+        p_above,
     )
+
+
+def _chance_distance(category_counts: Array, apart: Array) -> float:
+    """Return the mean distance of two ratings drawn from all."""
+    n = category_counts.sum()
+    return float(category_counts @ apart @ category_counts / (n * (n - 1)))
+
+
+def _jackknifed(
+    value: float, without_each: Array, above: float, level: float, largest: float
+) -> tuple[Interval, float]:
+    """Return the interval of a coefficient of agreement, and p of one of at most `above`.
+
+    `without_each` are the coefficients without each thing; their spread on Fisher's z is the error,
+    with t. Where raters agree throughout, nothing spreads: then the interval ends where not one
+    thing in n would be rated as far apart as can be; `largest` is that distance over the one
+    expected by chance.
+    """
+    n = without_each.size
+    if value >= NEARLY_ONE:
+        share = 1 - ((1 - level) / 2) ** (1 / n)
+        apart = float(np.clip((1 - above) / largest, 0.0, 1.0))
+        return Interval(max(-1.0, 1 - share * largest), 1.0, level), float((1 - apart) ** n)
+    each = _fisher_z(without_each[np.isfinite(without_each)])
+    here, at = float(_fisher_z(np.float64(value))), float(_fisher_z(np.float64(above)))
+    se = jackknife_error(each)
+    reach = float(special.stdtrit(n - 1, (1 + level) / 2)) * se
+    interval = Interval(float(np.tanh(here - reach)), float(np.tanh(here + reach)), level)
+    beyond = (here - at) / se if se > 0 else np.copysign(np.inf, here - at)
+    return interval, float(special.stdtr(n - 1, -beyond))
+
+
+def _as_one_way(
+    value: float, above: float, level: float, n: int, k: float
+) -> tuple[Interval, float]:
+    """Return interval and p as of a one-way intraclass correlation of n things with k ratings."""
+    df1, df2, tail = n - 1, n * (k - 1), (1 - level) / 2
+    F, F_above = (max(0.0, (1 + (k - 1) * v) / (1 - v)) for v in (value, above))
+    ends = (F / special.fdtri(df1, df2, 1 - tail), F * special.fdtri(df2, df1, 1 - tail))
+    low, high = ((f - 1) / (f + k - 1) for f in ends)
+    p = special.fdtrc(df1, df2, F / F_above) if F_above > 0 else 0.0
+    return Interval(float(low), float(high), level), float(p)
+
+
+def _fisher_z(value: npt.NDArray[np.float64] | np.float64) -> npt.NDArray[np.float64]:
+    inside = np.clip(value, -NEARLY_ONE, NEARLY_ONE)
+    return np.asarray(np.arctanh(inside), dtype=np.float64)
 
 
 def _distances(values: Array, counts: Array, scale: Scale) -> Array:
@@ -319,8 +377,9 @@ def cohen_kappa(
     """Return Cohen's kappa of two raters: plain, or weighted by how far categories are apart.
 
     Weights are linear in the categories' places for an ordinal scale and quadratic in their
-    values for an interval scale. Interval and `p_above` (of a kappa no larger than `above`) are the
-    large-sample ones (Fleiss, Cohen and Everitt 1969). Things that one rater left out are left out.
+    values for an interval scale. The interval, and `p_above` (of a kappa no larger than `above`),
+    are those of the jackknife over things on Fisher's z, by t; `se` is the large-sample error.
+    Things that one rater left out are left out.
     Raises a `StatisticsError` for other than two raters, or where both gave one answer throughout.
     """
     if scale not in ("nominal", "ordinal", "interval"):
@@ -348,20 +407,28 @@ def cohen_kappa(
     rows, columns = joint.sum(axis=1), joint.sum(axis=0)
     agreement, chance = float((weight * joint).sum()), float(rows @ weight @ columns)
     value = (agreement - chance) / (1 - chance)
+    # Without each thing: its cell has one less, and so have the row and the column.
+    a, b = codes[:n], codes[n:]
+    rest = n - 1
+    agreement_of_rest = (n * agreement - weight[a, b]) / rest
+    chance_of_rest = (
+        n**2 * chance - n * (weight @ columns)[a] - n * (rows @ weight)[b] + weight[a, b]
+    ) / rest**2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        without_each = (agreement_of_rest - chance_of_rest) / (1 - chance_of_rest)
     own = np.add.outer(weight @ columns, rows @ weight)
     spread = (joint * (weight * (1 - chance) - own * (1 - agreement)) ** 2).sum()
     variance = (spread - (agreement * chance - 2 * chance + agreement) ** 2) / (
         n * (1 - chance) ** 4
     )
     se = float(np.sqrt(max(variance, 0.0)))
-    reach = float(special.ndtri((1 + level) / 2)) * se
-    beyond = (value - above) / se if se > 0 else np.copysign(np.inf, value - above)
+    interval, p_above = _jackknifed(value, without_each, above, level, 1 / (1 - chance))
     left = int((~both).sum())
     exclusions = (f"{left} things that one rater left out",) if left else ()
     return Agreement(
         "Cohen's κ" if scale == "nominal" else "weighted κ",
         value,
-        Interval(value - reach, value + reach, level),
+        interval,
         scale,
         Provenance(
             "Cohen's kappa",
@@ -371,7 +438,8 @@ def cohen_kappa(
             notes=(f"both raters alike in {100 * float(np.trace(joint)):.0f} % of {n} things",),
         ),
         above,
-        float(special.ndtr(-beyond)),
+        p_above,
+        se,
     )
 
 

@@ -17,6 +17,7 @@ from visavis.analysis.statistics.errors import DuplicateCell, MissingValue
 from visavis.analysis.statistics.results import Array, Result
 from visavis.analysis.statistics_report.factorial import TestRun
 from visavis.analysis.statistics_report.outcome import Outcome, Question
+from visavis.analysis.statistics_report.prepare import not_normal, of_two_ways
 from visavis.analysis.statistics_report.table_file import MISSING_WORDS, DataTable, natural_order
 from visavis.lab.errors import UsageError
 
@@ -89,6 +90,11 @@ def _icc(table: DataTable, q: Question) -> Outcome:
         tested_rows = tested_rows[tested_rows[q.subject].isin(complete_things)]
     coefficients = icc(ratings[whole], above=q.reference.mu)
     notes += coefficients[0].provenance.notes
+    notes += not_normal(
+        of_two_ways(ratings[whole]),
+        "F and the intervals of intraclass correlations take them to be: these are then too "
+        "narrow; the test krippendorff does not",
+    )
     if q.reliability.kind:
         if q.reliability.kind not in ICC_KINDS:
             raise UsageError(

@@ -128,15 +128,30 @@ def far_from_normal(design: Design, rows: Sequence[Row]) -> tuple[str, ...]:
     away = design.y
     for codes in groups:
         away = away - (np.bincount(codes, away) / np.maximum(np.bincount(codes), 1))[codes]
-    if is_constant(away):
+    return not_normal(
+        away,
+        f"the intervals of {' and '.join(sorted(effects))} take them to be: those of large effects "
+        "are too narrow; differences and rank-biserial correlations keep theirs",
+    )
+
+
+def of_two_ways(ratings: Array) -> Array:
+    """Return what is left of ratings (things, raters) without the means of rows and columns."""
+    rows, columns = ratings.mean(axis=1, keepdims=True), ratings.mean(axis=0, keepdims=True)
+    left: Array = (ratings - rows - columns + ratings.mean()).ravel()
+    return left
+
+
+def not_normal(residuals: Array, what: str) -> tuple[str, ...]:
+    """Note residuals that are skewed or have long tails; `what` takes them to be normal."""
+    if is_constant(residuals) or float(np.abs(residuals).max()) < 1e-12:
         return ()
-    skew, tails = skewness(away), excess_kurtosis(away)
+    skew, tails = skewness(residuals), excess_kurtosis(residuals)
     if abs(skew) <= SKEW_LIMIT and tails <= LONG_TAILS:
         return ()
     return (
         f"residuals are not normal (skewness {number(skew)}, excess kurtosis {number(tails)}), as "
-        f"the intervals of {' and '.join(sorted(effects))} take them to be: those of large effects "
-        "are too narrow; differences and rank-biserial correlations keep theirs",
+        f"{what}",
     )
 
 

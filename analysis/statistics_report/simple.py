@@ -36,6 +36,8 @@ from visavis.analysis.statistics_report.factorial import RANK_WAYS, TestRun
 from visavis.analysis.statistics_report.outcome import Outcome, Question, Samples
 from visavis.analysis.statistics_report.prepare import (
     TidyTable,
+    not_normal,
+    of_two_ways,
     outcome_of,
     prepare,
     read,
@@ -391,6 +393,11 @@ def _cronbach(table: DataTable, q: Question) -> Outcome:
         {k: v[~missing] for k, v in columns.items()},
         list(q.reliability.items),
         reverse=q.reliability.reverse,
+    )
+    turned = np.array([-1.0 if i in q.reliability.reverse else 1.0 for i in q.reliability.items])
+    notes += not_normal(
+        of_two_ways(values[~missing] * turned),
+        "the interval of Cronbach's α takes them to be: it is then too narrow",
     )
     return Outcome(
         question=q,

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
+from scipy import stats
 
 from visavis.analysis.statistics import errors
 from visavis.analysis.statistics.agreement import cohen_kappa, icc, krippendorff_alpha
@@ -124,3 +125,27 @@ def test_agreement_at_the_bound_is_found_above_it_as_often_as_it_may() -> None:
         assert 0.02 < count / studies < 0.08
     with pytest.raises(errors.UnknownMethod, match="below 1"):
         icc(table, above=1.0)
+
+
+def test_kappa_without_each_thing_is_that_of_the_others() -> None:
+    rng = np.random.default_rng(4)
+    good = rng.integers(0, 4, 14)
+    table = np.clip(np.column_stack([good, good + rng.integers(-1, 2, 14)]), 0, 3).astype(float)
+    for scale in ("nominal", "ordinal", "interval"):
+        made = cohen_kappa(table, scale=scale)
+        each = np.arctanh(
+            [cohen_kappa(np.delete(table, i, 0), scale=scale).value for i in range(14)]
+        )
+        error = np.sqrt(13 / 14 * ((each - each.mean()) ** 2).sum())
+        reach = stats.t.ppf(0.975, 13) * error
+        ends = np.tanh(np.arctanh(made.value) + reach * np.array([-1, 1]))
+        assert pytest.approx(ends) == (made.interval.low, made.interval.high)
+
+
+def test_raters_who_always_agree_are_not_certain_to() -> None:
+    few, many = np.array([[1.0, 1], [2, 2], [3, 3], [1, 1]]), np.tile([[1.0, 1], [2, 2]], (40, 1))
+    for run in (cohen_kappa, krippendorff_alpha):
+        wide, narrow = (run(table, scale="nominal").interval for table in (few, many))
+        assert 1.0 == wide.high == narrow.high
+        assert wide.low < 0.2 < 0.85 < narrow.low
+        assert 0.025 == pytest.approx(run(many, scale="nominal", above=narrow.low).p_above)

@@ -66,3 +66,19 @@ def test_intervals_that_long_tails_make_too_narrow_are_named(
     (note,) = [note for note in answer(frame, question).notes if text in note]
     assert "the intervals of" in note
     assert "η²p" in note
+
+
+@pytest.mark.parametrize(("is_normal", "noted"), [(True, False), (False, True)])
+def test_coefficients_that_take_ratings_for_normal_say_where_they_are_not(
+    is_normal: bool, noted: bool
+) -> None:
+    rng = np.random.default_rng(6)
+    noise = rng.normal(size=(30, 4))
+    ratings = rng.normal(size=(30, 1)) + (noise if is_normal else np.exp(1.3 * noise))
+    thing, rater = np.indices(ratings.shape)
+    rated = pd.DataFrame({"clip": thing.ravel(), "who": rater.ravel(), "y": ratings.ravel()})
+    items = pd.DataFrame(ratings, columns=list("abcd"))
+    icc = answer(rated, Question("icc", dv="y", within=("who",), subject="clip"))
+    alpha = answer(items, Question("cronbach", items=tuple("abcd")))
+    for outcome in (icc, alpha):
+        assert noted == any("residuals are not normal" in note for note in outcome.notes)
