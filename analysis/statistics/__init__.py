@@ -9,7 +9,11 @@ model of single trials or estimating equations are fitted (decision 0020).
 from visavis.analysis.statistics.adjust import adjust_p, bonferroni_thresholds, stars
 from visavis.analysis.statistics.anova import Anova, AnovaEffect, between_anova, rm_anova
 from visavis.analysis.statistics.art import AlignmentCheck, ArtAnova, art_anova
-from visavis.analysis.statistics.art_contrasts import art_contrasts, art_interaction_contrasts
+from visavis.analysis.statistics.art_contrasts import (
+    art_contrasts,
+    art_interaction_contrasts,
+    art_simple_effects,
+)
 from visavis.analysis.statistics.between import (
     DunnPair,
     KruskalWallis,
@@ -127,6 +131,7 @@ __all__ = [
     "art_anova",
     "art_contrasts",
     "art_interaction_contrasts",
+    "art_simple_effects",
     "between_anova",
     "bonferroni_thresholds",
     "cell_means",

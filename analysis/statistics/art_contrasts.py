@@ -73,6 +73,49 @@ def art_contrasts(
     return replace(contrasts, term=names)
 
 
+def art_simple_effects(
+    table: ArtAnova,
+    term: str,
+    by: str,
+    *,
+    adjust: ContrastAdjustment = "tukey",
+    error: ArtError | None = None,
+) -> tuple[Contrasts, ...]:
+    """Compare the levels of a factor at every level of another, each a family of its own.
+
+    They are those of `art_contrasts` of both factors joined whose cells share the other's level.
+    """
+    design = table.design
+    (name,), (at,) = design.term(term), design.term(by)
+    if name == at:
+        raise UnknownMethod(f"{name} cannot be compared at its own levels")
+    joint = art_contrasts(table, (name, at), adjust="none", error=error)
+    labels = [str(v) for v in design.factor(name).levels]
+    levels = [str(v) for v in design.factor(at).levels]
+    # The joined factor's levels are in the order of the design, whichever factor is compared.
+    is_first = design.term((name, at))[0] == name
+    of = product(labels, levels) if is_first else ((b, a) for a, b in product(levels, labels))
+    cells = list(combinations(of, 2))
+    families = []
+    for level in levels:
+        rows = [i for i, (a, b) in enumerate(cells) if a[1] == level == b[1]]
+        contrasts = tuple(
+            replace(joint.contrasts[i], pairs=((cells[i][0][0], cells[i][1][0]),)) for i in rows
+        )
+        correlation = None if joint.correlation is None else joint.correlation[np.ix_(rows, rows)]
+        provenance = replace(joint.provenance, test=f"{joint.provenance.test} at {at} = {level}")
+        family = replace(
+            joint,
+            term=(name,),
+            contrasts=contrasts,
+            k=len(labels),
+            provenance=provenance,
+            correlation=correlation,
+        )
+        families.append(family.with_adjustment(adjust))
+    return tuple(families)
+
+
 def art_interaction_contrasts(
     table: ArtAnova,
     term: str | Sequence[str],

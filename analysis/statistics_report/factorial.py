@@ -19,6 +19,7 @@ from visavis.analysis.statistics import (
     art_anova,
     art_contrasts,
     art_interaction_contrasts,
+    art_simple_effects,
     between_anova,
     compare_conditions,
     dunn,
@@ -30,6 +31,7 @@ from visavis.analysis.statistics import (
     posthoc,
     posthoc_signed_rank,
     rm_anova,
+    simple_effects,
     welch_anova,
 )
 from visavis.analysis.statistics.adjust import Adjustment
@@ -95,6 +97,30 @@ class _Families:
         self.path.append(f"{result} → {_verdict(significant)}, no contrasts")
         return False
 
+    def add_simple(
+        self,
+        effect: AnovaEffect | GeeEffect,
+        make: Callable[[str, str], Sequence[Contrasts]],
+        further: str = "",
+    ) -> bool:
+        """Add the simple effects of the factor asked for, a family at each level of the other.
+
+        Tell whether these are asked for; `make` takes both factors.
+        """
+        simple = self._question.decision.simple
+        if simple not in effect.term or len(effect.term) != 2:
+            return False
+        (other,) = (name for name in effect.term if name != simple)
+        try:
+            families = make(simple, other)
+        except StatisticsError as error:
+            self.notes.append(f"simple effects of {simple}: {error}")
+            return True
+        for contrasts in families:
+            where = contrasts.provenance.test.rpartition(" at ")[2]
+            self.add(f"{simple} at {where}", partial(_same, contrasts), further)
+        return True
+
     def add(self, family: str, make: Callable[[], Contrasts], further: str = "") -> None:
         """Add a family; `further` ends its sentence. One that cannot be made is a note."""
         try:
@@ -105,6 +131,10 @@ class _Families:
         self.rows += [{"family": family, **row} for row in contrasts.rows()]
         self.sentences.append("\n".join(filter(None, (contrasts.sentence(), further))))
         self.notes += list(contrasts.provenance.notes)
+
+
+def _same(contrasts: Contrasts) -> Contrasts:
+    return contrasts
 
 
 def _verdict(significant: bool) -> str:
@@ -183,15 +213,20 @@ def _art_path(anova: ArtAnova) -> list[str]:
 def _art_contrasts(families: _Families, anova: ArtAnova, effect: AnovaEffect, adjust: str) -> None:
     way = cast(ContrastAdjustment, adjust)
     if anova.transform == "int":
-        families.add(
-            effect.name, lambda: posthoc(_of_scores(anova, effect), effect.term, adjust=way)
-        )
+        scores = _of_scores(anova, effect)
+        if not families.add_simple(effect, lambda a, b: simple_effects(scores, a, b, adjust=way)):
+            families.add(effect.name, lambda: posthoc(scores, effect.term, adjust=way))
         return
     differences = (
         f"Estimates and SE are in aligned ranks, not in the unit of {anova.design.dv}; there the "
         f"means differ by {_mean_differences(anova.design, effect.term)}."
     )
-    families.add(effect.name, lambda: art_contrasts(anova, effect.term, adjust=way), differences)
+    if not families.add_simple(
+        effect, lambda a, b: art_simple_effects(anova, a, b, adjust=way), differences
+    ):
+        families.add(
+            effect.name, lambda: art_contrasts(anova, effect.term, adjust=way), differences
+        )
     if len(effect.term) == 2:
         families.add(
             f"{effect.name}, differences of differences",
@@ -253,7 +288,8 @@ def _mean_contrasts(q: Question, table: Anova | Gee | Clmm, adjust: str) -> _Fam
     for effect in table.effects:
         if not families.asks_for(effect, adjust):
             continue
-        families.add(effect.name, partial(posthoc, table, effect.term, adjust=way))
+        if not families.add_simple(effect, partial(simple_effects, table, adjust=way)):
+            families.add(effect.name, partial(posthoc, table, effect.term, adjust=way))
         if len(effect.term) == 2 and effect.df1 > 1:  # with one df it is the effect itself
             families.add(
                 f"{effect.name}, differences of differences",

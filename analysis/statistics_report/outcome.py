@@ -24,6 +24,9 @@ class DecisionRule:
     """How contrasts are adjusted, or none; the test's own way if left out."""
     always_posthoc: bool = False
     """Whether levels are compared where the effect is not significant, too."""
+    simple: str = ""
+    """The factor whose levels are compared at each level of the other, after an interaction of two:
+    its simple effects, instead of all cells."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,6 +91,8 @@ class Wording:
     """The unit of the response."""
 
 
+TESTS_OF_FACTORS: Final = ("art", "rm", "mixed", "lmm", "gee", "clmm", "anova")
+"""The tests of several factors, which have interactions."""
 PARTS: Final[Mapping[str, type[Any]]] = {
     "decision": DecisionRule,
     "model": ModelChoices,
@@ -203,6 +208,14 @@ class Question:
             raise UsageError(
                 f"a Bayes factor stands beside the test t, not {self.test}; take --test t, or "
                 "leave --bayes out"
+            )
+        if (simple := self.decision.simple) and (
+            self.test not in TESTS_OF_FACTORS or simple not in (*self.within, *self.between)
+        ):
+            factors = ", ".join((*self.within, *self.between))
+            raise UsageError(
+                f"simple={simple} names no factor whose simple effects the test {self.test} "
+                f"compares; of {', '.join(TESTS_OF_FACTORS)} it is a factor ({factors})"
             )
         for name, choice, tests in (
             ("random", model.random, ("lmm", "clmm", "bradleyterry")),

@@ -5,7 +5,7 @@ or where R has other errors than Visavis the estimate, without p.
 """
 
 from collections.abc import Mapping, Sequence
-from itertools import groupby
+from itertools import combinations, groupby, product
 
 from visavis.analysis.statistics.results import Row
 from visavis.analysis.statistics_report.outcome import Outcome
@@ -15,12 +15,13 @@ DOUBLE = ", differences of differences"
 COMPARE = """pairs_of <- function(k) t(apply(combn(k, 2), 2, function(p) replace(numeric(k), p, c(1, -1))))
 adjusted <- function(t, df, p, way, k) switch(way,
   tukey = ptukey(abs(t) * sqrt(2), k, df, lower.tail = FALSE), p.adjust(p, way))
-compare <- function(g, term, double, way, labels, show = "t") {
+compare <- function(g, term, double, way, labels, show = "t", among = NULL) {
   # Cells in the order of the labels: the last factor's levels are neighbours.
   at <- do.call(order, lapply(term, function(f) match(g@grid[[f]], g@levels[[f]])))
   k <- sapply(g@levels[term], length)
   C <- if (double) Reduce(kronecker, lapply(k, pairs_of)) else pairs_of(prod(k))
   C[, at] <- C
+  if (!is.null(among)) { C <- C[among, , drop = FALSE]; k <- (1 + sqrt(1 + 8 * nrow(C))) / 2 }
   rows <- setNames(lapply(seq_len(nrow(C)), function(i) C[i, ]), labels)
   s <- as.data.frame(summary(emmeans::contrast(g, rows), adjust = if (way == "mvt") "mvt" else "none"))
   t <- s$estimate / s$SE
@@ -56,19 +57,50 @@ def marginal_lines(
         return []
     lines = [OPTIONS, COMPARE, *model]
     for family, rows in families(outcome):
-        term = family.removesuffix(DOUBLE).split(":")
-        lines.append(compare_line([names[f] for f in term], family, rows, show))
+        term = [names[f] for f in _factors_of(family)]
+        lines.append(compare_line(term, family, rows, show, _simple_pairs(outcome, family)))
         lines += _effect_lines(outcome, rows, family_labels(family, rows))
     return lines
 
 
-def compare_line(term: Sequence[str], family: str, rows: Sequence[Row], show: str = "t") -> str:
-    """Return the call that compares the cells of R's factors `term` from `grid`."""
+def _factors_of(family: str) -> list[str]:
+    """Return the factors of a family; of simple effects the one compared, then the other."""
+    name, at, level = family.removesuffix(DOUBLE).partition(" at ")
+    return [name, level.partition(" = ")[0]] if at else name.split(":")
+
+
+def _simple_pairs(outcome: Outcome, family: str) -> list[int]:
+    """Return which pairs of the cells of two factors are a family of simple effects, from 1.
+
+    None for other families.
+    """
+    _, at, level = family.partition(" at ")
+    if not at or outcome.data is None:
+        return []
+    name, other = _factors_of(family)
+    sizes = [len(outcome.data[f].cat.categories) for f in (name, other)]
+    here = list(map(str, outcome.data[other].cat.categories)).index(level.partition(" = ")[2])
+    cells = combinations(product(range(sizes[0]), range(sizes[1])), 2)
+    return [i for i, (a, b) in enumerate(cells, start=1) if a[1] == here == b[1]]
+
+
+def compare_line(
+    term: Sequence[str],
+    family: str,
+    rows: Sequence[Row],
+    show: str = "t",
+    among: Sequence[int] = (),
+) -> str:
+    """Return the call that compares the cells of R's factors `term` from `grid`.
+
+    `among` are the pairs of cells that are compared, from 1; all where left out.
+    """
     way = str(rows[0]["adjustment"])
+    pairs = f", c({', '.join(map(str, among))})" if among else ""
     return (
         f"t <- suppressMessages(compare(grid({r_vector(term)}), {r_vector(term)}, "
         f"{str(family.endswith(DOUBLE)).upper()}, {r_string(WAY.get(way, way))}, "
-        f"{r_vector(family_labels(family, rows))}, {r_string(show)}))"
+        f"{r_vector(family_labels(family, rows))}, {r_string(show)}{pairs}))"
     )
 
 
@@ -166,7 +198,8 @@ def aligned_lines(outcome: Outcome, names: Mapping[str, str]) -> list[str]:
     lines = [OPTIONS, COMPARE, GRID]
     every = list(names.values())
     for family, rows in families(outcome):
-        term = [names[f] for f in family.removesuffix(DOUBLE).split(":")]
+        term = [names[f] for f in _factors_of(family)]
+        among = _simple_pairs(outcome, family)
         factors = every
         if not family.endswith(DOUBLE):
             factors = ["J", *(f for f in every if f not in term)]
@@ -180,6 +213,6 @@ def aligned_lines(outcome: Outcome, names: Mapping[str, str]) -> list[str]:
             "d$y <- response",
             f"d$y <- aligned_ranks({r_vector(term)}, {r_vector(factors)})",
             f"m <- {fit}",
-            compare_line(term, family, rows),
+            compare_line(term, family, rows, among=among),
         ]
     return lines

@@ -207,3 +207,27 @@ def test_a_column_that_nobody_has_is_refused_by_line(tmp_path: Path, slip: str) 
         return
     with pytest.raises(DesignError, match=r"there is no column 'aeg'.*age"):
         find_study(str(path)).experiment({})
+
+
+def test_simple_effects_are_planned_in_a_study_and_those_of_r() -> None:
+    compare = Compare("naturalness", within="method", between="experience", test="rm",
+                      simple="method", options=[("always_posthoc", True)])  # fmt: skip
+    (finding,) = _answers(compare)
+    assert finding.outcome is not None
+    rows = [r for r in finding.outcome.contrasts if str(r["family"]).startswith("method at")]
+    # pairs(emmeans(lm(cbind(lineuler, slerp, squad) ~ experience), ~ method | experience))
+    ts = [-2.114, -2.223, -0.580, -0.313, -2.951, -4.344]
+    ps = [0.1337, 0.1337, 0.5719, 0.7591, 0.0225, 0.0024]
+    assert ["method at experience = novice"] * 3 == [r["family"] for r in rows[:3]]
+    assert pytest.approx(ts, abs=5e-4) == [r["t"] for r in rows]
+    assert pytest.approx(ps, abs=5e-5) == [r["p_adjusted"] for r in rows]
+    assert not [r for r in finding.outcome.contrasts if r["family"] == "experience:method"]
+
+
+@pytest.mark.parametrize(
+    "given",
+    [{"within": "method"}, {"within": ("a", "b")}, {"within": ("method", "b"), "test": "t"}],
+)
+def test_simple_effects_need_another_factor(given: dict[str, str]) -> None:
+    with pytest.raises(DesignError, match="has no simple effects"):
+        Compare("naturalness", simple="method", **given)  # type: ignore[arg-type]  # wrong on purpose

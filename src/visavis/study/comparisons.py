@@ -10,6 +10,7 @@ from visavis.analysis.report.notation import fraction
 from visavis.analysis.statistics.agreement import ICC_KINDS, Scale
 from visavis.analysis.statistics.published import check_f
 from visavis.analysis.statistics_report import Question
+from visavis.analysis.statistics_report.outcome import TESTS_OF_FACTORS
 from visavis.lab.errors import DesignError
 from visavis.protocol.plan.steps import Scalar
 from visavis.study.conditions import Groups, condition_of, fulfils
@@ -121,6 +122,9 @@ class Compare:
     every level of another factor, or of a group of people that the study declares (`groups`), and
     adds whether what is compared differs between these levels: its interaction with `by`. All of
     them are corrected as one family; `published` may then be given by level of `by`.
+
+    `simple` names a factor of several: after a significant interaction its levels are compared at
+    each level of the other factor (simple effects), instead of all cells with one another.
     """
 
     dv: str
@@ -142,6 +146,7 @@ class Compare:
     one_sided: bool = False
     by: str = ""
     where: str | Sequence[str] = ()
+    simple: str = ""
 
     def __post_init__(self) -> None:
         for name in ("within", "between", "where"):
@@ -167,6 +172,7 @@ class Compare:
         for condition in self.where:
             condition_of(condition, f"the comparison of {self.dv}, where")
         self._refuse_by()
+        self._refuse_simple()
         self._refuse_agreement()
         self._refuse_direction()
         self._refuse_one_sided()
@@ -184,6 +190,21 @@ class Compare:
             raise DesignError(
                 f"{about}: {self.model or self.test} has no interaction with {self.by}; name the "
                 'levels one by one: where="..."'
+            )
+
+    def _refuse_simple(self) -> None:
+        """Refuse simple effects of what is no factor of an interaction."""
+        factors = (*self.within, *self.between)
+        if self.simple and (len(factors) < 2 or self.simple not in factors):
+            raise DesignError(
+                f"the comparison of {self.dv} has no simple effects of {self.simple!r}; name one "
+                f"of its factors, of which it needs two (there are {', '.join(factors) or 'none'})"
+            )
+        test = self.model or self.test
+        if self.simple and test and test not in TESTS_OF_FACTORS:
+            raise DesignError(
+                f"the comparison of {self.dv} by {test} has no simple effects; "
+                f"{', '.join(TESTS_OF_FACTORS)} have"
             )
 
     def _refuse_agreement(self) -> None:
@@ -469,6 +490,7 @@ class Compare:
             levels=factor_levels,
             level_words={} if self.model == "bradleyterry" else dict(level_words or {}),
             measured_in=unit,
+            simple=self.simple,
             **dict(self.options),
         )
 

@@ -127,6 +127,12 @@ def stats(
     always: Annotated[
         bool, typer.Option("--always-posthoc", help="Contrasts of effects not significant too.")
     ] = False,
+    simple: Annotated[
+        str,
+        typer.Option(
+            "--simple", help="After an interaction: this factor at each level of the other."
+        ),
+    ] = "",
     alpha: Annotated[float, typer.Option("--alpha", help="Level of significance.")] = 0.05,
     partner: Annotated[str, typer.Option("--with", help="Second column of a correlation.")] = "",
     items: Annotated[
@@ -237,6 +243,7 @@ def stats(
         error=error,
         posthoc=posthoc,
         always_posthoc=always,
+        simple=simple,
         alpha=alpha,
         partner=partner,
         items=tuple(items or ()),

@@ -131,7 +131,7 @@ def _comparisons(
             del about["raters"]
         if not one.expects:  # and these
             del about["expects"]
-        for key in ("one_sided", "by", "where"):
+        for key in ("one_sided", "by", "where", "simple"):
             if not about[key]:
                 del about[key]
         about["test"] = one.question(levels).test if is_in_design else one.test
