@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from visavis.experiments.cameras.facts import FACTS
 from visavis.experiments.cameras.walks import DOES_S, ROOM, WALKS, everybody, timed_walk
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.design import Factor
@@ -26,6 +27,7 @@ from visavis.study.measures import column
 from visavis.study.moving_camera import FilmSeen
 from visavis.study.responses import Choice, Response
 from visavis.study.scenes import Scene, StagedScene, Staging, scene_of_people
+from visavis.study.source import Source
 from visavis.study.study_functions import Seen
 from visavis.study.trial import TrialScript
 
@@ -137,6 +139,7 @@ study = Study(
         "All films were long shots with 40° from top to bottom, 640 × 360 pixels at 30 pictures a "
         "second. Which film stood left was drawn for each trial."
     ),
+    source=Source(CITATION, facts=FACTS),
     references=(CITATION,),
 )
 

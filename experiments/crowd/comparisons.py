@@ -146,11 +146,11 @@ def comparisons() -> Iterator[Compare]:
 def _printed_pairs(column: str) -> Iterator[tuple[tuple[str, str], Printed]]:
     if column not in published.TESTS:
         return
-    different = published.DIFFERENT.get(column, {})
+    different, where = published.DIFFERENT.get(column, {}), published.TESTS[column].where
     means = published.MEANS[MEANS_OF.get(column, column)]
     for pair in PAIRS:
         if pair in different:
             sign = int(np.sign(means[pair[1]].mean - means[pair[0]].mean))
-            yield pair, Printed(True, different[pair], direction=sign)
+            yield pair, Printed(True, different[pair], direction=sign, where=where)
         else:
-            yield pair, Printed(False)
+            yield pair, Printed(False, where=where)

@@ -9,10 +9,10 @@ IEEE TVCG 2020 (10.1109/TVCG.2020.3041341), as told in A. Jovane's thesis (Unive
 from collections.abc import Mapping
 from typing import Final
 
-from visavis.experiments.crowd.design import AFTER, BEFORE, HAPTIC, HAPTICS_GROUP
+from visavis.experiments.crowd.design import AFTER, BEFORE, HAPTIC
 from visavis.study.comparisons import published_f
 from visavis.study.pairs import Printed
-from visavis.study.parts import MeanSd, Source
+from visavis.study.source import MeanSd
 
 CITATION: Final = (
     "Berton, F., et al. (2020). Crowd navigation in VR: exploring haptic rendering of collisions. "
@@ -60,10 +60,11 @@ TESTS: Final[Mapping[str, Printed]] = {
         p="0.002",
         eta2p="0.25",
         is_significant=True,
-        order=f"{BEFORE} > {HAPTIC}, {AFTER}",
+        order=FELL_AND_STAYED,
+        where="section 4.3",
     ),
     "max_volume_dm3": published_f(
-        "4.35", 2, 44, p="0.019", eta2p="0.16", is_significant=True, order=FELL
+        "4.35", 2, 44, p="0.019", eta2p="0.16", is_significant=True, order=FELL, where="section 4.3"
     ),
     "shoulders_to_gap_deg": published_f(
         "13.0",
@@ -72,7 +73,8 @@ TESTS: Final[Mapping[str, Printed]] = {
         p="<0.001",
         eta2p="0.37",
         is_significant=True,
-        order=f"{HAPTIC}, {AFTER} > {BEFORE}",
+        order=ROSE_AND_STAYED,
+        where="appendix B.2",
     ),
     "speed_m_s": published_f(
         "7.14",
@@ -81,12 +83,13 @@ TESTS: Final[Mapping[str, Printed]] = {
         p="0.005",
         eta2p="0.245",
         is_significant=True,
-        order=f"{BEFORE}, {AFTER} > {HAPTIC}",
+        order=FELL_AND_CAME_BACK,
+        where="appendix B.2",
     ),
-    "agency": Printed(False, text="p = .438"),
-    "change": Printed(False, text="p = .085"),
-    "ownership": Printed(False, text="p = .753"),
-    "presence": Printed(False, text="p = .222"),
+    "agency": Printed(False, text="p = .438", where="appendix B.2"),
+    "change": Printed(False, text="p = .085", where="appendix B.2"),
+    "ownership": Printed(False, text="p = .753", where="appendix B.2"),
+    "presence": Printed(False, text="p = .222", where="appendix B.2"),
 }
 """The tests over the three blocks."""
 DIFFERENT: Final[Mapping[str, Mapping[tuple[str, str], float | None]]] = {
@@ -119,5 +122,3 @@ INCONSISTENCIES: Final = (
     "the text keeps cubes in collision, which overstates a common volume about twofold: volumes "
     "by the true common volume cannot be compared with the printed ones without a look at the rule",
 )
-
-SOURCE: Final = Source(CITATION, PARTICIPANTS, MEANS, only={"group": HAPTICS_GROUP})

@@ -9,7 +9,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from visavis.experiments.crowd import published
 from visavis.experiments.crowd.columns import TRIALS
 from visavis.experiments.crowd.comparisons import (
     MEASURES,
@@ -34,6 +33,7 @@ from visavis.experiments.crowd.design import (
     check_vibration,
     vibrates,
 )
+from visavis.experiments.crowd.facts import SOURCE
 from visavis.experiments.crowd.haptics import BAND_ROLES, MOTORS
 from visavis.experiments.crowd.participant.participant import CrowdParticipant
 from visavis.experiments.crowd.paths import GroupPaths, paths_by_group
@@ -123,7 +123,7 @@ study = Study(
         "visavis.experiments.crowd.sections:haptics_section",
         "visavis.experiments.crowd.sections:measured_section",
     ],
-    source=published.SOURCE,
+    source=SOURCE,
     methods=METHODS,
     references=REFERENCES,
     blocked_by="condition",

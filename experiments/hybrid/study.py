@@ -13,6 +13,7 @@ from typing import Any, Final, cast
 import numpy as np
 
 from visavis.experiments.hybrid.clips import CHARACTER, CLIPS, Flaws, motion_of, period_s
+from visavis.experiments.hybrid.facts import FACTS, ORDERS
 from visavis.protocol.plan.design import Factor
 from visavis.stimuli.motion.clip import Motion, placed_joints
 from visavis.stimuli.motion.kinds import Recorded
@@ -27,6 +28,7 @@ from visavis.study.films import Film, Lens, Pair
 from visavis.study.measures import column
 from visavis.study.responses import Choice, Response
 from visavis.study.scenes import Scene, StagedScene, Staging, scene_of_people
+from visavis.study.source import Source
 from visavis.study.study_functions import Seen
 from visavis.study.trial import TrialScript
 
@@ -134,6 +136,7 @@ study = Study(
         "of its poses; the clip had the faults of the source's own clips. Each pair came with the "
         "hybrid on either side."
     ),
+    source=Source(CITATION, 31, where="section 4.1.1", facts=FACTS, orders=ORDERS),
     references=(CITATION,),
 )
 

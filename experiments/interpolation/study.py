@@ -12,6 +12,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from visavis.experiments.interpolation import published
+from visavis.experiments.interpolation.facts import FACTS, ORDERS
 from visavis.experiments.interpolation.gestures import (
     CHARACTER,
     GESTURES,
@@ -29,9 +30,9 @@ from visavis.study.comparisons import Compare
 from visavis.study.declaration import Study
 from visavis.study.exclusions import COMPLETENESS_RULES
 from visavis.study.films import Film, Lens
-from visavis.study.parts import Source
 from visavis.study.responses import Rating, Response
 from visavis.study.scenes import Scene, StagedScene, Staging, scene_of_people
+from visavis.study.source import Source
 from visavis.study.study_functions import Seen
 from visavis.study.trial import TrialScript
 
@@ -146,6 +147,9 @@ study = Study(
                 for method, mean in zip(METHODS, published.SUBSETS[1].means, strict=True)
             }
         },
+        where="table 2",
+        facts=FACTS,
+        orders=ORDERS,
     ),
     methods=(
         "Each gesture was drawn by us and reduced to four key poses: both ends, then twice the "

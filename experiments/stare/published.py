@@ -23,7 +23,7 @@ from visavis.study.look_measures import (
     MAIN_MEASURES,
 )
 from visavis.study.pairs import Printed
-from visavis.study.parts import MeanSd
+from visavis.study.source import MeanSd
 
 CITATION: Final = (
     "Jovane, A. (2023). Modeling of reactive movement and non-verbal behaviors for the creation of "

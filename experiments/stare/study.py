@@ -22,6 +22,7 @@ from visavis.experiments.stare.design import (
     StareParameters,
     place_of,
 )
+from visavis.experiments.stare.facts import FACTS
 from visavis.experiments.stare.scene import dark_scene_of, distances
 from visavis.experiments.stare.trial import run_trial
 from visavis.lab.errors import DesignError
@@ -38,8 +39,9 @@ from visavis.stimuli.scenes.audience import DRESSED_BY, SPEAKER_EYE_M
 from visavis.study.declaration import Study
 from visavis.study.experiment import StudyExperiment
 from visavis.study.look_measures import LooksOn
-from visavis.study.parts import SETTABLE, Source
+from visavis.study.parts import SETTABLE
 from visavis.study.sections import Conclusion
+from visavis.study.source import Source
 from visavis.study.trial import TrialScript
 
 if TYPE_CHECKING:
@@ -100,7 +102,13 @@ study = Study(
         "visavis.experiments.stare.sections:places_figure",
         "visavis.experiments.stare.sections:changes_section",
     ],
-    source=Source(published.CITATION, published.PARTICIPANTS, published.CELLS),
+    source=Source(
+        published.CITATION,
+        published.PARTICIPANTS,
+        published.CELLS,
+        where="tables 3.1, 3.2, A.1 to A.3",
+        facts=FACTS,
+    ),
     methods=METHODS,
     references=REFERENCES,
     setup={"distances": distances(), "viewing": "seated, head free"},

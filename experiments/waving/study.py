@@ -31,6 +31,7 @@ from visavis.experiments.waving.clips import (
     solved_key,
     wave_of,
 )
+from visavis.experiments.waving.facts import FACTS, ORDERS
 from visavis.experiments.waving.participant import WavingParticipant
 from visavis.experiments.waving.quick_study import quick_trials
 from visavis.lab.clock import NS_PER_S
@@ -68,10 +69,10 @@ from visavis.study.exclusions import STANDARD_RULES, needs_answer
 from visavis.study.experiment import StudyExperiment
 from visavis.study.measures import column
 from visavis.study.pairs import Printed
-from visavis.study.parts import Source
 from visavis.study.responses import Choice, Rating
 from visavis.study.scenes import WithEyes, places
 from visavis.study.sections import Confusion
+from visavis.study.source import Source
 from visavis.study.trial import TrialScript
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ if TYPE_CHECKING:
 
 MEAN_ACCURACY: Final = {"orientation": (0.59, 0.25), "warping": (0.67, 0.20)}
 """Mean and SD as printed; over what the SD is taken is not said."""
-NO_VALUES: Final = Printed(False, text="not significant (no values)")
+NO_VALUES: Final = Printed(False, text="not significant (no values)", where="section 2.3.3")
 COMPARISON: Final = Compare(
     "is_right",
     within=("technique", "direction"),
@@ -97,6 +98,7 @@ COMPARISON: Final = Compare(
             eta2p="0.32",
             is_significant=True,
             order="warping > orientation",
+            where="section 2.3.3",
         ),
         "direction": published_f(
             "18.92",
@@ -106,9 +108,10 @@ COMPARISON: Final = Compare(
             eta2p="0.356",
             is_significant=True,
             order="self, left > right",
+            where="section 2.3.3",
         ),
         "technique:direction": published_f(
-            "2.19", 2, 30, p="0.12", eta2p="0.12", is_significant=False
+            "2.19", 2, 30, p="0.12", eta2p="0.12", is_significant=False, where="section 2.3.3"
         ),
     },
 )
@@ -210,6 +213,7 @@ study = Study(
                     eta2p="0.21",
                     is_significant=True,
                     order="self > right",
+                    where="section 2.3.3",
                 ),
                 "technique:direction": NO_VALUES,
             },
@@ -229,6 +233,9 @@ study = Study(
         participants=16,
         cells={"is_right": MEAN_ACCURACY},
         note="Published means per direction are in figures only.",
+        where="sections 2.3.1 and 2.3.3",
+        facts=FACTS,
+        orders=ORDERS,
     ),
     methods=f"""
 Participants stood in a line of five customers of an office, in one of the three middle places.

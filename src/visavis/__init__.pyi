@@ -43,7 +43,6 @@ from visavis.study.measures import fixations_on as fixations_on
 from visavis.study.pairs import Correlate as Correlate
 from visavis.study.pairs import Pairs as Pairs
 from visavis.study.pairs import Printed as Printed
-from visavis.study.parts import Source as Source
 from visavis.study.pieces import MeasuredTrial as MeasuredTrial
 from visavis.study.pieces import Pieces as Pieces
 from visavis.study.responses import Choice as Choice
@@ -57,4 +56,7 @@ from visavis.study.scenes import Scene as Scene
 from visavis.study.scenes import Staging as Staging
 from visavis.study.sections import Conclusion as Conclusion
 from visavis.study.sections import Confusion as Confusion
+from visavis.study.source import Fact as Fact
+from visavis.study.source import PrintedOrder as PrintedOrder
+from visavis.study.source import Source as Source
 from visavis.study.study_functions import Seen as Seen

@@ -94,6 +94,7 @@ SAYS_IT = {
     "participant list": "nothing",
     "participant withdraw": "nothing 1",
     "plan": "nothing",
+    "fidelity": "nothing",
     "lock": "nothing --participants 3",
     "prepare": "nothing",
     "run": "nothing --participant 1",

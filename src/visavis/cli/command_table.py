@@ -36,6 +36,10 @@ COMMANDS: Mapping[str, Entry] = {
     ),
     "participant": Entry("participant", "Issue, list and withdraw participant identifiers."),
     "plan": Entry("session", "Show the order of all trials before anything runs."),
+    "fidelity": Entry(
+        "fidelity",
+        "Show what a study's source says beside what the study does: same, stronger or different.",
+    ),
     "lock": Entry("lock", "Freeze what a study plans, before its results are looked at."),
     "prepare": Entry(
         "prepare", "Compute what a study needs beforehand, such as the evening before."

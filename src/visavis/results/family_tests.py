@@ -5,7 +5,7 @@ does not reject the normality of the differences, by Wilcoxon's signed-rank test
 shares its alpha (Bonferroni). Scores of questionnaires are correlated by Spearman's coefficient.
 """
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from math import factorial
 from typing import Any, Final
@@ -26,6 +26,8 @@ from visavis.analysis.statistics.errors import StatisticsError
 from visavis.analysis.statistics.results import Cell, p_text
 from visavis.lab.errors import DataError, UsageError
 from visavis.protocol.plan.columns import Column
+from visavis.protocol.plan.design import combinations_of
+from visavis.study.declaration import Study
 from visavis.study.measures import Measure, aggregate_cells
 from visavis.study.pairs import Correlate, Family, Pairs, Printed
 
@@ -208,6 +210,31 @@ class PairTest:
                 row["eta_p2_ci_low"] = self.outcome.eta.interval.low
                 row["eta_p2_ci_high"] = self.outcome.eta.interval.high
         return row
+
+
+def printed_pair_tests(study: Study, of: Pairs) -> Iterator[PairTest]:
+    """Yield the tests of a family whose result the source prints, each unmade (no people)."""
+    measures, nan = {m.column: m for m in study.analysis.measures}, float("nan")
+    n_tests = (len(of.levels) if "levels" in of.shared else 1) * (
+        len(of.measures) if "measures" in of.shared else 1
+    )
+    for where in _levels_of_each(study, of.each):
+        for pair in of.levels:
+            for column in of.measures:
+                test = PairTest(
+                    of, where, measures[column], *pair, 0, 0, nan, nan, nan, nan, nan, n_tests, None
+                )
+                if test.published_result is not None:
+                    yield test
+
+
+def _levels_of_each(study: Study, each: str) -> tuple[str, ...]:
+    """Return the levels of a factor or derived column; without one, an empty name."""
+    if not each:
+        return ("",)
+    derive = study.design.derived.get(each)
+    cells = combinations_of(study.design.factors)
+    return tuple(dict.fromkeys(str(derive(c) if derive else c[each]) for c in cells))
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ from visavis.results.analysis import (
 )
 from visavis.results.claims import printed_orders
 from visavis.results.family_tests import DEFAULT_TEST_RULES, TestRules
+from visavis.results.fidelity import design_values
 from visavis.results.intake import SessionIntake, questionnaire, take_in
 from visavis.results.locked_plan.review import PlanReview
 from visavis.results.picture_delay import SETTING, delay_of
@@ -135,6 +136,10 @@ class OpenedStudy:
         if roles:
             who = tuple(sorted(roles))
             uses += [(m.role, "role", who) for m in self.study.analysis.measures if m.role]
+        if self.study.report.source is not None:
+            named = [f.of for f in self.study.report.source.facts if f.of]
+            values = tuple(design_values(experiment)) if named else ()
+            uses += [(name, "value of the design", values) for name in named]
         own = [r for r in self.study.analysis.exclusions if r.column not in STANDARD_COLUMNS]
         for rule in own:
             uses += self._unknown_column(rule, experiment)

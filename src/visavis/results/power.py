@@ -30,9 +30,9 @@ from visavis.results.claims import answer_claim, claimed_finding_term
 from visavis.results.family_tests import (
     DEFAULT_TEST_RULES,
     CorrelationTest,
-    PairTest,
     Test,
     compare_pairs,
+    printed_pair_tests,
     results_of,
     scores_of,
 )
@@ -447,31 +447,23 @@ def _printed_t(study: Study, of: Family) -> Iterator[tuple[str, PrintedTest]]:
     """Yield the paired t tests of a family that its source prints, by name."""
     if not isinstance(of, Pairs) or of.printed is None or study.report.source is None:
         return
-    n, nan = study.report.source.participants, float("nan")
+    n = study.report.source.participants
     if n is None:
         return
-    measures = {m.column: m for m in study.analysis.measures}
-    n_tests = (len(of.levels) if "levels" in of.shared else 1) * (
-        len(of.measures) if "measures" in of.shared else 1
-    )
-    for pair in of.levels:
-        for column in of.measures:
-            unmade = PairTest(
-                of, "", measures[column], *pair, 0, 0, nan, nan, nan, nan, nan, n_tests, None
+    for test in printed_pair_tests(study, of):
+        printed_result = test.published_result
+        if printed_result is not None and printed_result.statistic is not None:
+            yield (
+                pair_name((test.first, test.second), test.measure.column),
+                PrintedTest(
+                    f"t({n - 1}) = {number(printed_result.statistic)}",
+                    printed_result.statistic**2,
+                    1,
+                    n - 1,
+                    n,
+                    test.n_tests,
+                ),
             )
-            printed_result = of.printed(unmade)
-            if printed_result is not None and printed_result.statistic is not None:
-                yield (
-                    pair_name(pair, column),
-                    PrintedTest(
-                        f"t({n - 1}) = {number(printed_result.statistic)}",
-                        printed_result.statistic**2,
-                        1,
-                        n - 1,
-                        n,
-                        n_tests,
-                    ),
-                )
 
 
 def _verdicts_by_name(

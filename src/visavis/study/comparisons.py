@@ -42,12 +42,14 @@ def published_f(
     eta2p: str,
     is_significant: bool,
     order: str | None = None,
+    where: str = "",
 ) -> Printed:
     """Return a printed F test; its numbers are texts, so that their rounding is known.
 
     Degrees of freedom that were corrected for sphericity are texts, too ("1.56"). `order` says
     which levels had the greater values, as `Compare.expects` does ("warping > orientation"); a
-    significant result needs one, "" where the source does not print it.
+    significant result needs one, "" where the source does not print it. `where` is its table or
+    page.
 
     Raises:
         DesignError: a significant result has no order, or the text is none.
@@ -76,6 +78,7 @@ def published_f(
         eta_p2=float(eta2p),
         df=df,
         text=text,
+        where=where,
         misfits=misfits,
         order=order or "",
     )

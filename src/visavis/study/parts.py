@@ -7,7 +7,7 @@ name. Fields that end in `_of` are functions, which decorators of the study set.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final, Literal, NamedTuple, TypeAlias, get_args
+from typing import Any, Final, Literal, TypeAlias, get_args
 
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.design import BlockOrder, Design, Factor, TrialOrder
@@ -24,6 +24,7 @@ from visavis.study.pieces import Pieces
 from visavis.study.responses import Response
 from visavis.study.scenes import Maker
 from visavis.study.sections import ConcludeOf, Confusion, SectionOf, import_object
+from visavis.study.source import Source
 from visavis.study.study_functions import (
     AnswerOf,
     CheckOf,
@@ -273,28 +274,6 @@ class AnalysisPlan:
     def cells_of(self, design: Design) -> tuple[Factor, ...]:
         """Return the factors within people whose combinations are compared and described."""
         return tuple(f for f in design.within if not self.cells or f.name in self.cells)
-
-
-class MeanSd(NamedTuple):
-    """A printed mean with its standard deviation over participants."""
-
-    mean: float
-    sd: float
-
-
-@dataclass(frozen=True)
-class Source:
-    """The publication that a study repeats: its citation and its published values.
-
-    `cells` are published means (and SDs) by measure and level: {"dwell_ms": {"D": (1210, 480)}}.
-    """
-
-    citation: str
-    participants: int | None = None
-    cells: Mapping[str, Mapping[str, tuple[float, float | None]]] = field(default_factory=dict)
-    note: str = ""
-    only: Mapping[str, Scalar] = field(default_factory=dict)
-    """Levels of other factors that trials must have to be compared with it."""
 
 
 @dataclass(frozen=True, kw_only=True)

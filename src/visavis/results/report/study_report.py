@@ -30,6 +30,7 @@ from visavis.analysis.report.notation import count_of, mean_sd, percentage
 from visavis.protocol.plan.questionnaires import Questionnaire
 from visavis.results.analysis import MIN_PARTICIPANTS, StudyAnalysis
 from visavis.results.claims import published_agreement
+from visavis.results.fidelity import fidelity_section
 from visavis.results.figures.study_figures import figure_name
 from visavis.results.findings import Finding
 from visavis.results.quality import LOSS_COLUMNS, Quality, quality_table
@@ -101,6 +102,7 @@ def build_report(
                 *_measures(analysis, experiment, pictures),
                 *family_sections(analysis, pictures),
                 *sections,
+                *fidelity_section(analysis, experiment),
                 *quality_sections,
                 _people(analysis, experiment, questionnaires, pictures, provenance, path.parent),
                 _methods(analysis, experiment),

@@ -1,0 +1,398 @@
+"""What a study's source says beside what the study does: the table of `visavis fidelity`.
+
+Values that the study's design has are read from it, so that a row cannot go stale: number of trials
+and blocks, factors, parameters, scales of questions. Printed results come from what the study
+declares of them.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Literal, TypeAlias
+
+from visavis.analysis.report import Block, Column, Fold, Paragraph, Section, Table
+from visavis.analysis.report.blocks import Cell
+from visavis.results.analysis import StudyAnalysis
+from visavis.results.family_tests import CorrelationTest, printed_pair_tests
+from visavis.results.printed_orders import MIN_HOLDS_01, order_holds, printed_orders_of
+from visavis.study.comparisons import Compare
+from visavis.study.declaration import Study
+from visavis.study.experiment import StudyExperiment
+from visavis.study.measures import Measure
+from visavis.study.pairs import Correlate, Pairs, Printed
+from visavis.study.responses import Choice, Rating
+from visavis.study.source import Fact, FactKind, Source
+from visavis.study.texts import format_value
+
+Verdict: TypeAlias = Literal["same", "stronger", "different"]
+KINDS: Final[Mapping[FactKind, str]] = {
+    "design": "Design",
+    "procedure": "Procedure",
+    "measure": "Measures",
+    "test": "Tests",
+    "result": "Printed results",
+}
+"""Kinds of facts in the order of the table, with their headings."""
+HEADINGS: Final = ("What", "The source", "Where", "This study", "Verdict")
+AS_THERE: Final = "the same"
+SHOWN: Final = "the same value, shown beside it in the report"
+HOLDS: Final = f"must hold in {MIN_HOLDS_01:.0%} of simulated studies"
+ORDER: Final = "order"
+FEWER_OR_MORE: Final = "a lab decides how many take part, and the report says where they are fewer"
+TEST_WORDS: Final[Mapping[str, str]] = {
+    "art": "analysis of variance on aligned ranks",
+    "conditions": "repeated-measures analysis of variance, or Friedman's test",
+    "paired": "paired t test, or Wilcoxon's signed-rank test",
+    "anova": "analysis of variance",
+    "t": "t test",
+}
+"""How tests are called; others by their own names."""
+
+
+@dataclass(frozen=True)
+class FidelityRow:
+    """One fact of the source and what the study does; `because` says why that is different."""
+
+    kind: FactKind
+    what: str
+    printed: str
+    where: str
+    here: str
+    verdict: Verdict = "same"
+    because: str = ""
+
+    @property
+    def verdict_text(self) -> str:
+        """The verdict with its reason."""
+        if self.verdict == "same":
+            return "same"
+        return f"{self.verdict}, because {self.because or '(no reason is declared)'}"
+
+    @property
+    def lacks_reason(self) -> bool:
+        """Tell whether it is different and does not say why."""
+        return self.verdict != "same" and not self.because
+
+
+def design_values(experiment: StudyExperiment) -> dict[str, Any]:
+    """Return the values of a design that a fact may name: by `Fact.of`.
+
+    They are all parameters and factors, the scale ("1 to 9") or number of options of each question,
+    the numbers of `trials` that count, `practice` trials, `blocks` and `trials_in_block`, and
+    `order`, `block_order`, `posture`, `place` (lab or browser) and `questionnaires`.
+    """
+    study, plan = experiment.study, experiment.plan(0, 0)
+    main_blocks = [b for b in plan.blocks if any(not t.is_practice for t in b.trials)]
+    design = study.design_with(experiment.parameters)
+    scales = {
+        r.name: f"{r.low} to {r.high}" if isinstance(r, Rating) else len(r.options)
+        for r in experiment.responses.values()
+        if isinstance(r, Rating | Choice)
+    }
+    return {
+        **experiment.parameters,
+        **{f.name: tuple(f.levels) for f in design.factors},
+        **scales,
+        **{k: v for k, v in experiment.values_of(plan).items() if k in COUNTS},
+        "trials_in_block": len(main_blocks[0].trials),
+        "order": design.order,
+        "block_order": design.block_order,
+        "posture": study.procedure.posture or "",
+        "place": study.procedure.on,
+        "questionnaires": (*study.asks.after_block, *study.asks.questionnaires),
+    }
+
+
+COUNTS: Final = ("trials", "practice", "blocks")
+
+
+def fidelity_rows(experiment: StudyExperiment) -> tuple[FidelityRow, ...]:
+    """Return every fact of the study's source beside what the study does, by kind.
+
+    Raises:
+        DesignError: a fact names a value that the design does not have, or an order is explained
+            that the source does not state.
+    """
+    study = experiment.study
+    source = study.report.source
+    if source is None:
+        return ()
+    values = design_values(experiment)
+    own = StudyExperiment(study).parameters
+    rows = [
+        *([] if source.participants is None else [_participants(source)]),
+        *(_row_of(fact, values, own) for fact in source.facts),
+        *_printed_tests(experiment),
+        *_printed_means(study, source),
+        *_printed_orders(study),
+    ]
+    return tuple(row for kind in KINDS for row in rows if row.kind == kind)
+
+
+def _participants(source: Source) -> FidelityRow:
+    return FidelityRow(
+        "design",
+        "participants",
+        str(source.participants),
+        source.where,
+        "as many as are invited; `visavis power` says how many are needed",
+        "different",
+        FEWER_OR_MORE,
+    )
+
+
+def _row_of(fact: Fact, values: Mapping[str, Any], own: Mapping[str, Any]) -> FidelityRow:
+    """Return the row of a declared fact; what is a number or read from the design is compared."""
+    value: Any = values[fact.of] if fact.of else fact.here
+    is_compared = bool(fact.of) or not isinstance(value, str)
+    if is_compared:
+        is_same = _agrees(fact.printed, value)
+        here = _in_words(fact.printed, value)
+    else:
+        is_same = not fact.because
+        here = value.format_map({k: format_value(v) for k, v in values.items()}) or AS_THERE
+    if is_same:
+        return FidelityRow(fact.kind, fact.what, _text(fact.printed), fact.where, here)
+    because = fact.because
+    if fact.of in own and own[fact.of] != value:
+        because = f"this study was set so (its own: {_text(own[fact.of])})"
+    return FidelityRow(
+        fact.kind,
+        fact.what,
+        _text(fact.printed),
+        fact.where,
+        here,
+        "stronger" if fact.is_stronger else "different",
+        because,
+    )
+
+
+def stale_facts(experiment: StudyExperiment) -> tuple[str, ...]:
+    """Return the facts that give a reason for a difference which the design no longer has."""
+    source = experiment.study.report.source
+    values = design_values(experiment)
+    return tuple(
+        fact.what
+        for fact in (() if source is None else source.facts)
+        if fact.because
+        and (fact.of or not isinstance(fact.here, str))
+        and _agrees(fact.printed, values[fact.of] if fact.of else fact.here)
+    )
+
+
+def _agrees(printed: Any, value: Any) -> bool:
+    """Tell whether a value of the design is the printed one; of levels, if there are as many."""
+    is_number = isinstance(printed, int | float) and not isinstance(printed, bool)
+    if is_number and isinstance(value, list | tuple):
+        return bool(len(value) == printed)
+    if is_number and isinstance(value, int | float):
+        return float(value) == float(printed)
+    return _text(printed) == _text(value)
+
+
+def _in_words(printed: Any, value: Any) -> str:
+    if isinstance(printed, int) and isinstance(value, list | tuple):
+        return f"{len(value)}: {_text(value)}"
+    return _text(value)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return ", ".join(map(str, value))
+    return format_value(value)
+
+
+def _printed_tests(experiment: StudyExperiment) -> Iterator[FidelityRow]:
+    """Yield the printed tests of comparisons and families, those of a family by measure."""
+    study = experiment.study
+    words = _measure_words(study)
+    for compare in experiment.compare:
+        about = words.get(compare.dv, compare.dv)
+        test = _test_words(compare, experiment)
+        for term, printed in compare.published_terms.items():
+            what = f"{about} by {term.replace(':', ' × ')}"
+            yield FidelityRow("test", what, result_text(printed), printed.where, test)
+        if compare.pairs:
+            results = "; ".join(f"{a} – {b}: {p}" for (a, b), p in compare.pairs.items())
+            where = next(iter(compare.pairs.values())).where
+            yield FidelityRow(
+                "test", f"{about}, pairs of levels", results, where, "contrasts after that test"
+            )
+    for family in study.analysis.families:
+        if isinstance(family, Pairs) and family.printed is not None:
+            by_measure: dict[str, list[tuple[str, str, str]]] = {}
+            for test_of in printed_pair_tests(study, family):
+                of_level = f"{test_of.where.replace('_', ' ')} " if test_of.where else ""
+                printed = test_of.published_result or Printed(False)
+                by_measure.setdefault(test_of.measure.words, []).append(
+                    (f"{of_level}{test_of.name}", result_text(printed), printed.where)
+                )
+            for about, tests in by_measure.items():
+                each = f" by {family.each}" if family.each else ""
+                yield FidelityRow(
+                    "test",
+                    f"{about}{each}",
+                    "; ".join(f"{name}: {result}" for name, result, _ in tests),
+                    ", ".join(dict.fromkeys(where for *_, where in tests)),
+                    f"{TEST_WORDS['paired']}, alpha shared",
+                )
+        if isinstance(family, Correlate) and family.printed is not None:
+            yield from _printed_correlations(study, family)
+
+
+def _printed_correlations(study: Study, family: Correlate) -> Iterator[FidelityRow]:
+    """Yield the printed correlations of every measure with a score."""
+    measures = {m.column: m for m in study.analysis.measures}
+    for column in family.measures:
+        printed = {
+            level: family.printed(CorrelationTest(family, measures[column], level, 0, 0.05, None))
+            for level in map(str, study.factor(family.factor).levels)
+            if family.printed is not None
+        }
+        results = "; ".join(f"{level}: {result_text(p)}" for level, p in printed.items() if p)
+        where = ", ".join(dict.fromkeys(p.where for p in printed.values() if p))
+        about = f"{measures[column].words} with {family.score_words}"
+        yield FidelityRow("test", about, results, where, "Spearman's rank correlation")
+
+
+def result_text(printed: Printed) -> str:
+    """Return a printed result with everything that is printed of it."""
+    if printed.text:
+        return printed.text
+    p = "" if printed.p is None else f"p {'<' if printed.p_is_bound else '='} {_decimal(printed.p)}"
+    parts = [
+        "Wilcoxon" if printed.is_wilcoxon else "",
+        "" if printed.statistic is None else f"t = {printed.statistic:g}",
+        "" if printed.r is None else f"r = {printed.r:g}",
+        p,
+        "" if printed.eta_p2 is None else f"η²p = {printed.eta_p2:g}",
+    ]
+    text = ", ".join(filter(None, parts)) or "not significant"
+    return f"{text} {'*' * printed.stars}".strip()
+
+
+def _decimal(value: float) -> str:
+    return f"{value:.6f}".rstrip("0")
+
+
+def _test_words(compare: Compare, experiment: StudyExperiment) -> str:
+    levels = {
+        f.name: tuple(map(str, f.levels))
+        for f in experiment.study.design_with(experiment.parameters).factors
+    }
+    test = compare.question(levels).test
+    return TEST_WORDS.get(test, test)
+
+
+def _printed_means(study: Study, source: Source) -> Iterator[FidelityRow]:
+    """Yield the printed means (SD) of every measure."""
+    measures = {m.column: m for m in study.analysis.measures}
+    for column, cells in source.cells.items():
+        measure = measures.get(column, Measure(column, "1", column.replace("_", " ")))
+        values = "; ".join(
+            f"{level.replace('_', ' ')} {mean:g}" + ("" if sd is None else f" ({sd:g})")
+            for level, (mean, sd) in cells.items()
+        )
+        unit = "" if measure.unit in ("", "1") else f" in {measure.unit}"
+        yield FidelityRow("result", f"{measure.words}{unit}", values, source.where, SHOWN)
+
+
+def _printed_orders(study: Study) -> Iterator[FidelityRow]:
+    words = _measure_words(study)
+    for order in printed_orders_of(study):
+        what = order.words or order.name.replace(order.measure, words.get(order.measure, ""), 1)
+        is_held = not order.not_reproduced
+        yield FidelityRow(
+            "result",
+            ORDER,
+            what,
+            order.where,
+            HOLDS if is_held else "not reproduced by simulated people",
+            "same" if is_held else "different",
+            order.not_reproduced,
+        )
+
+
+def _measure_words(study: Study) -> dict[str, str]:
+    return {m.column: m.words for m in study.analysis.measures}
+
+
+def fidelity_table(rows: Sequence[FidelityRow], caption: str) -> Table:
+    """Return rows of one kind as a table of a report."""
+    return Table(
+        tuple(map(Column, HEADINGS)),
+        tuple(
+            (
+                row.what,
+                row.printed,
+                row.where,
+                row.here,
+                Cell(row.verdict_text, "" if row.verdict == "same" else "differ"),
+            )
+            for row in rows
+        ),
+        caption,
+    )
+
+
+def fidelity_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> tuple[Section, ...]:
+    """Return the section of a report: all facts, and which printed orders these data show."""
+    rows = fidelity_rows(experiment)
+    if not rows:
+        return ()
+    blocks: list[Block] = [Paragraph(counts_of(rows))]
+    for kind, heading in KINDS.items():
+        of_kind = [row for row in rows if row.kind == kind and row.what != ORDER]
+        if of_kind:
+            fold = f"{heading}: {len(of_kind)}"
+            blocks.append(Fold(fold, (fidelity_table(of_kind, heading),)))
+    orders = _orders_table(analysis)
+    blocks += [] if orders is None else [orders]
+    return (Section("source", "Beside the source", tuple(blocks)),)
+
+
+def _orders_table(analysis: StudyAnalysis) -> Table | None:
+    """Return every order that the source states, with whether it holds in these data."""
+    counted, table_rows = analysis.selection.counted, []
+    columns = {m.column: m for m in analysis.measures}
+    for order in printed_orders_of(analysis.study):
+        measure = columns.get(order.measure)
+        words = "" if measure is None else measure.words
+        if measure is None or order.measure not in counted or counted[order.measure].isna().all():
+            cell = Cell("not measured", "weak")
+        else:
+            holds = order_holds(order, counted, measure.aggregate)
+            cell = Cell("holds", "agree") if holds else Cell("does not hold", "differ")
+        why = order.not_reproduced and f"not reproduced by simulated people: {order.not_reproduced}"
+        what = order.words or order.name.replace(order.measure, words or order.measure, 1)
+        table_rows.append((what, order.where, cell, why))
+    if not table_rows:
+        return None
+    return Table(
+        (Column("Order"), Column("Where"), Column("In these data"), Column("Note")),
+        tuple(table_rows),
+        "Orders that the source states",
+        "Whether the means of those who count stand in the printed order; no test. Equal means are "
+        "in no order.",
+    )
+
+
+def fidelity_markdown(rows: Sequence[FidelityRow]) -> str:
+    """Return the rows as Markdown, one table for each kind, for a README or a supplement."""
+    parts = [counts_of(rows)]
+    for kind, heading in KINDS.items():
+        of_kind = [row for row in rows if row.kind == kind]
+        if not of_kind:
+            continue
+        lines = [f"| {' | '.join((heading, *HEADINGS[1:]))} |", f"|{' --- |' * len(HEADINGS)}"]
+        for row in of_kind:
+            cells = (row.what, row.printed, row.where, row.here, row.verdict_text)
+            lines.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
+        parts.append("\n".join(lines))
+    return "\n\n".join(parts) + "\n"
+
+
+def counts_of(rows: Sequence[FidelityRow]) -> str:
+    """Return how many rows there are of each verdict, as a sentence."""
+    counts = {v: sum(row.verdict == v for row in rows) for v in ("same", "stronger", "different")}
+    of_each = ", ".join(f"{n} {verdict}" for verdict, n in counts.items() if n)
+    return f"{len(rows)} facts of the source: {of_each}."

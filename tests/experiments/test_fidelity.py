@@ -1,0 +1,120 @@
+"""What each source says beside what its study does: complete, with reasons, and in the README."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeAlias
+
+import pytest
+from typer.testing import CliRunner
+
+from tools.fidelity_tables import readme_of, section_of
+from visavis.cli.main import app
+from visavis.lab.errors import DesignError, UsageError
+from visavis.results.fidelity import fidelity_rows, stale_facts
+from visavis.results.opened_study import OpenedStudy, find_study
+from visavis.study.catalogue import SHIPPED_STUDIES
+from visavis.study.source import Fact
+
+STUDIES = tuple(SHIPPED_STUDIES)
+BEFORE_RESULTS = {"design", "procedure"}
+Says: TypeAlias = Callable[[Fact], OpenedStudy]
+
+
+@pytest.fixture
+def says(monkeypatch: pytest.MonkeyPatch) -> Says:
+    """Let the source of `stare` say one thing more; return the study as commands open it."""
+
+    def opened_with(fact: Fact) -> OpenedStudy:
+        opened_study = find_study("stare")
+        report = opened_study.study.report
+        assert report.source is not None
+        source = replace(report.source, facts=(*report.source.facts, fact))
+        monkeypatch.setattr(opened_study.study, "report", replace(report, source=source))
+        return opened_study
+
+    return opened_with
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_every_difference_from_a_source_has_its_reason(name: str) -> None:
+    experiment = find_study(name).experiment({})
+    rows = fidelity_rows(experiment)
+    assert [] == [row.what for row in rows if row.lacks_reason]
+    assert () == stale_facts(experiment)
+    assert {row.kind for row in rows} >= BEFORE_RESULTS
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_a_readme_holds_what_the_study_declares_of_its_source(name: str) -> None:
+    section = section_of(name)
+    assert section
+    assert section in readme_of(name).read_text(encoding="utf-8"), "python -m tools.fidelity_tables"
+
+
+def test_a_number_of_the_design_is_read_from_it() -> None:
+    rows = {r.what: r for r in fidelity_rows(find_study("stare").experiment({"repetitions": 1}))}
+    assert ("72", "36", "different") == (
+        rows["trials"].printed,
+        rows["trials"].here,
+        rows["trials"].verdict,
+    )
+    set_here = rows["repetitions of condition and place"]
+    assert "this study was set so (its own: 2)" == set_here.because
+
+
+def test_a_number_that_differs_lacks_a_reason(says: Says) -> None:
+    opened_study = says(Fact("design", "seconds between trials", 4, "p. 1", of="intertrial_s"))
+    rows = fidelity_rows(opened_study.experiment({}))
+    assert ["seconds between trials"] == [row.what for row in rows if row.lacks_reason]
+    result = CliRunner().invoke(app, ["fidelity", "stare"])
+    assert 1 == result.exit_code
+    assert "seconds between trials: different, and no reason is declared" in result.stderr
+
+
+def test_a_reason_for_no_difference_is_stale(says: Says) -> None:
+    fact = Fact("design", "dark", 3, "p. 1", of="intertrial_s", because="we like it so")
+    assert ("dark",) == stale_facts(says(fact).experiment({}))
+
+
+def test_a_fact_about_no_value_of_the_design_is_refused(says: Says) -> None:
+    opened_study = says(Fact("design", "dark", 3, "p. 1", of="intertrials_s"))
+    with pytest.raises(DesignError, match=r"no value of the design 'intertrials_s'.*intertrial_s"):
+        opened_study.experiment({})
+
+
+def test_an_operator_sees_the_source_beside_the_study() -> None:
+    result = CliRunner().invoke(app, ["fidelity", "waving", "--markdown"])
+    assert 0 == result.exit_code
+    assert "| trials | 54 | section 2.3.1 | 54 | same |" in result.stdout
+    assert "| Accuracy by technique | F(1, 15) = 7.09, p = .017, η²p = .32 |" in result.stdout
+
+
+def test_a_study_without_a_source_is_told_how_to_declare_one(tmp_path: Path) -> None:
+    file = tmp_path / "plain.py"
+    file.write_text(PLAIN, encoding="utf-8")
+    with pytest.raises(UsageError, match=r"plain declares no source.*facts=\[Fact"):
+        CliRunner().invoke(app, ["fidelity", str(file)], catch_exceptions=False)
+
+
+def test_own_studies_have_the_table_too(tmp_path: Path) -> None:
+    file = tmp_path / "plain.py"
+    fact = 'Fact("design", "trials", 2, "p. 3", of="trials")'
+    said = f'source=Source("A. Author (2020)", 12, facts=[{fact}]),'
+    file.write_text(PLAIN.replace("# source", said), encoding="utf-8")
+    result = CliRunner().invoke(app, ["fidelity", str(file), "--markdown"])
+    assert "| trials | 2 | p. 3 | 2 | same |" in result.stdout
+
+
+PLAIN = """
+from visavis import Choice, Fact, Factor, Source, Study
+
+study = Study("plain", factors=[Factor("side", ("left", "right"))], calibrate=False,
+    # source
+)
+
+
+@study.trial
+def trial(t):
+    yield t.wait(0.1)
+"""
