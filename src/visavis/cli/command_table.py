@@ -109,6 +109,7 @@ COMMANDS: Mapping[str, Entry] = {
         "figures.",
     ),
     "warp": Entry("warp", "Warp a motion so that an observer perceives more or less of it."),
+    "blend": Entry("blend", "Blend example walks by adjectives, features or weights."),
     "character": Entry("character", "People for scenes: list them, import your own, look at them."),
     "import": Entry("data", "Read data recorded by other programs."),
     "export": Entry(

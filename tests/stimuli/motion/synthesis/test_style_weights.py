@@ -1,5 +1,7 @@
 """Weights are those of the example at an example, and always shares of one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -40,6 +42,11 @@ def test_examples_that_cannot_be_fitted_are_named() -> None:
         fit_weights(np.array([[0.0]]))
     with pytest.raises(DataError, match="finite"):
         fit_weights(np.array([[0.0], [np.nan]]))
-    far = fit_weights(np.array([[0.0], [1.0], [2.0], [5.0], [9.0]]))
-    with pytest.raises(DataError, match="stay nearer"):
-        far.at(np.full((1, 1), np.nan))
+    with pytest.raises(DataError, match="not a number"):
+        fit_weights(np.array([[0.0], [1.0], [5.0]])).at(np.full((1, 1), np.nan))
+
+
+def test_where_no_example_has_weight_the_nearest_has_all_of_it() -> None:
+    fitted = fit_weights(np.array([[0.0], [1.0], [2.0], [5.0], [9.0]]))
+    none = replace(fitted, linear=np.full_like(fitted.linear, -1.0))
+    assert none.at(np.array([[4.0], [8.0]])).tolist() == np.eye(5)[[3, 4]].tolist()

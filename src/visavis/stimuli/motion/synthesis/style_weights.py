@@ -57,14 +57,19 @@ class StyleWeights:
     def at(self, points: Vector) -> Vector:
         """Return weights (..., n) at points (..., d): between 0 and 1, summing to 1.
 
+        Where no example has any weight, the nearest one (the first of several) has all of it.
+
         Raises:
-            DataError: at a point no example has any weight.
+            DataError: a point is not finite.
         """
-        clipped_01 = np.clip(self.raw(points), 0.0, 1.0)
+        p = np.asarray(points, dtype=np.float64)
+        if not np.isfinite(p).all():
+            raise DataError("a requested point is not a number; give finite parameters")
+        clipped_01 = np.clip(self.raw(p), 0.0, 1.0)
         total = clipped_01.sum(axis=-1, keepdims=True)
-        if not (total > 0).all():
-            raise DataError("no example reaches a requested point; stay nearer to them")
-        weights: Vector = clipped_01 / total
+        nearest = np.argmin(np.linalg.norm(p[..., None, :] - self.examples, axis=-1), axis=-1)
+        alone = np.eye(len(self.examples))[nearest]
+        weights: Vector = np.where(total > 0, clipped_01 / np.where(total > 0, total, 1.0), alone)
         return weights
 
 

@@ -118,9 +118,9 @@ EMOTIONS: Final[Mapping[str, Mapping[str, float]]] = {
         "step_01": 0.87,
     },
     "arousal": {
-        "sharp_01": 0.8, "swing_deg": 30, "elbow_deg": 62, "shoulders_deg": 4, "head_deg": 4,
-        "lean_deg": 5, "bounce": 1.3, "slump_deg": -6, "lift": 1.7, "sway": 0.5, "hips": 0.7,
-        "step_01": 0.85,
+        "sharp_01": 0.8, "swing_deg": 32, "elbow_deg": 80, "shoulders_deg": 9, "head_deg": 3,
+        "lean_deg": 9, "bounce": 1.2, "slump_deg": -6, "lift": 1.7, "sway": 0.4, "hips": 0.6,
+        "step_01": 0.86, "arm_out_deg": 13,
     },
     "distress": {
         "sharp_01": 0.5, "swing_deg": 9, "elbow_deg": 82, "shoulders_deg": 14, "arm_out_deg": 14,
@@ -129,12 +129,12 @@ EMOTIONS: Final[Mapping[str, Mapping[str, float]]] = {
     },
     "misery": {
         "swing_deg": 6, "elbow_deg": 30, "shoulders_deg": 2, "head_deg": -30, "lean_deg": 19,
-        "slump_deg": 26, "step_01": 0.70, "lift": 0.55, "roll": 0.75, "bounce": 0.5, "twist": 0.3,
+        "slump_deg": 26, "step_01": 0.70, "lift": 0.65, "roll": 0.75, "bounce": 0.5, "twist": 0.3,
         "hips": 0.5, "crouch_01": 0.05, "sway": 1.3,
     },
     "depression": {
         "swing_deg": 7, "elbow_deg": 12, "head_deg": -27, "lean_deg": 7, "slump_deg": 24,
-        "step_01": 0.66, "lift": 0.35, "roll": 0.6, "bounce": 0.4, "twist": 0.4, "hips": 0.4,
+        "step_01": 0.66, "lift": 0.55, "roll": 0.6, "bounce": 0.4, "twist": 0.4, "hips": 0.4,
         "shoulders_deg": -5, "arm_out_deg": 6, "sway": 0.8,
     },
     "sleepiness": {
@@ -143,13 +143,13 @@ EMOTIONS: Final[Mapping[str, Mapping[str, float]]] = {
         "toes_out_deg": 14, "shoulders_deg": -6, "hips": 0.8, "stance_01": 0.64,
     },
     "contentment": {
-        "swing_deg": 20, "elbow_deg": 14, "head_deg": 5, "lean_deg": -5, "slump_deg": -3,
-        "step_01": 0.79, "bounce": 1.0, "sway": 2.2, "hips": 1.7, "toes_out_deg": 13,
-        "width": 0.75, "stance_01": 0.62, "arm_out_deg": 11,
+        "swing_deg": 19, "elbow_deg": 13, "head_deg": 6, "lean_deg": -8, "slump_deg": -3,
+        "step_01": 0.77, "bounce": 0.9, "sway": 2.8, "hips": 2.0, "toes_out_deg": 14,
+        "width": 0.8, "stance_01": 0.62, "arm_out_deg": 11,
     },
     "pleasure": {
-        "swing_deg": 29, "elbow_deg": 26, "head_deg": 8, "lean_deg": -2, "slump_deg": -8,
-        "bounce": 1.9, "sway": 1.9, "hips": 1.8, "lift": 1.6, "twist": 1.6, "arm_out_deg": 14,
+        "swing_deg": 31, "elbow_deg": 30, "head_deg": 10, "lean_deg": -3, "slump_deg": -9,
+        "bounce": 2.2, "sway": 2.3, "hips": 2.2, "lift": 1.7, "twist": 1.7, "arm_out_deg": 17,
     },
 }  # fmt: skip
 """What each of nine emotions changes of a plain walk at normal speed."""
@@ -168,7 +168,7 @@ STYLES: Final[Mapping[str, Mapping[str, float]]] = {
     },
     "slouch": {
         "frames": 36, "slump_deg": 30, "head_deg": -20, "lean_deg": 6, "swing_deg": 10,
-        "elbow_deg": 12, "lift": 0.5, "roll": 0.7, "shoulders_deg": -5, "hips": 0.6,
+        "elbow_deg": 12, "lift": 0.7, "roll": 0.7, "shoulders_deg": -5, "hips": 0.6,
     },
     "tiptoe": {
         "frames": 28, "roll": 0.35, "lift": 2.6, "crouch_01": 0.02, "elbow_deg": 70,

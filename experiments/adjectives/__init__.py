@@ -1,0 +1,1 @@
+"""Walks rated by pairs of adjectives: which pairs say something, and which belong together?"""

@@ -1,0 +1,238 @@
+"""blend: make a walk of examples by adjectives, features or weights."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Final
+
+import numpy as np
+import typer
+
+from visavis.cli.app import JsonOption, app, console, new_file, say, say_json, say_written, verbatim
+from visavis.cli.walk_film import write_walk_film
+from visavis.experiments.adjectives.pairs import FACTORS
+from visavis.experiments.adjectives.raters import expected_impressions
+from visavis.lab.errors import UsageError
+from visavis.lab.geometry import Vector
+from visavis.stimuli.characters.cast import load_character
+from visavis.stimuli.characters.character import Character
+from visavis.stimuli.motion.build import build_of_character
+from visavis.stimuli.motion.bvh import write_bvh
+from visavis.stimuli.motion.bvh_clip import bvh_of_clip
+from visavis.stimuli.motion.clip import Clip
+from visavis.stimuli.motion.clip_file import write_clip
+from visavis.stimuli.motion.synthesis.example_blend import Blend, shares_of
+from visavis.stimuli.motion.synthesis.example_files import ExampleFolder, read_examples
+from visavis.stimuli.motion.synthesis.examples import Examples
+from visavis.stimuli.motion.synthesis.style_weights import MIN_SPARE, StyleWeights, fit_weights
+from visavis.stimuli.motion.synthesis.walk_features import (
+    FEATURES,
+    GROUPS,
+    feature_table,
+    features_of,
+    unit_of,
+)
+from visavis.stimuli.motion.synthesis.walk_styles import style_names, walk_examples, walk_set
+
+SETS: Final = ("set_a", "set_b")
+FILMS: Final = (".mp4", ".webm", ".avi")
+SUFFIXES: Final = (".bvh", ".npz", *FILMS)
+MIDDLE: Final = 0.5
+"""Where a parameter stands that nobody has set."""
+
+
+@app.command()
+def blend(
+    examples: Annotated[
+        str,
+        typer.Option(help="set_a, set_b, or a folder of BVH files with a table (.csv)."),
+    ] = "set_b",
+    adjectives: Annotated[
+        str, typer.Option(help="NAME=VALUE,… from 0 to 1; activeness=.8,clearness=.2.")
+    ] = "",
+    features: Annotated[
+        str, typer.Option(help="The same with groups of features, or single ones.")
+    ] = "",
+    weights: Annotated[
+        str, typer.Option(help="Weights of the examples themselves: misery_slow=1,neutral_fast=2.")
+    ] = "",
+    character: Annotated[str, typer.Option(help="Who walks in a film.")] = "luca",
+    rounds: Annotated[int, typer.Option(help="Cycles in the file.")] = 1,
+    unit_m: Annotated[float, typer.Option(help="Metres per unit of a folder's BVH files.")] = 0.01,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help=f"A new file: {', '.join(SUFFIXES)}.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Blend example walks by adjectives, features or weights, and write the walk.
+
+    Without values it lists what can be given. Parameters that are left out stand at 0.5.
+
+    Example: visavis blend --examples set_b --adjectives activeness=.8,clearness=.2 -o walk.bvh
+    """
+    if sum(map(bool, (adjectives, features, weights))) > 1:
+        raise UsageError("give one of --adjectives, --features and --weights, not several")
+    if output is not None:
+        if output.suffix.lower() not in SUFFIXES:
+            raise UsageError(f"{output}: name a file that ends in {', '.join(SUFFIXES)}")
+        new_file(output)
+    if not 1 <= rounds <= 100:
+        raise UsageError(f"--rounds {rounds}; give 1 to 100")
+    folder = None if examples in SETS else read_examples(_folder(examples), unit_m=unit_m)
+    walks = walk_set(examples) if folder is None else folder.examples
+    if not (adjectives or features or weights):
+        _list(walks, folder, as_json)
+        return
+    shares = _shares(walks, folder, adjectives, features, weights)
+    made = Blend(walks, shares)
+    if output is not None and output.suffix.lower() in FILMS:
+        who = load_character(character)
+        write_walk_film(output, who, _on_body(examples, who, shares, unit_m), rounds)
+    elif output is not None:
+        clip = _rounds(made, rounds)
+        if output.suffix.lower() == ".bvh":
+            write_bvh(output, bvh_of_clip(clip))
+        else:
+            write_clip(output, clip)
+    _tell(made, as_json)
+    if output is not None and not as_json:
+        say_written(output)
+
+
+def _folder(examples: str) -> Path:
+    folder = Path(examples)
+    if not folder.is_dir():
+        raise UsageError(f"--examples {examples!r} is neither set_a, set_b nor a folder")
+    return folder
+
+
+def values_of(text: str, names: Sequence[str], option: str, most: float = 1.0) -> dict[str, float]:
+    """Read NAME=VALUE,… with values from 0 to `most`.
+
+    Raises:
+        UsageError: a name is not among `names`, or a value is no such number.
+    """
+    values: dict[str, float] = {}
+    for part in text.split(","):
+        name, _, number = (piece.strip() for piece in part.partition("="))
+        if name not in names:
+            raise UsageError(f"{option}: there is no {name!r}; there are {', '.join(names)}")
+        try:
+            value = float(number)
+        except ValueError:
+            value = float("nan")
+        if not 0.0 <= value <= most or name in values:
+            raise UsageError(
+                f"{option}: {part.strip()!r}; give every name once, with a number from 0 to "
+                f"{most:g}, as {names[0]}=0.8"
+            )
+        values[name] = value
+    return values
+
+
+def _shares(
+    walks: Examples, folder: ExampleFolder | None, adjectives: str, features: str, weights: str
+) -> Vector:
+    """Return the examples' weights by whichever option is given."""
+    if weights:
+        own = values_of(weights, walks.names, "--weights", np.inf)
+        return shares_of([own.get(name, 0.0) for name in walks.names], len(walks))
+    if adjectives:
+        names, points = _adjectives_of(walks, folder)
+        given = values_of(adjectives, names, "--adjectives")
+        fitted = _fit(points, len(names))
+        return fitted.at(np.array([given.get(name, MIDDLE) for name in names]))
+    table = feature_table(walks)
+    given = values_of(features, (*GROUPS, *FEATURES), "--features")
+    # The four groups, and every single feature that is asked for besides.
+    single = [name for name in given if name in FEATURES]
+    columns = [table.scaled_01[:, FEATURES.index(name)] for name in single]
+    points = np.column_stack([table.primary, *columns])
+    fitted = _fit(points, points.shape[1])
+    return fitted.at(np.array([given.get(name, MIDDLE) for name in (*GROUPS, *single)]))
+
+
+def _adjectives_of(walks: Examples, folder: ExampleFolder | None) -> tuple[tuple[str, ...], Vector]:
+    if folder is None:
+        return FACTORS, expected_impressions(walks)
+    if not folder.parameters:
+        raise UsageError(
+            "--adjectives: the folder's table has no columns of adjectives; add some with numbers "
+            "from 0 to 1, or use --features or --weights"
+        )
+    return folder.parameters, folder.points
+
+
+def _fit(points: Vector, dimensions: int) -> StyleWeights:
+    fitted = fit_weights(points)
+    if fitted.is_spare:
+        console.print(
+            f"[yellow]{dimensions} parameters of {len(points)} examples: weights are unsteady; "
+            f"give at least {dimensions + MIN_SPARE} examples, or fewer parameters[/]",
+            soft_wrap=True,
+        )
+    return fitted
+
+
+def _rounds(made: Blend, rounds: int) -> Clip:
+    """Return cycles one after another; the last frame is the first again, further on."""
+    one = made.sampled()
+    n = len(one.root_m) * rounds + 1
+    frames = made.at(np.arange(n) * one.frame_s)
+    return Clip(made.skeleton, one.frame_s, frames.root_m, frames.orientation_wxyz)
+
+
+def _on_body(examples: str, who: Character, shares: Vector, unit_m: float) -> Blend:
+    """Return the blend on a character's own skeleton, walking on the spot."""
+    if examples in SETS:
+        walks = walk_examples(style_names(examples), build_of_character(who))
+    else:
+        walks = read_examples(Path(examples), who.skeleton, unit_m=unit_m).examples
+    return Blend(walks, shares, in_place=True)
+
+
+def _list(walks: Examples, folder: ExampleFolder | None, as_json: bool) -> None:
+    names = FACTORS if folder is None else folder.parameters
+    table = feature_table(walks)
+    if as_json:
+        say_json(
+            {
+                "examples": list(walks.names),
+                "adjectives": list(names),
+                "features": {name: list(table.values[:, i]) for i, name in enumerate(FEATURES)},
+                "groups": dict(zip(FEATURES, table.group_of, strict=True)),
+            }
+        )
+        return
+    say(f"[b]{len(walks)} examples[/]: {verbatim(', '.join(walks.names))}")
+    say(f"[b]adjectives[/]: {verbatim(', '.join(names) or 'none in the table')}")
+    if folder is None:
+        say("[dim]from simulated raters; people have not rated these walks[/]")
+    for group in GROUPS:
+        members = [name for name, g in zip(FEATURES, table.group_of, strict=True) if g == group]
+        say(f"[b]features, {group}[/]: {', '.join(members)}")
+
+
+def _tell(made: Blend, as_json: bool) -> None:
+    walks = made.examples
+    measured = features_of(replace(made, in_place=False).sampled())
+    if as_json:
+        say_json(
+            {
+                "weights": dict(zip(walks.names, made.weights.tolist(), strict=True)),
+                "cycle_s": made.cycle_s,
+                "speed_mps": float(np.hypot(*made.travel_m[[0, 2]]) / made.cycle_s),
+                "features": measured,
+            }
+        )
+        return
+    heavy = sorted(zip(made.weights, walks.names, strict=True), reverse=True)
+    text = ", ".join(f"{name} {weight:.2f}" for weight, name in heavy if weight >= 0.005)
+    say(f"[b]weights[/]: {verbatim(text)}")
+    speed = float(np.hypot(*made.travel_m[[0, 2]]) / made.cycle_s)
+    say(f"a cycle of {made.cycle_s:.2f} s, {speed:.2f} m/s; {_some(measured)}")
+
+
+def _some(measured: Mapping[str, float]) -> str:
+    shown = ("step_length_fb", "mean_torso_fb", "sd_left_upper_arm_fb")
+    return ", ".join(f"{name} {measured[name]:.2f} {unit_of(name)}" for name in shown)

@@ -1,0 +1,95 @@
+"""`visavis blend`: adjectives, features and weights make a walk; what is wrong is named."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from visavis.cli.main import app
+from visavis.lab.errors import LabError, UsageError
+from visavis.stimuli.motion.bvh import read_bvh
+from visavis.stimuli.motion.clip_file import read_clip
+from visavis.stimuli.motion.errors import MotionError
+
+
+def blended(*arguments: str) -> str:
+    result = CliRunner().invoke(app, ["blend", *arguments])
+    if isinstance(result.exception, LabError):
+        raise result.exception
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+def of(*arguments: str) -> dict[str, dict[str, float]]:
+    values: dict[str, dict[str, float]] = json.loads(blended(*arguments, "--json"))
+    return values
+
+
+def test_more_activeness_swings_the_arms_more_and_more_quickness_is_faster() -> None:
+    still, active, quick = (
+        of("--adjectives", text) for text in ("activeness=.1", "activeness=.9", "quickness=.9")
+    )
+    swing = "sd_left_upper_arm_fb"
+    assert active["features"][swing] > still["features"][swing] + 5
+    assert quick["cycle_s"] < min(active["cycle_s"], still["cycle_s"])
+    assert sum(active["weights"].values()) == pytest.approx(1.0)
+
+
+def test_features_are_followed_in_groups_and_alone() -> None:
+    low, high = (of("--features", f"duration={v}") for v in (0.1, 0.9))
+    assert high["features"]["duration"] > low["features"]["duration"] + 0.1
+    bent = of("--features", "upper_bend=.9")["features"]["mean_torso_fb"]
+    assert bent > of("--features", "upper_bend=.1")["features"]["mean_torso_fb"] + 5
+
+
+def test_a_walk_is_written_as_bvh_and_as_clip(tmp_path: Path) -> None:
+    path = tmp_path / "walk.bvh"
+    blended("--examples", "set_a", "--weights", "march=1", "--rounds", "2", "-o", str(path))
+    bvh = read_bvh(path)
+    assert len(bvh.joints) == 20
+    assert len(bvh.values) == 2 * 32 + 1
+    blended("--examples", "set_a", "--weights", "march=1", "-o", str(tmp_path / "walk.npz"))
+    clip = read_clip(tmp_path / "walk.npz")
+    assert np.abs(np.diff(clip.root_m[:, 2])).mean() * 30 == pytest.approx(1.2, abs=0.01)
+    with pytest.raises(UsageError, match="exists already"):
+        blended("--weights", "misery_slow=1", "-o", str(path))
+
+
+def test_what_can_be_given_is_listed_and_whose_ratings_it_rests_on() -> None:
+    listed = blended()
+    assert "quickness, clearness, activeness, largeness" in listed
+    assert "people have not rated these walks" in listed
+    assert "step_length" in listed
+
+
+def test_few_examples_for_many_parameters_are_warned_of() -> None:
+    singles = ",".join(f"{name}=.5" for name in ("duration", "mean_com_up", "sd_torso_lr"))
+    assert "unsteady" in blended("--examples", "set_a", "--features", singles)
+    assert "unsteady" not in blended("--features", singles)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--adjectives", "happiness=.5"), "there is no 'happiness'"),
+        (("--adjectives", "quickness=1.2"), "from 0 to 1"),
+        (("--adjectives", "quickness=.2,quickness=.3"), "every name once"),
+        (("--features", "duration=soon"), "from 0 to 1"),
+        (("--weights", "march=1"), "there is no 'march'"),
+        (("--weights", "misery_slow=-1"), "a number from 0"),
+        (("--weights", "misery_slow=1", "--features", "duration=.5"), "not several"),
+        (("--examples", "set_c"), "neither set_a, set_b nor a folder"),
+        (("--weights", "misery_slow=1", "-o", "walk.fbx"), "ends in .bvh"),
+        (("--rounds", "0"), "1 to 100"),
+    ],
+)
+def test_what_cannot_be_given_is_named(arguments: tuple[str, ...], words: str) -> None:
+    with pytest.raises(UsageError, match=words):
+        blended(*arguments)
+
+
+def test_weights_that_are_all_zero_are_refused() -> None:
+    with pytest.raises(MotionError, match="all weights are zero"):
+        blended("--weights", "misery_slow=0")
