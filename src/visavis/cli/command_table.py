@@ -110,6 +110,10 @@ COMMANDS: Mapping[str, Entry] = {
     ),
     "warp": Entry("warp", "Warp a motion so that an observer perceives more or less of it."),
     "blend": Entry("blend", "Blend example walks by adjectives, features or weights."),
+    "gesture": Entry(
+        "gesture", "Perform a gesture script: arms by lexeme, the body as a speaker would move it."
+    ),
+    "corpus": Entry("gesture", "A speaker's recordings: what they teach."),
     "character": Entry("character", "People for scenes: list them, import your own, look at them."),
     "import": Entry("data", "Read data recorded by other programs."),
     "export": Entry(

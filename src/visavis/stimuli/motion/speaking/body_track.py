@@ -1,7 +1,7 @@
 """What a speaker's lower body does: where its weight is, where the hips point, feet that step.
 
-Measured from a recorded motion, relative to the feet and to the side where the speaker mostly
-faces, in sizes that another body can take over.
+Measured from a recorded motion, relative to where the feet are and point, in sizes that another
+body can take over.
 """
 
 from dataclasses import dataclass
@@ -66,7 +66,7 @@ class BodyTrack:
 
     @property
     def yaw(self) -> Vector:
-        """Where the hips point, to the left of where the speaker mostly faces, radians (n,)."""
+        """Where the hips point, to the left of where the feet do, radians (n,)."""
         column: Vector = self.hips[:, YAW]
         return column
 
@@ -95,7 +95,7 @@ def measure_body(clip: Clip, name: str) -> BodyTrack:
     skeleton = clip.skeleton
     placed = forward(skeleton, clip.root_m, clip.orientation_wxyz)
 
-    # Yaw of hips and shoulders from the ways to the right; the front is where hips mostly point.
+    # Yaw of hips and shoulders from the ways to the right; the front is where both feet point.
     def across(one: str, other: str) -> Vector:
         way: Vector = (
             placed.position_m[:, skeleton.index(other)] - placed.position_m[:, skeleton.index(one)]
@@ -108,7 +108,9 @@ def measure_body(clip: Clip, name: str) -> BodyTrack:
 
     hip_way = across("left_upper_leg", "right_upper_leg")
     hips_yaw = yaw_of(hip_way)
-    front = float(np.median(hips_yaw))
+    front = _front(skeleton, placed)
+    # The nearer way round, so that hips are turned by little.
+    hips_yaw = hips_yaw - 2 * np.pi * np.round((np.median(hips_yaw) - front) / (2 * np.pi))
     shoulders_yaw = yaw_of(across("left_upper_arm", "right_upper_arm"))
     right = np.array([np.cos(front), 0.0, -np.sin(front)])
     behind = np.array([np.sin(front), 0.0, np.cos(front)])
@@ -148,6 +150,17 @@ def measure_body(clip: Clip, name: str) -> BodyTrack:
         axis=0,
     )
     return BodyTrack(smooth(com), smooth(trunk), smooth(hips), speed > STEPPING_MPS)
+
+
+def _front(skeleton: Skeleton, placed: Placement) -> float:
+    """Return the middle of where both feet point, most of the time, left of −z in radians."""
+    ways = []
+    for side in ("left", "right"):
+        foot, toes = (skeleton.index(f"{side}_{joint}") for joint in ("foot", "toes"))
+        way = (placed.position_m[:, toes] - placed.position_m[:, foot])[:, [0, 2]]
+        ways.append(way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9))
+    x, z = np.median(ways[0] + ways[1], axis=0)
+    return float(np.arctan2(-x, -z))
 
 
 def smooth(values: Vector) -> Vector:

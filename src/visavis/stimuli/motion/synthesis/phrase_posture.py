@@ -11,6 +11,7 @@ from functools import cached_property
 from typing import Final, Literal, NamedTuple, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from visavis.lab.errors import DataError
 from visavis.lab.geometry import Vector
@@ -77,7 +78,7 @@ class Habits:
                     )
 
     @cached_property
-    def _codes(self) -> dict[str, Vector]:
+    def _codes(self) -> dict[str, npt.NDArray[np.int64]]:
         return {
             part: np.array([classes.index(getattr(p, part)) for p in self.phrases], dtype=np.int64)
             for part, classes in CLASSES.items()
@@ -89,14 +90,22 @@ class Habits:
         Raises:
             DataError: nothing ever followed it.
         """
-        codes = self._codes[part]
-        goes_on = [row not in self.first_of_takes for row in range(1, len(codes))]
-        is_before = codes[:-1] == CLASSES[part].index(posture)
-        follows = codes[1:][is_before & np.array(goes_on, dtype=np.bool_)]
+        follows = self._followers(part, posture)
         if not follows.size:
             raise DataError(f"no phrase follows one with {part} {posture}; annotate more speech")
         counts: Vector = np.bincount(follows, minlength=3) / follows.size
         return counts
+
+    def follower_count(self, part: Part, posture: str) -> int:
+        """Return how many phrases follow one that ended in a posture."""
+        return len(self._followers(part, posture))
+
+    def _followers(self, part: Part, posture: str) -> npt.NDArray[np.int64]:
+        codes = self._codes[part]
+        goes_on = [row not in self.first_of_takes for row in range(1, len(codes))]
+        is_before = codes[:-1] == CLASSES[part].index(posture)
+        following: npt.NDArray[np.int64] = codes[1:][is_before & np.array(goes_on, dtype=np.bool_)]
+        return following
 
     def rules(self, part: Part, hand: str, lexeme: str) -> list[Rule]:
         """Return the rules that hold for a gesture, posture by posture."""

@@ -1,0 +1,161 @@
+"""gesture and corpus: from a gesture script to a moving body, and what a speaker does."""
+
+from pathlib import Path
+from typing import Annotated, Final, cast
+
+import typer
+from rich.progress import Progress
+
+from visavis.cli.app import (
+    JsonOption,
+    app,
+    console,
+    new_file,
+    say,
+    say_json,
+    say_written,
+    verbatim,
+)
+from visavis.cli.commands.preview import picture_size
+from visavis.cli.speaker_sheet import draw_lexemes, speaker_summary, speaker_text, write_motion_film
+from visavis.lab.errors import UsageError
+from visavis.stimuli.characters.cast import load_character
+from visavis.stimuli.motion.build import build_of_character
+from visavis.stimuli.motion.bvh import write_bvh
+from visavis.stimuli.motion.bvh_clip import bvh_of_clip
+from visavis.stimuli.motion.clip_file import write_clip
+from visavis.stimuli.motion.speaking.annotations import Tiers, read_any_script
+from visavis.stimuli.motion.speaking.body_plan import Fill
+from visavis.stimuli.motion.speaking.corpus import read_corpus
+from visavis.stimuli.motion.speaking.performance import perform
+from visavis.stimuli.motion.speaking.speaker import Speaker
+from visavis.stimuli.motion.speaking.synthetic_speaker import synthetic_speaker
+
+SYNTHETIC: Final = "synthetic"
+FILMS: Final = (".mp4", ".webm", ".avi")
+
+corpus_app = typer.Typer(help="A speaker's recordings: what they teach.", no_args_is_help=True)
+app.add_typer(corpus_app, name="corpus")
+
+UnitOption = Annotated[float, typer.Option("--unit-m", help="Metres per unit of BVH files.")]
+PhraseOption = Annotated[str, typer.Option(help="Tier or track of phrases.")]
+PhaseOption = Annotated[str, typer.Option(help="Tier or track of phases.")]
+HandOption = Annotated[str, typer.Option("--hand", help="Tier or attribute of the hand.")]
+LexemeOption = Annotated[str, typer.Option(help="Tier or attribute of the lexeme.")]
+
+
+@app.command()
+def gesture(
+    script: Annotated[
+        Path | None,
+        typer.Argument(help="Gesture script: .yaml, .csv, or annotations of ANVIL or ELAN (.eaf)."),
+    ] = None,
+    corpus: Annotated[
+        str,
+        typer.Option(help="Folder of a speaker's takes, each beside its annotation; or synthetic."),
+    ] = SYNTHETIC,
+    fill: Annotated[
+        str,
+        typer.Option(
+            help="Between gestures: F motion of the corpus, I interpolate and hold; none: no body."
+        ),
+    ] = "F",
+    seed: Annotated[int, typer.Option(help="Draws postures, pieces and variation.")] = 0,
+    beta: Annotated[float, typer.Option(help="Share of the rules beside the transitions.")] = 0.65,
+    character: Annotated[str, typer.Option(help="Who speaks.")] = "gabriel",
+    rate: Annotated[int, typer.Option(help="Frames a second.")] = 30,
+    size: Annotated[str, typer.Option(help="Of a film: width x height.")] = "480x640",
+    unit_m: UnitOption = 0.01,
+    phrase: PhraseOption = "phrase",
+    phase: PhaseOption = "phase",
+    hand: HandOption = "hand",
+    lexeme: LexemeOption = "lexeme",
+    sheet: Annotated[
+        bool, typer.Option("--sheet", help="Draw all lexemes as a picture instead of a script.")
+    ] = False,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="New file: .bvh, .npz, .mp4, .webm or .avi.")
+    ] = Path("gesture.bvh"),
+) -> None:
+    """Perform a gesture script: arms by lexeme, the body as a speaker would move it.
+
+    Example: visavis gesture speech.yaml --corpus synthetic --fill F --seed 1 -o speech.bvh
+    """
+    suffix = output.suffix.lower()
+    if not 1 <= rate <= 240:
+        raise UsageError(f"--rate {rate}; give 1 to 240 frames a second")
+    new_file(output)
+    who = load_character(character)
+    if sheet:
+        if suffix != ".png":
+            raise UsageError(f"{output}: a sheet is a picture; name it .png")
+        draw_lexemes(output, who, seed)
+        say_written(output)
+        return
+    if script is None:
+        raise UsageError("give a gesture script, or --sheet for a picture of all lexemes")
+    if suffix not in (".bvh", ".npz", *FILMS):
+        raise UsageError(
+            f"{output}: name it .bvh or .npz for a motion, {', '.join(FILMS)} for films"
+        )
+    if fill not in ("F", "I", "none"):
+        raise UsageError(f"--fill {fill!r}; give F, I or none")
+    size_px = picture_size(size)
+    gestures = read_any_script(script, Tiers(phrase, phase, hand, lexeme))
+    speaker = _speaker(corpus, unit_m, Tiers(phrase, phase, hand, lexeme), beta)
+    clip = perform(
+        gestures,
+        speaker,
+        build_of_character(who),
+        fill=cast(Fill, fill),
+        seed=seed,
+        rate_hz=rate,
+    )
+    if suffix == ".bvh":
+        write_bvh(output, bvh_of_clip(clip), decimals=5)
+    elif suffix == ".npz":
+        write_clip(output, clip)
+    else:
+        with Progress(console=console, transient=True) as bar:
+            task = bar.add_task("drawing", total=None)
+            write_motion_film(
+                output,
+                who,
+                clip,
+                size_px,
+                lambda count, total: bar.update(task, completed=count, total=total),
+            )
+    say_written(output, f", {clip.duration_s:.1f} s, {len(gestures.phrases)} gestures")
+
+
+@corpus_app.command()
+def fit(
+    folder: Annotated[
+        str, typer.Argument(help="Folder of takes, each beside its annotation; or synthetic.")
+    ],
+    unit_m: UnitOption = 0.01,
+    phrase: PhraseOption = "phrase",
+    phase: PhaseOption = "phase",
+    hand: HandOption = "hand",
+    lexeme: LexemeOption = "lexeme",
+    as_json: JsonOption = False,
+) -> None:
+    """Say what a speaker does: transitions, rules and delays, and how sure they are.
+
+    Example: visavis corpus fit recordings/speaker_1
+    """
+    speaker = _speaker(folder, unit_m, Tiers(phrase, phase, hand, lexeme), 0.65)
+    if as_json:
+        say_json(speaker_summary(speaker))
+        return
+    for line in speaker_text(speaker):
+        say(verbatim(line))
+
+
+def _speaker(corpus: str, unit_m: float, tiers: Tiers, beta: float) -> Speaker:
+    if not 0.0 <= beta <= 1.0:
+        raise UsageError(f"--beta {beta}; give a share from 0 to 1")
+    if corpus == SYNTHETIC:
+        made, _ = synthetic_speaker()
+        return Speaker(made.takes, beta)
+    return read_corpus(Path(corpus), unit_m=unit_m, tiers=tiers, beta=beta)

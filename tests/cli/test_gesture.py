@@ -1,0 +1,90 @@
+"""visavis gesture and visavis corpus: a script becomes a motion, and a speaker is summed up."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from visavis.cli.main import app
+from visavis.cli.speaker_sheet import speaker_text
+from visavis.lab.errors import UsageError
+from visavis.stimuli.motion.bvh import read_bvh, write_bvh
+from visavis.stimuli.motion.bvh_clip import bvh_of_clip
+from visavis.stimuli.motion.speaking.gesture_script import format_script
+from visavis.stimuli.motion.speaking.synthetic_speaker import synthetic_speaker, synthetic_take
+
+
+def visavis(*arguments: object) -> Result:
+    result = CliRunner().invoke(app, [str(a) for a in arguments])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result
+
+
+@pytest.fixture
+def takes(tmp_path: Path) -> Path:
+    folder = tmp_path / "speaker"
+    folder.mkdir()
+    clip, script, _ = synthetic_take(5, 0.5)
+    write_bvh(folder / "one.bvh", bvh_of_clip(clip), decimals=5)
+    (folder / "one.yaml").write_text(format_script(script), encoding="utf-8")
+    return folder
+
+
+SCRIPT = """duration_s: 2.5
+phrases:
+- {start_s: 0.3, stroke_s: 0.8, stroke_end_s: 1.2, end_s: 2.0, hand: R, lexeme: cup}
+"""
+
+
+def test_a_script_becomes_a_bvh_file_of_its_length_the_same_every_time(
+    takes: Path, tmp_path: Path
+) -> None:
+    script = tmp_path / "speech.yaml"
+    script.write_text(SCRIPT, encoding="utf-8")
+    for name in ("one.bvh", "two.bvh"):
+        visavis("gesture", script, "--corpus", takes, "--fill", "I", "-o", tmp_path / name)
+    one, two = (tmp_path / name for name in ("one.bvh", "two.bvh"))
+    assert one.read_bytes() == two.read_bytes()
+    assert len(read_bvh(one).values) == 76
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--fill", "G"), "--fill 'G'; give F, I or none"),
+        (("-o", "speech.glb"), "name it .bvh or .npz"),
+        (("--beta", "1.5"), "--beta 1.5; give a share"),
+        (("--rate", "0"), "--rate 0; give 1 to 240"),
+    ],
+)
+def test_impossible_options_are_refused_before_anything_is_made(
+    tmp_path: Path, arguments: tuple[str, ...], message: str
+) -> None:
+    script = tmp_path / "speech.yaml"
+    script.write_text(SCRIPT, encoding="utf-8")
+    if "-o" not in arguments:
+        arguments = (*arguments, "-o", str(tmp_path / "out.bvh"))
+    with pytest.raises(UsageError, match=message):
+        visavis("gesture", script, *arguments)
+
+
+def test_a_corpus_is_summed_up_as_numbers(takes: Path) -> None:
+    about = json.loads(visavis("corpus", "fit", takes, "--json").output)
+    assert about["takes"] == ["one.bvh"]
+    for part in ("com", "yaw"):
+        for row in about["transitions"][part].values():
+            assert sum(cell["share"] for cell in row["to"].values()) == pytest.approx(1.0)
+
+
+def test_the_summary_names_every_planted_rule_with_its_count() -> None:
+    text = "\n".join(speaker_text(synthetic_speaker(3, 4.0)[0]))
+    for rule in (
+        "RH               -> right",
+        "LH               -> left",
+        "wipe             -> left",
+    ):
+        assert rule in text
+    assert "weight comes to rest 0." in text
+    assert "before the stroke's end" in text
