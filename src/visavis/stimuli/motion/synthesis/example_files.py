@@ -6,11 +6,13 @@ columns `left_down_s, right_up_s, right_down_s, left_up_s`. Every other column i
 the walks from 0 to 1, such as a rated adjective.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
 from visavis.lab.geometry import (
@@ -64,10 +66,13 @@ def read_examples(
         MotionError: table or file is missing or broken, by name and row.
     """
     table, where = _table(folder)
-    bvhs = [_bvh(folder, row, f"{where}, row {i + 2}") for i, row in table.iterrows()]
+    rows: list[dict[str, Any]] = [
+        {str(name): value for name, value in row.items()} for row in table.to_dict("records")
+    ]
+    bvhs = [_bvh(folder, row, f"{where}, row {i + 2}") for i, row in enumerate(rows)]
     _check_skeletons(table, bvhs)
     clips, keys = [], []
-    for (_, row), bvh in zip(table.iterrows(), bvhs, strict=True):
+    for row, bvh in zip(rows, bvhs, strict=True):
         walk = retarget(clip_of_bvh(bvh, unit_m=unit_m), skeleton)
         clip, key_s = _cycle(standing_on_floor(walk), row)
         clips.append(clip if skeleton is not None else reduced(clip))
@@ -112,12 +117,12 @@ def _table(folder: Path) -> tuple[pd.DataFrame, Path]:
     return table, tables[0]
 
 
-def _bvh(folder: Path, row: "pd.Series[object]", where: str) -> Bvh:
+def _bvh(folder: Path, row: Mapping[str, Any], where: str) -> Bvh:
     path = folder / str(row["file"])
     if not path.is_file():
         raise MotionError(f"{where}: there is no file {path}; correct the column file")
     bvh = read_bvh(path)
-    begin_s, end_s = float(str(row["begin_s"])), float(str(row["end_s"]))
+    begin_s, end_s = float(row["begin_s"]), float(row["end_s"])
     last_s = (len(bvh.values) - 1) * bvh.frame_time_s
     if not 0.0 <= begin_s < end_s <= last_s + bvh.frame_time_s / 2:
         raise MotionError(
@@ -138,14 +143,14 @@ def _check_skeletons(table: pd.DataFrame, bvhs: list[Bvh]) -> None:
             )
 
 
-def _cycle(clip: Clip, row: "pd.Series[object]") -> tuple[Clip, Vector]:
+def _cycle(clip: Clip, row: Mapping[str, Any]) -> tuple[Clip, Vector]:
     """Return the cycle of a row as a loop from the left foot's landing, and its key times."""
-    begin_s, end_s = float(str(row["begin_s"])), float(str(row["end_s"]))
+    begin_s, end_s = float(row["begin_s"]), float(row["end_s"])
     n = max(2, round((end_s - begin_s) / FRAME_S))
     frames = clip.at(np.linspace(begin_s, end_s, n + 1))
     loop = closed(Clip(clip.skeleton, FRAME_S, frames.root_m, frames.orientation_wxyz))
-    if all(column in row.index for column in KEY_COLUMNS):
-        given = [(float(str(row[c])) - begin_s) / (end_s - begin_s) for c in KEY_COLUMNS]
+    if all(column in row for column in KEY_COLUMNS):
+        given = [(float(row[c]) - begin_s) / (end_s - begin_s) for c in KEY_COLUMNS]
         shares = np.array(given)
     else:
         shares = contacts_of(loop, str(row["name"]))
@@ -218,7 +223,7 @@ def contacts_of(loop: Clip, name: str) -> Vector:
     return np.array([shares[key] for key in WALK_KEYS])
 
 
-def _longest_run(is_on: "np.typing.NDArray[np.bool_]") -> tuple[int, int]:
+def _longest_run(is_on: npt.NDArray[np.bool_]) -> tuple[int, int]:
     """Return begin and length of the longest run in a round."""
     n, best, run = len(is_on), (0, 0), 0
     for k, on in enumerate(np.concatenate([is_on, is_on])):

@@ -16,6 +16,7 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
+from scipy.cluster.hierarchy import cut_tree, linkage
 from scipy.optimize import linear_sum_assignment
 
 from visavis.lab.errors import DataError
@@ -187,11 +188,9 @@ class FeatureTable:
         """The group of every feature here: Ward's four clusters over these examples, each called
         as the source's group with which it shares most (all four names in use).
         """
-        # Late: the statistics package need not load for a walk.
-        from visavis.analysis.statistics.clusters import ward
-
-        labels = ward(self.scaled_01.T, len(GROUPS)).labels
-        clusters = [np.flatnonzero(labels == c) for c in range(1, len(GROUPS) + 1)]
+        tree = linkage(self.scaled_01.T, "ward")
+        labels = cut_tree(tree, [len(GROUPS)])[:, 0]
+        clusters = [np.flatnonzero(labels == c) for c in range(len(GROUPS))]
         overlap = np.array(
             [
                 [sum(FEATURES[i] in g for i in members) for g in GROUPS.values()]
@@ -199,7 +198,7 @@ class FeatureTable:
             ]
         )
         _, columns = linear_sum_assignment(-overlap)
-        return tuple(tuple(GROUPS)[columns[label - 1]] for label in labels)
+        return tuple(tuple(GROUPS)[columns[label]] for label in labels)
 
     @cached_property
     def primary(self) -> Vector:
