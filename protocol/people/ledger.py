@@ -103,9 +103,14 @@ class Ledger:
         is called while the ledger is held (visavis.protocol.plan.design.group_of). The place is the
         first free one (see `next_place`); `index` asks for a certain place, and `replaces` takes
         over index and group of a withdrawn participant.
+
+        Raises:
+            LedgerError: the number was issued already, or the study's folder holds somebody whom
+                the ledger does not know.
         """
         with self._lock():
             entries = self._read()
+            self._refuse_unknown_folders(entries)
             new_number = (
                 1 + max((p.number for p in entries), default=0) if number is None else number
             )
@@ -301,6 +306,22 @@ class Ledger:
                     "identifiers are never used twice: add without a number to get the next free "
                     "one, or run another session of the same person"
                 )
+
+    def _refuse_unknown_folders(self, entries: Sequence[Participant]) -> None:
+        """Refuse to issue while the ledger knows less than the folders: it was emptied or lost.
+
+        What it forgot it would issue a second time.
+        """
+        known_labels = {entry.label for entry in entries}
+        folders = sorted(self._root.glob("sub-*")) if self._root.is_dir() else []
+        unknown_names = [p.name for p in folders if p.name[4:] not in known_labels]
+        if unknown_names:
+            raise LedgerError(
+                f"{self.path} does not know {', '.join(unknown_names[:5])}, whose folder is there, "
+                "so nobody is added: an identifier could be issued twice. Restore the ledger from "
+                f"a backup (`visavis recover {self._root}` if its copy is intact); sessions that "
+                "were copied here from elsewhere belong into a folder of their own"
+            )
 
     def _place(
         self,

@@ -372,3 +372,22 @@ def test_groups_of_other_sizes_keep_their_order_while_nobody_left(tmp_path):
     book = ledger(tmp_path)
     for index in range(9):
         assert index == book.add(group=lambda i: "aab"[i % 3]).index
+
+
+@pytest.mark.parametrize("loss", ["emptied", "gone", "cut by a line"])
+def test_a_ledger_that_knows_less_than_the_folders_issues_nothing(tmp_path, loss):
+    first = ledger(tmp_path)
+    labels = [first.add().label for _ in range(2)]
+    for label in labels:
+        (first.path.parent / f"sub-{label}").mkdir()
+    for path in (first.path, copy_path(first.path)):
+        lines = path.read_bytes().splitlines(keepends=True)
+        match loss:
+            case "emptied":
+                path.write_bytes(b"")
+            case "gone":
+                path.unlink()
+            case _:
+                path.write_bytes(b"".join(lines[:-1]))
+    with pytest.raises(LedgerError, match=f"does not know .*sub-{labels[-1]}.*issued twice"):
+        ledger(tmp_path).add()
