@@ -156,6 +156,25 @@ def study_here(reference: str, lab: LabConfig) -> StudyHere:
     return StudyHere(lab, study_of_lab(reference, lab))
 
 
+def people_here(reference: str, lab: LabConfig, devices: str | None) -> StudyHere:
+    """Return a study in a lab where its people are: real, or simulated.
+
+    Whoever opens a page is real whatever this lab's devices are. Without `devices` it is the one
+    of the two folders that has a ledger; where both have, that of the study's own place.
+
+    Raises:
+        UsageError, ConfigError: as `study_of_lab`.
+    """
+    here = study_here(reference, lab)
+    if devices is not None or not here.is_simulated:
+        return here
+    real = StudyHere(lab.model_copy(update={"devices": {}}), here.study)
+    is_on_page = here.study.study.procedure.on == "browser"
+    if real.ledger.path.exists() == here.ledger.path.exists():
+        return real if is_on_page else here
+    return real if real.ledger.path.exists() else here
+
+
 def check_wording(lab: LabConfig) -> None:
     """Refuse a wording of a questionnaire that does not exist.
 

@@ -16,7 +16,7 @@ from visavis.cli.app import (
     verbatim,
 )
 from visavis.cli.commands.session import LanguageOption, OnOption, SetOption
-from visavis.cli.studies import study_here
+from visavis.cli.studies import people_here
 from visavis.lab.errors import UsageError
 from visavis.protocol.people.exports_register import registered_exports
 from visavis.protocol.people.ledger import Ledger
@@ -55,7 +55,7 @@ def add(
     Example: visavis participant add stare 7 --consent 2
     """
     lab = load_lab(config, devices)
-    here = study_here(study, lab)
+    here = people_here(study, lab, devices)
     requested_settings = here.requested_settings(seed=seed, assignments=assignments)
     settings = here.settle(requested_settings, seed_given=seed is not None)
     entry = here.ledger.add(
@@ -84,7 +84,7 @@ def list_them(
     Example: visavis participant list stare
     """
     lab = load_lab(config, devices)
-    here = study_here(study, lab)
+    here = people_here(study, lab, devices)
     table = Table("label", "place", "group", "consent", "status", "sessions", "added")
     entries = here.ledger.list()
     for e in entries:
@@ -121,7 +121,7 @@ def information(
     Example: visavis participant information stare --language de
     """
     lab = load_lab(config, devices)
-    here = study_here(study, lab)
+    here = people_here(study, lab, devices)
     settings = here.requested_settings(assignments=assignments, language=language)
     made = here.study.experiment(settings.parameters)
     asked = here.study.questionnaires(lab.model_copy(update={"language": made.language}))
@@ -152,7 +152,7 @@ def withdraw(
     Example: visavis participant withdraw stare 07H --reason "asked by e-mail"
     """
     lab = load_lab(config, devices)
-    here = study_here(study, lab)
+    here = people_here(study, lab, devices)
     folder, ledger = here.folder, here.ledger
     label = _label_of(ledger, participant)
     sessions = sorted(folder.glob(f"sub-{label}/ses-*/manifest.json"))

@@ -19,12 +19,13 @@ from visavis.cli.app import (
     console,
     errors,
     load_lab,
+    say,
     say_json,
     verbatim,
 )
 from visavis.cli.commands.session import ENDING_SIGNALS, LanguageOption, SeedOption, SetOption
 from visavis.cli.notifier import NOTIFIER
-from visavis.cli.studies import StudyHere, study_here, study_of_lab
+from visavis.cli.studies import StudyHere, people_here, study_of_lab
 from visavis.lab.clock import SystemClock
 from visavis.lab.errors import UsageError
 from visavis.protocol.session.operator import UnattendedOperator
@@ -216,13 +217,13 @@ def board(
 
     `visavis serve` prints the address of the same as a page. Example: visavis board ./lively.py
     """
-    here = study_here(study, load_lab(config, devices, quiet=as_json))
+    here = people_here(study, load_lab(config, devices, quiet=as_json), devices)
     study_board = board_of(here.ledger.list(), here.folder)
     if as_json:
         say_json(study_board.as_data())
         return
     if not study_board.places:
-        console.print(f"No participants of {verbatim(here.study.name)} yet.")
+        say(f"No participants of {here.study.name} yet in {here.folder}.")
         return
     mark = "SIMULATED  " if here.is_simulated else ""
     table = Table(title=f"{mark}{here.study.name}", title_justify="left", box=None)
