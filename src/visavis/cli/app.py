@@ -1,13 +1,15 @@
 """The application object, options shared by commands, and how errors reach the user."""
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Final, TypeVar
 
 import typer
 from rich.console import Console
 from rich.markup import escape
+from rich.text import Text
 from typer._completion_classes import completion_init
 from typer.completion import install_callback, show_callback
 
@@ -18,8 +20,23 @@ from visavis.lab.errors import ConfigError, UsageError
 if TYPE_CHECKING:
     from visavis.lab.config import LabConfig
 
-console = Console(emoji=False)
-errors = Console(stderr=True, emoji=False)
+
+class _PlainConsole(Console):
+    """Shows control characters of a text instead of sending them to the terminal.
+
+    Names, labels and identifiers may come from strangers: an escape sequence in one could rewrite
+    the operator's screen, or their clipboard.
+    """
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        """Return a text with markup; see `rich.console.Console.render_str`."""
+        return super().render_str(CONTROL.sub(lambda c: ascii(c.group())[1:-1], text), **options)
+
+
+CONTROL: Final = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
+"""Characters that move a terminal's cursor, colour it or turn its writing; not tab and new line."""
+console = _PlainConsole(emoji=False)
+errors = _PlainConsole(stderr=True, emoji=False)
 
 
 def verbatim(value: object) -> str:

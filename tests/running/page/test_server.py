@@ -157,6 +157,21 @@ def test_a_time_that_no_clock_shows_is_refused_before_it_is_recorded(tmp_path: P
     assert [400, 200] == served(tmp_path, ask)
 
 
+def test_broken_http_prints_nobodys_address(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    async def ask(http: aiohttp.ClientSession, page: Page, server: PageServer) -> bytes:
+        reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+        writer.write(b"GET / HTTP/9.9\r\nHost\x00: x\r\n\r\n")
+        answer = await reader.read()
+        writer.close()
+        return answer
+
+    answer: bytes = served(tmp_path, ask)
+    assert b" 400 " in answer.splitlines()[0]
+    assert "127.0.0.1" not in caplog.text + capsys.readouterr().err
+
+
 def test_pages_may_load_from_nobody_but_their_server(tmp_path: Path) -> None:
     async def ask(http: aiohttp.ClientSession, page: Page, server: PageServer) -> str:
         async with http.get("/") as response:

@@ -2,12 +2,14 @@
 
 import asyncio
 import hmac
+import logging
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Protocol
 
 from aiohttp import web
+from aiohttp.http_exceptions import HttpProcessingError
 
 from visavis.lab.errors import DeviceError, RecordingError
 from visavis.lab.plain_files import parse_json, with_whole_characters
@@ -42,6 +44,20 @@ HEADERS: Final = {
     "Server": "Visavis",
 }
 """Nothing is loaded from third parties, and nothing is sent to them."""
+
+
+class _WithoutPeers(logging.Filter):
+    """Passes what failed in a request, without the address of whoever sent it; no broken HTTP."""
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Tell whether a record is printed; its message becomes one without an address."""
+        error = record.exc_info[1] if record.exc_info else None
+        record.msg, record.args = "a request failed", ()
+        return not isinstance(error, HttpProcessingError)
+
+
+LOG: Final = logging.getLogger("visavis.pages")
+LOG.addFilter(_WithoutPeers())
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -127,7 +143,9 @@ class LocalServer:
             self._app.router.add_post(path, answer)
         for path, answer in (gets or {}).items():
             self._app.router.add_get(path, answer)
-        self._runner = web.AppRunner(self._app, access_log=None, shutdown_timeout=SHUTDOWN_S)
+        self._runner = web.AppRunner(
+            self._app, access_log=None, logger=LOG, shutdown_timeout=SHUTDOWN_S
+        )
         self.port = 0
 
     async def start(self, host: str = LOCAL, port: int = 0) -> None:
