@@ -508,3 +508,31 @@ def test_a_runtime_that_died_is_found_again_by_every_device_when_it_is_back():
             assert len(column(batches, "valid", name)) > count + 10
         eyes.close()
         headset.close()
+
+
+def test_runtime_that_starts_slowly_again_keeps_no_frame_waiting():
+    with running(OpenXrHeadset) as (headset, runtime, clock, batches):
+        frames(headset, 20)
+        runtime.crash()
+        frames(headset, 20)
+        runtime.ready_after_ns = 2 * NS_PER_S
+        runtime.restart()
+        longest_ns = 0
+        for _ in range(400):
+            before_ns = clock.now_ns()
+            with contextlib.suppress(DeviceDisconnected):
+                headset.poll(0.0)
+            longest_ns = max(longest_ns, clock.now_ns() - before_ns)
+            frames(headset, 1)
+        assert DeviceState.STREAMING is headset.state
+        assert longest_ns < NS_PER_S // 8
+        assert column(batches, "valid", "head")[-1]
+
+
+def test_session_that_never_runs_is_let_go_of():
+    with simulated() as (runtime, clock):
+        runtime.ready_after_ns = 10 * NS_PER_S
+        headset = OpenXrHeadset("headset", runtime.library().transport(), clock)
+        with pytest.raises(DeviceNotFound, match="did not get the focus in time"):
+            headset.open(1.0)
+        assert "xrDestroyInstance" in runtime.calls

@@ -14,7 +14,7 @@ Requests: `images`, `runtime`, `gaze`, `eyes`, `hands`, `joints`, `frame`, `late
 import contextlib
 import ctypes
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import msgpack
@@ -142,15 +142,21 @@ class OpenXrLibrary:
         return OpenXrTransport(self)
 
     def attach(self, user: OpenXrTransport, deadline_s: float) -> None:
-        """Begin the session for the first user; raises DeviceNotFound with a remedy."""
+        """Begin the session for the first user, and wait until it runs.
+
+        A session that was begun and does not run yet is waited for by the next call: who looks for
+        a runtime that was lost need not wait for it at a stretch.
+
+        Raises:
+            DeviceNotFound: there is no runtime, or it does not run by the deadline.
+        """
+        deadline_ns = self.clock.now_ns() + round(deadline_s * NS_PER_S)
         if self._instance is None:
-            try:
-                self._connect(deadline_s)
-            except BaseException:
-                self._disconnect()
-                raise
+            self._connect()
         if user not in self._users:
             self._users.append(user)
+        with self._refusals_named():
+            self._await_running(deadline_ns)
 
     def detach(self, user: OpenXrTransport) -> None:
         """End the session after the last user."""
@@ -180,16 +186,27 @@ class OpenXrLibrary:
 
     # ---- connection -----------------------------------------------------------------------
 
-    def _connect(self, deadline_s: float) -> None:
-        xr = self._xr = OPENXR.imported()
+    def _connect(self) -> None:
+        self._xr = OPENXR.imported()
         try:
-            self._begin(deadline_s)
-        except xr.exception.XrException as cause:
+            with self._refusals_named():
+                self._begin()
+        except BaseException:
+            self._disconnect()
+            raise
+
+    @contextlib.contextmanager
+    def _refusals_named(self) -> Iterator[None]:
+        """Raise DeviceNotFound with a remedy for an error of the runtime, and let go of it."""
+        try:
+            yield
+        except self._xr.exception.XrException as cause:
+            self._disconnect()
             name = type(cause).__name__
             refusal = _REFUSALS.get(name, (f"the OpenXR runtime refused: {name}", _NO_RUNTIME))
             raise DeviceNotFound(refusal[0], remedy=refusal[1]) from cause
 
-    def _begin(self, deadline_s: float) -> None:
+    def _begin(self) -> None:
         xr = self._xr
         # Choose extensions: a clock to convert is required; gaze, eyes and the mask are optional.
         with loader_output_logged("OpenXR"):
@@ -263,10 +280,8 @@ class OpenXrLibrary:
         self._spaces.update(self._actions.spaces)
         if self._binding is not None:
             self._images = EyeImages(xr, self._session, self._spaces["stage"])
-        self._await_running(deadline_s)
 
-    def _await_running(self, deadline_s: float) -> None:
-        deadline_ns = self.clock.now_ns() + round(deadline_s * NS_PER_S)
+    def _await_running(self, deadline_ns: int) -> None:
         focus_state = int(self._xr.SessionState.FOCUSED.value)
         while focus_state not in self.states:
             self._pump_events()

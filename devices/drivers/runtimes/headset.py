@@ -17,9 +17,8 @@ from visavis.lab.frame import EyeView, FrameInfo
 from visavis.lab.schema import StreamSchema
 
 CALL_TIMEOUT_S = 5.0
-RECONNECT_S = 3.0
-"""A runtime that is there again may take so long until it shows anything; one that is not refuses
-at once."""
+RECONNECT_S = 0.1
+"""How long a look for a lost runtime may keep frames waiting; the next goes on where it ended."""
 
 _LOST_ROW = HEAD_ROW.pack(*[math.nan] * 7, False)
 

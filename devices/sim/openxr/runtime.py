@@ -99,6 +99,8 @@ class SimulatedXrRuntime:
         self.failure: Exception | None = None
         self.ipd_m = IPD_M
         """How far the eyes are apart; a knob changes it."""
+        self.ready_after_ns = 0
+        """How long after a session was made it may begin."""
         self.calls: list[str] = []
         self._body = body
         self._clock = clock
@@ -135,6 +137,7 @@ class SimulatedXrRuntime:
         )
         self.eyes.allocate_with(self._new_handle)
         self._last_frame = -1
+        self._made_ns = 0
         self._is_dead = self._is_instance_lost = False
         self._state = 0
         """The session's state by the last event that was taken."""
@@ -256,6 +259,7 @@ class SimulatedXrRuntime:
         if not self._is_headless and (problem := self.images.session_result(self._next_of(info))):
             return problem
         self._states.extend((IDLE, READY))
+        self._made_ns = self._clock.now_ns()
         return self._new(session)
 
     def _xr_DestroySession(self, session: Any) -> int:
@@ -287,7 +291,8 @@ class SimulatedXrRuntime:
         if away != self._away and not self._states:
             self._away = away
             self._states.append(VISIBLE if away else FOCUSED)
-        if not self._states:
+        is_early = self._clock.now_ns() < self._made_ns + self.ready_after_ns
+        if not self._states or (self._states[0] == READY and is_early):
             return EVENT_UNAVAILABLE
         event_type = self._xr.EventDataSessionStateChanged
         target = ctypes.cast(event, ctypes.POINTER(event_type)).contents
