@@ -15,6 +15,7 @@ from visavis.devices.drivers.lsl.spec import LSL_GAZE, TOBII_LSL
 from visavis.devices.drivers.streaming.gaze_device import GazeDevice
 from visavis.devices.drivers.streaming.gaze_rays import Sample
 from visavis.devices.drivers.streaming.screen import Screen
+from visavis.devices.spec import AnySpec
 from visavis.devices.transports import Frames, Message, MessageTransport
 from visavis.lab.clock import Clock
 from visavis.lab.errors import ProtocolViolation
@@ -28,7 +29,7 @@ class LslGaze(GazeDevice):
     the stream's own where it states one.
     """
 
-    spec = LSL_GAZE
+    spec: AnySpec = LSL_GAZE
 
     def __init__(
         self,

@@ -1,0 +1,1 @@
+"""Tobii Pro eye trackers on a screen, by the maker's SDK."""
