@@ -166,8 +166,9 @@ def merge_runs(
     # `runs` is shortened in place: k runs are final, r is read ahead of them.
     for r in range(1, count):
         _border(v, t_ns, runs[r, 0], runs[r, 1], border_ns, after)
-        pair[0] = before[1]
-        pair[1] = after[0]
+        for axis in range(3):
+            pair[0, axis] = before[1, axis]
+            pair[1, axis] = after[0, axis]
         near = t_ns[runs[r, 0]] - t_ns[runs[k - 1, 1]] - step_ns <= gap_ns
         if near and angle_rad(pair, 0, 1) <= angle_limit_rad:
             runs[k - 1, 1] = runs[r, 1]
@@ -176,7 +177,7 @@ def merge_runs(
             runs[k, 0] = runs[r, 0]
             runs[k, 1] = runs[r, 1]
             k += 1
-            before[:] = after
+            before, after = after, before
     return k
 
 

@@ -28,6 +28,9 @@ MAX_TURN_DEG_S = 1500.0
 MEASUREMENTS_KEPT = 64
 
 
+Times = npt.NDArray[np.int64]
+
+
 class _Past(NamedTuple):
     """The ring of the latest measurements, in order of time."""
 
@@ -53,14 +56,26 @@ class Foresight:
 
         A time that has passed is interpolated between measurements.
         """
-        place_m, turn_wxyz = np.empty(3), np.empty(4)
+        pose = np.empty(7)
         with self._lock:  # devices of one runtime may ask from threads of their own
-            if not self._count or now_ns > self._newest_ns:
-                self._measure(now_ns)
-            _foresee(self._past, self._newest, self._count, t_ns, place_m, turn_wxyz)
-        return place_m, turn_wxyz
+            self._measure(now_ns)
+            _foresee(*self._past, self._newest, self._count, t_ns, pose)
+        return pose[:3], pose[3:]
+
+    def at_once(self, now_ns: int, t_ns: int) -> npt.NDArray[np.float32]:
+        """Return the poses (2, 7) that `at` returns for `now_ns` and for `t_ns`: place, then
+        orientation, as numbers of a recording.
+        """
+        poses = np.empty((2, 7), np.float32)
+        with self._lock:
+            self._measure(now_ns)
+            _foresee_both(*self._past, self._newest, self._count, now_ns, t_ns, poses)
+        return poses
 
     def _measure(self, now_ns: int) -> None:
+        """Measure the head now, unless that or a later time was measured."""
+        if self._count and now_ns <= self._newest_ns:
+            return
         past = self._past
         i = self._newest = (self._newest + 1) % MEASUREMENTS_KEPT
         past.place_m[i], past.turn_wxyz[i] = self._body.head(now_ns)
@@ -69,47 +84,83 @@ class Foresight:
 
 
 @compiled
+def _foresee_both(
+    past_ns: Times,
+    past_m: Vector,
+    past_wxyz: Vector,
+    newest: int,
+    count: int,
+    now_ns: int,
+    t_ns: int,
+    poses: npt.NDArray[np.float32],
+) -> None:
+    """Write the head at two times, one call of a frame in place of two."""
+    pose = np.empty(7)
+    for row in range(2):
+        at_ns = now_ns if row == 0 else t_ns
+        _foresee(past_ns, past_m, past_wxyz, newest, count, at_ns, pose)
+        for k in range(7):
+            poses[row, k] = pose[k]
+
+
+@compiled
 def _foresee(
-    past: _Past, newest: int, count: int, t_ns: int, place_m: Vector, turn_wxyz: Vector
+    past_ns: Times,
+    past_m: Vector,
+    past_wxyz: Vector,
+    newest: int,
+    count: int,
+    t_ns: int,
+    pose: Vector,
 ) -> None:
     """Write the head at a time: interpolated up to the newest measurement, then foreseen."""
-    capacity = past.t_ns.shape[0]
+    capacity = past_ns.shape[0]
     first, last = newest, newest
-    if t_ns < past.t_ns[newest]:
+    if t_ns < past_ns[newest]:
         # Between two measurements; before the oldest, that one.
         for back in range(count):
             first = (newest - back) % capacity
-            if past.t_ns[first] <= t_ns:
+            if past_ns[first] <= t_ns:
                 break
             last = first
-    elif t_ns > past.t_ns[newest]:
+    elif t_ns > past_ns[newest]:
         # The speed is that since the latest measurement that is neither too near nor too old.
         for back in range(1, count):
             i = (newest - back) % capacity
-            since_ns = past.t_ns[newest] - past.t_ns[i]
+            since_ns = past_ns[newest] - past_ns[i]
             if since_ns >= STALE_NS:
                 break
             if since_ns >= SPEED_OVER_NS:
                 first = i
                 break
-    _move(past, first, last, t_ns, place_m, turn_wxyz)
+    _move(past_ns, past_m, past_wxyz, first, last, t_ns, pose)
 
 
 @compiled
 def _move(
-    past: _Past, first: int, last: int, t_ns: int, place_m: Vector, turn_wxyz: Vector
+    past_ns: Times,
+    past_m: Vector,
+    past_wxyz: Vector,
+    first: int,
+    last: int,
+    t_ns: int,
+    pose: Vector,
 ) -> None:
     """Write the pose at a time of a steady movement through two; `last` where they are too far."""
-    span_ns = past.t_ns[last] - past.t_ns[first]
-    bw, bx, by, bz = past.turn_wxyz[last]
-    place_m[:] = past.place_m[last]
-    turn_wxyz[:] = past.turn_wxyz[last]
+    span_ns = past_ns[last] - past_ns[first]
+    for k in range(3):
+        pose[k] = past_m[last, k]
+    for k in range(4):
+        pose[3 + k] = past_wxyz[last, k]
     if span_ns <= 0:
         return
-    way_x, way_y, way_z = past.place_m[last] - past.place_m[first]
+    way_x = past_m[last, 0] - past_m[first, 0]
+    way_y = past_m[last, 1] - past_m[first, 1]
+    way_z = past_m[last, 2] - past_m[first, 2]
     # The rotation in world that leads from one orientation to the other, the short way round.
-    aw, ax, ay, az = past.turn_wxyz[first]
-    w, x, y, z = times((bw, bx, by, bz), (aw, -ax, -ay, -az))
+    before, after = past_wxyz[first], past_wxyz[last]
+    turned = (after[0], after[1], after[2], after[3])
+    w, x, y, z = times(turned, (before[0], -before[1], -before[2], -before[3]))
     if w < 0.0:
         w, x, y, z = -w, -x, -y, -z
     sine = np.sqrt(x * x + y * y + z * z)
@@ -120,12 +171,12 @@ def _move(
         or way_m * NS_PER_S > MAX_SPEED_M_S * span_ns
     ):
         return
-    share = (t_ns - past.t_ns[last]) / span_ns
-    place_m[0] += share * way_x
-    place_m[1] += share * way_y
-    place_m[2] += share * way_z
+    share = (t_ns - past_ns[last]) / span_ns
+    pose[0] += share * way_x
+    pose[1] += share * way_y
+    pose[2] += share * way_z
     if sine > 0.0:
         half = share * angle / 2.0
-        k = np.sin(half) / sine
-        turn = times((np.cos(half), k * x, k * y, k * z), (bw, bx, by, bz))
-        turn_wxyz[0], turn_wxyz[1], turn_wxyz[2], turn_wxyz[3] = turn
+        scale = np.sin(half) / sine
+        turn = times((np.cos(half), scale * x, scale * y, scale * z), turned)
+        pose[3], pose[4], pose[5], pose[6] = turn

@@ -82,3 +82,12 @@ def test_the_poses_of_a_simulated_headset_have_the_times_they_describe(look_ahea
     for batch in (foreseen, measured):
         turns = np.array([quat_from_yaw_pitch_deg(120e-9 * t) for t in batch.t_device_ns])
         assert batch.values["orientation_wxyz"][1:] == pytest.approx(turns[1:], abs=1e-6)
+
+
+def test_both_poses_of_a_frame_are_those_asked_for_one_by_one():
+    single, both = (Foresight(Turning(lambda s: 100 * s + 40 * s * s)) for _ in range(2))
+    for k in range(30):
+        now_ns = k * FRAME_NS
+        times_ns = (now_ns, now_ns + (k % 4) * FRAME_NS)
+        one_by_one = [np.concatenate(single.at(now_ns, t_ns)) for t_ns in times_ns]
+        assert np.array(one_by_one, np.float32).tobytes() == both.at_once(*times_ns).tobytes()

@@ -217,12 +217,12 @@ def _read(
             origin[k] = (at_m[1, k] + at_m[0, k]) / 2
         used_eyes = 3
     elif left_valid or (has_ray[1] and not right_valid):
-        both[:] = ray[1]
-        origin[:] = at_m[1]
+        for k in range(3):
+            both[k], origin[k] = ray[1, k], at_m[1, k]
         used_eyes = 1
     elif has_ray[0]:
-        both[:] = ray[0]
-        origin[:] = at_m[0]
+        for k in range(3):
+            both[k], origin[k] = ray[0, k], at_m[0, k]
         used_eyes = 2
     else:
         both[:] = np.nan

@@ -33,7 +33,7 @@ from visavis.devices.sim.foresight import Foresight
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 from visavis.lab.errors import ConfigError
 from visavis.lab.frame import FrameInfo
-from visavis.lab.geometry import Pose, Vector
+from visavis.lab.geometry import Pose
 from visavis.lab.schema import SampleBatch, StreamSchema
 
 MILLI_HZ = 1000
@@ -42,6 +42,7 @@ MAX_FRAMES_HELD = 64
 """Frames whose poses and timing may be put off."""
 
 _LOST_ROW = HEAD_ROW.pack(*[np.nan] * 7, False)
+_IS_VALID = b"\x01"
 _TIMING_ROW = struct.Struct("<4qI?4If")
 """A row of `FRAME_TIMING.dtype`."""
 
@@ -259,18 +260,16 @@ class SimulatedHeadset(OnSessionClock):
         faults = self._faults
         self._valid = not faults.faults or faults.active("standby", t_ns - self._origin_ns) is None
         if self._valid:
-            measured_row, self._measured = _row_and_pose(*self._foresight.at(t_ns, t_ns))
-            foreseen_row, self._foreseen = _row_and_pose(*self._foresight.at(t_ns, light_ns))
+            # Poses are what their rows in the recording say.
+            rows = self._foresight.at_once(t_ns, light_ns)
+            measured_row = rows[0].tobytes() + _IS_VALID
+            foreseen_row = rows[1].tobytes() + _IS_VALID
+            numbers = rows.astype(np.float64)
+            self._measured = Pose(numbers[0, :3], numbers[0, 3:])
+            self._foreseen = Pose(numbers[1, :3], numbers[1, 3:])
         else:
             measured_row, self._measured = _LOST_ROW, None
             foreseen_row, self._foreseen = _LOST_ROW, None
         self._pending.append((seq, t_ns, light_ns, foreseen_row, measured_row))
         if not self._clock.is_virtual:
             self._ready.set()
-
-
-def _row_and_pose(position_m: Vector, orientation_wxyz: Vector) -> tuple[bytes, Pose]:
-    """Return a pose as a row of a stream, and as that row says it."""
-    row = HEAD_ROW.pack(*position_m.tolist(), *orientation_wxyz.tolist(), True)
-    numbers = np.frombuffer(row, np.float32, 7).astype(np.float64)
-    return row, Pose(numbers[:3], numbers[3:])

@@ -93,7 +93,8 @@ def write_datums(
     columns, places = pattern.columns, pattern.places
     for i in range(values.shape[0]):
         little = values[i].view(np.uint8)
-        datums[i] = pattern.bytes
+        for k in range(pattern.bytes.shape[0]):
+            datums[i, k] = pattern.bytes[k]
         for j in range(columns.shape[0]):
             first = 8 * columns[j]
             for k in range(8):

@@ -167,8 +167,9 @@ def observe_rays(
             i > 0 and ox == origin[i - 1, 0] and oy == origin[i - 1, 1] and oz == origin[i - 1, 2]
         )
         if same_origin:
-            out[1, i, :] = out[1, i - 1, :]
-            out[2, i, :] = out[2, i - 1, :]
+            for j in range(m):
+                out[1, i, j] = out[1, i - 1, j]
+                out[2, i, j] = out[2, i - 1, j]
         else:
             _see_heads(ox, oy, oz, heads, views, out[1, i], out[2, i])
         dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
