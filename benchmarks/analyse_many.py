@@ -29,7 +29,7 @@ from visavis.recording.durable import sha256_of
 from visavis.recording.folder import SIMULATED_ROOT
 from visavis.recording.journal import JOURNAL_NAME, encode_line
 from visavis.recording.manifest import read_manifest, write_manifest
-from visavis.running.sessions.folder_check import SIMULATED_PREFIX
+from visavis.running.sessions.study_folder import SIMULATED_PREFIX
 
 STUDY = "stare"
 SESSION = "ses-001"

@@ -26,7 +26,7 @@ def study(tmp_path: Path) -> Path:
     ledger = Ledger(folder, SimClock(), prefix="S")
     for _ in range(4):
         ledger.add()
-    for person in ("S01A", "S02B"):
+    for person in ("S01B", "S02C"):
         record_session(tmp_path, 2, participant=person)
         write_own_body(folder / f"sub-{person}", OwnBody("female", 1.7))
     return folder
@@ -86,8 +86,8 @@ def test_every_cut_and_every_swap_of_files_is_named(study: Path) -> None:
     [
         "study.json",
         "participants.jsonl",
-        "sub-S01A/own_body.json",
-        "sub-S01A/ses-001/manifest.json",
+        "sub-S01B/own_body.json",
+        "sub-S01B/ses-001/manifest.json",
     ],
 )
 def test_recover_puts_damaged_files_back(study: Path, name: str) -> None:
@@ -106,7 +106,7 @@ def test_recover_puts_damaged_files_back(study: Path, name: str) -> None:
     assert () == study_problems(study)
 
 
-@pytest.mark.parametrize("name", ["study.copy.json", "sub-S01A/own_body.copy.json"])
+@pytest.mark.parametrize("name", ["study.copy.json", "sub-S01B/own_body.copy.json"])
 def test_recover_renews_a_damaged_copy_and_leaves_the_original(study: Path, name: str) -> None:
     path = study / name
     data = path.read_bytes()
@@ -144,7 +144,7 @@ def test_exchanged_manifests_go_back_to_their_sessions(study: Path) -> None:
     data = first.read_bytes(), second.read_bytes()
     put(first, data[1])
     put(second, data[0])
-    assert "is of sub-S02B/ses-001, not of sub-S01A/ses-001" in " ".join(study_problems(study))
+    assert "is of sub-S02C/ses-001, not of sub-S01B/ses-001" in " ".join(study_problems(study))
     assert 2 == len(repair_study(study))
     assert data == (first.read_bytes(), second.read_bytes())
     assert () == study_problems(study)

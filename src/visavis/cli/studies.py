@@ -20,9 +20,10 @@ from visavis.recording.sealed import copy_path
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.running.sessions.data_root import prepare_data_root
 from visavis.running.sessions.device_setup import is_simulated
-from visavis.running.sessions.folder_check import SIMULATED_PREFIX, is_study
+from visavis.running.sessions.folder_check import is_study
 from visavis.running.sessions.recorded_design import require_same_design
 from visavis.running.sessions.study_folder import (
+    SIMULATED_PREFIX,
     StudySettings,
     sessions_of,
     settle,

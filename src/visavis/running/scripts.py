@@ -28,6 +28,7 @@ from visavis.results.picture_delay import SETTING
 from visavis.running.sessions.damage import require_intact
 from visavis.running.sessions.intake_list import intake_list
 from visavis.running.sessions.plan_lock import check_interim_analysis, read_lock
+from visavis.running.sessions.session_list import require_whole
 from visavis.running.sessions.studies import analyse_study, simulate_study
 from visavis.running.sessions.study_folder import (
     DEFAULT_SEED,
@@ -136,6 +137,7 @@ class StudyData:
 
     def _taken_in(self, how: Mapping[str, Any]) -> tuple[Any, ...]:
         paths = intake_list([s.path for s in self.sessions]).measured
+        require_whole(self.path, accept=self.accept_damage)
         require_intact(paths, accept=self.accept_damage)
         return tuple(self.study.measure(Recording(path), how) for path in paths)
 

@@ -18,8 +18,7 @@ from visavis.protocol.session.operator import Action, Command
 from visavis.protocol.session.states import SessionState
 from visavis.recording.folder import study_dir
 from visavis.recording.reader import Recording
-from visavis.running.sessions.folder_check import SIMULATED_PREFIX
-from visavis.running.sessions.study_folder import StudySettings, settle
+from visavis.running.sessions.study_folder import SIMULATED_PREFIX, StudySettings, settle
 
 
 @pytest.fixture

@@ -30,6 +30,7 @@ from visavis.lab.errors import RecordingError
 from visavis.recording.reader import Recording
 from visavis.recording.recovery import recover as recover_session
 from visavis.running.sessions.folder_check import is_study, repair_study, study_problems
+from visavis.running.sessions.session_list import sign_list
 from visavis.running.sessions.study_folder import session_folders
 
 EXIT_RED = 5
@@ -51,12 +52,17 @@ def check(
     session_path: SessionArgument,
     participant: OfParticipant = "",
     trials: Annotated[bool, typer.Option("--trials", help="List every trial.")] = False,
+    sign: Annotated[
+        bool,
+        typer.Option("--sign", help="Of a study: sign off that what is gone is no part of it."),
+    ] = False,
     config: ConfigOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Can they leave? Compare what was planned with what was recorded.
 
-    Given a study's folder, it verifies every file of every session, the settings and the ledger.
+    Given a study's folder, it verifies every file of every session, the settings and the ledger,
+    and misses every session that was ever begun there and that nobody withdrew.
 
     Recordings made elsewhere (an XDF file, a BIDS data set) are judged by their times: missing
     clock offsets, stamps that go back, gaps, rates, streams apart from the others.
@@ -71,6 +77,8 @@ def check(
     elif not session_path.is_dir():
         session_path = folder_of(session_path, config)
     if is_study(session_path):
+        for name in sign_list(session_path) if sign else ():
+            say_plainly(f"signed off, no part of the study any more: {name}")
         _check_study(session_path, as_json=as_json, list_trials=trials)
         return
     require_session(session_path)

@@ -57,7 +57,6 @@ from visavis.running.sessions.device_setup import (
     is_simulated,
     require_picture,
 )
-from visavis.running.sessions.folder_check import SIMULATED_PREFIX
 from visavis.running.sessions.perform import perform_new, perform_rest
 from visavis.running.sessions.recorded_design import (
     changes_of_design,
@@ -69,6 +68,7 @@ from visavis.running.sessions.recorded_design import (
 from visavis.running.sessions.session_request import PageAddress, Request, SessionPerson
 from visavis.running.sessions.study_folder import (
     DEFAULT_SEED,
+    SIMULATED_PREFIX,
     StudySettings,
     may_become,
     read_settings,

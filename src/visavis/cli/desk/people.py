@@ -18,7 +18,8 @@ from visavis.recording.folder import REAL_ROOT, SIMULATED_ROOT
 from visavis.recording.manifest import PartStatus, read_manifest
 from visavis.recording.reader import Recording
 from visavis.running.sessions.device_setup import is_simulated
-from visavis.running.sessions.folder_check import SIMULATED_PREFIX, is_study
+from visavis.running.sessions.folder_check import is_study
+from visavis.running.sessions.study_folder import SIMULATED_PREFIX
 from visavis.study.catalogue import SHIPPED_STUDIES
 
 

@@ -40,7 +40,12 @@ from visavis.running.page.perform import (
 from visavis.running.page.server import EndedSession, PageServer, PageSession
 from visavis.running.page.steps import PageError
 from visavis.running.sessions.device_setup import is_simulated
-from visavis.running.sessions.recorded_part import end_part, recorder_of, refuse_other_plan
+from visavis.running.sessions.recorded_part import (
+    begin_part,
+    end_part,
+    recorder_of,
+    refuse_other_plan,
+)
 from visavis.running.sessions.session_request import Request, SessionPerson
 
 IDLE_NS: Final = 30 * 60 * NS_PER_S
@@ -374,7 +379,7 @@ class Reception:
         arrival: Arrival,
     ) -> _OpenSession:
         clock = request.clock
-        part_dir = folder.begin_part(clock)
+        part_dir = begin_part(clock, folder)
         recorder: Recorder | None = None
         try:
             recorder = recorder_of(part_dir, clock, is_simulated=self._simulated)

@@ -17,9 +17,13 @@ from visavis.recording.reader import Recording
 from visavis.recording.recovery import recover
 from visavis.recording.sealed import copy_path, copy_state, restore
 from visavis.running.sessions.plan_lock import LOCK_NAME, PEEKS_NAME, read_lock, read_peeks
-from visavis.running.sessions.study_folder import SETTINGS_NAME, read_settings, session_folders
-
-SIMULATED_PREFIX = "S"
+from visavis.running.sessions.session_list import LIST_NAME, list_problems
+from visavis.running.sessions.study_folder import (
+    SETTINGS_NAME,
+    SIMULATED_PREFIX,
+    read_settings,
+    session_folders,
+)
 
 
 def is_study(folder: Path) -> bool:
@@ -37,9 +41,34 @@ def study_problems(folder: Path, sessions: Sequence[Path] | None = None) -> tupl
     problems = [*_settings_problems(folder), *_ledger_problems(folder), *_export_problems(folder)]
     problems += _lock_problems(folder)
     problems += [problem for path in _bodies(folder) for problem in _body_problems(path)]
+    if sessions is None:
+        problems += [*list_problems(folder), *_unknown_people(folder)]
     for session in session_folders(folder) if sessions is None else sessions:
         problems += session_problems(session)
     return tuple(problems)
+
+
+def _unknown_people(folder: Path) -> list[str]:
+    """Name people with sessions whom neither ledger nor settings of the study know any more."""
+    names = sorted({p.parent.name for p in session_folders(folder)})
+    if not names:
+        return []
+    problems = []
+    if not (folder / SETTINGS_NAME).exists() and not copy_path(folder / SETTINGS_NAME).exists():
+        problems.append(
+            f"{folder / SETTINGS_NAME} and its copy are gone: restore one from a backup"
+        )
+    try:
+        labels = {entry.label for entry in _ledger(folder).list()}
+    except (LabError, OSError):
+        return problems  # which is among the ledger's own problems
+    unknown_names = [name for name in names if name.removeprefix("sub-") not in labels]
+    if unknown_names:
+        problems.append(
+            f"{folder / LEDGER_NAME} does not know {', '.join(unknown_names)}: restore it from a "
+            "backup; nobody is added to the study before"
+        )
+    return problems
 
 
 def session_problems(session: Path) -> tuple[str, ...]:
@@ -59,7 +88,7 @@ def repair_study(folder: Path) -> tuple[str, ...]:
     repairs = []
     if _settings_problems(folder):
         repairs += _mend(folder / SETTINGS_NAME, lambda: read_settings(folder))
-    for name in (LEDGER_NAME, REGISTER_NAME, PEEKS_NAME):
+    for name in (LEDGER_NAME, REGISTER_NAME, PEEKS_NAME, LIST_NAME):
         try:
             note = repair_lines(folder / name)
         except ValueError as error:
@@ -152,9 +181,13 @@ def _ledger_problems(folder: Path) -> list[str]:
     path = folder / LEDGER_NAME
     if not path.exists() and not copy_path(path).exists():
         return []
-    prefix = SIMULATED_PREFIX if folder.resolve().parent.name == SIMULATED_ROOT else ""
     try:
-        Ledger(folder, SystemClock(), prefix=prefix).list()
+        _ledger(folder).list()
         return list(read_lines(path).notes)
     except (LabError, OSError) as error:
         return [str(error)]
+
+
+def _ledger(folder: Path) -> Ledger:
+    prefix = SIMULATED_PREFIX if folder.resolve().parent.name == SIMULATED_ROOT else ""
+    return Ledger(folder, SystemClock(), prefix=prefix)

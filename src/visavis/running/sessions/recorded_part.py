@@ -16,6 +16,7 @@ from visavis.recording.writer import (
     CloseStatus,
     Recorder,
 )
+from visavis.running.sessions.session_list import list_session
 
 
 def recorder_of(
@@ -43,7 +44,7 @@ def recorded_part(
     Raises:
         SessionAborted: it ended early.
     """
-    part_dir = folder.begin_part(clock)
+    part_dir = begin_part(clock, folder)
     recorder: Recorder | None = None
     try:
         recorder = make(part_dir)
@@ -61,6 +62,13 @@ def recorded_part(
     end_part(clock, folder, recorder, "complete", "", None)
 
 
+def begin_part(clock: Clock, folder: SessionFolder) -> Path:
+    """Begin a part, put the session on its study's list, and return the part's folder."""
+    part_dir = folder.begin_part(clock)
+    list_session(folder)
+    return part_dir
+
+
 def end_part(
     clock: Clock,
     folder: SessionFolder,
@@ -73,6 +81,7 @@ def end_part(
     try:
         summary = recorder.close(status) if recorder is not None else None
         folder.end_part(clock, summary, reason=reason)
+        list_session(folder)
     except RecordingError as error:
         if cause is None:
             raise

@@ -32,7 +32,6 @@ from visavis.results.selection import IS_ANALYSED
 from visavis.results.unusual import UnusualTrial
 from visavis.running.sessions.damage import count_damage, describe, require_intact, write_damage
 from visavis.running.sessions.data_root import prepare_data_root
-from visavis.running.sessions.folder_check import SIMULATED_PREFIX
 from visavis.running.sessions.intake_list import intake_list
 from visavis.running.sessions.piecewise import measure_sessions
 from visavis.running.sessions.plan_lock import (
@@ -49,6 +48,7 @@ from visavis.running.sessions.recorded_design import (
     require_same_design,
 )
 from visavis.running.sessions.runners import on_scheduler, on_this_machine
+from visavis.running.sessions.session_list import require_whole
 from visavis.running.sessions.simulation import (
     SimulationTask,
     measure_one,
@@ -58,6 +58,7 @@ from visavis.running.sessions.simulation import (
 from visavis.running.sessions.study_folder import (
     DERIVED_FOLDER,
     MEASURED_FOLDER,
+    SIMULATED_PREFIX,
     StudySettings,
     output_files,
     read_parameters,
@@ -236,6 +237,8 @@ def analyse_study(
         folder, locked_plan, manifests, clock, is_requested=peek is not None, reason=peek or ""
     )
     watch = StopWatch()
+    for line in require_whole(folder, accept=accept_damage):
+        notifier.warn(line)
     damage_reports = require_intact(sessions, accept=accept_damage)
     if damage_reports:
         notifier.warn(

@@ -23,6 +23,8 @@ SEALED_SINCE = 2
 """Settings of this version and later end in their own checksum."""
 
 DEFAULT_SEED = 1
+SIMULATED_PREFIX = "S"
+"""Labels of simulated participants begin with it."""
 DERIVED_FOLDER = "derived"
 MEASURED_FOLDER = "measured"
 """In `derived`: walks measured one by one, kept so that a stop loses at most one."""

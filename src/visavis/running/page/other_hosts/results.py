@@ -42,7 +42,7 @@ from visavis.running.page.perform import (
 from visavis.running.page.reception import LEFT
 from visavis.running.page.steps import PageError, PageStep, count, mapping, number
 from visavis.running.sessions.device_setup import is_simulated
-from visavis.running.sessions.recorded_part import end_part
+from visavis.running.sessions.recorded_part import begin_part, end_part
 from visavis.running.sessions.session_request import Request, SessionPerson
 
 IMPORT_KEY: Final = "imported"
@@ -476,7 +476,7 @@ def _record(
     """Record a part of a session from lines of a run, by their own times."""
     clock = request.clock
     assert isinstance(clock, StampClock)  # noqa: S101  # both callers made it
-    part_dir = folder.begin_part(clock)
+    part_dir = begin_part(clock, folder)
     recorder: Recorder | None = None
     try:
         recorder = Recorder(

@@ -1,0 +1,141 @@
+"""The list of what must be in a study's folder: every session that was begun, so that one can miss.
+
+A line is added as a part of a session begins and as it ends. Lines are chained and have a copy, as
+the ledger's; a study that was begun by an earlier version has a list from its next session on.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from visavis.lab.clock import SystemClock
+from visavis.lab.errors import DataError, LedgerError, RecordingError
+from visavis.protocol.people.file_lock import locked
+from visavis.protocol.people.ledger import Ledger
+from visavis.recording.chained import append_lines, read_lines
+from visavis.recording.folder import SIMULATED_ROOT, SessionFolder
+from visavis.recording.manifest import MANIFEST_NAME
+from visavis.running.sessions.study_folder import SIMULATED_PREFIX
+
+LIST_NAME: Final = "sessions.jsonl"
+LOCK_NAME: Final = ".sessions.lock"
+
+
+@dataclass(frozen=True)
+class ListedSession:
+    """A session as it was last listed: `part` is its newest part, `at` when, `status` how it is."""
+
+    name: str
+    part: int
+    at: str
+    status: str
+
+
+def list_session(folder: SessionFolder) -> None:
+    """Add a session to its study's list, as its manifest says it is now.
+
+    Raises:
+        RecordingError: the list is damaged or cannot be written.
+    """
+    part = folder.manifest.parts[-1]
+    line = {
+        "event": "session",
+        "participant": folder.path.parent.name.removeprefix("sub-"),
+        "session": folder.path.name,
+        "part": part.number,
+        "status": part.status,
+        "at": part.ended_wall_iso or part.started_wall_iso,
+    }
+    _append(folder.path.parent.parent, line)
+
+
+def sign_list(study: Path) -> tuple[str, ...]:
+    """Sign off what is in a study's folder now; return the sessions that are no longer missed.
+
+    Raises:
+        RecordingError: the list cannot be written.
+    """
+    absent = tuple(one.name for one in _absent(study))
+    if absent:
+        _append(study, {"event": "signed", "without": list(absent), "at": SystemClock().wall_iso()})
+    return absent
+
+
+def list_problems(study: Path) -> tuple[str, ...]:
+    """Return what is missing of a study, or wrong with its list, a line each."""
+    try:
+        problems = list(read_lines(study / LIST_NAME).notes)
+        absent = _absent(study)
+    except (RecordingError, OSError) as error:
+        return (str(error),)
+    return (
+        *problems,
+        *(
+            f"{study / one.name} is gone: it was there on {one.at[:10]} (part {one.part}, "
+            f"{one.status}); restore it from a copy, or sign off that it is no part of the study: "
+            f"visavis check {study} --sign"
+            for one in absent
+        ),
+        *(
+            f"{path} is a link to {path.resolve()}; move the data themselves here"
+            for path in sorted(study.glob("sub-*"))
+            if path.is_symlink()
+        ),
+    )
+
+
+def require_whole(study: Path, *, accept: bool) -> tuple[str, ...]:
+    """Return what a study misses of its list, where that is accepted.
+
+    Raises:
+        DataError: something is missing, and that was not accepted.
+    """
+    problems = list_problems(study)
+    if problems and not accept:
+        raise DataError("\n".join([*problems, "--accept-damage analyses what is left"]))
+    return problems
+
+
+def _absent(study: Path) -> tuple[ListedSession, ...]:
+    """Return the listed sessions that are not there, though nobody withdrew or signed them off."""
+    lines = read_lines(study / LIST_NAME)
+    if lines.damaged_line is not None:
+        number, what = lines.damaged_line
+        raise RecordingError(
+            f"{study / LIST_NAME}:{number}: the list of sessions is damaged, the line {what}; "
+            f"`visavis recover {study}` puts its copy in its place where that is intact"
+        )
+    listed: dict[str, ListedSession] = {}
+    for record in lines.records:
+        if record.get("event") == "signed":
+            for name in record["without"]:
+                listed.pop(name, None)
+            continue
+        name = f"sub-{record['participant']}/{record['session']}"
+        listed[name] = ListedSession(name, record["part"], record["at"], record["status"])
+    gone = [one for one in listed.values() if not _is_there(study, one)]
+    withdrawn = _withdrawn(study) if gone else frozenset()
+    return tuple(one for one in gone if one.name.partition("/")[0] not in withdrawn)
+
+
+def _is_there(study: Path, one: ListedSession) -> bool:
+    session = study / one.name
+    return (session / MANIFEST_NAME).exists() and (session / f"part-{one.part:02d}").is_dir()
+
+
+def _withdrawn(study: Path) -> frozenset[str]:
+    """Return the folders of people who withdrew, by name."""
+    is_simulated = study.resolve().parent.name == SIMULATED_ROOT
+    ledger = Ledger(study, SystemClock(), prefix=SIMULATED_PREFIX if is_simulated else "")
+    try:
+        return frozenset(f"sub-{e.label}" for e in ledger.list() if e.status == "withdrawn")
+    except LedgerError:
+        return frozenset()  # which is reported where the ledger is read
+
+
+def _append(study: Path, line: dict[str, Any]) -> None:
+    try:
+        with locked(study / LOCK_NAME):
+            append_lines(study / LIST_NAME, [line])
+    except (LedgerError, OSError, ValueError) as error:
+        raise RecordingError(f"the list of sessions cannot be written: {error}") from error

@@ -1,0 +1,103 @@
+"""Who vanishes from a study is missed, by check, by analyse and by scripts."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from tests.cli.test_changed_design import STUDY, simulated
+from visavis.cli.main import app
+from visavis.lab.clock import SimClock
+from visavis.lab.errors import DataError
+from visavis.protocol.people.ledger import Ledger
+from visavis.recording.sealed import copy_path
+from visavis.running.scripts import open_study
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a study's file and two simulated sessions."""
+    root = tmp_path_factory.mktemp("recorded")
+    (root / "meet.py").write_text(STUDY, "utf-8")
+    simulated(root / "meet.py", root / "out", 2)
+    return root
+
+
+@pytest.fixture
+def study(recorded: Path, tmp_path: Path) -> Path:
+    shutil.copytree(recorded / "out", tmp_path / "out")
+    return tmp_path / "out/simulated/meet"
+
+
+def run(*arguments: str) -> tuple[int, str]:
+    result = CliRunner().invoke(app, [*arguments])
+    text = f"{result.output} {result.exception or ''}"
+    return result.exit_code or int(result.exception is not None), " ".join(text.split())
+
+
+def both(path: Path, change: Callable[[Path], None]) -> None:
+    for one in (path, copy_path(path)):
+        change(one)
+
+
+def cut_by_a_line(path: Path) -> None:
+    path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:-1]))
+
+
+def as_link(folder: Path) -> None:
+    folder.rename(folder.parent.parent / "elsewhere")
+    folder.symlink_to(folder.parent.parent / "elsewhere")
+
+
+LOSSES: dict[str, tuple[Callable[[Path], None], str]] = {
+    "a person": (lambda s: shutil.rmtree(s / "sub-S02C"), "sub-S02C/ses-001 is gone"),
+    "a session": (lambda s: shutil.rmtree(s / "sub-S02C/ses-001"), "sub-S02C/ses-001 is gone"),
+    "a part": (lambda s: shutil.rmtree(s / "sub-S02C/ses-001/part-01"), "sub-S02C/ses-001 is gone"),
+    "the ledger": (lambda s: both(s / "participants.jsonl", Path.unlink), "does not know sub-S01B"),
+    "what the ledger held": (
+        lambda s: both(s / "participants.jsonl", lambda p: void(p.write_bytes(b""))),
+        "does not know sub-S01B",
+    ),
+    "a line of the ledger": (
+        lambda s: both(s / "participants.jsonl", cut_by_a_line),
+        "does not know sub-S02C",
+    ),
+    "the settings": (lambda s: both(s / "study.json", Path.unlink), "study.json and its copy"),
+    "a folder for a link": (lambda s: as_link(s / "sub-S02C"), "sub-S02C is a link"),
+}
+
+
+def void(_: object) -> None:
+    """Return nothing of something."""
+
+
+@pytest.mark.parametrize(("lose", "said"), LOSSES.values(), ids=list(LOSSES))
+def test_what_is_gone_from_a_study_is_named(
+    study: Path, lose: Callable[[Path], None], said: str
+) -> None:
+    assert 0 == run("check", str(study))[0]
+    lose(study)
+    code, text = run("check", str(study))
+    assert 0 != code
+    assert said in text
+
+
+def test_half_of_the_people_are_not_analysed_as_if_they_were_all(study: Path) -> None:
+    shutil.rmtree(study / "sub-S02C")
+    code, text = run("analyse", str(study), "--processes", "1")
+    assert 0 != code
+    assert "sub-S02C/ses-001 is gone" in text
+    with pytest.raises(DataError, match="sub-S02C/ses-001 is gone"):
+        open_study(study).trials()
+
+
+def test_who_withdrew_or_was_signed_off_is_not_missed(study: Path) -> None:
+    Ledger(study, SimClock(), prefix="S").withdraw("S02C", [study])
+    assert 0 == run("check", str(study))[0]
+    shutil.rmtree(study / "sub-S01B")
+    assert 0 != run("check", str(study))[0]
+    code, text = run("check", str(study), "--sign")
+    assert (0, True) == (code, "signed off, no part of the study any more: sub-S01B" in text), text
+    assert 0 == run("check", str(study))[0]
