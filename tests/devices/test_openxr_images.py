@@ -435,3 +435,18 @@ def test_eyes_that_are_moved_apart_are_drawn_for_and_told(context):
         runtime.ipd_m = 0.063
         assert apart_m() == pytest.approx(0.063)
         assert () == headset.check()
+
+
+def test_views_that_differ_by_rounding_are_the_same_and_small_turns_of_the_knob_add_up(context):
+    with showing() as (headset, runtime, _, _):
+        one_frame(headset)
+        first = headset.eye_views()
+        for micrometres in (1, -1, 2):
+            runtime.ipd_m = 0.063 + micrometres * 1e-6
+            one_frame(headset)
+            assert first is headset.eye_views()
+        for step in range(1, 21):
+            runtime.ipd_m = 0.063 + step * 5e-6
+            one_frame(headset)
+        left, right = headset.eye_views()
+        assert right.offset_m[0] - left.offset_m[0] == pytest.approx(0.0631, abs=2.5e-5)
