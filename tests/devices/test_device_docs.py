@@ -38,3 +38,21 @@ def test_every_driver_says_what_it_was_checked_against_and_what_its_unit_must_se
         if driver_wiring(spec.name).real is not None and not all(astuple(spec.claims))
     ]
     assert untold == []
+
+
+SOURCES = ("measured", "told by", "assumed", "not known")
+OFFSETS = ("picture_delay_ms", "sound_delay_ms", "vibration_delay_ms", "head_beyond_ms")
+
+
+def test_every_figure_of_time_names_where_it_comes_from():
+    page = (PAGE.parent / "synchronisation.md").read_text("utf-8")
+    section = page.partition("## Where each figure of time comes from")[2].partition("\n## ")[0]
+    rows = re.findall(r"^\| (.*) \| .* \| (.*) \|$", section, re.M)[2:]
+    assert [] == [figure for figure, source in rows if not source.startswith(SOURCES)]
+    options = {
+        name
+        for spec in built_in().values()
+        for name in spec.options.model_fields
+        if re.search(r"(delay|latency|ahead|rise)_ms$", name)
+    }
+    assert options | set(OFFSETS) <= {figure.strip("`") for figure, _ in rows}
