@@ -397,7 +397,7 @@ def codecs() -> Iterator[Target]:
     yield Target("natnet.codec", frames("natnet"), _natnet)
     yield Target("openvr.codec", frames("openvr_headset", "openvr_trackers"), _openvr)
     yield Target("qualisys.codec", frames("qualisys"), _qualisys)
-    yield Target("vicon.codec", frames("vicon"), vicon.decode)
+    yield Target("vicon.codec", frames("vicon"), vicon.decode, (DataError,))
     jacks = frames("labjack_triggers")
     yield Target(
         "triggers.labjack_codec",

@@ -71,13 +71,14 @@ class OpenXrHands(BodyDevice):
             return ()
         host_ns, _ = INSTANT.unpack_from(rest[0])
         joints = np.frombuffer(rest[0], JOINT, offset=INSTANT.size)
-        xyzw = joints["turn_xyzw"].astype(np.float64)
-        with np.errstate(over="ignore", invalid="ignore"):  # refused just below
+        with np.errstate(over="ignore", invalid="ignore"):  # refused just below, or by their place
+            xyzw = joints["turn_xyzw"].astype(np.float64)
+            places_m = joints["place_m"].astype(np.float64)
             lengths = np.linalg.norm(xyzw, axis=1)
         valid = (joints["flags"] & ALL == ALL) & (lengths > 0.9) & (lengths < 1.1)
         position = np.full((len(joints), 3), np.nan)
         turn = np.full((len(joints), 4), np.nan)
-        position[valid] = joints["place_m"][valid]
+        position[valid] = places_m[valid]
         turn[valid] = _turned(xyzw[valid] / lengths[valid, None], IN_T_POSE[valid])
         return (BodySample(None, host_ns, position, turn, valid),)
 
