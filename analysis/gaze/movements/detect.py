@@ -2,9 +2,10 @@
 
 Three published detectors find the saccades, or the fixations, with thresholds that follow the
 recording's own noise; what follows (blinks, oscillations, joining, pursuit, least durations) is
-the same for all. With a moving head give the eye in the head, too: an eye that turns against the
-head keeps gaze in world at rest (the vestibulo-ocular reflex), a head that follows a target
-carries a resting eye, and only in a saccade are both fast.
+the same for all. With a moving head give the eye in the head, too: what the head alone puts into
+gaze in world is measured and taken out first (`head_motion`). An eye that turns against the head
+keeps gaze in world at rest (the vestibulo-ocular reflex), a head that follows a target carries a
+resting eye, and only in a saccade are both fast.
 """
 
 from dataclasses import dataclass
@@ -22,7 +23,9 @@ from visavis.analysis.gaze.movements.finish_kernels import (
     mark_between,
     mark_blinks,
     mark_fast_runs,
+    sharpen_saccades,
 )
+from visavis.analysis.gaze.movements.head_motion import STILL, HeadMotion, without_head
 from visavis.analysis.gaze.movements.i2mc import clustering_weights, trim_borders
 from visavis.analysis.gaze.movements.kinds import Detector, Kinds, Movement, Movements
 from visavis.analysis.gaze.movements.nystrom_holmqvist import (
@@ -51,6 +54,8 @@ class _Signal:
 
     t_ns: Times
     v: Vector
+    gaze: Vector
+    """As `v`, with what the head puts in: as it was given."""
     stretch: Rows
     step_ns: int
     half: int
@@ -59,6 +64,8 @@ class _Signal:
     noise: tuple[float, float]
     first_noise: tuple[float, float]
     head_free: npt.NDArray[np.bool_] | None
+    head: HeadMotion
+    noise_multiple: float
 
     @property
     def noise_deg_s(self) -> float:
@@ -81,24 +88,52 @@ def _signal(
     in_head: npt.NDArray[np.floating] | None,
     params: MovementParameters,
 ) -> _Signal:
-    t, v, step_ns = checked_samples(t_ns, in_world, params.nominal_rate_hz)
+    t, gaze, step_ns = checked_samples(t_ns, in_world, params.nominal_rate_hz)
+    v, head = gaze, STILL
+    if in_head is not None:
+        v, head = without_head(t, gaze, checked_samples(t, in_head, params.nominal_rate_hz)[1])
     stretch = fill_gaps(t, v, limit_ns(params.losses.fill_ms), step_ns)
     half, window_ms = 1, params.velocity.windows_ms[0]
     velocity = np.full((len(t), 2), np.nan)
     noise = first_noise = (np.nan, np.nan)
-    for window_ms in params.velocity.windows_ms:
+    rule = params.velocity
+    multiple, most_deg_s = rule.noise_multiple, rule.max_threshold_deg_s
+    for window_ms in rule.windows_ms:
         half = half_window(window_ms, step_ns)
         velocity = velocities_deg_s(t, v, stretch, half)
         noise = noise_deg_s(velocity)
-        first_noise = noise if window_ms == params.velocity.windows_ms[0] else first_noise
-        if not params.velocity.noise_multiple * max(noise) > params.velocity.max_threshold_deg_s:
+        is_wide = window_ms > rule.windows_ms[0]
+        first_noise = first_noise if is_wide else noise
+        if is_wide:
+            multiple = rule.wide_noise_multiple
+        if is_wide or half < rule.firm_rows:
+            most_deg_s = rule.wide_max_threshold_deg_s
+        if not multiple * max(noise) > most_deg_s:
             break
     eye_moves = None
     if in_head is not None:
         eye_speed = np.linalg.norm(_velocity_of(t, in_head, half, step_ns, params), axis=1)
         with np.errstate(invalid="ignore"):
-            eye_moves = ~(eye_speed < params.velocity.minimum_deg_s)
-    return _Signal(t, v, stretch, step_ns, half, window_ms, velocity, noise, first_noise, eye_moves)
+            eye_moves = ~(eye_speed < rule.minimum_deg_s)
+    if head == STILL:
+        gaze = v
+    else:
+        fill_gaps(t, gaze, limit_ns(params.losses.fill_ms), step_ns)
+    return _Signal(
+        t,
+        v,
+        gaze,
+        stretch,
+        step_ns,
+        half,
+        window_ms,
+        velocity,
+        noise,
+        first_noise,
+        eye_moves,
+        head,
+        multiple,
+    )
 
 
 def _velocity_of(
@@ -113,19 +148,18 @@ def _velocity_of(
     return velocities_deg_s(t_ns, v, stretch, half)
 
 
+MARGIN_NS: Final = 12 * NS_PER_MS
+"""Left beside a saccade whose ends were sharpened: what oscillates there is no fixation."""
 I2MC_BELOW_HZ: Final = 50.0
-I2MC_ABOVE_DEG_S: Final = 15.0
-"""Where I2MC finds fixations better than Engbert–Kliegl: on the tuned half of GazeCom, thinned
-and with noise added (`python -m benchmarks.gaze_detectors.choice`)."""
+"""Where I2MC finds fixations better than Engbert–Kliegl, with noise or without: labelled sets,
+thinned and with noise added (`python -m benchmarks.gaze_detectors.choice`)."""
 
 
 def chosen_detector(rate_hz: float, noise_deg_s: float) -> tuple[Detector, str]:
-    """Return which detector suits a rate and a spread of velocity, and a sentence why."""
+    """Return which detector suits a rate, and a sentence why, with the spread of velocity."""
     signal = f"{rate_hz:.0f} Hz, velocity noise {noise_deg_s:.1f}°/s"
     if rate_hz < I2MC_BELOW_HZ:
         return "i2mc", f"{signal}: below {I2MC_BELOW_HZ:.0f} Hz a saccade is too few samples"
-    if noise_deg_s > I2MC_ABOVE_DEG_S:
-        return "i2mc", f"{signal}: above {I2MC_ABOVE_DEG_S:.0f}°/s noise hides saccades"
     return "engbert_kliegl", f"{signal}: saccades stand out of the noise"
 
 
@@ -156,9 +190,23 @@ def detect_movements(
         raise UsageError(
             f"no detector {params.detector!r}; there are auto, " + ", ".join(DETECTOR_NAMES)
         )
+    why += _said_of(signal, params)
     movement, runs = _rough(signal, name, params)
     _finish(signal, movement, runs, params)
     return _movements_of(signal, movement, in_head, head_deg_s, name, why, params)
+
+
+def _said_of(s: _Signal, params: MovementParameters) -> str:
+    """Return in words what was smoothed or taken out before detection; "" for nothing."""
+    words = ""
+    if s.window_ms > params.velocity.windows_ms[0]:
+        words += f"; velocity over {s.window_ms:.0f} ms, as noise asks"
+    if s.head.late_ms:
+        late = "later" if s.head.late_ms > 0 else "earlier"
+        words += f"; eyes were paired with the head {abs(s.head.late_ms):.0f} ms {late}, mended"
+    if s.head.slip_01:
+        words += f"; {s.head.slip_01:.0%} of the head's turns not compensated, taken out"
+    return words
 
 
 def runs_between_saccades(
@@ -190,9 +238,7 @@ def _rough(s: _Signal, name: Detector, params: MovementParameters) -> tuple[Kind
     )
     merge_ms = fixations.merge_ms
     oscillation_ns = round(saccades.oscillation_ms * NS_PER_MS)
-    fast = outside_ellipse(
-        s.velocity, params.velocity.noise_multiple, params.velocity.minimum_deg_s
-    )
+    fast = outside_ellipse(s.velocity, s.noise_multiple, params.velocity.minimum_deg_s)
     # With a moving head gaze in world is fast in a pursuit by the head, too; the eye in the head is
     # fast only in a saccade.
     if s.head_free is not None:
@@ -217,7 +263,10 @@ def _rough(s: _Signal, name: Detector, params: MovementParameters) -> tuple[Kind
         )
     elif name == "i2mc":
         # I2MC finds where gaze rests, and what lies between is saccades; the others the reverse.
-        rest = ~_clustered_jumps(s, i2mc) & (s.stretch >= 0)
+        jumps = _clustered_jumps(s, i2mc)
+        if s.head_free is not None:
+            jumps &= s.head_free
+        rest = ~jumps & (s.stretch >= 0)
         merge_deg, merge_ms = max(merge_deg, i2mc.cluster_merge_deg), i2mc.cluster_merge_ms
         runs = _merged_runs(s, rest, merge_ms, merge_deg, params)
         runs = runs[: trim_borders(s.v, runs, i2mc.cluster_border_spreads)]
@@ -230,6 +279,8 @@ def _rough(s: _Signal, name: Detector, params: MovementParameters) -> tuple[Kind
         mark_fast_runs(
             s.t_ns, s.velocity, s.stretch, fast, minimum_ns, oscillation_ns, s.step_ns, movement
         )
+        if s.window_ms > params.velocity.windows_ms[0]:
+            sharpen_saccades(s.v, s.stretch, s.half, round(MARGIN_NS / s.step_ns), movement)
     mark_blinks(s.t_ns, s.stretch, movement, limit_ns(params.losses.max_blink_ms), s.step_ns)
     rest = (movement == Movement.UNKNOWN) & (s.stretch >= 0)
     return movement, _merged_runs(s, rest, merge_ms, merge_deg, params)
@@ -310,12 +361,15 @@ def _movements_of(
     is_named = movement[first] != Movement.UNKNOWN if len(first) else np.zeros(0, np.bool_)
     first, last = first[is_named], last[is_named]
     speed = np.linalg.norm(s.velocity, axis=1)
-    direction, peak = describe_events(s.v, speed, first, last)
+    direction, peak = describe_events(s.gaze, speed, first, last)
     duration = np.minimum(
         s.t_ns[last] - s.t_ns[first] + s.step_ns,
         np.append(s.t_ns[1:], np.iinfo(np.int64).max)[last] - s.t_ns[first],
     )
     all_missing = np.full(len(first), np.nan)
+    amplitude = all_missing
+    if len(first):
+        amplitude = np.asarray(angle_deg(s.gaze[first], s.gaze[last]))
     eye = all_missing
     if in_head is not None:
         of_eye = np.linalg.norm(_velocity_of(s.t_ns, in_head, s.half, s.step_ns, params), axis=1)
@@ -328,7 +382,7 @@ def _movements_of(
         onset_ns=s.t_ns[first],
         duration_ns=duration,
         direction=direction,
-        amplitude_deg=np.asarray(angle_deg(s.v[first], s.v[last])) if len(first) else all_missing,
+        amplitude_deg=amplitude,
         peak_deg_s=peak,
         head_deg_s=all_missing if head_deg_s is None else _means(head_deg_s, first, last),
         eye_deg_s=eye,
@@ -336,6 +390,8 @@ def _movements_of(
         why=why,
         noise_deg_s=s.noise_deg_s,
         window_ms=s.window_ms,
+        eye_late_ms=s.head.late_ms,
+        slip_01=s.head.slip_01,
     )
 
 

@@ -12,6 +12,7 @@ from visavis.lab.geometry import Vector
 SACCADE, OSCILLATION = int(Movement.SACCADE), int(Movement.OSCILLATION)
 FIXATION, PURSUIT = int(Movement.FIXATION), int(Movement.PURSUIT)
 BLINK, UNKNOWN = int(Movement.BLINK), int(Movement.UNKNOWN)
+NEAR_END = 0.05
 
 
 @compiled
@@ -69,6 +70,81 @@ def mark_fast_runs(
         saccade_end = end
         of_peak[0] = velocity[peak, 0]
         of_peak[1] = velocity[peak, 1]
+
+
+@compiled
+def sharpen_saccades(v: Vector, stretch: Rows, half: int, margin: int, out: Kinds) -> None:
+    """Shrink saccades found by a window of `half` rows to either side, which smears their ends.
+
+    Gaze lies near its place before, then near that after: the rows between where it last was
+    within `NEAR_END` of the way of the one and first within as much of the other are the saccade.
+    """
+    n = out.shape[0]
+    before = np.zeros(3)
+    after = np.zeros(3)
+    i = 0
+    while i < n:
+        if out[i] != SACCADE:
+            i += 1
+            continue
+        first = i
+        while i < n and out[i] == SACCADE and stretch[i] == stretch[first]:
+            i += 1
+        last = i - 1
+        # Places before and after, over as many rows as the window has on a side.
+        before[:] = 0.0
+        after[:] = 0.0
+        rows_before = 0
+        j = first - 1
+        while j >= 0 and rows_before <= half and stretch[j] == stretch[first] and out[j] == UNKNOWN:
+            before += v[j]
+            rows_before += 1
+            j -= 1
+        rows_after = 0
+        j = last + 1
+        while j < n and rows_after <= half and stretch[j] == stretch[first] and out[j] == UNKNOWN:
+            after += v[j]
+            rows_after += 1
+            j += 1
+        if rows_before == 0 or rows_after == 0:
+            continue
+        before /= rows_before
+        after /= rows_after
+        way = after - before
+        length = way[0] ** 2 + way[1] ** 2 + way[2] ** 2
+        if length <= 0.0:
+            continue
+        # The step between rows that goes furthest along the way is in the saccade.
+        middle = first
+        furthest = -np.inf
+        for j in range(first, last):
+            step = 0.0
+            for k in range(3):
+                step += (v[j + 1, k] - v[j, k]) * way[k]
+            if step > furthest:
+                furthest = step
+                middle = j
+        start = middle + 1
+        while start > first and _share(v, start - 1, before, way, length) > NEAR_END:
+            start -= 1
+        end = middle
+        while end < last and _share(v, end + 1, before, way, length) < 1.0 - NEAR_END:
+            end += 1
+        start = max(min(start, middle + 1) - margin, first)
+        end = min(max(end, start) + margin, last)
+        for j in range(first, last + 1):
+            if j < start or j > end:
+                out[j] = UNKNOWN
+
+
+@compiled
+def _share(v: Vector, row: int, place: Vector, way: Vector, length: float) -> float:
+    """Return how much of a way from a place gaze has gone."""
+    gone = 0.0
+    for k in range(3):
+        gone += (v[row, k] - place[k]) * way[k]
+    share: float = gone / length
+    return share
 
 
 @compiled

@@ -42,6 +42,9 @@ class Movements:
     unknown; `direction` (k, 3) the mean unit vector of its valid samples.
     `detector` is the one that ran and `why` says how it was chosen; `noise_deg_s` is
     the spread of gaze velocity by medians over the narrowest window, `window_ms` the window used.
+    `eye_late_ms` and `slip_01` are what the head put into gaze in world, taken out before movements
+    were told apart: by how much the eyes were paired with a later head, and the share of its turns
+    that they did not compensate; 0 where neither could be shown.
     """
 
     movement: Kinds
@@ -59,6 +62,8 @@ class Movements:
     why: str
     noise_deg_s: float
     window_ms: float
+    eye_late_ms: float = 0.0
+    slip_01: float = 0.0
 
     def __len__(self) -> int:
         return int(self.kind.shape[0])

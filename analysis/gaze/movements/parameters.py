@@ -13,11 +13,16 @@ class VelocityRule:
     """How velocity is taken, and from which speed on rows are fast.
 
     It is taken over the first of `windows_ms`, the next wider one while the noise would lift the
-    threshold above `max_threshold_deg_s`.
+    threshold above `max_threshold_deg_s`, or above `wide_max_threshold_deg_s` where the window is a
+    wider one or has fewer than `firm_rows` rows to either side. A wider window averages noise and
+    makes a saccade slower, so it has its own multiple.
     """
 
-    windows_ms: tuple[float, ...] = (20.0, 40.0, 60.0)
-    max_threshold_deg_s: float = 100.0
+    windows_ms: tuple[float, ...] = (20.0, 30.0, 40.0, 60.0, 80.0, 100.0)
+    max_threshold_deg_s: float = 75.0
+    wide_max_threshold_deg_s: float = 45.0
+    firm_rows: int = 3
+    wide_noise_multiple: float = 3.5
     noise_multiple: float = 6.0
     """λ of Engbert & Kliegl (2003): the threshold in spreads of the noise."""
     minimum_deg_s: float = 30.0
