@@ -5,6 +5,7 @@ is one study of the largest number of participants; its first n participants are
 """
 
 from visavis.analysis.power.contract import (
+    ANYTHING,
     PlannedTestResult,
     PowerStudy,
     PrintedTest,
@@ -23,6 +24,7 @@ from visavis.analysis.power.replicates import (
 from visavis.analysis.power.summary import PowerSummary, TestPower, summarise
 
 __all__ = [
+    "ANYTHING",
     "PlannedTestResult",
     "PowerRequest",
     "PowerStudy",

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, Protocol, TypeAlias
+from typing import Final, Literal, Protocol, TypeAlias
 
 import pandas as pd
 from scipy import special
@@ -27,6 +27,9 @@ class PlannedTestResult:
     standardised: float = float("nan")
 
 
+ANYTHING: Final = "anything"
+"""Name of the test that asks of a whole study whether any of its headlines finds something: without
+an effect, how often it would report what is not there."""
 Verdicts: TypeAlias = Mapping[str, PlannedTestResult]
 """By name of the planned test."""
 

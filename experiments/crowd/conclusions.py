@@ -5,11 +5,12 @@ from typing import Final
 
 from visavis.analysis.report.blocks import Status
 from visavis.analysis.report.notation import decimal, signed
+from visavis.analysis.statistics.results import percent
 from visavis.experiments.crowd.comparisons import COLLISIONS, RATINGS, SPEED, TO_GAP, VOLUME
 from visavis.experiments.crowd.design import AFTER, BEFORE, HAPTIC
 from visavis.experiments.crowd.paths import GroupPaths
 from visavis.results.analysis import StudyAnalysis
-from visavis.results.differences import means_of_levels
+from visavis.results.differences import difference_of_means, means_of_levels
 from visavis.results.findings import Finding
 from visavis.study.measures import Measure
 from visavis.study.sections import Conclusion
@@ -94,8 +95,7 @@ def _direction(
             continue
         over_all = " ".join(finding.outcome.sentences)
         sentences.append(f"{measure.words}: {over_all} {contrast.sentence}")
-        unit = "" if measure.unit == "1" else f" {measure.unit}"
-        differences.append(f"{measure.words.lower()} {signed(-contrast.difference)}{unit}")
+        differences.append(_difference(measure, finding, pair))
         as_said = 1 if sign * contrast.difference > 0 else -1
         verdicts.append(as_said if contrast.is_significant else 0)
     evidence = tuple(sentences)
@@ -111,7 +111,7 @@ def _direction(
         status, answer = "partly", "in part"
     else:
         answer = "no significant difference"
-    answer = f"{answer} ({pair[1]} minus {pair[0]}: {', '.join(differences)})"
+    answer = f"{answer} ({pair[1]} minus {pair[0]}: {'; '.join(differences)})"
     return Conclusion(status, question, answer, evidence, name=name)
 
 
@@ -129,13 +129,26 @@ def _ratings(analysis: StudyAnalysis) -> Conclusion:
         _rating_by_block(m, f) for m, f in tested_findings if any(t.is_significant for t in f.terms)
     ]
     if different:
-        return Conclusion("partly", RATINGS_CHANGE, ", ".join(different), sentences)
-    ratings = ", ".join(_rating_by_block(m, f) for m, f in tested_findings)
+        return Conclusion("partly", RATINGS_CHANGE, "; ".join(different), sentences)
+    ratings = "; ".join(_rating_by_block(m, f) for m, f in tested_findings)
     answer = f"no significant difference ({ratings})"
     return Conclusion("not_found", RATINGS_CHANGE, answer, sentences)
 
 
 def _rating_by_block(measure: Measure, finding: Finding) -> str:
-    """Return a rating with its mean in every block, in their order."""
+    """Return a rating with its mean in every block, in their order, and how haptics change it."""
     means = means_of_levels(finding, finding.terms[0])
-    return f"{measure.words.lower()} {', '.join(decimal(mean) for mean in means.values())}"
+    words = f"{measure.words.lower()} {', '.join(decimal(mean) for mean in means.values())}"
+    change = _difference(measure, finding, (BEFORE, HAPTIC)).removeprefix(measure.words.lower())
+    return f"{words}, {HAPTIC} minus {BEFORE}{change}"
+
+
+def _difference(measure: Measure, finding: Finding, pair: tuple[str, str]) -> str:
+    """Return a measure with the second block minus the first, and the interval of that."""
+    value, interval = difference_of_means(finding, {"condition": (pair[1], pair[0])})
+    unit = "" if measure.unit == "1" else f" {measure.unit}"
+    between = ""
+    if interval is not None:
+        ends = ", ".join(signed(v) for v in (interval.low, interval.high))
+        between = f", {percent(interval.level)} CI [{ends}]"
+    return f"{measure.words.lower()} {signed(value)}{unit}{between}"

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from visavis.analysis.report.blocks import Status
-from visavis.analysis.report.notation import count_of, fraction
+from visavis.analysis.report.notation import count_of
 from visavis.experiments.stare.comparisons import DWELL, FIXATION_COUNT
 from visavis.results.family_tests import CorrelationTest, PairTest, find_test
 from visavis.study.sections import Conclusion
@@ -123,4 +123,4 @@ def _anxiety(correlations: Sequence[CorrelationTest]) -> Conclusion:
 
 
 def _correlation_list(correlations: Sequence[tuple[CorrelationTest, float]]) -> str:
-    return ", ".join(f"{c.level} rs = {fraction(r)}" for c, r in correlations)
+    return "; ".join(f"{c.level} {c.coefficient()}" for c, _ in correlations)

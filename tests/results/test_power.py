@@ -7,7 +7,8 @@ import pandas as pd
 import pytest
 
 from tests.sessions import STUDIES, opened
-from visavis.analysis.power import PowerRequest, jobs_of, run_job, summarise
+from visavis.analysis.power import ANYTHING, PowerRequest, jobs_of, run_job, summarise
+from visavis.cli.commands.power import read_tests
 from visavis.cli.quick_tracker import tracker_of
 from visavis.lab.errors import DataError, UsageError
 from visavis.results.power import KitPower, draw_people
@@ -64,7 +65,8 @@ def test_two_comparisons_of_one_effect_each_have_a_power(tmp_path: Path) -> None
     path = tmp_path / "twice.py"
     path.write_text(TWICE, "utf-8")
     twice = KitPower(str(path), tracker_of, quick_study)
-    red, blue = twice.tests
+    red, blue, anything = twice.tests
+    assert anything == ANYTHING
     assert ("nice:side (red, by side)", "nice:side (blue, by side)") == (red, blue)
     cells = {("left", "red"): 2, ("right", "red"): 7, ("left", "blue"): 5, ("right", "blue"): 5}
     rows = [
@@ -79,6 +81,37 @@ def test_two_comparisons_of_one_effect_each_have_a_power(tmp_path: Path) -> None
     ]
     found = twice.resample(pd.DataFrame(rows), (12,), [red, blue], seed=1, alpha=0.001)[12]
     assert [True, False] == [found[name].is_significant for name in (red, blue)]
+
+
+@pytest.mark.parametrize(("above", "finds"), [(5.0, True), (0.0, False)])
+def test_anything_is_found_where_one_headline_finds_something(
+    tmp_path: Path, above: float, finds: bool
+) -> None:
+    path = tmp_path / "twice.py"
+    path.write_text(TWICE, "utf-8")
+    twice = KitPower(str(path), tracker_of, quick_study)
+    rows = pd.DataFrame(
+        {
+            "participant": f"P{i:02d}",
+            "side": side,
+            "hue": hue,
+            "nice": (side == "left") * (i % 3 - 1 + above * (hue == "red")),
+        }
+        for i in range(12)
+        for side in ("left", "right")
+        for hue in ("red", "blue")
+    )
+    verdict = twice.resample(rows, (12,), [ANYTHING], seed=1, alpha=0.001)[12][ANYTHING]
+    assert finds == verdict.is_significant
+
+
+def test_without_an_effect_the_whole_study_is_asked_too(tmp_path: Path) -> None:
+    path = tmp_path / "twice.py"
+    path.write_text(TWICE, "utf-8")
+    twice = KitPower(str(path), tracker_of, quick_study)
+    assert ANYTHING == read_tests(twice, None, 0.0)[-1]
+    assert ANYTHING not in read_tests(twice, None, 1.0)
+    assert ANYTHING not in read_tests(KitPower(DUEL, tracker_of, quick_study), None, 0.0)
 
 
 CLAIMED = """from visavis import Compare, Factor, Rating, Study
@@ -113,6 +146,7 @@ def test_a_claim_is_put_to_the_interaction_which_decides_and_other_effects_are_n
         "(motion: wave > idle; far_m: 1.5 > 3.0)",
         "nice:motion": "nice depends on motion",
         "nice:far_m": "nice depends on far_m",
+        ANYTHING: "any headline finds something",
     } == dict(near.tests)
     assert "nice:motion:far_m" == near.shown_tests[0]
 

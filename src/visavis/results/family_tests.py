@@ -11,7 +11,9 @@ from math import factorial
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
+from scipy.special import stdtrit
 
 from visavis.analysis.report.notation import count_of, decimal, fraction, signed, threshold
 from visavis.analysis.statistics import (
@@ -23,7 +25,7 @@ from visavis.analysis.statistics import (
     spearman,
 )
 from visavis.analysis.statistics.errors import StatisticsError
-from visavis.analysis.statistics.results import Cell, p_text
+from visavis.analysis.statistics.results import Cell, Interval, p_text, percent
 from visavis.lab.errors import DataError, UsageError
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.design import combinations_of
@@ -73,7 +75,8 @@ class PairTest:
 
     Means and standard deviations are over the `n_pairs` participants who have both values;
     `n_incomplete` others have one only. `where` names the level of `each`, or is empty.
-    `outcome` None comes with `problem`.
+    `outcome` None comes with `problem`. `interval` is that of the second mean minus the first (t),
+    whichever test decides.
     """
 
     of: Pairs = field(repr=False)
@@ -92,6 +95,7 @@ class PairTest:
     outcome: PairedComparison | None
     problem: str = ""
     family: str = ""
+    interval: Interval | None = None
 
     @property
     def name(self) -> str:
@@ -139,13 +143,20 @@ class PairTest:
         return None if self.of.printed is None else self.of.printed(self)
 
     def which_way(self) -> str:
-        """Return how far the second mean lies above or below the first."""
+        """Return how far the second mean lies above or below the first, with its interval."""
         where = f" ({self.where.replace('_', ' ')})" if self.where else ""
         unit = f" {self.measure.unit}" if self.measure.unit not in ("", "1") else ""
         digits = max(self.measure.digits, 2) if not unit else self.measure.digits
         off = signed(self.second_mean - self.first_mean, digits)
         names = f"{self.of.level_words(self.second)} minus {self.of.level_words(self.first)}"
-        return f"{self.measure.words.lower()}{where}, {names}: {off}{unit}"
+        between = self._bounds(self.interval, digits)
+        return f"{self.measure.words.lower()}{where}, {names}: {off}{unit}{between}"
+
+    def _bounds(self, interval: Interval | None, digits: int) -> str:
+        if interval is None:
+            return ""
+        low, high = (signed(v, digits) for v in (interval.low, interval.high))
+        return f", {percent(interval.level)} CI [{low}, {high}]"
 
     def sentence(self) -> str:
         """Return the conclusion with test, n, statistic, p, effect size and threshold."""
@@ -167,13 +178,21 @@ class PairTest:
         )
         effect = str(self.outcome.effect).replace("r_rb", "rank-biserial r")
         eta = "" if self.outcome.eta is None else f", {self.outcome.eta}"
+        turned = f"{self.of.level_words(self.first)} minus {self.of.level_words(self.second)}"
         return (
-            f"{what} {verdict} between {names} ({first} and {second}): {kind} of "
-            f"{self.of.level_words(self.first)} minus {self.of.level_words(self.second)}, "
-            f"n = {self.n_pairs}{incomplete}, {self.statistic()}, "
+            f"{what} {verdict} between {names} ({first} and {second}{self._difference()}): "
+            f"{kind} of {turned}, n = {self.n_pairs}{incomplete}, {self.statistic()}, "
             f"{p_text(self.outcome.p)}, {effect}{eta}; threshold "
             f"{threshold(self.threshold)} ({threshold(self.alpha)} over {self.n_tests} tests)."
         )
+
+    def _difference(self) -> str:
+        """Return the first mean minus the second with its interval, after the means."""
+        if self.interval is None:
+            return ""
+        turned = Interval(-self.interval.high, -self.interval.low, self.interval.level)
+        off = signed(self.first_mean - self.second_mean, self.measure.digits)
+        return f", difference {off}{self._bounds(turned, self.measure.digits)}"
 
     def statistic(self) -> str:
         """Return V and z, or t with its degrees of freedom."""
@@ -284,8 +303,18 @@ class CorrelationTest:
 
     def which_way(self) -> str:
         """Return the coefficient and its level."""
-        r = None if self.outcome is None else self.outcome.r
-        return f"{self.measure.words.lower()}, {self.level}: rs = {fraction(r)}"
+        return f"{self.measure.words.lower()}, {self.level}: {self.coefficient()}"
+
+    def coefficient(self) -> str:
+        """Return Spearman's coefficient with its interval."""
+        if self.outcome is None:
+            return f"rs = {fraction(None)}"
+        interval = self.outcome.interval
+        between = ""
+        if interval is not None:
+            ends = ", ".join(fraction(v) for v in (interval.low, interval.high))
+            between = f", {percent(interval.level)} CI [{ends}]"
+        return f"rs = {fraction(self.outcome.r)}{between}"
 
     def sentence(self) -> str:
         """Return the conclusion with test, n, statistic, p, interval and threshold."""
@@ -457,7 +486,16 @@ def compare(
         outcome=outcome,
         problem=problem,
         family=family,
+        interval=_of_means(y - x, rules.interval_level) if outcome is not None else None,
     )
+
+
+def _of_means(differences: npt.NDArray[np.float64], level: float) -> Interval:
+    """Return the t interval of a mean difference."""
+    n = differences.size
+    half = float(stdtrit(n - 1, 0.5 + level / 2) * differences.std(ddof=1) / np.sqrt(n))
+    middle = float(differences.mean())
+    return Interval(middle - half, middle + half, level)
 
 
 def compare_pairs(

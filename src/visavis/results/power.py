@@ -9,13 +9,19 @@ result is false.
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from visavis.analysis.power import PlannedTestResult, PrintedTest, Source, Verdicts
+from visavis.analysis.power import (
+    ANYTHING,
+    PlannedTestResult,
+    PrintedTest,
+    Source,
+    Verdicts,
+)
 from visavis.analysis.statistics.results import number
 from visavis.lab.errors import DataError, UsageError
 from visavis.results.analysis import (
@@ -49,6 +55,8 @@ from visavis.study.pairs import Correlate, Family, Pairs
 from visavis.study.study_functions import MakeTracker
 
 MIN_N = 3
+SOMETHING: Final = ("found", "partly", "reversed")
+"""The verdicts that report something."""
 
 
 class SimulateStudy(Protocol):
@@ -99,7 +107,8 @@ class KitPower:
     def tests(self) -> Mapping[str, str]:
         """Every planned test by name, with what it claims: effects, pairs, correlations, questions.
 
-        Among the effects of a comparison, the one that its claim is about comes first.
+        Among the effects of a comparison, the one that its claim is about comes first. Of several
+        tests the last is whether any headline finds something.
 
         Raises:
             UsageError: the study plans none.
@@ -119,7 +128,7 @@ class KitPower:
                 f"{self.name} plans no comparison, so there is no power to find; declare one: "
                 'compare=[Compare("…", within="…")]'
             )
-        return claims
+        return claims | ({ANYTHING: "any headline finds something"} if len(claims) > 1 else {})
 
     @property
     def printed_tests(self) -> Mapping[str, PrintedTest]:
@@ -154,7 +163,7 @@ class KitPower:
         families = families_of(study)
         first = claims_of(study, families[0], families[0].measures[:1]) if families else {}
         further = {n for of in families for n in claims_of(study, of)}
-        return tuple(n for n in every if n in first or n not in further)
+        return tuple(n for n in every if n in first or n not in {*further, ANYTHING})
 
     def rule(self, alpha: float) -> str:
         """Return in words when a test is significant."""
@@ -296,7 +305,7 @@ class KitPower:
         measures = {m.column: m for m in opened_study.measures(experiment)}
         groups = opened_study.study.analysis.groups
         levels = {**experiment.levels, **{name: tuple(of) for name, of in groups.items()}}
-        asks = any(name in opened_study.study.analysis.questions for name in tests)
+        asks = any(name in {*opened_study.study.analysis.questions, ANYTHING} for name in tests)
         findings = with_corrected_p(
             [
                 answer_comparison(
@@ -365,7 +374,7 @@ def _of_families(
     """Make the requested tests of families; a question needs every test of every family."""
     study, levels = opened_study.study, experiment.levels
     measures = {m.column: m for m in opened_study.measures(experiment)}
-    asks = any(name in study.analysis.questions for name in tests)
+    asks = any(name in {*study.analysis.questions, ANYTHING} for name in tests)
     rules = DEFAULT_TEST_RULES.with_settings({"alpha": alpha})
     people = rows.drop_duplicates("participant")
     verdicts: dict[str, PlannedTestResult] = {}
@@ -398,7 +407,26 @@ def _of_families(
             rules=rules,
         )
         verdicts |= {c.name: PlannedTestResult(c.is_found) for c in analysis.conclusions}
+        verdicts[ANYTHING] = PlannedTestResult(_finds_anything(analysis))
     return {name: verdict for name, verdict in verdicts.items() if name in tests}
+
+
+def _finds_anything(analysis: StudyAnalysis) -> bool:
+    """Tell whether any headline finds something: an effect, a claim in part or turned, an answer.
+
+    The tests of families make no headlines where the study's own conclusions rest on them.
+    """
+    for finding in (f for f in analysis.findings if not f.compare.exploratory):
+        claimed = claimed_finding_term(finding)
+        if claimed is not None and answer_claim(finding).status in SOMETHING:
+            return True
+        for term in (t for t in finding.terms if claimed is None or t.name != claimed.name):
+            doubts = finding.outcome is not None and finding.outcome.doubts(term.name)
+            if term.is_significant and not doubts:
+                return True
+    if analysis.study.analysis.conclude_of is not None:
+        return any(c.status in SOMETHING for c in analysis.conclusions)
+    return any(bool(t.is_significant) for r in analysis.results for t in r.tests)
 
 
 def _claim_of(compare: Compare, term: str) -> str:

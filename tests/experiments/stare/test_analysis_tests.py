@@ -203,7 +203,8 @@ def test_no_effect_is_reported_as_not_significant_with_n():
 
     assert found.conclusions[0].headline == (
         "Stare-in-the-crowd effect: not significant with n = 12 (dwell time, directed minus "
-        "averted: +166 ms; fixation count, directed minus averted: −0.25)"
+        "averted: +166 ms, 95% CI [+19, +313]; fixation count, directed minus averted: −0.25, "
+        "95% CI [−0.49, −0.01])"
     )
 
 

@@ -93,8 +93,9 @@ def test_less_looking_at_directed_gaze_is_reversed():
     found = conclude(made_tests(difference), ())[0]
     assert "reversed" == found.status
     assert found.answer == (
-        "significant, but the other way round (dwell time, directed minus averted: −299 ms; "
-        "fixation count, directed minus averted: −299.00)"
+        "significant, but the other way round (dwell time, directed minus averted: −299 ms, "
+        "95% CI [−313, −285]; "
+        "fixation count, directed minus averted: −299.00, 95% CI [−312.87, −285.13])"
     )
 
 
@@ -132,9 +133,14 @@ def test_rising_dwell_time_with_anxiety_is_reversed_and_both_is_mixed():
         (
             [7, 4, 6, 5, 3, 0, 2, 1],
             False,
-            "not significant with n = 8 (D rs = .40, AD rs = −.86, DA rs = .40)",
+            "not significant with n = 8 (D rs = .40, 95% CI [−.61, .92]; AD rs = −.86, "
+            "95% CI [−.99, .00]; DA rs = .40, 95% CI [−.61, .92])",
         ),
-        ([6, 7, 5, 4, 3, 2, 0, 1], True, "found in 1 of 3 conditions (AD rs = −.95)"),
+        (
+            [6, 7, 5, 4, 3, 2, 0, 1],
+            True,
+            "found in 1 of 3 conditions (AD rs = −.95, 95% CI [−1.00, −.49])",
+        ),
     ],
 )
 def test_only_correlations_that_stand_after_correction_make_the_headline(ranks, holds, expected):

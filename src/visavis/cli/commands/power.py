@@ -13,6 +13,7 @@ from rich.table import Table
 
 from visavis.analysis.plots import write_figure
 from visavis.analysis.power import (
+    ANYTHING,
     PowerRequest,
     PowerStudy,
     PowerSummary,
@@ -150,7 +151,7 @@ def power(
     watch = StopWatch()
     request = PowerRequest(
         numbers=read_numbers(participants, at_least=simulation.smallest_n),
-        tests=read_tests(simulation, tests),
+        tests=read_tests(simulation, tests, read_effect(effect)),
         replicates=replicates,
         effect=read_effect(effect),
         alpha=alpha,
@@ -348,14 +349,15 @@ def read_rule(text: str) -> AdequacyRule:
     return rules[text]
 
 
-def read_tests(study: PowerStudy, names: list[str] | None) -> tuple[str, ...]:
-    """Return the planned tests to simulate.
+def read_tests(study: PowerStudy, names: list[str] | None, effect: float = 1.0) -> tuple[str, ...]:
+    """Return the planned tests to simulate; without an effect, whether anything is found, too.
 
     Raises:
         UsageError: the study plans no test of this name; the message suggests the nearest.
     """
     if not names:
-        return tuple(study.shown_tests)
+        anything = [name for name in study.tests if name == ANYTHING and effect == 0]
+        return (*study.shown_tests, *anything)
     if names == ["all"]:
         return tuple(study.tests)
     for name in names:
