@@ -34,7 +34,9 @@ class LevelWords:
         data = outcome.data
         if data is not None:
             renamed_columns = {
-                f: data[f].cat.rename_categories(self._in_names) for f in question.levels
+                f: data[f].cat.rename_categories(self._in_names)
+                for f in question.levels
+                if f in data  # tests of agreement have the thing rated in their place
             }
             data = data.assign(**renamed_columns)
         return replace(

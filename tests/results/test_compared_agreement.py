@@ -97,6 +97,16 @@ def test_participants_rate_the_levels_of_the_factor() -> None:
     assert () == made.contrasts
 
 
+def test_agreement_is_computed_of_things_that_have_words_of_their_own() -> None:
+    rows, levels = ratings(), {"clip": CLIPS}
+    known = {"liking": Measure("liking", "1", "liking")}
+    asked = Compare("liking", within="clip", **ICC2)
+    words = {clip: f"clip {clip}, long" for clip in CLIPS}
+    made = answer_comparison(asked, rows, known, levels, is_simulated=True, level_words=words)
+    expected = {one.kind: one for one in icc(wide(rows))}["ICC2"]
+    assert expected.value == pytest.approx(made.terms[0].row["agreement"])
+
+
 def test_alpha_and_its_bound_decide() -> None:
     rows = ratings()
     options: list[tuple[str, Any]] = [("scale", "interval"), ("mu", 0.2)]
