@@ -395,7 +395,10 @@ const steps = {
     const films = step.films.length ? element("div", { class: `films ${step.films.length > 1 ? "pair" : ""}` },
       ...step.films.map((f, i) => element("figure", {}, videos[i], step.films.length > 1 ? element("figcaption", {}, say(f.place)) : null))) : null;
     films?.style.setProperty("--shape", Math.max(...step.films.map((f) => f.width_px / f.height_px)));
-    put("watch", step.caption ? paragraph(step.caption, "caption") : null, films, hint, ...questions.map((q) => q.field),
+    const fields = questions.map((q) => q.field);
+    // A long list of questions stands in columns, with the films in sight above it.
+    put("watch", step.caption ? paragraph(step.caption, "caption") : null, films, hint,
+      ...(fields.length > 8 ? [element("div", { class: "many" }, ...fields)] : fields),
       element("div", { class: "buttons" }, go));
     const keys = (e) => {
       if (e.ctrlKey || e.altKey || e.metaKey || /^(textarea|text)$/.test(e.target.type || "")) return;
