@@ -33,6 +33,11 @@ from visavis.study.films import Following as Following
 from visavis.study.films import Lens as Lens
 from visavis.study.films import Pair as Pair
 from visavis.study.films import Placed as Placed
+from visavis.study.live import Live as Live
+from visavis.study.live import Moulded as Moulded
+from visavis.study.live import Near as Near
+from visavis.study.live import Slider as Slider
+from visavis.study.live import walks as walks
 from visavis.study.look_measures import LooksOn as LooksOn
 from visavis.study.measures import Measure as Measure
 from visavis.study.measures import TrialRecord as TrialRecord

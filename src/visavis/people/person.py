@@ -37,6 +37,7 @@ from visavis.study.responses import (
 from visavis.study.study_functions import AnswerOf, Seen
 
 if TYPE_CHECKING:
+    from visavis.study.live import Live
     from visavis.study.moving_camera import FilmSeen
 
 _MIND_STREAM, _LEANING_STREAM, _PACE_STREAM = 11, 12, 13
@@ -62,6 +63,8 @@ class StudyPerson(Observer):
 
     _panel_text: str
     _films: "Mapping[str, FilmSeen]"
+    _live: "Live | None"
+    _caption: str
 
     def __init__(
         self,
@@ -141,6 +144,10 @@ class StudyPerson(Observer):
         """See films by moving cameras on a page, by their place on the page."""
         self._films = films
 
+    def mould(self, live: "Live", caption: str) -> None:
+        """Sit before a live figure on a page, with what stands above it."""
+        self._live, self._caption = live, caption
+
     def feel(self, role: str, amplitudes_01: Sequence[float], t_ns: int) -> None:
         """Feel a vibration, on which answers may depend."""
         if any(a > 0 for a in amplitudes_01) and role not in self._vibrating_roles:
@@ -170,6 +177,8 @@ class StudyPerson(Observer):
         self._hand = PointingHand(np.array(HAND_REST))
         self._vibrating_roles: list[str] = []
         self._films = {}
+        self._live: Live | None = None
+        self._caption = ""
 
     def _take_in(self, view: SceneFrame, t_ns: int) -> None:
         n = len(view.scene.agents)
@@ -205,6 +214,8 @@ class StudyPerson(Observer):
             tuple(self._vibrating_roles),
             (self.temperament.vr_experience - 1) / 4,
             self._films,
+            self._live,
+            self._caption,
         )
 
     def _reply_to(self, response: Response) -> str | None:

@@ -43,6 +43,7 @@ from visavis.protocol.session.streams import gaze_targets_schema
 from visavis.results.intake import SimulatedStudy, questionnaire
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.film_store import film_store
+from visavis.running.live_store import LiveStore, page_files
 from visavis.running.page.steps import PageStep, Reply, check_reply, ns_of_ms
 from visavis.running.page.trial import perform_on_page
 from visavis.running.page.visitor import visitor_of
@@ -188,13 +189,14 @@ def _page_rows(
     """Perform every trial of a person's plan but practice; yield each with its row."""
     store = film_store(experiment)
     visitor = visitor_of(person, experiment, store)
+    describe = page_files(store, LiveStore(experiment.lives), is_simulated=True)
     for trial in experiment.plan(index, seed).trials:
         if trial.is_practice:
             continue
         performing = perform_on_page(
             TrialScript(trial, experiment.settings),
             experiment.study.trial_plan,
-            lambda film: store.describe(film, is_simulated=True),
+            describe,
         )
         reply: Reply | None = None
         trial_position = {"trial": trial.number, "is_practice": False}
@@ -206,7 +208,9 @@ def _page_rows(
                     step = PageStep(out.kind, {**out.content, **trial_position})
                     content = visitor.reply(step)
                     check_reply(step, content)
-                    reply = Reply(content, ns_of_ms(visitor.now_ms), ns_of_ms)
+                    moves = tuple(visitor.moves)
+                    visitor.moves.clear()
+                    reply = Reply(content, ns_of_ms(visitor.now_ms), ns_of_ms, moves)
         except StopIteration as end:
             yield trial, dict(end.value or {})
 

@@ -9,6 +9,7 @@ from visavis.lab.clock import NS_PER_MS
 from visavis.protocol.plan.steps import AskReply, FrameView, Step
 from visavis.stimuli.sound import Sound
 from visavis.study.films import Viewing
+from visavis.study.live import Moulding
 from visavis.study.responses import Response
 from visavis.study.scenes import Scene
 
@@ -53,6 +54,7 @@ class Action:
     response: Response | None = None
     scene: Scene | None = None
     viewing: Viewing | None = None
+    moulding: Moulding | None = None
     sound: Sound | Path | None = None
     column: str = ""
     waits_for_end: bool = False
@@ -62,4 +64,6 @@ class Action:
         """All questions, in order."""
         if self.viewing is not None:
             return self.viewing.responses
+        if self.moulding is not None:
+            return self.moulding.sliders
         return () if self.response is None else (self.response,)

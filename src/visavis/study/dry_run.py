@@ -31,6 +31,7 @@ from visavis.study.actions import Action, PlayedSound, ShownScene
 from visavis.study.asking import Answer
 from visavis.study.background import BackgroundExecutor
 from visavis.study.films import Stimulus
+from visavis.study.live import Live, Moulded
 from visavis.study.responses import Response
 from visavis.study.scenes import Scene, Staging, stage
 from visavis.study.study_errors import explain, line_of, line_reached
@@ -68,6 +69,8 @@ class TrialRead:
     """The sounds that it plays."""
     sound_columns: tuple[str, ...] = ()
     """The columns with the onsets of these sounds."""
+    lives: tuple[Live, ...] = ()
+    """The live figures that it shows, in order."""
 
 
 def still_view(t_ns: int = 0) -> FrameView:
@@ -104,6 +107,7 @@ def read_trial(
     responses: list[Response] = []
     scenes: list[Scene] = []
     films: list[Stimulus] = []
+    lives: list[Live] = []
     sounds: list[Sound | Path] = []
     sound_columns: list[str] = []
     roles: set[str] = set()
@@ -116,7 +120,8 @@ def read_trial(
             if not isinstance(step, Action | Mark):
                 fits_a_page = False
             if isinstance(step, Action):
-                fits_a_page &= step.viewing is not None or step.name in STEPS_OF_A_PAGE
+                on_page = step.viewing is not None or step.moulding is not None
+                fits_a_page &= on_page or step.name in STEPS_OF_A_PAGE
                 seconds += step.seconds
                 script.view = still_view(round(seconds * NS_PER_S))
                 vibrates = vibrates or step.name == "vibrate"
@@ -151,6 +156,11 @@ def read_trial(
                 if step.viewing is not None:
                     films.append(step.viewing.stimulus)
                     reply = answers
+                if step.moulding is not None:
+                    lives.append(step.moulding.live)
+                    starts = {s.name: s.start for s in step.moulding.sliders}
+                    script.row |= starts
+                    reply = Moulded(starts, (), "button", ANSWER_S * len(starts))
             # Steps of the engine, which a study uses where it needs single frames.
             elif isinstance(step, NextFrame):
                 seconds += FRAME_S
@@ -183,6 +193,7 @@ def read_trial(
             fits_a_page,
             tuple(sounds),
             tuple(sound_columns),
+            tuple(lives),
         )
     except (DesignError, TypeError) as error:
         reason = explain(error)

@@ -26,6 +26,7 @@ from visavis.study.comparisons import Compare, possible
 from visavis.study.declaration import Study
 from visavis.study.dry_run import TrialRead, first_lit, read_trials
 from visavis.study.films import Film, films_of
+from visavis.study.live import Live
 from visavis.study.parameters import parameters_in_force
 from visavis.study.performing import perform
 from visavis.study.responses import Keys, Pointing, Rating, Response
@@ -119,6 +120,11 @@ class StudyExperiment:
             film for t in self.read.values() for of in t.films for film in films_of(of).values()
         )
         return tuple(dict.fromkeys(films))
+
+    @cached_property
+    def lives(self) -> tuple[Live, ...]:
+        """Every live figure that a condition shows, each once."""
+        return tuple(dict.fromkeys(live for t in self.read.values() for live in t.lives))
 
     @property
     def words(self) -> dict[str, Response]:

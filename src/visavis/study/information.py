@@ -98,6 +98,7 @@ def information_on_page(
     screening = experiment.study.procedure.screening
     facts = ["agreement", "answers", "course"]
     facts += ["films"] if experiment.films else []
+    facts += ["moulding"] if experiment.lives else []
     facts += ["card"] if "card" in screening else []
     facts += ["voice"] if "sound" in screening else []
     facts += ["questionnaires"] if questionnaires else []
@@ -138,9 +139,12 @@ def facts_in_event(name: str, payload: Mapping[str, Any]) -> frozenset[str]:
     facts = {ABOUT_PAGE[key] for key in about}
     if kind == "slept" or kind in PAGE_HAPPENINGS:
         return frozenset(facts | ({"course"} if kind != "about" else set()))
+    if kind == "moved":
+        return frozenset({"moulding"})
     if kind == "reply":
         reply = payload["reply"]
         facts |= {"agreement"} if "agreed" in reply or "stop" in reply else {"answers", "course"}
+        facts |= {"moulding"} if "renderer" in reply else set()
         return frozenset(facts)
     raise KeyError(kind)
 

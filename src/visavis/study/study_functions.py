@@ -21,6 +21,7 @@ from visavis.study.trial import TrialScript
 if TYPE_CHECKING:
     import pandas as pd
 
+    from visavis.study.live import Live
     from visavis.study.moving_camera import FilmSeen
 
 
@@ -47,6 +48,10 @@ class Seen:
     """This person's experience, from which questionnaire answers about experience follow."""
     films: "Mapping[str, FilmSeen]" = field(default_factory=dict)
     """Films by moving cameras that ran on a page, by where they stood ("film", "left", "right")."""
+    live: "Live | None" = None
+    """The live figure that is being moulded on a page."""
+    caption: str = ""
+    """What stands above it."""
 
 
 class TrackerModel(Protocol):

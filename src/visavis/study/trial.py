@@ -7,7 +7,7 @@ follows a ray) happen inside, so a trial reads like its protocol. Steps of
 """
 
 import difflib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias, get_args
@@ -47,6 +47,7 @@ from visavis.study.asking import (
 from visavis.study.background import BackgroundExecutor
 from visavis.study.films import Stimulus, Viewing, scene_of, seconds_of
 from visavis.study.frames import dark_frame, dark_view, gaze_has_arrived, show_frame
+from visavis.study.live import Live, Moulding, Near, Slider
 from visavis.study.responses import Keys, Pointing, Rating, Response, labels_of
 from visavis.study.scenes import Scene, StagedScene, Staging, stage
 from visavis.study.trial_settings import Settings, is_on_board
@@ -198,6 +199,25 @@ class TrialScript:
             scene=scene_of(stimulus),
             viewing=viewing,
         )
+
+    def mould(
+        self,
+        live: Live,
+        sliders: Sequence[Slider],
+        *,
+        until: Near | None = None,
+        limit_s: float = 300.0,
+        caption: str = "",
+    ) -> Action:
+        """Let a participant mould a live figure on a page by sliders, and turn it.
+
+        It ends by a button; with `until`, when the figure is near that target instead; after
+        `limit_s` in any case. Columns: those of every slider (its last value, and when it was
+        moved last), and `mould_on_ns`, `mould_ended_by` and so on (`MOULD_COLUMNS`). The step
+        returns a `Moulded` with every movement of the sliders.
+        """
+        moulding = Moulding(live, tuple(sliders), until, limit_s, caption)
+        return Action("mould", self._mould, moulding=moulding)
 
     def key(self, response: Keys) -> Action:
         """Wait for a press, timed from the last onset of a scene or sound.
@@ -359,6 +379,13 @@ class TrialScript:
         for response in viewing.responses:
             answers[response.name] = yield from self._ask(response, _Board(False, None, SIZE_M))
         return answers
+
+    def _mould(self) -> Performing:
+        yield from self._now()
+        raise DesignError(
+            "t.mould is performed on a page: declare the study with on='browser', or show the "
+            "figure as a film (t.watch)"
+        )
 
     def _stage(self, scene: Scene, seconds: float, number: int, start_ns: int) -> StagedScene:
         rng = self.trial.rng(SCENE_STREAM + number)

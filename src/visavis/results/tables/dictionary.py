@@ -16,6 +16,7 @@ from visavis.results.picture_delay import LATE
 from visavis.study.exclusions import ANSWERED_COLUMN
 from visavis.study.experiment import StudyExperiment
 from visavis.study.films import film_columns
+from visavis.study.live import mould_columns
 from visavis.study.look_measures import LOOK_COLUMNS
 from visavis.study.measures import CLOCK_JUMP, Measure
 
@@ -66,6 +67,7 @@ def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> d
         )
         columns[name] = Column(name, "ns", words)
     columns |= film_columns(max((len(t.films) for t in experiment.read.values()), default=0))
+    columns |= mould_columns(max((len(t.lives) for t in experiment.read.values()), default=0))
     columns |= {m.column: m.description() for m in measures}
     columns |= {c.name: c for c in experiment.study.analysis.columns}
     for name in experiment.study.design.derived:

@@ -78,6 +78,16 @@ async def visit(
                 message = await post("/api/events", {"tab": TAB, "events": [described]})
             reply = visitor.reply(step)
             clock.sleep_until_ns(begun_ns + round(visitor.now_ms * NS_PER_MS))
+            for moves in visitor.moves:
+                moved = {
+                    "n": message["ack"] + 1,
+                    "kind": "moved",
+                    "at_ms": visitor.now_ms,
+                    "step": message["number"],
+                    **moves,
+                }
+                message = await post("/api/events", {"tab": TAB, "events": [moved]})
+            visitor.moves.clear()
             event = {
                 "n": message["ack"] + 1,
                 "kind": "reply",

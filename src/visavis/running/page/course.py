@@ -160,8 +160,11 @@ def course(visit: Visit) -> Course:
         if "sound" in experiment.study.procedure.screening:
             yield from _sound(visit)
         films = [visit.files(film) for film in experiment.films]
-        if films:
-            reply = yield from _step(PageStep("preload", {"films": films}))
+        lives = [visit.files(live) for live in experiment.lives]
+        assets = [live[name] for live in lives for name in ("person", "blend") if name in live]
+        if films or lives:
+            more = {"assets": assets} if assets else {}
+            reply = yield from _step(PageStep("preload", {"films": films, **more}))
             yield Event("films_loaded", dict(mapping(reply.content.get("films", {}), "films")))
         for block in visit.plan.blocks:
             yield from _block(visit, block)
@@ -243,11 +246,11 @@ def _trial(visit: Visit, block: Block, trial: Trial) -> Generator[Out, Reply | N
     except FilmFailed as problem:
         # The row keeps what was done before the film failed.
         row, status, reason = dict(script.row), "skipped", problem.reason
-    # The row counts frames of all films of the trial together.
+    # The row counts frames of all films and figures of the trial together.
     films = {
         k: int(v or 0)
         for k, v in row.items()
-        if k.startswith("film") and k.endswith(("_frames", "_frames_dropped"))
+        if k.startswith(("film", "mould")) and k.endswith(("_frames", "_frames_dropped"))
     }
     dropped_frames = sum(v for k, v in films.items() if k.endswith("_dropped"))
     yield TrialRow(

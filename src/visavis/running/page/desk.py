@@ -13,6 +13,7 @@ from visavis.running.page.steps import (
     PageError,
     PageStep,
     Reply,
+    check_moves,
     check_reply,
     count,
     mapping,
@@ -25,7 +26,7 @@ LEASE_NS: Final = 12 * NS_PER_S
 """After this silence a page counts as gone, and another may take its place."""
 MAX_EVENTS: Final = 500
 """How many events a page may send at once."""
-KINDS: Final = ("reply", "about", "visibility", "fullscreen", "resize", "problem")
+KINDS: Final = ("reply", "moved", "about", "visibility", "fullscreen", "resize", "problem")
 PAGE_EVENT: Final = "page_event"
 RESTART_FLAG: Final = "server restarted"
 RELOAD_FLAG: Final = "page reloaded"
@@ -116,6 +117,7 @@ class PageDesk:
         self._heard_ns = -LEASE_NS
         self._has_left = True
         self._origins: dict[str, _Origin] = {}
+        self._moves: list[Mapping[str, Any]] = []
         self._opened_before_consent: tuple[int, Mapping[str, Any]] | None = None
         self._is_replaying = self.past is not None
         self._advance(None)
@@ -255,6 +257,13 @@ class PageDesk:
                     f"a reply to step {payload.get('step')}; step {self.step_number} is shown"
                 )
             check_reply(self.step, mapping(payload.get("reply"), "a reply"))
+        elif payload["kind"] == "moved":
+            check_moves(payload)
+            # They may come after their step, from a page that was left in the middle of it.
+            if payload.get("step") == self.step_number and payload["names"] != [
+                question["name"] for question in self.step.content.get("questions", ())
+            ]:
+                raise PageError("these sliders are not those of the step that is shown")
 
     def _apply(self, payload: Mapping[str, Any], t_ns: int) -> None:
         self.last_event_number = int(payload["n"])
@@ -263,13 +272,16 @@ class PageDesk:
             origin.add_event(float(payload["at_ms"]), t_ns)
         if payload["kind"] == "problem":
             self.notes.add("page problem")
+        elif payload["kind"] == "moved" and payload.get("step") == self.step_number:
+            self._moves.append(payload)
         elif payload["kind"] == "reply":
-            self._advance(Reply(payload["reply"], t_ns, origin.t_ns))
+            self._advance(Reply(payload["reply"], t_ns, origin.t_ns, tuple(self._moves)))
 
     def _apply_opening(self, payload: Mapping[str, Any], t_ns: int) -> None:
         tab = str(payload["tab"])
         if self._tab and tab != self._tab:
             self.notes.add(RELOAD_FLAG)
+            self._moves.clear()  # their times are of the other page's clock
         self._tab = tab
         self._origin(tab).add_event(float(payload["at_ms"]), t_ns)
 
@@ -287,6 +299,7 @@ class PageDesk:
                 reply = None
                 if isinstance(out, PageStep):
                     self.step, self.step_number = out, self.step_number + 1
+                    self._moves.clear()
                     self.trial_steps.append(out)
                     self._report_trial()
                     return

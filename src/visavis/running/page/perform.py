@@ -2,7 +2,7 @@
 
 import asyncio
 from collections.abc import Callable, Mapping
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,6 +19,7 @@ from visavis.recording.reader import Recording
 from visavis.recording.writer import Recorder
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.film_store import FilmStore, film_store
+from visavis.running.live_store import LiveStore, page_files
 from visavis.running.page.client import visit
 from visavis.running.page.course import (
     DECLINED,
@@ -230,7 +231,8 @@ def page_session_of(
     """
     virtual = request.clock.is_virtual
     notes = Notes()
-    describe_film = lru_cache(maxsize=None)(lambda film: store.describe(film, is_simulated=virtual))
+    lives = LiveStore(experiment.lives)
+    describe = page_files(store, lives, is_simulated=virtual)
     plan = experiment.plan(request.person.index, request.seed, request.person.group)
     visit_of = Visit(
         experiment,
@@ -239,7 +241,7 @@ def page_session_of(
         request.person.session,
         folder.manifest.parts[-1].number,
         questionnaires_of(request, experiment),
-        describe_film,
+        describe,
         request.clock.now_ns,
         notes,
     )
@@ -248,13 +250,13 @@ def page_session_of(
         {}
         if virtual
         else {
-            describe_film(film)["film"]: film_file.path
+            describe(film)["film"]: film_file.path
             for film in experiment.films
             if (film_file := store.file_of(film)) is not None
         }
     )
     about = about_of(experiment, folder.manifest.is_simulated, request.config.privacy.contact)
-    return PageSession(desk, about, files)
+    return PageSession(desk, about, files, lives.assets)
 
 
 def _perform_part(
@@ -341,4 +343,5 @@ def about_of(experiment: StudyExperiment, simulated: bool, contact: str) -> dict
         "contact": contact,
         "is_simulated": simulated,
         "mime": MIME if experiment.films else "",
+        **({"draws": True} if experiment.lives else {}),
     }

@@ -109,11 +109,11 @@ def seen_trial(study: OpenedStudy, recording: Recording, row: Mapping[str, Any])
     seen_steps: list[SeenStep] = []
     reply: Reply | None = None
     try:
-        for part, t_ns, payload, t_ns_of in replies:
+        for part, t_ns, payload, t_ns_of, moves in replies:
             out = performing.send(reply)
             while isinstance(out, Mark):
                 out = performing.send(None)
-            reply = Reply(payload["reply"], t_ns, t_ns_of)
+            reply = Reply(payload["reply"], t_ns, t_ns_of, moves)
             if part == int(row["recording_part"]):
                 seen_steps.append(_step(out, watched_steps[-1], reply))
     except (StopIteration, FilmFailed):
@@ -156,11 +156,15 @@ def _step(step: PageStep, watch: Viewing | None, reply: Reply) -> SeenStep:
 
 def _replies(
     recording: Recording, trial_id: str
-) -> Iterator[tuple[int, int, Mapping[str, Any], Callable[[float], int]]]:
+) -> Iterator[
+    tuple[int, int, Mapping[str, Any], Callable[[float], int], tuple[Mapping[str, Any], ...]]
+]:
     """Yield the replies of a trial, whose beginning may lie in an earlier part than its end: part,
-    session time, payload, and the conversion from the page's clock to session time.
+    session time, payload, the conversion from the page's clock to session time, and the events
+    with movements during the step.
     """
     is_here = False
+    moves: list[Mapping[str, Any]] = []
     for part in recording.manifest.parts:
         least_ns: dict[str, int] = {}
         for event in recording.journal(part.number).events:
@@ -173,8 +177,15 @@ def _replies(
             offset_ns = t_ns - ns_of_ms(float(payload["at_ms"]))
             before_ns = offset_ns if payload["kind"] == "slept" else least_ns.get(tab, offset_ns)
             least_ns[tab] = min(offset_ns, before_ns)
-            if is_here and payload["kind"] == "reply":
-                yield part.number, t_ns, payload, partial(_page_ns, least_ns[tab])
+            if payload["kind"] == "moved":
+                moves.append(payload)
+            if payload["kind"] == "reply":
+                is_own = {"step": payload["step"], "tab": payload["tab"]}
+                step_moves = tuple(m for m in moves if is_own.items() <= m.items())
+                moves.clear()
+                if is_here:
+                    page_ns = partial(_page_ns, least_ns[tab])
+                    yield part.number, t_ns, payload, page_ns, step_moves
 
 
 def _page_ns(origin_ns: int, at_ms: float) -> int:

@@ -25,6 +25,12 @@ FILES: Final = {
     "/wire.js": "wire.js",
     "/page.css": "page.css",
 }
+LIVE_FILES: Final = {
+    "/live.js": "live.js",
+    "/blend.js": "blend.js",
+    "/three.js": "three/three.js",
+}
+"""What pages with live figures load besides."""
 BOARD_FILES: Final = {"/board": "board.html", "/board.js": "board.js"}
 KEY: Final = "X-Visavis-Key"
 MAX_REQUEST_BYTES: Final = 1 << 20
@@ -35,15 +41,16 @@ LOCAL: Final = "127.0.0.1"
 OWN_HOSTS: Final = (LOCAL, "localhost")
 HEADERS: Final = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
-    "connect-src 'self'; media-src blob:; img-src data:; base-uri 'none'; form-action 'none'; "
-    "frame-ancestors 'none'",
+    "connect-src 'self' blob:; media-src blob:; img-src data: blob:; base-uri 'none'; "
+    "form-action 'none'; frame-ancestors 'none'",
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cache-Control": "no-store",
     "Server": "Visavis",
 }
-"""Nothing is loaded from third parties, and nothing is sent to them."""
+"""Nothing is loaded from third parties, and nothing is sent to them. Pictures within a figure's
+file are read by way of `blob:` addresses, which lead to the page itself."""
 
 
 class _WithoutPeers(logging.Filter):
@@ -77,6 +84,8 @@ class PageSession:
     desk: PageDesk
     about: Mapping[str, Any]
     films: Mapping[str, Path] = field(default_factory=dict)
+    assets: Mapping[str, bytes] = field(default_factory=dict)
+    """Files of live figures, by name."""
     lock: asyncio.Lock = field(default_factory=asyncio.Lock)
     over: asyncio.Event = field(default_factory=asyncio.Event)
     closed: asyncio.Event = field(default_factory=asyncio.Event)
@@ -231,7 +240,7 @@ class PageServer(LocalServer):
     ) -> None:
         self._reception = reception
         self._sessions: dict[str, PageSession] = {}
-        files = dict(FILES)
+        files = FILES | LIVE_FILES
         posts: dict[str, Handler] = {
             "/api/hello": self._hello,
             "/api/events": self._events,
@@ -242,6 +251,7 @@ class PageServer(LocalServer):
             posts |= {"/api/arrive": self._arrive, "/api/board": self._board}
         super().__init__(SITE, files, posts, hosts)
         self._app.router.add_get("/films/{name}", self._film)
+        self._app.router.add_get("/assets/{name}", self._asset)
 
     def add(self, session: PageSession) -> None:
         """Serve a session; mark one that is over already, so that nobody waits for it."""
@@ -263,6 +273,15 @@ class PageServer(LocalServer):
         if path is None:
             raise PageError("there is no such film")
         return web.FileResponse(path, headers={"Content-Type": "video/webm"})
+
+    async def _asset(self, request: web.Request) -> web.StreamResponse:
+        session = await self._of(request.headers.get(KEY, ""))
+        if isinstance(session, EndedSession):
+            raise PageError("the session is over")
+        data = session.assets.get(request.match_info["name"])
+        if data is None:
+            raise PageError("there is no such file")
+        return web.Response(body=data, content_type="application/octet-stream")
 
     async def _hello(self, request: web.Request) -> web.StreamResponse:
         body = await body_of(request)

@@ -8,9 +8,17 @@ from typing import Any, Final
 
 from visavis.lab.clock import NS_PER_MS
 from visavis.lab.errors import LabError
+from visavis.study.live import Slider
 from visavis.study.responses import Choice, Number, Rating, Response, SideBySide, Text
 
 WAYS: Final = ("keys", "mouse", "touch", "pen")
+BY_LIMIT: Final = "limit"
+"""How a slider was answered that nobody moved before its step ended by itself."""
+MOULDER: Final = "moulder"
+ENDINGS: Final = ("button", "limit", "near")
+MAX_SLIDERS: Final = 100
+MAX_ROWS: Final = 2000
+"""Most movements of sliders, or of the camera, in one event."""
 NUMBER: Final = re.compile(r"-?\d{1,12}([.,]\d{1,12})?")
 TYPED_DIGITS: Final = re.compile(r"\d{1,8}")
 MAX_TEXT: Final = 10_000
@@ -37,11 +45,15 @@ class PageStep:
 
 @dataclass(frozen=True)
 class Reply:
-    """A page's reply to a step; `t_ns_of` converts the page's clock to session time."""
+    """A page's reply to a step; `t_ns_of` converts the page's clock to session time.
+
+    `moves` are the events in which the page told of sliders and camera during the step.
+    """
 
     content: Mapping[str, Any]
     t_ns: int
     t_ns_of: Callable[[float], int]
+    moves: tuple[Mapping[str, Any], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -83,6 +95,10 @@ def page_question(response: Response, prompt: str, labels: Sequence[str]) -> dic
         {"value": str(v), "label": label} for v, label in zip(response.options, labels, strict=True)
     ]
     match response:
+        case Slider(low=low, high=high, step=step, start=start):
+            return question | {
+                "kind": MOULDER, "low": low, "high": high, "step": step, "start": start,
+            }  # fmt: skip
         case Rating():
             return question | {"kind": "rating", "options": options}
         case Choice() | SideBySide():
@@ -111,7 +127,7 @@ def read_page_answer(response: Response, content: Any) -> PageAnswer:
         raise PageError(f"{response.name}: an answer is a text, not {option!r}")
     if option is not None and response.options and option not in map(str, response.options):
         raise PageError(f"{response.name}: {option!r} is none of its options")
-    if by not in WAYS:
+    if by not in (*WAYS, BY_LIMIT) or (by == BY_LIMIT and not isinstance(response, Slider)):
         raise PageError(f"{response.name}: answered by {by!r}")
     return PageAnswer(option, number(answer.get("at_ms"), "at_ms"), by)
 
@@ -125,6 +141,71 @@ def read_film(content: Any) -> FilmPlayback:
     report = mapping(content, "what was presented of a film")
     counts = [count(report.get(name), name) for name in ("frames", "dropped", "rounds", "stalls")]
     return FilmPlayback(number(report.get("first_ms"), "first_ms"), *counts)
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """What a browser drew of a live figure; times on the page's clock, `distance_m` at the end."""
+
+    first_ms: float
+    off_ms: float
+    ended_by: str
+    frames: int
+    frames_dropped: int
+    slider_frames: int
+    distance_m: float | None
+    renderer: str
+
+
+def read_drawn(content: Mapping[str, Any]) -> Drawn:
+    """Read a browser's report of how it drew a live figure.
+
+    Raises:
+        PageError: the content is malformed.
+    """
+    if content.get("ended_by") not in ENDINGS:
+        raise PageError(f"a figure ended by {str(content.get('ended_by'))[:40]!r}")
+    renderer = content.get("renderer")
+    if not isinstance(renderer, str) or len(renderer) > 200:
+        raise PageError("the renderer is a short text")
+    distance = content.get("distance_m")
+    return Drawn(
+        number(content.get("first_ms"), "first_ms"),
+        number(content.get("off_ms"), "off_ms"),
+        content["ended_by"],
+        count(content.get("frames"), "frames"),
+        count(content.get("dropped"), "dropped"),
+        count(content.get("slider_frames"), "slider_frames"),
+        None if distance is None else number(distance, "distance_m"),
+        renderer,
+    )
+
+
+def check_moves(content: Mapping[str, Any]) -> None:
+    """Refuse movements that are none: `names` of sliders; rows of a slider (time, number of its
+    name, value); rows of a camera (time, x, y, z).
+
+    Raises:
+        PageError: saying what is wrong.
+    """
+    names = content.get("names")
+    if (
+        not isinstance(names, list)
+        or len(names) > MAX_SLIDERS
+        or not all(isinstance(n, str) and n.isidentifier() and len(n) <= 100 for n in names)
+    ):
+        raise PageError(f"names are those of at most {MAX_SLIDERS} sliders")
+    for name, width in (("sliders", 3), ("camera", 4)):
+        rows = content.get(name)
+        if not isinstance(rows, list) or len(rows) > MAX_ROWS:
+            raise PageError(f"{name} are at most {MAX_ROWS} movements")
+        for row in rows:
+            if not isinstance(row, list) or len(row) != width:
+                raise PageError(f"a movement of {name} has {width} numbers")
+            for value in row:
+                number(value, name)
+            if name == "sliders" and row[1] not in range(len(names)):
+                raise PageError(f"there is no slider {row[1]}")
 
 
 def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
@@ -149,8 +230,14 @@ def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
             raise PageError(f"heard are digits, not {str(digits)[:40]!r}")
     if step.kind == "preload":
         mapping(content.get("films", {}), "films")
-    if step.kind not in ("watch", "questions"):
+    if step.kind not in ("watch", "mould", "questions"):
         return
+    if step.kind == "mould":
+        number(content.get("shown_ms"), "shown_ms")
+        if content.get("failed") is not None:
+            mapping(content["failed"], "what failed")
+            return
+        read_drawn(content)
     if step.kind == "watch":
         number(content.get("shown_ms"), "shown_ms")
         if content.get("failed") is not None:
@@ -164,7 +251,7 @@ def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
                 read_film(film_replies.get(film["place"]))
     answers = mapping(content.get("answers"), "answers")
     for question in step.content["questions"]:
-        _check_answer(question, answers.get(question["name"]), is_timed=step.kind == "watch")
+        _check_answer(question, answers.get(question["name"]), is_timed=step.kind != "questions")
 
 
 def _check_size(px_per_mm: Any) -> None:
@@ -181,7 +268,7 @@ def _check_answer(question: Mapping[str, Any], content: Any, *, is_timed: bool) 
     if is_timed:
         answer = mapping(content, f"the answer to {name}")
         number(answer.get("at_ms"), "at_ms")
-        if answer.get("by") not in WAYS:
+        if answer.get("by") not in (*WAYS, BY_LIMIT):
             raise PageError(f"{name}: answered by {str(answer.get('by'))[:40]!r}")
         option = answer.get("option")
     if option is None:
@@ -191,7 +278,7 @@ def _check_answer(question: Mapping[str, Any], content: Any, *, is_timed: bool) 
     options = [o["value"] for o in question.get("options") or ()]
     if options and option not in options:
         raise PageError(f"{name}: {option[:40]!r} is none of its options")
-    if question["kind"] in ("number", "slider") and not is_timed:
+    if question["kind"] == MOULDER or (question["kind"] in ("number", "slider") and not is_timed):
         _check_number(question, option)
 
 

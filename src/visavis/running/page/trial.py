@@ -3,9 +3,10 @@
 from collections.abc import Callable, Generator, Mapping
 from typing import Any, TypeAlias
 
-from visavis.lab.clock import NS_PER_MS
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.protocol.plan.steps import Mark, Row, TrialInterrupted
+from visavis.running.live_store import until_on_page
 from visavis.running.page.steps import (
     FilmPlayback,
     PageStep,
@@ -15,6 +16,7 @@ from visavis.running.page.steps import (
     number,
     page_question,
     put,
+    read_drawn,
     read_film,
     read_page_answer,
 )
@@ -22,12 +24,13 @@ from visavis.study.actions import Action
 from visavis.study.asking import Answer
 from visavis.study.dry_run import still_view
 from visavis.study.films import Film, Viewing, films_of
+from visavis.study.live import Live, Moulded, Moulding, SliderMove
 from visavis.study.responses import Response
 from visavis.study.trial import TrialPlan, TrialScript
 
 OnPage: TypeAlias = Generator[PageStep | Mark, Reply | None, Any]
-FilmFiles: TypeAlias = Callable[[Film], Mapping[str, Any]]
-"""Returns what a page must know about a film: its file's name, hash, size."""
+FilmFiles: TypeAlias = Callable[[Film | Live], Mapping[str, Any]]
+"""Returns what a page must know about a film or a live figure: files' names, hashes, sizes."""
 
 
 class FilmFailed(TrialInterrupted):
@@ -63,6 +66,8 @@ def perform_on_page(script: TrialScript, plan: TrialPlan, files: FilmFiles) -> O
 def _perform_action(script: TrialScript, action: Action, files: FilmFiles) -> OnPage:
     if action.viewing is not None:
         return (yield from _watch(script, action.viewing, files))
+    if action.moulding is not None:
+        return (yield from _mould(script, action.moulding, files))
     if action.name == "ask" and action.response is not None:
         answers = yield from _ask(script, (action.response,))
         return answers[action.response.name]
@@ -74,7 +79,8 @@ def _perform_action(script: TrialScript, action: Action, files: FilmFiles) -> On
         script.view = script.view or still_view()
         return (yield from action.perform())  # type: ignore[misc]  # marks alone
     raise DesignError(
-        f"t.{action.name} cannot be performed on a page; it shows t.watch, t.ask, t.wait, t.dark"
+        f"t.{action.name} cannot be performed on a page; it shows t.watch, t.mould, t.ask, t.wait, "
+        "t.dark"
     )
 
 
@@ -118,6 +124,51 @@ def _watch(script: TrialScript, watch: Viewing, files: FilmFiles) -> OnPage:
     )
     script.row["t_end_ns"] = script.row[f"{name}_off_ns"]
     return (yield from _answers(script, watch.responses, reply, first_ms))
+
+
+def _mould(script: TrialScript, moulding: Moulding, files: FilmFiles) -> OnPage:
+    live, sliders, until = moulding.live, moulding.sliders, moulding.until
+    step = {
+        "live": dict(files(live)),
+        "questions": _questions(script, sliders),
+        "caption": moulding.caption,
+        "limit_s": moulding.limit_s,
+        "until": None if until is None else until_on_page(live, until),
+    }
+    reply = yield from put(PageStep("mould", step))
+    content = reply.content
+    if content.get("failed") is not None:
+        failure = mapping(content["failed"], "what failed")
+        raise FilmFailed(f"figure: {failure.get('why')}"[:300])
+    drawn = read_drawn(content)
+    moves = tuple(
+        SliderMove(sliders[int(i)].name, float(value), reply.t_ns_of(at_ms))
+        for event in reply.moves
+        for at_ms, i, value in event["sliders"]
+        if at_ms >= drawn.first_ms  # earlier ones: the step was left, and begun again
+    )
+    name = script.next_prefix("mould")
+    on_ns, off_ns = reply.t_ns_of(drawn.first_ms), reply.t_ns_of(drawn.off_ms)
+    columns: dict[str, Any] = {
+        "on_ns": on_ns,
+        "off_ns": off_ns,
+        "ended_by": drawn.ended_by,
+        "moves": len(moves),
+        "turns": max(0, sum(len(event["camera"]) for event in reply.moves) - 1),
+        "frames": drawn.frames,
+        "frames_dropped": drawn.frames_dropped,
+        "slider_frames": drawn.slider_frames,
+        "wait_ms": drawn.first_ms - number(content.get("shown_ms"), "shown_ms"),
+        "hidden_ms": number(content.get("hidden_ms"), "hidden_ms"),
+        "distance_m": drawn.distance_m,
+        "renderer": drawn.renderer,
+    }
+    script.row.setdefault("t_start_ns", on_ns)
+    script.row |= {f"{name}_{column}": value for column, value in columns.items()}
+    answers = yield from _answers(script, sliders, reply, drawn.first_ms)
+    script.row["t_end_ns"] = off_ns
+    values = {s.name: float(answers[s.name].option) for s in sliders}
+    return Moulded(values, moves, drawn.ended_by, (off_ns - on_ns) / NS_PER_S)
 
 
 def _film_columns(

@@ -4,6 +4,7 @@ They see only the films and the questions.
 """
 
 import base64
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -21,6 +22,7 @@ from visavis.stimuli.scene import SceneFrame
 from visavis.study.dry_run import still_view
 from visavis.study.experiment import StudyExperiment
 from visavis.study.films import Film, Lens, Pair, films_of, scene_of, seconds_of
+from visavis.study.live import Live
 from visavis.study.responses import Response
 from visavis.study.scenes import Staging, stage
 
@@ -30,6 +32,12 @@ FIRST_FRAME_MS: Final = 40.0
 """From a step to the first picture that a simulated browser presents."""
 PX_PER_MM: Final = 96 / 25.4
 """Size of a CSS pixel by its standard (96 to the inch)."""
+MOVE_MS: Final = 50.0
+"""From one movement of a slider to the next, while it is dragged."""
+MOVE_SHARE: Final = 0.05
+"""How far such a movement leads, as a share of the slider."""
+MOVES_AT_ONCE: Final = 20
+REFRESH_HZ: Final = 60.0
 PRACTICE_STRETCH: Final = 100_000
 ANSWERED_BY: Final = "keys"
 
@@ -53,6 +61,10 @@ class Visitor:
     now_ms: float = 0.0
     digits: Sequence[bytes] = ()
     """Recordings of the digits in the language of the page."""
+    lives: Sequence[Live] = ()
+    """The study's live figures, by number on the wire."""
+    moves: list[dict[str, Any]] = field(default_factory=list, repr=False)
+    """Movements during the last step, for the page to send before its reply."""
     _trial: tuple[int, bool] = field(default=(0, False), repr=False)
 
     def reply(self, step: PageStep) -> dict[str, Any]:
@@ -81,6 +93,8 @@ class Visitor:
                 return {}
             case "watch":
                 return self._watch(content)
+            case "mould":
+                return self._mould(content)
             case "questions":
                 return {"answers": {q["name"]: self._question(q) for q in content["questions"]}}
             case _:
@@ -91,10 +105,7 @@ class Visitor:
 
         The person remembers what they saw in a trial until the next one begins.
         """
-        trial = (content["trial"], content["is_practice"])
-        if trial != self._trial:
-            self._trial = trial
-            self.person.prepare(content["trial"] + PRACTICE_STRETCH * content["is_practice"], 0)
+        self._begin_trial(content)
         film_entries = {f["place"]: f for f in content["films"]}
         if not film_entries:
             return 0.0
@@ -106,6 +117,68 @@ class Visitor:
         moving = {p: film for p, film in films.items() if not isinstance(film.lens, Lens)}
         self.person.watch({p: self.store.film_seen(film) for p, film in moving.items()})
         return round_ms
+
+    def _begin_trial(self, content: Mapping[str, Any]) -> None:
+        trial = (content["trial"], content["is_practice"])
+        if trial != self._trial:
+            self._trial = trial
+            self.person.prepare(content["trial"] + PRACTICE_STRETCH * content["is_practice"], 0)
+
+    def _mould(self, content: Mapping[str, Any]) -> dict[str, Any]:
+        """Move one slider after the other to where the person wants it, then press the button."""
+        shown_ms, first_ms = self.now_ms, self.now_ms + FIRST_FRAME_MS
+        limit_ms = first_ms + content["limit_s"] * 1000
+        self._begin_trial(content)
+        self.person.mould(self.lives[content["live"]["figure"]], content["caption"])
+        answers: dict[str, Any] = {}
+        rows: list[list[float]] = []
+        at_ms = first_ms
+        for i, question in enumerate(content["questions"]):
+            response = self.responses[question["prompt"]]
+            at_ms += self.person.takes_s(response) * 1000
+            text = self.person.answer(question["name"], question["prompt"], ())
+            goal = question["start"] if text is None else float(text)
+            goal = float(np.clip(goal, question["low"], question["high"]))
+            goal = question["low"] + question["step"] * round(
+                (goal - question["low"]) / question["step"]
+            )
+            value = question["start"]
+            n = math.ceil(abs(goal - value) / (MOVE_SHARE * (question["high"] - question["low"])))
+            for k in range(1, n + 1):
+                if at_ms + MOVE_MS > limit_ms:
+                    break
+                at_ms += MOVE_MS
+                value = round(question["start"] + (goal - question["start"]) * k / n, 10)
+                rows.append([at_ms, i, value])
+            is_moved = bool(rows) and rows[-1][1] == i
+            answers[question["name"]] = {
+                "option": f"{value:.10g}",
+                "at_ms": at_ms if is_moved else None,
+                "by": "mouse",
+            }
+        is_over = content["until"] is not None or at_ms + MOVE_MS > limit_ms
+        self.now_ms = limit_ms if is_over else at_ms + MOVE_MS
+        for answer in answers.values():
+            if answer["at_ms"] is None:
+                answer |= {"at_ms": self.now_ms, "by": "limit" if is_over else "mouse"}
+        names = [question["name"] for question in content["questions"]]
+        self.moves = [
+            {"names": names, "sliders": rows[k : k + MOVES_AT_ONCE], "camera": []}
+            for k in range(0, len(rows), MOVES_AT_ONCE)
+        ]
+        return {
+            "shown_ms": shown_ms,
+            "first_ms": first_ms,
+            "off_ms": self.now_ms,
+            "hidden_ms": 0.0,
+            "ended_by": "limit" if is_over else "button",
+            "frames": round((self.now_ms - first_ms) / 1000 * REFRESH_HZ),
+            "dropped": 0,
+            "slider_frames": 1 if rows else 0,
+            "distance_m": None,
+            "renderer": "simulated",
+            "answers": answers,
+        }
 
     def _watch(self, content: Mapping[str, Any]) -> dict[str, Any]:
         first_ms = shown_ms = self.now_ms
@@ -180,7 +253,13 @@ def visitor_of(person: Any, experiment: StudyExperiment, store: FilmStore) -> Vi
         else ()
     )
     return Visitor(
-        person, films, experiment.words, scenes_seen(_frames_of_films(store)), store, digits=digits
+        person,
+        films,
+        experiment.words,
+        scenes_seen(_frames_of_films(store)),
+        store,
+        digits=digits,
+        lives=experiment.lives,
     )
 
 

@@ -73,6 +73,11 @@ def write_bundle(
         raise UsageError(f"--places takes 1 to {MAX_PLACES}, not {places}")
     if results and is_archive:
         raise UsageError("JATOS takes the results itself; leave --results out")
+    if experiment_of(request).lives:
+        raise DesignError(
+            f"{request.study.name} shows live figures, which only a server of Visavis sends; "
+            "serve it (visavis serve)"
+        )
     if path.exists() and (path.is_file() or any(path.iterdir())):
         raise UsageError(f"{path} is there already; name a new one")
     draft = path.with_name(f".{path.name}.draft")

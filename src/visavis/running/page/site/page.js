@@ -9,6 +9,8 @@ const BEAT_MS = 4000;
 const WAITING_MS = 3000;
 const RETRY_MS = [200, 400, 800, 1500, 2000];
 const REPEAT_ASKING_MS = 2500;
+const MOST_AT_ONCE = 200;
+const MOST_BYTES = 256 * 1024;
 
 const SESSION = `visavis-session${wire.scope}`;
 const ONWARD_MS = 4000;
@@ -81,6 +83,13 @@ async function send(kind, more = {}) {
   flush();
 }
 
+// A post stays far below what a server takes at once, however long the connection was lost.
+function firstOf(events) {
+  let bytes = 0;
+  const end = events.findIndex((e, i) => { bytes += JSON.stringify(e).length; return i >= MOST_AT_ONCE || (i > 0 && bytes > MOST_BYTES); });
+  return end < 0 ? events : events.slice(0, end);
+}
+
 async function flush() {
   if (isSending || isOver) return;
   isSending = true;
@@ -88,7 +97,7 @@ async function flush() {
   let isLate = false;
   try {
     do {
-      const sent = queue.slice(0, 200);
+      const sent = firstOf(queue);
       let answer;
       const waiting = setTimeout(() => { isLate = true; tell(say("waiting")); }, WAITING_MS);
       try {
@@ -352,12 +361,23 @@ const steps = {
   },
 
   async preload(step) {
-    const bar = element("progress", { max: step.films.length, value: 0, "aria-label": say("loading", { n: 0, m: step.films.length }) });
-    const line = paragraph(say("loading", { n: 0, m: step.films.length }));
+    const assets = step.assets || [];
+    const bar = element("progress", { max: step.films.length + assets.length, value: 0, "aria-label": say("loading", { n: 0, m: step.films.length + assets.length }) });
+    const line = paragraph(say("loading", { n: 0, m: step.films.length + assets.length }));
     put("narrow", line, bar);
+    try {
+      // The library that draws figures is loaded only by studies that show some.
+      if (assets.length) {
+        const live = await import("./live.js");
+        for (const asset of assets) { await live.load(asset, key); bar.value += 1; }
+      }
+    } catch (error) {
+      put("narrow", paragraph(say("load_failed", { why: String(error.message || error) })), element("div", { class: "buttons" }, button(say("again"), () => steps.preload(step))));
+      return;
+    }
     const { reports, failures } = await film.loadAll(step.films, key, (n) => {
-      bar.value = n;
-      line.textContent = say("loading", { n, m: step.films.length });
+      bar.value = assets.length + n;
+      line.textContent = say("loading", { n: assets.length + n, m: step.films.length + assets.length });
     });
     if (!failures.length) { reply({ films: reports }); return; }
     put("narrow", paragraph(say("load_failed", { why: failures[0].why })), element("div", { class: "buttons" },
@@ -447,6 +467,65 @@ const steps = {
     }
   },
 
+  // A figure that sliders mould, seen by a camera that the participant may turn.
+  async mould(step) {
+    const shownMs = performance.now();
+    hiddenMs = 0;
+    if (hiddenSince !== null) hiddenSince = shownMs;
+    let figure = null;
+    let isEnded = false;
+    const moved = step.questions.map((q) => ({ option: String(q.start), at_ms: null, by: null }));
+    const canvas = element("canvas", { class: "figure", tabindex: 0, "aria-label": step.caption || say("figure") });
+    const controls = step.questions.map((q, i) => {
+      let by = "mouse";
+      const control = element("input", { type: "range", min: q.low, max: q.high, step: q.step, value: q.start, id: `slider${i}`, disabled: true });
+      control.addEventListener("pointerdown", (e) => { by = e.pointerType || "mouse"; });
+      control.addEventListener("keydown", () => { by = "keys"; });
+      control.addEventListener("input", () => {
+        if (!figure || isEnded) return;
+        moved[i] = { option: control.value, at_ms: performance.now(), by };
+        figure.move(i, Number(control.value));
+      });
+      return control;
+    });
+    const end = (how, by) => {
+      if (!figure || isEnded) return;
+      isEnded = true;
+      go.disabled = true;
+      const offMs = performance.now();
+      const { problem, ...report } = figure.report();
+      const content = { shown_ms: shownMs, off_ms: offMs, hidden_ms: hiddenNow(), ended_by: how, ...report,
+        answers: Object.fromEntries(step.questions.map((q, i) => [q.name, { option: moved[i].option, at_ms: moved[i].at_ms ?? offMs, by: moved[i].by || by }])) };
+      cleanUp();
+      if (how === "failed") showFailure(problem);
+      else reply(content);
+    };
+    const go = button(say("next"), (e) => end("button", e.detail ? e.pointerType || "mouse" : "keys"));
+    go.disabled = true;
+    put("watch", step.caption ? paragraph(step.caption, "caption") : null, canvas,
+      element("div", { class: "sliders" }, ...step.questions.flatMap((q, i) => [element("label", { class: "prompt", for: `slider${i}` }, q.prompt), controls[i]])),
+      element("div", { class: "buttons" }, go));
+    const showFailure = (why) => {
+      cleanUp();
+      put("narrow", paragraph(say("play_failed", { why })), element("div", { class: "buttons" },
+        button(say("again"), () => show(step)),
+        button(say("skip"), () => reply({ shown_ms: shownMs, failed: { why } }), true)));
+    };
+    cleanUp = () => { if (figure) figure.close(); figure = null; cleanUp = () => {}; };
+    try {
+      const live = await import("./live.js");
+      const own = { step: stepNumber, names: step.questions.map((q) => q.name) };
+      const opened = await live.open(step, canvas, key, (rows) => send("moved", { ...own, ...rows }), (how) => end(how, "limit"));
+      if (current !== step) { opened.close(); return; }
+      figure = opened;
+      for (const control of controls) control.disabled = false;
+      go.disabled = Boolean(step.until);
+      canvas.dataset.ready = "true";
+    } catch (error) {
+      if (current === step) showFailure(String(error.message || error));
+    }
+  },
+
   questions(step) {
     const go = button(say("next"), () => {
       const wrong = questions.find((q) => !q.isFine());
@@ -476,7 +555,7 @@ const steps = {
 function show(step) {
   cleanUp();
   current = step;
-  stop.hidden = !["card", "sound", "preload", "text", "watch", "questions"].includes(step.kind);
+  stop.hidden = !["card", "sound", "preload", "text", "watch", "mould", "questions"].includes(step.kind);
   const progress = document.getElementById("progress");
   progress.textContent = step.trial ? (step.is_practice ? `${say("practice")} ` : "") + say("progress", { n: step.trial, m: step.trials }) : "";
   steps[step.kind](step);
@@ -589,6 +668,10 @@ async function begin(takesOver) {
   rehearsal.textContent = say("rehearsal");
   if (state.mime && !document.createElement("video").canPlayType(state.mime)) {
     put("narrow", paragraph(say("no_play")));
+    return;
+  }
+  if (state.draws && !document.createElement("canvas").getContext("webgl2")) {
+    put("narrow", paragraph(say("no_figures")));
     return;
   }
   if (isRemembered && state.number > 1 && state.step.kind !== "end" && !await isTheirs()) {

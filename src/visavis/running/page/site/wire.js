@@ -23,5 +23,7 @@ export function leave(key, tab) {
 
 export const film = (name, key) => fetch(`/films/${name}`, { headers: keyed(key), cache: "no-store" });
 
+export const asset = (name, key) => fetch(`/assets/${name}`, { headers: keyed(key), cache: "no-store" });
+
 // What a page shows below its thanks; the server has everything already.
 export const finish = async () => null;

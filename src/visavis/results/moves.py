@@ -1,0 +1,71 @@
+"""Every movement of sliders and camera in a session with live figures, as one table."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import pandas as pd
+
+from visavis.lab.clock import NS_PER_MS
+from visavis.protocol.plan.columns import Column
+from visavis.recording.reader import Recording
+
+MOVE_COLUMNS = (
+    Column("trial_id", "", "the trial"),
+    Column("step", "1", "the page's step, which tells figures of one trial apart"),
+    Column("t_ns", "ns", "session time of the movement"),
+    Column("what", "", "the slider's name; camera for the view"),
+    Column("value", "1", "the slider's value; empty for the camera"),
+    Column("x_m", "m", "where the camera was, the figure at the origin facing −z; else empty"),
+    Column("y_m", "m", "likewise, up"),
+    Column("z_m", "m", "likewise, behind the figure"),
+)
+
+
+def moves_of(recording: Recording) -> pd.DataFrame:
+    """Return the movements (`MOVE_COLUMNS`) of a session on a page, step by step in order of time.
+
+    Those of a step that was begun again, after a page was reloaded, are all there.
+    """
+    rows = list(_rows(recording))
+    return pd.DataFrame(rows, columns=[c.name for c in MOVE_COLUMNS])
+
+
+def _rows(recording: Recording) -> Iterator[dict[str, Any]]:
+    for part in recording.manifest.parts:
+        trial_id = ""
+        least_ns: dict[str, int] = {}
+        waiting: list[tuple[str, Mapping[str, Any]]] = []
+        for event in recording.journal(part.number).events:
+            payload, t_ns = event["payload"], int(event["t_ns"])
+            if event["name"] == "trial_start":
+                trial_id = str(payload["trial_id"])
+            if event["name"] != "page_event" or "at_ms" not in payload:
+                continue
+            # The page's clock is placed as the trial's row has it: when its step is over.
+            tab = str(payload["tab"])
+            offset_ns = t_ns - round(NS_PER_MS * float(payload["at_ms"]))
+            before_ns = offset_ns if payload["kind"] == "slept" else least_ns.get(tab, offset_ns)
+            least_ns[tab] = min(offset_ns, before_ns)
+            if payload["kind"] == "moved":
+                waiting.append((trial_id, payload))
+            elif payload["kind"] == "reply":
+                yield from _placed(waiting, least_ns)
+                waiting = []
+        yield from _placed(waiting, least_ns)
+
+
+def _placed(
+    waiting: list[tuple[str, Mapping[str, Any]]], least_ns: Mapping[str, int]
+) -> Iterator[dict[str, Any]]:
+    """Yield the rows of some events, each in order of time."""
+    rows: list[dict[str, Any]] = []
+    for trial_id, payload in waiting:
+        own = {"trial_id": trial_id, "step": payload["step"]}
+        origin_ns = least_ns[str(payload["tab"])]
+        for at_ms, i, value in payload["sliders"]:
+            t_ns = origin_ns + round(NS_PER_MS * at_ms)
+            rows.append(own | {"t_ns": t_ns, "what": payload["names"][int(i)], "value": value})
+        for at_ms, x, y, z in payload["camera"]:
+            t_ns = origin_ns + round(NS_PER_MS * at_ms)
+            rows.append(own | {"t_ns": t_ns, "what": "camera", "x_m": x, "y_m": y, "z_m": z})
+    yield from sorted(rows, key=lambda row: int(row["t_ns"]))

@@ -1,0 +1,138 @@
+"""What pages draw live figures from: files by the SHA-256 of their content, made when needed."""
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache, lru_cache
+from typing import Any, Final
+
+import numpy as np
+
+from visavis.lab.errors import DesignError
+from visavis.lab.geometry import Vector
+from visavis.running.film_store import FilmStore
+from visavis.stimuli.characters.gltf.exporting import glb_of_character
+from visavis.stimuli.dressing.casting import default_casting
+from visavis.stimuli.motion.synthesis.blend_file import packed_examples
+from visavis.stimuli.rooms.plain import plain_room
+from visavis.study.films import Film
+from visavis.study.live import Live, Near
+
+PERSON_AHEAD_M: Final = 2.6
+LEFT_OUT: Final = ("thumb", "index", "middle", "ring", "little", "eye", "jaw", "chest")
+"""Joints that say nothing of a walk; the distance from a target leaves them out."""
+
+
+@dataclass(frozen=True, eq=False)
+class LiveStore:
+    """The files of a study's live figures: `assets` maps names to content."""
+
+    lives: Sequence[Live]
+    assets: dict[str, bytes] = field(default_factory=dict)
+
+    def describe(self, live: Live, *, is_simulated: bool = False) -> dict[str, Any]:
+        """Return what a page must know about a figure; simulated people need no files.
+
+        Raises:
+            DesignError: it is none of the study's, or its examples are for another body.
+        """
+        if live not in self.lives:
+            raise DesignError(
+                "a live figure was made anew in a trial; make each once, outside of the trial's "
+                "function, so that it is loaded before"
+            )
+        description: dict[str, Any] = {
+            "figure": self.lives.index(live),
+            "light": _light(),
+            "camera": {
+                "is_free": live.camera == "free",
+                "eye_m": list(live.eye_m),
+                "aim_m": list(live.aim_m),
+            },
+        }
+        if is_simulated:
+            return description
+        return description | {
+            name: self._asset(data)
+            for name, data in (
+                ("person", _person(live)),
+                ("blend", packed_examples(live.examples, live.weights)),
+            )
+        }
+
+    def _asset(self, data: bytes) -> dict[str, Any]:
+        digest = hashlib.sha256(data).hexdigest()
+        self.assets[digest] = data
+        return {"name": digest, "bytes": len(data)}
+
+
+def _person(live: Live) -> bytes:
+    character = default_casting(live.character)
+    body, own = character.skeleton, live.examples.skeleton
+    if own.names != body.names or not np.allclose(own.offsets_m, body.offsets_m, atol=1e-6):
+        raise DesignError(
+            f"the examples are not for the body of {live.character}; make them for it, as "
+            f"visavis.walks('set_a', {live.character!r}) does"
+        )
+    return _glb(live.character)
+
+
+@lru_cache(maxsize=32)
+def _glb(character: str) -> bytes:
+    return glb_of_character(default_casting(character))
+
+
+@lru_cache(maxsize=1)
+def _light() -> Mapping[str, Any]:
+    """Return the light of the room in which films show a person alone.
+
+    There people stand 2.6 m ahead and face the viewer, here at the origin and face −z.
+    """
+    room = plain_room()
+
+    def turned(vector: Vector | None, ahead_m: float) -> list[float] | None:
+        if vector is None:
+            return None
+        return [-float(vector[0]), float(vector[1]), -float(vector[2]) - ahead_m]
+
+    lamps = [
+        {
+            "kind": lamp.kind,
+            "intensity": lamp.intensity.tolist(),
+            "position_m": turned(lamp.position_m, PERSON_AHEAD_M),
+            "direction": turned(lamp.direction, 0.0),
+            "half_angle_deg": lamp.half_angle_deg,
+        }
+        for lamp in room.lights
+    ]
+    return {
+        "sky": room.sky.tolist(),
+        "ground": room.ground.tolist(),
+        "background_srgb": list(room.background_srgb),
+        "lamps": lamps,
+    }
+
+
+def page_files(
+    films: FilmStore, lives: LiveStore, *, is_simulated: bool
+) -> Callable[[Film | Live], Mapping[str, Any]]:
+    """Return what describes to a page whatever it shows, each thing once."""
+
+    @cache
+    def describe(shown: Film | Live) -> Mapping[str, Any]:
+        if isinstance(shown, Live):
+            return lives.describe(shown, is_simulated=is_simulated)
+        return films.describe(shown, is_simulated=is_simulated)
+
+    return describe
+
+
+def until_on_page(live: Live, until: Near) -> dict[str, Any]:
+    """Return when a page ends a step by itself."""
+    names = live.examples.skeleton.names
+    return {
+        "weights": until.shares(live.examples).tolist(),
+        "within_m": until.within_m,
+        "poses": until.poses,
+        "joints": [j for j, n in enumerate(names) if not any(word in n for word in LEFT_OUT)],
+    }

@@ -1,0 +1,185 @@
+"""Live figures in a real browser: the same poses as in Python, a real slider, a turned camera."""
+
+import base64
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.running.page.test_browser import PATIENCE_S, Server, until
+from visavis.lab.config_files import EXAMPLE
+from visavis.lab.geometry import Vector
+from visavis.recording.folder import session_dir
+from visavis.recording.reader import Recording
+from visavis.results.moves import moves_of
+from visavis.running.page.server import SITE
+from visavis.stimuli.characters.cast import load_character
+from visavis.stimuli.motion.build import build_of_character
+from visavis.stimuli.motion.synthesis.blend_file import packed_examples
+from visavis.stimuli.motion.synthesis.example_blend import Blend, blend_at
+from visavis.stimuli.motion.synthesis.style_weights import fit_weights
+from visavis.stimuli.motion.synthesis.walk_styles import style_names, walk_examples
+
+STUDY = Path(__file__).parents[2] / "studies" / "moulding.py"
+SETTINGS = 1000
+MAX_RAD = 1e-5
+POSES = """async ([code, file, values, phases, times]) => {
+    const blends = await import(`data:text/javascript;base64,${code}`);
+    const bytes = Uint8Array.from(atob(file), (c) => c.charCodeAt(0));
+    const blend = blends.readBlend(bytes.buffer);
+    const pose = blends.newPose(blend);
+    return values.map((row, i) => {
+        const w = blends.weightsAt(blend, row);
+        const keys = blends.keyTimes(blend, w);
+        blends.poseAt(blend, w, phases[i], pose);
+        return { weights: [...w], root: [...pose.root], turns: pose.turns.flat(),
+            place: blends.inPlace(blend, w, keys, phases[i], pose.root),
+            phase: blends.phaseOf(keys, times[i]) };
+    });
+}"""
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]  # a browser
+
+
+def encoded(data: bytes) -> str:
+    return base64.b64encode(data).decode()
+
+
+def angle_rad(a: Vector, b: Vector) -> Vector:
+    """Return the angles between rotations, exactly where they are small."""
+    b = np.where(np.sum(a * b, axis=-1, keepdims=True) < 0, -b, b)
+    half = np.clip(np.linalg.norm(a - b, axis=-1) / 2, 0.0, 1.0)
+    angles: Vector = 4.0 * np.arcsin(half)
+    return angles
+
+
+def test_a_page_blends_as_python_does_over_a_thousand_settings(browser: Any) -> None:
+    body = build_of_character(load_character("anna"))
+    examples = walk_examples(style_names("set_b"), body)  # 27 walks of 55 joints
+    rng = np.random.default_rng(39)
+    weights = fit_weights(rng.uniform(0.0, 1.0, (len(examples), 4)))
+    values = rng.uniform(0.0, 1.0, (SETTINGS, 4))
+    phases = rng.uniform(0.0, 4.0, SETTINGS)
+    times = rng.uniform(0.0, 9.0, SETTINGS)
+    page = browser.new_page()
+    code = encoded((SITE / "blend.js").read_bytes())
+    file = encoded(packed_examples(examples, weights))
+    given = [code, file, values.tolist(), phases.tolist(), times.tolist()]
+    drawn = page.evaluate(POSES, given)
+    expected_weights = weights.at(values)
+    frames = blend_at(examples, expected_weights, phases)
+    turns = np.array([d["turns"] for d in drawn]).reshape(frames.orientation_wxyz.shape)
+    assert np.abs(np.array([d["weights"] for d in drawn]) - expected_weights).max() < 1e-12
+    assert angle_rad(turns, frames.orientation_wxyz).max() < MAX_RAD
+    assert np.abs(np.array([d["root"] for d in drawn]) - frames.root_m).max() < 1e-9
+    for i in range(20):
+        blend = Blend(examples, expected_weights[i], in_place=True)
+        t_s = float(np.interp(phases[i], np.arange(5.0), blend.key_s))
+        assert drawn[i]["place"] == pytest.approx(blend.at(t_s).root_m, abs=1e-9)
+        phase = float(blend.phase_of(times[i])) % 4.0
+        assert drawn[i]["phase"] == pytest.approx(phase, abs=1e-9)
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[Server]:
+    (tmp_path / "lab_config.yaml").write_text(EXAMPLE.read_text("utf-8"), "utf-8")
+    made = Server(tmp_path)
+    yield made
+    if made.process is not None:
+        made.kill()
+
+
+def test_a_real_slider_moulds_and_a_real_mouse_turns(server: Server, browser: Any) -> None:
+    address = server.start("run", str(STUDY), "--participant", "1", "--on", "browser")
+    page = browser.new_context(viewport={"width": 500, "height": 700}).new_page()
+    problems: list[str] = []
+    others: list[str] = []
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    page.on("console", lambda m: problems.append(m.text) if m.type == "error" else None)
+    own = (address.split("#")[0], "blob:", "data:")
+    page.on("request", lambda r: None if r.url.startswith(own) else others.append(r.url))
+    page.goto(address)
+    for trial in range(3):
+        if trial == 0:
+            until(page, "First one to try")
+        elif trial == 1:
+            until(page, "walks that count", steps=False)
+        if trial < 2:
+            page.click("#main button:not(.quiet)")
+        page.wait_for_selector("canvas.figure[data-ready]", timeout=PATIENCE_S * 1000)
+        slider = page.query_selector("#slider0")
+        box = page.query_selector("canvas.figure").bounding_box()
+        if trial:
+            slider.focus()
+            for _ in range(3):
+                page.keyboard.press("ArrowRight")
+            page.mouse.move(box["x"] + 100, box["y"] + 100)
+            page.mouse.down()
+            page.mouse.move(box["x"] + 180, box["y"] + 100, steps=4)
+            page.mouse.up()
+            page.wait_for_function("document.querySelector('canvas.figure').dataset.frames > 2")
+        with page.expect_response("**/api/events"):
+            page.click("#main button:not(.quiet)")
+    until(page, "Thank you", steps=False)
+    said = server.end()
+    folder = session_dir(server.root / "data", "moulding", "S01B", 1, is_simulated=True)
+    recording = Recording(folder)
+    assert recording.status == "complete", said
+    rows = recording.trials()
+    practice, counted = rows.iloc[0], rows.iloc[1:]
+    assert (practice["mould_moves"], practice["activeness"]) == (0, 0.5)
+    assert (practice["activeness_by"], practice["mould_ended_by"]) == ("mouse", "button")
+    assert list(counted["mould_moves"]) == [3, 3]
+    assert counted["activeness"].tolist() == pytest.approx([0.53, 0.53])
+    assert list(counted["activeness_by"]) == ["keys", "keys"]
+    assert (counted["mould_turns"] >= 1).all()
+    assert (counted["mould_slider_frames"] == 1).all()  # the pose comes with the next frame
+    assert (counted["mould_frames"] > 0).all()
+    assert counted["mould_renderer"].str.len().min() > 0
+    moves = moves_of(recording)
+    sliders = moves[moves["what"] == "activeness"]
+    expected = [0.51, 0.52, 0.53] * 2
+    assert sliders["value"].tolist() == pytest.approx(expected)
+    assert sliders["t_ns"].is_monotonic_increasing
+    camera = moves[(moves["what"] == "camera") & (moves["trial_id"] == rows["trial_id"].iloc[1])]
+    assert np.ptp(camera["x_m"]) > 0.3
+    assert (np.hypot(camera["x_m"], camera["z_m"]) > 3.0).all()  # it circles
+    assert [] == problems
+    assert [] == others
+
+
+REFUSED = """const real = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
+    return kind === "webgl2" ? null : real.call(this, kind, ...rest);
+};"""
+
+
+def test_a_page_that_cannot_draw_says_so_before_consent(server: Server, browser: Any) -> None:
+    address = server.start("run", str(STUDY), "--participant", "1", "--on", "browser")
+    page = browser.new_context().new_page()
+    page.add_init_script(REFUSED)
+    page.goto(address)
+    until(page, "cannot draw the figures", steps=False)
+    assert page.query_selector("#agree") is None
+
+
+def test_a_figure_whose_pictures_are_refused_is_a_failure_and_not_drawn_without_eyes(
+    server: Server, browser: Any
+) -> None:
+    address = server.start("run", str(STUDY), "--participant", "1", "--on", "browser")
+    page = browser.new_context().new_page()
+    page.add_init_script("URL.createObjectURL = () => 'blob:nowhere';")
+    page.goto(address)
+    until(page, "First one to try")
+    page.click("#main button:not(.quiet)")
+    until(page, "pictures of the figure could not be read", steps=False)
+    page.click("#main button.quiet")  # skipped
+    until(page, "walks that count", steps=False)
+    server.kill()
+    folder = session_dir(server.root / "data", "moulding", "S01B", 1, is_simulated=True)
+    row = json.loads(Recording(folder).trials().iloc[:1].to_json(orient="records"))[0]
+    assert row["status"] == "skipped"
+    assert "could not be read" in row["reason"]
