@@ -1,6 +1,7 @@
 """How active must a walk be to look happy: a figure on a page that one slider moulds."""
 
 from visavis import Compare, Factor, Live, Slider, Study, walks
+from visavis.protocol.plan.columns import Column
 
 study = Study(
     "moulding",
@@ -11,6 +12,7 @@ study = Study(
     calibrate=False,
     on="browser",
     uses=(),
+    columns=[Column("tries", "1", "movements that the trial got back")],
     compare=[Compare("activeness", within="mood")],
 )
 ACTIVENESS = {"slouch": [0.0], "shuffle": [0.25], "plain": [0.5], "bounce": [0.75], "march": [1.0]}

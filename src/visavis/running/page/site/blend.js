@@ -112,43 +112,59 @@ function between(a, b) {
 
 /** Slerp over the shorter arc between two rows of four numbers; writes into `out`. */
 function slerp(rows, a, b, h, out) {
-  let [b0, b1, b2, b3] = [rows[b], rows[b + 1], rows[b + 2], rows[b + 3]];
-  const [a0, a1, a2, a3] = [rows[a], rows[a + 1], rows[a + 2], rows[a + 3]];
-  if (a0 * b0 + a1 * b1 + a2 * b2 + a3 * b3 < 0) [b0, b1, b2, b3] = [-b0, -b1, -b2, -b3];
-  const s = Math.sqrt((a0 + b0) ** 2 + (a1 + b1) ** 2 + (a2 + b2) ** 2 + (a3 + b3) ** 2);
-  const d = Math.sqrt((a0 - b0) ** 2 + (a1 - b1) ** 2 + (a2 - b2) ** 2 + (a3 - b3) ** 2);
-  let [u, v] = [1 - h, h];
+  const a0 = rows[a], a1 = rows[a + 1], a2 = rows[a + 2], a3 = rows[a + 3];
+  let b0 = rows[b], b1 = rows[b + 1], b2 = rows[b + 2], b3 = rows[b + 3];
+  if (a0 * b0 + a1 * b1 + a2 * b2 + a3 * b3 < 0) { b0 = -b0; b1 = -b1; b2 = -b2; b3 = -b3; }
+  const s0 = a0 + b0, s1 = a1 + b1, s2 = a2 + b2, s3 = a3 + b3;
+  const d0 = a0 - b0, d1 = a1 - b1, d2 = a2 - b2, d3 = a3 - b3;
+  const s = Math.sqrt(s0 * s0 + s1 * s1 + s2 * s2 + s3 * s3);
+  const d = Math.sqrt(d0 * d0 + d1 * d1 + d2 * d2 + d3 * d3);
+  let u = 1 - h, v = h;
   if (d >= 1e-9) {
     const angle = 2 * Math.atan2(d, s);
     const sine = 0.5 * s * d;
-    [u, v] = [Math.sin((1 - h) * angle) / sine, Math.sin(h * angle) / sine];
+    u = Math.sin((1 - h) * angle) / sine;
+    v = Math.sin(h * angle) / sine;
   }
-  [out[0], out[1], out[2], out[3]] = [u * a0 + v * b0, u * a1 + v * b1, u * a2 + v * b2, u * a3 + v * b3];
+  out[0] = u * a0 + v * b0; out[1] = u * a1 + v * b1; out[2] = u * a2 + v * b2; out[3] = u * a3 + v * b3;
 }
 
+// Add weight · q qᵀ to a moment: sixteen numbers from `at`.
+function addRotation(moments, at, q, weight) {
+  for (let a = 0; a < 4; a += 1) {
+    const left = weight * q[a];
+    for (let b = 0; b < 4; b += 1) moments[at + 4 * a + b] += left * q[b];
+  }
+}
+
+const moment = new Float64Array(16);
 const square = new Float64Array(16);
 
 /** Return the greatest eigenvector of the moment (16 numbers from `at`), on the side of `near`. */
 function meanRotation(moments, at, near, nearAt) {
-  const m = moments.slice(at, at + 16);
+  const m = moment;
+  for (let i = 0; i < 16; i += 1) m[i] = moments[at + i];
   for (let round = 0; round < SQUARINGS; round += 1) {
     const trace = m[0] + m[5] + m[10] + m[15];
+    const squared = trace * trace;
     for (let i = 0; i < 4; i += 1) {
+      const row = 4 * i;
       for (let j = i; j < 4; j += 1) {
-        let total = 0;
-        for (let k = 0; k < 4; k += 1) total += m[4 * i + k] * m[4 * k + j];
-        square[4 * i + j] = total / (trace * trace);
-        square[4 * j + i] = square[4 * i + j];
+        // The moment is symmetric: its columns are its rows.
+        const other = 4 * j;
+        const total = (m[row] * m[other] + m[row + 1] * m[other + 1] + m[row + 2] * m[other + 2] + m[row + 3] * m[other + 3]) / squared;
+        square[row + j] = total;
+        square[other + i] = total;
       }
     }
     m.set(square);
   }
   let column = 0;
   for (let i = 1; i < 4; i += 1) if (m[5 * i] > m[5 * column]) column = i;
-  const q = [m[column], m[4 + column], m[8 + column], m[12 + column]];
-  let n = Math.sqrt(q[0] ** 2 + q[1] ** 2 + q[2] ** 2 + q[3] ** 2);
-  if (q[0] * near[nearAt] + q[1] * near[nearAt + 1] + q[2] * near[nearAt + 2] + q[3] * near[nearAt + 3] < 0) n = -n;
-  return q.map((value) => value / n);
+  const w = m[column], x = m[4 + column], y = m[8 + column], z = m[12 + column];
+  let n = Math.sqrt(w * w + x * x + y * y + z * z);
+  if (w * near[nearAt] + x * near[nearAt + 1] + y * near[nearAt + 2] + z * near[nearAt + 3] < 0) n = -n;
+  return [w / n, x / n, y / n, z / n];
 }
 
 // ---- poses ----------------------------------------------------------------------------------
@@ -185,7 +201,7 @@ function framesAt(blend, i, k, h) {
 function flatGap(blend, w, side) {
   const phase = blend.flat_phases[side];
   const k = Math.min(blend.keys - 2, Math.floor(phase));
-  const moment = new Float64Array(16);
+  const sum = new Float64Array(16);
   const goals = [[0, 0, 0], [0, 0, 0]];
   const q = [0, 0, 0, 0];
   let near = [1, 0, 0, 0];
@@ -194,7 +210,7 @@ function flatGap(blend, w, side) {
     if (w[i] <= 0) continue;
     const [here, after, share] = framesAt(blend, i, k, phase - k);
     slerp(blend.foot_turns, 4 * (4 * here + 2 * side), 4 * (4 * after + 2 * side), share, q);
-    for (let a = 0; a < 4; a += 1) for (let b = 0; b < 4; b += 1) moment[4 * a + b] += w[i] * q[a] * q[b];
+    addRotation(sum, 0, q, w[i]);
     if (w[i] > most) [near, most] = [[...q], w[i]];
     for (let f = 0; f < 2; f += 1) {
       for (let c = 0; c < 3; c += 1) {
@@ -204,7 +220,7 @@ function flatGap(blend, w, side) {
     }
   }
   const ball = offsetOf(blend, blend.feet[2 * side + 1]);
-  return heelToBall(meanRotation(moment, 0, near, 0), [...blend.heel_m], ball, ...goals);
+  return heelToBall(meanRotation(sum, 0, near, 0), [...blend.heel_m], ball, ...goals);
 }
 
 // Bring heel and ball of one foot to their goals: by the knee's bend, then by the whole leg.
@@ -276,10 +292,10 @@ export function poseAt(blend, w, phase, pose, gaps = gapsOf(blend, w)) {
     const isHeaviest = w[i] > most;
     most = Math.max(most, w[i]);
     for (let j = 0; j < all; j += 1) {
-      const [rows, width, column] = j < joints ? [blend.turns, joints, j] : [blend.foot_turns, 4, j - joints];
-      slerp(rows, 4 * (here * width + column), 4 * (after * width + column), share, q);
-      for (let a = 0; a < 4; a += 1) for (let b = 0; b < 4; b += 1) moments[16 * j + 4 * a + b] += w[i] * q[a] * q[b];
-      if (isHeaviest) heaviest.set(q, 4 * j);
+      if (j < joints) slerp(blend.turns, 4 * (here * joints + j), 4 * (after * joints + j), share, q);
+      else slerp(blend.foot_turns, 4 * (4 * here + j - joints), 4 * (4 * after + j - joints), share, q);
+      addRotation(moments, 16 * j, q, w[i]);
+      if (isHeaviest) for (let a = 0; a < 4; a += 1) heaviest[4 * j + a] = q[a];
     }
   }
   for (let j = 0; j < joints; j += 1) pose.turns[j] = meanRotation(moments, 16 * j, heaviest, 4 * j);
