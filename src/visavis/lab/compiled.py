@@ -26,6 +26,8 @@ _STAMP = "visavis_stamp"
 MAX_KERNEL_BYTES: Final = 500_000_000
 """Some ten versions of Visavis, each with every kernel."""
 KERNELS: Final = user_cache_path("visavis", appauthor=False) / "kernels"
+MADE: Final[list[Any]] = []
+"""Every kernel of the modules that this process has imported."""
 _config: Any = numba.config  # whose names are made at run time
 if not _config.CACHE_DIR:
     _versions = f"py{sys.version_info.major}{sys.version_info.minor}-numba{numba.__version__}"
@@ -67,6 +69,7 @@ def compiled(function: F) -> F:
     file._source_stamp = stamp  # noqa: SLF001 - as above
     file._load_index = partial(_loaded_index, file._load_index)  # noqa: SLF001 - as above
     setattr(kernel, _STAMP, stamp)
+    MADE.append(kernel)
     return cast(F, kernel)
 
 

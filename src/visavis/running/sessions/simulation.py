@@ -2,11 +2,13 @@
 
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
+from visavis.lab.compile_ahead import compile_kernel, read_list
 from visavis.lab.config import LabConfig
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
@@ -14,6 +16,10 @@ from visavis.results.opened_study import find_study
 from visavis.running.sessions.perform import perform_new, perform_rest
 from visavis.running.sessions.session_request import simulated_request
 from visavis.study.cast import use_cast_of, use_recorded_cast
+from visavis.study.experiment import StudyExperiment
+
+KERNEL_LIST: Final = Path(__file__).with_name("kernels.txt")
+"""What is compiled before sessions of a study are simulated or measured."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +64,31 @@ def simulate_one(task: SimulationTask) -> Path:
     )
     path = session_dir(task.config.data_root, study.name, task.label, 1, is_simulated=True)
     return perform_rest(request, path) if path.exists() else perform_new(request)
+
+
+def kernels_of(experiment: StudyExperiment, phase: str) -> tuple[str, ...]:
+    """Return what sessions of a study call, to be compiled before them.
+
+    A study that is not listed and rests on gaze calls what stare does, and perhaps more; of others
+    nothing is known.
+    """
+    own = read_list(KERNEL_LIST, experiment.name, phase)
+    return own or (read_list(KERNEL_LIST, "stare", phase) if experiment.rests_on_gaze else ())
+
+
+def make_ready(kernel: str) -> None:
+    """Compile a kernel, or load it, where its line is as the code is now.
+
+    What cannot be compiled here is compiled when it is called, and an error is an error then.
+    """
+    with suppress(Exception):
+        compile_kernel(kernel)
+
+
+def do_job(job: tuple[Callable[[Any], Any], Any]) -> Any:
+    """Call a function with one argument."""
+    function, argument = job
+    return function(argument)
 
 
 def measure_one(job: tuple[str, Path, Mapping[str, Any]]) -> Any:

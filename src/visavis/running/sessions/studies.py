@@ -6,7 +6,7 @@ Messages go to `notifier`: the command line prints them, a script gets only warn
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -14,6 +14,7 @@ from typing import Any, Final, Protocol
 from visavis.analysis.report.notation import count_of
 from visavis.analysis.report.sources import on_virtual_clock
 from visavis.lab.clock import SimClock, StopWatch, SystemClock
+from visavis.lab.compile_ahead import MEASURING, SIMULATING
 from visavis.lab.config import LabConfig
 from visavis.lab.config_files import CONFIG_NAME
 from visavis.lab.errors import DataError, LedgerError, SessionAborted
@@ -51,6 +52,9 @@ from visavis.running.sessions.runners import on_scheduler, on_this_machine
 from visavis.running.sessions.session_list import require_whole
 from visavis.running.sessions.simulation import (
     SimulationTask,
+    do_job,
+    kernels_of,
+    make_ready,
     measure_one,
     simulate_one,
     worker_count,
@@ -165,16 +169,14 @@ def simulate_study(
     if len(sessions) > len(present):
         notifier.say(f"{len(sessions) - len(present)} were interrupted; their rest is simulated")
     watch = StopWatch()
-    with notifier.progress("simulating") as report_progress:
-        report_progress(0, len(tasks))
-        try:
-            for number, _ in enumerate(_run(simulate_one, tasks, processes, scheduler), start=1):
-                report_progress(number, len(tasks))
-        except (KeyboardInterrupt, SessionAborted) as stop:
-            raise SessionAborted(
-                f"interrupted; what is finished is kept in {folder}. Give the same command again: "
-                "it goes on from there"
-            ) from stop
+    work = _Work(simulate_one, tasks, kernels_of(experiment, SIMULATING), "simulating")
+    try:
+        _do(work, processes, scheduler, notifier)
+    except (KeyboardInterrupt, SessionAborted) as stop:
+        raise SessionAborted(
+            f"interrupted; what is finished is kept in {folder}. Give the same command again: "
+            "it goes on from there"
+        ) from stop
     if tasks:
         notifier.say(
             f"{count_of(len(tasks), 'participant')} simulated in {watch.elapsed_s():.0f} s"
@@ -272,7 +274,7 @@ def analyse_study(
         )
     else:
         intakes = _measure_sessions(
-            reference_of(opened_study.study), sessions, processes, scheduler, settings, notifier
+            opened_study, sessions, processes, scheduler, settings, notifier
         )
     # Keep one manifest per session, not two: with a hundred people they take most memory.
     intakes = [replace(one, manifest=m) for one, m in zip(intakes, manifests, strict=True)]
@@ -379,7 +381,7 @@ def _review(
 
 
 def _measure_sessions(
-    study: str,
+    study: OpenedStudy,
     sessions: Sequence[Path],
     processes: int | None,
     scheduler: str | None,
@@ -387,14 +389,48 @@ def _measure_sessions(
     notifier: Notifier,
 ) -> list[Any]:
     """Measure session by session, here or on a scheduler."""
-    jobs = [(study, s, settings) for s in sessions]
+    reference = reference_of(study.study)
+    jobs = [(reference, s, settings) for s in sessions]
+    kernels = kernels_of(study.experiment({}), MEASURING)
+    work = _Work(measure_one, jobs, kernels, "measuring")
+    return _do(work, processes, scheduler, notifier)
+
+
+@dataclass(frozen=True)
+class _Work:
+    """Something to be done with each of many sessions, and the kernels that it calls."""
+
+    function: Callable[[Any], Any]
+    jobs: Sequence[Any]
+    kernels: Sequence[str]
+    name: str
+
+
+def _do(work: _Work, processes: int | None, scheduler: str | None, notifier: Notifier) -> list[Any]:
+    """Do all jobs, here or on a scheduler; return their results in order.
+
+    Several processes of this machine first compile the kernels, each of them once: processes that
+    began with sessions would all compile the same.
+    """
+    is_shared = scheduler is None and worker_count(processes) > 1 and len(work.jobs) > 1
+    kernels = work.kernels if is_shared else ()
+    jobs = [*((make_ready, k) for k in kernels), *((work.function, j) for j in work.jobs)]
+    finished = _run(do_job, jobs, processes, scheduler)
     results: dict[int, Any] = {}
-    with notifier.progress("measuring") as report_progress:
-        report_progress(0, len(jobs))
-        for number, result in _run(measure_one, jobs, processes, scheduler):
+    if kernels:
+        with notifier.progress("getting numeric code ready") as report_progress:
+            ready_count = 0
+            report_progress(ready_count, len(kernels))
+            while ready_count < len(kernels):
+                number, results[number] = next(finished)
+                ready_count += number < len(kernels)
+                report_progress(ready_count, len(kernels))
+    with notifier.progress(work.name) as report_progress:
+        report_progress(len(results) - len(kernels), len(work.jobs))
+        for number, result in finished:
             results[number] = result
-            report_progress(len(results), len(jobs))
-    return [results[i] for i in range(len(sessions))]
+            report_progress(len(results) - len(kernels), len(work.jobs))
+    return [results[i] for i in range(len(kernels), len(jobs))]
 
 
 def _run(
