@@ -75,7 +75,7 @@ def _child(study: str) -> None:
         on_start = staticmethod(counter.on_start)
         on_end = staticmethod(counter.on_end)
 
-    register("numba:compile", Ear())
+    register("numba:compile", Ear())  # type: ignore[no-untyped-call]  # numba's
     with tempfile.TemporaryDirectory() as folder:
         used = used_in(study, Path(folder))
     sys.stdout.write(json.dumps({"used": used, "seconds": counter.seconds}))
