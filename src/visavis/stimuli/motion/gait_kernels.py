@@ -5,6 +5,8 @@ way; between them a foot swings, and on the floor it rolls over heel and ball wi
 has a way of a given length starts and ends with the feet side by side.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -128,6 +130,17 @@ def _print_m(index: int, first_m: float, step: float, distance_m: float) -> floa
     return min(distance_m, max(0.0, first_m + 2.0 * step * index))
 
 
+class FootRoll(NamedTuple):
+    """How a foot rolls: pitch at landing and at pushing off (rad), lift of the swing (m), and the
+    share of a stride from which it is flat on the floor.
+    """
+
+    strike: float
+    push: float
+    lift: float
+    flat: float
+
+
 @compiled
 def place_foot(
     leg: Vector,
@@ -138,15 +151,10 @@ def place_foot(
     distance_m: float,
     stance: float,
     shift: float,
-    strike: float,
-    push: float,
-    lift: float,
-    flat: float,
+    roll: FootRoll,
 ) -> None:
-    """Place one foot along the way; its contacts come at clock = offset + whole strides.
-
-    It is flat on the floor from the share `flat` of a stride on.
-    """
+    """Place one foot along the way; its contacts come at clock = offset + whole strides."""
+    strike, push, lift, flat = roll
     stride = 2.0 * step
     k = np.floor((clock_m - offset_m) / stride)
     phase = (clock_m - offset_m) / stride - k
@@ -273,10 +281,8 @@ def gait_rows(
             foot[p.ANKLE] = sign * wide
             offset = contact + (0.0 if side == 0 else step)
             foot[p.FOOT_YAW] = -sign * np.radians(3.0 + 5.0 * chance(person, 401, side))
-            place_foot(
-                foot, b, clock, offset, step, distance, stance, shift, strike, push, lift,
-                0.18 * stance,
-            )  # fmt: skip
+            roll = FootRoll(strike, push, lift, 0.18 * stance)
+            place_foot(foot, b, clock, offset, step, distance, stance, shift, roll)
             foot[p.KNEE_OUT] = np.radians(1.0)
         _carry(c, b, person, cycle, full, stance, step, reach, runs)
         c[p.HIPS + 2] = -body + (0.01 * scale if runs else 0.0)

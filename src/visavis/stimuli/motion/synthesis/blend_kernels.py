@@ -1,5 +1,7 @@
 """Compiled blending of example motions at a phase; `example_blend` states the formulas."""
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -198,29 +200,39 @@ def _frames_at(at: float, begin: int, end: int) -> tuple[int, int, float]:
     return here, here + 1 if here + 1 < end else begin, at - frame
 
 
+class ExampleRows(NamedTuple):
+    """The frames of n examples, stacked.
+
+    `key_s` (n, K + 1) are key times; `first` (n + 1,) the rows at which examples begin in `turns`
+    (S, J, 4), `root_m` (S, 3), `foot_m` (S, 4, 3) and `foot_turns` (S, 4, 4); `travel_m` (n, 3) how
+    far a cycle goes; `tree` holds parents, offsets, the joints of ankles and balls (left ankle,
+    left ball, right …), the heel (3,), and the phases at which left and right foot stand flat (2,).
+    """
+
+    key_s: Vector
+    first: Index
+    frame_s: float
+    travel_m: Vector
+    turns: Vector
+    root_m: Vector
+    foot_m: Vector
+    foot_turns: Vector
+    tree: tuple[Index, Vector, Index, Vector, Vector]
+
+
 @compiled
 def blend_rows(
     phases: Vector,
     weights: Vector,
-    key_s: Vector,
-    first: Index,
-    frame_s: float,
-    travel_m: Vector,
-    turns: Vector,
-    root_m: Vector,
-    foot_m: Vector,
-    foot_turns: Vector,
-    tree: tuple[Index, Vector, Index, Vector, Vector],
+    examples: ExampleRows,
     root_out: Vector,
     turns_out: Vector,
 ) -> None:
     """Write roots (m, 3) and turns (m, J, 4) of blends at phases (m,) from 0 to K.
 
-    `weights` (m, n); `first` (n + 1,) rows at which examples begin in the stacked frames `turns`
-    (S, J, 4), `root_m` (S, 3), `foot_m` (S, 4, 3), `foot_turns` (S, 4, 4); `tree` holds parents,
-    offsets, the joints of ankles and balls (left ankle, left ball, right …), the heel
-    (3,), and the phases at which left and right foot stand flat (2,).
+    `weights` (m, n) are those of the examples.
     """
+    key_s, first, frame_s, travel_m, turns, root_m, foot_m, foot_turns, tree = examples
     parents, offsets, feet, heel_m, flat_phases = tree
     heel = triple_of(heel_m)
     joints, n, last_key = turns.shape[1], len(key_s), key_s.shape[1] - 1

@@ -43,7 +43,7 @@ from visavis.lab.geometry import Vector
 from visavis.stimuli.motion.clip import Clip, Frames
 from visavis.stimuli.motion.errors import MotionError
 from visavis.stimuli.motion.skeleton import Skeleton
-from visavis.stimuli.motion.synthesis.blend_kernels import blend_rows
+from visavis.stimuli.motion.synthesis.blend_kernels import ExampleRows, blend_rows
 from visavis.stimuli.motion.synthesis.examples import Examples
 
 
@@ -77,9 +77,7 @@ def blend_at(examples: Examples, weights: Vector, phases: npt.ArrayLike) -> Fram
     own = phase.ravel() - rounds * (keys - 1)
     root = np.empty((len(own), 3))
     turns = np.empty((len(own), len(examples.skeleton.names), 4))
-    blend_rows(
-        own,
-        w,
+    rows = ExampleRows(
         examples.key_s,
         examples.first,
         examples.frame_s,
@@ -89,9 +87,8 @@ def blend_at(examples: Examples, weights: Vector, phases: npt.ArrayLike) -> Fram
         examples.foot_m,
         examples.foot_turns,
         examples.tree,
-        root,
-        turns,
     )
+    blend_rows(own, w, rows, root, turns)
     root += rounds[:, None] * (w @ examples.travel_m)
     return Frames(root.reshape(*phase.shape, 3), turns.reshape(*phase.shape, *turns.shape[1:]))
 

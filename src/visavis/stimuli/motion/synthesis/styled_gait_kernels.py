@@ -5,7 +5,7 @@ import numpy as np
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 from visavis.stimuli.motion import posture as p
-from visavis.stimuli.motion.gait_kernels import WALK_SHIFT_M, place_foot, reach_height_m
+from visavis.stimuli.motion.gait_kernels import WALK_SHIFT_M, FootRoll, place_foot, reach_height_m
 from visavis.stimuli.motion.standing_kernels import hang_arms
 
 LEAD_STRIDES = 4.0
@@ -72,10 +72,8 @@ def styled_rows(shares: Vector, style: Vector, b: Vector, person: int, controls:
             foot[p.ANKLE] = sign * b[p.B_HIP_X] * width
             foot[p.FOOT_YAW] = -sign * toes_out
             offset = 0.0 if side == 0 else step
-            place_foot(
-                foot, b, clock, offset, step, ENDLESS_M, stance, shift, strike, push,
-                scale * 0.055 * lift, stance - 0.5,
-            )  # fmt: skip
+            roll = FootRoll(strike, push, scale * 0.055 * lift, stance - 0.5)
+            place_foot(foot, b, clock, offset, step, ENDLESS_M, stance, shift, roll)
             foot[p.ANKLE + 2] += LEAD_STRIDES * 2.0 * step
             foot[p.KNEE_OUT] = np.radians(1.0)
         over_left = np.cos(cycle - middle)
