@@ -28,7 +28,7 @@ TRACKERS = {
         lambda role, wire, clock: NatNet(role, wire, clock, bodies=WAND),
     ),
     "lsl_body": (
-        lambda body, clock, **kw: LslBodySimulator(body, clock, objects=WAND, **kw),
+        lambda body, clock, **kw: LslBodySimulator(body, clock, bodies=WAND, **kw),
         lambda role, wire, clock: LslBody(role, wire, clock, objects=WAND),
     ),
     "xsens": (XsensSimulator, XsensMvn),
