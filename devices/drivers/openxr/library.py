@@ -83,6 +83,10 @@ _REFUSALS = {
         "the OpenXR runtime finds no headset",
         "connect and switch on the headset",
     ),
+    "RuntimeFailureError": (
+        "the OpenXR runtime does not answer",
+        "start the headset's runtime, or its service, again",
+    ),
     "ApiVersionUnsupportedError": (
         "the OpenXR runtime is older than OpenXR 1.0",
         "update the runtime",

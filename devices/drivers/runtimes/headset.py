@@ -241,7 +241,8 @@ class RuntimeHeadset(MessageDevice):
             with legible("what it answered when it came back", self._spec.remedy):
                 self._connect_again()
         except DeviceError as problem:
-            self._loss = f"lost the {self.runtime}: {problem}"
+            reason = str(problem).removesuffix(f"; {problem.remedy}")  # the fault has its own
+            self._loss = f"lost the {self.runtime}: {reason}"
             return
         self._life.state = DeviceState.STREAMING
 
