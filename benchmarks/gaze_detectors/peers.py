@@ -1,15 +1,23 @@
-"""Other packages' detectors, as their authors set them, on the same recordings."""
+"""Other packages' detectors on the same recordings, in every setting that is ordinary for them.
+
+A package whose result hangs on how velocity is smoothed is tried with the usual ways; the table
+shows the best of them for each set, which favours it.
+"""
 
 import importlib.util
 import logging
 import warnings
-from collections.abc import Callable, Mapping
-from functools import cache
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache, partial
+from itertools import product
 
 import numpy as np
 import pandas as pd
+from scipy.signal import savgol_filter
 
 from benchmarks.gaze_detectors.sets import Labels, Recording
+from benchmarks.gaze_detectors.smoothed import SMOOTHED
+from benchmarks.gaze_detectors.smoothed import Detect as OfWorld
 from visavis.analysis.gaze.movements.kinds import Movement
 from visavis.lab.geometry import Vector
 
@@ -32,14 +40,30 @@ def _rate_hz(r: Recording) -> float:
     return 1e9 / float(np.median(np.diff(r.t_ns)))
 
 
-def _pymovements(r: Recording) -> Labels:
+PYMOVEMENTS_SMOOTHED_MS = (0, 20, 40, 60)
+PYMOVEMENTS_DEG_S = (20.0, 30.0, 45.0)
+LEAST_S = 0.06
+
+
+def _pymovements(r: Recording, *, window_ms: float, threshold_deg_s: float) -> Labels:
+    """I-VT on velocity by five points (0 ms: its default) or by its Savitzky-Golay filter."""
     import pymovements as pm
 
     place, rate = _degrees(r), _rate_hz(r)
-    velocity = np.full(place.shape, np.nan)  # five points, the package's own default
-    velocity[2:-2] = (place[4:] + place[3:-1] - place[1:-3] - place[:-4]) * rate / 6
-    found = pm.events.ivt(velocity, minimum_duration=round(0.1 * rate))
+    velocity = np.full(place.shape, np.nan)
+    width = round(window_ms / 1000 * rate) | 1
+    if width >= 5:
+        velocity = savgol_filter(place, width, 2, deriv=1, delta=1 / rate, axis=0, mode="nearest")
+    else:
+        velocity[2:-2] = (place[4:] + place[3:-1] - place[1:-3] - place[:-4]) * rate / 6
+    found = pm.events.ivt(
+        velocity, minimum_duration=round(LEAST_S * rate), velocity_threshold=threshold_deg_s
+    )
     return _labels(len(place), found.frame["onset"].to_numpy(), found.frame["offset"].to_numpy())
+
+
+def _smoothed(r: Recording, *, detect: OfWorld) -> Labels:
+    return detect(r.t_ns, r.direction)
 
 
 def _labels(n: int, first: Vector, last: Vector) -> Labels:
@@ -136,16 +160,28 @@ def _quiet(detect: Detect) -> Detect:
     return run
 
 
-PEERS = {
-    "pymovements I-VT": ("pymovements", _pymovements),
-    "remodnav": ("remodnav", _remodnav),
-    "i2mc package": ("I2MC", _i2mc),
+PEERS: Mapping[str, tuple[str, Sequence[Detect]]] = {
+    "pymovements I-VT": (
+        "pymovements",
+        [
+            partial(_pymovements, window_ms=ms, threshold_deg_s=deg_s)
+            for ms, deg_s in product(PYMOVEMENTS_SMOOTHED_MS, PYMOVEMENTS_DEG_S)
+        ],
+    ),
+    "I-VT, smoothed": ("scipy", [partial(_smoothed, detect=d) for d in SMOOTHED.values()]),
+    "remodnav": ("remodnav", [_remodnav]),
+    "i2mc package": ("I2MC", [_i2mc]),
 }
+"""By name: the package it needs, and its ordinary settings."""
 
 
-def available_peers() -> Mapping[str, Detect]:
-    """Return the peers that are installed; the others are named on the screen."""
-    there = {name: _quiet(d) for name, (m, d) in PEERS.items() if importlib.util.find_spec(m)}
+def available_peers() -> Mapping[str, Sequence[Detect]]:
+    """Return the settings of peers that are installed; the others are named on the screen."""
+    there = {
+        name: [_quiet(d) for d in settings]
+        for name, (module, settings) in PEERS.items()
+        if importlib.util.find_spec(module)
+    }
     for name in PEERS.keys() - there.keys():
         print(f"{name}: not installed (pip install visavis[peers])")
     return there

@@ -8,7 +8,10 @@ None of them is part of Visavis; each has its own licence. They are recognised b
   twelve coders of fixations, 300 Hz;
 - `gazecom`: Startsev, Agtzidis & Dorr (2019) as tables `data_gazecom/CLIP/*.csv`, 250 Hz;
 - `lookatpoint`: Zemblys, Niehorster, Komogortsev & Holmqvist (2018), `lookAtPoint_EL_S*.npy`,
-  one expert, 1000 Hz.
+  one expert, 1000 Hz;
+- `hmr`: people with a head-mounted tracker before a moving target, as tables
+  `data_hmr/USER/eye_*.csv` beside GazeCom's in elmadjian/OEMC, 200 Hz. Places are of the pupil in
+  the camera's picture and not calibrated, so `HMR_DEG` is a guess and only comparisons count.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -36,6 +39,7 @@ GAZECOM_LABELS = {
     "P": Movement.PURSUIT,
     "B": Movement.BLINK,
 }
+HMR_DEG, HMR_RATE_HZ = 150.0, 200.0
 LOOKATPOINT_LABELS = (0, 1, 2, 3, 0, 5)
 
 
@@ -174,6 +178,21 @@ def _lookatpoint(root: Path) -> Iterator[Recording]:
         )
 
 
+def _hmr(root: Path) -> Iterator[Recording]:
+    for path in sorted(root.rglob("data_hmr/*/*.csv")):
+        table = pd.read_csv(path, sep="\t")
+        place = table[["X_coord", "Y_coord"]].to_numpy(float)
+        lost = (table["Confidence"].to_numpy(float) < 0.5) | ~np.isfinite(place).all(axis=1)
+        turned = np.radians((place - np.nanmedian(place[~lost], axis=0)) * HMR_DEG)
+        code = table["Pattern"].map({k: int(v) for k, v in GAZECOM_LABELS.items()}).fillna(0)
+        yield Recording(
+            f"{path.parent.name}_{path.stem}",
+            _stamps(len(table), HMR_RATE_HZ),
+            _directions(np.tan(turned[:, 0]), np.tan(turned[:, 1]), 1.0, lost),
+            {"authors": labelling_of(np.asarray(code, np.int8))},
+        )
+
+
 SETS: Mapping[str, Callable[[Path], Iterator[Recording]]] = {
     "lund images": partial(_lund, task="img"),
     "lund dots": partial(_lund, task="trial"),
@@ -182,6 +201,7 @@ SETS: Mapping[str, Callable[[Path], Iterator[Recording]]] = {
     "hooge infants": partial(_hooge, group="infant"),
     "gazecom": _gazecom,
     "lookatpoint": _lookatpoint,
+    "hmr": _hmr,
 }
 """Each set by name, and what reads it from a folder; a set that is not there has no recording."""
 

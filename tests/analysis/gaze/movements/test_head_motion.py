@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.gaze_detectors.agreement import agreement
-from benchmarks.gaze_detectors.headset import Wearing, WornRecording, worn_set
+from benchmarks.gaze_detectors.worn import Wearing, WornRecording, worn_set
 from visavis.analysis.gaze.movements.detect import DETECTOR_NAMES, detect_movements
 from visavis.analysis.gaze.movements.head_motion import STILL, without_head
 from visavis.analysis.gaze.movements.kinds import Movement, Movements

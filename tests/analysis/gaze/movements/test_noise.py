@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.gaze_detectors.agreement import agreement, runs_of
-from benchmarks.gaze_detectors.headset import Wearing, worn_set
+from benchmarks.gaze_detectors.worn import Wearing, worn_set
 from visavis.analysis.gaze.movements.detect import detect_movements
 from visavis.analysis.gaze.movements.kinds import Movement
 from visavis.analysis.gaze.movements.parameters import MovementParameters
