@@ -3,17 +3,33 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 from scipy import special
 
-from visavis.analysis.statistics.design import Design, Frame, Levels, Missing, read_design
+from visavis.analysis.statistics.design import (
+    Design,
+    Frame,
+    Levels,
+    Missing,
+    read_design,
+    with_covariates,
+)
 from visavis.analysis.statistics.effect_table import EffectTable
 from visavis.analysis.statistics.effects import partial_eta_squared
 from visavis.analysis.statistics.errors import ConstantResponse, UnknownMethod
 from visavis.analysis.statistics.linear import FittedMixedModel, model_matrix, residual_ss
-from visavis.analysis.statistics.results import Effect, Provenance, Result, Row, f_text, p_text
+from visavis.analysis.statistics.results import (
+    Array,
+    Effect,
+    Provenance,
+    Result,
+    Row,
+    f_text,
+    p_text,
+)
 from visavis.analysis.statistics.sphericity import Sphericity, sphericity
 from visavis.analysis.statistics.strata import Strata, Stratum
 
@@ -104,8 +120,12 @@ def rm_anova(
     levels: Levels | None = None,
     missing: Literal["error", "listwise"] = "error",
     correction: Correction = "mauchly",
+    covariates: Sequence[str] = (),
 ) -> Anova:
     """Test all effects of a design with within factors, type III, each against its own error.
+
+    `covariates` are numbers of people that are held constant (ANCOVA), centred at their means; each
+    is tested, too, and so is whether effects within people change with it.
 
     `correction` decides what is reported: "mauchly" applies Greenhouse-Geisser where Mauchly's
     p < .05, "gg" and "hf" always, "none" never. For missing cells without dropping subjects use
@@ -120,6 +140,7 @@ def rm_anova(
         levels=levels,
         missing=_no_mixed(missing),
     )
+    design = with_covariates(design, frame, covariates)
     return anova_of_design(design, subject=subject, correction=correction)
 
 
@@ -132,11 +153,18 @@ def between_anova(
     levels: Levels | None = None,
     missing: Literal["error", "listwise"] = "error",
     ss_type: Literal[2, 3] = 3,
+    covariates: Sequence[str] = (),
 ) -> Anova:
-    """Test all effects of a between-subject factorial design, sums of squares of type II or III."""
+    """Test all effects of a between-subject factorial design, sums of squares of type II or III.
+
+    `covariates` are numbers that are held constant (ANCOVA, type III), centred at their means.
+    """
     design = read_design(
         frame, dv, subject=subject, between=between, levels=levels, missing=_no_mixed(missing)
     )
+    design = with_covariates(design, frame, covariates)
+    if covariates and ss_type != 3:
+        raise UnknownMethod("covariates are held constant by type III sums of squares; leave 2 out")
     table = anova_of_design(design, subject=subject or "row", correction="none")
     if ss_type == 3:
         return table
@@ -177,7 +205,7 @@ def anova_of_design(design: Design, *, subject: str, correction: Correction = "m
         )
     strata = Strata(design, subject)
     table = design.table(design.y)
-    tests = [strata.test(table, term) for term in design.terms]
+    tests = [strata.test(table, term) for term in _terms(design)]
     errors = {s.error_term: s.ss_error for s in tests}
     if subject not in errors:
         errors[subject] = float(strata.test(table, ()).ss_error)
@@ -191,6 +219,9 @@ def anova_of_design(design: Design, *, subject: str, correction: Correction = "m
     notes: tuple[str, ...] = ()
     if not design.is_balanced:
         notes = ("groups differ in size; type III tests compare unweighted group means",)
+    if design.covariates:
+        kind = f"{kind} with {' and '.join(design.covariates)} held constant"
+        notes += _unequal_slopes(design, table)
     provenance = Provenance(
         kind,
         design.n,
@@ -200,6 +231,40 @@ def anova_of_design(design: Design, *, subject: str, correction: Correction = "m
         notes=notes,
     )
     return Anova(effects, design, provenance, subject)
+
+
+def _terms(design: Design) -> tuple[tuple[str, ...], ...]:
+    """Return the effects tested: of the factors, then of covariates, alone and with conditions."""
+    names = [f.name for f in design.within]
+    of_conditions = [t for size in range(len(names) + 1) for t in combinations(names, size)]
+    return (*design.terms, *((name, *t) for name in design.covariates for t in of_conditions))
+
+
+def _unequal_slopes(design: Design, table: Array) -> tuple[str, ...]:
+    """Note covariates on which people's means depend differently in different groups."""
+    groups, sizes = design.group_of_subject, [f.k for f in design.between]
+    if not groups:
+        return ()
+    y = table.reshape(design.n, -1).mean(axis=1)
+    X, place = model_matrix(groups, sizes, design.n)
+    X = np.column_stack([X, *design.covariates.values()])
+    notes = []
+    for name, values in design.covariates.items():
+        of_groups = X[:, place[()].stop : X.shape[1] - len(design.covariates)] * values[:, None]
+        whole = np.hstack([X, of_groups])
+        df1, df2 = of_groups.shape[1], design.n - whole.shape[1]
+        rest = residual_ss(whole, y)
+        if df2 < 1 or rest <= 0:
+            continue
+        F = (residual_ss(X, y) - rest) / df1 / (rest / df2)
+        p = float(special.fdtrc(df1, df2, max(F, 0.0)))
+        if p < 0.05:
+            notes.append(
+                f"{design.dv} depends on {name} differently in the groups "
+                f"({f_text(F, df1, df2)}, {p_text(p)}): differences of groups are those at its "
+                "mean and not elsewhere"
+            )
+    return tuple(notes)
 
 
 CORRECTION_NAME = {

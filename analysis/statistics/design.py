@@ -1,7 +1,7 @@
 """Read a tidy frame as a factorial design, or say which row or cell is wrong."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from functools import cached_property
 from itertools import combinations
@@ -72,6 +72,8 @@ class Design:
     is_complete: bool
     dropped: tuple[str, ...] = ()
     is_repeated: bool = False
+    covariates: Mapping[str, Array] = field(default_factory=dict)
+    """Numbers of subjects by name, each (n,), which the model holds constant."""
 
     @property
     def within(self) -> tuple[Factor, ...]:
@@ -209,6 +211,33 @@ def read_design(
             raise TooFewLevels(f"factor {factor.name} has one level only ({only}); it needs two")
     y = _response(columns[dv], dv, ids, codes, factors)
     return _complete_design(dv, y, codes, ids, factors, missing, allow_repeats)
+
+
+def with_covariates(design: Design, frame: Frame, names: Sequence[str]) -> Design:
+    """Return a design that holds numbers of subjects constant.
+
+    Raises:
+        StatisticsError: a covariate is a factor too, is missing, does not vary, or differs within a
+            subject.
+    """
+    covariates: dict[str, Array] = {}
+    for name in _as_names(names):
+        if name in (design.dv, *(f.name for f in design.factors)):
+            raise UnknownColumn(f"{name} is the response or a factor; it cannot be held constant")
+        values = numbers(column_of(frame, name), name=name)[design.rows]
+        of_subject = np.full(design.n, np.nan)
+        of_subject[design.subject] = values
+        differing = np.flatnonzero(of_subject[design.subject] != values)
+        if differing.size:
+            who = design.subjects[int(design.subject[differing[0]])]
+            raise DuplicateCell(
+                f"subject {who} has several values of {name}; a covariate is one number of a "
+                "subject: average it first, or take it as a factor"
+            )
+        if is_constant(of_subject):
+            raise ConstantResponse(f"{name} is {of_subject[0]:g} for all; it explains nothing")
+        covariates[name] = of_subject
+    return replace(design, covariates=covariates)
 
 
 def column_of(frame: Frame, name: str) -> Any:

@@ -128,9 +128,10 @@ class GroupCells:
             covariance, dfs = self._of_strata(strata, weights)
             return Comparison(estimates, covariance, dfs, (None,) * len(C))
         away = strata.residuals(table)
-        df = design.n - sizes.size
+        df = strata.df
         spread = away.T @ away / df
-        covariance = np.einsum("mgw,wv,lgv,g->ml", weights, spread, weights, 1 / sizes)
+        of_groups = strata.group_covariance
+        covariance = np.einsum("mgw,wv,lhv,gh->ml", weights, spread, weights, of_groups)
         largest = float(np.abs(means).max()) ** 2
         for i in np.flatnonzero(np.diag(covariance) <= NO_SPREAD * largest):
             raise ConstantResponse(self._no_spread(weights[i]))
@@ -143,12 +144,12 @@ class GroupCells:
 
     def _of_strata(self, strata: Strata, weights: Array) -> tuple[Array, Array]:
         """Return covariance and Satterthwaite's df from the mean squares of the strata."""
-        per_group = weights / np.sqrt(self.design.group_sizes)[:, None]
+        of_groups = strata.group_covariance
         table = self.design.table(self.y)
         parts, dfs = [], []
         for basis, mean_square, df, _ in self._strata(strata, table):
-            scores = (per_group @ basis).reshape(len(weights), -1)
-            parts.append(mean_square * scores @ scores.T)
+            scores = weights @ basis
+            parts.append(mean_square * np.einsum("mgq,lhq,gh->ml", scores, scores, of_groups))
             dfs.append(df)
         variances = np.array([np.diag(part) for part in parts])
         total = variances.sum(axis=0)

@@ -46,11 +46,15 @@ class Strata:
     def __init__(self, design: Design, subject: str) -> None:
         between = design.between
         X, self._place = model_matrix(design.group_of_subject, [f.k for f in between], design.n)
+        # Covariates are columns beside the groups: centred, so that groups compare at their mean.
+        for j, values in enumerate(design.covariates.values()):
+            self._place[(len(between) + j,)] = slice(X.shape[1], X.shape[1] + 1)
+            X = np.hstack([X, (values - values.mean())[:, None]])
         self._inverse = np.linalg.inv(X.T @ X)
         self._fit = self._inverse @ X.T
         self._X = X
-        self._groups = X.shape[1]
-        self._between = [f.name for f in between]
+        self._columns = X.shape[1]
+        self._between = [*(f.name for f in between), *design.covariates]
         self._within = [f.name for f in design.within]
         self._design = design
         self._subject = subject
@@ -79,7 +83,7 @@ class Strata:
         part = beta[columns]
         hypothesis = part.T @ np.linalg.solve(self._inverse[columns, columns], part)
         inside = [n for n in self._within if n in term]
-        q, df = Z.shape[1], Z.shape[0] - self._groups
+        q, df = Z.shape[1], Z.shape[0] - self._columns
         noise = FLOAT_NOISE * float((table**2).sum())
         ss, ss_error = float(np.trace(hypothesis)), float((errors**2).sum())
         return Stratum(
@@ -90,7 +94,7 @@ class Strata:
             ss=ss if ss > noise else 0.0,
             ss_error=ss_error if ss_error > noise else 0.0,
             errors=errors,
-            n_groups=self._groups,
+            n_groups=self._columns,
         )
 
     def residuals(self, Z: Array) -> Array:
@@ -98,21 +102,39 @@ class Strata:
         away: Array = Z - self._X @ (self._fit @ Z)
         return away
 
+    @property
+    def df(self) -> int:
+        """People minus the columns of the model of groups and covariates."""
+        return int(self._X.shape[0]) - self._columns
+
+    def _of_groups(self) -> Array:
+        """Return the row of the model of every group at the covariates' means, (groups, p)."""
+        sizes = [f.k for f in self._design.between]
+        codes = np.unravel_index(np.arange(int(np.prod(sizes, dtype=int))), sizes or (1,))
+        rows, _ = model_matrix(codes[: len(sizes)], sizes, int(np.prod(sizes, dtype=int)))
+        at_mean = np.zeros((len(rows), len(self._design.covariates)))
+        return np.hstack([rows, at_mean])
+
     def group_means(self, values: Array) -> Array:
-        """Return the mean of every cell of the between factors, (k1, k2, …, *columns)."""
+        """Return the mean of every cell of the between factors, (k1, k2, …, *columns).
+
+        With covariates it is the one expected at their means.
+        """
         shape = tuple(f.k for f in self._design.between)
-        codes = np.zeros(self._design.n, dtype=np.intp)
-        if shape:
-            codes = np.ravel_multi_index(self._design.group_of_subject, shape)
-        sums = np.zeros((int(np.prod(shape, dtype=int)), *values.shape[1:]))
-        np.add.at(sums, codes, values)
-        counts = self._design.group_sizes.reshape(-1, *([1] * (values.ndim - 1)))
-        means: Array = (sums / counts).reshape(*shape, *values.shape[1:])
-        return means
+        flat = values.reshape(values.shape[0], -1)
+        means: Array = self._of_groups() @ (self._fit @ flat)
+        return means.reshape(*shape, *values.shape[1:])
+
+    @property
+    def group_covariance(self) -> Array:
+        """Return the covariance of groups' means of values of variance 1, (groups, groups)."""
+        rows = self._of_groups()
+        covariance: Array = rows @ self._inverse @ rows.T
+        return covariance
 
     def pooled_within_error(self, table: Array) -> tuple[float, int]:
         """Return the error sum of squares of all within effects together, and its df."""
         flat = table.reshape(table.shape[0], -1)
         residual = flat - self._X @ (self._fit @ flat)
         ss = float((residual**2).sum() - (residual.sum(axis=1) ** 2).sum() / flat.shape[1])
-        return ss, (flat.shape[1] - 1) * (flat.shape[0] - self._groups)
+        return ss, (flat.shape[1] - 1) * (flat.shape[0] - self._columns)

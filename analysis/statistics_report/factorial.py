@@ -273,6 +273,7 @@ def _rm(table: DataTable, q: Question) -> Outcome:
         levels=tidy.levels,
         missing="listwise" if q.missing == "listwise" else "error",
         correction=_correction(q, "mauchly"),
+        covariates=q.model.covariates,
     )
     path = [f"Has every subject every cell: n = {design.n} → yes"]
     path += _sphericity_path(anova)
@@ -285,7 +286,8 @@ def _mean_contrasts(q: Question, table: Anova | Gee | Clmm, adjust: str) -> _Fam
     """Compare the marginal means of every effect of one or two factors that asks for it."""
     families = _Families(q, lambda effect: len(effect.term) <= 2)
     way = cast(ContrastAdjustment, adjust)
-    for effect in table.effects:
+    covariates = set(q.model.covariates)  # numbers have no levels to compare
+    for effect in (e for e in table.effects if covariates.isdisjoint(e.term)):
         if not families.asks_for(effect, adjust):
             continue
         if not families.add_simple(effect, partial(simple_effects, table, adjust=way)):
@@ -471,6 +473,7 @@ def _between(table: DataTable, q: Question) -> Outcome:
         subject=q.subject or None,
         levels=tidy.levels,
         missing="listwise" if q.missing == "listwise" else "error",
+        covariates=q.model.covariates,
     )
     families = _mean_contrasts(q, anova, adjust)
     families.notes += uneven_groups(anova.design, "the test welch, for one factor")

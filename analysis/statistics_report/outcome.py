@@ -49,6 +49,8 @@ class ModelChoices:
     """For t between groups: Student's test instead of Welch's."""
     bayes: bool = False
     """For t: the Bayes factor beside it."""
+    covariates: tuple[str, ...] = ()
+    """For rm and anova: columns of numbers of people that are held constant (ANCOVA)."""
     side: bool = False
     """For bradleyterry: whether the odds of the first item (side preference) are reported, too."""
 
@@ -93,6 +95,8 @@ class Wording:
 
 TESTS_OF_FACTORS: Final = ("art", "rm", "mixed", "lmm", "gee", "clmm", "anova")
 """The tests of several factors, which have interactions."""
+WITH_COVARIATES: Final = ("rm", "anova")
+"""The tests that hold numbers of people constant."""
 PARTS: Final[Mapping[str, type[Any]]] = {
     "decision": DecisionRule,
     "model": ModelChoices,
@@ -217,7 +221,9 @@ class Question:
                 f"simple={simple} names no factor whose simple effects the test {self.test} "
                 f"compares; of {', '.join(TESTS_OF_FACTORS)} it is a factor ({factors})"
             )
+        object.__setattr__(model, "covariates", _as_names(model.covariates))
         for name, choice, tests in (
+            ("covariates", model.covariates, WITH_COVARIATES),
             ("random", model.random, ("lmm", "clmm", "bradleyterry")),
             ("nodes", model.nodes, ("clmm", "bradleyterry")),
         ):
@@ -340,6 +346,10 @@ class Outcome:
             if isinstance(value, float):
                 return value
         raise UsageError(f"{self.title} has no p")
+
+
+def _as_names(names: str | Sequence[str]) -> tuple[str, ...]:
+    return (names,) if isinstance(names, str) else tuple(names)
 
 
 def _term(row: Row) -> str:

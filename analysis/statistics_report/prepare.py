@@ -52,9 +52,12 @@ def prepare(table: DataTable, question: Question, *, average: bool = True) -> Ti
     keys = [*([q.subject] if q.subject else []), *q.between, *q.within]
     labels = {key: table.labels(key) for key in keys}
     y = table.numbers(q.dv, _where(labels, q)) if keys else table.numbers(q.dv)
-    frame = pd.DataFrame({**labels, q.dv: y})
+    frame = pd.DataFrame({**labels, **_covariates(table, q), q.dv: y})
     levels = {f: _levels(table, q, f, labels[f]) for f in (*q.between, *q.within)}
     notes = list(table.notes)
+    frame, covariate_notes = _with_known_covariates(table, frame, q)
+    notes += covariate_notes
+    keys += q.model.covariates
     if q.subject:
         _refuse_two_groups(table, frame, q)
         if frame.duplicated(keys).any():
@@ -65,6 +68,31 @@ def prepare(table: DataTable, question: Question, *, average: bool = True) -> Ti
         if q.within and q.missing == "error":
             _refuse_missing(table, frame, levels, q)
     return TidyTable(frame, levels, tuple(notes))
+
+
+def _covariates(table: DataTable, q: Question) -> dict[str, Array]:
+    return {name: table.numbers(name) for name in q.model.covariates}
+
+
+def _with_known_covariates(
+    table: DataTable, frame: pd.DataFrame, q: Question
+) -> tuple[pd.DataFrame, list[str]]:
+    """Return the rows whose covariates are known; unknown ones are refused unless left out."""
+    notes = []
+    for name in q.model.covariates:
+        unknown = frame[name].isna()
+        if not unknown.any():
+            continue
+        if q.missing != "listwise":
+            row = int(np.flatnonzero(unknown)[0])
+            raise MissingValue(
+                f"{table.name}: {name} is missing in {table.place(row)}; repair it, or leave such "
+                "people out with missing=listwise"
+            )
+        people = frame.loc[unknown, q.subject].nunique() if q.subject else int(unknown.sum())
+        notes.append(f"left out: {people} without {name}")
+        frame = frame[~unknown].reset_index(drop=True)
+    return frame, notes
 
 
 def read(tidy: TidyTable, question: Question) -> Design:
@@ -177,7 +205,8 @@ def tested_rows(design: Design, subject: str) -> pd.DataFrame:
     for factor in design.factors:
         names = [str(v) for v in factor.levels]
         columns[factor.name] = pd.Categorical.from_codes(factor.codes, pd.Index(names))
-    return pd.DataFrame({**columns, design.dv: design.y})
+    held = {name: values[design.subject] for name, values in design.covariates.items()}
+    return pd.DataFrame({**columns, **held, design.dv: design.y})
 
 
 def average_trials(design: Design) -> Design:

@@ -250,7 +250,52 @@ def _f_lines(source: str, outcome: Outcome, names: Mapping[str, str]) -> list[st
     return lines
 
 
+def _ancova(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    """Return code of tests with covariates, centred over people; contrasts are left out."""
+    q = outcome.question
+    held = {name: f"c{j}" for j, name in enumerate(q.model.covariates, 1)}
+    lines = ["per <- d[!duplicated(d$s), ]"] if "s" in _columns(outcome) else ["per <- d"]
+    lines += [
+        f"d${short} <- d[[{r_string(name)}]] - mean(per[[{r_string(name)}]])"
+        for name, short in held.items()
+    ]
+    packages: tuple[str, ...] = ("car",)
+    if q.within:
+        packages = ("afex",)
+        roles = ", ".join(
+            f"{role} = {r_vector([names[f] for f in factors])}"
+            for role, factors in (("within", q.within), ("between", q.between))
+            if factors
+        )
+        lines.append(
+            "held <- function(how) suppressWarnings(suppressMessages(afex::aov_ez("
+            f'"s", "y", d, {roles}, covariate = {r_vector(list(held.values()))}, '
+            "factorize = FALSE, anova_table = list(correction = how))))$anova_table"
+        )
+    else:
+        formula = f"{' * '.join(names.values())} + {' + '.join(held.values())}"
+        lines.append(f"held <- function(how) car::Anova(lm(y ~ {formula}, d), type = 3)")
+    ways = {"Greenhouse-Geisser": "GG", "Huynh-Feldt": "HF"}
+    for row in outcome.rows:
+        term = ":".join({**names, **held}[name] for name in str(row["term"]).split(":"))
+        way = ways.get(str(row["sphericity_correction"]), "none")
+        lines += [
+            f"e <- held({r_string(way)}); i <- {r_string(term)}",
+            f'line({r_string(str(row["term"]))}, e[i, grep("^F", names(e))], e[i, "Pr(>F)"])',
+        ]
+    lines.append("# Contrasts hold the covariates at their means (0 here): emmeans(model, term).")
+    return lines, packages
+
+
+def _columns(outcome: Outcome) -> tuple[str, ...]:
+    """Return the short names of columns that the script has made."""
+    data, q = outcome.data, outcome.question
+    return ("s",) if data is not None and q.subject in data else ()
+
+
 def _rm(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    if outcome.question.model.covariates:
+        return _ancova(outcome, names)
     table_line = f"e <- afex_table(d, {_roles(outcome, names)})"
     contrasts = marginal_lines(outcome, names, _wide(outcome, names))
     packages = ("afex", "emmeans") if contrasts else ("afex",)
@@ -280,6 +325,8 @@ def _lm(outcome: Outcome, names: Mapping[str, str]) -> list[str]:
 
 
 def _anova(outcome: Outcome, names: Mapping[str, str]) -> Body:
+    if outcome.question.model.covariates:
+        return _ancova(outcome, names)
     model = [f"m <- lm(y ~ {' * '.join(names.values())}, data = d)", GRID]
     contrasts = marginal_lines(outcome, names, model)
     return [*_lm(outcome, names), *contrasts], ("emmeans",) if contrasts else ()

@@ -9,6 +9,7 @@ from visavis.analysis.power import ANYTHING
 from visavis.cli.quick_tracker import tracker_of
 from visavis.lab.errors import DataError, DesignError
 from visavis.results.analysis import answer_comparison, rows_to_compare, with_corrected_p
+from visavis.results.claims import answer_claim
 from visavis.results.findings import Finding
 from visavis.results.opened_study import find_study
 from visavis.results.power import KitPower
@@ -233,3 +234,31 @@ def test_simple_effects_are_planned_in_a_study_and_those_of_r() -> None:
 def test_simple_effects_need_another_factor(given: dict[str, str]) -> None:
     with pytest.raises(DesignError, match="has no simple effects"):
         Compare("naturalness", simple="method", **given)  # type: ignore[arg-type]  # wrong on purpose
+
+
+def test_what_people_answered_is_held_constant_and_differences_are_adjusted() -> None:
+    compare = Compare(
+        "naturalness",
+        between="half",
+        options=[("covariates", "animation")],
+        claim="the second half rates higher",
+        expects="second > first",
+    )
+    trials = _trials().assign(
+        half=lambda t: t["participant"].map(lambda w: ("first", "second")[int(w[1:]) % 2])
+    )
+    finding = answer_comparison(
+        compare,
+        rows_to_compare(compare, trials, _people(), {}),
+        {"naturalness": Measure("naturalness", "1", "Naturalness")},
+        {"half": ("first", "second")},
+        is_simulated=False,
+    )
+    (term,) = with_corrected_p([finding])[0].terms
+    # m <- lm(mean ~ half + animation); car::Anova(m, type = 3); pairs(emmeans(m, "half"))
+    assert ("half", pytest.approx(0.762514512174, abs=1e-9)) == (term.name, term.p)
+    (difference,) = answer_claim(finding).differences
+    assert pytest.approx(0.094, abs=1e-9) == difference.value
+    assert difference.interval is not None
+    assert pytest.approx(-0.568503820, abs=1e-8) == difference.interval.low
+    assert "with animation held constant" in finding.outcome.title  # type: ignore[union-attr]  # it was tested

@@ -245,7 +245,9 @@ def columns_of(compare: Compare, groups: Groups) -> tuple[str, ...]:
     """Return the columns of trials or people that a comparison's factors and conditions read."""
     by = (compare.by,) if compare.by else ()
     return columns_asked(
-        compare.where, (*compare.within, *compare.between, *compare.only, *by), groups
+        compare.where,
+        (*compare.within, *compare.between, *compare.only, *by, *compare.covariates),
+        groups,
     )
 
 
@@ -320,7 +322,7 @@ def answer_comparison(
         )
     # From here a comparison that cannot be tested is a finding that says why, so that the others
     # are still analysed.
-    named = (*factors, *compare.only)
+    named = (*factors, *compare.only, *compare.covariates)
     if absent := [name for name in named if name not in trials]:
         return Finding(compare, measure, None, (), f"no trial has {', '.join(absent)}")
     everybody = trials["participant"].nunique()
@@ -341,6 +343,12 @@ def answer_comparison(
         frame[measure.column] = pd.to_numeric(frame[measure.column], errors="coerce").astype(float)
     else:
         frame = aggregate_cells(trials, [measure], factors).drop(columns="n")
+        if compare.covariates:
+            held = trials[["participant", *compare.covariates]].drop_duplicates()
+            if held["participant"].duplicated().any():
+                why = f"somebody has several values of {' or '.join(compare.covariates)}"
+                return Finding(compare, measure, None, (), why)
+            frame = frame.merge(held, on="participant", how="left")
     n = frame.dropna(subset=[measure.column])["participant"].nunique()
     if n < MIN_PARTICIPANTS:
         words = measure.words[:1].lower() + measure.words[1:]

@@ -91,9 +91,18 @@ def _of_two_levels(
         between = Interval(low, high) if np.isfinite(low) else None
         return Difference((greater,), (less,), "odds", odds, between, sign, is_significant)
     value, interval = difference_of_means(finding, {factor: (greater, less)})
+    if finding.compare.covariates and row.get("ci_low") is not None and "contrast" in row:
+        value, interval = _as_adjusted(row, (greater, less))
     return Difference(
         (greater,), (less,), "difference", value, interval, sign or _sign(value), is_significant
     )
+
+
+def _as_adjusted(row: Mapping[str, Any], pair: tuple[str, str]) -> tuple[float, Interval]:
+    """Return the difference that a model finds with what it holds constant, and its interval."""
+    sign = 1 if levels_of(row) == pair else -1
+    interval = Interval(float(row["ci_low"]), float(row["ci_high"]), INTERVAL_LEVEL)
+    return sign * float(row["estimate"]), _turned(interval, sign)
 
 
 def _tested(

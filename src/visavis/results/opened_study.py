@@ -159,7 +159,8 @@ class OpenedStudy:
         """
         groups, comparisons = self.study.analysis.groups, self.study.analysis.compare
         conditions = [text for c in comparisons for text in c.where]
-        columns = columns_asked(conditions, tuple(groups), groups)
+        held = [name for c in comparisons for name in c.covariates]
+        columns = columns_asked(conditions, (*groups, *held), groups)
         if not columns:
             return []
         asked = self.original_questionnaires(self.study.asks.questionnaires)

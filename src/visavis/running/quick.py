@@ -80,7 +80,8 @@ def quick_study(
     study = opened_study.study
     measures = [m for m in opened_study.measures(experiment) if m.of is not None]
     needs_answers = any(isinstance(of, Correlate) for of in study.analysis.families) or any(
-        study.analysis.groups or compare.where for compare in study.analysis.compare
+        study.analysis.groups or compare.where or compare.covariates
+        for compare in study.analysis.compare
     )
     questionnaires = [
         questionnaire(name, study.folders) for name in study.asks.questionnaires if needs_answers

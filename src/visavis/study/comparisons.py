@@ -126,6 +126,9 @@ class Compare:
     adds whether what is compared differs between these levels: its interaction with `by`. All of
     them are corrected as one family; `published` may then be given by level of `by`.
 
+    The option `covariates` holds numbers of people constant (ANCOVA, `test` "rm" or "anova"):
+    `options=[("covariates", ("age",))]`.
+
     `simple` names a factor of several: after a significant interaction its levels are compared at
     each level of the other factor (simple effects), instead of all cells with one another.
     """
@@ -380,10 +383,17 @@ class Compare:
     def is_asked(self, term: str) -> bool:
         """Tell whether an effect is one of those asked for.
 
-        Where `by` is a factor already, those are its interactions with the others.
+        Where `by` is a factor already, those are its interactions with the others. Effects of what
+        is held constant are none.
         """
-        names = (*self.within, *self.between)
-        return self.by not in names or {self.by} < set(term.split(":"))
+        names, factors = (*self.within, *self.between), set(term.split(":"))
+        return factors.isdisjoint(self.covariates) and (self.by not in names or {self.by} < factors)
+
+    @property
+    def covariates(self) -> tuple[str, ...]:
+        """Columns of numbers of people that the test holds constant (option `covariates`)."""
+        names = dict(self.options).get("covariates", ())
+        return (names,) if isinstance(names, str) else tuple(names)
 
     def parts(self, levels: Sequence[Scalar], *, is_between: bool) -> tuple["Compare", ...]:
         """Return what a comparison `by` another factor consists of; without `by` only itself.
@@ -494,10 +504,14 @@ class Compare:
             level_words={} if self.model == "bradleyterry" else dict(level_words or {}),
             measured_in=unit,
             simple=self.simple,
+            # Levels are compared as the model adjusts them, which headlines give.
+            **({"always_posthoc": True} if self.covariates else {}),
             **dict(self.options),
         )
 
     def _usual(self, levels: dict[str, tuple[str, ...]]) -> str:
+        if self.covariates:
+            return "rm" if self.within else "anova"
         if self.between and not self.within:
             two = len(self.between) == 1 and len(levels[self.between[0]]) == 2
             return "t" if two else "anova"

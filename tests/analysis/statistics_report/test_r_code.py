@@ -39,6 +39,13 @@ QUESTIONS: dict[str, dict[str, Any]] = {
     "anova of two": {"test": "anova", "between": ("g", "sex"), "subject": "who"},
     "clmm with slopes": {"test": "clmm", **PAIR, "dv": "rating", "random": "a"},
     "clmm, maximal": {"test": "clmm", **PAIR, "dv": "rating", "random": "maximal"},
+    "ancova": {"test": "rm", **TWO, "between": ("g",), "covariates": ("age",)},
+    "ancova of groups": {
+        "test": "anova",
+        "between": ("g", "sex"),
+        "subject": "who",
+        "covariates": ("age", "height"),
+    },
     "rm, simple": {"test": "rm", **TWO, "simple": "b"},
     "mixed, simple": {"test": "mixed", **TWO, "simple": "b"},
     "art, simple": {"test": "art", **TWO, "simple": "b"},
@@ -92,6 +99,8 @@ def people() -> pd.DataFrame:
         y += [slopes[key] for key in zip(frame["who"], frame[factor], strict=True)]
     frame["y"] = np.round(y, 3)
     frame["sex"] = np.where(frame["who"].str[1:].astype(int) % 2, "f", "m")
+    frame["age"] = [20 + 7 * int(w[1:]) % 31 for w in frame["who"]]
+    frame["height"] = [1.5 + 0.05 * (int(w[1:]) % 9) for w in frame["who"]]
     frame["skewed"] = np.round(np.exp(2 * frame["y"]), 3)
     pairs = [("p", "q"), ("q", "r"), ("r", "p"), ("q", "p"), ("r", "q"), ("p", "r")]
     frame["one"], frame["other"] = zip(*(pairs[i % 6] for i in range(len(frame))), strict=True)

@@ -188,6 +188,10 @@ def stats(
     bayes: Annotated[
         bool, typer.Option("--bayes", help="For t: the Bayes factor too (JZS).")
     ] = False,
+    covariates: Annotated[
+        list[str] | None,
+        typer.Option("--covariates", help="For rm, anova: numbers of people held constant."),
+    ] = None,
     side: Annotated[
         bool, typer.Option("--side", help="For bradleyterry: the odds of what stands first, too.")
     ] = False,
@@ -259,6 +263,7 @@ def stats(
         correction=correction,
         equal_variances=equal_variances,
         bayes=bayes,
+        covariates=tuple(covariates or ()),
         side=side,
         scale=scale,
         kind=kind,
