@@ -105,7 +105,7 @@ class Strata:
     @property
     def df(self) -> int:
         """People minus the columns of the model of groups and covariates."""
-        return int(self._X.shape[0]) - self._columns
+        return self._design.n - int(self._columns)
 
     def _of_groups(self) -> Array:
         """Return the row of the model of every group at the covariates' means, (groups, p)."""

@@ -492,6 +492,8 @@ class Compare:
         factors = (*self.within, *self.between)
         factor_levels = {f: levels[f] for f in factors}
         agreement = test in AGREEMENT
+        # Levels are compared as a model with covariates adjusts them, which headlines give.
+        held: dict[str, Any] = {"always_posthoc": True} if self.covariates else {}
         return Question(
             test=test,
             dv=self.dv,
@@ -504,9 +506,7 @@ class Compare:
             level_words={} if self.model == "bradleyterry" else dict(level_words or {}),
             measured_in=unit,
             simple=self.simple,
-            # Levels are compared as the model adjusts them, which headlines give.
-            **({"always_posthoc": True} if self.covariates else {}),
-            **dict(self.options),
+            **(held | dict(self.options)),
         )
 
     def _usual(self, levels: dict[str, tuple[str, ...]]) -> str:
