@@ -1,12 +1,19 @@
-"""Bayes factors of t tests with a Cauchy prior on the standardised effect (JZS)."""
+"""Bayes factors of t tests and one-factor ANOVAs with Cauchy priors on effects (JZS)."""
 
 import numpy as np
 
-from visavis.analysis.statistics.errors import StatisticsError, TooFewSubjects
+from visavis.analysis.statistics.design import Design
+from visavis.analysis.statistics.errors import StatisticsError, TooFewSubjects, UnknownMethod
+from visavis.analysis.statistics.results import Array
+from visavis.analysis.statistics.strata import helmert
 
 MEDIUM_SCALE = float(np.sqrt(0.5))
 """Scale of the Cauchy prior on the effect in standard deviations, as R's BayesFactor has it."""
+FIXED_SCALE, PERSON_SCALE = 0.5, 1.0
+"""Scales of the priors on effects of a factor and on people's levels in an ANOVA, as there."""
 _LOG_G = np.linspace(-8.0, 60.0, 6801)
+_COARSE_LOG_G = np.linspace(-9.0, 30.0, 781)
+"""For two priors at once, which vary with both."""
 
 
 def jzs_bayes_factor(
@@ -37,6 +44,61 @@ def jzs_bayes_factor(
     log_null = -(df + 1) / 2 * np.log1p(t**2 / df)
     ratio = np.exp(log_density - log_null)
     return float(np.trapezoid(ratio, _LOG_G))
+
+
+def jzs_anova_bayes_factor(design: Design) -> float:
+    """Return BF₁₀ of the only factor of an ANOVA: with it against without it.
+
+    Rouder, Morey, Speckman and Province (2012): the effects of a factor, over the residual SD and
+    under any orthonormal coding, are multivariate Cauchy of scale .5; people's levels in a
+    repeated-measures ANOVA of scale 1, in both models.
+
+    Raises:
+        UnknownMethod: there are several factors, covariates, or missing cells.
+    """
+    if len(design.factors) != 1 or design.covariates or not design.is_complete:
+        raise UnknownMethod(
+            "the Bayes factor of an ANOVA is that of one factor with complete cells and without "
+            "covariates; of two conditions at a time it is that of the test t"
+        )
+    (factor,) = design.factors
+    y = design.y - design.y.mean()
+    X = helmert(factor.k)[factor.codes]
+    X = X - X.mean(axis=0)
+    total = float((y**2).sum())
+    values, vectors = np.linalg.eigh(X.T @ X)
+    shares = (vectors.T @ X.T @ y) ** 2 / values / total
+    if not factor.is_within:
+        g = np.exp(_LOG_G)[:, None] * values
+        explained = (shares * g / (1 + g)).sum(axis=1)
+        log_m = -0.5 * np.log1p(g).sum(axis=1) - (y.size - 1) / 2 * np.log1p(-explained)
+        ratio = np.exp(log_m + _log_prior(_LOG_G, FIXED_SCALE))
+        return float(np.trapezoid(ratio, _LOG_G))
+    # People's levels are integrated out on a second axis, in both models.
+    k, n = factor.k, design.n
+    means = np.bincount(design.subject, y) / k
+    of_people = k * float((means**2).sum()) / total
+    people = np.exp(_COARSE_LOG_G) * k
+    by_people = of_people * people / (1 + people)
+    log_people = -0.5 * (n - 1) * np.log1p(people) + _log_prior(_COARSE_LOG_G, PERSON_SCALE)
+    g = np.exp(_COARSE_LOG_G)[:, None] * values
+    by_factor = (shares * g / (1 + g)).sum(axis=1)
+    log_factor = -0.5 * np.log1p(g).sum(axis=1) + _log_prior(_COARSE_LOG_G, FIXED_SCALE)
+    half = (y.size - 1) / 2
+    null = log_people - half * np.log1p(-by_people)
+    left = np.log1p(-(by_factor[:, None] + by_people[None, :]))
+    both = log_factor[:, None] + log_people[None, :] - half * left
+    top = float(null.max())
+    one = np.trapezoid(np.exp(both - top), _COARSE_LOG_G, axis=1)
+    return float(np.trapezoid(one, _COARSE_LOG_G) / np.trapezoid(np.exp(null - top), _COARSE_LOG_G))
+
+
+def _log_prior(log_g: Array, scale: float) -> Array:
+    """Return the log density, over log g, of the variance g of effects that are Cauchy."""
+    density: Array = (
+        np.log(scale) - 0.5 * np.log(2 * np.pi) - 0.5 * log_g - scale**2 / 2 * np.exp(-log_g)
+    )
+    return density
 
 
 def bayes_text(factor: float) -> str:

@@ -37,6 +37,12 @@ from visavis.analysis.statistics import (
 from visavis.analysis.statistics.adjust import Adjustment
 from visavis.analysis.statistics.anova import Correction
 from visavis.analysis.statistics.art import ArtError, Transform
+from visavis.analysis.statistics.bayes import (
+    FIXED_SCALE,
+    PERSON_SCALE,
+    bayes_text,
+    jzs_anova_bayes_factor,
+)
 from visavis.analysis.statistics.clmm import Clmm, clmm
 from visavis.analysis.statistics.contrasts import ContrastAdjustment
 from visavis.analysis.statistics.errors import StatisticsError
@@ -279,7 +285,26 @@ def _rm(table: DataTable, q: Question) -> Outcome:
     path += _sphericity_path(anova)
     families = _mean_contrasts(q, anova, adjust)
     families.notes += uneven_changes(anova.design)
-    return _anova_outcome(table, q, tidy, anova, families, path)
+    return _with_bayes(_anova_outcome(table, q, tidy, anova, families, path), anova)
+
+
+def _with_bayes(outcome: Outcome, anova: Anova) -> Outcome:
+    """Return an outcome with the Bayes factor of its one factor, where that was asked for."""
+    if not outcome.question.model.bayes:
+        return outcome
+    factor = jzs_anova_bayes_factor(anova.design)
+    (row,), (head, sentence) = outcome.rows, outcome.sentences
+    note = (
+        f"Bayes factor with Cauchy priors of scale {FIXED_SCALE:g} on effects in residual SD"
+        + (f" and {PERSON_SCALE:g} on people's levels" if anova.design.within else "")
+        + " (JZS); above 1 it speaks for differences, below 1 for none"
+    )
+    return replace(
+        outcome,
+        rows=({**row, "BF10": factor},),
+        sentences=(head, f"{sentence.rstrip('.')}, {bayes_text(factor)}."),
+        notes=(*outcome.notes, note),
+    )
 
 
 def _mean_contrasts(q: Question, table: Anova | Gee | Clmm, adjust: str) -> _Families:
@@ -477,7 +502,7 @@ def _between(table: DataTable, q: Question) -> Outcome:
     )
     families = _mean_contrasts(q, anova, adjust)
     families.notes += uneven_groups(anova.design, "the test welch, for one factor")
-    return _anova_outcome(table, q, tidy, anova, families, [])
+    return _with_bayes(_anova_outcome(table, q, tidy, anova, families, []), anova)
 
 
 def _anova_outcome(

@@ -48,7 +48,7 @@ class ModelChoices:
     equal_variances: bool = False
     """For t between groups: Student's test instead of Welch's."""
     bayes: bool = False
-    """For t: the Bayes factor beside it."""
+    """For t, and rm and anova of one factor: the Bayes factor beside it."""
     covariates: tuple[str, ...] = ()
     """For rm and anova: columns of numbers of people that are held constant (ANCOVA)."""
     side: bool = False
@@ -95,6 +95,8 @@ class Wording:
 
 TESTS_OF_FACTORS: Final = ("art", "rm", "mixed", "lmm", "gee", "clmm", "anova")
 """The tests of several factors, which have interactions."""
+WITH_BAYES: Final = ("t", "rm", "anova")
+"""The tests that have a Bayes factor."""
 WITH_COVARIATES: Final = ("rm", "anova")
 """The tests that hold numbers of people constant."""
 PARTS: Final[Mapping[str, type[Any]]] = {
@@ -208,10 +210,10 @@ class Question:
         if not 0 < self.decision.alpha < 1:
             raise UsageError(f"alpha lies between 0 and 1, not {self.decision.alpha:g}")
         model, reference = self.model, self.reference
-        if model.bayes and self.test != "t":
+        if model.bayes and self.test not in WITH_BAYES:
             raise UsageError(
-                f"a Bayes factor stands beside the test t, not {self.test}; take --test t, or "
-                "leave --bayes out"
+                f"a Bayes factor stands beside the tests {', '.join(WITH_BAYES)}, not {self.test}; "
+                "take one of them, or leave --bayes out"
             )
         if (simple := self.decision.simple) and (
             self.test not in TESTS_OF_FACTORS or simple not in (*self.within, *self.between)

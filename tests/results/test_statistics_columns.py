@@ -136,3 +136,29 @@ def test_a_comparison_of_choices_names_one_term_and_the_odds_of_items() -> None:
     assert set() == {n for row in rows for n in row if n != "family"} - known
     two = Compare("vote", within=("left", "right"), between="group", model="bradleyterry")
     assert ("left:right", "left:right:group") == two.terms
+
+
+@pytest.mark.parametrize(
+    ("test", "options"),
+    [
+        ("t", {"bayes": True}),
+        ("rm", {"bayes": True}),
+        ("t", {"low": -1.0, "high": 1.0}),
+        ("rm", {"covariates": ("skewed_of_person",)}),
+    ],
+)
+def test_every_column_that_an_option_adds_is_described(
+    test: str, options: dict[str, Any], trials: pd.DataFrame
+) -> None:
+    own = trials.groupby("participant")["skewed"].transform("mean")
+    compare = Compare("even", within="a", test=test, options=tuple(options.items()))
+    finding = answer_comparison(
+        compare,
+        trials.assign(skewed_of_person=own),
+        {"even": Measure("even", "1", "even")},
+        LEVELS,
+        is_simulated=True,
+    )
+    assert finding.outcome is not None, finding.why_not
+    known = {column.name for column in (*STATISTICS, *PEOPLE)}
+    assert set() == {name for row in finding.outcome.rows for name in row} - known

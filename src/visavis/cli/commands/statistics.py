@@ -186,7 +186,7 @@ def stats(
         typer.Option("--equal-variances", help="For t between groups: Student's, not Welch's."),
     ] = False,
     bayes: Annotated[
-        bool, typer.Option("--bayes", help="For t: the Bayes factor too (JZS).")
+        bool, typer.Option("--bayes", help="For t; rm, anova of one factor: the Bayes factor.")
     ] = False,
     covariates: Annotated[
         list[str] | None,
