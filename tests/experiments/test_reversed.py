@@ -14,6 +14,7 @@ from visavis.analysis.report import Verdicts
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.results.report.study_report import _summary
 from visavis.study.comparisons import ALONE
+from visavis.study.conditions import columns_asked
 from visavis.study.experiment import StudyExperiment
 from visavis.study.pairs import Correlate
 
@@ -37,7 +38,13 @@ def table_of(
         own = rng.normal(0, 0.5)
         trials = [t for t in experiment.plan(index, 1).trials if not t.is_practice]
         counts[name] = len(trials)
-        people.append({"participant": name, **dict.fromkeys(scores(opened), 3.0 * own)})
+        people.append(
+            {
+                "participant": name,
+                **dict.fromkeys(scores(opened), 3.0 * own),
+                **dict.fromkeys(asked(opened), 1 + index % 4),  # some people in every group
+            }
+        )
         for trial in trials:
             row: dict[str, Any] = {
                 "is_simulated": True,
@@ -84,6 +91,13 @@ def middle(opened: OpenedStudy, column: str) -> float:
 def scores(opened: OpenedStudy) -> list[str]:
     families = opened.study.analysis.families
     return list(dict.fromkeys(f.score for f in families if isinstance(f, Correlate)))
+
+
+def asked(opened: OpenedStudy) -> tuple[str, ...]:
+    """Return the answers that groups of people and conditions of comparisons are made of."""
+    analysis = opened.study.analysis
+    conditions = [text for c in analysis.compare for text in c.where]
+    return columns_asked(conditions, tuple(analysis.groups), analysis.groups)
 
 
 def headlines(opened: OpenedStudy, experiment: StudyExperiment, table: Any) -> list[str]:
