@@ -48,21 +48,22 @@ ROUNDS_S: Final = 2.0
 
 # What the simulated rater sees of a figure, and what it costs on the scale of votes, where 1 parts
 # "slightly" from "significantly": fitted so that votes lie as the source describes its bars
-# (benchmarks.hybrid_votes; the source prints no figure).
-FEET_BELOW: Final = 0.172
+# (benchmarks.printed_orders; the source prints no figure).
+FEET_BELOW: Final = 0.0446
 """For each centimetre that feet go below the floor."""
-LAME: Final = 0.644
+LAME: Final = 0.637
 """For each centimetre that one step carries the hips lower than the other."""
-UNEVEN: Final = 0.559
-"""For ten times as much change of speed."""
-SLIDING: Final = 0.783
+UNEVEN: Final = 0.0093
+"""For ten times as much change of speed, on average."""
+TASTE_SD: Final = 0.651
+"""SD of that between people: to some it is jerky, to others lively."""
+SLIDING: Final = 1.667
 """For feet that slide ten times as fast where they should stand."""
-LIVELY: Final = 1.981
+LIVELY: Final = 1.617
 """Gain for speeds that differ ten times as much."""
-HASTE: Final = 5.858
+HASTE: Final = 6.955
 """For a body that is ten times as fast."""
-PERSON_SD: Final = 0.499
-ERROR_SD: Final = 0.438
+ERROR_SD: Final = 0.2195
 EYES_HZ: Final = 120.0
 STILL: Final = 1e-6
 """Smaller values count as zero: somebody who does not move at all."""
@@ -200,8 +201,8 @@ def answer(seen: Seen, response: Response, rng: np.random.Generator) -> str:
             for p in scene.people
             if isinstance(p.does, Recorded)
         )
-        better = left.cost - right.cost
-    opinion = better + PERSON_SD * seen.leaning + ERROR_SD * rng.standard_normal()
+        better = left.cost_to(seen.leaning) - right.cost_to(seen.leaning)
+    opinion = better + ERROR_SD * rng.standard_normal()
     return VOTES[int(np.clip(round(opinion), -2, 2)) + 2]
 
 
@@ -221,13 +222,12 @@ class Looks:
     """Standard deviation of the speed over its mean."""
     speed_mps: float
 
-    @property
-    def cost(self) -> float:
-        """Cost in the simulated rater's eyes; more is worse."""
+    def cost_to(self, taste: float) -> float:
+        """Cost in the eyes of a rater whose taste is so many SDs from the mean; more is worse."""
         return (
             FEET_BELOW * self.below_cm
             + LAME * self.lame_cm
-            + UNEVEN * float(np.log10(self.change_per_s))
+            + (UNEVEN - TASTE_SD * taste) * float(np.log10(self.change_per_s))
             + SLIDING * float(np.log10(1 + self.sliding_cmps))
             - LIVELY * float(np.log10(self.liveliness))
             + HASTE * float(np.log10(self.speed_mps))

@@ -8,10 +8,13 @@ from typing import TypeAlias
 import pytest
 from typer.testing import CliRunner
 
+from tests.experiments.stare.synthetic_rows import analysed, anxiety_answers, study_rows
 from tools.fidelity_tables import readme_of, section_of
+from visavis.analysis.report import Cell, Fold, Table
 from visavis.cli.main import app
+from visavis.experiments.stare.study import experiment_of
 from visavis.lab.errors import DesignError, UsageError
-from visavis.results.fidelity import fidelity_rows, stale_facts
+from visavis.results.fidelity import fidelity_rows, fidelity_section, stale_facts
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.study.catalogue import SHIPPED_STUDIES
 from visavis.study.source import Fact
@@ -88,6 +91,17 @@ def test_an_operator_sees_the_source_beside_the_study() -> None:
     assert 0 == result.exit_code
     assert "| trials | 54 | section 2.3.1 | 54 | same |" in result.stdout
     assert "| Accuracy by technique | F(1, 15) = 7.09, p = .017, η²p = .32 |" in result.stdout
+
+
+def test_a_report_says_which_printed_orders_its_data_show() -> None:
+    analysis = analysed(study_rows(6), anxiety_answers(6))
+    (section,) = fidelity_section(analysis, experiment_of())
+    (orders,) = [block for block in section.blocks if isinstance(block, Table)]
+    verdicts = {row[0]: row[2] for row in orders.rows}
+    assert Cell("holds", "agree") == verdicts["Dwell time: D > A"]
+    assert {"Design", "Tests"} <= {
+        block.summary.split(":")[0] for block in section.blocks if isinstance(block, Fold)
+    }
 
 
 def test_a_study_without_a_source_is_told_how_to_declare_one(tmp_path: Path) -> None:

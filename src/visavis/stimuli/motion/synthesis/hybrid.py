@@ -110,8 +110,8 @@ def _round(
 class Sprung:
     """Drawn from the first pose to the last by a spring that lets go at zero; a `Motion`.
 
-    At `back_s` the spring begins to draw back. Beyond the last pose the last segment goes on, so
-    that the spring's overshoot is seen.
+    From `back_s` on the way there is gone back in reverse, and so round after round. Beyond the
+    last pose the last segment goes on, so that the spring's overshoot is seen.
     """
 
     poses: Clip
@@ -138,12 +138,10 @@ class Sprung:
     def weight(self, t_s: npt.ArrayLike) -> Vector:
         """Return how far the way is gone: 0 the first pose, 1 the last, above 1 beyond it."""
         t = np.asarray(t_s, dtype=np.float64)
-        there, _ = self.spring.at(np.clip(t, 0.0, self.back_s))
-        weight: Vector = 1.0 - there
         if np.isfinite(self.back_s):
-            x, v = self.spring.at(self.back_s)
-            back, _ = self.spring.at(np.maximum(t - self.back_s, 0.0), 1.0 - x, -v)
-            weight = np.where(t > self.back_s, back, weight)
+            t = self.back_s - np.abs(t % (2 * self.back_s) - self.back_s)
+        there, _ = self.spring.at(np.maximum(t, 0.0))
+        weight: Vector = 1.0 - there
         return weight
 
     def at(self, t_s: npt.ArrayLike) -> Frames:
