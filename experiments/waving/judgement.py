@@ -29,17 +29,17 @@ class Population:
     by `benchmarks.waving_fit`; it knows neither technique nor direction.
     """
 
-    blur_deg: tuple[float, float, float, float] = (12.1, 0.402, 29.9, 7.97)
+    blur_deg: tuple[float, float, float, float] = (9.67, 0.152, 12.3, 7.29)
     pixels: tuple[float, float, float, float] = (4.0, 600.0, 1800.0, 500.0)
-    looseness_deg: tuple[float, float, float, float] = (0.492, 106.0, 3.23, 4.91)
-    sharpness: float = 1.4
-    reach_power: float = 8.12
-    least_reach_01: float = 0.23
-    self_bias: float = 0.798
+    looseness_deg: tuple[float, float, float, float] = (0.332, 193.0, 6.08, 10.2)
+    sharpness: float = 0.877
+    reach_power: float = 8.66
+    least_reach_01: float = 0.254
+    self_bias: float = 0.973
     self_bias_sd: float = 0.12
-    acuity_sd: float = 1.37
-    lapse_01: float = 0.00455
-    lapse_sd: float = 0.296
+    acuity_sd: float = 1.03
+    lapse_01: float = 0.0034
+    lapse_sd: float = 0.197
     realism_mean: float = 6.0
     realism_person_sd: float = 1.1
     realism_noise_sd: float = 1.2

@@ -5,6 +5,7 @@ from dataclasses import replace
 from itertools import islice
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from benchmarks.waving_fit import (
@@ -12,6 +13,7 @@ from benchmarks.waving_fit import (
     FIT_SEED,
     FREE,
     FRESH_SEED,
+    ORDERS,
     PRINTED,
     PRINTED_DZ,
     TARGETS,
@@ -24,6 +26,7 @@ from benchmarks.waving_fit import (
     fitted,
     point_of,
     population_of,
+    shares_of_orders,
     source_lines,
     understood,
     varied,
@@ -31,6 +34,7 @@ from benchmarks.waving_fit import (
 )
 from tests.experiments.waving.test_participant_spread import SEEN
 from visavis.analysis.statistics import art_anova
+from visavis.experiments.waving.clips import DIRECTIONS, TECHNIQUES
 from visavis.experiments.waving.judgement import (
     DEFAULT_POPULATION,
     Person,
@@ -42,6 +46,7 @@ from visavis.experiments.waving.judgement import (
 )
 from visavis.experiments.waving.perception import Evidence
 from visavis.lab.errors import UsageError
+from visavis.results.printed_orders import order_holds
 
 BEARING = np.array([-24.0, -12.5, 0.0, 12.5, 24.0])
 POPULATION = replace(DEFAULT_POPULATION, lapse_01=0.1)
@@ -120,6 +125,7 @@ def test_a_technique_that_does_harm_is_no_fit():
         gain_dz=PRINTED_DZ,
         gain_skew=0.0,
         reversed_01=0.25,
+        orders=dict.fromkeys(ORDERS, 0.95),
     )
     worse = replace(better, accuracy=better.accuracy[::-1], gain_dz=-PRINTED_DZ, reversed_01=0.75)
     assert not better.misses.any()
@@ -189,3 +195,22 @@ def test_the_printed_f_of_technique_implies_the_difference_that_is_wanted():
 
 def test_fits_and_checks_share_no_seed_with_the_evaluation():
     assert min(FIT_SEED, FRESH_SEED, CHECK_SEED) > 10_000
+
+
+def test_shares_of_orders_are_those_of_the_mechanism_that_reports_use():
+    rng = np.random.default_rng(8)
+    shares = rng.integers(0, 10, size=(40, 4, 2, 3)) / 9
+    rows = [
+        pd.DataFrame(
+            [
+                {"participant": p, "technique": t, "direction": d, "is_right": study[p, i, j]}
+                for p in range(4)
+                for i, t in enumerate(TECHNIQUES)
+                for j, d in enumerate(DIRECTIONS)
+            ]
+        )
+        for study in shares
+    ]
+    holds = {name: [order_holds(order, r) for r in rows] for name, order in ORDERS.items()}
+    wanted = {name: np.mean(each) for name, each in holds.items()}
+    assert wanted == pytest.approx(shares_of_orders(shares), abs=0.03)  # ties of rounded sums
