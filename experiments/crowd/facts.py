@@ -95,8 +95,10 @@ FACTS: Final = (
     Fact(
         "procedure",
         "bands in the silent blocks",
-        "worn from the training on",
+        "not said; everybody was equipped before the training walk",
         "section 4.1.3",
+        "worn, silent",
+        because="that is how we read it",
     ),
     Fact(
         "procedure",

@@ -26,6 +26,13 @@ _CLIP: Final = "clip_much, clip_some"
 FACTS: Final = (
     Fact("design", "clips", 4, "section 3.3", of="clip"),
     Fact("design", "increments shown", 2, "section 3.3", of="increment"),
+    Fact(
+        "design",
+        "increment 2",
+        "made, not shown: it looked like increment 1",
+        "section 3.3",
+        "the same (`python -m benchmarks.hybrid_motion` makes it)",
+    ),
     Fact("design", "sides of the hybrid", 2, "section 3.3", of="hybrid_side"),
     Fact("design", "comparisons", 16, "section 3.3", of="trials"),
     Fact("design", "order", "random", "section 3.3", of="order"),

@@ -49,6 +49,14 @@ FACTS: Final = (
     ),
     Fact(
         "design",
+        "which right both are turned to",
+        "not said",
+        "section 3.2.2",
+        "each one's own",
+        because="that is how we read it",
+    ),
+    Fact(
+        "design",
         "models",
         "Microsoft Rocketbox, six women and five men",
         "section 3.2.2",

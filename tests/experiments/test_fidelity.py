@@ -17,7 +17,7 @@ from visavis.lab.errors import DesignError, UsageError
 from visavis.results.fidelity import fidelity_rows, fidelity_section, stale_facts
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.study.catalogue import SHIPPED_STUDIES
-from visavis.study.source import Fact
+from visavis.study.source import Fact, PrintedOrder
 
 STUDIES = tuple(SHIPPED_STUDIES)
 BEFORE_RESULTS = {"design", "procedure"}
@@ -83,6 +83,17 @@ def test_a_reason_for_no_difference_is_stale(says: Says) -> None:
 def test_a_fact_about_no_value_of_the_design_is_refused(says: Says) -> None:
     opened_study = says(Fact("design", "dark", 3, "p. 1", of="intertrials_s"))
     with pytest.raises(DesignError, match=r"no value of the design 'intertrials_s'.*intertrial_s"):
+        opened_study.experiment({})
+
+
+def test_an_order_of_no_factor_of_the_design_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    opened_study = find_study("stare")
+    report = opened_study.study.report
+    assert report.source is not None
+    order = PrintedOrder("D > A", "dwell_ms", "p. 1", factor="conditions")
+    source = replace(report.source, orders=(order,))
+    monkeypatch.setattr(opened_study.study, "report", replace(report, source=source))
+    with pytest.raises(DesignError, match="no factor 'conditions'; did you mean 'condition'"):
         opened_study.experiment({})
 
 

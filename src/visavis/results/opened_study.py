@@ -140,6 +140,10 @@ class OpenedStudy:
             named = [f.of for f in self.study.report.source.facts if f.of]
             values = tuple(design_values(experiment)) if named else ()
             uses += [(name, "value of the design", values) for name in named]
+            for order in self.study.report.source.orders:
+                gain = () if order.gain is None else (order.gain[0],)
+                uses.append((order.measure, "measure", measure_columns))
+                uses += [(n, "factor", factors) for n in (order.factor, *order.only, *gain) if n]
         own = [r for r in self.study.analysis.exclusions if r.column not in STANDARD_COLUMNS]
         for rule in own:
             uses += self._unknown_column(rule, experiment)
