@@ -40,7 +40,7 @@ def _loadings() -> dict[str, Loading]:
         if pair in kept:
             loadings[pair] = Loading(kept[pair], 0.86 + 0.04 * (k % 5), 0.62)
         elif k % 2:
-            loadings[pair] = Loading(FACTORS[k % 4], 0.32, 0.62)  # too weak to be kept
+            loadings[pair] = Loading(FACTORS[k % 4], 0.2, 0.62)  # too weak to be kept
         else:
             loadings[pair] = Loading(FACTORS[k % 4], 0.80, 1.15)  # raters do not agree on it
     return loadings

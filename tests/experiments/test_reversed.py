@@ -18,7 +18,7 @@ from visavis.study.conditions import columns_asked
 from visavis.study.experiment import StudyExperiment
 from visavis.study.pairs import Correlate
 
-SHIPPED = ("stare", "crowd", "waving", "interpolation", "hybrid", "cameras")
+SHIPPED = ("stare", "crowd", "waving", "interpolation", "hybrid", "cameras", "adjectives")
 READY = Path(running.__file__).parent
 EXAMPLES = ("ready/glances", "ready/quick_press", "ready/lively_films")
 PEOPLE = 16

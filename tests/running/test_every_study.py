@@ -68,6 +68,7 @@ SMALL: dict[str, dict[str, Any]] = {
         "clerk": ["clerk_left"], "increment": 0.1, "before_s": 0.3, "wave_s": 0.6, "after_s": 0.1,
         "intertrial_s": 0.1, "blocks": 1,
     },
+    "adjectives": {"emotion": ["depression", "pleasure"]},
     "duel": {"repetitions": 1, "practice": 1},
 }  # fmt: skip
 """Parameters that make a study short."""

@@ -21,7 +21,7 @@ from visavis.study.information import (
 )
 
 LANGUAGES = ("en", "de", "fr")
-ON_PAGES = ("cameras", "hybrid", "interpolation")
+ON_PAGES = ("adjectives", "cameras", "hybrid", "interpolation")
 AT_DEVICES = ("crowd", "stare", "waving")
 
 

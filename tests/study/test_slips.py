@@ -119,7 +119,9 @@ def test_a_study_without_slips_is_taken(tmp_path: Path) -> None:
     assert 4 == len(find_study(str(path)).experiment({}).read)
 
 
-@pytest.mark.parametrize("name", ["stare", "crowd", "waving", "interpolation", "hybrid", "cameras"])
+@pytest.mark.parametrize(
+    "name", ["stare", "crowd", "waving", "interpolation", "hybrid", "cameras", "adjectives"]
+)
 def test_no_shipped_study_has_slips(name: str) -> None:
     assert find_study(name).experiment({}).read
 

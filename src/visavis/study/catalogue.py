@@ -26,6 +26,7 @@ SHIPPED_STUDIES: Final[Mapping[str, str]] = {
     "interpolation": "visavis.experiments.interpolation.study:study",
     "hybrid": "visavis.experiments.hybrid.study:study",
     "cameras": "visavis.experiments.cameras.study:study",
+    "adjectives": "visavis.experiments.adjectives.study:study",
 }
 """The studies Visavis comes with, as an entry point would name them."""
 GROUP: Final = "visavis.studies"

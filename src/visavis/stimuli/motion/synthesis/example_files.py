@@ -66,9 +66,7 @@ def read_examples(
         MotionError: table or file is missing or broken, by name and row.
     """
     table, where = _table(folder)
-    rows: list[dict[str, Any]] = [
-        {str(name): value for name, value in row.items()} for row in table.to_dict("records")
-    ]
+    rows = [{str(c): v for c, v in row.items()} for row in table.to_dict("records")]
     bvhs = [_bvh(folder, row, f"{where}, row {i + 2}") for i, row in enumerate(rows)]
     _check_skeletons(table, bvhs)
     clips, keys = [], []

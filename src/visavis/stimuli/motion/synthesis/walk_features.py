@@ -16,7 +16,6 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from scipy.cluster.hierarchy import cut_tree, linkage
 from scipy.optimize import linear_sum_assignment
 
 from visavis.lab.errors import DataError
@@ -188,8 +187,9 @@ class FeatureTable:
         """The group of every feature here: Ward's four clusters over these examples, each called
         as the source's group with which it shares most (all four names in use).
         """
-        tree = linkage(self.scaled_01.T, "ward")
-        labels = cut_tree(tree, [len(GROUPS)])[:, 0]
+        from scipy.cluster.hierarchy import cut_tree, linkage  # late: walks need not pay for it
+
+        labels = cut_tree(linkage(self.scaled_01.T, "ward"), [len(GROUPS)])[:, 0]
         clusters = [np.flatnonzero(labels == c) for c in range(len(GROUPS))]
         overlap = np.array(
             [
