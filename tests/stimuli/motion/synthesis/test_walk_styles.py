@@ -1,5 +1,8 @@
 """Walks are what they are called: told apart by what can be seen of them, on legs that reach."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -96,6 +99,15 @@ def test_styles_out_of_bounds_are_named() -> None:
         WalkStyle(lean_deg=90.0)
     with pytest.raises(MotionError, match="even number"):
         WalkStyle(frames=33)
+
+
+def test_the_list_of_features_is_published_as_it_is() -> None:
+    text = (Path(__file__).parents[4] / "docs" / "motion.md").read_text("utf-8")
+    rows = [
+        line for line in text.splitlines() if line.startswith(tuple(f"| `{g}`" for g in GROUPS))
+    ]
+    listed = [re.findall(r"`(\w+)`", row) for row in rows]
+    assert {own[0]: tuple(own[1:]) for own in listed} == GROUPS
 
 
 def test_features_are_the_sources_51_and_scaled_to_one() -> None:
