@@ -176,16 +176,22 @@ Stimulus: TypeAlias = Film | Pair
 
 @dataclass(frozen=True)
 class Viewing:
-    """A film or a pair with questions below it: answers count after `min_rounds` whole rounds."""
+    """A film or a pair with questions below it: answers count after `min_rounds` whole rounds.
+
+    Without `replay` a page shows one round and then stays at the last picture.
+    """
 
     stimulus: Stimulus
     responses: tuple[Response, ...]
     caption: str = ""
     min_rounds: int = 1
+    replay: bool = True
 
     def __post_init__(self) -> None:
         if not 0 <= self.min_rounds <= 100:
             raise DesignError(f"min_rounds is {self.min_rounds}; give 0 to 100")
+        if not self.replay and self.min_rounds > 1:
+            raise DesignError(f"min_rounds is {self.min_rounds} without replay; give 0 or 1")
 
 
 def films_of(stimulus: Stimulus) -> Mapping[str, Film]:

@@ -180,9 +180,15 @@ class TrialScript:
         return Action("ask", lambda: self._ask(response, place), response=response)
 
     def watch(
-        self, stimulus: Stimulus, *responses: Response, caption: str = "", min_rounds: int = 1
+        self,
+        stimulus: Stimulus,
+        *responses: Response,
+        caption: str = "",
+        min_rounds: int = 1,
+        replay: bool = True,
     ) -> Action:
-        """Show a `Film` or a `Pair` round after round, with questions below it.
+        """Show a `Film` or a `Pair` round after round, with questions below it; without `replay`
+        one round, after which a page stays at the last picture.
 
         Answers count after `min_rounds` whole rounds; times of answers run from the first picture
         that was presented. Columns: those of the responses, and `film_on_ns`, `film_off_ns`,
@@ -190,7 +196,7 @@ class TrialScript:
         a monitor the scene itself is shown for so many rounds (one at least), then questions
         follow on boards; a `caption` is read on pages alone.
         """
-        viewing = Viewing(stimulus, responses, caption, min_rounds)
+        viewing = Viewing(stimulus, responses, caption, min_rounds, replay)
         seconds = max(1, min_rounds) * seconds_of(stimulus)
         return Action(
             "watch",

@@ -106,6 +106,7 @@ def _watch(script: TrialScript, watch: Viewing, files: FilmFiles) -> OnPage:
         "questions": _questions(script, watch.responses),
         "caption": watch.caption,
         "min_rounds": watch.min_rounds,
+        **({} if watch.replay else {"once": True}),
     }
     reply = yield from put(PageStep("watch", step))
     content = reply.content

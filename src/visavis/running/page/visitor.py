@@ -197,6 +197,9 @@ class Visitor:
             answers[question["name"]] = {"option": answer, "at_ms": at_ms, "by": ANSWERED_BY}
         self.now_ms = at_ms
         rounds = int((at_ms - first_ms) // round_ms) if round_ms else 0
+        shown_s = (at_ms - first_ms) / 1000
+        if content.get("once"):
+            rounds, shown_s = min(rounds, 1), min(shown_s, round_ms / 1000)
         return {
             "shown_ms": shown_ms,
             "off_ms": at_ms,
@@ -206,7 +209,7 @@ class Visitor:
             "films": {
                 place: {
                     "first_ms": first_ms,
-                    "frames": round((at_ms - first_ms) / 1000 * f["rate_hz"]),
+                    "frames": round(shown_s * f["rate_hz"]),
                     "dropped": 0,
                     "rounds": rounds,
                     "stalls": 0,

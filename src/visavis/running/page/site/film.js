@@ -117,8 +117,8 @@ class Player {
   }
 }
 
-// Plays films round after round, begun together; resolves `first` with when all were presented.
-export function play(films, videos, onRound) {
+// Plays films round after round (or once), begun together; resolves `first` with when all were presented.
+export function play(films, videos, onRound, once = false) {
   const players = films.map((film, i) => new Player(film, videos[i]));
   let apartMs = 0;
   let fail = () => {};
@@ -148,6 +148,7 @@ export function play(films, videos, onRound) {
     if (players.some((p) => p.isOver || !p.video.ended)) return;
     for (const player of players) player.rounds += 1;
     onRound(players[0].rounds);
+    if (once) return;
     for (const { video } of players) { video.currentTime = 0; video.play().catch(() => {}); }
   };
   for (const { video, film } of players) {

@@ -458,7 +458,7 @@ const steps = {
       return;
     }
     if (current !== step) return;
-    player = film.play(step.films, videos, (rounds) => { if (rounds >= step.min_rounds && !isOpen) open(); });
+    player = film.play(step.films, videos, (rounds) => { if (rounds >= step.min_rounds && !isOpen) open(); }, step.once);
     try {
       await player.first;
       if (!step.min_rounds) open();
