@@ -1,0 +1,1 @@
+"""Gestures with and without the whole body: two studies on a page."""
