@@ -93,7 +93,7 @@ class Finding:
         values = outcome.data[compare.dv].astype(float)
         means = values.groupby(outcome.data[factors[0]].astype(str)).mean()
         levels = list(map(str, outcome.data[factors[0]].cat.categories))
-        lines = zip(outcome.contrasts, outcome.contrast_sentences, strict=True)
+        lines = contrast_lines(outcome)
         rows = [(*levels_of(row), float(row["p_adjusted"]), text, row) for row, text in lines]  # type: ignore[arg-type]  # a number, as tests write it
         if not rows and len(levels) == 2:
             rows = [
@@ -123,7 +123,7 @@ class Finding:
         outcome, compare = self.outcome, self.compare
         if outcome is None or not self.terms:
             return ()
-        lines = zip(outcome.contrasts, outcome.contrast_sentences, strict=True)
+        lines = contrast_lines(outcome)
         return tuple(
             Contrast(
                 *(pair := levels_of(row)),
@@ -141,6 +141,19 @@ class Finding:
     def contrast(self, pair: tuple[str, str]) -> Contrast | None:
         """Return the contrast of two levels; None where it was not tested."""
         return next((c for c in self.contrasts if (c.first, c.second) == pair), None)
+
+
+def contrast_lines(outcome: Outcome) -> list[tuple[Mapping[str, Any], str]]:
+    """Return every contrast's row with the sentence about it.
+
+    Tests write a sentence per contrast, or one text per family: a heading, then a line for each.
+    """
+    rows, texts = outcome.contrasts, outcome.contrast_sentences
+    if len(rows) == len(texts):
+        return list(zip(rows, texts, strict=True))
+    families = list(dict.fromkeys(row["family"] for row in rows))
+    lines = {f: iter(text.split("\n")[1:]) for f, text in zip(families, texts, strict=True)}
+    return [(row, next(lines[row["family"]])) for row in rows]
 
 
 def levels_of(row: Mapping[str, Any]) -> tuple[str, str]:
