@@ -30,6 +30,25 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(tiers.RECORD, action="store_true", help="measure tests: tests/costs.txt")
 
 
+@pytest.hookimpl(optionalhook=True)  # of pytest-xdist
+def pytest_configure_node(node: Any) -> None:
+    """Where no machine code is kept yet, let each worker compile its share before any test."""
+    node.workerinput["compiles"] = not Path(os.environ["NUMBA_CACHE_DIR"]).exists()
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile this worker's share of what sessions call; otherwise each would compile all of it."""
+    about: dict[str, Any] = getattr(session.config, "workerinput", {})
+    if about.get("compiles"):
+        # late: it loads the engine, which most runs of a few tests need not
+        from visavis.running.sessions.simulation import KERNEL_LIST, make_ready
+
+        lines = [one for one in KERNEL_LIST.read_text("utf-8").splitlines() if one[:1] != "#"]
+        number = int(about["workerid"].removeprefix("gw"))
+        for line in lines[number :: about["workercount"]]:
+            make_ready(line.split(" ", 3)[3])
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Let costs choose the tier of each test."""
     tiers.install(config)

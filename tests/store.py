@@ -27,6 +27,18 @@ class Store:
         """
         if self.folder is None:
             return record(into)
+        made_at = self.share(name, record, into)
+        place = self.folder / name / "data"
+        shutil.copytree(place, into, dirs_exist_ok=True)
+        return into / made_at.relative_to(place)
+
+    def share(self, name: str, record: Callable[[Path], Path], alone: Path) -> Path:
+        """Return the folder that `record` makes once in a run; nobody changes what lies there.
+
+        Without a store it is made below `alone`.
+        """
+        if self.folder is None:
+            return record(alone)
         place, made = self.folder / name / "data", self.folder / name / "made"
         begin_s = self.processor_s()
         with locked(self.folder / f"{name}.lock"):
@@ -40,8 +52,7 @@ class Store:
                 written.replace(made)
             else:
                 self.saved_s += float(made.read_text("utf-8").partition("\n")[0])
-        shutil.copytree(place, into, dirs_exist_ok=True)
-        return into / made.read_text("utf-8").partition("\n")[2]
+        return place / made.read_text("utf-8").partition("\n")[2]
 
 
 STORE = Store()

@@ -95,3 +95,18 @@ def test_without_a_folder_everybody_records_their_own(tmp_path: Path) -> None:
     for name in ("a", "b"):
         Store().copy("session", recorder(times), tmp_path / name)
     assert [tmp_path / "a", tmp_path / "b"] == times
+
+
+def test_what_is_shared_is_made_once_and_is_the_same_folder_for_everybody(
+    store: Store, tmp_path: Path
+) -> None:
+    times: list[Path] = []
+    first, second = (store.share("wheel", recorder(times), tmp_path / who) for who in "ab")
+    assert 1 == len(times)
+    assert first == second
+    assert "recorded" == (first / "trials.jsonl").read_text("utf-8")
+
+
+def test_without_a_store_everybody_makes_their_own_to_share(tmp_path: Path) -> None:
+    made_at = Store().share("wheel", recorder([]), tmp_path / "alone")
+    assert tmp_path / "alone" / "stare" / "ses-001" == made_at

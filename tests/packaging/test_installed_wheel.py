@@ -18,6 +18,7 @@ from tests.packaging.lab_folder import fill_lab_folder
 from tests.packaging.test_fresh_install import absent_without, brought
 from tests.product_files import PACKAGE, ROOMS_AT_THE_TOP
 from tests.sessions import STUDIES
+from tests.store import STORE
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import LIGHTEST, Renderer
 
@@ -101,7 +102,19 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
     """Visavis from a wheel without extras: of the libraries of the environment that runs the tests
     it finds those that `pip install visavis` brings.
     """
-    folder = tmp_path_factory.mktemp("wheel")
+    folder = STORE.share("installed_wheel", install_wheel, tmp_path_factory.mktemp("wheel"))
+    (wheel,) = folder.glob("visavis-*.whl")
+    return Installed(programs_of(folder / "environment"), wheel)
+
+
+def programs_of(environment: Path) -> Path:
+    """Return where an environment has its programs."""
+    return environment / ("Scripts" if os.name == "nt" else "bin")
+
+
+def install_wheel(folder: Path) -> Path:
+    """Build the wheel and install it, once in a run: its kernels, too, are compiled once."""
+    folder.mkdir(parents=True, exist_ok=True)
     source = folder / "source"
     shutil.copytree(ROOT, source, ignore=LEFT_BEHIND, symlinks=True)
     people = "src/visavis/stimuli/characters/data"
@@ -111,8 +124,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
     (wheel,) = folder.glob("visavis-*.whl")
     environment = folder / "environment"
     venv.create(environment, with_pip=False, symlinks=os.name != "nt")
-    programs = environment / ("Scripts" if os.name == "nt" else "bin")
-    python = programs / "python"
+    python = programs_of(environment) / "python"
     pip("--python", str(python), "install", *alone, str(wheel), cwd=folder)
     # Folders named in a .pth file come last, and .pth files in them (the editable install of the
     # clone is one) are not read.
@@ -122,7 +134,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
     absent = absent_without(brought(*asked))
     (Path(where) / "sitecustomize.py").write_text(WITHOUT_EXTRAS.format(absent=absent), "utf-8")
     shutil.rmtree(source)
-    return Installed(programs, wheel)
+    return folder
 
 
 def in_wheel(name: str) -> str:

@@ -53,10 +53,14 @@ def met_in_trials(reference: str, root: Path, how: str, **variables: Path) -> li
 
 
 @pytest.mark.timeout(900)
-def test_trials_meet_nothing_new_even_where_nothing_is_kept_yet(tmp_path: Path) -> None:
-    empty = {"NUMBA_CACHE_DIR": tmp_path / "numba", "XDG_CACHE_HOME": tmp_path / "kept"}
-    met = {name: met_in_trials(name, tmp_path / name, "ready", **empty) for name in SHIPPED_STUDIES}
-    assert {name: [] for name in SHIPPED_STUDIES} == met
+@pytest.mark.parametrize("study", SHIPPED_STUDIES)
+def test_trials_meet_nothing_new_even_where_nothing_is_kept_yet(study: str, tmp_path: Path) -> None:
+    empty = {"XDG_CACHE_HOME": tmp_path / "kept"}
+    if study == "stare":
+        # Where its machine code is kept, a kernel that trials call first is opened in them: the
+        # other studies need not compile theirs to show it.
+        empty["NUMBA_CACHE_DIR"] = tmp_path / "numba"
+    assert [] == met_in_trials(study, tmp_path / study, "ready", **empty)
 
 
 def test_what_is_met_in_a_trial_for_the_first_time_is_heard(tmp_path: Path) -> None:
