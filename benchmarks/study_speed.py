@@ -6,17 +6,22 @@ Every participant performs the whole design on the virtual clock through session
 and recorder; then every session is measured and all are analysed together, report included. The
 extrapolation is what 30 participants take on two cores by the CPU time of sessions and measuring
 (median of those seen) and of the analysis; wall time depends on what else runs. The start of
-the processes is counted as wall time only. "Ratio" is limit / value.
+the processes is counted as wall time only. "Ratio" is limit / value. The three modules in which
+sessions, measuring and analysis together spend most are named.
 """
 
 import argparse
 import resource
+import signal
 import statistics
 import sys
 import tempfile
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import FrameType
 from typing import Any, Generic, TypeVar
 
 from benchmarks.table import Row, show
@@ -35,6 +40,9 @@ STUDY_PARTICIPANTS = 30
 STUDY_CORES = 2
 STUDY_LIMIT_S = 120.0
 MEMORY_LIMIT_MB = 1000.0
+SAMPLE_EVERY_S = 0.005
+"""A sample takes some 20 us."""
+SLOWEST = 3
 
 
 Work = TypeVar("Work")
@@ -43,25 +51,59 @@ Done = TypeVar("Done")
 
 @dataclass(frozen=True)
 class Job(Generic[Done]):
-    """What a piece of work returned, the CPU seconds it took, and its process' peak memory."""
+    """What a piece of work returned, its CPU seconds, its process' peak memory, and how often each
+    module was at work.
+    """
 
     result: Done
     cpu_s: float
     peak_mb: float
+    parts: Counter[str]
+
+
+@contextmanager
+def sampled() -> Iterator[Counter[str]]:
+    """Count which module is at work, every few milliseconds of processor time in this block."""
+    parts: Counter[str] = Counter()
+
+    def look(_: int, frame: FrameType | None) -> None:
+        # the innermost of ours: libraries count for what called them
+        while frame is not None and not frame.f_globals["__name__"].startswith("visavis."):
+            frame = frame.f_back
+        parts[frame.f_globals["__name__"] if frame is not None else "other"] += 1
+
+    former = signal.signal(signal.SIGPROF, look)
+    signal.setitimer(signal.ITIMER_PROF, SAMPLE_EVERY_S, SAMPLE_EVERY_S)
+    try:
+        yield parts
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, former)
+
+
+def slowest(parts: Counter[str], cpu_s: float) -> list[Row]:
+    """Return the modules that take most, with their share of the processor time."""
+    total = max(parts.total(), 1)
+    return [
+        Row(f"{module}, CPU", cpu_s * count / total, "s")
+        for module, count in parts.most_common(SLOWEST)
+    ]
 
 
 def timed_session(task: SimulationTask) -> Job[Path]:
     """Simulate one session in this process."""
     before_s = cpu_time_s()
-    path = simulate_one(task)
-    return Job(path, cpu_time_s() - before_s, peak_mb())
+    with sampled() as parts:
+        path = simulate_one(task)
+    return Job(path, cpu_time_s() - before_s, peak_mb(), parts)
 
 
 def timed_measure(session: Path) -> Job[Any]:
     """Measure one session in this process."""
     before_s = cpu_time_s()
-    measured = measure_one((STUDY, session, {}))
-    return Job(measured, cpu_time_s() - before_s, peak_mb())
+    with sampled() as parts:
+        measured = measure_one((STUDY, session, {}))
+    return Job(measured, cpu_time_s() - before_s, peak_mb(), parts)
 
 
 def peak_mb() -> float:
@@ -95,13 +137,14 @@ def rows_of(participants: int, processes: int, root: Path) -> list[Row]:
     out_dir = root / "derived"
     out_dir.mkdir()
     watch, before_s = StopWatch(), cpu_time_s()
-    find_study(STUDY).analyse(
-        [job.result for job in measured],
-        out_dir,
-        is_simulated=True,
-        commands=(),
-        example=Recording(paths[0]),
-    )
+    with sampled() as parts:
+        find_study(STUDY).analyse(
+            [job.result for job in measured],
+            out_dir,
+            is_simulated=True,
+            commands=(),
+            example=Recording(paths[0]),
+        )
     analysed_s, analysis_cpu_s = watch.elapsed_s(), cpu_time_s() - before_s
     frames = sum(
         stream.rows
@@ -113,7 +156,10 @@ def rows_of(participants: int, processes: int, root: Path) -> list[Row]:
     session_cpu_s = statistics.median(job.cpu_s for job in sessions)
     measure_cpu_s = statistics.median(job.cpu_s for job in measured)
     study_s = STUDY_PARTICIPANTS * (session_cpu_s + measure_cpu_s) / STUDY_CORES + analysis_cpu_s
-    peak = max(peak_mb(), *(job.peak_mb for job in (*sessions, *measured)))
+    jobs: list[Job[Any]] = [*sessions, *measured]
+    parts = sum((job.parts for job in jobs), parts)
+    all_cpu_s = sum(job.cpu_s for job in jobs) + analysis_cpu_s
+    peak = max(peak_mb(), *(job.peak_mb for job in jobs))
     return [
         Row("participants", participants, ""),
         Row("processes", processes, ""),
@@ -125,6 +171,7 @@ def rows_of(participants: int, processes: int, root: Path) -> list[Row]:
         Row("measuring a session, CPU, median", measure_cpu_s, "s"),
         Row("analysis and report, CPU", analysis_cpu_s, "s"),
         Row("peak memory of a process", peak, "MB", MEMORY_LIMIT_MB),
+        *slowest(parts, all_cpu_s),
         Row("30 participants on two cores", study_s, "s", STUDY_LIMIT_S),
     ]
 
