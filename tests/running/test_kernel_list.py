@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,6 +14,7 @@ from tests.sessions import STUDIES as STUDIES_OF_TESTS
 from tools.kernel_list import STUDIES
 from visavis.lab.compile_ahead import SIMULATING
 from visavis.results.opened_study import find_study
+from visavis.running.sessions import studies
 from visavis.running.sessions.simulation import kernels_of
 from visavis.running.sessions.studies import QuietNotifier, _do, _Work
 
@@ -53,6 +55,18 @@ class Heard(QuietNotifier):
 
 def double(number: int) -> int:
     return 2 * number
+
+
+def test_there_are_no_more_processes_than_sessions(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int] = []
+
+    def run(_: object, jobs: list[Any], processes: int) -> Iterator[tuple[int, Any]]:
+        asked.append(processes)
+        return iter([(number, None) for number in range(len(jobs))])
+
+    monkeypatch.setattr(studies, "on_this_machine", run)
+    _do(_Work(double, (1, 2), ("a.b:c()",) * 20, "doubling"), 64, None, QuietNotifier())
+    assert [2] == asked
 
 
 @pytest.mark.parametrize(

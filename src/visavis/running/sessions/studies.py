@@ -412,10 +412,10 @@ def _do(work: _Work, processes: int | None, scheduler: str | None, notifier: Not
     Several processes of this machine first compile the kernels, each of them once: processes that
     began with sessions would all compile the same.
     """
-    is_shared = scheduler is None and worker_count(processes) > 1 and len(work.jobs) > 1
-    kernels = work.kernels if is_shared else ()
+    workers = min(worker_count(processes), len(work.jobs))  # kernels alone are worth no process
+    kernels = work.kernels if scheduler is None and workers > 1 else ()
     jobs = [*((make_ready, k) for k in kernels), *((work.function, j) for j in work.jobs)]
-    finished = _run(do_job, jobs, processes, scheduler)
+    finished = _run(do_job, jobs, workers, scheduler)
     results: dict[int, Any] = {}
     if kernels:
         with notifier.progress("getting numeric code ready") as report_progress:
