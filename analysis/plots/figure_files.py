@@ -5,7 +5,10 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
+from weakref import WeakKeyDictionary
 
+from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
@@ -16,6 +19,8 @@ from visavis.analysis.plots.style import figure_style, mark_simulated
 PNG_DPI = 160
 _CLASSES = {WHO: "who", OUT: "who out", ALL: "who all"}
 _OF_ONE = re.compile(rf'<g id="({"|".join(map(re.escape, _CLASSES))})([^"]*)">')
+_DRAWN: Final[WeakKeyDictionary[Figure, str]] = WeakKeyDictionary()
+"""Files drawn of figures that hide nothing; a page shows the same, and need not draw it again."""
 
 
 @dataclass(frozen=True)
@@ -59,8 +64,15 @@ def _lay_out(figure: Figure) -> None:
         figure.dpi = dpi
 
 
-def svg_text(figure: ReportFigure, *, names_people: bool = False) -> str:
-    """Return the figure as a whole SVG file; a file of its own names no participant."""
+def svg_text(figure: ReportFigure) -> str:
+    """Return the figure as a whole SVG file, which names no participant."""
+    text = _draw_svg(figure)
+    if not _hidden_on_paper(figure):
+        _DRAWN[figure.figure] = text
+    return _OF_ONE.sub("<g>", text)
+
+
+def _draw_svg(figure: ReportFigure) -> str:
     buffer = io.StringIO()
     with figure_style():
         FigureCanvasSVG(figure.figure)
@@ -69,8 +81,12 @@ def svg_text(figure: ReportFigure, *, names_people: bool = False) -> str:
             format="svg",
             metadata={"Date": None, "Creator": "Visavis", "Title": figure.title},
         )
-    text = buffer.getvalue()
-    return text if names_people else _OF_ONE.sub("<g>", text)
+    return buffer.getvalue()
+
+
+def _hidden_on_paper(figure: ReportFigure) -> list[Artist]:
+    """Return what a page shows when it is asked, and a file never."""
+    return figure.figure.findobj(lambda artist: (artist.get_gid() or "").startswith((OUT, ALL)))
 
 
 def _group(match: re.Match[str]) -> str:
@@ -84,12 +100,14 @@ def svg_for_page(figure: ReportFigure) -> str:
     count are there, too, in groups of class "out", what trials left out would change in groups of
     class "all"; the page hides both until it is asked.
     """
-    artists = figure.figure.findobj(lambda artist: (artist.get_gid() or "").startswith((OUT, ALL)))
-    for artist in artists:
-        artist.set_visible(True)
-    text = svg_text(figure, names_people=True)
-    for artist in artists:
-        artist.set_visible(False)
+    text = _DRAWN.pop(figure.figure, "")  # once: it may be changed after that
+    if not text:
+        artists = _hidden_on_paper(figure)
+        for artist in artists:
+            artist.set_visible(True)
+        text = _draw_svg(figure)
+        for artist in artists:
+            artist.set_visible(False)
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
     text = _OF_ONE.sub(_group, text)

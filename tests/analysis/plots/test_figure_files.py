@@ -6,10 +6,16 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from visavis.analysis.plots import draw, new_figure, png_bytes, svg_for_page, write_figure
 from visavis.analysis.plots.figure_files import svg_text
-from visavis.analysis.plots.panels import mean_interval, spread_out
+from visavis.analysis.plots.panels import (
+    left_out_lines,
+    mean_interval,
+    paired_lines,
+    spread_out,
+)
 
 
 def figure_of(name: str = "plot", *, is_simulated: bool = True):
@@ -39,6 +45,44 @@ def test_writing_twice_gives_the_same_bytes():
     drawn = figure_of()
 
     assert svg_for_page(drawn) == svg_for_page(drawn)
+
+
+def lines_of(*left_out: str):
+    def make():
+        figure = new_figure(4, 3)
+        axes = figure.add_subplot()
+        paired_lines(axes, np.ones((1, 2)), ["a", "b"], ["#0b5d8f"] * 2, people=["07K"])
+        left_out_lines(axes, np.ones((len(left_out), 2)), left_out)
+        return figure
+
+    return draw("lines", make, title="T", caption="C", alternative="A", is_simulated=True)
+
+
+@pytest.mark.parametrize(("left_out", "times"), [((), 2), (("09X",), 3)])
+def test_a_figure_that_hides_nothing_is_drawn_once_for_its_file_and_its_page(
+    left_out, times, tmp_path, monkeypatch
+):
+    expected = svg_for_page(lines_of(*left_out))
+    forms = []
+    savefig = Figure.savefig
+    monkeypatch.setattr(
+        Figure,
+        "savefig",
+        lambda *a, format, **k: (forms.append(format), savefig(*a, format=format, **k)),
+    )
+    drawn = lines_of(*left_out)
+    write_figure(drawn, tmp_path)
+    assert expected == svg_for_page(drawn)
+    assert times == len(forms)
+    assert "07K" not in (tmp_path / "lines.svg").read_text("utf-8")
+
+
+def test_what_was_changed_after_a_page_was_made_is_on_the_next_page():
+    drawn = figure_of()
+    svg_text(drawn)
+    svg_for_page(drawn)
+    drawn.figure.axes[0].set_xlabel("time (s)")
+    assert svg_for_page(figure_of()) != svg_for_page(drawn)
 
 
 def test_simulated_figure_carries_the_watermark_and_a_real_one_does_not():
