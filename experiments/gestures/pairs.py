@@ -20,8 +20,8 @@ from visavis.study.declaration import Study
 from visavis.study.exclusions import COMPLETENESS_RULES
 from visavis.study.films import Pair
 from visavis.study.measures import column
-from visavis.study.parts import Source
 from visavis.study.responses import Choice, Response
+from visavis.study.source import Source
 from visavis.study.study_functions import Seen
 from visavis.study.trial import TrialScript
 

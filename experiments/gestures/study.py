@@ -30,9 +30,9 @@ from visavis.study.comparisons import Compare
 from visavis.study.declaration import Study
 from visavis.study.exclusions import COMPLETENESS_RULES
 from visavis.study.films import Film, Lens
-from visavis.study.parts import Source
 from visavis.study.responses import Rating, Response
 from visavis.study.scenes import Scene, StagedScene, Staging, scene_of_people
+from visavis.study.source import Source
 from visavis.study.study_functions import Seen
 from visavis.study.trial import TrialScript
 

@@ -94,7 +94,7 @@ class Finding:
         means = values.groupby(outcome.data[factors[0]].astype(str)).mean()
         levels = list(map(str, outcome.data[factors[0]].cat.categories))
         lines = contrast_lines(outcome)
-        rows = [(*levels_of(row), float(row["p_adjusted"]), text, row) for row, text in lines]  # type: ignore[arg-type]  # a number, as tests write it
+        rows = [(*levels_of(row), float(row["p_adjusted"]), text, row) for row, text in lines]
         if not rows and len(levels) == 2:
             rows = [
                 (
@@ -127,9 +127,9 @@ class Finding:
         return tuple(
             Contrast(
                 *(pair := levels_of(row)),
-                float(p := row["p_adjusted"]),  # type: ignore[arg-type]  # a number, as tests write it
-                self.terms[0].is_significant and float(p) < compare.alpha,  # type: ignore[arg-type]  # as above
-                float(row["estimate"]),  # type: ignore[arg-type]  # as above
+                float(p := row["p_adjusted"]),
+                self.terms[0].is_significant and float(p) < compare.alpha,
+                float(row["estimate"]),
                 text,
                 row,
                 compare.pairs.get(pair),
