@@ -11,6 +11,7 @@ from typing import Any, Final, cast
 
 import numpy as np
 
+from visavis.experiments.adjectives.facts import FACTS
 from visavis.experiments.adjectives.pairs import PAIRS
 from visavis.experiments.adjectives.raters import LOADINGS, PERSON_SD, mean_rating
 from visavis.experiments.adjectives.walks import (
@@ -33,6 +34,7 @@ from visavis.study.exclusions import COMPLETENESS_RULES
 from visavis.study.films import Film, Lens, Pair
 from visavis.study.responses import Rating, Response
 from visavis.study.scenes import Scene, StagedScene, Staging, scene_of_people
+from visavis.study.source import Source
 from visavis.study.study_functions import Seen
 from visavis.study.trial import TrialScript
 
@@ -100,6 +102,7 @@ study = Study(
         "rating of some walk is at least 1 from the middle and whose standard deviation over "
         "raters is at most .85 on average; kept pairs are clustered by Ward's method."
     ),
+    source=Source(CITATION, participants=14, where="section 3.3", facts=FACTS),
     references=(CITATION,),
 )
 

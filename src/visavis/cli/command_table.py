@@ -109,7 +109,9 @@ COMMANDS: Mapping[str, Entry] = {
         "figures.",
     ),
     "warp": Entry("warp", "Warp a motion so that an observer perceives more or less of it."),
-    "blend": Entry("blend", "Blend example walks by adjectives, features or weights."),
+    "blend": Entry(
+        "blend", "Blend example walks by adjectives, features or weights, and write the walk."
+    ),
     "gesture": Entry(
         "gesture", "Perform a gesture script: arms by lexeme, the body as a speaker would move it."
     ),

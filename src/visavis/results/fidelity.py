@@ -279,6 +279,7 @@ def _test_words(compare: Compare, experiment: StudyExperiment) -> str:
         f.name: tuple(map(str, f.levels))
         for f in experiment.study.design_with(experiment.parameters).factors
     }
+    levels |= {name: tuple(of) for name, of in experiment.study.analysis.groups.items()}
     test = compare.question(levels).test
     return TEST_WORDS.get(test, test)
 
