@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
@@ -12,6 +13,7 @@ from visavis.lab.errors import LabError, UsageError
 from visavis.stimuli.motion.bvh import read_bvh
 from visavis.stimuli.motion.clip_file import read_clip
 from visavis.stimuli.motion.errors import MotionError
+from visavis.stimuli.motion.synthesis.walk_styles import walk_set
 
 
 def blended(*arguments: str) -> str:
@@ -88,6 +90,31 @@ def test_few_examples_for_many_parameters_are_warned_of() -> None:
 def test_what_cannot_be_given_is_named(arguments: tuple[str, ...], words: str) -> None:
     with pytest.raises(UsageError, match=words):
         blended(*arguments)
+
+
+def test_ratings_of_a_study_take_the_place_of_those_simulated(tmp_path: Path) -> None:
+    names = walk_set("set_b").names
+    path = tmp_path / "impressions.csv"
+    fast = [0.9 if name.endswith("fast") else 0.1 for name in names]
+    own = np.random.default_rng(1).uniform(size=(len(names), 2))
+    table = pd.DataFrame({"name": names, "quickness": fast, "clearness": own[:, 0]})
+    table["sad_happy"] = own[:, 1]
+    table.iloc[::-1].to_csv(path, index=False)
+    listed = blended("--ratings", str(path))
+    assert "quickness, clearness, sad_happy" in listed
+    assert "people have not rated" not in listed
+    quick, slow = (
+        of("--ratings", str(path), "--adjectives", f"quickness={v},sad_happy=.5") for v in (1, 0)
+    )
+    assert quick["cycle_s"] < slow["cycle_s"]
+    table.assign(clearness=2.0).to_csv(path, index=False)
+    with pytest.raises(UsageError, match="clearness is not from 0 to 1"):
+        blended("--ratings", str(path))
+    table.iloc[1:].to_csv(path, index=False)
+    with pytest.raises(UsageError, match="has not just the examples"):
+        blended("--ratings", str(path))
+    with pytest.raises(UsageError, match="cannot be read"):
+        blended("--ratings", str(tmp_path / "gone.csv"))
 
 
 def test_weights_that_are_all_zero_are_refused() -> None:

@@ -1,11 +1,12 @@
 """blend: make a walk of examples by adjectives, features or weights."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Final
 
 import numpy as np
+import pandas as pd
 import typer
 
 from visavis.cli.app import JsonOption, app, console, new_file, say, say_json, say_written, verbatim
@@ -56,6 +57,10 @@ def blend(
     weights: Annotated[
         str, typer.Option(help="Weights of the examples themselves: misery_slow=1,neutral_fast=2.")
     ] = "",
+    ratings: Annotated[
+        Path | None,
+        typer.Option(help="Adjectives as people rated them: impressions.csv of an analysed study."),
+    ] = None,
     character: Annotated[str, typer.Option(help="Who walks in a film.")] = "luca",
     rounds: Annotated[int, typer.Option(help="Cycles in the file.")] = 1,
     unit_m: Annotated[float, typer.Option(help="Metres per unit of a folder's BVH files.")] = 0.01,
@@ -80,10 +85,11 @@ def blend(
         raise UsageError(f"--rounds {rounds}; give 1 to 100")
     folder = None if examples in SETS else read_examples(_folder(examples), unit_m=unit_m)
     walks = walk_set(examples) if folder is None else folder.examples
+    rated = _rated(walks, folder, ratings)
     if not (adjectives or features or weights):
-        _list(walks, folder, as_json)
+        _list(walks, rated, as_json, is_simulated=folder is None and ratings is None)
         return
-    shares = _shares(walks, folder, adjectives, features, weights)
+    shares = _shares(walks, rated, adjectives, features, weights)
     made = Blend(walks, shares)
     if output is not None and output.suffix.lower() in FILMS:
         who = load_character(character)
@@ -130,16 +136,51 @@ def values_of(text: str, names: Sequence[str], option: str, most: float = 1.0) -
     return values
 
 
-def _shares(
-    walks: Examples, folder: ExampleFolder | None, adjectives: str, features: str, weights: str
-) -> Vector:
+@dataclass(frozen=True, eq=False)
+class _Rated:
+    """Adjectives of the examples: their names, and values (n, d) from 0 to 1."""
+
+    names: tuple[str, ...]
+    points: Vector
+
+
+def _rated(walks: Examples, folder: ExampleFolder | None, ratings: Path | None) -> _Rated:
+    if ratings is None:
+        if folder is None:
+            return _Rated(FACTORS, expected_impressions(walks))
+        return _Rated(folder.parameters, folder.points)
+    try:
+        table = pd.read_csv(ratings)
+    except (OSError, ValueError) as problem:
+        raise UsageError(f"--ratings {ratings}: it cannot be read as a table: {problem}") from None
+    if "name" not in table or sorted(table["name"].astype(str)) != sorted(walks.names):
+        raise UsageError(
+            f"--ratings {ratings}: its column name has not just the examples; give one row for "
+            f"each of {', '.join(walks.names)}"
+        )
+    values = table.set_index("name").loc[list(walks.names)].apply(pd.to_numeric, errors="coerce")
+    wrong = ~values.apply(lambda column: column.between(0.0, 1.0))
+    if wrong.to_numpy().any():
+        column = next(str(c) for c in values if wrong[c].any())
+        raise UsageError(f"--ratings {ratings}: {column} is not from 0 to 1 in every row")
+    return _Rated(tuple(map(str, values.columns)), values.to_numpy(dtype=np.float64))
+
+
+def _shares(walks: Examples, rated: _Rated, adjectives: str, features: str, weights: str) -> Vector:
     """Return the examples' weights by whichever option is given."""
     if weights:
         own = values_of(weights, walks.names, "--weights", np.inf)
         return shares_of([own.get(name, 0.0) for name in walks.names], len(walks))
     if adjectives:
-        names, points = _adjectives_of(walks, folder)
-        given = values_of(adjectives, names, "--adjectives")
+        if not rated.names:
+            raise UsageError(
+                "--adjectives: the folder's table has no columns of adjectives; add some with "
+                "numbers from 0 to 1, or use --ratings, --features or --weights"
+            )
+        given = values_of(adjectives, rated.names, "--adjectives")
+        # The four primary parameters where there are such, and every pair asked for besides.
+        names = [n for n in rated.names if n in given or n in FACTORS or len(rated.names) <= 4]
+        points = rated.points[:, [rated.names.index(name) for name in names]]
         fitted = _fit(points, len(names))
         return fitted.at(np.array([given.get(name, MIDDLE) for name in names]))
     table = feature_table(walks)
@@ -150,17 +191,6 @@ def _shares(
     points = np.column_stack([table.primary, *columns])
     fitted = _fit(points, points.shape[1])
     return fitted.at(np.array([given.get(name, MIDDLE) for name in (*GROUPS, *single)]))
-
-
-def _adjectives_of(walks: Examples, folder: ExampleFolder | None) -> tuple[tuple[str, ...], Vector]:
-    if folder is None:
-        return FACTORS, expected_impressions(walks)
-    if not folder.parameters:
-        raise UsageError(
-            "--adjectives: the folder's table has no columns of adjectives; add some with numbers "
-            "from 0 to 1, or use --features or --weights"
-        )
-    return folder.parameters, folder.points
 
 
 def _fit(points: Vector, dimensions: int) -> StyleWeights:
@@ -191,22 +221,21 @@ def _on_body(examples: str, who: Character, shares: Vector, unit_m: float) -> Bl
     return Blend(walks, shares, in_place=True)
 
 
-def _list(walks: Examples, folder: ExampleFolder | None, as_json: bool) -> None:
-    names = FACTORS if folder is None else folder.parameters
+def _list(walks: Examples, rated: _Rated, as_json: bool, *, is_simulated: bool) -> None:
     table = feature_table(walks)
     if as_json:
         say_json(
             {
                 "examples": list(walks.names),
-                "adjectives": list(names),
+                "adjectives": list(rated.names),
                 "features": {name: list(table.values[:, i]) for i, name in enumerate(FEATURES)},
                 "groups": dict(zip(FEATURES, table.group_of, strict=True)),
             }
         )
         return
     say(f"[b]{len(walks)} examples[/]: {verbatim(', '.join(walks.names))}")
-    say(f"[b]adjectives[/]: {verbatim(', '.join(names) or 'none in the table')}")
-    if folder is None:
+    say(f"[b]adjectives[/]: {verbatim(', '.join(rated.names) or 'none in the table')}")
+    if is_simulated:
         say("[dim]from simulated raters; people have not rated these walks[/]")
     for group in GROUPS:
         members = [name for name, g in zip(FEATURES, table.group_of, strict=True) if g == group]
