@@ -1,5 +1,6 @@
 """Perform one trial: run its plan frame by frame and write its row."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -84,11 +85,15 @@ class TrialRunner:
         Displays and trackers repeat their phases every tenth of a second, what keeps an idle band
         alive every fifth.
         A repeated stretch is then sampled at the same phases, so a trial performed again after an
-        interruption gives the same data. Sessions with people do not wait.
+        interruption gives the same data. Sessions with people do not wait. In real time, where
+        frames of a runtime lie on no grid of ours, two rounds of the phases are enough.
         """
-        if self._setup.participant is not None:
-            while self._loop.t_ns % self._grid_ns > ALIGNED_WITHIN_NS:
-                self._desk.next_frame()
+        if self._setup.participant is None:
+            return
+        rounds = math.inf if self._setup.clock.is_virtual else 2
+        give_up_ns = self._loop.t_ns + rounds * self._grid_ns
+        while self._loop.t_ns % self._grid_ns > ALIGNED_WITHIN_NS and self._loop.t_ns < give_up_ns:
+            self._desk.next_frame()
 
     def run(self, trial: Trial, calibration: CalibrationInForce | None) -> Outcome:
         """Perform a trial with the time before it; write its row; return how it ended."""
