@@ -12,6 +12,7 @@ import shutil
 import socket
 import struct
 import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -81,6 +82,13 @@ class Service:
             if self._service.stdin is not None:
                 self._service.stdin.close()
             self._service = None
+
+
+def call(word: str) -> None:
+    """Ask the test to "kill" or to "start" the service, from a child; return when it has."""
+    sys.stdout.write(f"{word}\n")
+    sys.stdout.flush()
+    sys.stdin.readline()
 
 
 @contextlib.contextmanager

@@ -2,8 +2,8 @@
 
     python -m tests.genuine.monado_child SCENARIO
 
-Prints JSON. "killed" asks for the end and the start of the service with a line each on its output,
-and goes on when a line comes back.
+Prints JSON. Some scenarios ask for the end and the start of the service by a line each
+(`tests.genuine.monado.call`).
 """
 
 import json
@@ -18,26 +18,19 @@ from typing import Any
 
 import numpy as np
 
-from tests.faults.sessions import TIMING, lab, request
-from tests.genuine.monado import Remote
-from tests.running.test_every_study import small
-from visavis.analysis.session_check import check_session
+from tests.faults.sessions import lab, request
+from tests.genuine.monado import Remote, call
+from tests.genuine.whole_sessions import WHOLE, on_monado
 from visavis.devices.contracts import DeviceState
 from visavis.devices.drivers.openxr.headset import OpenXrHeadset
 from visavis.devices.drivers.openxr.library import OpenXrLibrary
 from visavis.lab.clock import NS_PER_S, SystemClock
-from visavis.lab.config import DeviceConfig, LabConfig, load_config
-from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import DeviceError
 from visavis.lab.geometry import quat_from_yaw_pitch_deg
-from visavis.protocol.plan.session_plan import SessionPlan
 from visavis.protocol.session.operator import Action, Command, UnattendedOperator
 from visavis.recording.reader import Recording
-from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.running.sessions.perform import perform_new
-from visavis.running.sessions.session_request import Request, simulated_request
 from visavis.stage.window import Window
-from visavis.study.experiment import StudyExperiment
 
 PLACES = (((0.0, 1.6, 0.0), 0.0), ((0.25, 1.5, -0.5), 40.0), ((-1.0, 1.2, 0.75), -75.0))
 CLOCK = SystemClock()
@@ -46,12 +39,6 @@ CLOCK = SystemClock()
 def wait_s(seconds: float) -> None:
     """Let the runtime take what was set."""
     CLOCK.sleep_until_ns(CLOCK.now_ns() + round(seconds * NS_PER_S))
-
-
-def say(line: str) -> None:
-    """Tell the test."""
-    sys.stdout.write(f"{line}\n")
-    sys.stdout.flush()
 
 
 class Run:
@@ -153,8 +140,7 @@ def killed() -> dict[str, Any]:
     run.frames(30)
     states = [run.headset.state.value]
     for word in ("kill", "start"):
-        say(word)
-        sys.stdin.readline()
+        call(word)
         end_ns = CLOCK.now_ns() + (3 if word == "kill" else 20) * NS_PER_S
         while CLOCK.now_ns() < end_ns:
             run.frames(10)
@@ -165,88 +151,6 @@ def killed() -> dict[str, Any]:
     result = {"states": states, "valid": bool(run.last("head")["valid"])}
     run.close()
     return result
-
-
-def on_monado(config: LabConfig, *, shows: bool) -> LabConfig:
-    """Return a lab whose headset is Monado's; without pictures 30 frames a second are counted."""
-    options = {} if shows else {"display_rate_hz": 30.0}
-    headset = DeviceConfig(
-        role="headset", driver="openxr_headset", simulated=False, options=options
-    )
-    display = config.display.model_copy(update={"show": "headset" if shows else "none"})
-    return config.model_copy(
-        update={"devices": {**config.devices, "headset": headset}, "display": display}
-    )
-
-
-class FewTrials(StudyExperiment):
-    """The first two trials of the first two blocks."""
-
-    def plan(self, participant_index: int, seed: int, group: str = "") -> SessionPlan:
-        """Return the beginning of what the participant would do."""
-        plan = super().plan(participant_index, seed, group)
-        return replace(plan, blocks=tuple(replace(b, trials=b.trials[:2]) for b in plan.blocks[:2]))
-
-
-class Wearer(UnattendedOperator):
-    """Puts Monado's head where the simulated participant's is, in every frame."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.remote = Remote()
-        self.participant: Any = None
-
-    def poll(self) -> Sequence[Command]:
-        """Move the head."""
-        position_m, (w, x, y, z) = self.participant.head(CLOCK.now_ns())
-        self.remote.put_head(tuple(position_m), (x, y, z, w))
-        return ()
-
-
-def whole_request(study: OpenedStudy, data_root: Path, *, shows: bool) -> Request:
-    """Return a short session of a study from its beginning to its end, on Monado."""
-    config = lab(data_root)
-    quick = {"answer_limit_s": 1.0} if study.name == "waving" else {}
-    experiment = FewTrials(study.study, {**small(study.name), **quick})
-    example = load_config(EXAMPLE).devices
-    further = {r: example[r] for r in experiment.needed_roles if r not in config.devices}
-    config = config.model_copy(update={"devices": {**config.devices, **further}})
-    wearer = Wearer()
-
-    def participant(*args: Any, **settings: Any) -> Any:
-        made = OpenedStudy.participant(study, *args, **settings)
-        wearer.participant = wearer.participant or made  # the rehearsal's comes after
-        return made
-
-    object.__setattr__(study, "participant", participant)
-    made = simulated_request(
-        study,
-        experiment,
-        on_monado(config, shows=shows),
-        label="S01",
-        index=0,
-        seed=1,
-        group=experiment.plan(0, 1).group,
-    )
-    return replace(made, clock=CLOCK, timing=TIMING, operator=wearer)
-
-
-def whole(reference: str, *, shows: bool) -> dict[str, Any]:
-    """Perform a session to its end; return what `visavis check` says of it."""
-    data_root = Path(os.environ["XDG_CONFIG_HOME"]) / "whole"
-    recording = Recording(perform_new(whole_request(find_study(reference), data_root, shows=shows)))
-    check = check_session(recording)
-    head = recording.stream_arrays("head_measured")
-    return {
-        "status": recording.status,
-        "level": check.level.name,
-        "findings": [f"{f.level.name}: {f.subject}: {f.message}" for f in check.findings],
-        "trials": len(check.trials),
-        "frames": len(recording.stream_arrays("frames")["frame_index"]),
-        "shown": int((recording.stream_arrays("frame_timing")["t_submitted_ns"] >= 0).sum()),
-        "tracked": float(head["valid"].mean()),
-        "moved_m": float(np.ptp(head["position_m"], axis=0).max()),
-    }
 
 
 def session(ending: str) -> dict[str, Any]:
@@ -293,11 +197,8 @@ def session(ending: str) -> dict[str, Any]:
     }
 
 
-OWN = str(Path(__file__).parents[1] / "studies" / "duel.py")
 SCENARIOS = {
-    **{name: partial(whole, name, shows=False) for name in ("stare", "crowd", "waving")},
-    "own": partial(whole, OWN, shows=False),
-    "own-shown": partial(whole, OWN, shows=True),
+    **WHOLE,
     **{ending: partial(session, ending) for ending in ("abort", "sigterm", "ctrl-c")},
     "headless": lambda: poses(shows=False),
     "pictures": lambda: poses(shows=True),
@@ -306,4 +207,4 @@ SCENARIOS = {
 }
 
 if __name__ == "__main__":
-    say(json.dumps(SCENARIOS[sys.argv[1]]()))
+    sys.stdout.write(json.dumps(SCENARIOS[sys.argv[1]]()) + "\n")
