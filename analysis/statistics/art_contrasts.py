@@ -22,8 +22,7 @@ from visavis.analysis.statistics.marginal import (
     CellModel,
     FixedEffects,
     GroupCells,
-    double_differences,
-    pair_contrasts,
+    cell_contrasts,
 )
 from visavis.analysis.statistics.mixed import fit_mixed
 from visavis.analysis.statistics.rank_sum import mann_whitney
@@ -63,7 +62,7 @@ def art_contrasts(
         raise UnknownMethod("cells are missing; contrasts need error='mixed'")
     label = ":".join(names)
     ranks = aligned_ranks(aligned_columns(joint_design)[label], joint_design.y)
-    contrasts = pair_contrasts(
+    contrasts = cell_contrasts(
         _cells(joint_design, ranks, table, error),
         (label,),
         provenance=_provenance(table),
@@ -135,9 +134,10 @@ def art_interaction_contrasts(
         raise UnknownMethod(f"{names[0]} is a main effect; use art_contrasts")
     error = error or table.error
     ranks = aligned_ranks(aligned_columns(design)[":".join(names)], design.y)
-    return double_differences(
+    return cell_contrasts(
         _cells(design, ranks, table, error),
         names,
+        double=True,
         provenance=_provenance(table),
         adjust=adjust,
         effects=_double_effects(design, ranks, names),

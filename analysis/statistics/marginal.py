@@ -262,7 +262,7 @@ def posthoc(
     """
     model = cell_model(table, error)
     provenance = _provenance(table.provenance, model)
-    return pair_contrasts(model, term, provenance=provenance, adjust=adjust, weights=weights)
+    return cell_contrasts(model, term, provenance=provenance, adjust=adjust, weights=weights)
 
 
 def simple_effects(
@@ -308,7 +308,9 @@ def interaction_contrasts(
     """Compare differences of differences of an interaction; options are those of `posthoc`."""
     model = cell_model(table, error)
     provenance = _provenance(table.provenance, model)
-    return double_differences(model, term, provenance=provenance, adjust=adjust, weights=weights)
+    return cell_contrasts(
+        model, term, double=True, provenance=provenance, adjust=adjust, weights=weights
+    )
 
 
 def linear_hypotheses(
@@ -344,41 +346,30 @@ def linear_hypotheses(
     return _family(model, names, list(hypotheses), C, len(labels), provenance, adjust)
 
 
-def pair_contrasts(
+def cell_contrasts(
     model: CellModel,
     term: str | Sequence[str],
     *,
+    double: bool = False,
     provenance: Provenance,
     adjust: ContrastAdjustment = "holm",
     weights: CellWeights = "equal",
     effects: Sequence[Effect | None] | None = None,
 ) -> Contrasts:
-    """Compare all pairs of levels of a factor, or of cells of several, by any model of cells."""
-    names = model.design.term(term)
-    labels = _labels(model.design, names)
-    C = pair_matrix(len(labels)) @ mean_weights(model.design, names, weights)
-    return _family(model, names, pair_labels(labels), C, len(labels), provenance, adjust, effects)
+    """Compare the levels of a factor, or the cells of several, by any model of cells.
 
-
-def double_differences(
-    model: CellModel,
-    term: str | Sequence[str],
-    *,
-    provenance: Provenance,
-    adjust: ContrastAdjustment = "holm",
-    weights: CellWeights = "equal",
-    effects: Sequence[Effect | None] | None = None,
-) -> Contrasts:
-    """Compare differences of differences of an interaction, by any model of cells."""
+    All pairs, or with `double` the differences of differences of an interaction.
+    """
     design = model.design
     names = design.term(term)
-    if len(names) < 2:
+    if double and len(names) < 2:
         raise UnknownMethod(f"{names[0]} is a main effect; its levels are compared in pairs")
-    factors = [design.factor(n) for n in names]
+    # In pairs the cells are the levels of one joined factor; else every factor has its own pairs.
+    sides = [_labels(design, (n,)) for n in names] if double else [_labels(design, names)]
     L: Array = np.ones((1, 1))
-    for factor in factors:
-        L = np.asarray(np.kron(L, pair_matrix(factor.k)), dtype=np.float64)
-    pairs = list(product(*(combinations([str(v) for v in f.levels], 2) for f in factors)))
+    for side in sides:
+        L = np.asarray(np.kron(L, pair_matrix(len(side))), dtype=np.float64)
+    pairs = list(product(*(combinations(side, 2) for side in sides)))
     C = L @ mean_weights(design, names, weights)
     return _family(model, names, pairs, C, L.shape[1], provenance, adjust, effects)
 
