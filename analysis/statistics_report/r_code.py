@@ -275,14 +275,15 @@ def _ancova(outcome: Outcome, names: Mapping[str, str]) -> Body:
     else:
         formula = f"{' * '.join(names.values())} + {' + '.join(held.values())}"
         lines.append(f"held <- function(how) car::Anova(lm(y ~ {formula}, d), type = 3)")
-    ways = {"Greenhouse-Geisser": "GG", "Huynh-Feldt": "HF"}
+    ways, at = {"Greenhouse-Geisser": "GG", "Huynh-Feldt": "HF"}, ""
     for row in outcome.rows:
         term = ":".join({**names, **held}[name] for name in str(row["term"]).split(":"))
         way = ways.get(str(row["sphericity_correction"]), "none")
-        lines += [
-            f"e <- held({r_string(way)}); i <- {r_string(term)}",
-            f'line({r_string(str(row["term"]))}, e[i, grep("^F", names(e))], e[i, "Pr(>F)"])',
-        ]
+        if way != at:
+            lines.append(f"e <- held({r_string(way)})")
+            at = way
+        value = f'e[{r_string(term)}, grep("^F", names(e))], e[{r_string(term)}, "Pr(>F)"]'
+        lines.append(f"line({r_string(str(row['term']))}, {value})")
     lines.append("# Contrasts hold the covariates at their means (0 here): emmeans(model, term).")
     return lines, packages
 
