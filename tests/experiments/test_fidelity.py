@@ -1,6 +1,6 @@
 """What each source says beside what its study does: complete, with reasons, and in the README."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
@@ -14,10 +14,15 @@ from visavis.analysis.report import Cell, Fold, Table
 from visavis.cli.main import app
 from visavis.experiments.stare.study import experiment_of
 from visavis.lab.errors import DesignError, UsageError
+from visavis.protocol.plan.design import Factor
 from visavis.results.fidelity import fidelity_rows, fidelity_section, stale_facts
 from visavis.results.opened_study import OpenedStudy, find_study
+from visavis.study.actions import Action
 from visavis.study.catalogue import SHIPPED_STUDIES
-from visavis.study.source import Fact, PrintedOrder
+from visavis.study.declaration import Study
+from visavis.study.derive import derive
+from visavis.study.source import Fact, PrintedOrder, Source
+from visavis.study.trial import TrialScript
 
 STUDIES = tuple(SHIPPED_STUDIES)
 BEFORE_RESULTS = {"design", "procedure"}
@@ -95,6 +100,23 @@ def test_an_order_of_no_factor_of_the_design_is_refused(monkeypatch: pytest.Monk
     monkeypatch.setattr(opened_study.study, "report", replace(report, source=source))
     with pytest.raises(DesignError, match="no factor 'conditions'; did you mean 'condition'"):
         opened_study.experiment({})
+
+
+def waits(t: TrialScript) -> Iterator[Action]:
+    """Perform a trial in which nothing is shown."""
+    yield t.wait(0.1)
+
+
+def test_a_derived_study_keeps_the_source_of_its_base_and_says_what_it_left_out() -> None:
+    sides = Factor("side", ("left", "right"))
+    said = Source("A. Author (2020)", facts=[Fact("design", "hands", 2, "p. 1", of="hand")])
+    base = Study("base", factors=[sides, Factor("hand", ("left", "right"))], source=said)
+    base.trial(waits)
+    verdicts = [
+        fidelity_rows(OpenedStudy(study).experiment({}))[0].verdict_text
+        for study in (base, derive(base, "fewer", factors=[sides]))
+    ]
+    assert ["same", "different, because this study was derived without hand"] == verdicts
 
 
 def test_an_operator_sees_the_source_beside_the_study() -> None:

@@ -142,6 +142,16 @@ def _participants(source: Source) -> FidelityRow:
 
 def _row_of(fact: Fact, values: Mapping[str, Any], own: Mapping[str, Any]) -> FidelityRow:
     """Return the row of a declared fact; what is a number or read from the design is compared."""
+    if fact.of and fact.of not in values:
+        return FidelityRow(
+            fact.kind,
+            fact.what,
+            _text(fact.printed),
+            fact.where,
+            "none",
+            "different",
+            f"this study was derived without {fact.of}",
+        )
     value: Any = values[fact.of] if fact.of else fact.here
     is_compared = bool(fact.of) or not isinstance(value, str)
     if is_compared:
@@ -174,7 +184,7 @@ def stale_facts(experiment: StudyExperiment) -> tuple[str, ...]:
         fact.what
         for fact in (() if source is None else source.facts)
         if fact.because
-        and (fact.of or not isinstance(fact.here, str))
+        and (fact.of in values or not isinstance(fact.here, str))
         and _agrees(fact.printed, values[fact.of] if fact.of else fact.here)
     )
 
@@ -358,7 +368,8 @@ def _orders_table(analysis: StudyAnalysis) -> Table | None:
     for order in printed_orders_of(analysis.study):
         measure = columns.get(order.measure)
         words = "" if measure is None else measure.words
-        if measure is None or order.measure not in counted or counted[order.measure].isna().all():
+        needs = {order.measure, order.factor, *order.only} - {""}
+        if measure is None or not needs <= set(counted) or counted[order.measure].isna().all():
             cell = Cell("not measured", "weak")
         else:
             holds = order_holds(order, counted, measure.aggregate)

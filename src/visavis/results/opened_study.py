@@ -136,7 +136,8 @@ class OpenedStudy:
         if roles:
             who = tuple(sorted(roles))
             uses += [(m.role, "role", who) for m in self.study.analysis.measures if m.role]
-        if self.study.report.source is not None:
+        # A derived study inherits what was said of its base, also about what it left out.
+        if self.study.report.source is not None and self.study.base is None:
             named = [f.of for f in self.study.report.source.facts if f.of]
             values = tuple(design_values(experiment)) if named else ()
             uses += [(name, "value of the design", values) for name in named]
