@@ -10,7 +10,7 @@ import json
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -197,7 +197,7 @@ def session(ending: str) -> dict[str, Any]:
     }
 
 
-SCENARIOS = {
+SCENARIOS: Mapping[str, Callable[[], dict[str, Any]]] = {
     **WHOLE,
     **{ending: partial(session, ending) for ending in ("abort", "sigterm", "ctrl-c")},
     "headless": lambda: poses(shows=False),
