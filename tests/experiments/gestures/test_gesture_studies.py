@@ -67,7 +67,7 @@ def test_no_foot_slides_in_any_clip() -> None:
 def test_no_arm_passes_through_the_moving_body() -> None:
     build = build_of(default_casting("male_02"))
     gap_m, parts, when_s = clearance_m(whole("corpus", 1), build.stature_m, every=6)
-    assert gap_m >= -0.01, f"{parts} at {when_s:.2f} s"
+    assert gap_m >= 0.0, f"{parts} at {when_s:.2f} s"
 
 
 def test_bodies_stand_in_the_printed_order_and_as_far_apart() -> None:
