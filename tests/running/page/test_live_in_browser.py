@@ -120,7 +120,9 @@ def test_a_real_slider_moulds_and_a_real_mouse_turns(server: Server, browser: An
             page.mouse.down()
             page.mouse.move(box["x"] + 180, box["y"] + 100, steps=4)
             page.mouse.up()
-            page.wait_for_function("document.querySelector('canvas.figure').dataset.frames > 2")
+            frames = page.get_attribute("canvas.figure", "data-frames") or "0"
+            drawn = f"canvas.figure[data-frames]:not([data-frames='{frames}'])"
+            page.wait_for_selector(drawn, timeout=PATIENCE_S * 1000)
         with page.expect_response("**/api/events"):
             page.click("#main button:not(.quiet)")
     until(page, "Thank you", steps=False)
