@@ -57,6 +57,7 @@ def test_a_script_becomes_a_bvh_file_of_its_length_the_same_every_time(
         (("-o", "speech.glb"), "name it .bvh or .npz"),
         (("--beta", "1.5"), "--beta 1.5; give a share"),
         (("--rate", "0"), "--rate 0; give 1 to 240"),
+        (("--tier", "word=Wort"), "--tier 'word=Wort'; give one of phrase, phase, hand, lexeme"),
     ],
 )
 def test_impossible_options_are_refused_before_anything_is_made(

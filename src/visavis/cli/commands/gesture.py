@@ -1,5 +1,6 @@
 """gesture and corpus: from a gesture script to a moving body, and what a speaker does."""
 
+from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Final, cast
 
@@ -38,18 +39,18 @@ corpus_app = typer.Typer(help="A speaker's recordings: what they teach.", no_arg
 app.add_typer(corpus_app, name="corpus")
 
 UnitOption = Annotated[float, typer.Option("--unit-m", help="Metres per unit of BVH files.")]
-PhraseOption = Annotated[str, typer.Option(help="Tier or track of phrases.")]
-PhaseOption = Annotated[str, typer.Option(help="Tier or track of phases.")]
-HandOption = Annotated[str, typer.Option("--hand", help="Tier or attribute of the hand.")]
-LexemeOption = Annotated[str, typer.Option(help="Tier or attribute of the lexeme.")]
+TierOption = Annotated[
+    list[str] | None,
+    typer.Option("--tier", help="Name of a tier or attribute: phrase, phase, hand or lexeme=NAME."),
+]
 
 
 @app.command()
 def gesture(
     script: Annotated[
-        Path | None,
+        Path,
         typer.Argument(help="Gesture script: .yaml, .csv, or annotations of ANVIL or ELAN (.eaf)."),
-    ] = None,
+    ],
     corpus: Annotated[
         str,
         typer.Option(help="Folder of a speaker's takes, each beside its annotation; or synthetic."),
@@ -66,13 +67,7 @@ def gesture(
     rate: Annotated[int, typer.Option(help="Frames a second.")] = 30,
     size: Annotated[str, typer.Option(help="Of a film: width x height.")] = "480x640",
     unit_m: UnitOption = 0.01,
-    phrase: PhraseOption = "phrase",
-    phase: PhaseOption = "phase",
-    hand: HandOption = "hand",
-    lexeme: LexemeOption = "lexeme",
-    sheet: Annotated[
-        bool, typer.Option("--sheet", help="Draw all lexemes as a picture instead of a script.")
-    ] = False,
+    tier: TierOption = None,
     output: Annotated[
         Path, typer.Option("-o", "--output", help="New file: .bvh, .npz, .mp4, .webm or .avi.")
     ] = Path("gesture.bvh"),
@@ -86,14 +81,6 @@ def gesture(
         raise UsageError(f"--rate {rate}; give 1 to 240 frames a second")
     new_file(output)
     who = load_character(character)
-    if sheet:
-        if suffix != ".png":
-            raise UsageError(f"{output}: a sheet is a picture; name it .png")
-        draw_lexemes(output, who, seed)
-        say_written(output)
-        return
-    if script is None:
-        raise UsageError("give a gesture script, or --sheet for a picture of all lexemes")
     if suffix not in (".bvh", ".npz", *FILMS):
         raise UsageError(
             f"{output}: name it .bvh or .npz for a motion, {', '.join(FILMS)} for films"
@@ -101,8 +88,9 @@ def gesture(
     if fill not in ("F", "I", "none"):
         raise UsageError(f"--fill {fill!r}; give F, I or none")
     size_px = picture_size(size)
-    gestures = read_any_script(script, Tiers(phrase, phase, hand, lexeme))
-    speaker = _speaker(corpus, unit_m, Tiers(phrase, phase, hand, lexeme), beta)
+    tiers = _tiers(tier)
+    gestures = read_any_script(script, tiers)
+    speaker = _speaker(corpus, unit_m, tiers, beta)
     clip = perform(
         gestures,
         speaker,
@@ -134,22 +122,52 @@ def fit(
         str, typer.Argument(help="Folder of takes, each beside its annotation; or synthetic.")
     ],
     unit_m: UnitOption = 0.01,
-    phrase: PhraseOption = "phrase",
-    phase: PhaseOption = "phase",
-    hand: HandOption = "hand",
-    lexeme: LexemeOption = "lexeme",
+    tier: TierOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Say what a speaker does: transitions, rules and delays, and how sure they are.
 
     Example: visavis corpus fit recordings/speaker_1
     """
-    speaker = _speaker(folder, unit_m, Tiers(phrase, phase, hand, lexeme), 0.65)
+    speaker = _speaker(folder, unit_m, _tiers(tier), 0.65)
     if as_json:
         say_json(speaker_summary(speaker))
         return
     for line in speaker_text(speaker):
         say(verbatim(line))
+
+
+@corpus_app.command()
+def lexemes(
+    character: Annotated[str, typer.Option(help="Who gestures.")] = "gabriel",
+    seed: Annotated[int, typer.Option(help="Draws the variation of every gesture.")] = 0,
+    output: Annotated[Path, typer.Option("-o", "--output", help="New file: .png.")] = Path(
+        "lexemes.png"
+    ),
+) -> None:
+    """Draw the gestures that scripts can name, all as one picture.
+
+    Example: visavis corpus lexemes -o lexemes.png
+    """
+    if output.suffix.lower() != ".png":
+        raise UsageError(f"{output}: a sheet is a picture; name it .png")
+    new_file(output)
+    draw_lexemes(output, load_character(character), seed)
+    say_written(output)
+
+
+def _tiers(assignments: list[str] | None) -> Tiers:
+    """Return the names of tiers from texts such as phrase=Gesten."""
+    names = [field.name for field in fields(Tiers)]
+    of: dict[str, str] = {}
+    for text in assignments or []:
+        role, sign, name = text.partition("=")
+        if role not in names or not sign or not name:
+            raise UsageError(
+                f"--tier {text!r}; give one of {', '.join(names)} and a name: phrase=NAME"
+            )
+        of[role] = name
+    return Tiers(**of)
 
 
 def _speaker(corpus: str, unit_m: float, tiers: Tiers, beta: float) -> Speaker:
