@@ -1,8 +1,7 @@
 """Walks described by 41 pairs of adjectives: which say something, and which belong together?
 
 After a study of motion interpolation by adjectives: every walk is rated on one list of pairs,
-beside a normal walk. Figures are shown as films here. Once figures are drawn live on the page, the
-same `Blend` takes the film's place and the camera is free, as in the source.
+beside a normal walk. Figures are shown as films, from one place; in the source the camera was free.
 """
 
 from collections.abc import Iterator

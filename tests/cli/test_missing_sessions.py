@@ -10,10 +10,12 @@ from typer.testing import CliRunner
 from tests.cli.test_changed_design import STUDY, simulated
 from visavis.cli.main import app
 from visavis.lab.clock import SimClock
-from visavis.lab.errors import DataError
+from visavis.lab.errors import DataError, RecordingError
 from visavis.protocol.people.ledger import Ledger
+from visavis.recording.folder import open_session
 from visavis.recording.sealed import copy_path
 from visavis.running.scripts import open_study
+from visavis.running.sessions.recorded_part import begin_part
 
 
 @pytest.fixture(scope="module")
@@ -91,6 +93,18 @@ def test_half_of_the_people_are_not_analysed_as_if_they_were_all(study: Path) ->
     assert "sub-S02C/ses-001 is gone" in text
     with pytest.raises(DataError, match="sub-S02C/ses-001 is gone"):
         open_study(study).trials()
+
+
+def test_a_damaged_list_is_named_before_a_session_begins_and_leaves_no_part_open(
+    study: Path,
+) -> None:
+    both(study / "sessions.jsonl", lambda path: void(path.write_bytes(b"x" + path.read_bytes())))
+    session = study / "sub-S02C/ses-001"
+    before = (session / "manifest.json").read_bytes()
+    folder, _ = open_session(session)
+    with folder, pytest.raises(RecordingError, match=r"sessions.jsonl.*visavis recover"):
+        begin_part(SimClock(), folder)
+    assert before == (session / "manifest.json").read_bytes()
 
 
 def test_who_withdrew_or_was_signed_off_is_not_missed(study: Path) -> None:

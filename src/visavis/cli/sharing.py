@@ -21,6 +21,8 @@ from visavis.results.report.methods import own_methods
 from visavis.results.tables.dictionary import of_shown, trial_columns
 from visavis.running.sessions.recorded_design import design_of_session
 from visavis.running.sessions.study_folder import study_of_folder
+from visavis.study.experiment import StudyExperiment
+from visavis.study.live import RENDERER
 from visavis.study.responses import ANSWER_ENDINGS, Text
 
 BLURRED_RISK = (
@@ -170,8 +172,10 @@ def _row_rule(study: OpenedStudy | None, recording: Recording) -> RowRule:
     kinds = {name: question["kind"] for name, question in questions.items()}
     columns = {c.name for c in ENGINE_COLUMNS}
     roles: frozenset[str] = frozenset()
-    if study is not None:
-        experiment = study.experiment_of(recording)
+    experiment: StudyExperiment | None = None
+    with suppress(LabError):  # a study may have lost a parameter that a session was recorded with
+        experiment = None if study is None else study.experiment_of(recording)
+    if study is not None and experiment is not None:
         kinds |= {name: type(r).__name__ for name, r in experiment.responses.items()}
         columns |= set(trial_columns(experiment, study.measures(experiment)))
         roles = frozenset().union(*(t.roles for t in experiment.read.values()))
@@ -184,6 +188,8 @@ def _row_rule(study: OpenedStudy | None, recording: Recording) -> RowRule:
     def leaves(name: str, value: Any) -> bool:
         if name in typed:
             return False
+        if name.endswith(f"_{RENDERER}"):
+            return False  # the graphics card tells a browser from others
         return name in columns or (of_shown(name, roles) and not isinstance(value, str))
 
     return leaves

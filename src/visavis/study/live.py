@@ -26,6 +26,7 @@ from visavis.study.responses import Number
 
 MAX_LIMIT_S: Final = 3600.0
 EndedBy = Literal["button", "limit", "near"]
+RENDERER: Final = "renderer"
 MOULD_COLUMNS: Final = (
     Column("on_ns", "ns", "session time of the figure's first frame"),
     Column("off_ns", "ns", "session time at which the step ended"),
@@ -40,7 +41,7 @@ MOULD_COLUMNS: Final = (
     Column(
         "distance_m", "m", "mean distance of joints from the target at the end; empty without one"
     ),
-    Column("renderer", "", "the graphics renderer that drew the figure"),
+    Column(RENDERER, "", "the graphics renderer that drew the figure"),
 )
 """Columns that a moulded figure adds to a trial's row; its name (`mould`) goes before each."""
 

@@ -50,6 +50,14 @@ def test_who_came_and_left_is_named_and_left_out(place: Place) -> None:
     ]
 
 
+def test_a_session_that_lost_its_rows_is_damaged_and_not_somebody_who_left(place: Place) -> None:
+    visited(place, ("complete", "broke off"))
+    journals = [path / "part-01/events.jsonl" for path in place.sessions()]
+    for journal in journals:
+        journal.unlink()
+    assert place.sessions() == list(intake_list(place.sessions()).measured)
+
+
 def test_a_script_measures_who_finished_among_who_left(place: Place) -> None:
     visited(place, ("complete", *LEAVERS))
     data = StudyData(place.folder, place.reception()._base.study)

@@ -58,7 +58,7 @@ def gesture(
     fill: Annotated[
         str,
         typer.Option(
-            help="Between gestures: F motion of the corpus, I interpolate and hold; none: no body."
+            help="Between gestures: F motion of the corpus, I interpolate and hold; none: still."
         ),
     ] = "F",
     seed: Annotated[int, typer.Option(help="Draws postures, pieces and variation.")] = 0,

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from visavis.lab.errors import DataError, RecordingError
+from visavis.recording.integrity import damage_of
 from visavis.recording.reader import Recording
 from visavis.running.page.board import STATES, state_of
 from visavis.running.page.course import WITHDRAWN
@@ -29,7 +30,7 @@ def intake_list(sessions: Sequence[Path]) -> IntakeList:
     """Return what is measured: each person's first complete session, if it holds a trial.
 
     To come and leave, to decline, to break off before the first trial is ordinary, and no damage;
-    sessions that cannot be read stay on the list, so that their damage is reported.
+    damaged sessions stay on the list, so that their damage is reported.
 
     Raises:
         DataError: nobody has begun a trial.
@@ -55,6 +56,10 @@ def _left_out_because(session: Path) -> str:
         state = state_of(recording, recording.events())
         if state == WITHDRAWN:
             return "wanted their data deleted: visavis participant withdraw does it"
-        return "" if len(recording.trials()) else f"holds no trial ({STATES[state]})"
+        if len(recording.trials()) or recording.status == "complete":
+            return ""
+        if damage_of(recording).is_damaged:
+            return ""
+        return f"holds no trial ({STATES[state]})"
     except (RecordingError, KeyError, OSError):
         return ""

@@ -1,7 +1,7 @@
 """Record a part of a session, and close it however it ends."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from visavis.lab.clock import Clock
@@ -63,10 +63,14 @@ def recorded_part(
 
 
 def begin_part(clock: Clock, folder: SessionFolder) -> Path:
-    """Begin a part, put the session on its study's list, and return the part's folder."""
-    part_dir = folder.begin_part(clock)
-    list_session(folder)
-    return part_dir
+    """Put a session on its study's list, begin a part of it, and return the part's folder.
+
+    Raises:
+        RecordingError: the list is damaged or cannot be written; nothing was begun.
+    """
+    number = 1 + max((p.number for p in folder.manifest.parts), default=0)
+    list_session(folder.path, number, "running", clock.wall_iso())
+    return folder.begin_part(clock)
 
 
 def end_part(
@@ -81,11 +85,16 @@ def end_part(
     try:
         summary = recorder.close(status) if recorder is not None else None
         folder.end_part(clock, summary, reason=reason)
-        list_session(folder)
     except RecordingError as error:
         if cause is None:
             raise
         cause.add_note(str(error))
+        return
+    # The session is whole without this line, and its beginning is on the list; check reports a
+    # list that cannot be written.
+    with suppress(RecordingError):
+        part = folder.manifest.parts[-1]
+        list_session(folder.path, part.number, part.status, part.ended_wall_iso or "")
 
 
 def refuse_other_plan(recording: Recording, plan: SessionPlan) -> None:

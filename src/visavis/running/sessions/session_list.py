@@ -13,7 +13,7 @@ from visavis.lab.errors import DataError, LedgerError, RecordingError
 from visavis.protocol.people.file_lock import locked
 from visavis.protocol.people.ledger import Ledger
 from visavis.recording.chained import append_lines, read_lines
-from visavis.recording.folder import SIMULATED_ROOT, SessionFolder
+from visavis.recording.folder import SIMULATED_ROOT
 from visavis.recording.manifest import MANIFEST_NAME
 from visavis.running.sessions.study_folder import SIMULATED_PREFIX
 
@@ -31,22 +31,21 @@ class ListedSession:
     status: str
 
 
-def list_session(folder: SessionFolder) -> None:
-    """Add a session to its study's list, as its manifest says it is now.
+def list_session(session: Path, part: int, status: str, at: str) -> None:
+    """Add a session to its study's list: its newest part, how that is, and when.
 
     Raises:
         RecordingError: the list is damaged or cannot be written.
     """
-    part = folder.manifest.parts[-1]
     line = {
         "event": "session",
-        "participant": folder.path.parent.name.removeprefix("sub-"),
-        "session": folder.path.name,
-        "part": part.number,
-        "status": part.status,
-        "at": part.ended_wall_iso or part.started_wall_iso,
+        "participant": session.parent.name.removeprefix("sub-"),
+        "session": session.name,
+        "part": part,
+        "status": status,
+        "at": at,
     }
-    _append(folder.path.parent.parent, line)
+    _append(session.parent.parent, line)
 
 
 def sign_list(study: Path) -> tuple[str, ...]:
@@ -120,15 +119,17 @@ def _absent(study: Path) -> tuple[ListedSession, ...]:
 
 def _is_there(study: Path, one: ListedSession) -> bool:
     session = study / one.name
-    return (session / MANIFEST_NAME).exists() and (session / f"part-{one.part:02d}").is_dir()
+    is_begun = one.status != "running"  # a kill may come before the part has a folder
+    part = session / f"part-{one.part:02d}"
+    return (session / MANIFEST_NAME).exists() and (part.is_dir() or not is_begun)
 
 
 def _withdrawn(study: Path) -> frozenset[str]:
-    """Return the folders of people who withdrew, by name."""
+    """Return the folders of people who withdrew or are being withdrawn, by name."""
     is_simulated = study.resolve().parent.name == SIMULATED_ROOT
     ledger = Ledger(study, SystemClock(), prefix=SIMULATED_PREFIX if is_simulated else "")
     try:
-        return frozenset(f"sub-{e.label}" for e in ledger.list() if e.status == "withdrawn")
+        return frozenset(f"sub-{e.label}" for e in ledger.list() if e.status != "active")
     except LedgerError:
         return frozenset()  # which is reported where the ledger is read
 
@@ -138,4 +139,7 @@ def _append(study: Path, line: dict[str, Any]) -> None:
         with locked(study / LOCK_NAME):
             append_lines(study / LIST_NAME, [line])
     except (LedgerError, OSError, ValueError) as error:
-        raise RecordingError(f"the list of sessions cannot be written: {error}") from error
+        raise RecordingError(
+            f"{study / LIST_NAME}, the list of sessions, cannot be written: {error}; "
+            f"`visavis recover {study}` puts its copy in its place where that is intact"
+        ) from error

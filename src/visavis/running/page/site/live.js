@@ -238,7 +238,7 @@ export async function open(step, canvas, key, say, ended) {
   const resize = () => {
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
     const ratio = Math.min(devicePixelRatio, 2);
-    if (canvas.width === Math.round(width * ratio) && canvas.height === Math.round(height * ratio)) return;
+    if (canvas.width === Math.floor(width * ratio) && canvas.height === Math.floor(height * ratio)) return;
     renderer.setPixelRatio(ratio);
     renderer.setSize(width, height, false);
     camera.aspect = width / Math.max(1, height);

@@ -1,4 +1,4 @@
-"""Read figures that Visavis itself wrote as glTF: nothing is fitted, everything is as it was."""
+"""Read figures that Visavis itself wrote as glTF: nothing is fitted, pictures lose a little."""
 
 from dataclasses import dataclass
 from typing import Any
