@@ -12,9 +12,12 @@ from tests.sessions import STUDIES
 from visavis.analysis.session_check import check_session
 from visavis.cli.main import app
 from visavis.cli.preview.capture import Capture
+from visavis.lab.clock import SimClock
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import LabError, SessionAborted
+from visavis.protocol.people.ledger import Ledger
 from visavis.protocol.session.session import Session
+from visavis.recording.folder import study_dir
 from visavis.recording.manifest import read_manifest, write_manifest
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
@@ -149,11 +152,12 @@ def test_export_names_every_format_it_knows(fresh: Path) -> None:
 
 def test_a_study_with_half_a_session_says_so(fresh: Path) -> None:
     study = find_study(str(STUDIES / "asking.py"))
+    folder = study_dir(lab(fresh).data_root, "asking", is_simulated=True)
+    label = Ledger(folder, SimClock(), prefix="S").add().label
     request = simulated_request(
-        study, study.experiment({}), lab(fresh), label="S01", index=0, seed=1, effect=True
+        study, study.experiment({}), lab(fresh), label=label, index=0, seed=1, effect=True
     )
     path = perform_new(request)
-    folder = path.parent.parent
     settle(
         folder, StudySettings("asking", 1, True, source=str(STUDIES / "asking.py")), seed_given=True
     )
@@ -167,5 +171,5 @@ def test_a_study_with_half_a_session_says_so(fresh: Path) -> None:
     assert f"not finished: {path}" in told.replace(" ", " ")
     assert f"visavis resume {path}" in told
     analysed = said(fresh, "analyse", str(folder), "--processes", "1")
-    assert "not finished: session of S01" in analysed
+    assert f"not finished: session of {label}" in analysed
     assert "it is included" in analysed

@@ -39,12 +39,12 @@ REVISION = re.compile(rb'"code_revision": "[^"]*"|"sha256": "[0-9a-f]+"\n}\n\Z')
 
 def digests(folder: Path) -> dict[str, str]:
     """Hash every file; the revision in manifests is left out, as is the checksum over it: it may
-    move between two runs.
+    move between two runs. The list of sessions is in the order in which they began and ended.
     """
     return {
         str(p.relative_to(folder)): hashlib.sha256(REVISION.sub(b"", p.read_bytes())).hexdigest()
         for p in sorted(folder.rglob("*"))
-        if p.is_file()
+        if p.is_file() and not p.name.startswith("sessions.")
     }
 
 

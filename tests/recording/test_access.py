@@ -46,9 +46,9 @@ def _usual_umask():
 
 def test_nobody_else_can_read_what_is_recorded(tmp_path: Path) -> None:
     root = tmp_path / "data"
-    session = record_session(root)
-    study = session.parents[1]
-    Ledger(study, SimClock(), prefix="S").add()
+    study = root / "simulated" / "probe"
+    label = Ledger(study, SimClock(), prefix="S").add().label
+    record_session(root, participant=label)
     write_sealed(study / "study.json", {"study": "probe"})
     assert [] == others_may(root)
     assert {"700", "600", "400"} == modes(root)
@@ -59,8 +59,8 @@ def test_a_shared_folder_hands_on_its_group_and_keeps_others_out(tmp_path: Path)
     make_folder(root)
     share_with_group(root, tmp_path.group())
     share_with_group(root, tmp_path.group())
-    session = record_session(root)
-    Ledger(session.parents[1], SimClock(), prefix="S").add()
+    label = Ledger(root / "simulated" / "probe", SimClock(), prefix="S").add().label
+    record_session(root, participant=label)
     assert [] == others_may(root)
     assert {"2770", "660", "440"} == modes(root)
 

@@ -353,8 +353,13 @@ def without_effect(study: OpenedStudy, experiment: StudyExperiment, people: int)
 def test_everybody_answers_in_time_on_the_quick_path(reference: str) -> None:
     study = on_kit(reference)
     rows = without_effect(study, study.experiment(small(reference)), 1)
-    ways = {w for c in rows.columns if c.endswith("_by") for w in rows[c].unique()}
-    assert ways <= {"ray", "gaze", "keys", "gaze and button"}
+    ways = {
+        w
+        for c in rows.columns
+        if c.endswith("_by") and not c.endswith("ended_by")
+        for w in rows[c].unique()
+    }
+    assert ways <= {"ray", "gaze", "keys", "gaze and button", "mouse"}
 
 
 @pytest.mark.timeout(900)
@@ -381,5 +386,7 @@ def test_without_an_effect_nothing_is_found(reference: str) -> None:
     assert compared or study.study.analysis.families or not experiment.compare
     for compare in compared:
         finding = answer_comparison(compare, rows, known, levels, is_simulated=True)
-        assert finding.outcome is not None, finding.why_not
+        # Who sees no difference may vote alike throughout: then there is nothing to estimate.
+        is_answered = finding.outcome is not None
+        assert is_answered or "no finite estimate" in finding.why_not, finding.why_not
         assert all(term.p > NULL_ALPHA for term in finding.terms), compare.name

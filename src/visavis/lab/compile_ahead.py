@@ -17,6 +17,7 @@ from typing import Any, Final
 import numba
 import numba.core.types
 import numpy as np
+from numba.core.errors import NumbaNotImplementedError
 
 from visavis.lab.compiled import MADE
 
@@ -115,6 +116,14 @@ def _word_for(one: Any) -> str:
     raise NotWritable(str(one))
 
 
+def _is_record_of(records: np.dtype[Any], one: Any) -> bool:
+    """Tell whether a type of records is `one`; one that no kernel can have is not."""
+    try:
+        return bool(numba.from_dtype(records) == one)
+    except NumbaNotImplementedError:
+        return False
+
+
 def _name_of_records(one: Any) -> str:
     """Return the name under which a module of ours has these records' type."""
     names = sorted(
@@ -122,7 +131,7 @@ def _name_of_records(one: Any) -> str:
         for name, module in list(sys.modules.items())
         if name.startswith("visavis.")
         for key, value in vars(module).items()
-        if isinstance(value, np.dtype) and value.names and numba.from_dtype(value) == one
+        if isinstance(value, np.dtype) and value.names and _is_record_of(value, one)
     )
     if not names:
         raise NotWritable(str(one))

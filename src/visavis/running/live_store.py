@@ -11,7 +11,6 @@ import numpy as np
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector
 from visavis.running.film_store import FilmStore
-from visavis.stimuli.characters.gltf.exporting import glb_of_character
 from visavis.stimuli.dressing.casting import default_casting
 from visavis.stimuli.motion.synthesis.blend_file import packed_examples
 from visavis.stimuli.rooms.plain import plain_room
@@ -79,6 +78,9 @@ def _person(live: Live) -> bytes:
 
 @lru_cache(maxsize=32)
 def _glb(character: str) -> bytes:
+    # late: a server that shows films alone starts without what reads and writes figures
+    from visavis.stimuli.characters.gltf.exporting import glb_of_character
+
     return glb_of_character(default_casting(character))
 
 

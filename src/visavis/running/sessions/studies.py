@@ -217,14 +217,10 @@ def analyse_study(
         UsageError: the study's locked plan keeps results hidden until it is complete.
     """
     folder = folder.resolve()
-    listed = intake_list(sessions_of(folder))
-    sessions = listed.measured
-    for line in listed.lines():
-        notifier.warn(line)
-    manifests = [read_manifest(s) for s in sessions]
+    manifest_of = {session: read_manifest(session) for session in sessions_of(folder)}
     # An analysis is of one study, and of real or simulated sessions unless a mixture is wanted.
-    names = {m.study for m in manifests}
-    kinds = {m.is_simulated for m in manifests}
+    names = {m.study for m in manifest_of.values()}
+    kinds = {m.is_simulated for m in manifest_of.values()}
     if len(names) > 1:
         raise DataError(f"{folder} holds sessions of {', '.join(sorted(names))}; analyse one study")
     if len(kinds) > 1 and not mixture:
@@ -233,6 +229,11 @@ def analyse_study(
             "if you mean it (everything is then marked as simulated)"
         )
     study = names.pop()
+    listed = intake_list([*manifest_of])
+    sessions = listed.measured
+    for line in listed.lines():
+        notifier.warn(line)
+    manifests = [manifest_of[session] for session in sessions]
     # A blinded study shows no results before it is complete, unless they are asked for.
     locked_plan, clock = read_lock(folder), SystemClock()
     peeks = check_interim_analysis(
