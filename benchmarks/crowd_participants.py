@@ -58,7 +58,7 @@ LIMIT_01 = 0.25
 SPLITS = 30
 PATTERN = tuple(
     (f"{order.measure}: {greater} > {less}", order.measure, less, greater)
-    for order in printed_orders_of(study)
+    for order in printed_orders_of(StudyExperiment(study))
     for greater, less in orders_of(order.order, order.name)[0].pairs
 )
 """The orders that the source states (`visavis fidelity crowd`), two blocks at a time."""

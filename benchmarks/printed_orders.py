@@ -5,11 +5,12 @@
 As many people as the source had take part, over the quick path. Every order that the study's source
 states (`visavis fidelity`) must hold in 90 % of simulated studies, or the study says why it
 is not reproduced. Exits with 1 where one holds too seldom without a reason, or holds well enough
-and has one.
+and has one. An order of people whom nobody simulates is not measured, and is no fault.
 """
 
 import argparse
 import json
+import math
 import sys
 from collections.abc import Mapping, Sequence
 
@@ -18,7 +19,12 @@ import numpy as np
 from visavis.cli.quick_tracker import tracker_of
 from visavis.lab.errors import UsageError
 from visavis.results.opened_study import find_study
-from visavis.results.printed_orders import MIN_HOLDS_01, order_holds, printed_orders_of
+from visavis.results.printed_orders import (
+    MIN_HOLDS_01,
+    order_holds,
+    printed_orders_of,
+    rows_for,
+)
 from visavis.running.quick import quick_study
 from visavis.running.sessions.study_folder import read_parameters
 from visavis.study.source import PrintedOrder
@@ -27,23 +33,28 @@ from visavis.study.source import PrintedOrder
 def shares_of(
     name: str, studies: int, people: int, overrides: Mapping[str, object], first_seed: int = 0
 ) -> dict[str, float]:
-    """Return the share of simulated studies in which each order holds, by the order's name."""
+    """Return the share of simulated studies in which each order holds, by the order's name.
+
+    It is of the studies in which the order is measured; NaN where it is in none.
+    """
     opened = find_study(name)
     experiment = opened.experiment(overrides)
-    orders = printed_orders_of(opened.study)
+    orders = printed_orders_of(experiment)
     measures = {m.column: m for m in opened.measures(experiment)}
     holds: dict[str, list[bool]] = {order.name: [] for order in orders}
+    groups = opened.study.analysis.groups
     for seed in range(first_seed, first_seed + studies):
-        rows = quick_study(opened, experiment, tracker_of, range(people), seed=seed).trials
+        simulated = quick_study(opened, experiment, tracker_of, range(people), seed=seed)
+        rows = rows_for(orders, simulated.trials, simulated.people, groups)
         for order in orders:
-            aggregate = measures[order.measure].aggregate
-            holds[order.name].append(order_holds(order, rows, aggregate))
-    return {order_name: float(np.mean(each)) for order_name, each in holds.items()}
+            is_held = order_holds(order, rows, measures[order.measure].aggregate)
+            holds[order.name] += [] if is_held is None else [is_held]
+    return {name: float(np.mean(each)) if each else math.nan for name, each in holds.items()}
 
 
 def is_as_declared(order: PrintedOrder, share: float) -> bool:
-    """Tell whether an order holds often enough, or seldom and with a reason."""
-    return (share >= MIN_HOLDS_01) != bool(order.not_reproduced)
+    """Tell whether an order holds often enough, or seldom and with a reason, or is not measured."""
+    return math.isnan(share) or (share >= MIN_HOLDS_01) != bool(order.not_reproduced)
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -56,22 +67,25 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--set", dest="assignments", action="append", default=[])
     parser.add_argument("--json", action="store_true", help="print JSON")
     options = parser.parse_args(arguments)
-    study = find_study(options.study).study
-    source = study.report.source
+    opened = find_study(options.study)
+    source = opened.study.report.source
     people = options.people or (None if source is None else source.participants)
     if people is None:
         raise UsageError(f"{options.study} names no number of its source's participants: --people")
     overrides = read_parameters(options.assignments)
     shares = shares_of(options.study, options.studies, people, overrides, options.first_seed)
-    orders = printed_orders_of(study)
+    orders = printed_orders_of(opened.experiment(overrides))
     if options.json:
-        print(json.dumps(shares, indent=2))
+        there = {name: None if math.isnan(share) else share for name, share in shares.items()}
+        print(json.dumps(there, indent=2))
     else:
         print(f"SIMULATED: {options.studies} studies of {people} people")
         for order in orders:
             verdict = "" if is_as_declared(order, shares[order.name]) else "  NOT AS DECLARED"
             why = f"  (not reproduced: {order.not_reproduced})" if order.not_reproduced else ""
-            print(f"{100 * shares[order.name]:5.1f} %  {order.name}{why}{verdict}")
+            share = shares[order.name]
+            held = "not measured" if math.isnan(share) else f"{100 * share:5.1f} %"
+            print(f"{held}  {order.name}{why}{verdict}")
         print(f"limit {100 * MIN_HOLDS_01:g} %, or a reason")
     return int(not all(is_as_declared(order, shares[order.name]) for order in orders))
 

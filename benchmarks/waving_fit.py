@@ -57,13 +57,14 @@ from visavis.running.quick import quick_study
 from visavis.running.sessions.runners import on_this_machine
 from visavis.stimuli.scenes.office import neighbour
 from visavis.study.expectations import orders_of
+from visavis.study.experiment import StudyExperiment
 
 FIT_SEED, FRESH_SEED, CHECK_SEED = 20_230_000, 30_000_000, 50_000
 """Of studies searched over, of those a find is held against, and of those of the test."""
 PEOPLE, STUDIES, CHECK_STUDIES, FRESH_STUDIES = 16, 300, 200, 600
 ORDERS = {
     order.name: order
-    for order in printed_orders_of(study)
+    for order in printed_orders_of(StudyExperiment(study))
     if order.measure == "is_right" and not order.not_reproduced
 }
 """The orders of accuracy that the source states and simulated studies must show, by name."""

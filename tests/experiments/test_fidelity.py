@@ -131,7 +131,7 @@ def test_a_report_says_which_printed_orders_its_data_show() -> None:
     (section,) = fidelity_section(analysis, experiment_of())
     (orders,) = [block for block in section.blocks if isinstance(block, Table)]
     verdicts = {row[0]: row[2] for row in orders.rows}
-    assert Cell("holds", "agree") == verdicts["Dwell time: D > A"]
+    assert Cell("holds", "agree") == verdicts["Dwell time by condition: D > A"]
     assert {"Design", "Tests"} <= {
         block.summary.split(":")[0] for block in section.blocks if isinstance(block, Fold)
     }

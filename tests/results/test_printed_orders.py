@@ -7,7 +7,8 @@ import pytest
 
 from visavis.lab.errors import DesignError
 from visavis.results.opened_study import find_study
-from visavis.results.printed_orders import order_holds, printed_orders_of
+from visavis.results.printed_orders import order_holds, printed_orders_of, rows_for
+from visavis.study.experiment import StudyExperiment
 from visavis.study.source import PrintedOrder
 
 
@@ -69,9 +70,10 @@ def test_gains_are_compared_between_levels() -> None:
 
 
 def test_significant_published_results_with_a_direction_are_orders() -> None:
-    crowd = {(o.measure, o.order) for o in printed_orders_of(find_study("crowd").study)}
+    crowd = {(o.measure, o.order) for o in printed_orders_of(find_study("crowd").experiment({}))}
     assert ("collisions", "NoHaptic1 > Haptic, NoHaptic2") in crowd
-    stare = {(o.measure, o.order): o.where for o in printed_orders_of(find_study("stare").study)}
+    of_stare = printed_orders_of(find_study("stare").experiment({}))
+    stare = {(o.measure, o.order): o.where for o in of_stare}
     assert "table 3.1" == stare["second_fixation_time_ms", "A > D"]
     assert ("first_fixation_time_ms", "A > D") not in stare
 
@@ -89,5 +91,72 @@ def test_a_reason_for_an_order_that_the_source_does_not_state_is_refused(
     assert source is not None
     odd = replace(source, not_reproduced={"is_right: left > right": "no"})
     monkeypatch.setattr(study, "report", replace(study.report, source=odd))
-    with pytest.raises(DesignError, match=r"is_right: left > right.*is_right: warping"):
-        printed_orders_of(study)
+    with pytest.raises(
+        DesignError, match=r"is_right: left > right.*is_right by technique: warping"
+    ):
+        printed_orders_of(StudyExperiment(study))
+
+
+NUMBERS = table(participant=["a", "a", "b", "b"], people=[1, 4, 1, 4], speed=[1.0, 8.0, 1.0, 8.0])
+"""Of the levels 1, 2 and 4 nobody has 2."""
+
+
+@pytest.mark.parametrize("levels", [(1, 2, 4), ()])
+def test_a_level_with_a_number_for_its_name_is_never_read_as_a_number(
+    levels: tuple[int, ...],
+) -> None:
+    above_2 = order("4 > 2", factor="people", levels=levels)
+    assert order_holds(above_2, NUMBERS) is None
+    assert order_holds(order("4 > 1", factor="people", levels=levels), NUMBERS) is True
+
+
+def test_levels_that_a_table_holds_as_decimal_numbers_are_matched() -> None:
+    as_decimals = NUMBERS.assign(people=NUMBERS["people"].astype(float), way=[1.0, 1.0, 2.0, 2.0])
+    assert order_holds(order("1 > 4", factor="people"), as_decimals) is False
+    assert order_holds(order("4 > 1", factor="people"), as_decimals) is True
+    gain = order("a > b", factor="who", gain=("people", 4, 1))
+    faster = as_decimals.assign(who=["a", "a", "b", "b"], speed=[1.0, 9.0, 1.0, 3.0])
+    assert order_holds(gain, faster) is True
+
+
+def test_a_number_that_is_no_declared_level_is_compared_as_a_number() -> None:
+    assert order_holds(order("4 > 2.5 > 1", factor="people", levels=(1, 2, 4)), NUMBERS) is True
+
+
+def test_an_order_about_a_level_that_nobody_has_is_not_measured() -> None:
+    assert order_holds(order("left > middle", factor="place"), SPEEDS) is None
+    assert order_holds(order("left > right", factor="place"), SPEEDS[:0]) is None
+    assert order_holds(order("right > left", factor="place"), SPEEDS) is False
+
+
+def test_conditions_of_an_order_choose_people_by_what_they_answered() -> None:
+    people = table(participant=["a", "b"], age=[20, 40])
+    of_old = order("left > right", factor="place", conditions=("age >= 30",))
+    of_young = order("right > left", factor="place", only={"years": "young"})
+    groups = {"years": {"young": "age < 30", "old": "age >= 30"}}
+    rows = rows_for((of_old, of_young), SPEEDS, people, groups)
+    assert order_holds(of_old, rows) is True
+    assert order_holds(of_young, rows) is True
+    assert order_holds(of_young, rows_for((of_young,), SPEEDS, None, groups)) is None
+    with pytest.raises(DesignError, match=r"conditions.*no number"):
+        order("left > right", factor="place", conditions=("age >> 3",))
+
+
+def test_the_name_of_an_order_says_factor_gain_and_whom_it_is_about() -> None:
+    of = {"only": {"k": 1}, "conditions": ("age > 3",)}
+    whole = order("a > b", factor="way", gain=("place", "left", "right"), **of)
+    assert "speed by way; place left minus right: a > b (k 1, age > 3)" == whole.name
+
+
+def test_orders_of_published_results_are_about_those_of_their_comparison() -> None:
+    orders = printed_orders_of(find_study("interpolation").experiment({}))
+    squad = [o for o in orders if o.order == "squad > slerp, lineuler"]
+    assert {"method"} == {o.factor for o in squad}
+    whom = [(*o.only.items(), *o.conditions) for o in squad]
+    assert len(whom) == len(set(whom))
+    assert {(), ("recruited_by = 1",), (("experience", "novice"),), (("gesture", "beat"),)} <= {
+        *whom
+    }
+    assert "table 2" == squad[0].where
+    assert all(o.where == "table 5" for o in squad if "gesture" in o.only)
+    assert set(squad[0].levels) == {"lineuler", "slerp", "squad"}

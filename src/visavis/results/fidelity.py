@@ -13,14 +13,14 @@ from visavis.analysis.report import Block, Column, Fold, Paragraph, Section, Tab
 from visavis.analysis.report.blocks import Cell
 from visavis.results.analysis import StudyAnalysis
 from visavis.results.family_tests import CorrelationTest, printed_pair_tests
-from visavis.results.printed_orders import MIN_HOLDS_01, order_holds, printed_orders_of
+from visavis.results.printed_orders import MIN_HOLDS_01, order_holds, printed_orders_of, rows_for
 from visavis.study.comparisons import Compare
 from visavis.study.declaration import Study
 from visavis.study.experiment import StudyExperiment
 from visavis.study.measures import Measure
 from visavis.study.pairs import Correlate, Pairs, Printed
 from visavis.study.responses import Choice, Rating
-from visavis.study.source import Fact, FactKind, Source
+from visavis.study.source import Fact, FactKind, PrintedOrder, Source
 from visavis.study.texts import format_value
 
 Verdict: TypeAlias = Literal["same", "stronger", "different"]
@@ -123,7 +123,7 @@ def fidelity_rows(experiment: StudyExperiment) -> tuple[FidelityRow, ...]:
         *(_row_of(fact, values, own) for fact in source.facts),
         *_printed_tests(experiment),
         *_printed_means(study, source),
-        *_printed_orders(study),
+        *_printed_orders(experiment),
     ]
     return tuple(row for kind in KINDS for row in rows if row.kind == kind)
 
@@ -307,10 +307,10 @@ def _printed_means(study: Study, source: Source) -> Iterator[FidelityRow]:
         yield FidelityRow("result", f"{measure.words}{unit}", values, source.where, SHOWN)
 
 
-def _printed_orders(study: Study) -> Iterator[FidelityRow]:
-    words = _measure_words(study)
-    for order in printed_orders_of(study):
-        what = order.words or order.name.replace(order.measure, words.get(order.measure, ""), 1)
+def _printed_orders(experiment: StudyExperiment) -> Iterator[FidelityRow]:
+    words = _measure_words(experiment.study)
+    for order in printed_orders_of(experiment):
+        what = _order_words(order, words)
         is_held = not order.not_reproduced
         yield FidelityRow(
             "result",
@@ -321,6 +321,12 @@ def _printed_orders(study: Study) -> Iterator[FidelityRow]:
             "same" if is_held else "different",
             order.not_reproduced,
         )
+
+
+def _order_words(order: PrintedOrder, measure_words: Mapping[str, str]) -> str:
+    """Return what an order says; a measure without words goes by its name."""
+    words = measure_words.get(order.measure) or order.measure
+    return order.words or order.name.replace(order.measure, words, 1)
 
 
 def _measure_words(study: Study) -> dict[str, str]:
@@ -356,27 +362,27 @@ def fidelity_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> tu
         if of_kind:
             fold = f"{heading}: {len(of_kind)}"
             blocks.append(Fold(fold, (fidelity_table(of_kind, heading),)))
-    orders = _orders_table(analysis)
+    orders = _orders_table(analysis, experiment)
     blocks += [] if orders is None else [orders]
     return (Section("source", "Beside the source", tuple(blocks)),)
 
 
-def _orders_table(analysis: StudyAnalysis) -> Table | None:
+def _orders_table(analysis: StudyAnalysis, experiment: StudyExperiment) -> Table | None:
     """Return every order that the source states, with whether it holds in these data."""
-    counted, table_rows = analysis.selection.counted, []
+    table_rows = []
     columns = {m.column: m for m in analysis.measures}
-    for order in printed_orders_of(analysis.study):
+    words = {m.column: m.words for m in analysis.measures}
+    orders = printed_orders_of(experiment)
+    groups = analysis.study.analysis.groups
+    rows = rows_for(orders, analysis.selection.counted, analysis.people, groups)
+    for order in orders:
         measure = columns.get(order.measure)
-        words = "" if measure is None else measure.words
-        needs = {order.measure, order.factor, *order.only} - {""}
-        if measure is None or not needs <= set(counted) or counted[order.measure].isna().all():
+        is_held = None if measure is None else order_holds(order, rows, measure.aggregate)
+        cell = Cell("holds", "agree") if is_held else Cell("does not hold", "differ")
+        if is_held is None:
             cell = Cell("not measured", "weak")
-        else:
-            holds = order_holds(order, counted, measure.aggregate)
-            cell = Cell("holds", "agree") if holds else Cell("does not hold", "differ")
         why = order.not_reproduced and f"not reproduced by simulated people: {order.not_reproduced}"
-        what = order.words or order.name.replace(order.measure, words or order.measure, 1)
-        table_rows.append((what, order.where, cell, why))
+        table_rows.append((_order_words(order, words), order.where, cell, why))
     if not table_rows:
         return None
     return Table(

@@ -11,6 +11,7 @@ from typing import Literal, NamedTuple, TypeAlias, get_args
 
 from visavis.lab.errors import DesignError
 from visavis.protocol.plan.steps import Scalar
+from visavis.study.conditions import condition_of
 from visavis.study.expectations import orders_of
 
 FactKind: TypeAlias = Literal["design", "procedure", "measure", "test", "result"]
@@ -69,9 +70,11 @@ class PrintedOrder:
     its sides are answers where there is no factor ("equal > clip"); with a factor the share of all
     of `answers` together is compared between levels. With `gain`, a factor and two of its levels,
     the sides are compared by the measure at the first of these minus that at the second. `only` are
-    levels of other factors that trials must have. `where` is a table, figure or page. `words` say
-    it in a table; left out, the measure and the order do. `not_reproduced` says why simulated
-    people do not show it; without a reason at least nine of ten simulated studies must.
+    levels of other factors or groups of people that trials must have, `conditions` are further ones
+    as in `Compare.where` ("age >= 30"). `where` is a table, figure or page. `words` say it in a
+    table; left out, the measure and the order do. `not_reproduced` says why simulated people do not
+    show it; without a reason at least nine of ten simulated studies must. `levels` are those of
+    the factor, which are never read as numbers; the study's design gives them.
 
     Raises:
         DesignError: the order is none, or is of more than one factor.
@@ -86,6 +89,8 @@ class PrintedOrder:
     only: Mapping[str, Scalar] = field(default_factory=dict)
     words: str = ""
     not_reproduced: str = ""
+    conditions: Sequence[str] = ()
+    levels: Sequence[Scalar] = ()
 
     def __post_init__(self) -> None:
         orders = orders_of(self.order, f"the source's order of {self.measure}")
@@ -94,12 +99,18 @@ class PrintedOrder:
                 f"the source's order of {self.measure} is {self.order!r}; give levels of one "
                 'factor ("a > b, c") and name it with factor='
             )
+        for text in self.conditions:
+            condition_of(text, f"the source's order of {self.measure}, conditions")
 
     @property
     def name(self) -> str:
-        """What it says, for tables."""
-        of = ", ".join(f"{name} {level}" for name, level in self.only.items())
-        return self.words or f"{self.measure}: {self.order}" + (f" ({of})" if of else "")
+        """What it says, for tables: measure, factor, gain, order and whom it is about."""
+        if self.words:
+            return self.words
+        by = f" by {self.factor}" if self.factor else ""
+        gain = "" if self.gain is None else "; {} {} minus {}".format(*self.gain)
+        of = ", ".join((*(f"{name} {x}" for name, x in self.only.items()), *self.conditions))
+        return f"{self.measure}{by}{gain}: {self.order}" + (f" ({of})" if of else "")
 
 
 @dataclass(frozen=True)

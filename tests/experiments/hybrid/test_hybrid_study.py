@@ -16,6 +16,7 @@ from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.results.printed_orders import order_holds, printed_orders_of
 from visavis.running.quick import quick_study
 from visavis.stimuli.motion.clip import placed_joints
+from visavis.study.experiment import StudyExperiment
 from visavis.study.responses import Choice
 
 PEOPLE = 31
@@ -55,11 +56,11 @@ def test_the_hybrid_run_is_preferred_only_because_the_clip_limps() -> None:
 
 
 def orders_that_hold(rows: pd.DataFrame) -> set[str]:
-    return {o.name for o in printed_orders_of(study) if order_holds(o, rows)}
+    return {o.name for o in printed_orders_of(StudyExperiment(study)) if order_holds(o, rows)}
 
 
 def test_votes_lie_as_the_source_describes_its_bars() -> None:
-    expected = {o.name for o in printed_orders_of(study) if not o.not_reproduced}
+    expected = {o.name for o in printed_orders_of(StudyExperiment(study)) if not o.not_reproduced}
     assert set() == expected - orders_that_hold(judged(MANY))
 
 
