@@ -88,7 +88,6 @@ FACTS: Final = (
         "what is said of contact",
         "not said; people did not know that contact would vibrate",
         "section 4.4",
-        "neither contact nor vibration is mentioned",
     ),
     Fact("procedure", "armbands", 4, "section 4.1.1", here=len(BAND_ROLES)),
     Fact("procedure", "motors of an armband", 4, "section 4.1.1", here=len(MOTORS)),
@@ -178,6 +177,8 @@ FACTS: Final = (
         "back at the start",
         "section 4.1.2",
         f"within {{home_within_m}} m of the mark, or after {DEFAULT_PARAMETERS.limit_s:g} s",
+        because="a program needs a distance, and a walk that never comes back must end",
+        is_stronger=True,
     ),
     Fact("measure", "least volume of a collision in m³", 1e-6, "section 4.2.1", here=THRESHOLD_M3),
     Fact(
@@ -279,7 +280,6 @@ FACTS: Final = (
             )
         ),
         "appendix B.2, table B.1",
-        "the same, beside it in the report",
     ),
 )
 SOURCE: Final = Source(

@@ -27,8 +27,7 @@ _NEAR: Final = (
 def _subset(subset: Subset) -> Fact:
     """Return the printed means and p of a subset of ratings, beside what the report has of it."""
     means = ", ".join(f"{name} {mean}" for name, mean in zip(METHODS, subset.means, strict=True))
-    own = "the same analysis, beside it in the report"
-    reason = ""
+    own = reason = ""
     if subset.name in ("pilot", "panel"):
         own, reason = "no counterpart", "who sent a rater is stored apart from the answers"
     return Fact(
@@ -52,6 +51,8 @@ FACTS: Final = (
         "counterbalanced, random",
         "section 3.4",
         "a row of a Williams square by participant",
+        because="it also balances which gesture follows which",
+        is_stronger=True,
     ),
     Fact("design", "order of methods in a gesture", "random", "section 3.4", of="order"),
     Fact("design", "key poses of a gesture", 4, "section 3.3", here=KEYS),
@@ -137,6 +138,7 @@ FACTS: Final = (
         "kept by a hidden timer",
         "section 3.4",
         "from the film's first picture to the answer",
+        because="time in which a film still loads is not spent on it",
     ),
     Fact("measure", "naturalness", "rating of each film", "section 3.2"),
     Fact(

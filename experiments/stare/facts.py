@@ -97,6 +97,8 @@ FACTS: Final = (
         "a look at the active agent",
         "section 3.2.1",
         "the first valid sample of gaze on its head, padded by {pad_deg}°",
+        because="a program needs a rule for what is a look",
+        is_stronger=True,
     ),
     Fact(
         "procedure",
@@ -112,6 +114,7 @@ FACTS: Final = (
         "one scene of averted gaze; the task is to observe the audience, gaze is not named",
         "section 3.2.5",
         "the same, for {practice_s} s or longer",
+        because="people look round at their own pace, and everybody long enough",
     ),
     Fact(
         "procedure",

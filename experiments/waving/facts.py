@@ -113,7 +113,6 @@ FACTS: Final = (
         "who may be meant",
         "oneself, or a customer to the left or right; any of five places can be answered",
         "section 2.3.1",
-        "the same; the instruction names the three",
     ),
     Fact("procedure", "posture", "standing", "section 2.3.1", of="posture"),
     Fact(
@@ -122,6 +121,8 @@ FACTS: Final = (
         "between any two trials",
         "section 2.3.1",
         "between any two trials, and after each of {blocks} parts",
+        because="a rest that comes by itself is taken by those, too, who would not ask for one",
+        is_stronger=True,
     ),
     Fact("procedure", "answers to the question to whom", 5, "section 2.3.1", of="who"),
     Fact("procedure", "realism", "1 to 9", "section 2.3.1", of="realism"),

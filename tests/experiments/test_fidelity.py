@@ -15,12 +15,19 @@ from visavis.cli.main import app
 from visavis.experiments.stare.study import experiment_of
 from visavis.lab.errors import DesignError, UsageError
 from visavis.protocol.plan.design import Factor
-from visavis.results.fidelity import fidelity_rows, fidelity_section, stale_facts
+from visavis.results.fidelity import (
+    FidelityRow,
+    counts_of,
+    fidelity_rows,
+    fidelity_section,
+    stale_facts,
+)
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.study.actions import Action
 from visavis.study.catalogue import SHIPPED_STUDIES
 from visavis.study.declaration import Study
 from visavis.study.derive import derive
+from visavis.study.experiment import StudyExperiment
 from visavis.study.source import Fact, PrintedOrder, Source
 from visavis.study.trial import TrialScript
 
@@ -151,6 +158,102 @@ def test_own_studies_have_the_table_too(tmp_path: Path) -> None:
     file.write_text(PLAIN.replace("# source", said), encoding="utf-8")
     result = CliRunner().invoke(app, ["fidelity", str(file), "--markdown"])
     assert "| trials | 2 | p. 3 | 2 | same |" in result.stdout
+
+
+def rows_saying(says: Says, fact: Fact) -> FidelityRow:
+    rows = fidelity_rows(says(fact).experiment({}))
+    return next(row for row in rows if row.what == fact.what)
+
+
+def test_words_that_are_not_the_printed_ones_need_a_reason(says: Says) -> None:
+    row = rows_saying(says, Fact("procedure", "how near", "2 m", "p. 1", here="1.2 m"))
+    assert row.lacks_reason
+    assert "different, because (no reason is declared)" == row.verdict_text
+
+
+def test_words_that_are_the_printed_ones_need_none(says: Says) -> None:
+    fact = Fact("procedure", "dark", "3 s", "p. 1", here="{intertrial_s} s")
+    assert "same" == rows_saying(says, fact).verdict_text
+    with_reason = replace(fact, what="dim", because="we like it so")
+    assert ("dim",) == stale_facts(says(with_reason).experiment({}))
+
+
+def test_a_reason_without_what_is_done_here_is_refused() -> None:
+    with pytest.raises(DesignError, match=r"'how near'.*here= or of="):
+        Fact("procedure", "how near", "2 m", "p. 1", because="rooms are small")
+
+
+@pytest.mark.parametrize("here", ["{nope} m", "{", "{} m", "{intertrial_s.x}", "{intertrial_s:d}"])
+def test_braces_around_no_value_of_the_design_are_refused(says: Says, here: str) -> None:
+    fact = Fact("procedure", "how near", "2 m", "p. 1", here=here, because="rooms are small")
+    opened_study = says(fact)
+    with pytest.raises(DesignError, match=r"'how near'.*there are.*intertrial_s"):
+        opened_study.experiment({})
+    with pytest.raises(DesignError, match=r"'how near'.*there are.*intertrial_s"):
+        fidelity_rows(StudyExperiment(opened_study.study))
+
+
+def sided(name: str, *facts: Fact) -> Study:
+    factors = [Factor("side", ("left", "right")), Factor("hand", ("left", "right"))]
+    study = Study(name, factors=factors, source=Source("A. Author (2020)", facts=facts))
+    study.trial(waits)
+    return study
+
+
+def test_no_reason_is_invented_for_a_value_that_no_base_has() -> None:
+    fact = Fact("design", "walks", 2, "p. 1", of="trails")
+    derived = derive(sided("base", fact), "fewer", factors=[Factor("side", ("left", "right"))])
+    with pytest.raises(DesignError, match=r"'walks'.*'trails'.*trials"):
+        fidelity_rows(StudyExperiment(derived))
+
+
+def test_words_about_what_a_derived_study_left_out_say_so() -> None:
+    fact = Fact("design", "hands", "both", "p. 1", here="{hand}", because="of two")
+    derived = derive(sided("base", fact), "fewer", factors=[Factor("side", ("left", "right"))])
+    (row,) = fidelity_rows(StudyExperiment(derived))
+    assert "different, because this study was derived without hand" == row.verdict_text
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_printed_results_are_never_called_the_same(name: str) -> None:
+    rows = fidelity_rows(find_study(name).experiment({}))
+    declared = [fact.what for fact in source_of(name).facts]
+    assert set() == {
+        row.verdict
+        for row in rows
+        if row.kind in ("test", "result")
+        and row.what not in (*declared, "participants")
+        and not row.because
+    } - {"not compared"}
+    assert set() == {row.verdict for row in rows if row.kind == "result"} & {"same"}
+
+
+def source_of(name: str) -> Source:
+    source = find_study(name).study.report.source
+    assert source is not None
+    return source
+
+
+def test_printed_tests_of_several_groups_say_of_which() -> None:
+    rows = fidelity_rows(find_study("interpolation").experiment({}))
+    names = [row.what for row in rows if row.kind == "test"]
+    assert len(names) == len(set(names))
+    assert {"naturalness by method (novice)", "naturalness by method (recruited_by = 1)"} <= {
+        *names
+    }
+
+
+def test_orders_are_expected_of_simulated_people_and_not_checked() -> None:
+    rows = fidelity_rows(find_study("interpolation").experiment({}))
+    orders = [row for row in rows if row.what == "order"]
+    assert {"not compared", "different"} == {row.verdict for row in orders}
+    assert all(
+        "not checked here" in row.here and "benchmarks.printed_orders" in row.here
+        for row in orders
+        if row.verdict == "not compared"
+    )
+    assert "naturalness by method: squad > slerp, lineuler" in {row.printed for row in orders}
+    assert "not compared" in counts_of(rows)
 
 
 PLAIN = """

@@ -31,13 +31,14 @@ class Fact:
     `printed` is what the source prints (a number, or in words), `where` its table, section or page.
     What the study does is `of`, the name of a value of its design ("trials", "blocks", a parameter,
     a factor, a question: see `visavis.results.fidelity`), or `here`, a number or words with
-    parameters in braces. Left out both, it does the same. Numbers are compared: one that is not
-    the printed one needs `because`, and so does every other difference. `is_stronger` marks a
-    difference that makes the study stricter or more exact than its source.
+    values of the design in braces. Left out both, it does the same; a printed result is then shown
+    beside the study's own and not compared. Numbers and words that are not the printed ones are a
+    difference, which needs `because`. `is_stronger` marks a difference that makes the study
+    stricter or more exact than its source.
 
     Raises:
         DesignError: the kind is none, or it names `of` and `here` both, or is stronger without a
-            reason.
+            reason, or gives a reason and does not say what the study does.
     """
 
     kind: FactKind
@@ -57,6 +58,10 @@ class Fact:
             raise DesignError(f"{about} says of= and here=; give one of them")
         if self.is_stronger and not self.because:
             raise DesignError(f"{about} is stronger here; say why: because=")
+        if self.because and not self.of and self.here == "":
+            raise DesignError(
+                f"{about} gives a reason and no difference; say what this study does: here= or of="
+            )
 
 
 @dataclass(frozen=True)

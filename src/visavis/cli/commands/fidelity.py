@@ -43,8 +43,8 @@ def fidelity(
     """Show what a study's source says beside what the study does: same, stronger or different.
 
     Design, procedure, measures, tests and printed results, made from what the study declares of its
-    source; numbers that the design has are compared. Exits with 1 where a difference has no reason,
-    or a reason is given for what is no difference.
+    source; numbers that the design has are compared, printed results and orders are not. Exits with
+    1 where a difference has no reason, or a reason is given for what is no difference.
 
     Example: visavis fidelity stare
     """
