@@ -144,6 +144,17 @@ def test_a_report_says_which_printed_orders_its_data_show() -> None:
     }
 
 
+def test_a_report_says_of_an_order_about_an_absent_level_that_it_is_not_measured() -> None:
+    whole = analysed(study_rows(6), anxiety_answers(6))
+    rows = whole.selection.rows
+    others = replace(whole.selection, rows=rows[rows["condition"] != "A"])
+    analysis = replace(whole, selection=others)
+    (section,) = fidelity_section(analysis, experiment_of())
+    (orders,) = [block for block in section.blocks if isinstance(block, Table)]
+    verdicts = {row[0]: row[2] for row in orders.rows}
+    assert Cell("not measured", "weak") == verdicts["Dwell time by condition: D > A"]
+
+
 def test_a_study_without_a_source_is_told_how_to_declare_one(tmp_path: Path) -> None:
     file = tmp_path / "plain.py"
     file.write_text(PLAIN, encoding="utf-8")

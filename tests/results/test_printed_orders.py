@@ -160,3 +160,27 @@ def test_orders_of_published_results_are_about_those_of_their_comparison() -> No
     assert "table 2" == squad[0].where
     assert all(o.where == "table 5" for o in squad if "gesture" in o.only)
     assert set(squad[0].levels) == {"lineuler", "slerp", "squad"}
+
+
+def test_an_order_of_columns_that_are_not_there_is_not_measured() -> None:
+    assert order_holds(order("left > right", factor="spot"), SPEEDS) is None
+    assert order_holds(order("left > right", factor="place", only={"k": 1}), SPEEDS) is None
+    gain = order("left > right", factor="place", gain=("way", "new", "old"))
+    assert order_holds(gain, SPEEDS) is None
+
+
+def test_a_reason_for_what_parameters_leave_out_is_no_mistake(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    study = find_study("interpolation").study
+    assert study.report.source is not None
+    name = "naturalness by method: squad > slerp, lineuler (experience novice)"
+    source = replace(study.report.source, not_reproduced={name: "novices do not look"})
+    monkeypatch.setattr(study, "report", replace(study.report, source=source))
+    reasons = {o.name: o.not_reproduced for o in printed_orders_of(StudyExperiment(study))}
+    assert "novices do not look" == reasons[name]
+    monkeypatch.setattr(study, "analysis", replace(study.analysis, compare=()))
+    with pytest.raises(DesignError, match="which is no order of its source"):
+        printed_orders_of(StudyExperiment(study))
+    less = StudyExperiment(study, {"gesture": ["beat", "iconic"]})
+    assert name not in {o.name for o in printed_orders_of(less)}

@@ -117,7 +117,8 @@ def order_holds(
     equal means are in no order. Where nobody has one of its levels, it is not measured. `rows` have
     the columns of its factor and conditions (`rows_for`).
     """
-    if not {order.measure, order.factor, *order.only} - {""} <= set(rows):
+    gain = () if order.gain is None else order.gain[:1]
+    if not {order.measure, order.factor, *order.only, *gain} - {""} <= set(rows):
         return None
     rows = trials_of(rows, order.only)
     for text in order.conditions:
