@@ -424,8 +424,9 @@ def _do(work: _Work, processes: int | None, scheduler: str | None, notifier: Not
             report_progress(ready_count, len(kernels))
             while ready_count < len(kernels):
                 number, results[number] = next(finished)
-                ready_count += number < len(kernels)
-                report_progress(ready_count, len(kernels))
+                if number < len(kernels):  # a session may be finished before the last kernel
+                    ready_count += 1
+                    report_progress(ready_count, len(kernels))
     with notifier.progress(work.name) as report_progress:
         report_progress(len(results) - len(kernels), len(work.jobs))
         for number, result in finished:
