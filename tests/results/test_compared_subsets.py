@@ -15,7 +15,7 @@ from visavis.results.opened_study import find_study
 from visavis.results.power import KitPower
 from visavis.running.quick import quick_study
 from visavis.study.comparisons import Compare, possible
-from visavis.study.conditions import condition_of, fulfils
+from visavis.study.conditions import condition_of, fulfils, with_people
 from visavis.study.measures import Measure
 
 METHODS = ("lineuler", "slerp", "squad")
@@ -262,3 +262,11 @@ def test_what_people_answered_is_held_constant_and_differences_are_adjusted() ->
     assert difference.interval is not None
     assert pytest.approx(-0.568503820, abs=1e-8) == difference.interval.low
     assert "with animation held constant" in finding.outcome.title  # type: ignore[union-attr]  # it was tested
+
+
+def test_nobody_is_in_two_levels_of_a_group_in_different_trials() -> None:
+    trials = pd.DataFrame({"participant": ["P1", "P1", "P2"], "rt": [2.0, 7.0, 3.0]})
+    groups = {"fast": {"quick": "rt < 5", "slow": "rt >= 5"}}
+    with pytest.raises(DataError, match="P1 is quick and slow of fast in different trials"):
+        with_people(trials, None, (), groups)
+    assert list(with_people(trials[1:], None, (), groups)["fast"]) == ["slow", "quick"]

@@ -137,4 +137,12 @@ def _levels_of(rows: pd.DataFrame, group: str, levels: Mapping[str, str]) -> "pd
                 "its levels exclude each other"
             )
         level_of[mine] = level
+    if "participant" in rows:  # a column of trials can differ from row to row of one person
+        there = level_of[level_of.notna()]
+        for who, own in there.groupby(rows.loc[there.index, "participant"]):
+            if own.nunique() > 1:
+                raise DataError(
+                    f"{who} is {' and '.join(own.unique())} of {group} in different trials; make "
+                    "groups of what is the same in all trials of a participant"
+                )
     return level_of
