@@ -331,7 +331,10 @@ def _jackknifed(
         share = 1 - ((1 - level) / 2) ** (1 / n)
         apart = float(np.clip((1 - above) / largest, 0.0, 1.0))
         return Interval(max(-1.0, 1 - share * largest), 1.0, level), float((1 - apart) ** n)
-    each = _fisher_z(without_each[np.isfinite(without_each)])
+    # Without the only thing rated differently the coefficient is 1, of unbounded z; a third of
+    # the disagreement is left then (of two things rated differently, a half is left).
+    cap = 1 - (1 - value) / 3
+    each = _fisher_z(np.minimum(without_each[np.isfinite(without_each)], cap))
     here, at = float(_fisher_z(np.float64(value))), float(_fisher_z(np.float64(above)))
     se = jackknife_error(each)
     reach = float(special.stdtrit(n - 1, (1 + level) / 2)) * se

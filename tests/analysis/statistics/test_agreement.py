@@ -149,3 +149,14 @@ def test_raters_who_always_agree_are_not_certain_to() -> None:
         assert 1.0 == wide.high == narrow.high
         assert wide.low < 0.2 < 0.85 < narrow.low
         assert 0.025 == pytest.approx(run(many, scale="nominal", above=narrow.low).p_above)
+
+
+@pytest.mark.parametrize("measure", [cohen_kappa, krippendorff_alpha])
+def test_each_further_disagreement_lowers_the_interval_a_little(measure) -> None:  # type: ignore[no-untyped-def]  # either coefficient
+    ratings = np.repeat(np.arange(400)[:, None] % 2, 2, axis=1).astype(float)
+    lows = []
+    for _ in range(3):
+        lows.append(measure(ratings, scale="nominal", above=0.8).interval.low)
+        ratings[len(lows), 1] = 1 - ratings[len(lows), 1]
+    assert lows == sorted(lows, reverse=True)
+    assert lows[1] > 0.95
