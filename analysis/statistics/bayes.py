@@ -46,6 +46,10 @@ def jzs_bayes_factor(
     return float(np.trapezoid(ratio, _LOG_G))
 
 
+LARGEST_LOG = 300 * float(np.log(10))
+"""The largest logarithm of a Bayes factor that is a number."""
+
+
 def jzs_anova_bayes_factor(design: Design) -> float:
     """Return BF₁₀ of the only factor of an ANOVA: with it against without it.
 
@@ -72,8 +76,10 @@ def jzs_anova_bayes_factor(design: Design) -> float:
         g = np.exp(_LOG_G)[:, None] * values
         explained = (shares * g / (1 + g)).sum(axis=1)
         log_m = -0.5 * np.log1p(g).sum(axis=1) - (y.size - 1) / 2 * np.log1p(-explained)
-        ratio = np.exp(log_m + _log_prior(_LOG_G, FIXED_SCALE))
-        return float(np.trapezoid(ratio, _LOG_G))
+        log_ratio = log_m + _log_prior(_LOG_G, FIXED_SCALE)
+        top = float(log_ratio.max())
+        integral = float(np.trapezoid(np.exp(log_ratio - top), _LOG_G))
+        return _from_log(top + float(np.log(integral)))
     # People's levels are integrated out on a second axis, in both models.
     k, n = factor.k, design.n
     means = np.bincount(design.subject, y) / k
@@ -88,9 +94,16 @@ def jzs_anova_bayes_factor(design: Design) -> float:
     null = log_people - half * np.log1p(-by_people)
     left = np.log1p(-(by_factor[:, None] + by_people[None, :]))
     both = log_factor[:, None] + log_people[None, :] - half * left
-    top = float(null.max())
+    top, top_null = float(both.max()), float(null.max())
     one = np.trapezoid(np.exp(both - top), _COARSE_LOG_G, axis=1)
-    return float(np.trapezoid(one, _COARSE_LOG_G) / np.trapezoid(np.exp(null - top), _COARSE_LOG_G))
+    over = np.trapezoid(one, _COARSE_LOG_G)
+    under = np.trapezoid(np.exp(null - top_null), _COARSE_LOG_G)
+    return _from_log(top - top_null + float(np.log(over / under)))
+
+
+def _from_log(log_factor: float) -> float:
+    """Return a Bayes factor of a logarithm; infinite beyond what a number holds."""
+    return float(np.exp(log_factor)) if log_factor < LARGEST_LOG else float("inf")
 
 
 def _log_prior(log_g: Array, scale: float) -> Array:
@@ -103,5 +116,7 @@ def _log_prior(log_g: Array, scale: float) -> Array:
 
 def bayes_text(factor: float) -> str:
     """Format a Bayes factor: plain between .01 and 100, with an exponent beyond."""
+    if factor > 1e300:
+        return "BF₁₀ > 1e300"
     digits = f"{factor:.2f}" if 0.01 <= factor < 100 else f"{factor:.1e}".replace("-", "−")
     return f"BF₁₀ = {digits}"

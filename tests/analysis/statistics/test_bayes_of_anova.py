@@ -6,7 +6,11 @@ import pytest
 
 from tests.analysis.statistics.test_covariates import people
 from visavis.analysis import statistics
-from visavis.analysis.statistics.bayes import jzs_anova_bayes_factor, jzs_bayes_factor
+from visavis.analysis.statistics.bayes import (
+    bayes_text,
+    jzs_anova_bayes_factor,
+    jzs_bayes_factor,
+)
 from visavis.analysis.statistics.errors import UnknownMethod
 from visavis.analysis.statistics_report import Question, answer
 from visavis.lab.errors import UsageError
@@ -68,3 +72,15 @@ def test_a_report_gives_it_beside_the_test_of_one_factor() -> None:
         )
     with pytest.raises(UsageError, match="beside the tests t, rm, anova"):
         Question("art", dv="y", within=("m",), subject="who", bayes=True)
+
+
+def test_a_factor_beyond_all_numbers_is_a_bound_in_the_text() -> None:
+    assert bayes_text(float("inf")) == "BF₁₀ > 1e300"
+    group = np.repeat(["a", "b", "c"], 600)
+    noise = np.random.default_rng(1).normal(size=1800)
+    rows = pd.DataFrame(
+        {"participant": np.arange(1800).astype(str), "group": group,
+         "y": noise + np.repeat([0.0, 2.0, 4.0], 600)}
+    )  # fmt: skip
+    table = statistics.between_anova(rows, "y", between=("group",), subject="participant")
+    assert bayes_text(jzs_anova_bayes_factor(table.design)) == "BF₁₀ > 1e300"
