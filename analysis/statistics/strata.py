@@ -7,11 +7,14 @@ from functools import lru_cache
 import numpy as np
 
 from visavis.analysis.statistics.design import Design
+from visavis.analysis.statistics.errors import ConstantResponse
 from visavis.analysis.statistics.linear import model_matrix
 from visavis.analysis.statistics.results import Array
 
 FLOAT_NOISE = 1e-25
 """Sums of squares below this share of the sum of squared values are rounding, hence zero."""
+COLLINEAR = 1e-9
+"""A covariate of which less than this share is its own follows from the columns before it."""
 
 
 @lru_cache(maxsize=64)
@@ -47,9 +50,17 @@ class Strata:
         between = design.between
         X, self._place = model_matrix(design.group_of_subject, [f.k for f in between], design.n)
         # Covariates are columns beside the groups: centred, so that groups compare at their mean.
-        for j, values in enumerate(design.covariates.values()):
+        for j, (name, values) in enumerate(design.covariates.items()):
             self._place[(len(between) + j,)] = slice(X.shape[1], X.shape[1] + 1)
-            X = np.hstack([X, (values - values.mean())[:, None]])
+            column = values - values.mean()
+            rest = column - X @ np.linalg.lstsq(X, column, rcond=None)[0]
+            if np.linalg.norm(rest) < COLLINEAR * np.linalg.norm(column):
+                others = [*(f.name for f in between), *list(design.covariates)[:j]]
+                raise ConstantResponse(
+                    f"{name} follows from {', '.join(others)}: beside them it explains nothing; "
+                    "leave one of them out"
+                )
+            X = np.hstack([X, column[:, None]])
         self._inverse = np.linalg.inv(X.T @ X)
         self._fit = self._inverse @ X.T
         self._X = X

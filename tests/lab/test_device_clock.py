@@ -2,7 +2,10 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from visavis.lab import device_clock
 from visavis.lab.device_clock import device_times
 
 SECOND, MS = 10**9, 10**6
@@ -154,3 +157,26 @@ def test_no_samples_have_no_times():
     nothing = np.zeros(0, np.int64)
 
     assert len(device_times(nothing, nothing, [[0, 5, 10]]).t_ns) == 0
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_late_sample_before_a_loss_is_delay_and_no_jump(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    taken, stamps, arrived = samples(rng)
+    at = int(np.searchsorted(taken, 60 * SECOND)) + int(rng.integers(500))
+    keep = np.ones(len(taken), bool)
+    keep[at + 1 : at + 25] = False
+    arrived[at] += 400 * MS
+    arrived = np.maximum.accumulate(arrived[keep])
+    dated = device_times(stamps[keep], arrived)
+    assert () == dated.jumps
+    rows = np.arange(keep.sum()) != at
+    assert np.abs(dated.t_ns - taken[keep])[rows].max() < 20 * MS
+
+
+@given(st.lists(st.integers(0, 1000), min_size=1, max_size=60), st.integers(1, 12))
+def test_the_least_of_a_window_is_that_of_its_samples(offsets: list[int], count: int) -> None:
+    offset = np.array(offsets, np.int64)
+    host = np.arange(len(offset), dtype=np.int64) * (device_clock.WINDOW_NS // count)
+    expected = [min(offsets[max(0, i - count + 1) : i + 1]) for i in range(len(offsets))]
+    assert expected == device_clock._least_lately(host, offset).tolist()

@@ -212,7 +212,11 @@ def _quick(sent: Times, trip: Times) -> npt.NDArray[np.intp]:
 def _by_arrivals(device: Times, host: Times) -> list[ClockStretch]:
     """Cut where stamps step away from arrivals; fit the quickest sample of every ten seconds."""
     offset = host - device
-    is_jump = (np.diff(offset) < -ONE_WAY_JUMP_NS) | (np.diff(device) < -ONE_WAY_JUMP_NS)
+    is_jump = np.diff(device) < -ONE_WAY_JUMP_NS
+    # A late sample waited; what follows it has not jumped, unless it came sooner than all before.
+    for rows in np.split(np.arange(len(device)), np.flatnonzero(is_jump) + 1):
+        least = _least_lately(host[rows], offset[rows])
+        is_jump[rows[:-1]] |= offset[rows][1:] < least[:-1] - ONE_WAY_JUMP_NS
     bounds = [0, *(np.flatnonzero(is_jump) + 1).tolist(), len(device)]
     stretches = []
     for first, end in pairwise(bounds):
@@ -223,6 +227,22 @@ def _by_arrivals(device: Times, host: Times) -> list[ClockStretch]:
         at, height = _fit(own[best], waited[best], np.full(len(best), ARRIVAL_BOUND_NS))
         stretches.append(ClockStretch(at, height, int(host[first]), int(host[end - 1])))
     return stretches
+
+
+def _least_lately(host: Times, offset: Times) -> Times:
+    """Return for each sample (n,) the least offset of those of about ten seconds up to it."""
+    if len(host) < 2:
+        return offset
+    count = max(1, round(WINDOW_NS / max(1.0, float(np.median(np.diff(host))))))
+    # Least of the window's part in its own block, and of its part in the block before.
+    blocks = np.pad(offset, (0, -len(offset) % count), mode="edge").reshape(-1, count)
+    to_here = np.minimum.accumulate(blocks, axis=1).ravel()[: len(offset)]
+    from_here = np.minimum.accumulate(blocks[:, ::-1], axis=1)[:, ::-1].ravel()
+    least: Times = to_here.copy()
+    least[count - 1 :] = np.minimum(
+        least[count - 1 :], from_here[: max(0, len(offset) - count + 1)]
+    )
+    return least
 
 
 def _dated(

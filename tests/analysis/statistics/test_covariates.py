@@ -97,3 +97,20 @@ def test_a_report_leaves_out_who_has_no_covariate_only_where_it_may() -> None:
 def test_other_tests_hold_nothing_constant() -> None:
     with pytest.raises(UsageError, match="covariates goes with rm, anova"):
         Question("art", dv="y", within=("m",), subject="who", covariates=("age",))
+
+
+@pytest.mark.parametrize(
+    ("covariates", "said"),
+    [
+        (("age", "months"), "months follows from g, age"),
+        (("of_group",), "of_group follows from g"),
+    ],
+)
+def test_a_covariate_that_follows_from_the_others_is_refused_by_name(
+    covariates: tuple[str, ...], said: str
+) -> None:
+    frame = people().assign(months=lambda f: 12 * f.age + 1)
+    frame["of_group"] = frame.g.map({"a": 20.0, "b": 30.0})
+    means = frame.groupby(["who", "g", "age", "months", "of_group"], as_index=False)["y"].mean()
+    with pytest.raises(ConstantResponse, match=said):
+        statistics.between_anova(means, "y", between=("g",), subject="who", covariates=covariates)
