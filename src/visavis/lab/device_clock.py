@@ -233,7 +233,8 @@ def _least_lately(host: Times, offset: Times) -> Times:
     """Return for each sample (n,) the least offset of those of about ten seconds up to it."""
     if len(host) < 2:
         return offset
-    count = max(1, round(WINDOW_NS / max(1.0, float(np.median(np.diff(host))))))
+    count = round(WINDOW_NS / max(1.0, float(np.median(np.diff(host)))))
+    count = min(max(1, count), len(offset))
     # Least of the window's part in its own block, and of its part in the block before.
     blocks = np.pad(offset, (0, -len(offset) % count), mode="edge").reshape(-1, count)
     to_here = np.minimum.accumulate(blocks, axis=1).ravel()[: len(offset)]
