@@ -175,9 +175,7 @@ def test_a_figure_whose_pictures_are_refused_is_a_failure_and_not_drawn_without_
     page = browser.new_context().new_page()
     page.add_init_script("URL.createObjectURL = () => 'blob:nowhere';")
     page.goto(address)
-    until(page, "First one to try")
-    page.click("#main button:not(.quiet)")
-    until(page, "pictures of the figure could not be read", steps=False)
+    until(page, "pictures of the figure could not be read")
     page.click("#main button.quiet")  # skipped
     until(page, "walks that count", steps=False)
     server.kill()
