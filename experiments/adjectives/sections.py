@@ -35,57 +35,60 @@ def impressions(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
     if len(ratings) < 2:
         words = f"{len(ratings)} people rated every walk on every pair; at least two must."
         return Extra(Section("impressions", title, (Paragraph(words),)))
-    found = Impressions(walks, ratings)
-    blocks: list[Block] = [_kept(found)]
+    impressions = Impressions(walks, ratings)
+    blocks: list[Block] = [_pairs_kept(impressions)]
     try:
-        clusters = found.cluster_of
+        clusters = impressions.cluster_of
     except StatisticsError as problem:
         blocks.append(Paragraph(f"Clusters cannot be formed: {problem}"))
-        return Extra(Section("impressions", title, (*blocks, _pairs(found, {}))))
+        return Extra(Section("impressions", title, (*blocks, _pairs(impressions, {}))))
     figure = draw(
         "dendrogram",
-        lambda: _tree(found),
+        lambda: _tree(impressions),
         title="Pairs of adjectives that are rated alike",
         caption="Ward's clusters of the pairs kept, by their mean ratings of all walks. Heights "
         "are √(2 ΔE), where ΔE is the increase of the sum of squares within clusters; colours are "
         f"the {len(FACTORS)} clusters into which the tree is cut.",
-        alternative=f"A tree of {len(found.kept)} pairs of adjectives in {len(FACTORS)} clusters.",
+        alternative=f"A tree of {len(impressions.kept)} pairs in {len(FACTORS)} clusters.",
         is_simulated=analysis.is_simulated,
     )
     blocks += [
         picture_of(figure),
-        _clusters(found),
-        _pairs(found, dict(zip(found.kept, clusters, strict=True))),
-        _predicted(found, walks),
+        _clusters(impressions),
+        _pairs(impressions, dict(zip(impressions.kept, clusters, strict=True))),
+        _prediction(impressions, walks),
     ]
-    matrix = found.matrix()
+    matrix = impressions.matrix()
     columns = (
         TableColumn("name", "", "the walk"),
         *(TableColumn(f, "1", f"primary parameter {f}, 0 to 1") for f in FACTORS),
-        *(TableColumn(p, "1", f"mean rating of {p}, 0 to 1") for p in found.kept),
+        *(TableColumn(p, "1", f"mean rating of {p}, 0 to 1") for p in impressions.kept),
     )
     return Extra(
         Section("impressions", title, tuple(blocks)), (figure,), {"impressions": matrix}, columns
     )
 
 
-def _kept(found: Impressions) -> Paragraph:
-    selection = found.selection
+def _pairs_kept(impressions: Impressions) -> Paragraph:
+    selection = impressions.selection
     weak = int((selection.max_abs_mean < 1.0 - 1e-12).sum())
+    count = len(impressions.kept)
     return Paragraph(
-        f"{len(found.kept)} of {len(PAIRS)} pairs are kept by {len(found.ratings)} raters of "
-        f"{len(found.walks)} walks (the source: {KEPT_IN_SOURCE['A']} for its 10 walks, "
+        f"{count} of {len(PAIRS)} pairs are kept by {len(impressions.ratings)} raters of "
+        f"{len(impressions.walks)} walks (the source: {KEPT_IN_SOURCE['A']} for its 10 walks, "
         f"{KEPT_IN_SOURCE['B']} for its 27). Left out are {weak} pairs that no walk moves by a "
-        f"step of the scale, and {len(PAIRS) - len(found.kept) - weak} about which raters differ "
+        f"step of the scale, and {len(PAIRS) - count - weak} about which raters differ "
         "by more than .85 (mean standard deviation)."
     )
 
 
-def _clusters(found: Impressions) -> Table:
+def _clusters(impressions: Impressions) -> Table:
     rows = []
     for factor in FACTORS:
-        own = [p for p, c in zip(found.kept, found.cluster_of, strict=True) if c == factor]
-        alpha = found.cluster_alpha(factor)
+        own = [
+            p for p, c in zip(impressions.kept, impressions.cluster_of, strict=True) if c == factor
+        ]
+        alpha = impressions.cluster_alpha(factor)
         rows.append(
             (
                 factor,
@@ -113,11 +116,11 @@ def _clusters(found: Impressions) -> Table:
     )
 
 
-def _pairs(found: Impressions, cluster_of: dict[str, str]) -> Table:
-    selection = found.selection
+def _pairs(impressions: Impressions, cluster_of: dict[str, str]) -> Table:
+    selection = impressions.selection
     rows = []
     for i, pair in enumerate(PAIRS):
-        single, alpha = found.reliability(pair)
+        single, alpha = impressions.reliability(pair)
         rows.append(
             (
                 pair.replace("_", "–"),
@@ -147,12 +150,12 @@ def _pairs(found: Impressions, cluster_of: dict[str, str]) -> Table:
     )
 
 
-def _predicted(found: Impressions, walks: tuple[str, ...]) -> Paragraph:
+def _prediction(impressions: Impressions, walks: tuple[str, ...]) -> Paragraph:
     if set(walks) - set(WALKS):
         return Paragraph("Features of these walks are not known, so nothing is predicted of them.")
     features = np.array([list(features_seen(walk_of(w, RATED)).values()) for w in walks])
     words = ", ".join(
-        f"{factor} {decimal(left_out_r2(features, found.primary[:, k]), 2)}"
+        f"{factor} {decimal(left_out_r2(features, impressions.primary[:, k]), 2)}"
         for k, factor in enumerate(FACTORS)
     )
     return Paragraph(
@@ -162,11 +165,11 @@ def _predicted(found: Impressions, walks: tuple[str, ...]) -> Paragraph:
     )
 
 
-def _tree(found: Impressions) -> Figure:
+def _tree(impressions: Impressions) -> Figure:
     """Return the dendrogram of the pairs kept, its branches in the colours of their clusters."""
-    profiles = found.selection.profiles
+    profiles = impressions.selection.profiles
     tree = linkage(profiles, "ward")
-    factor_below: dict[int, str | None] = dict(enumerate(found.cluster_of))
+    factor_below: dict[int, str | None] = dict(enumerate(impressions.cluster_of))
     for k, (a, b, *_) in enumerate(tree):
         one, other = factor_below[int(a)], factor_below[int(b)]
         factor_below[len(profiles) + k] = one if one == other else None
@@ -177,16 +180,16 @@ def _tree(found: Impressions) -> Figure:
 
     figure = new_figure(6.4, 0.9 + 0.19 * len(profiles))
     axes = figure.add_subplot()
-    drawn = dendrogram(
+    branches = dendrogram(
         tree,
         orientation="left",
-        labels=[pair.replace("_", "–") for pair in found.kept],
+        labels=[pair.replace("_", "–") for pair in impressions.kept],
         link_color_func=colour,
         ax=axes,
     )
-    for label, i in zip(axes.get_yticklabels(), drawn["leaves"] or (), strict=True):
-        label.set(color=COLOURS[found.cluster_of[i]], fontsize=8)
-    heights = found.clusters.heights
+    for label, i in zip(axes.get_yticklabels(), branches["leaves"] or (), strict=True):
+        label.set(color=COLOURS[impressions.cluster_of[i]], fontsize=8)
+    heights = impressions.clusters.heights
     cut = float(heights[-len(FACTORS)] + heights[-len(FACTORS) + 1]) / 2
     axes.axvline(cut, color="#444444", linestyle="--", linewidth=0.8)
     axes.set(xlabel="distance of clusters, √(2 ΔE)")

@@ -85,22 +85,22 @@ def blend(
         raise UsageError(f"--rounds {rounds}; give 1 to 100")
     folder = None if examples in SETS else read_examples(_folder(examples), unit_m=unit_m)
     walks = walk_set(examples) if folder is None else folder.examples
-    rated = _rated(walks, folder, ratings)
+    impressions = _impressions_of(walks, folder, ratings)
     if not (adjectives or features or weights):
-        _list(walks, rated, as_json, is_simulated=folder is None and ratings is None)
+        _list(walks, impressions, as_json, is_simulated=folder is None and ratings is None)
         return
-    shares = _shares(walks, rated, adjectives, features, weights)
-    made = Blend(walks, shares)
+    shares = _shares(walks, impressions, adjectives, features, weights)
+    blend_of_walks = Blend(walks, shares)
     if output is not None and output.suffix.lower() in FILMS:
         who = load_character(character)
         write_walk_film(output, who, _on_body(examples, who, shares, unit_m), rounds)
     elif output is not None:
-        clip = _rounds(made, rounds)
+        clip = _rounds(blend_of_walks, rounds)
         if output.suffix.lower() == ".bvh":
             write_bvh(output, bvh_of_clip(clip))
         else:
             write_clip(output, clip)
-    _tell(made, as_json)
+    _tell(blend_of_walks, as_json)
     if output is not None and not as_json:
         say_written(output)
 
@@ -137,18 +137,20 @@ def values_of(text: str, names: Sequence[str], option: str, most: float = 1.0) -
 
 
 @dataclass(frozen=True, eq=False)
-class _Rated:
+class _Impressions:
     """Adjectives of the examples: their names, and values (n, d) from 0 to 1."""
 
     names: tuple[str, ...]
     points: Vector
 
 
-def _rated(walks: Examples, folder: ExampleFolder | None, ratings: Path | None) -> _Rated:
+def _impressions_of(
+    walks: Examples, folder: ExampleFolder | None, ratings: Path | None
+) -> _Impressions:
     if ratings is None:
         if folder is None:
-            return _Rated(FACTORS, expected_impressions(walks))
-        return _Rated(folder.parameters, folder.points)
+            return _Impressions(FACTORS, expected_impressions(walks))
+        return _Impressions(folder.parameters, folder.points)
     try:
         table = pd.read_csv(ratings)
     except (OSError, ValueError) as problem:
@@ -163,53 +165,59 @@ def _rated(walks: Examples, folder: ExampleFolder | None, ratings: Path | None) 
     if wrong.to_numpy().any():
         column = next(str(c) for c in values if wrong[c].any())
         raise UsageError(f"--ratings {ratings}: {column} is not from 0 to 1 in every row")
-    return _Rated(tuple(map(str, values.columns)), values.to_numpy(dtype=np.float64))
+    return _Impressions(tuple(map(str, values.columns)), values.to_numpy(dtype=np.float64))
 
 
-def _shares(walks: Examples, rated: _Rated, adjectives: str, features: str, weights: str) -> Vector:
+def _shares(
+    walks: Examples, impressions: _Impressions, adjectives: str, features: str, weights: str
+) -> Vector:
     """Return the examples' weights by whichever option is given."""
     if weights:
         own = values_of(weights, walks.names, "--weights", np.inf)
         return shares_of([own.get(name, 0.0) for name in walks.names], len(walks))
     if adjectives:
-        if not rated.names:
+        if not impressions.names:
             raise UsageError(
                 "--adjectives: the folder's table has no columns of adjectives; add some with "
                 "numbers from 0 to 1, or use --ratings, --features or --weights"
             )
-        given = values_of(adjectives, rated.names, "--adjectives")
+        given = values_of(adjectives, impressions.names, "--adjectives")
         # The four primary parameters where there are such, and every pair asked for besides.
-        names = [n for n in rated.names if n in given or n in FACTORS or len(rated.names) <= 4]
-        points = rated.points[:, [rated.names.index(name) for name in names]]
-        fitted = _fit(points, len(names))
-        return fitted.at(np.array([given.get(name, MIDDLE) for name in names]))
+        names = [
+            n
+            for n in impressions.names
+            if n in given or n in FACTORS or len(impressions.names) <= 4
+        ]
+        points = impressions.points[:, [impressions.names.index(name) for name in names]]
+        fit = _fit(points, len(names))
+        return fit.at(np.array([given.get(name, MIDDLE) for name in names]))
     table = feature_table(walks)
     given = values_of(features, (*GROUPS, *FEATURES), "--features")
     # The four groups, and every single feature that is asked for besides.
     single = [name for name in given if name in FEATURES]
     columns = [table.scaled_01[:, FEATURES.index(name)] for name in single]
     points = np.column_stack([table.primary, *columns])
-    fitted = _fit(points, points.shape[1])
-    return fitted.at(np.array([given.get(name, MIDDLE) for name in (*GROUPS, *single)]))
+    fit = _fit(points, points.shape[1])
+    return fit.at(np.array([given.get(name, MIDDLE) for name in (*GROUPS, *single)]))
 
 
 def _fit(points: Vector, dimensions: int) -> StyleWeights:
-    fitted = fit_weights(points)
-    if fitted.is_spare:
+    fit = fit_weights(points)
+    if fit.is_spare:
         console.print(
             f"[yellow]{dimensions} parameters of {len(points)} examples: weights are unsteady; "
             f"give at least {dimensions + MIN_SPARE} examples, or fewer parameters[/]",
             soft_wrap=True,
         )
-    return fitted
+    return fit
 
 
-def _rounds(made: Blend, rounds: int) -> Clip:
+def _rounds(blend_of_walks: Blend, rounds: int) -> Clip:
     """Return cycles one after another; the last frame is the first again, further on."""
-    one = made.sampled()
+    one = blend_of_walks.sampled()
     n = len(one.root_m) * rounds + 1
-    frames = made.at(np.arange(n) * one.frame_s)
-    return Clip(made.skeleton, one.frame_s, frames.root_m, frames.orientation_wxyz)
+    frames = blend_of_walks.at(np.arange(n) * one.frame_s)
+    return Clip(blend_of_walks.skeleton, one.frame_s, frames.root_m, frames.orientation_wxyz)
 
 
 def _on_body(examples: str, who: Character, shares: Vector, unit_m: float) -> Blend:
@@ -221,20 +229,20 @@ def _on_body(examples: str, who: Character, shares: Vector, unit_m: float) -> Bl
     return Blend(walks, shares, in_place=True)
 
 
-def _list(walks: Examples, rated: _Rated, as_json: bool, *, is_simulated: bool) -> None:
+def _list(walks: Examples, impressions: _Impressions, as_json: bool, *, is_simulated: bool) -> None:
     table = feature_table(walks)
     if as_json:
         say_json(
             {
                 "examples": list(walks.names),
-                "adjectives": list(rated.names),
+                "adjectives": list(impressions.names),
                 "features": {name: list(table.values[:, i]) for i, name in enumerate(FEATURES)},
                 "groups": dict(zip(FEATURES, table.group_of, strict=True)),
             }
         )
         return
     say(f"[b]{len(walks)} examples[/]: {verbatim(', '.join(walks.names))}")
-    say(f"[b]adjectives[/]: {verbatim(', '.join(rated.names) or 'none in the table')}")
+    say(f"[b]adjectives[/]: {verbatim(', '.join(impressions.names) or 'none in the table')}")
     if is_simulated:
         say("[dim]from simulated raters; people have not rated these walks[/]")
     for group in GROUPS:
@@ -242,26 +250,28 @@ def _list(walks: Examples, rated: _Rated, as_json: bool, *, is_simulated: bool) 
         say(f"[b]features, {group}[/]: {', '.join(members)}")
 
 
-def _tell(made: Blend, as_json: bool) -> None:
-    walks = made.examples
-    measured = features_of(replace(made, in_place=False).sampled())
+def _tell(blend_of_walks: Blend, as_json: bool) -> None:
+    walks = blend_of_walks.examples
+    features = features_of(replace(blend_of_walks, in_place=False).sampled())
     if as_json:
         say_json(
             {
-                "weights": dict(zip(walks.names, made.weights.tolist(), strict=True)),
-                "cycle_s": made.cycle_s,
-                "speed_mps": float(np.hypot(*made.travel_m[[0, 2]]) / made.cycle_s),
-                "features": measured,
+                "weights": dict(zip(walks.names, blend_of_walks.weights.tolist(), strict=True)),
+                "cycle_s": blend_of_walks.cycle_s,
+                "speed_mps": float(
+                    np.hypot(*blend_of_walks.travel_m[[0, 2]]) / blend_of_walks.cycle_s
+                ),
+                "features": features,
             }
         )
         return
-    heavy = sorted(zip(made.weights, walks.names, strict=True), reverse=True)
+    heavy = sorted(zip(blend_of_walks.weights, walks.names, strict=True), reverse=True)
     text = ", ".join(f"{name} {weight:.2f}" for weight, name in heavy if weight >= 0.005)
     say(f"[b]weights[/]: {verbatim(text)}")
-    speed = float(np.hypot(*made.travel_m[[0, 2]]) / made.cycle_s)
-    say(f"a cycle of {made.cycle_s:.2f} s, {speed:.2f} m/s; {_some(measured)}")
+    speed = float(np.hypot(*blend_of_walks.travel_m[[0, 2]]) / blend_of_walks.cycle_s)
+    say(f"a cycle of {blend_of_walks.cycle_s:.2f} s, {speed:.2f} m/s; {_some(features)}")
 
 
-def _some(measured: Mapping[str, float]) -> str:
+def _some(features: Mapping[str, float]) -> str:
     shown = ("step_length_fb", "mean_torso_fb", "sd_left_upper_arm_fb")
-    return ", ".join(f"{name} {measured[name]:.2f} {unit_of(name)}" for name in shown)
+    return ", ".join(f"{name} {features[name]:.2f} {unit_of(name)}" for name in shown)
