@@ -42,8 +42,9 @@ def jzs_bayes_factor(
         - 0.5 * np.exp(-_LOG_G)
     )
     log_null = -(df + 1) / 2 * np.log1p(t**2 / df)
-    ratio = np.exp(log_density - log_null)
-    return float(np.trapezoid(ratio, _LOG_G))
+    top = float(log_density.max())
+    integral = float(np.trapezoid(np.exp(log_density - top), _LOG_G))
+    return _from_log(top - log_null + float(np.log(integral)))
 
 
 LARGEST_LOG = 300 * float(np.log(10))

@@ -84,3 +84,9 @@ def test_a_factor_beyond_all_numbers_is_a_bound_in_the_text() -> None:
     )  # fmt: skip
     table = statistics.between_anova(rows, "y", between=("group",), subject="participant")
     assert bayes_text(jzs_anova_bayes_factor(table.design)) == "BF₁₀ > 1e300"
+
+
+def test_a_t_beyond_all_numbers_is_a_bound_in_the_text() -> None:
+    factor = jzs_bayes_factor(400.0, 2000)
+    assert float("inf") == factor
+    assert "BF₁₀ > 1e300" in bayes_text(factor)
