@@ -53,7 +53,7 @@ LIMITS = {
     "jump": 1.2,
 }
 MIN_P = 1e-3
-LEAST_CASES = 50
+MIN_CASES = 50
 PARTS: tuple[Part, ...] = ("com", "yaw")
 FEET = ("left_foot", "right_foot", "left_toes", "right_toes")
 
@@ -119,7 +119,7 @@ def confidence_off(speaker: Speaker) -> tuple[float, int]:
     for part in PARTS:
         for hand, lexeme in {(p.hand, p.lexeme) for p in speaker.habits.phrases}:
             for rule in speaker.habits.rules(part, hand, lexeme):
-                if rule.with_gesture >= LEAST_CASES:
+                if rule.with_gesture >= MIN_CASES:
                     gesture = {"H": hand, "L": lexeme, "HL": f"{hand} {lexeme}"}[rule.by]
                     name = (part, rule.posture, gesture)
                     shares = planted_confidence(part, rule.by, hand, lexeme)
@@ -267,7 +267,7 @@ def main(arguments: list[str]) -> int:
     )
     print(f"worst transition off by {found.transition_off:.3f} (limit .05)")
     print(
-        f"worst confidence of {found.rules_compared} rules with {LEAST_CASES} cases off by "
+        f"worst confidence of {found.rules_compared} rules with {MIN_CASES} cases off by "
         f"{found.confidence_off:.3f} (limit .10)"
     )
     print(f"worst delay off by {found.delay_off_s:.3f} s (limit .03)")

@@ -287,7 +287,7 @@ def krippendorff_alpha(
     n = len(table)
     value = float(alpha(np.ones((1, n)))[0])
     largest = float(apart.max()) / float(_chance_distance(counts.sum(axis=0), apart))
-    interval, p_above = _jackknifed(value, alpha(1.0 - np.eye(n)), above, level, largest)
+    interval, p_above = _jackknife(value, alpha(1.0 - np.eye(n)), above, level, largest)
     if value < NEARLY_ONE:
         by_f, p_by_f = _as_one_way(value, above, level, n, float(n_of_thing.mean()))
         interval = Interval(
@@ -316,7 +316,7 @@ def _chance_distance(category_counts: Array, apart: Array) -> float:
     return float(category_counts @ apart @ category_counts / (n * (n - 1)))
 
 
-def _jackknifed(
+def _jackknife(
     value: float, without_each: Array, above: float, level: float, largest: float
 ) -> tuple[Interval, float]:
     """Return the interval of a coefficient of agreement, and p of one of at most `above`.
@@ -425,7 +425,7 @@ def cohen_kappa(
         n * (1 - chance) ** 4
     )
     se = float(np.sqrt(max(variance, 0.0)))
-    interval, p_above = _jackknifed(value, without_each, above, level, 1 / (1 - chance))
+    interval, p_above = _jackknife(value, without_each, above, level, 1 / (1 - chance))
     left = int((~both).sum())
     exclusions = (f"{left} things that one rater left out",) if left else ()
     return Agreement(

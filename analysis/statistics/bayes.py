@@ -75,8 +75,8 @@ def jzs_anova_bayes_factor(design: Design) -> float:
     shares = (vectors.T @ X.T @ y) ** 2 / values / total
     if not factor.is_within:
         g = np.exp(_LOG_G)[:, None] * values
-        explained = (shares * g / (1 + g)).sum(axis=1)
-        log_m = -0.5 * np.log1p(g).sum(axis=1) - (y.size - 1) / 2 * np.log1p(-explained)
+        explained_01 = (shares * g / (1 + g)).sum(axis=1)
+        log_m = -0.5 * np.log1p(g).sum(axis=1) - (y.size - 1) / 2 * np.log1p(-explained_01)
         log_ratio = log_m + _log_prior(_LOG_G, FIXED_SCALE)
         top = float(log_ratio.max())
         integral = float(np.trapezoid(np.exp(log_ratio - top), _LOG_G))

@@ -205,8 +205,8 @@ def tested_rows(design: Design, subject: str) -> pd.DataFrame:
     for factor in design.factors:
         names = [str(v) for v in factor.levels]
         columns[factor.name] = pd.Categorical.from_codes(factor.codes, pd.Index(names))
-    held = {name: values[design.subject] for name, values in design.covariates.items()}
-    return pd.DataFrame({**columns, **held, design.dv: design.y})
+    covariates = {name: values[design.subject] for name, values in design.covariates.items()}
+    return pd.DataFrame({**columns, **covariates, design.dv: design.y})
 
 
 def average_trials(design: Design) -> Design:

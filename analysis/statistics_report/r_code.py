@@ -253,11 +253,11 @@ def _f_lines(source: str, outcome: Outcome, names: Mapping[str, str]) -> list[st
 def _ancova(outcome: Outcome, names: Mapping[str, str]) -> Body:
     """Return code of tests with covariates, centred over people; contrasts are left out."""
     q = outcome.question
-    held = {name: f"c{j}" for j, name in enumerate(q.model.covariates, 1)}
+    covariate_names = {name: f"c{j}" for j, name in enumerate(q.model.covariates, 1)}
     lines = ["per <- d[!duplicated(d$s), ]"] if "s" in _columns(outcome) else ["per <- d"]
     lines += [
         f"d${short} <- d[[{r_string(name)}]] - mean(per[[{r_string(name)}]])"
-        for name, short in held.items()
+        for name, short in covariate_names.items()
     ]
     packages: tuple[str, ...] = ("car",)
     if q.within:
@@ -269,15 +269,15 @@ def _ancova(outcome: Outcome, names: Mapping[str, str]) -> Body:
         )
         lines.append(
             "held <- function(how) suppressWarnings(suppressMessages(afex::aov_ez("
-            f'"s", "y", d, {roles}, covariate = {r_vector(list(held.values()))}, '
+            f'"s", "y", d, {roles}, covariate = {r_vector(list(covariate_names.values()))}, '
             "factorize = FALSE, anova_table = list(correction = how))))$anova_table"
         )
     else:
-        formula = f"{' * '.join(names.values())} + {' + '.join(held.values())}"
+        formula = f"{' * '.join(names.values())} + {' + '.join(covariate_names.values())}"
         lines.append(f"held <- function(how) car::Anova(lm(y ~ {formula}, d), type = 3)")
     ways, at = {"Greenhouse-Geisser": "GG", "Huynh-Feldt": "HF"}, ""
     for row in outcome.rows:
-        term = ":".join({**names, **held}[name] for name in str(row["term"]).split(":"))
+        term = ":".join({**names, **covariate_names}[name] for name in str(row["term"]).split(":"))
         way = ways.get(str(row["sphericity_correction"]), "none")
         if way != at:
             lines.append(f"e <- held({r_string(way)})")

@@ -42,7 +42,7 @@ def _rate_hz(r: Recording) -> float:
 
 PYMOVEMENTS_SMOOTHED_MS = (0, 20, 40, 60)
 PYMOVEMENTS_DEG_S = (20.0, 30.0, 45.0)
-LEAST_S = 0.06
+MIN_S = 0.06
 
 
 def _pymovements(r: Recording, *, window_ms: float, threshold_deg_s: float) -> Labels:
@@ -57,7 +57,7 @@ def _pymovements(r: Recording, *, window_ms: float, threshold_deg_s: float) -> L
     else:
         velocity[2:-2] = (place[4:] + place[3:-1] - place[1:-3] - place[:-4]) * rate / 6
     found = pm.events.ivt(
-        velocity, minimum_duration=round(LEAST_S * rate), velocity_threshold=threshold_deg_s
+        velocity, minimum_duration=round(MIN_S * rate), velocity_threshold=threshold_deg_s
     )
     return _labels(len(place), found.frame["onset"].to_numpy(), found.frame["offset"].to_numpy())
 

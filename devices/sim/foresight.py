@@ -159,8 +159,8 @@ def _move(
     way_z = past_m[last, 2] - past_m[first, 2]
     # The rotation in world that leads from one orientation to the other, the short way round.
     before, after = past_wxyz[first], past_wxyz[last]
-    turned = (after[0], after[1], after[2], after[3])
-    w, x, y, z = times(turned, (before[0], -before[1], -before[2], -before[3]))
+    orientation = (after[0], after[1], after[2], after[3])
+    w, x, y, z = times(orientation, (before[0], -before[1], -before[2], -before[3]))
     if w < 0.0:
         w, x, y, z = -w, -x, -y, -z
     sine = np.sqrt(x * x + y * y + z * z)
@@ -178,5 +178,5 @@ def _move(
     if sine > 0.0:
         half = share * angle / 2.0
         scale = np.sin(half) / sine
-        turn = times((np.cos(half), scale * x, scale * y, scale * z), turned)
+        turn = times((np.cos(half), scale * x, scale * y, scale * z), orientation)
         pose[3], pose[4], pose[5], pose[6] = turn

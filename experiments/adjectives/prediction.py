@@ -17,7 +17,7 @@ def left_out_r2(features: Vector, values: Vector) -> float:
     there too, so that no walk has a say in its own prediction.
     """
     n = len(values)
-    predicted = np.empty(n)
+    predictions = np.empty(n)
     for i in range(n):
         rest = np.arange(n) != i
         train, aim = features[rest], values[rest]
@@ -28,10 +28,10 @@ def left_out_r2(features: Vector, values: Vector) -> float:
         errors = [_left_out_errors(x, aim - aim.mean(), penalty) for penalty in PENALTIES]
         best = PENALTIES[int(np.argmin(errors))]
         slope = x.T @ np.linalg.solve(x @ x.T + best * np.eye(n - 1), aim - aim.mean())
-        predicted[i] = aim.mean() + x_out @ slope
+        predictions[i] = aim.mean() + x_out @ slope
     total = ((values - values.mean()) ** 2).sum()
     return (
-        float("nan") if total < CONSTANT else float(1 - ((values - predicted) ** 2).sum() / total)
+        float("nan") if total < CONSTANT else float(1 - ((values - predictions) ** 2).sum() / total)
     )
 
 

@@ -194,9 +194,10 @@ def _tree(impressions: Impressions) -> Figure:
     axes.axvline(cut, color="#444444", linestyle="--", linewidth=0.8)
     axes.set(xlabel="distance of clusters, √(2 ΔE)")
     axes.legend(
-        handles=[
-            axes.plot([], [], color=COLOURS[f], linewidth=2, label=f)[0] for f in FACTORS
-        ],
-        ncols=len(FACTORS), loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False,
-    )  # fmt: skip
+        handles=[axes.plot([], [], color=COLOURS[f], linewidth=2, label=f)[0] for f in FACTORS],
+        ncols=len(FACTORS),
+        loc="lower center",
+        bbox_to_anchor=(0.5, 1.0),
+        frameon=False,
+    )
     return figure

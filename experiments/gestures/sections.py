@@ -42,7 +42,7 @@ def ratings_as_printed(analysis: StudyAnalysis, experiment: StudyExperiment) -> 
     for (one, other), t_printed in published.TESTS.items():
         try:
             x, y = np.asarray(means[one]), np.asarray(means[other])
-            unpaired = independent_t(x, y)
+            unpaired_test = independent_t(x, y)
             paired = paired_t(x, y)
         except StatisticsError as problem:
             tests.append((f"{NAMES[one]}, {NAMES[other]}", f"not computed: {problem}", "", "", ""))
@@ -50,7 +50,7 @@ def ratings_as_printed(analysis: StudyAnalysis, experiment: StudyExperiment) -> 
         tests.append(
             (
                 f"{NAMES[one]}, {NAMES[other]}",
-                f"{decimal(unpaired.t, 2)} ({probability(unpaired.p)})",
+                f"{decimal(unpaired_test.t, 2)} ({probability(unpaired_test.p)})",
                 f"{decimal(paired.t, 2)} ({probability(paired.p)})",
                 decimal(t_printed, 2),
                 str(2 * published.PEOPLE - 2),
@@ -96,9 +96,9 @@ def votes_as_printed(analysis: StudyAnalysis, experiment: StudyExperiment) -> Ex
         sentence = one_sample_t(np.asarray(means), name="mean vote").sentence()
     except StatisticsError as problem:
         sentence = f"That cannot be computed: {problem}"
-    printed = (
+    printed_result = (
         f"The source prints a mean of {decimal(published.VOTES_MEAN, 2)} and "
         f"t({published.PEOPLE - 1}) = {decimal(published.VOTES_T, 2)}."
     )
-    blocks = (Bullets((sentence, printed, *published.SLIPS)),)
+    blocks = (Bullets((sentence, printed_result, *published.SLIPS)),)
     return Extra(Section("printed", "As the source analysed it", blocks))

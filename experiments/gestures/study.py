@@ -113,8 +113,8 @@ def speaking(staging: Staging, *, body: str, part: int, version: int) -> StagedS
 
 def film_of(body: str, part: int, version: int) -> Film:
     """Return the film of a part; without a body every version is the same film."""
-    shown = VERSIONS[0] if body == "still" else version
-    scene = Scene("speaking", body=body, part=part, version=shown)
+    shown_version = VERSIONS[0] if body == "still" else version
+    scene = Scene("speaking", body=body, part=part, version=shown_version)
     return Film(scene, PART_S, FILM_PX, rate_hz=round(RATE_HZ), lens=LENS)
 
 

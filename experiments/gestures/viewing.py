@@ -63,9 +63,9 @@ class Looks:
 def looks_of(motion: Motion, seconds: float) -> Looks:
     """Return what is seen of a motion for so long."""
     t_s = np.arange(0.0, seconds, 1.0 / EYES_HZ)
-    placed = placed_joints(motion, t_s)
+    joints = placed_joints(motion, t_s)
     skeleton = motion.skeleton
-    at = placed.position_m
+    at = joints.position_m
     hips = at[:, 0, [0, 2]]
     across = at[:, skeleton.index("right_upper_leg")] - at[:, skeleton.index("left_upper_leg")]
     yaw = np.unwrap(np.arctan2(-across[:, 2], across[:, 0]))

@@ -179,4 +179,4 @@ def test_the_least_of_a_window_is_that_of_its_samples(offsets: list[int], count:
     offset = np.array(offsets, np.int64)
     host = np.arange(len(offset), dtype=np.int64) * (device_clock.WINDOW_NS // count)
     expected = [min(offsets[max(0, i - count + 1) : i + 1]) for i in range(len(offsets))]
-    assert expected == device_clock._least_lately(host, offset).tolist()
+    assert expected == device_clock._recent_minimum(host, offset).tolist()

@@ -20,12 +20,22 @@ from visavis.study.measures import Measure
 
 METHODS = ("lineuler", "slerp", "squad")
 RATED = {  # what everybody answered about animation, and three ratings
-    "P00": (4, 3.5, 3.52, 5.1), "P01": (4, 3.1, 3.68, 5.03), "P02": (4, 2.58, 2.81, 2.92),
-    "P03": (4, 2.58, 2.89, 3.55), "P04": (4, 4.06, 3.38, 4.13), "P05": (3, 2.46, 2.68, 3.1),
-    "P06": (1, 3.19, 3.58, 4.25), "P07": (2, 2.82, 3.05, 3.34), "P08": (3, 3.1, 3.11, 3.11),
-    "P09": (1, 3.43, 3.83, 4.42), "P10": (2, 2.85, 2.97, 2.64), "P11": (3, 1.46, 3.29, 3.18),
-    "P12": (1, 2.25, 2.7, 2.48), "P13": (2, 4.26, 3.54, 3.52), "P14": (3, 2.06, 3.52, 3.07),
-}  # fmt: skip
+    "P00": (4, 3.5, 3.52, 5.1),
+    "P01": (4, 3.1, 3.68, 5.03),
+    "P02": (4, 2.58, 2.81, 2.92),
+    "P03": (4, 2.58, 2.89, 3.55),
+    "P04": (4, 4.06, 3.38, 4.13),
+    "P05": (3, 2.46, 2.68, 3.1),
+    "P06": (1, 3.19, 3.58, 4.25),
+    "P07": (2, 2.82, 3.05, 3.34),
+    "P08": (3, 3.1, 3.11, 3.11),
+    "P09": (1, 3.43, 3.83, 4.42),
+    "P10": (2, 2.85, 2.97, 2.64),
+    "P11": (3, 1.46, 3.29, 3.18),
+    "P12": (1, 2.25, 2.7, 2.48),
+    "P13": (2, 4.26, 3.54, 3.52),
+    "P14": (3, 2.06, 3.52, 3.07),
+}
 GROUPS = {"experience": {"novice": "animation < 4", "experienced": "animation = 4"}}
 BY = Compare(
     "naturalness",
@@ -99,8 +109,13 @@ def test_a_test_of_one_factor_leaves_its_interaction_to_the_design() -> None:
 
 def test_where_chooses_people_by_what_they_answered() -> None:
     by_group = _answers(BY)[1].terms[0].p
-    where = Compare("naturalness", within="method", test="rm", where="animation = 4",
-                    options=[("correction", "none")])  # fmt: skip
+    where = Compare(
+        "naturalness",
+        within="method",
+        test="rm",
+        where="animation = 4",
+        options=[("correction", "none")],
+    )
     (finding,) = _answers(where)
     assert by_group == finding.terms[0].p
     assert finding.compare.name == "naturalness by method (animation = 4)"
@@ -213,8 +228,14 @@ def test_a_column_that_nobody_has_is_refused_by_line(tmp_path: Path, slip: str) 
 
 
 def test_simple_effects_are_planned_in_a_study_and_those_of_r() -> None:
-    compare = Compare("naturalness", within="method", between="experience", test="rm",
-                      simple="method", options=[("always_posthoc", True)])  # fmt: skip
+    compare = Compare(
+        "naturalness",
+        within="method",
+        between="experience",
+        test="rm",
+        simple="method",
+        options=[("always_posthoc", True)],
+    )
     (finding,) = _answers(compare)
     assert finding.outcome is not None
     rows = [r for r in finding.outcome.contrasts if str(r["family"]).startswith("method at")]

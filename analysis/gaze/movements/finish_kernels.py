@@ -140,10 +140,10 @@ def sharpen_saccades(v: Vector, stretch: Rows, half: int, margin: int, out: Kind
 @compiled
 def _share(v: Vector, row: int, place: Vector, way: Vector, length: float) -> float:
     """Return how much of a way from a place gaze has gone."""
-    gone = 0.0
+    way_deg = 0.0
     for k in range(3):
-        gone += (v[row, k] - place[k]) * way[k]
-    share: float = gone / length
+        way_deg += (v[row, k] - place[k]) * way[k]
+    share: float = way_deg / length
     return share
 
 

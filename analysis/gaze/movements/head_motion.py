@@ -16,15 +16,15 @@ from visavis.analysis.gaze.stamps import Times
 from visavis.lab.clock import NS_PER_MS
 from visavis.lab.geometry import Vector
 
-MOST_LATE_MS: Final = 100.0
-MOST_SLIP: Final = 0.15
+MAX_LATE_MS: Final = 100.0
+MAX_SLIP: Final = 0.15
 """Eyes turn back by 85 to 115 % of what the head turns; what moves more with it is a movement."""
 STANDARD_ERRORS: Final = 3.0
 SMOOTHED_MS: Final = 40.0
 SLOW_SPREADS: Final = 3.0
 ROUNDS: Final = 4
 TURNING_DEG_S: Final = 10.0
-LEAST_ROWS: Final = 60
+MIN_ROWS: Final = 60
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ def without_head(t_ns: Times, in_world: Vector, in_head: Vector) -> tuple[Vector
     """
     turn, nod = _head_deg(in_world, in_head)
     is_seen = np.isfinite(turn)
-    if is_seen.sum() < LEAST_ROWS:
+    if is_seen.sum() < MIN_ROWS:
         return in_world, STILL
     s = (t_ns - t_ns[0]) * 1e-9
     seen_s = s[is_seen]
@@ -58,17 +58,17 @@ def without_head(t_ns: Times, in_world: Vector, in_head: Vector) -> tuple[Vector
         return in_world, STILL
     eye = in_head[is_seen]
     motion = STILL
-    head_free = _places_deg(_turned(eye, head))
+    head_free = _places_deg(_turn(eye, head))
     for _ in range(2):  # the second round takes what the first left, as shifts are not quite linear
-        found = _measured(seen_s, head_free, head, width)
-        motion = HeadMotion(motion.late_ms + found.late_ms, motion.slip_01 + found.slip_01)
-        if abs(motion.late_ms) > MOST_LATE_MS or abs(motion.slip_01) > MOST_SLIP:
+        rest = _fit_motion(seen_s, head_free, head, width)
+        motion = HeadMotion(motion.late_ms + rest.late_ms, motion.slip_01 + rest.slip_01)
+        if abs(motion.late_ms) > MAX_LATE_MS or abs(motion.slip_01) > MAX_SLIP:
             return in_world, STILL
         shifted = np.column_stack(
             [np.interp(seen_s - motion.late_ms * 1e-3, seen_s, axis) for axis in head.T]
         )
-        slipped = motion.slip_01 * (shifted - shifted.mean(axis=0))
-        head_free = _places_deg(_turned(eye, shifted)) - slipped
+        slip_deg = motion.slip_01 * (shifted - shifted.mean(axis=0))
+        head_free = _places_deg(_turn(eye, shifted)) - slip_deg
         head_free[:, 0] = np.unwrap(head_free[:, 0], period=360.0)
     if motion == STILL:
         return in_world, STILL
@@ -77,7 +77,7 @@ def without_head(t_ns: Times, in_world: Vector, in_head: Vector) -> tuple[Vector
     return free, motion
 
 
-def _measured(s: Vector, gaze: Vector, head: Vector, width: int) -> HeadMotion:
+def _fit_motion(s: Vector, gaze: Vector, head: Vector, width: int) -> HeadMotion:
     """Fit speeds of gaze by the head's speed and acceleration; leave out what is fast."""
     gaze = np.column_stack([np.unwrap(gaze[:, 0], period=360.0), gaze[:, 1]])
     speed, turning = _slopes(s, gaze, width), _slopes(s, head, width)
@@ -88,18 +88,18 @@ def _measured(s: Vector, gaze: Vector, head: Vector, width: int) -> HeadMotion:
     y, x = y[is_known], x[is_known]
     weight: Vector = np.ones(len(y))
     off: Vector = np.zeros(len(y))
-    found: Vector = np.zeros(2)
+    coefficients: Vector = np.zeros(2)
     for _ in range(ROUNDS):
         table = x.T @ (x * weight[:, None]) + np.eye(2) * 1e-9
-        found = np.asarray(np.linalg.solve(table, x.T @ (y * weight)), np.float64)
-        off = np.abs(y - x @ found)
+        coefficients = np.asarray(np.linalg.solve(table, x.T @ (y * weight)), np.float64)
+        off = np.abs(y - x @ coefficients)
         limit = SLOW_SPREADS * 1.4826 * float(np.median(off)) + 1e-9
         weight = (1 - np.minimum(off / limit / 2, 1.0) ** 2) ** 2
     table = x.T @ (x * weight[:, None]) + np.eye(2) * 1e-9
     variance = float((weight * off**2).sum() / max(weight.sum(), 1.0))
     # Neighbouring speeds share samples, so fewer of them are independent.
     errors = np.sqrt(np.diag(np.linalg.inv(table)) * variance * (2 * width + 1))
-    sure = np.where(np.abs(found) > STANDARD_ERRORS * errors, found, 0.0)
+    sure = np.where(np.abs(coefficients) > STANDARD_ERRORS * errors, coefficients, 0.0)
     return HeadMotion(1000 * float(sure[0]), float(sure[1]))
 
 
@@ -131,15 +131,15 @@ def _head_deg(in_world: Vector, in_head: Vector) -> tuple[Vector, Vector]:
     return np.degrees(turn), np.degrees(ahead)
 
 
-def _turned(eye: Vector, head_deg: Vector) -> Vector:
+def _turn(eye: Vector, head_deg: Vector) -> Vector:
     """Return eyes (n, 3) by heads that nod, then turn (n, 2)."""
     a, b = np.radians(head_deg).T
     x, y, z = eye.T
     height, depth = y * np.cos(b) - z * np.sin(b), y * np.sin(b) + z * np.cos(b)
-    turned: Vector = np.column_stack(
+    rays: Vector = np.column_stack(
         [x * np.cos(a) - depth * np.sin(a), height, x * np.sin(a) + depth * np.cos(a)]
     )
-    return turned
+    return rays
 
 
 def _places_deg(ray: Vector) -> Vector:

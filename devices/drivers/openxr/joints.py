@@ -62,15 +62,15 @@ class HandJoints:
         xr = self._xr
         rows = np.zeros((len(SIDES), len(JOINTS)), JOINT)
         for hand, tracker in zip(rows, self._trackers, strict=True):
-            located = xr.HandJointLocationsEXT()
-            located.joint_count = len(JOINTS)
+            locations = xr.HandJointLocationsEXT()
+            locations.joint_count = len(JOINTS)
             pointer = ctypes.POINTER(xr.HandJointLocationEXT)
-            located._joint_locations = ctypes.cast(hand.ctypes.data, pointer)  # noqa: SLF001 - the package's field
+            locations._joint_locations = ctypes.cast(hand.ctypes.data, pointer)  # noqa: SLF001 - the package's field
             info = xr.HandJointsLocateInfoEXT(base_space=space, time=now)
-            result = self._locate(tracker, ctypes.byref(info), ctypes.byref(located))
+            result = self._locate(tracker, ctypes.byref(info), ctypes.byref(locations))
             problem = xr.check_result(xr.Result(result))
             if problem.is_exception():
                 raise problem
-            if not located.is_active:
+            if not locations.is_active:
                 hand["flags"] = 0
         return INSTANT.pack(host_ns, now) + rows.tobytes()

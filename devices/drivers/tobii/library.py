@@ -78,16 +78,16 @@ class TobiiSdk(NoTopics):
             ConfigError: it has not got that rate.
         """
         self.close()
-        injected = self._injected_library
-        self._library = TITTA.imported() if injected is None else injected
-        found = [dict(one) for one in self._library.find_all_eye_trackers()]
+        library = self._injected_library
+        self._library = TITTA.imported() if library is None else library
+        trackers = [dict(one) for one in self._library.find_all_eye_trackers()]
         if self._serial:
-            found = [one for one in found if one["serial_number"] == self._serial]
-        if not found:
-            wanted = f" with the serial number {self._serial}" if self._serial else ""
-            raise DeviceNotFound(f"the Tobii Pro SDK finds no eye tracker{wanted}")
+            trackers = [one for one in trackers if one["serial_number"] == self._serial]
+        if not trackers:
+            of_serial = f" with the serial number {self._serial}" if self._serial else ""
+            raise DeviceNotFound(f"the Tobii Pro SDK finds no eye tracker{of_serial}")
         remedy = "give serial in lab_config.yaml"
-        chosen = the_only(found, lambda one: one["serial_number"], "Tobii eye trackers", remedy)
+        chosen = the_only(trackers, lambda one: one["serial_number"], "Tobii eye trackers", remedy)
         try:
             tracker = self._library.EyeTracker(chosen["address"])
             self._set_rate(tracker)
@@ -148,9 +148,9 @@ class TobiiSdk(NoTopics):
     def _set_rate(self, tracker: Any) -> None:
         rates = [float(rate) for rate in tracker.supported_frequencies]
         if self._rate_hz not in rates:
-            offered = ", ".join(f"{rate:g}" for rate in sorted(rates))
+            rates_text = ", ".join(f"{rate:g}" for rate in sorted(rates))
             raise ConfigError(
-                f"rate_hz: this tracker measures {offered} times a second, not {self._rate_hz:g}"
+                f"rate_hz: this tracker measures {rates_text} times a second, not {self._rate_hz:g}"
             )
         if float(tracker.frequency) != self._rate_hz:
             tracker.frequency = self._rate_hz

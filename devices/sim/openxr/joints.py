@@ -37,10 +37,10 @@ THUMB_M = ((-0.025, 0.03), (-0.04, 0.0), (-0.05, -0.03), (-0.055, -0.05))
 
 def offsets_m(hand: int) -> list[tuple[float, float, float]]:
     """Return where a hand's joints lie in its palm's axes: x right, y off its back, −z ahead."""
-    mirrored = -1 if hand == 0 else 1
+    sign = -1 if hand == 0 else 1
     joints = [(0.0, 0.0), (0.0, 0.07), *THUMB_M]
     joints += [(x, z) for x, places in FINGERS_M for z in places]
-    return [(mirrored * x, 0.0, z) for x, z in joints]
+    return [(sign * x, 0.0, z) for x, z in joints]
 
 
 class SimulatedJoints:
@@ -95,11 +95,11 @@ class SimulatedJoints:
         place, turn = np.array(pose[0]), np.array(pose[1])
         turn = quat_multiply(turn, quat_from_yaw_pitch_deg(90.0 if hand == 0 else -90.0))
         w, x, y, z = turn
-        packed = b"".join(
+        data = b"".join(
             LOCATION.pack(
                 ALL_VALID_AND_TRACKED, x, y, z, w, *(place + rotate(turn, np.array(offset))), 0.008
             )
             for offset in offsets_m(hand)
         )
-        ctypes.memmove(address, packed, len(packed))
+        ctypes.memmove(address, data, len(data))
         return SUCCESS

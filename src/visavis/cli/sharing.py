@@ -182,11 +182,11 @@ def _row_rule(study: OpenedStudy | None, recording: Recording) -> RowRule:
     else:
         columns |= set(design_of_session(recording.manifest).get("factors", {}))
         columns |= {f"{name}{ending}" for name in kinds for ending in ANSWER_ENDINGS}
-    typed = {name for name, kind in kinds.items() if kind == Text.__name__}
-    typed |= {f"{name}_typed" for name in kinds}
+    typed_columns = {name for name, kind in kinds.items() if kind == Text.__name__}
+    typed_columns |= {f"{name}_typed" for name in kinds}
 
     def leaves(name: str, value: Any) -> bool:
-        if name in typed:
+        if name in typed_columns:
             return False
         if name.endswith(f"_{RENDERER}"):
             return False  # the graphics card tells a browser from others

@@ -46,7 +46,7 @@ IN_PAIRS: Final = frozenset(
 def speaker_summary(speaker: Speaker) -> dict[str, Any]:
     """Return transitions, rules and delays of a speaker with counts and 95 % intervals."""
     habits = speaker.habits
-    spoken = [getattr(speaker, name) for name in ("com_delay", "yaw_delay", "trunk_delay")]
+    delays = [getattr(speaker, name) for name in ("com_delay", "yaw_delay", "trunk_delay")]
     return {
         "takes": [take.name for take in speaker.takes],
         "minutes": sum(len(t.track.com) for t in speaker.takes) / 30 / 60,
@@ -59,7 +59,7 @@ def speaker_summary(speaker: Speaker) -> dict[str, Any]:
         "min_confidence": habits.min_confidence,
         "delays_s": {
             name: {"mean": d.mean_s, "sd": d.sd_s, "n": d.n, "error": d.error_s}
-            for name, d in zip(("weight", "hips", "spine"), spoken, strict=True)
+            for name, d in zip(("weight", "hips", "spine"), delays, strict=True)
         },
     }
 

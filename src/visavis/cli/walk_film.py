@@ -30,9 +30,11 @@ def write_walk_film(path: Path, who: Character, walk: Blend, rounds: int) -> Non
     clip = walk.sampled()
     turn = quat_about("Y", np.radians(np.array(TURN_DEG)))
     camera = looking_at(
-        np.array([0.0, 1.25, AWAY_M]), np.array([0.0, MIDDLE_M, 0.0]), RADIUS_M,
+        np.array([0.0, 1.25, AWAY_M]),
+        np.array([0.0, MIDDLE_M, 0.0]),
+        RADIUS_M,
         aspect=SIZE_PX[0] / SIZE_PX[1],
-    )  # fmt: skip
+    )
     frames = clip.at(clip.frame_times_s)
     root = rotate(np.broadcast_to(turn, (*frames.root_m.shape[:-1], 4)), frames.root_m)
     turns = frames.orientation_wxyz.copy()

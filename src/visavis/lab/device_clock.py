@@ -21,7 +21,7 @@ WANDER_PPM = 2.0
 DRIFT_PPM = 100.0
 """How large drift is, where there is too little to measure it."""
 SAME_NS = 1000
-LEAST_BOUND_NS = 100.0
+MIN_BOUND_NS = 100.0
 ARRIVAL_BOUND_NS = 50_000.0
 WINDOW_NS = 10 * NS_PER_S
 STEP_NS = 2 * NS_PER_MS
@@ -62,8 +62,8 @@ class ClockStretch:
         heights = (offset - offset[0]).astype(np.float64)
         left = np.clip(np.searchsorted(knots, x, side="right") - 1, 0, len(knots) - 2)
         slope = np.diff(heights) / np.diff(knots)
-        moved = heights[left] + slope[left] * (x - knots[left])
-        host: Times = t_device_ns + offset[0] + np.rint(moved).astype(np.int64)
+        offset_ns = heights[left] + slope[left] * (x - knots[left])
+        host: Times = t_device_ns + offset[0] + np.rint(offset_ns).astype(np.int64)
         return host
 
 
@@ -102,10 +102,10 @@ def device_times(
         return DeviceTimes(t_device_ns.copy(), (), 0.0, 0)
     is_stamped = t_device_ns != UNKNOWN_NS
     if not is_stamped.all():
-        stamped = device_times(t_device_ns[is_stamped], t_host_ns[is_stamped], exchanges)
+        dated_samples = device_times(t_device_ns[is_stamped], t_host_ns[is_stamped], exchanges)
         t_ns = t_host_ns.copy()
-        t_ns[is_stamped] = stamped.t_ns
-        return replace(stamped, t_ns=t_ns)
+        t_ns[is_stamped] = dated_samples.t_ns
+        return replace(dated_samples, t_ns=t_ns)
     table = np.array(exchanges, np.int64).reshape(-1, 3)
     table = table[table[:, 2] >= table[:, 0]]
     table = table[np.argsort(table[:, 2], kind="stable")]
@@ -148,7 +148,7 @@ def _by_exchanges(send: Times, device: Times, receive: Times) -> list[ClockStret
         # Each way takes its least time at least, so only what a round trip exceeds the quickest
         # by can displace the offset: evenly, up to a half of it.
         bound_ns = (trip[rows] - trip[first:end].min()) / np.sqrt(12)
-        bound_ns = np.maximum(bound_ns, max(float(np.median(bound_ns)) / 10, LEAST_BOUND_NS))
+        bound_ns = np.maximum(bound_ns, max(float(np.median(bound_ns)) / 10, MIN_BOUND_NS))
         at, height = _fit(device[rows], offset[rows], bound_ns)
         stretches.append(ClockStretch(at, height, int(send[first]), int(receive[end - 1])))
     return stretches
@@ -191,8 +191,8 @@ def _fit(device: Times, offset: Times, bound_ns: npt.NDArray[np.float64]) -> tup
     bend = np.diff(np.eye(count), 2, axis=0) / (step_ns * np.sqrt(step_ns / KNOT_NS) * WANDER_PPM)
     drift = np.diff(np.eye(count)[[0, -1]], axis=0) / (span_ns * DRIFT_PPM)
     table = np.concatenate([lever * weight[:, None], bend * 1e6, drift * 1e6])
-    known = np.concatenate([height * weight, np.zeros(len(bend) + 1)])
-    heights = np.linalg.lstsq(table, known, rcond=None)[0]
+    right_side = np.concatenate([height * weight, np.zeros(len(bend) + 1)])
+    heights = np.linalg.lstsq(table, right_side, rcond=None)[0]
     if np.ptp(heights) < SAME_NS:  # no drift: an exact offset stays exact
         return np.array([first], np.int64), np.array([base], np.int64)
     at = first + np.rint(np.arange(count) * step_ns).astype(np.int64)
@@ -215,21 +215,21 @@ def _by_arrivals(device: Times, host: Times) -> list[ClockStretch]:
     is_jump = np.diff(device) < -ONE_WAY_JUMP_NS
     # A late sample waited; what follows it has not jumped, unless it came sooner than all before.
     for rows in np.split(np.arange(len(device)), np.flatnonzero(is_jump) + 1):
-        least = _least_lately(host[rows], offset[rows])
+        least = _recent_minimum(host[rows], offset[rows])
         is_jump[rows[:-1]] |= offset[rows][1:] < least[:-1] - ONE_WAY_JUMP_NS
     bounds = [0, *(np.flatnonzero(is_jump) + 1).tolist(), len(device)]
     stretches = []
     for first, end in pairwise(bounds):
-        own, waited = device[first:end], offset[first:end]
-        order = np.lexsort((waited, (own - own.min()) // WINDOW_NS))
+        own, delay = device[first:end], offset[first:end]
+        order = np.lexsort((delay, (own - own.min()) // WINDOW_NS))
         number = ((own - own.min()) // WINDOW_NS)[order]
         best = order[np.flatnonzero(np.diff(number, prepend=-1))]
-        at, height = _fit(own[best], waited[best], np.full(len(best), ARRIVAL_BOUND_NS))
+        at, height = _fit(own[best], delay[best], np.full(len(best), ARRIVAL_BOUND_NS))
         stretches.append(ClockStretch(at, height, int(host[first]), int(host[end - 1])))
     return stretches
 
 
-def _least_lately(host: Times, offset: Times) -> Times:
+def _recent_minimum(host: Times, offset: Times) -> Times:
     """Return for each sample (n,) the least offset of those of about ten seconds up to it."""
     if len(host) < 2:
         return offset
@@ -268,9 +268,9 @@ def _dated(
         age = host[rows] - there
         cost = np.where(age >= -EARLY_NS, np.abs(age), never // 2 - age)
         is_better = cost < least[rows]
-        chosen = rows[is_better]
-        least[chosen], of_stretch[chosen] = cost[is_better], number
-        t_ns[chosen] = there[is_better]
+        better_rows = rows[is_better]
+        least[better_rows], of_stretch[better_rows] = cost[is_better], number
+        t_ns[better_rows] = there[is_better]
     return of_stretch, t_ns
 
 

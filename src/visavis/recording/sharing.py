@@ -175,12 +175,12 @@ class SharedRecording(Recording):
         return None
 
     def _row(self, row: Mapping[str, Any]) -> dict[str, Any]:
-        shown = {name: self._relabel(value) for name, value in row.items()}
+        public = {name: self._relabel(value) for name, value in row.items()}
         if self._hides:
-            shown = {name: self._value(name, value) for name, value in shown.items()}
+            public = {name: self._value(name, value) for name, value in public.items()}
         if self.sharing.blurs:
-            shown |= {name: None for name in row if tells_length(name)}
-        return shown
+            public |= {name: None for name in row if tells_length(name)}
+        return public
 
     def _value(self, name: str, value: Any) -> Any:
         """Return a value of a trial row, or an answer within a trial, as it may leave."""
@@ -192,25 +192,25 @@ class SharedRecording(Recording):
         return age_band(value) if _AGE.fullmatch(name) else value
 
     def _payload(self, name: str, payload: Mapping[str, Any]) -> dict[str, Any]:
-        shown = {k: self._relabel(v) for k, v in payload.items()}
+        public = {k: self._relabel(v) for k, v in payload.items()}
         if self.sharing.blurs:
-            shown |= {k: None for k in shown if tells_length(k)}
+            public |= {k: None for k in public if tells_length(k)}
         if not self._hides:
-            return shown
-        for field in shown:
+            return public
+        for field in public:
             match class_of_field(name, field):
                 case "public":
                     pass
                 case "answer" if "questionnaire" in payload:
-                    shown[field] = self._answer(payload)
+                    public[field] = self._answer(payload)
                 case "answer":
-                    shown[field] = self._value(str(payload.get("question")), shown[field])
+                    public[field] = self._value(str(payload.get("question")), public[field])
                 case "private":
-                    shown[field] = None
+                    public[field] = None
                 case _:
                     self.withheld.add(f"event {name}: {field}")
-                    shown[field] = None
-        return shown
+                    public[field] = None
+        return public
 
     def _answer(self, payload: Mapping[str, Any]) -> Any:
         questionnaire, question, answer = (

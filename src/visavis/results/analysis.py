@@ -257,8 +257,8 @@ def rows_to_compare(
     """Return trials with every column that a comparison names, answers of people among them."""
     conditions = [condition_of(text, compare.name).column for text in compare.where]
     names = (*compare.within, *compare.between, *compare.only, *conditions)
-    named = {name: of for name, of in groups.items() if name in names}
-    return with_people(trials, people, columns_of(compare, groups), named)
+    named_groups = {name: of for name, of in groups.items() if name in names}
+    return with_people(trials, people, columns_of(compare, groups), named_groups)
 
 
 def _with_families(
@@ -322,8 +322,8 @@ def answer_comparison(
         )
     # From here a comparison that cannot be tested is a finding that says why, so that the others
     # are still analysed.
-    named = (*factors, *compare.only, *compare.covariates)
-    if absent := [name for name in named if name not in trials]:
+    names = (*factors, *compare.only, *compare.covariates)
+    if absent := [name for name in names if name not in trials]:
         return Finding(compare, measure, None, (), f"no trial has {', '.join(absent)}")
     everybody = trials["participant"].nunique()
     trials = compare.select(trials)
@@ -344,11 +344,11 @@ def answer_comparison(
     else:
         frame = aggregate_cells(trials, [measure], factors).drop(columns="n")
         if compare.covariates:
-            held = trials[["participant", *compare.covariates]].drop_duplicates()
-            if held["participant"].duplicated().any():
+            covariates = trials[["participant", *compare.covariates]].drop_duplicates()
+            if covariates["participant"].duplicated().any():
                 why = f"somebody has several values of {' or '.join(compare.covariates)}"
                 return Finding(compare, measure, None, (), why)
-            frame = frame.merge(held, on="participant", how="left")
+            frame = frame.merge(covariates, on="participant", how="left")
     n = frame.dropna(subset=[measure.column])["participant"].nunique()
     if n < MIN_PARTICIPANTS:
         words = measure.words[:1].lower() + measure.words[1:]

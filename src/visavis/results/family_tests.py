@@ -178,10 +178,12 @@ class PairTest:
         )
         effect = str(self.outcome.effect).replace("r_rb", "rank-biserial r")
         eta = "" if self.outcome.eta is None else f", {self.outcome.eta}"
-        turned = f"{self.of.level_words(self.first)} minus {self.of.level_words(self.second)}"
+        difference_text = (
+            f"{self.of.level_words(self.first)} minus {self.of.level_words(self.second)}"
+        )
         return (
             f"{what} {verdict} between {names} ({first} and {second}{self._difference()}): "
-            f"{kind} of {turned}, n = {self.n_pairs}{incomplete}, {self.statistic()}, "
+            f"{kind} of {difference_text}, n = {self.n_pairs}{incomplete}, {self.statistic()}, "
             f"{p_text(self.outcome.p)}, {effect}{eta}; threshold "
             f"{threshold(self.threshold)} ({threshold(self.alpha)} over {self.n_tests} tests)."
         )
@@ -190,9 +192,9 @@ class PairTest:
         """Return the first mean minus the second with its interval, after the means."""
         if self.interval is None:
             return ""
-        turned = Interval(-self.interval.high, -self.interval.low, self.interval.level)
+        reversed_interval = Interval(-self.interval.high, -self.interval.low, self.interval.level)
         off = signed(self.first_mean - self.second_mean, self.measure.digits)
-        return f", difference {off}{self._bounds(turned, self.measure.digits)}"
+        return f", difference {off}{self._bounds(reversed_interval, self.measure.digits)}"
 
     def statistic(self) -> str:
         """Return V and z, or t with its degrees of freedom."""

@@ -319,13 +319,15 @@ def _printed_correlations(study: Study, family: Correlate) -> Iterator[FidelityR
     """Yield the printed correlations of every measure with a score."""
     measures = {m.column: m for m in study.analysis.measures}
     for column in family.measures:
-        printed = {
+        result_by_level = {
             level: family.printed(CorrelationTest(family, measures[column], level, 0, 0.05, None))
             for level in map(str, study.factor(family.factor).levels)
             if family.printed is not None
         }
-        results = "; ".join(f"{level}: {result_text(p)}" for level, p in printed.items() if p)
-        where = ", ".join(dict.fromkeys(p.where for p in printed.values() if p))
+        results = "; ".join(
+            f"{level}: {result_text(p)}" for level, p in result_by_level.items() if p
+        )
+        where = ", ".join(dict.fromkeys(p.where for p in result_by_level.values() if p))
         about = f"{measures[column].words} with {family.score_words}"
         yield _not_compared("test", about, results, where, "Spearman's rank correlation")
 

@@ -166,14 +166,14 @@ class OpenedStudy:
         """
         groups, comparisons = self.study.analysis.groups, self.study.analysis.compare
         conditions = [text for c in comparisons for text in c.where]
-        held = [name for c in comparisons for name in c.covariates]
-        columns = columns_asked(conditions, (*groups, *held), groups)
+        covariates = [name for c in comparisons for name in c.covariates]
+        columns = columns_asked(conditions, (*groups, *covariates), groups)
         if not columns:
             return []
-        asked = self.original_questionnaires(self.study.asks.questionnaires)
+        questionnaires = self.original_questionnaires(self.study.asks.questionnaires)
         there = {
             **trial_columns(experiment, self.measures(experiment)),
-            **people_columns(asked),
+            **people_columns(questionnaires),
         }
         for name in groups:
             if name in there:

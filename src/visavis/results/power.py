@@ -417,8 +417,8 @@ def _finds_anything(analysis: StudyAnalysis) -> bool:
     The tests of families make no headlines where the study's own conclusions rest on them. That two
     things are equivalent is true without an effect, and no false finding.
     """
-    planned = (f for f in analysis.findings if not f.compare.exploratory)
-    for finding in (f for f in planned if f.compare.test != "tost"):
+    planned_findings = (f for f in analysis.findings if not f.compare.exploratory)
+    for finding in (f for f in planned_findings if f.compare.test != "tost"):
         claimed = claimed_finding_term(finding)
         if claimed is not None and answer_claim(finding).status in SOMETHING:
             return True

@@ -63,12 +63,12 @@ def printed_orders_of(experiment: StudyExperiment) -> tuple[PrintedOrder, ...]:
 def _of_comparisons(experiment: StudyExperiment) -> Iterator[PrintedOrder]:
     """Yield the orders of published effects that were significant, with whom they are about."""
     for compare in experiment.compare:
-        for term, printed in compare.published_terms.items():
-            if printed.is_significant and printed.order and ":" not in term:
+        for term, result in compare.published_terms.items():
+            if result.is_significant and result.order and ":" not in term:
                 yield PrintedOrder(
-                    printed.order,
+                    result.order,
                     compare.dv,
-                    printed.where,
+                    result.where,
                     factor=term,
                     only=compare.only,
                     conditions=tuple(compare.where),
@@ -81,14 +81,14 @@ def _of_families(study: Study) -> Iterator[PrintedOrder]:
         if not isinstance(family, Pairs) or family.printed is None:
             continue
         for test in printed_pair_tests(study, family):
-            printed = test.published_result
-            if printed is None or not printed.is_significant or not printed.direction:
+            result = test.published_result
+            if result is None or not result.is_significant or not result.direction:
                 continue
-            greater, less = (test.first, test.second)[:: -printed.direction]
+            greater, less = (test.first, test.second)[:: -result.direction]
             yield PrintedOrder(
                 f"{greater} > {less}",
                 test.measure.column,
-                printed.where,
+                result.where,
                 factor=family.factor,
                 only={family.each: test.where} if family.each else {},
             )
@@ -103,8 +103,8 @@ def rows_for(
     """Return trials with every column that orders read, answers and groups of people among them."""
     conditions = [text for order in orders for text in order.conditions]
     names = [name for order in orders for name in (order.factor, *order.only) if name]
-    asked = {condition_of(text, "an order of the source").column for text in conditions}
-    of_orders = {name: of for name, of in groups.items() if name in (*names, *asked)}
+    condition_columns = {condition_of(text, "an order of the source").column for text in conditions}
+    of_orders = {name: of for name, of in groups.items() if name in (*names, *condition_columns)}
     return with_people(trials, people, columns_asked(conditions, names, groups), of_orders)
 
 
@@ -124,11 +124,11 @@ def order_holds(
     for text in order.conditions:
         rows = rows[fulfils(rows, condition_of(text, order.name))]
     rows = rows[rows[order.measure].notna()]
-    stated = orders_of(order.order, order.name)[0]
-    values = {side: _side(order, side, rows, aggregate) for side in stated.names}
+    stated_order = orders_of(order.order, order.name)[0]
+    values = {side: _side(order, side, rows, aggregate) for side in stated_order.names}
     if any(np.isnan(value) for value in values.values()):
         return None
-    return all(values[greater] > values[less] for greater, less in stated.pairs)
+    return all(values[greater] > values[less] for greater, less in stated_order.pairs)
 
 
 def _side(order: PrintedOrder, side: str, rows: pd.DataFrame, aggregate: Aggregate) -> float:
@@ -160,9 +160,9 @@ def _is_level(order: PrintedOrder, side: str, rows: pd.DataFrame) -> bool:
     Levels of derived columns are not declared; where all that are there are numbers, a number is a
     level, too.
     """
-    declared = pd.Series(list(order.levels), dtype=object)
+    declared_levels = pd.Series(list(order.levels), dtype=object)
     there = rows[order.factor].dropna()
-    if _has_level(declared, side).any() or _has_level(there, side).any():
+    if _has_level(declared_levels, side).any() or _has_level(there, side).any():
         return True
     is_of_numbers = bool(pd.to_numeric(there, errors="coerce").notna().all())
     return not order.levels and is_of_numbers

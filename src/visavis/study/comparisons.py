@@ -25,8 +25,17 @@ AGREEMENT: Final = ("icc", "krippendorff", "kappa")
 """Tests of the agreement of raters about the items that the factors distinguish."""
 DIRECTED: Final = ("tost", *AGREEMENT)
 """Tests that have their direction: within bounds, or agreement above a number."""
-TWO_LEVELS: Final = ("paired", "conditions", "friedman", "wilcoxon", "t", "welch", "mannwhitney",
-                     "kruskal", "sign")  # fmt: skip
+TWO_LEVELS: Final = (
+    "paired",
+    "conditions",
+    "friedman",
+    "wilcoxon",
+    "t",
+    "welch",
+    "mannwhitney",
+    "kruskal",
+    "sign",
+)
 """Tests of one factor, which have no interaction: of that the design decides the test."""
 THING: Final = "thing rated"
 """Column that names the rated item in tests of agreement."""
@@ -493,7 +502,7 @@ class Compare:
         factor_levels = {f: levels[f] for f in factors}
         agreement = test in AGREEMENT
         # Levels are compared as a model with covariates adjusts them, which headlines give.
-        held: dict[str, Any] = {"always_posthoc": True} if self.covariates else {}
+        options: dict[str, Any] = {"always_posthoc": True} if self.covariates else {}
         return Question(
             test=test,
             dv=self.dv,
@@ -506,7 +515,7 @@ class Compare:
             level_words={} if self.model == "bradleyterry" else dict(level_words or {}),
             measured_in=unit,
             simple=self.simple,
-            **(held | dict(self.options)),
+            **(options | dict(self.options)),
         )
 
     def _usual(self, levels: dict[str, tuple[str, ...]]) -> str:

@@ -109,15 +109,15 @@ def with_people(
     Raises:
         DataError: a participant has two rows in `people`, or belongs to two levels of a group.
     """
-    wanted = [] if people is None else [c for c in columns if c not in trials and c in people]
-    if people is not None and wanted:
+    missing = [] if people is None else [c for c in columns if c not in trials and c in people]
+    if people is not None and missing:
         names = people["participant"].astype(str)
         if names.duplicated().any():
             raise DataError(
                 f"participant {names[names.duplicated()].iloc[0]} has two rows of answers; keep "
                 "the valid one"
             )
-        answers = people[["participant", *wanted]]
+        answers = people[["participant", *missing]]
         trials = trials.merge(answers, on="participant", how="left")
     for group, levels in groups.items():
         if group not in trials:

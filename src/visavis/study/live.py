@@ -78,8 +78,8 @@ def walks(which: str, *names: str, character: str = "female_01") -> Examples:
     unknown = [name for name in names if name not in styles]
     if unknown:
         raise DesignError(f"{which} has no {', '.join(unknown)}; it has {', '.join(styles)}")
-    chosen = {name: styles[name] for name in names or styles}
-    return walk_examples(chosen, build_of_character(default_casting(character)))
+    styles_by_name = {name: styles[name] for name in names or styles}
+    return walk_examples(styles_by_name, build_of_character(default_casting(character)))
 
 
 @dataclass(frozen=True, eq=False)

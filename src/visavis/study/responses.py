@@ -16,8 +16,15 @@ from visavis.protocol.plan.steps import Scalar
 MAX_CHOICES = 9
 """As many options as there are digits on a keyboard."""
 ANSWER_ENDINGS: Final = (
-    "", "_by", "_ms", "_is_right", "_means", "_side", "_yaw_deg", "_pitch_deg",
-)  # fmt: skip
+    "",
+    "_by",
+    "_ms",
+    "_is_right",
+    "_means",
+    "_side",
+    "_yaw_deg",
+    "_pitch_deg",
+)
 """Endings of the columns that an answer adds to a trial's row, what was typed left out."""
 WAYS = "ray, gaze, keys, keyboard, mouse, touch, pen or operator"
 

@@ -79,9 +79,12 @@ def test_a_factor_beyond_all_numbers_is_a_bound_in_the_text() -> None:
     group = np.repeat(["a", "b", "c"], 600)
     noise = np.random.default_rng(1).normal(size=1800)
     rows = pd.DataFrame(
-        {"participant": np.arange(1800).astype(str), "group": group,
-         "y": noise + np.repeat([0.0, 2.0, 4.0], 600)}
-    )  # fmt: skip
+        {
+            "participant": np.arange(1800).astype(str),
+            "group": group,
+            "y": noise + np.repeat([0.0, 2.0, 4.0], 600),
+        }
+    )
     table = statistics.between_anova(rows, "y", between=("group",), subject="participant")
     assert bayes_text(jzs_anova_bayes_factor(table.design)) == "BF₁₀ > 1e300"
 

@@ -181,24 +181,24 @@ def _shares(
                 "--adjectives: the folder's table has no columns of adjectives; add some with "
                 "numbers from 0 to 1, or use --ratings, --features or --weights"
             )
-        given = values_of(adjectives, impressions.names, "--adjectives")
+        values = values_of(adjectives, impressions.names, "--adjectives")
         # The four primary parameters where there are such, and every pair asked for besides.
         names = [
             n
             for n in impressions.names
-            if n in given or n in FACTORS or len(impressions.names) <= 4
+            if n in values or n in FACTORS or len(impressions.names) <= 4
         ]
         points = impressions.points[:, [impressions.names.index(name) for name in names]]
         fit = _fit(points, len(names))
-        return fit.at(np.array([given.get(name, MIDDLE) for name in names]))
+        return fit.at(np.array([values.get(name, MIDDLE) for name in names]))
     table = feature_table(walks)
-    given = values_of(features, (*GROUPS, *FEATURES), "--features")
+    values = values_of(features, (*GROUPS, *FEATURES), "--features")
     # The four groups, and every single feature that is asked for besides.
-    single = [name for name in given if name in FEATURES]
+    single = [name for name in values if name in FEATURES]
     columns = [table.scaled_01[:, FEATURES.index(name)] for name in single]
     points = np.column_stack([table.primary, *columns])
     fit = _fit(points, points.shape[1])
-    return fit.at(np.array([given.get(name, MIDDLE) for name in (*GROUPS, *single)]))
+    return fit.at(np.array([values.get(name, MIDDLE) for name in (*GROUPS, *single)]))
 
 
 def _fit(points: Vector, dimensions: int) -> StyleWeights:
@@ -273,5 +273,5 @@ def _tell(blend_of_walks: Blend, as_json: bool) -> None:
 
 
 def _some(features: Mapping[str, float]) -> str:
-    shown = ("step_length_fb", "mean_torso_fb", "sd_left_upper_arm_fb")
-    return ", ".join(f"{name} {features[name]:.2f} {unit_of(name)}" for name in shown)
+    names = ("step_length_fb", "mean_torso_fb", "sd_left_upper_arm_fb")
+    return ", ".join(f"{name} {features[name]:.2f} {unit_of(name)}" for name in names)

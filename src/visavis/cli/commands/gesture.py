@@ -174,6 +174,6 @@ def _speaker(corpus: str, unit_m: float, tiers: Tiers, beta: float) -> Speaker:
     if not 0.0 <= beta <= 1.0:
         raise UsageError(f"--beta {beta}; give a share from 0 to 1")
     if corpus == SYNTHETIC:
-        made, _ = synthetic_speaker()
-        return Speaker(made.takes, beta)
+        speaker, _ = synthetic_speaker()
+        return Speaker(speaker.takes, beta)
     return read_corpus(Path(corpus), unit_m=unit_m, tiers=tiers, beta=beta)

@@ -79,14 +79,14 @@ async def visit(
             reply = visitor.reply(step)
             clock.sleep_until_ns(begun_ns + round(visitor.now_ms * NS_PER_MS))
             for moves in visitor.moves:
-                moved = {
+                movements = {
                     "n": message["ack"] + 1,
                     "kind": "moved",
                     "at_ms": visitor.now_ms,
                     "step": message["number"],
                     **moves,
                 }
-                message = await post("/api/events", {"tab": TAB, "events": [moved]})
+                message = await post("/api/events", {"tab": TAB, "events": [movements]})
             visitor.moves.clear()
             event = {
                 "n": message["ack"] + 1,

@@ -97,8 +97,12 @@ def page_question(response: Response, prompt: str, labels: Sequence[str]) -> dic
     match response:
         case Slider(low=low, high=high, step=step, start=start):
             return question | {
-                "kind": MOULDER, "low": low, "high": high, "step": step, "start": start,
-            }  # fmt: skip
+                "kind": MOULDER,
+                "low": low,
+                "high": high,
+                "step": step,
+                "start": start,
+            }
         case Rating():
             return question | {"kind": "rating", "options": options}
         case Choice() | SideBySide():

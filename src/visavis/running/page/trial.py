@@ -141,35 +141,35 @@ def _mould(script: TrialScript, moulding: Moulding, files: FilmFiles) -> OnPage:
     if content.get("failed") is not None:
         failure = mapping(content["failed"], "what failed")
         raise FilmFailed(f"figure: {failure.get('why')}"[:300])
-    drawn = read_drawn(content)
+    drawing = read_drawn(content)
     moves = tuple(
         SliderMove(sliders[int(i)].name, float(value), reply.t_ns_of(at_ms))
         for event in reply.moves
         for at_ms, i, value in event["sliders"]
-        if at_ms >= drawn.first_ms  # earlier ones: the step was left, and begun again
+        if at_ms >= drawing.first_ms  # earlier ones: the step was left, and begun again
     )
     name = script.next_prefix("mould")
-    on_ns, off_ns = reply.t_ns_of(drawn.first_ms), reply.t_ns_of(drawn.off_ms)
+    on_ns, off_ns = reply.t_ns_of(drawing.first_ms), reply.t_ns_of(drawing.off_ms)
     columns: dict[str, Any] = {
         "on_ns": on_ns,
         "off_ns": off_ns,
-        "ended_by": drawn.ended_by,
+        "ended_by": drawing.ended_by,
         "moves": len(moves),
         "turns": max(0, sum(len(event["camera"]) for event in reply.moves) - 1),
-        "frames": drawn.frames,
-        "frames_dropped": drawn.frames_dropped,
-        "slider_frames": drawn.slider_frames,
-        "wait_ms": drawn.first_ms - number(content.get("shown_ms"), "shown_ms"),
+        "frames": drawing.frames,
+        "frames_dropped": drawing.frames_dropped,
+        "slider_frames": drawing.slider_frames,
+        "wait_ms": drawing.first_ms - number(content.get("shown_ms"), "shown_ms"),
         "hidden_ms": number(content.get("hidden_ms"), "hidden_ms"),
-        "distance_m": drawn.distance_m,
-        "renderer": drawn.renderer,
+        "distance_m": drawing.distance_m,
+        "renderer": drawing.renderer,
     }
     script.row.setdefault("t_start_ns", on_ns)
     script.row |= {f"{name}_{column}": value for column, value in columns.items()}
-    answers = yield from _answers(script, sliders, reply, drawn.first_ms)
+    answers = yield from _answers(script, sliders, reply, drawing.first_ms)
     script.row["t_end_ns"] = off_ns
     values = {s.name: float(answers[s.name].option) for s in sliders}
-    return Moulded(values, moves, drawn.ended_by, (off_ns - on_ns) / NS_PER_S)
+    return Moulded(values, moves, drawing.ended_by, (off_ns - on_ns) / NS_PER_S)
 
 
 def _film_columns(

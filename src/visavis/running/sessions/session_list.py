@@ -104,17 +104,17 @@ def _absent(study: Path) -> tuple[ListedSession, ...]:
             f"{study / LIST_NAME}:{number}: the list of sessions is damaged, the line {what}; "
             f"`visavis recover {study}` puts its copy in its place where that is intact"
         )
-    listed: dict[str, ListedSession] = {}
+    last_by_name: dict[str, ListedSession] = {}
     for record in lines.records:
         if record.get("event") == "signed":
             for name in record["without"]:
-                listed.pop(name, None)
+                last_by_name.pop(name, None)
             continue
         name = f"sub-{record['participant']}/{record['session']}"
-        listed[name] = ListedSession(name, record["part"], record["at"], record["status"])
-    gone = [one for one in listed.values() if not _is_there(study, one)]
-    withdrawn = _withdrawn(study) if gone else frozenset()
-    return tuple(one for one in gone if one.name.partition("/")[0] not in withdrawn)
+        last_by_name[name] = ListedSession(name, record["part"], record["at"], record["status"])
+    absent = [one for one in last_by_name.values() if not _is_there(study, one)]
+    withdrawn_people = _withdrawn(study) if absent else frozenset()
+    return tuple(one for one in absent if one.name.partition("/")[0] not in withdrawn_people)
 
 
 def _is_there(study: Path, one: ListedSession) -> bool:

@@ -229,9 +229,9 @@ def analyse_study(
             "if you mean it (everything is then marked as simulated)"
         )
     study = names.pop()
-    listed = intake_list([*manifest_of])
-    sessions = listed.measured
-    for line in listed.lines():
+    intake = intake_list([*manifest_of])
+    sessions = intake.measured
+    for line in intake.lines():
         notifier.warn(line)
     manifests = [manifest_of[session] for session in sessions]
     # A blinded study shows no results before it is complete, unless they are asked for.

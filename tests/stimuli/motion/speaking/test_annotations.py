@@ -68,15 +68,23 @@ def test_annotations_of_elan_written_by_another_program_are_read() -> None:
     [
         ('name="lexeme">Cup', 'name="meaning">Cup', (16, "phrase 1", "lexeme is missing")),
         (">2H<", ">3H<", (19, "phrase 2", "hand is '3H'; give LH, RH or 2H")),
-        ('start="5" end="7"', 'start="5" end="9"',
-         (19, "gesture.phrase", "end is '9', not an element from 0 to 7")),
-        ('start="3.0" end="3.4"', 'start="3.0" end="?"',
-         (12, "gesture.phase", "end is '?', not a time in seconds")),
-        ('start="3.0" end="3.4"><attribute name="type">stroke',
-         'start="3.0" end="3.4"><attribute name="type">beat',
-         (19, "phrase 2", "no stroke on tier 'phase' from 2.5 to 3.9 s")),
+        (
+            'start="5" end="7"',
+            'start="5" end="9"',
+            (19, "gesture.phrase", "end is '9', not an element from 0 to 7"),
+        ),
+        (
+            'start="3.0" end="3.4"',
+            'start="3.0" end="?"',
+            (12, "gesture.phase", "end is '?', not a time in seconds"),
+        ),
+        (
+            'start="3.0" end="3.4"><attribute name="type">stroke',
+            'start="3.0" end="3.4"><attribute name="type">beat',
+            (19, "phrase 2", "no stroke on tier 'phase' from 2.5 to 3.9 s"),
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_is_missing_is_named_with_its_line(
     tmp_path: Path, old: str, new: str, problem: tuple[int, str, str]
 ) -> None:

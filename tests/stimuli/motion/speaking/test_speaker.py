@@ -49,9 +49,12 @@ def test_the_centre_of_mass_of_somebody_upright_is_in_the_middle() -> None:
 
 @pytest.mark.parametrize(
     ("com", "yaw_deg", "classes"),
-    [(0.149, 7.9, ("centre", "front")), (0.151, 8.1, ("right", "left")),
-     (-0.151, -8.1, ("left", "right"))],
-)  # fmt: skip
+    [
+        (0.149, 7.9, ("centre", "front")),
+        (0.151, 8.1, ("right", "left")),
+        (-0.151, -8.1, ("left", "right")),
+    ],
+)
 def test_classes_begin_where_they_are_defined(
     com: float, yaw_deg: float, classes: tuple[str, str]
 ) -> None:

@@ -61,8 +61,8 @@ def glb_of_character(
     }
     # Joints come first, so that node k + 1 is joint k; the figure's own node turns them all.
     n = len(skeleton.names)
-    turned = {"name": character.name, "rotation": [0.0, 1.0, 0.0, 0.0], "children": [1]}
-    content.add("nodes", turned)
+    turned_node = {"name": character.name, "rotation": [0.0, 1.0, 0.0, 0.0], "children": [1]}
+    content.add("nodes", turned_node)
     stands_m = np.array([0.0, -floor_of_rest_m(skeleton), 0.0])
     for j, joint in enumerate(skeleton.names):
         children = (np.flatnonzero(skeleton.parents == j) + 1).tolist()

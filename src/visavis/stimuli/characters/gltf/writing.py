@@ -66,8 +66,8 @@ class GlbContent:
     def displacements(self, rows: npt.NDArray[Any], delta: npt.NDArray[Any], count: int) -> int:
         """Append displacements (k, 3) of the vertices `rows` (k,), the others at rest."""
         order = np.argsort(rows, kind="stable")
-        moved = np.ascontiguousarray(delta[order], dtype="<f4")
-        ends = np.concatenate([moved, np.zeros((1 if len(rows) < count else 0, 3), "<f4")])
+        offsets = np.ascontiguousarray(delta[order], dtype="<f4")
+        ends = np.concatenate([offsets, np.zeros((1 if len(rows) < count else 0, 3), "<f4")])
         entry = {
             "componentType": _CODES["f4"],
             "count": count,
@@ -78,7 +78,7 @@ class GlbContent:
                     "bufferView": self.view(rows[order].astype("<u4").tobytes()),
                     "componentType": _CODES["u4"],
                 },
-                "values": {"bufferView": self.view(moved.tobytes())},
+                "values": {"bufferView": self.view(offsets.tobytes())},
             },
         }
         return self.add("accessors", entry | _bounds(ends))

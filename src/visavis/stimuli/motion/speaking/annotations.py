@@ -181,12 +181,12 @@ def _anvil(
 
     def spans(track: _Element, above: tuple[str, ...] = ()) -> list[_Span]:
         name = track.attributes.get("name", "")
-        referred = track.attributes.get("ref")
+        reference = track.attributes.get("ref")
         if name in above:
             raise ProblemsError(path, [Problem(track.line, name, "refers to itself")])
         parts: list[_Span] | None = None
-        if referred is not None and track.attributes.get("type") != "primary":
-            parts = spans(track_named(referred), (*above, name))
+        if reference is not None and track.attributes.get("type") != "primary":
+            parts = spans(track_named(reference), (*above, name))
         result = []
         for element in track.all("el"):
             span = _anvil_span(element, parts, values_of(element), name, problems)
@@ -275,14 +275,14 @@ def _elan(
         _Span(s.start_s, s.end_s, s.line, {"phase": _phase_of(s.values["text"])})
         for _, s in spans(tiers.phase)
     ]
-    said: dict[str, dict[str, str]] = {}
+    attributes: dict[str, dict[str, str]] = {}
     over: dict[str, list[_Span]] = {}
     for name in (tiers.hand, tiers.lexeme):
         if name == tiers.lexeme and name not in by_name:
             continue
         for element in tier_named(name).all("REF_ANNOTATION"):
             above = element.attributes.get("ANNOTATION_REF", "")
-            said.setdefault(above, {})[name] = text_of(element)
+            attributes.setdefault(above, {})[name] = text_of(element)
         over[name] = [span for _, span in spans(name)]
     phrases = []
     for key, span in spans(tiers.phrase):
@@ -292,7 +292,7 @@ def _elan(
             said_here = [o.values["text"] for o in others if o.start_s <= middle <= o.end_s]
             if said_here:
                 values[name] = said_here[-1]
-        values |= said.get(key, {})
+        values |= attributes.get(key, {})
         phrases.append(_Span(span.start_s, span.end_s, span.line, values))
     return sorted(phrases, key=lambda s: s.start_s), sorted(phases, key=lambda s: s.start_s)
 

@@ -31,7 +31,7 @@ it: drawn evenly (our choice).
 """
 WINDOW: Final = 15
 """Frames compared on either side of a gap; the source uses 10 to 30."""
-LEAST_GAP_S: Final = 0.25
+MIN_GAP_S: Final = 0.25
 CANDIDATES: Final = 12
 """So many pieces of a posture are drawn, of which the one that begins most like idling is taken:
 the best of all would always be the same (our choice).
@@ -92,7 +92,7 @@ def sample_postures(
     counts = speaker.counts()
     is_there = np.array([posture in counts for posture in NINE], dtype=np.float64)
     com, yaw = "centre", "front"
-    drawn = []
+    postures_drawn = []
     for phrase in script.phrases:
         shares = speaker.habits.joint(com, yaw, HANDS[phrase.hand], phrase.lexeme) * is_there
         if not shares.sum() > 0:
@@ -101,8 +101,8 @@ def sample_postures(
                 "feet; annotate more speech"
             )
         com, yaw = NINE[int(rng.choice(len(NINE), p=shares / shares.sum()))]
-        drawn.append((com, yaw))
-    return tuple(drawn)
+        postures_drawn.append((com, yaw))
+    return tuple(postures_drawn)
 
 
 def plan_body(speaker: Speaker, script: GestureScript, fill: Fill, seed: int) -> BodyPlan:
@@ -180,7 +180,7 @@ def _pieces(
                 rows = end + np.where(since > 0, since * tempo, since)
                 columns[:, column] = np.interp(rows, np.arange(len(take)), take[:, column])
             pieces.append(Piece(first, columns))
-            free = last + 1 + round(LEAST_GAP_S * RATE_HZ)
+            free = last + 1 + round(MIN_GAP_S * RATE_HZ)
         i += count
     return pieces, tuple(is_longer)
 
@@ -196,25 +196,25 @@ def _choose(
     """Return a clip for phrase `i`, how much faster its time passes, and how many phrases it is
     for.
     """
-    wanted = postures[i]
-    if i + 1 < len(postures) and postures[i + 1] == wanted:
+    posture = postures[i]
+    if i + 1 < len(postures) and postures[i + 1] == posture:
         apart = (script.phrases[i + 1].stroke_end_s - script.phrases[i].stroke_end_s) * RATE_HZ
         longer = []
         for one, other in zip(speaker.clips, speaker.clips[1:], strict=False):
             follows = other.row == one.row + 1 and other.take == one.take
-            if not follows or not one.posture == other.posture == wanted or one.row in used:
+            if not follows or not one.posture == other.posture == posture or one.row in used:
                 continue
             steps = speaker.takes[one.take].track.steps[one.first : other.last + 1]
             tempo = (other.stroke_end - one.stroke_end) / apart
             if ALIKE_TEMPO[0] <= tempo <= ALIKE_TEMPO[1] and not steps.any():
                 longer.append((one, other, tempo))
         if longer:
-            drawn = [longer[k] for k in rng.permutation(len(longer))[:CANDIDATES]]
+            candidates = [longer[k] for k in rng.permutation(len(longer))[:CANDIDATES]]
             one, other, tempo = min(
-                drawn, key=lambda pair: abs(pair[0].start_speed - speaker.idle_speed)
+                candidates, key=lambda pair: abs(pair[0].start_speed - speaker.idle_speed)
             )
             return replace(one, last=other.last), tempo, 2
-    group = [clip for clip in speaker.clips if clip.posture == wanted]
+    group = [clip for clip in speaker.clips if clip.posture == posture]
     fresh = [clip for clip in group if clip.row not in used] or group
     drawn_clips = [fresh[k] for k in rng.permutation(len(fresh))[:CANDIDATES]]
     best = min(drawn_clips, key=lambda clip: abs(clip.start_speed - speaker.idle_speed))
@@ -232,11 +232,11 @@ def _without_haste(speaker: Speaker, pieces: Sequence[Piece], fill: Fill) -> lis
             end = result[-1].first + len(result[-1].hips) - 1
             values = piece.hips[:, [0, YAW]]
             gap_s = (piece.first + np.arange(len(values)) - end) / RATE_HZ
-            needed = PEAK[fill] * np.abs(values - last) / gap_s[:, None]
+            speed = PEAK[fill] * np.abs(values - last) / gap_s[:, None]
             if fill == "I":
                 # An interpolation arrives at rest: what the piece moves at then is a jump.
-                needed = np.maximum(needed, np.abs(np.gradient(values, axis=0)) * RATE_HZ)
-            haste = (needed / speaker.scale / speaker.fast).max(axis=1)
+                speed = np.maximum(speed, np.abs(np.gradient(values, axis=0)) * RATE_HZ)
+            haste = (speed / speaker.scale / speaker.fast).max(axis=1)
             # Not beyond its last frames: they are the posture that was drawn.
             haste = haste[: max(1, len(haste) - 2)]
             enter = int(np.argmax(haste <= 1.0)) if (haste <= 1.0).any() else int(np.argmin(haste))
@@ -313,8 +313,8 @@ def _filled(
     source = track.hips[start : start + gap + 2]
     limit = GROWTH * np.maximum(np.ptp(source, axis=0), np.abs(following - last)[0])
     moves = np.maximum(np.ptp(piece, axis=0), 1e-12)
-    bent: Vector = straight + np.minimum(1.0, limit / moves) * (piece - straight)
-    return bent
+    bent_piece: Vector = straight + np.minimum(1.0, limit / moves) * (piece - straight)
+    return bent_piece
 
 
 def _surroundings(rows: Vector, edge: Vector, *, is_before: bool) -> Vector:

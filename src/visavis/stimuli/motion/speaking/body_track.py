@@ -22,8 +22,8 @@ CUTOFF_HZ: Final = 6.0
 """Zero-phase Butterworth filter of fourth order that takes small jerks out of a recording."""
 STEPPING_MPS: Final = 0.20
 """A foot that moves faster over the floor is not planted."""
-LEAST_STANCE_M: Final = 0.05
-MOST_STANCE_M: Final = 0.9
+MIN_STANCE_M: Final = 0.05
+MAX_STANCE_M: Final = 0.9
 
 _SEGMENTS: Final = (
     ("hips", "neck", 0.497, 0.50),
@@ -119,7 +119,7 @@ def measure_body(clip: Clip, name: str) -> BodyTrack:
     middle = (ankles[0] + ankles[1]) / 2
     width_m = (ankles[1] - ankles[0]) @ right
     stance_m = float(np.median(width_m))
-    if not LEAST_STANCE_M <= stance_m <= MOST_STANCE_M:
+    if not MIN_STANCE_M <= stance_m <= MAX_STANCE_M:
         raise MotionError(
             f"{name}: the feet are {stance_m:.2f} m apart to the sides; give the motion of "
             "somebody who stands, in metres (--unit-m says what a BVH file's unit is)"

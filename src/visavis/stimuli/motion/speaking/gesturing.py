@@ -14,7 +14,7 @@ from visavis.stimuli.motion.speaking.lexemes import LEXEMES, SHAPES
 SIDES: Final = {"L": (0,), "R": (1,), "both": (0, 1)}
 REST_S: Final = 1.5
 """With less time between two gestures a hand waits before the belly; else it hangs."""
-LEAST_WAY_S: Final = 0.1
+MIN_WAY_S: Final = 0.1
 """A hand is given at least so long to get to a stroke."""
 WAITING: Final = (-0.27, -0.52, -0.48)
 FORTH_01: Final = 0.6
@@ -59,19 +59,26 @@ def gesture_arms(script: GestureScript, t_s: Vector, build: Vector, seed: int) -
         free_s = -np.inf
         for k, ((i, phrase), (first, last, bow)) in enumerate(zip(own, poses, strict=True)):
             # A phrase annotated without preparation takes it from the time before, if any.
-            begin_s = min(phrase.start_s, max(free_s, phrase.stroke_s - 3 * LEAST_WAY_S))
-            if phrase.stroke_s - begin_s < LEAST_WAY_S:
+            begin_s = min(phrase.start_s, max(free_s, phrase.stroke_s - 3 * MIN_WAY_S))
+            if phrase.stroke_s - begin_s < MIN_WAY_S:
                 raise MotionError(
                     f"phrase {i + 1} at {phrase.start_s:g} s: its hand has no time to get to the "
-                    f"stroke; give a preparation of {LEAST_WAY_S:g} s"
+                    f"stroke; give a preparation of {MIN_WAY_S:g} s"
                 )
-            end_s = max(phrase.end_s, phrase.hold_end_s + 3 * LEAST_WAY_S)
+            end_s = max(phrase.end_s, phrase.hold_end_s + 3 * MIN_WAY_S)
             if k + 1 < len(own):
                 end_s = max(phrase.end_s, min(end_s, own[k + 1][1].start_s))
             _write_phrase(
-                arms[:, side], t_s, phrase, (begin_s, end_s), rests[k : k + 2], first, last, bow,
+                arms[:, side],
+                t_s,
+                phrase,
+                (begin_s, end_s),
+                rests[k : k + 2],
+                first,
+                last,
+                bow,
                 build,
-            )  # fmt: skip
+            )
             free_s = end_s
     return arms
 
@@ -118,9 +125,13 @@ def _rest(build: Vector) -> Vector:
 
 def _waiting(build: Vector) -> Vector:
     return _vector(
-        build, np.array(WAITING), np.array([0.40, 0.12, -0.9]), np.array([0.6, -0.8, 0.0]),
-        "loose", 0.0,
-    )  # fmt: skip
+        build,
+        np.array(WAITING),
+        np.array([0.40, 0.12, -0.9]),
+        np.array([0.6, -0.8, 0.0]),
+        "loose",
+        0.0,
+    )
 
 
 def _poses(

@@ -64,8 +64,8 @@ def performed(
     speaker_rows(t_s, seed, LIVELY, b, controls)
     _place_hips(controls, hips, b)
     controls[:, p.TRUNK_YAW] += trunk
-    turned = hips[:, YAW] + trunk
-    controls[:, p.HEAD_YAW] -= HEAD_BACK_01 * turned
+    yaw_rad = hips[:, YAW] + trunk
+    controls[:, p.HEAD_YAW] -= HEAD_BACK_01 * yaw_rad
     write_arms(controls, arms)
     root, turns = np.empty((len(t_s), 3)), np.empty((len(t_s), p.JOINTS, 4))
     nobody = np.zeros(len(t_s), np.bool_)

@@ -18,9 +18,9 @@ CENTRE_01: Final = 0.15
 """Weight less far from the middle, in widths of the stance, is in the centre."""
 FRONT_RAD: Final = float(np.radians(8.0))
 """Hips turned by less face the front."""
-LEAST_SHIFT_01: Final = 0.05
-LEAST_TURN_RAD: Final = float(np.radians(2.0))
-LEAST_TRUNK_RAD: Final = float(np.radians(3.0))
+MIN_SHIFT_01: Final = 0.05
+MIN_TURN_RAD: Final = float(np.radians(2.0))
+MIN_TRUNK_RAD: Final = float(np.radians(3.0))
 """Smaller changes within a phrase are taken for sway: no delay is measured from them."""
 ONSET_01: Final = 0.02
 """A turn begins where its speed passes this share of its greatest."""
@@ -156,7 +156,7 @@ class Speaker:
             track = self.takes[k].track
             first, last = round(phrase.start_s * RATE_HZ), round(phrase.end_s * RATE_HZ)
             for column, (values, least) in enumerate(
-                ((track.com, LEAST_SHIFT_01), (track.yaw, LEAST_TURN_RAD))
+                ((track.com, MIN_SHIFT_01), (track.yaw, MIN_TURN_RAD))
             ):
                 off = np.abs(values[first : last + 1] - values[first])
                 best = int(np.argmax(off))
@@ -186,7 +186,7 @@ class Speaker:
             first = max(0, round((phrase.start_s - LOOK_BACK_S) * RATE_HZ))
             last = round(phrase.stroke_end_s * RATE_HZ)
             piece = trunk[first : last + 1]
-            if abs(piece[-1] - piece[0]) < LEAST_TRUNK_RAD:
+            if abs(piece[-1] - piece[0]) < MIN_TRUNK_RAD:
                 continue
             speed = np.gradient(piece) * np.sign(piece[-1] - piece[0])
             peak = int(np.argmax(speed))
@@ -238,11 +238,11 @@ class Speaker:
         return float(np.mean(slow if slow.size else np.concatenate(self.speeds)))
 
     def _is_spoken(self, take: int) -> npt.NDArray[np.bool_]:
-        spoken = np.zeros(len(self.takes[take].track.com), np.bool_)
+        is_spoken = np.zeros(len(self.takes[take].track.com), np.bool_)
         for phrase in self.takes[take].script.phrases:
             first, last = round(phrase.start_s * RATE_HZ), round(phrase.end_s * RATE_HZ)
-            spoken[first : last + 1] = True
-        return spoken
+            is_spoken[first : last + 1] = True
+        return is_spoken
 
     @cached_property
     def clips(self) -> tuple[Clip, ...]:

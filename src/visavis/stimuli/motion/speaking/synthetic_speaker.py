@@ -200,10 +200,10 @@ def _course(
     for start, extreme, end, target in zip(starts_s, extremes_s, ends_s, to, strict=True):
         share = np.clip((t_s - start) / (extreme - start), 0.0, 1.0)
         back = np.clip((t_s - extreme) / max(end - extreme, 0.3), 0.0, 1.0)
-        settled = target - BACK_01 * (target - at)
+        rest = target - BACK_01 * (target - at)
         values += (target - at) * share**3 * (10.0 + share * (6.0 * share - 15.0))
-        values += (settled - target) * back**2 * (3.0 - 2.0 * back)
-        at = settled
+        values += (rest - target) * back**2 * (3.0 - 2.0 * back)
+        at = rest
     return values
 
 

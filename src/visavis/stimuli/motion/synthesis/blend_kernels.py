@@ -144,9 +144,9 @@ def _lead_leg(
     before = np.arccos(min(1.0, max(-1.0, dot(up, down) / (l1 * l2))))
     after = np.arccos(min(1.0, max(-1.0, (l1 * l1 + l2 * l2 - reach * reach) / (2.0 * l1 * l2))))
     bend = about(hinge, after - before)
-    bent = minus(plus(knee_at, rotate_vector(bend, down)), hip_at)
+    knee_offset = minus(plus(knee_at, rotate_vector(bend, down)), hip_at)
     # Then the whole leg turns about the hip by the smallest angle that leads there.
-    swing = between(unit_of(bent, (0.0, -1.0, 0.0)), unit_of(to, (0.0, -1.0, 0.0)))
+    swing = between(unit_of(knee_offset, (0.0, -1.0, 0.0)), unit_of(to, (0.0, -1.0, 0.0)))
     thigh_turn = times(swing, thigh_turn)
     shin_turn = times(swing, times(bend, quat_of(world[shin])))
     _put(turns, thigh, times(inverse(quat_of(world[hips])), thigh_turn))
@@ -281,9 +281,17 @@ def blend_rows(
             s = slice(2 * side, 2 * side + 2)
             ball = triple_of(offsets[feet[2 * side + 1]])
             gap = _flat_gap(
-                side, flat_phases[side], weights[r], key_s, first, frame_s, foot_m, foot_turns,
-                heel, ball,
-            )  # fmt: skip
+                side,
+                flat_phases[side],
+                weights[r],
+                key_s,
+                first,
+                frame_s,
+                foot_m,
+                foot_turns,
+                heel,
+                ball,
+            )
             _lead_leg(
                 feet[2 * side],
                 feet[2 * side + 1],

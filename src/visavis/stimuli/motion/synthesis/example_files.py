@@ -148,8 +148,8 @@ def _cycle(clip: Clip, row: Mapping[str, Any]) -> tuple[Clip, Vector]:
     frames = clip.at(np.linspace(begin_s, end_s, n + 1))
     loop = closed(Clip(clip.skeleton, FRAME_S, frames.root_m, frames.orientation_wxyz))
     if all(column in row for column in KEY_COLUMNS):
-        given = [(float(row[c]) - begin_s) / (end_s - begin_s) for c in KEY_COLUMNS]
-        shares = np.array(given)
+        given_shares = [(float(row[c]) - begin_s) / (end_s - begin_s) for c in KEY_COLUMNS]
+        shares = np.array(given_shares)
     else:
         shares = contacts_of(loop, str(row["name"]))
     # The cycle begins where the left foot lands: at a frame, so that none is between frames.

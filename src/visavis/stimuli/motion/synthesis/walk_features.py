@@ -131,9 +131,12 @@ def features_of(clip: Clip) -> dict[str, float]:
     speed = (after - com) / clip.frame_s
     series = {
         **angles,
-        "com_lr": com[:, 0], "com_up": com[:, 1],
-        "com_speed_lr": speed[:, 0], "com_speed_up": speed[:, 1], "com_speed_fb": -speed[:, 2],
-    }  # fmt: skip
+        "com_lr": com[:, 0],
+        "com_up": com[:, 1],
+        "com_speed_lr": speed[:, 0],
+        "com_speed_up": speed[:, 1],
+        "com_speed_fb": -speed[:, 2],
+    }
     feet = [body.position_m[:, clip.skeleton.index(f"{side}_foot")] for side in ("left", "right")]
     values = {
         "duration": clip.duration_s,
@@ -228,7 +231,9 @@ def feature_table(examples: Examples) -> FeatureTable:
 
 
 NEEDED: Final[Sequence[str]] = (
-    "spine", "neck", "head",
+    "spine",
+    "neck",
+    "head",
     *(f"{s}_{j}" for s in ("left", "right") for j in dict.fromkeys(sum(_BONES.values(), ()))),
-)  # fmt: skip
+)
 """Joints that features are taken from."""

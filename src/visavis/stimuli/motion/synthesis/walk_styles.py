@@ -246,9 +246,15 @@ def styled_walk(style: WalkStyle, build: Build) -> tuple[Clip, Vector]:
     unheld = np.zeros((n, 3))
     skeleton = build.skeleton
     pose_rows(
-        controls, skeleton.offsets_m[None], nobody, nobody.astype(np.bool_), unheld, unheld, root,
+        controls,
+        skeleton.offsets_m[None],
+        nobody,
+        nobody.astype(np.bool_),
+        unheld,
+        unheld,
+        root,
         turns,
-    )  # fmt: skip
+    )
     travel_m = 2.0 * style.step_01 * float(build.lengths_m[p.B_LEG])
     clip = Clip(skeleton, FRAME_S, root, turns, True, (0.0, 0.0, -travel_m))
     stance = style.stance_01
