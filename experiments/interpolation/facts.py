@@ -8,15 +8,6 @@ from visavis.study.source import Fact, PrintedOrder
 
 _SECONDS: Final = [round(seconds_of(name) - HOLD_S, 3) for name in GESTURES]
 _SQUAD: Final = "squad > slerp, lineuler"
-_TABLES: Final = {
-    "pilot": "table 1",
-    "main": "table 2",
-    "panel": "table 3",
-    "novice": "table 4",
-    "experienced": "table 4",
-    "male": "table 6",
-    "female": "table 6",
-}
 _GAIN: Final = ("method", "squad", "lineuler")
 _NEAR: Final = (
     "simulated raters are fitted to the twelve printed means within a fifth of a step, and these "
@@ -28,13 +19,16 @@ def _subset(subset: Subset) -> Fact:
     """Return the printed means and p of a subset of ratings, beside what the report has of it."""
     means = ", ".join(f"{name} {mean}" for name, mean in zip(METHODS, subset.means, strict=True))
     own = reason = ""
-    if subset.name in ("pilot", "panel"):
-        own, reason = "no counterpart", "who sent a rater is stored apart from the answers"
+    if subset.name == "pilot":
+        own, reason = "no counterpart", "who tried the study beforehand is not part of it"
+    if subset.name == "panel":
+        own = "raters who say that a panel sent them"
+        reason = "the panel's own identifier of a rater is stored apart from the answers"
     return Fact(
         "result",
         f"{subset.name}, n = {subset.n}",
         f"{means}; p = {subset.p}",
-        _TABLES.get(subset.name, "table 5"),
+        subset.where,
         own,
         because=reason,
     )

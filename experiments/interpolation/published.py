@@ -8,6 +8,16 @@ from visavis.study.pairs import Printed
 
 METHODS: Final = ("lineuler", "slerp", "squad")
 GESTURES_A_PERSON: Final = 4
+TABLES: Final = {
+    "pilot": "table 1",
+    "main": "table 2",
+    "panel": "table 3",
+    "novice": "table 4",
+    "experienced": "table 4",
+    "male": "table 6",
+    "female": "table 6",
+}
+"""Where the source prints a subset; those of one gesture stand in table 5."""
 
 
 @dataclass(frozen=True)
@@ -22,6 +32,11 @@ class Subset:
     means: tuple[str, str, str]
     p: str
     gesture: str = ""
+
+    @property
+    def where(self) -> str:
+        """The table that it stands in."""
+        return TABLES.get(self.name, "table 5")
 
     @property
     def ratings(self) -> int:
@@ -47,6 +62,7 @@ TESTS: Final = {
     subset.name: Printed(
         True,
         float(subset.p),
+        where=subset.where,
         text=f"one-way ANOVA, ratings as independent, p = {subset.p}",
         order="squad > slerp, lineuler",
     )
