@@ -45,7 +45,8 @@ ROWS: Final = (
         ("genuine/test_monado.py",),
         "poses put by its remote driver arrive exactly, headless and with pictures; eyes moved "
         "apart; its service killed and started anew; sessions ended in every way; whole sessions "
-        "of stare, crowd, waving and a study of one's own to a green check",
+        "of stare, crowd, waving and a study of one's own, in which check finds nothing but "
+        "lateness",
     ),
     Row(
         ("openxr_headset", "openxr_controllers", "openxr_gaze", "openxr_hands"),
