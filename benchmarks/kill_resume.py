@@ -158,7 +158,7 @@ def kill_sessions(
     rng = np.random.default_rng(seed)
     watch = StopWatch()
     outcome = Outcome()
-    short = _ShortSessions(find_study(study), _fast_config())
+    short = _ShortSessions(find_study(study), fast_config())
     reference = short.uninterrupted(root / study / "reference")
     while outcome.kills < kills and watch.elapsed_s() < limit_s:
         outcome.sessions += 1
@@ -170,7 +170,8 @@ def kill_sessions(
     return outcome
 
 
-def _fast_config() -> LabConfig:
+def fast_config() -> LabConfig:
+    """Return the shipped lab at low rates."""
     config = load_config(EXAMPLE)
     devices = dict(config.devices)
     for role, (option, rate_hz) in RATES_HZ.items():

@@ -167,6 +167,36 @@ def test_what_a_killed_process_leaves_behind_is_no_damage(tmp_path: Path) -> Non
     assert not damage_of(Recording(session)).is_damaged
 
 
+@pytest.mark.parametrize("n_bytes", [0, 3, 60])
+def test_a_header_that_a_full_disk_cut_is_no_damage_and_one_with_samples_is(
+    n_bytes: int, tmp_path: Path
+) -> None:
+    session = record(tmp_path, is_closed=False)
+    file = session / "part-01" / "probe.arrows"
+    torn = session / "part-01" / "other.arrows"
+    torn.write_bytes(file.read_bytes()[:n_bytes])
+    recover(session)
+    assert not damage_of(Recording(session)).is_damaged
+    file_with_samples = file.read_bytes()
+    change(torn, lambda _: file_with_samples[:4] + b"\xff\xff\xff\x7f" + file_with_samples[8:])
+    assert damage_of(Recording(session)).is_damaged
+
+
+def test_a_part_that_ended_before_its_journal_is_no_damage_and_a_lost_journal_is(
+    tmp_path: Path,
+) -> None:
+    session = record(tmp_path, is_closed=False)
+    (session / "part-01" / "events.jsonl").unlink()
+    recover(session)
+    assert damage_of(Recording(session)).is_damaged
+
+    with create_session(tmp_path / "other", replace(probe_manifest(), plan=PLAN)) as folder:
+        folder.begin_part(SimClock())
+        unbegun = folder.path
+    recover(unbegun)
+    assert not damage_of(Recording(unbegun)).is_damaged
+
+
 def test_a_crashed_part_damaged_afterwards_is_damaged(tmp_path: Path) -> None:
     session = record(tmp_path, is_closed=False)
     recover(session)

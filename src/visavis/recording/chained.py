@@ -6,7 +6,6 @@ the file can change, and no line go or move, unseen. What a cut would take from 
 copy, which is written first.
 """
 
-import os
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from visavis.lab.plain_files import parse_json, read_plain
-from visavis.recording.durable import open_private, replace_file
+from visavis.recording.durable import add_to_file, replace_file
 from visavis.recording.journal import decode_line, encode_line
 from visavis.recording.sealed import copy_path
 
@@ -146,7 +145,4 @@ def _decode_unchained(line: bytes) -> dict[str, Any] | None:
 def _extend(path: Path, whole: bytes, new_bytes: bytes) -> None:
     if (_content(path) or b"") != whole:
         replace_file(path, whole)
-    with os.fdopen(open_private(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND), "ab") as file:
-        file.write(new_bytes)
-        file.flush()
-        os.fsync(file.fileno())
+    add_to_file(path, new_bytes)

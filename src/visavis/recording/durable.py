@@ -147,6 +147,16 @@ def replace_file(path: Path, data: bytes) -> None:
         raise write_failure(path, error) from error
 
 
+def add_to_file(path: Path, data: bytes) -> None:
+    """Add to the end of a file and wait for the disk; raises OSError, maybe with a part added."""
+    fd = open_private(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+    try:
+        _write_all(fd, memoryview(data))
+        os.fsync(fd)
+    finally:
+        os.close(fd)
+
+
 def open_private(path: Path, flags: int) -> int:
     """Open a file that none but its owner, or its folder's group, can read; raises OSError."""
     modes = modes_in(path.parent)

@@ -1,7 +1,8 @@
 """Find damage to a recording: which files, rows and trials are gone, in plain words.
 
-Damage is what happened to files after they were written. What a killed process leaves behind (a
-torn last batch or line, a part without its end) costs no finished trial and is none.
+Damage is what happened to files after they were written. What a killed process or a full disk
+leaves behind (a torn last batch, line or header, a part without its end or its journal) costs no
+finished trial and is none.
 """
 
 import re
@@ -265,6 +266,8 @@ def _problems(recording: Recording, part: Part, changed_files: Collection[str]) 
     if part.status == "running":  # or killed before it was begun: nothing says what there was
         tails |= {f"{folder / name}.arrows is missing" for name in states}
         tails.add(f"{folder / JOURNAL_NAME} is missing")
+    if part.status == "crashed" and part.journal is None and not any(s.rows for s in part.streams):
+        tails.add(f"{folder / JOURNAL_NAME} is missing")  # as recovery met it: it ended before that
     problems = [p for p in recording.part_problems(part.number) if p not in tails]
     return problems + [f"{folder / file}: {CHANGED}" for file in changed_files]
 

@@ -3,7 +3,7 @@
 import mmap
 import os
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, cast
@@ -48,8 +48,9 @@ class StreamContent:
 
     `columns` maps seq, t_device_ns, t_host_ns and the stream's fields to arrays of n rows;
     `problems` names every damage found, `gaps` which rows it cost; `tail_problem` is the one of
-    them that a killed process leaves behind, too. `is_ended` tells whether the end marker is there
-    and `last_ns` when the last readable sample came.
+    them that a killed process or a full disk leaves behind, too. `is_ended` tells whether the end
+    marker is there and `last_ns` when the last readable sample came. `is_unbegun`: the file ends
+    within its own header, before which no stream has a sample.
     """
 
     schema: StreamSchema | None
@@ -61,11 +62,13 @@ class StreamContent:
     problems: tuple[str, ...]
     gaps: tuple[Gap, ...] = ()
     last_ns: int | None = None
+    is_unbegun: bool = False
 
     @property
     def tail_problem(self) -> str:
         """Return the problem at the file's end; empty when there is none."""
-        return self.problems[-1] if self.gaps and self.gaps[-1].n_rows is None else ""
+        is_cut = self.is_unbegun or (self.gaps and self.gaps[-1].n_rows is None)
+        return self.problems[-1] if is_cut else ""
 
 
 @dataclass(frozen=True)
@@ -97,7 +100,8 @@ def read_stream_file(
     problems: list[str] = []
     start, arrow = _header(data, path, spare_header, problems)
     if arrow is None:
-        return _nothing(*problems)
+        is_unbegun = spare_header is None and _ends_in_header(data)
+        return replace(_nothing(*problems), is_unbegun=is_unbegun)
     _check_version(arrow, path)
     try:
         schema = stream_schema(arrow)
@@ -155,6 +159,23 @@ def _header(
     except (TornMessage, pa.ArrowException, OSError, ValueError) as error:
         problems.append(f"{path}: the header is cut or damaged ({error})")
         return 0, None
+
+
+def _ends_in_header(data: memoryview) -> bool:
+    """Tell whether a file is the beginning of a header and nothing more."""
+    if len(data) < 8:
+        return CONTINUATION.startswith(data[:4])
+    length = int.from_bytes(data[4:8], "little", signed=True)
+    is_cut = data[:4] == CONTINUATION and length > len(data) - 8
+    return is_cut and not any(_is_message(data, at) for at in range(8, len(data) - 7, 8))
+
+
+def _is_message(data: memoryview, at: int) -> bool:
+    try:
+        read_message(data, at)
+    except TornMessage:
+        return False
+    return True
 
 
 def _check_version(arrow: Any, path: Path) -> None:

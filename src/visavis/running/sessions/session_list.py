@@ -63,12 +63,19 @@ def sign_list(study: Path) -> tuple[str, ...]:
 def list_problems(study: Path) -> tuple[str, ...]:
     """Return what is missing of a study, or wrong with its list, a line each."""
     try:
-        problems = list(read_lines(study / LIST_NAME).notes)
+        notes = read_lines(study / LIST_NAME).notes
+    except OSError as error:
+        return (str(error),)
+    return *(f"{note}; `visavis recover {study}` mends it" for note in notes), *_missing(study)
+
+
+def _missing(study: Path) -> tuple[str, ...]:
+    """Return what is missing by the list, or why the list cannot say so, a line each."""
+    try:
         absent = _absent(study)
     except (RecordingError, OSError) as error:
         return (str(error),)
     return (
-        *problems,
         *(
             f"{study / one.name} is gone: it was there on {one.at[:10]} (part {one.part}, "
             f"{one.status}); restore it from a copy, or sign off that it is no part of the study: "
@@ -86,10 +93,12 @@ def list_problems(study: Path) -> tuple[str, ...]:
 def require_whole(study: Path, *, accept: bool) -> tuple[str, ...]:
     """Return what a study misses of its list, where that is accepted.
 
+    A list that was cut short is read from its copy, as a full disk may leave it.
+
     Raises:
         DataError: something is missing, and that was not accepted.
     """
-    problems = list_problems(study)
+    problems = _missing(study)
     if problems and not accept:
         raise DataError("\n".join([*problems, "--accept-damage analyses what is left"]))
     return problems
