@@ -23,7 +23,8 @@ from visavis.running.film_store import film_store
 from visavis.running.page.arrivals import arrival_of, check_completion, completion_of, least_filled
 from visavis.running.page.client import arrive, visit
 from visavis.running.page.perform import about_of
-from visavis.running.page.reception import IDLE_NS, RateLimit, Reception, Rules
+from visavis.running.page.rate_limit import ArrivalLimits, RateLimit, visitor_address
+from visavis.running.page.reception import ARRIVED_IDLE_NS, IDLE_NS, Reception, Rules
 from visavis.running.page.server import KEY, PageServer
 from visavis.running.page.steps import PageError, PageStep
 from visavis.running.page.visitor import Visitor, visitor_of
@@ -200,7 +201,7 @@ def test_when_enough_are_at_it_others_are_told_and_who_leaves_makes_room(tmp_pat
     place = Place(tmp_path, Rules(quota=1, completion="https://panel.example/?cc=1&id={id}"))
 
     async def act(base: str, reception: Reception) -> list[Any]:
-        await arrive(base, {})
+        await visit(await arrive(base, {}), place.visitor(), place.clock, ends=is_behind_consent)
         with pytest.raises(DataError, match="enough participants"):
             await arrive(base, {})
         place.clock.sleep_until_ns(place.clock.now_ns() + IDLE_NS + 1)
@@ -214,7 +215,62 @@ def test_when_enough_are_at_it_others_are_told_and_who_leaves_makes_room(tmp_pat
 
     completion, counts = served(place, act)
     assert "https://panel.example/?cc=1&id=a-1" == completion
-    assert {"left": 1, "running": 1} == counts
+    assert {"left": 1, "arrived": 1} == counts
+
+
+def test_a_place_is_taken_with_the_consent_and_whoever_consents_too_late_is_told(
+    tmp_path: Path,
+) -> None:
+    place = Place(tmp_path, Rules(quota=1))
+    panel = {"PROLIFIC_PID": "5f3a9c8d2b1e4a7f6c0d9e8b"}
+
+    async def act(base: str, reception: Reception) -> list[Any]:
+        first, second = await arrive(base, {}), await arrive(base, panel)
+        outcomes = [await visit(at, place.visitor(), place.clock) for at in (first, second)]
+        with pytest.raises(DataError, match="enough participants"):
+            await arrive(base, panel)
+        return [*outcomes, (await reception.board())["counts"]]
+
+    assert ["done", "full", {"complete": 1, "full": 1}] == served(place, act)
+    late = Recording(place.sessions()[1])
+    payloads = list(late.events().loc[late.events()["name"] == "page_event", "payload"])
+    assert [{"agreed": True, "is_full": True}] == [payload["reply"] for payload in payloads]
+    assert {} == place.who
+
+
+def test_visitors_who_never_consent_take_no_place_and_are_soon_taken_for_gone(
+    tmp_path: Path,
+) -> None:
+    place = Place(tmp_path, Rules(quota=1))
+
+    async def act(base: str, reception: Reception) -> list[Any]:
+        for _ in range(5):
+            await arrive(base, {})
+        place.clock.sleep_until_ns(place.clock.now_ns() + ARRIVED_IDLE_NS + 1)
+        await reception._leave_idle()
+        outcome = await visit(await arrive(base, {}), place.visitor(), place.clock)
+        return [outcome, (await reception.board())["counts"]]
+
+    assert ["done", {"left": 5, "complete": 1}] == served(place, act)
+
+
+def test_a_page_cannot_say_that_there_is_no_place(place: Place) -> None:
+    async def act(base: str, reception: Reception) -> tuple[int, str]:
+        key = (await arrive(base, {})).partition("#")[2]
+        reply = {"agreed": True, "is_full": True}
+        event = {"n": 1, "kind": "reply", "at_ms": 1.0, "step": 1, "reply": reply}
+        async with aiohttp.ClientSession(base, headers={KEY: key}) as http:
+            await (await http.post("/api/hello", json={"tab": "t"})).json()
+            body = {"tab": "t", "events": [event]}
+            async with http.post("/api/events", json=body) as response:
+                return response.status, (await response.json())["refused"]
+
+    assert (400, "whether there is a place is not for a page to say") == served(place, act)
+
+
+def is_behind_consent(step: PageStep) -> bool:
+    """Tell whether a step comes after the consent."""
+    return step.kind != "consent"
 
 
 def test_the_board_tells_who_is_where_to_its_key_alone(place: Place) -> None:
@@ -305,7 +361,7 @@ def test_one_damaged_session_leaves_the_board_of_all_others(place: Place) -> Non
         (place.sessions()[0] / "manifest.json").write_text("{", "utf-8")
         return dict((await reception.board())["counts"])
 
-    assert {"damaged": 1, "running": 1} == served(place, act)
+    assert {"damaged": 1, "arrived": 1} == served(place, act)
     place.reception()  # which begins with the damaged one, too
 
 
@@ -407,7 +463,7 @@ def test_who_is_withdrawn_beside_the_server_is_ended_deleted_and_forgotten(place
     assert was_deleted
     assert "this address leads to no session; ask for a new one" == refused
     assert is_another
-    assert {"deleted": 1, "running": 1} == counts
+    assert {"deleted": 1, "arrived": 1} == counts
     assert ["withdrawn", "active"] == [entry.status for entry in place.ledger.list()]
 
 
@@ -509,7 +565,38 @@ def test_a_placeholder_that_no_panel_filled_is_refused_in_words(place: Place, ke
 
 
 def test_a_flood_of_arrivals_is_held_up_and_lets_people_in_again() -> None:
-    brake = RateLimit(at_once=3, a_second=2, _left=3)
+    brake = RateLimit(at_once=3, a_second=2, left=3)
     assert [True] * 3 + [False] == [brake.lets_pass(0) for _ in range(4)]
     assert [False, True] == [brake.lets_pass(ns) for ns in (400_000_000, 1_000_000_000)]
     assert [True] * 3 + [False] == [brake.lets_pass(10**12) for _ in range(4)]
+
+
+def test_one_address_cannot_hold_everybody_else_up_and_is_forgotten() -> None:
+    limits = ArrivalLimits(RateLimit(10, 1, 10), at_once_from_one=3, a_second_from_one=0.1)
+    assert [True] * 3 + [False] * 2 == [limits.lets_pass("192.0.2.1", 0) for _ in range(5)]
+    assert limits.lets_pass("192.0.2.2", 0)
+    assert [False, True] == [limits.lets_pass("192.0.2.1", s * 10**9) for s in (9, 10)]
+    assert all(limits.lets_pass("", 10**12) for _ in range(10))
+    assert limits.lets_pass("192.0.2.3", 2 * 10**12)
+    assert "192.0.2.1" not in str(vars(limits))
+
+
+@pytest.mark.parametrize(
+    ("peer", "forwarded", "address"),
+    [
+        ("192.0.2.77", None, "192.0.2.77"),
+        ("8.8.8.8", "1.2.3.4", "8.8.8.8"),  # whoever comes directly cannot be somebody else
+        ("127.0.0.1", None, ""),
+        ("127.0.0.1", "9.9.9.9, 1.1.1.1", "1.1.1.1"),  # the last one is the proxy's word
+        ("10.0.0.5", None, "10.0.0.5"),
+        ("127.0.0.1", "nonsense", ""),
+        ("2a02:8109:9c40:1::7", None, "2a02:8109:9c40:1::/64"),
+        ("2a02:8109:9c40:1:9::8", None, "2a02:8109:9c40:1::/64"),
+        ("", None, ""),
+    ],
+)
+def test_an_address_is_that_of_the_visitor_and_not_of_a_proxy(
+    peer: str, forwarded: str | None, address: str
+) -> None:
+    headers = {} if forwarded is None else {"X-Forwarded-For": forwarded}
+    assert address == visitor_address(peer, headers)

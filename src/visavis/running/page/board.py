@@ -14,22 +14,26 @@ from visavis.lab.errors import LabError
 from visavis.protocol.people.ledger import Participant
 from visavis.recording.lock import is_held
 from visavis.recording.reader import Recording
-from visavis.running.page.course import DECLINED, STOPPED, WITHDRAWN
+from visavis.running.page.course import DECLINED, FULL, STOPPED, WITHDRAWN
 
+ARRIVED: Final = "arrived"
+"""State of a participant who has not consented yet, and has no place so far."""
 STATES: Final = {
     "complete": "complete",
     "running": "at it",
+    ARRIVED: "reads about it",
     "left": "left",
     STOPPED: "stopped, data kept",
     WITHDRAWN: "wants deletion",
     DECLINED: "declined",
+    FULL: "came when it was full",
     "deleted": "deleted",
     "damaged": "cannot be read",
     "expected": "has not come",
 }
 """States of a participant, and the words that the board shows for them."""
 COUNTING: Final = ("complete", "running")
-"""States in which a participant fills their order."""
+"""States in which a participant has one of the places, and fills their order."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +123,11 @@ def state_of(recording: Recording, events: pd.DataFrame) -> str:
         return STOPPED if stop_payloads[-1]["keep"] else WITHDRAWN
     if any(payload["agreed"] is False for payload in events.loc[names == "consent", "payload"]):
         return DECLINED
-    return "running" if is_held(recording.path) else "left"
+    if (names == FULL).any():
+        return FULL
+    if not is_held(recording.path):
+        return "left"
+    return "running" if (names == "page_event").any() else ARRIVED
 
 
 def board_of(
@@ -142,7 +150,7 @@ def board_of(
                 place = place_of(entry, folder / f"sub-{entry.label}" / "ses-001")
             except LabError:
                 place = Place(entry.label, entry.index, entry.group, "damaged")
-        if place.state in ("complete", STOPPED, DECLINED, "deleted"):
+        if place.state in ("complete", STOPPED, DECLINED, FULL, "deleted"):
             final_places[entry.label] = place
         places.append(place)
     return Board(tuple(places), quota)

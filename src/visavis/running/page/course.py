@@ -34,6 +34,8 @@ STOPPED: Final = "stopped"
 WITHDRAWN: Final = "withdrawn"
 """Stopped, and what was recorded is to be deleted."""
 DECLINED: Final = "declined"
+FULL: Final = "full"
+"""Consented, but all places had been taken meanwhile."""
 DONE: Final = "done"
 
 
@@ -129,7 +131,7 @@ def consent_of(
 
 
 def course(visit: Visit) -> Course:
-    """Perform a session on a page; returns how it ended: done, stopped, withdrawn, declined."""
+    """Perform a session on a page; returns how it ended: DONE or one of the other outcomes."""
     experiment, texts = visit.experiment, visit.experiment.texts
     try:
         consent = consent_of(experiment, visit.plan, visit.questionnaires)
@@ -150,6 +152,9 @@ def course(visit: Visit) -> Course:
                     },
                 )
             )
+            if reply.content.get("is_full") is True:
+                yield Event("full", {})
+                return FULL
             has_consented = reply.content.get("agreed") is True
             yield Event("consent", {"version": consent.version, "agreed": has_consented})
             if not has_consented:

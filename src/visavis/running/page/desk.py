@@ -111,6 +111,8 @@ class PageDesk:
     trial_steps: list[PageStep] = field(default_factory=list)
     """Steps that the current trial has shown so far."""
     on_trial: Callable[[], None] | None = None
+    take_place: Callable[[], bool] | None = None
+    """Called once somebody consents; False ends the session, as all places are taken."""
 
     def __post_init__(self) -> None:
         self._tab = ""
@@ -194,6 +196,8 @@ class PageDesk:
             if payload["kind"] == "about":
                 payload["about"] = about_with_facts(mapping(payload.get("about"), "about"))
             self._check_event(payload)
+            if self._comes_too_late(payload):
+                payload["reply"] = {"agreed": True, "is_full": True}
             self._report_trial()
             self._record(payload, now_ns)
             self._apply(payload, now_ns)
@@ -233,6 +237,9 @@ class PageDesk:
             self.recorder.event(PAGE_EVENT, t_ns, **payload)
         elif payload["kind"] == "opened":
             self._opened_before_consent = t_ns, payload
+        elif payload["kind"] == "reply" and payload["reply"].get("is_full"):
+            late = {"kind": "reply", "n": payload["n"], "step": payload["step"]}
+            self.recorder.event(PAGE_EVENT, t_ns, **late, reply=payload["reply"])
         elif payload["kind"] == "reply" and payload["reply"].get("agreed") is True:
             if self._opened_before_consent is not None:
                 opened_ns, opening = self._opened_before_consent
@@ -245,6 +252,13 @@ class PageDesk:
             else:
                 refusal["reply"] = {"agreed": False}
             self.recorder.event(PAGE_EVENT, t_ns, **refusal)
+
+    def _comes_too_late(self, payload: Mapping[str, Any]) -> bool:
+        """Tell whether somebody consents for whom there is no place any more; take it else."""
+        is_consent = self.step.kind == "consent" and payload["kind"] == "reply"
+        if not is_consent or self.take_place is None:
+            return False
+        return payload["reply"].get("agreed") is True and not self.take_place()
 
     def _report_trial(self) -> None:
         if self.on_trial is not None and self.trial_id:

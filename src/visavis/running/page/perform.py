@@ -23,6 +23,7 @@ from visavis.running.live_store import LiveStore, page_files
 from visavis.running.page.client import visit
 from visavis.running.page.course import (
     DECLINED,
+    FULL,
     STOPPED,
     WITHDRAWN,
     Notes,
@@ -46,6 +47,7 @@ from visavis.study.films import MIME
 SERVED_EVENT: Final = "page_served"
 ENDINGS: Final = {
     DECLINED: "consent was declined; nothing was asked",
+    FULL: "all places were taken; nothing was asked",
     STOPPED: "the participant stopped; what is finished is kept",
     WITHDRAWN: "the participant stopped and wants everything deleted",
 }

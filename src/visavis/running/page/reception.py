@@ -2,9 +2,11 @@
 
 import asyncio
 import secrets
+import threading
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -25,8 +27,8 @@ from visavis.running.page.arrivals import (
     least_filled,
     order_of,
 )
-from visavis.running.page.board import COUNTING, Board, Place, board_of
-from visavis.running.page.course import DECLINED, DONE, WITHDRAWN, texts_of_page
+from visavis.running.page.board import ARRIVED, COUNTING, Board, Place, board_of
+from visavis.running.page.course import DECLINED, DONE, FULL, WITHDRAWN, texts_of_page
 from visavis.running.page.perform import (
     ENDINGS,
     SERVED_EVENT,
@@ -37,6 +39,7 @@ from visavis.running.page.perform import (
     page_session_of,
     past_of,
 )
+from visavis.running.page.rate_limit import ArrivalLimits
 from visavis.running.page.server import EndedSession, PageServer, PageSession
 from visavis.running.page.steps import PageError
 from visavis.running.sessions.device_setup import is_simulated
@@ -50,6 +53,8 @@ from visavis.running.sessions.session_request import Request, SessionPerson
 
 IDLE_NS: Final = 30 * 60 * NS_PER_S
 """After this silence a page counts as left: its place is filled again, its session is kept."""
+ARRIVED_IDLE_NS: Final = 5 * 60 * NS_PER_S
+"""The same for a page whose participant has not consented yet; an open page is heard oftener."""
 ROUND_S: Final = 5.0
 MAX_OPEN: Final = 500
 """Sessions that are open at once."""
@@ -66,26 +71,6 @@ class Rules:
 
     quota: int | None = None
     completion: str = ""
-
-
-@dataclass
-class RateLimit:
-    """Limits how many new people come at once, then per second; it ignores network addresses."""
-
-    at_once: float = 60.0
-    a_second: float = 2.0
-    _left: float = 60.0
-    _seen_ns: int | None = None
-
-    def lets_pass(self, now_ns: int) -> bool:
-        """Tell whether one more may come at a time."""
-        passed_s = 0.0 if self._seen_ns is None else (now_ns - self._seen_ns) / NS_PER_S
-        self._seen_ns = now_ns
-        self._left = min(self.at_once, self._left + self.a_second * passed_s)
-        if self._left < 1.0:
-            return False
-        self._left -= 1.0
-        return True
 
 
 @dataclass(eq=False)
@@ -138,7 +123,8 @@ class Reception:
         self._closing: set[asyncio.Task[None]] = set()
         self._port = 0
         self._ledger_state = self._read_ledger_state()
-        self._rate_limit = RateLimit()
+        self._limits = ArrivalLimits()
+        self._taking_place = threading.Lock()
         for entry in ledger.list():
             self._read(entry)
         self._states = {place.label: place.state for place in self._board().places}
@@ -146,11 +132,13 @@ class Reception:
 
     # ---- what the server asks ----------------------------------------------------------------
 
-    async def arrive(self, parameters: Mapping[str, str], before: str = "") -> Mapping[str, Any]:
+    async def arrive(
+        self, parameters: Mapping[str, str], before: str = "", address: str = ""
+    ) -> Mapping[str, Any]:
         """Return the key of a session for a person who arrives, or why there is none.
 
         `before` is the key that their browser remembers. If others could guess the identifier, a
-        session continues only in the browser that began it.
+        session continues only in the browser that began it. A place is taken with the consent.
         """
         words = dict(texts_of_page(self._experiment))
         try:
@@ -169,12 +157,10 @@ class Reception:
                     )
                     return {"refused": "begun", "text": words.get("begun_elsewhere", "")}
                 return {"key": key}
-            busy = sum(state in COUNTING for state in self._states.values())
             is_open = sum(not session.page.closed.is_set() for session in self._open.values())
-            quota = self._rules.quota
-            if is_open >= MAX_OPEN or (quota is not None and busy >= quota):
+            if is_open >= MAX_OPEN or self._is_full():
                 return {"refused": "full", "text": words.get("full", "")}
-            if not self._rate_limit.lets_pass(self._base.clock.now_ns()):
+            if not self._limits.lets_pass(address, self._base.clock.now_ns()):
                 return {"refused": "busy", "text": words.get("busy", "")}
             try:
                 session = await self._run(self._begin, arrival)
@@ -242,6 +228,19 @@ class Reception:
         if self._base.clock.is_virtual:
             return act(*arguments)
         return await asyncio.to_thread(act, *arguments)
+
+    def _is_full(self) -> bool:
+        """Tell whether all places are taken: by people who completed, or are at it."""
+        n_taken = sum(state in COUNTING for state in list(self._states.values()))
+        return self._rules.quota is not None and n_taken >= self._rules.quota
+
+    def _take_place(self, label: str) -> bool:
+        """Give a participant who consents a place; tell whether there is one. Thread-safe."""
+        with self._taking_place:
+            if self._states.get(label) not in COUNTING and self._is_full():
+                return False
+            self._states[label] = "running"
+            return True
 
     def _path(self, entry: Participant) -> Path:
         return session_dir(
@@ -325,7 +324,8 @@ class Reception:
     def _add_to_ledger(self) -> Participant:
         """Add a participant to the ledger, at the place whose order the fewest people have."""
         entries = [e for e in self._ledger.list() if not e.has_freed_place]
-        counting = [e.index for e in entries if self._states.get(e.label) in COUNTING]
+        filling = (*COUNTING, ARRIVED)
+        counting = [e.index for e in entries if self._states.get(e.label) in filling]
         index = least_filled([e.index for e in entries], counting, self._order)
         plan = self._experiment.plan(index, self._base.seed)
         return self._ledger.add(index=index, group=plan.group)
@@ -396,8 +396,10 @@ class Reception:
         return _OpenSession(entry, page_session, folder, recorder, clock.now_ns())
 
     def _keep(self, session: _OpenSession) -> None:
-        key = session.page.desk.key
-        self._states[session.entry.label] = "running"
+        desk, label = session.page.desk, session.entry.label
+        key = desk.key
+        self._states[label] = ARRIVED if desk.step.kind == "consent" else "running"
+        desk.take_place = partial(self._take_place, label)
         self._open[key] = session
         task = asyncio.get_running_loop().create_task(self._end_when_over(session))
         self._closing.add(task)
@@ -425,18 +427,18 @@ class Reception:
         await self._close(session, "aborted" if why else "complete", why.partition(";")[0])
         if outcome == WITHDRAWN:
             await self._delete(session.entry.label)
-        if outcome == DECLINED:
+        if outcome in (DECLINED, FULL):
             await self._forget_identity(session.entry.label)
 
     async def _forget_identity(self, label: str) -> None:
-        """Keep nothing of whoever declined but that somebody did."""
+        """Keep nothing of whoever declined, or had no place, but that somebody did."""
         self._of_panel = {
             who: key for who, key in self._of_panel.items() if self._keys.get(key) != label
         }
         try:
             await self._run(self._forget, label)
         except LabError as error:
-            self._say(f"{label} declined, and their identifier is still stored: {error}")
+            self._say(f"{label} does not take part; their identifier is still stored: {error}")
 
     async def _delete(self, label: str) -> None:
         try:
@@ -476,7 +478,9 @@ class Reception:
     async def _leave_idle(self) -> None:
         now_ns = self._base.clock.now_ns()
         for session in list(self._open.values()):
-            if now_ns - max(session.page.desk.heard_ns, session.begun_ns) > IDLE_NS:
+            has_arrived = self._states.get(session.entry.label) == ARRIVED
+            idle_ns = ARRIVED_IDLE_NS if has_arrived else IDLE_NS
+            if now_ns - max(session.page.desk.heard_ns, session.begun_ns) > idle_ns:
                 if not session.page.desk.is_over:
                     self._states[session.entry.label] = "left"
                     await self._close(session, "aborted", LEFT)

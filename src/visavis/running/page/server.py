@@ -14,6 +14,7 @@ from aiohttp.http_exceptions import HttpProcessingError
 from visavis.lab.errors import DeviceError, RecordingError
 from visavis.lab.plain_files import parse_json, with_whole_characters
 from visavis.running.page.desk import PageDesk
+from visavis.running.page.rate_limit import visitor_address
 from visavis.running.page.steps import OpenElsewhereError, PageError, number
 
 SITE: Final = Path(__file__).parent / "site"
@@ -110,10 +111,13 @@ class Reception(Protocol):
 
     board_key: str
 
-    async def arrive(self, parameters: Mapping[str, str], before: str = "") -> Mapping[str, Any]:
+    async def arrive(
+        self, parameters: Mapping[str, str], before: str = "", address: str = ""
+    ) -> Mapping[str, Any]:
         """Return the key of a session for a person who arrives, or why there is none.
 
-        `before` is the key that their browser remembers, "" where it remembers none.
+        `before` is the key that their browser remembers, "" where it remembers none; `address` is
+        where the request came from, "" where nobody knows, and is kept nowhere.
         """
         ...
 
@@ -131,7 +135,7 @@ class LocalServer:
 
     `files` maps paths to files of the folder `site`; `posts` and `gets` map paths to handlers.
     `hosts` are the host names it accepts, so that no other site's page can send requests here.
-    No address of a visitor is stored or logged.
+    No address of a visitor is stored or logged; how often one arrives is in memory alone.
     """
 
     def __init__(
@@ -327,7 +331,8 @@ class PageServer(LocalServer):
             raise PageError(f"parameters are at most {MAX_PARAMETERS} short texts")
         assert self._reception is not None  # noqa: S101  # the route exists only with it
         parameters = {str(name): text_of(content, str(name), is_needed=False) for name in content}
-        return web.json_response(await self._reception.arrive(parameters, before))
+        address = visitor_address(request.remote or "", request.headers)
+        return web.json_response(await self._reception.arrive(parameters, before, address))
 
     async def _board(self, request: web.Request) -> web.StreamResponse:
         assert self._reception is not None  # noqa: S101  # as above

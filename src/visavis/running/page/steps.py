@@ -225,6 +225,8 @@ def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
     number(content.get("hidden_ms", 0), "hidden_ms")
     if step.kind == "consent" and not isinstance(content.get("agreed"), bool):
         raise PageError("consent was neither given nor declined")
+    if step.kind == "consent" and "is_full" in content:
+        raise PageError("whether there is a place is not for a page to say")
     if step.kind == "card":
         _check_size(content.get("px_per_mm", ""))
     if step.kind == "sound":

@@ -540,7 +540,7 @@ const steps = {
   async end(step) {
     isOver = true;
     remembered((storage) => storage.removeItem(SESSION));
-    const textName = { done: "thanks", stopped: "stopped", withdrawn: "stopped", declined: "declined" }[step.outcome] || "thanks";
+    const textName = { done: "thanks", stopped: "stopped", withdrawn: "stopped", declined: "declined", full: "full" }[step.outcome] || "thanks";
     put("narrow", element("h1", {}, say(textName)), whomToAsk());
     let file = null;
     let isTold = true;
