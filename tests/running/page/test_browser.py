@@ -1,6 +1,7 @@
 """The page itself in a real browser: from consent to thanks, through reloads and kills."""
 
 import contextlib
+import json
 import os
 import re
 import shutil
@@ -146,6 +147,48 @@ def test_a_browser_that_remembers_a_session_of_another_study_begins_anew(
     page.goto(address)
     page.wait_for_selector("#agree", timeout=PATIENCE_S * 1000)
     assert "of-another-study" not in page.url
+
+
+ASKING = """
+from visavis import Factor, Rating, Study
+
+study = Study("asked", factors=[Factor("number", [1, 2])], on="browser", uses=(), calibrate=False)
+
+
+@study.trial
+def trial(t):
+    yield t.ask(Rating("answer", 1, 9))
+"""
+
+
+def test_an_answer_that_cannot_be_is_asked_again_and_the_session_goes_on(
+    server: Server, browser: Any
+) -> None:
+    (server.root / "asked.py").write_text(ASKING, "utf-8")
+    address = server.start("serve", "asked.py", "--port", "0")
+    page = browser.new_context().new_page()
+    spoiled: list[int] = []
+
+    def spoil(route: Any) -> None:
+        body = route.request.post_data_json
+        for event in body["events"]:
+            if not spoiled and "answers" in event.get("reply", {}):
+                spoiled.append(event["n"])
+                event["reply"]["answers"]["answer"]["option"] = "ten"
+        route.continue_(post_data=json.dumps(body))
+
+    page.route("**/api/events", spoil)
+    page.goto(address)
+    until(page, "Thank you")
+    (path,) = (server.root / "data/simulated/asked").glob("sub-*/ses-001")
+    page.wait_for_timeout(2000)
+    recording = Recording(path)
+    assert 1 == len(spoiled)
+    assert {"5"} == set(recording.trials()["answer"].astype(int).astype(str))
+    events = recording.events()
+    payloads = events.loc[events["name"] == "page_event", "payload"]
+    problems = [payload["what"] for payload in payloads if payload["kind"] == "problem"]
+    assert ["set aside" in problem for problem in problems] == [True]
 
 
 def test_nothing_leaves_the_page_before_consent_but_what_a_request_needs(

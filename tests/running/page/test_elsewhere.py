@@ -293,6 +293,14 @@ PLACEHOLDER = {"id": "{{%ID%}}"}
         (lambda lines: lines[3]["event"]["reply"].update(answers={}), "not an object"),
         (lambda lines: lines[3].update(at_ms="x"), "at_ms"),
         (lambda lines: lines[0].pop("at_ms"), "at_ms"),
+        (lambda lines: lines[0].update(at_ms=990_000_000_000_000.0), "between 1970 and 2200"),
+        (lambda lines: lines[-1].update(at_ms=990_000_000_000_000.0), "between 1970 and 2200"),
+        (lambda lines: lines[3]["event"].update(at_ms=1e14), "at_ms is"),
+        (lambda lines: lines[3].update(event=[]), "not an object"),
+        (lambda lines: lines[3]["event"].update(reply=None), "not an object"),
+        (lambda lines: lines[3]["event"].update(n="x"), "counts nothing"),
+        (lambda lines: lines[2].pop("tab"), "another tab"),
+        (lambda lines: lines[0]["arrived"].update(place="x"), "place"),
         (lambda lines: lines[0]["arrived"].update(parameters=PLACEHOLDER), "not an identifier"),
         (lambda lines: lines[0]["arrived"].update(told=PLACEHOLDER), "not an identifier"),  # 0.2
     ],
@@ -303,9 +311,10 @@ def test_results_that_do_not_fit_are_left_out_whole_with_the_reason(
     bundle = host.exported()
     lines = lines_of(bundle, 0)
     spoil(lines)
-    made = host.imported(written(host.root / "r.jsonl", lines))
+    other = lines_of(bundle, 1, key="r2")
+    made = host.imported(written(host.root / "r.jsonl", lines, other))
     assert said in made.refused_runs[0]
-    assert (0, []) == (len(made.sessions), list(host.ledger.list()))
+    assert (1, 1) == (len(made.sessions), len(host.ledger.list()))
 
 
 def test_a_study_whose_steps_depend_on_answers_cannot_be_written_down(tmp_path: Path) -> None:

@@ -166,6 +166,54 @@ def test_a_time_that_no_clock_shows_is_refused_before_it_is_recorded(tmp_path: P
     assert [400, 200] == served(tmp_path, ask)
 
 
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"at_ms": 9.9e14}, "at_ms is 990000000000000"),
+        ({"kind": "unheard"}, "no event 'unheard'"),
+        ({"kind": "moved", "names": [["x"]]}, "names are those"),
+        ({"kind": "about", "about": 7}, "about is not an object"),
+        ({"kind": "reply", "reply": {"agreed": 1}, "step": 1}, "neither given nor declined"),
+        ({"kind": "reply", "reply": {"agreed": True}, "step": []}, "a reply to step []"),
+    ],
+)
+def test_an_event_that_cannot_be_is_named_and_those_before_and_behind_it_are_taken(
+    tmp_path: Path, change: dict[str, Any], said: str
+) -> None:
+    async def ask(http: aiohttp.ClientSession, page: Page, server: PageServer) -> list[Any]:
+        http.headers[KEY] = "key"
+        resized = {"kind": "resize", "at_ms": 1.0}
+        sent = [{**resized, "n": 1}, {**resized, "n": 2, **change}, {**resized, "n": 3}]
+        body = {"tab": "one", "events": sent}
+        async with http.post("/api/events", json=body) as response:
+            refusal = await response.json()
+        body["events"] = [{**resized, "n": n} for n in (1, 2)]  # as a page numbers them anew
+        async with http.post("/api/events", json=body) as response:
+            return [refusal["event"], refusal["refused"], (await response.json())["ack"]]
+
+    event, refused, ack = served(tmp_path, ask)
+    assert (2, 2) == (event, ack)
+    assert said in refused
+
+
+def test_a_failure_of_ours_is_json_under_the_same_headers_and_prints_no_address(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def ask(http: aiohttp.ClientSession, page: Page, server: PageServer) -> int:
+        async def fail(key: str) -> None:
+            raise KeyError(key)
+
+        monkeypatch.setattr(server, "_of", fail)
+        body = {"tab": "one", "events": []}
+        async with http.post("/api/events", json=body, headers={KEY: "key"}) as response:
+            assert set(HEADERS.items()) <= set(response.headers.items())
+            assert "it failed" == (await response.json())["refused"]
+            return response.status
+
+    assert 500 == served(tmp_path, ask)
+    assert "127.0.0.1" not in caplog.text
+
+
 def test_broken_http_prints_nobodys_address(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:

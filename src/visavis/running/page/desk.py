@@ -9,6 +9,7 @@ from visavis.lab.clock import NS_PER_S, Clock
 from visavis.recording.writer import Recorder
 from visavis.running.page.course import DONE, Course, Event, Notes, TrialRow
 from visavis.running.page.steps import (
+    BadEventError,
     OpenElsewhereError,
     PageError,
     PageStep,
@@ -169,7 +170,8 @@ class PageDesk:
 
         Raises:
             OpenElsewhereError: another page has it.
-            PageError: an event is malformed, or a number is missing.
+            BadEventError: an event says what cannot be; those before it are taken.
+            PageError: an event is none, or a number is missing.
         """
         if tab != self._tab:
             raise OpenElsewhereError("the study goes on in another tab or browser")
@@ -189,13 +191,13 @@ class PageDesk:
                 continue
             if n != self.last_event_number + 1:
                 raise PageError(f"event {n} came after {self.last_event_number}; one is missing")
-            if event.get("kind") not in KINDS:
-                raise PageError(f"there is no event {str(event.get('kind'))[:40]!r}")
-            number(event.get("at_ms"), "at_ms")
-            payload = {**event, "tab": tab}
-            if payload["kind"] == "about":
-                payload["about"] = about_with_facts(mapping(payload.get("about"), "about"))
-            self._check_event(payload)
+            try:
+                payload = self._payload_of(event, tab)
+            except PageError as error:
+                raise BadEventError(n, str(error)) from error
+            except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+                why = f"no page writes such an event ({type(error).__name__}: {error})"
+                raise BadEventError(n, why) from error
             if self._comes_too_late(payload):
                 payload["reply"] = {"agreed": True, "is_full": True}
             self._report_trial()
@@ -263,6 +265,17 @@ class PageDesk:
     def _report_trial(self) -> None:
         if self.on_trial is not None and self.trial_id:
             self.on_trial()
+
+    def _payload_of(self, event: Mapping[str, Any], tab: str) -> dict[str, Any]:
+        """Return what is recorded of an event, once it was checked."""
+        if event.get("kind") not in KINDS:
+            raise PageError(f"there is no event {str(event.get('kind'))[:40]!r}")
+        number(event.get("at_ms"), "at_ms")
+        payload = {**event, "tab": tab}
+        if payload["kind"] == "about":
+            payload["about"] = about_with_facts(mapping(payload.get("about"), "about"))
+        self._check_event(payload)
+        return payload
 
     def _check_event(self, payload: Mapping[str, Any]) -> None:
         if payload["kind"] == "reply":

@@ -15,7 +15,7 @@ from visavis.lab.errors import DeviceError, RecordingError
 from visavis.lab.plain_files import parse_json, with_whole_characters
 from visavis.running.page.desk import PageDesk
 from visavis.running.page.rate_limit import visitor_address
-from visavis.running.page.steps import OpenElsewhereError, PageError, number
+from visavis.running.page.steps import BadEventError, OpenElsewhereError, PageError, number, unix_ms
 
 SITE: Final = Path(__file__).parent / "site"
 FILES: Final = {
@@ -198,10 +198,17 @@ class LocalServer:
             response = _refusal(error.status, str(error))
         except OpenElsewhereError as error:
             response = _refusal(409, str(error))
+        except BadEventError as error:
+            response = _refusal(400, str(error), event=error.n)
         except PageError as error:
             response = _refusal(400, str(error))
-        except (ValueError, UnicodeDecodeError):
+        except (ValueError, OverflowError, RecursionError):
             response = _refusal(400, "that is not JSON")
+        except web.HTTPException:  # not modified, or another part of a film
+            raise
+        except Exception:
+            LOG.exception("a request failed")
+            response = _refusal(500, "it failed")
         if not response.prepared:
             response.headers.update(HEADERS)
         return response
@@ -318,7 +325,7 @@ class PageServer(LocalServer):
         times = (
             None
             if None in clocks_ms
-            else (number(clocks_ms[0], "sent_ms"), number(clocks_ms[1], "wall_ms"))
+            else (number(clocks_ms[0], "sent_ms"), unix_ms(clocks_ms[1], "wall_ms"))
         )
         message = await self._act(session, lambda: session.desk.take(tab, events, times))
         return web.json_response(message)
@@ -389,8 +396,8 @@ class PageServer(LocalServer):
         return session
 
 
-def _refusal(status: int, why: str) -> web.Response:
-    return web.json_response({"refused": why}, status=status)
+def _refusal(status: int, why: str, **more: int) -> web.Response:
+    return web.json_response({"refused": why, **more}, status=status)
 
 
 async def body_of(request: web.Request) -> Mapping[str, Any]:

@@ -23,12 +23,24 @@ NUMBER: Final = re.compile(r"-?\d{1,12}([.,]\d{1,12})?")
 TYPED_DIGITS: Final = re.compile(r"\d{1,8}")
 MAX_TEXT: Final = 10_000
 """Longest answer in words, in characters."""
+MAX_NUMBER: Final = 1e12
+"""Some thirty years in milliseconds."""
+MAX_UNIX_MS: Final = 7_258_118_400_000.0
+"""The year 2200."""
 MIN_PX_PER_MM: Final = 0.5
 MAX_PX_PER_MM: Final = 40.0
 
 
 class PageError(LabError):
     """A page sent something invalid; nothing of it was accepted."""
+
+
+class BadEventError(PageError):
+    """What one event of a page says cannot be; the page sets it aside and sends the others."""
+
+    def __init__(self, n: int, why: str) -> None:
+        super().__init__(why)
+        self.n = n
 
 
 class OpenElsewhereError(LabError):
@@ -309,15 +321,28 @@ def mapping(content: Any, what: str) -> Mapping[str, Any]:
 
 
 def number(content: Any, what: str) -> float:
-    """Return a finite number.
+    """Return a number that a page can mean, such as a time on its clock in milliseconds.
 
     Raises:
-        PageError: it is something else.
+        PageError: it is something else, or beyond what nanoseconds are counted to.
     """
     if isinstance(content, bool) or not isinstance(content, int | float):
         raise PageError(f"{what} is not a number: {str(content)[:60]!r}")
-    if not abs(content) < 1e15:
-        raise PageError(f"{what} is {content}")
+    if not abs(content) <= MAX_NUMBER:
+        raise PageError(f"{what} is {str(content)[:60]}")
+    return float(content)
+
+
+def unix_ms(content: Any, what: str) -> float:
+    """Return a time in milliseconds since 1970, as a computer's calendar shows it.
+
+    Raises:
+        PageError: it is something else, or a year that no computer shows by mistake.
+    """
+    if isinstance(content, bool) or not isinstance(content, int | float):
+        raise PageError(f"{what} is not a time: {str(content)[:60]!r}")
+    if not 0 <= content <= MAX_UNIX_MS:
+        raise PageError(f"{what} is {str(content)[:60]} ms, no time between 1970 and 2200")
     return float(content)
 
 

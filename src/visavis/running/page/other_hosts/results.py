@@ -40,7 +40,7 @@ from visavis.running.page.perform import (
     past_of,
 )
 from visavis.running.page.reception import LEFT
-from visavis.running.page.steps import PageError, PageStep, count, mapping, number
+from visavis.running.page.steps import PageError, PageStep, count, mapping, number, unix_ms
 from visavis.running.sessions.device_setup import is_simulated
 from visavis.running.sessions.recorded_part import begin_part, end_part
 from visavis.running.sessions.session_request import Request, SessionPerson
@@ -87,7 +87,7 @@ class Run:
     @cached_property
     def begun_ms(self) -> float:
         """When they came, in milliseconds since 1970."""
-        return number(self.lines[0].get("at_ms"), "at_ms")
+        return unix_ms(self.lines[0].get("at_ms"), "at_ms")
 
     @cached_property
     def arrival(self) -> Arrival:
@@ -187,8 +187,11 @@ def import_runs(
                 summary.unfinished += 1
             else:
                 fit.append(one)
-        except (PageError, LabError) as error:
+        except LabError as error:
             summary.refused_runs += (f"run {run.key[:8]}: {error}",)
+        except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+            why = f"it holds what no page writes ({type(error).__name__}: {error})"
+            summary.refused_runs += (f"run {run.key[:8]}: {why}",)
     # Of several runs of one person, the first in this order is recorded.
     for one in sorted(fit, key=lambda one: one.rank):
         try:
@@ -200,7 +203,7 @@ def import_runs(
             people.add(one.arrival, label)
             summary.sessions[label] = path
             summary.moved_labels += () if place == one.run.place else (label,)
-        except (PageError, LabError) as error:
+        except LabError as error:
             summary.refused_runs += (f"run {one.run.key[:8]}: {error}",)
     return summary
 
@@ -342,7 +345,7 @@ def _record_rest(base: Request, store: FilmStore, one: _ReadyRun, session: Path)
     lines = one.run.lines_after(opening_count, last_event_number)
     if not lines:
         return False
-    clock = StampClock(number(lines[0].get("at_ms"), "at_ms"))
+    clock = StampClock(unix_ms(lines[0].get("at_ms"), "at_ms"))
     folder, _ = open_session(session)
     with folder:
         manifest = folder.manifest
@@ -423,7 +426,7 @@ def _plain(step: PageStep) -> Any:
 def _replay_lines(desk: PageDesk, clock: StampClock, run: Run) -> Iterator[Mapping[str, Any]]:
     """Pass a run's lines to a desk at their times; yield each line afterwards."""
     for line in run.lines:
-        clock.tell(number(line.get("at_ms"), "at_ms"))
+        clock.tell(unix_ms(line.get("at_ms"), "at_ms"))
         if "opened" in line:
             opening = mapping(line["opened"], "opened")
             about = opening.get("about")

@@ -112,6 +112,8 @@ async function flush() {
         clearTimeout(waiting);
       }
       if (answer.status === 409) { elsewhere(); return; }
+      const bad = answer.body.event || (answer.status === 413 && sent.length === 1 ? sent[0].n : 0);
+      if (bad && queue.some((e) => e.n === bad)) { await setAside(bad, answer.body.refused); continue; }
       if (answer.status === 400 && failures < 3) { // a server that began anew and knows us not yet
         failures += 1;
         await new Promise((r) => setTimeout(r, RETRY_MS[failures]));
@@ -127,6 +129,22 @@ async function flush() {
   } finally {
     isSending = false;
   }
+}
+
+// What the server cannot take would be sent for ever, and nothing behind it.
+async function setAside(n, why) {
+  const wrong = queue.find((e) => e.n === n);
+  queue = queue.filter((e) => e !== wrong);
+  for (const e of queue) if (e.n > n) e.n -= 1;
+  next -= 1;
+  await store.replace(queue);
+  if (wrong.kind === "problem") return;
+  if (wrong.kind === "reply" && wrong.step === stepNumber) {
+    replyNumber = -1;
+    tell(`${say("failed")} ${why || ""}`);
+    if (current.kind) show(current);
+  }
+  send("problem", { what: `${wrong.kind} ${n} was set aside: ${why}`.slice(0, 200) });
 }
 
 async function take(state) {
@@ -188,6 +206,7 @@ async function refreshHz() {
 const reply = (content) => {
   if (replyNumber === stepNumber) return undefined; // pressed twice
   replyNumber = stepNumber;
+  tell("");
   const whole = mayRecord() ? { hidden_ms: hiddenNow(), ...content } : content;
   stop.hidden = true;
   return send("reply", { step: stepNumber, reply: whole });
