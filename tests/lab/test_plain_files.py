@@ -14,6 +14,7 @@ import numpy.typing as npt
 import pytest
 import yaml
 
+from tests.product_files import name_in_repository, product_files
 from visavis.lab import plain_files
 from visavis.lab.errors import ConfigError
 from visavis.lab.plain_files import (
@@ -22,6 +23,7 @@ from visavis.lab.plain_files import (
     read_arrays,
     read_packed,
     read_plain,
+    unpacked,
     with_whole_characters,
 )
 from visavis.lab.yaml_lines import parse_document, read_document
@@ -185,6 +187,63 @@ def test_an_archive_that_unpacks_to_more_than_it_may_is_refused_unread(
     hostile_archive(tmp_path / "large.npz", 8 << 20)
     with pytest.raises(ValueError, match=r"unpacks to \d+ bytes"):
         read_arrays(tmp_path / "large.npz")
+
+
+def test_an_archive_is_read_a_member_at_a_time_and_not_beyond_what_it_may(tmp_path: Path) -> None:
+    path = tmp_path / "a.zip"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.mkdir("folder")
+        for name in ("a.txt", "b.txt", "large.bin"):
+            archive.writestr(name, bytes(1000 if name.endswith("txt") else 5000))
+    wanted: Any = {"is_wanted": lambda name: name.endswith(".txt"), "max_bytes": 2000}
+    assert [("a.txt", bytes(1000)), ("b.txt", bytes(1000))] == list(unpacked(path, **wanted))
+    with pytest.raises(ValueError, match="unpacks to 7000 bytes, more than 2000"):
+        next(unpacked(path, max_bytes=2000))
+    with pytest.raises(ValueError, match=r"large\.bin unpacks to 5000 bytes, more than 4000"):
+        next(unpacked(path, max_member_bytes=4000))
+    data = bytearray(path.read_bytes())
+    at = data.index(b"a.txt", data.index(b"PK\x01\x02")) - 22  # the claim of its size there
+    data[at : at + 4] = (10).to_bytes(4, "little")
+    path.write_bytes(data)
+    with pytest.raises(ValueError, match=r"no whole \.zip file"):
+        list(unpacked(path, **wanted))
+
+
+@pytest.mark.parametrize("content", [b"", b"PK", b"no archive at all" * 100])
+def test_what_is_no_archive_is_a_refusal(content: bytes, tmp_path: Path) -> None:
+    (tmp_path / "a.zip").write_bytes(content)
+    with pytest.raises(ValueError, match=r"no whole \.zip file"):
+        list(unpacked(tmp_path / "a.zip"))
+
+
+def test_a_text_that_unpacks_as_no_text_does_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(plain_files, "FREE_TEXT_BYTES", 1 << 16)
+    path = tmp_path / "a.tsv.gz"
+    path.write_bytes(gzip.compress(bytes(1 << 16)))
+    assert bytes(1 << 16) == read_packed(path)
+    path.write_bytes(gzip.compress(bytes(1 << 22)))
+    with pytest.raises(OSError, match="unpacks to more than"):
+        read_packed(path)
+    rows = "".join(f"{i}\t{i * 7919 % 1000}.5\n" for i in range(100_000)).encode()
+    path.write_bytes(gzip.compress(rows, 9))
+    assert rows == read_packed(path)
+
+
+OPENERS = ("ZipFile", "GzipFile", "np.load", "gzip.open", "gzip.decompress", "tarfile", "lzma.")
+
+
+def test_nothing_else_opens_an_archive() -> None:
+    """One reader is bounded; a second one would have to be, too."""
+    found = [
+        f"{name_in_repository(path)}: {line.strip()}"
+        for path in product_files()
+        if path.name != "plain_files.py"
+        for line in path.read_text("utf-8").splitlines()
+        if any(opener in line for opener in OPENERS) and '"w' not in line
+    ]
+    assert [] == found
 
 
 @pytest.mark.parametrize("version", [(1, 0), (2, 0)])

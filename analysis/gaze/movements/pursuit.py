@@ -10,7 +10,7 @@ quarter of its rate; `python -m benchmarks.gaze_detectors.fit_pursuit` repeats t
 
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +20,7 @@ from visavis.analysis.gaze.movements.velocity import Rows
 from visavis.analysis.gaze.stamps import Times
 from visavis.lab.clock import NS_PER_MS
 from visavis.lab.geometry import Vector
+from visavis.lab.plain_files import read_arrays
 
 WINDOWS_MS = (60, 120, 250, 500)
 TRIM_MS = 15
@@ -45,11 +46,7 @@ class PursuitWeights:
 @cache
 def fitted_weights() -> PursuitWeights:
     """Return the weights that ship with the package."""
-    with (
-        (files("visavis.analysis.gaze.movements") / WEIGHTS_FILE).open("rb") as file,
-        np.load(file) as z,
-    ):
-        return PursuitWeights(**{name: z[name] for name in z.files})
+    return PursuitWeights(**read_arrays(Path(__file__).with_name(WEIGHTS_FILE)))
 
 
 def log_odds(features: Vector, weights: PursuitWeights) -> Vector:

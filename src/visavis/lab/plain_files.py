@@ -7,10 +7,11 @@ import math
 import os
 import re
 import stat
+import struct
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from io import BufferedReader, BytesIO
 from pathlib import Path
@@ -23,8 +24,30 @@ MAX_DEPTH = 64
 MAX_TEXT_BYTES = 256 * 1024 * 1024
 """Far more than any text file that Visavis writes."""
 MAX_UNPACKED_BYTES = 4 << 30
-MAX_ARRAYS_BYTES = 1 << 30
+MAX_ARRAYS_BYTES = 448 << 20
+"""Read and copied, they take less than a gigabyte of memory."""
+MAX_TEXT_RATIO = 200
+"""No recording packs its text so well; what repeats one byte for ever does."""
+FREE_TEXT_BYTES = 64 << 20
+"""Text unpacks to this much, however well it was packed."""
 PIECE_BYTES = 1 << 20
+DAMAGED_ARCHIVE = (
+    ArithmeticError,
+    AttributeError,
+    EOFError,
+    LookupError,
+    MemoryError,
+    NotImplementedError,
+    RecursionError,
+    RuntimeError,
+    SyntaxError,
+    TypeError,
+    struct.error,
+    tokenize.TokenError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+"""What zipfile and NumPy's reader of headers let through whatever a damaged byte leads them to."""
 _HALF_CHARACTER = re.compile("[\ud800-\udfff]")
 
 
@@ -50,9 +73,12 @@ def read_plain(path: Path, *, max_bytes: int = MAX_TEXT_BYTES) -> bytes:
 def read_packed(path: Path, *, max_bytes: int = MAX_UNPACKED_BYTES) -> bytes:
     """Return what a gzip file holds.
 
-    Raises OSError, also when it is cut or damaged, or unpacks to more than `max_bytes`.
+    Raises OSError, also when it is cut or damaged, or unpacks to more than `max_bytes` or than
+    text does.
     """
     with open_plain(path) as file, gzip.GzipFile(fileobj=file) as stream:
+        packed_bytes = os.fstat(file.fileno()).st_size
+        max_bytes = min(max_bytes, max(MAX_TEXT_RATIO * packed_bytes, FREE_TEXT_BYTES))
         try:
             data = _at_most(stream, max_bytes + 1, PIECE_BYTES)
         except (EOFError, zlib.error) as error:
@@ -79,6 +105,36 @@ def _at_most(file: BufferedReader | gzip.GzipFile, most: int, piece: int) -> byt
     return read.getvalue()
 
 
+def unpacked(
+    path: Path,
+    is_wanted: Callable[[str], bool] = lambda name: True,
+    *,
+    max_bytes: int = MAX_UNPACKED_BYTES,
+    max_member_bytes: int = MAX_UNPACKED_BYTES,
+) -> Iterator[tuple[str, bytes]]:
+    """Yield name and content of the wanted members of a ZIP archive, one at a time.
+
+    What members claim is added up first: an archive of more than `max_bytes`, or with a member of
+    more than `max_member_bytes`, is refused unread; no member is read beyond its claim. Raises
+    OSError when it cannot be read, and ValueError when it is damaged, encrypted or too large.
+    """
+    try:
+        with open_plain(path) as file, zipfile.ZipFile(file) as archive:
+            members = [m for m in archive.infolist() if not m.is_dir() and is_wanted(m.filename)]
+            unpacked_bytes = sum(member.file_size for member in members)
+            if unpacked_bytes > max_bytes:
+                raise ValueError(f"it unpacks to {unpacked_bytes} bytes, more than {max_bytes}")
+            for member in members:
+                if member.file_size > max_member_bytes:
+                    size = f"{member.file_size} bytes, more than {max_member_bytes}"
+                    raise ValueError(f"{member.filename} unpacks to {size}")
+            for member in members:
+                yield member.filename, archive.read(member)
+    except DAMAGED_ARCHIVE as error:
+        why = error or type(error).__name__
+        raise ValueError(f"no whole {path.suffix or 'ZIP'} file: {why}") from error
+
+
 def read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
     """Return the arrays of an .npz file by name.
 
@@ -86,29 +142,11 @@ def read_arrays(path: Path) -> dict[str, npt.NDArray[Any]]:
     .npz file of real numbers and texts.
     """
     try:
-        with open_plain(path) as file, zipfile.ZipFile(file) as archive:
-            unpacked_bytes = sum(member.file_size for member in archive.infolist())
-            if unpacked_bytes > MAX_ARRAYS_BYTES:
-                raise ValueError(f"it unpacks to {unpacked_bytes} bytes, more than it may")
-            arrays = {
-                name.removesuffix(".npy"): _array(archive.read(name)) for name in archive.namelist()
-            }
-    except (
-        ArithmeticError,
-        AttributeError,
-        EOFError,
-        LookupError,
-        MemoryError,
-        NotImplementedError,
-        RecursionError,
-        RuntimeError,
-        SyntaxError,
-        TypeError,
-        tokenize.TokenError,
-        zipfile.BadZipFile,
-        zlib.error,
-    ) as error:
-        # zipfile and NumPy's header parser let through whatever a damaged byte leads them to.
+        arrays = {
+            name.removesuffix(".npy"): _array(content)
+            for name, content in unpacked(path, max_bytes=MAX_ARRAYS_BYTES)
+        }
+    except DAMAGED_ARCHIVE as error:
         raise ValueError(f"no whole .npz file: {error or type(error).__name__}") from error
     for name, array in arrays.items():
         if array.dtype.kind == "c":

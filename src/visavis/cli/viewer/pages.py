@@ -16,6 +16,7 @@ from visavis.cli.film.on_page import FilmPictures
 from visavis.cli.film.renderer import film_renderer
 from visavis.cli.recorded_trial import trial_row
 from visavis.cli.viewer.bundle import Bundle
+from visavis.lab.plain_files import unpacked
 from visavis.recording.cached import CachedRecording
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.page.seen_trial import SeenStep, SeenTrial, seen_trial
@@ -81,11 +82,11 @@ def _pack_film(film: Film, pictures: FilmPictures, bundle: Bundle) -> dict[str, 
 def _read(path: Path, count: int) -> list[bytes] | None:
     """Return small pictures that were made before; None where they are not there, or not whole."""
     try:
-        with zipfile.ZipFile(path) as file:
-            frames = [file.read(f"{k}.webp") for k in range(count)]
-    except (OSError, KeyError, zipfile.BadZipFile):
+        pictures = dict(unpacked(path))
+    except (OSError, ValueError):
         return None
-    return frames
+    names = [f"{k}.webp" for k in range(count)]
+    return [pictures[name] for name in names] if pictures.keys() >= set(names) else None
 
 
 def _keep(path: Path, frames: Sequence[bytes]) -> None:

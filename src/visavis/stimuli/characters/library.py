@@ -5,10 +5,11 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
+from functools import partial
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
-from zipfile import BadZipFile, ZipFile
 
+from visavis.lab.plain_files import unpacked
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.characters.errors import CharacterError
 from visavis.stimuli.characters.fbx import as_glb
@@ -49,23 +50,21 @@ def people_in(download: Path, only: str = "*") -> Iterator[Path]:
                     n_files += 1
         else:
             try:
-                with ZipFile(download) as archive:
-                    for entry in archive.infolist():
-                        name = PurePosixPath(entry.filename)
-                        if name.suffix == ".glb" and fnmatch(name.stem, only):
-                            with (
-                                archive.open(entry) as source,
-                                (people_folder / name.name).open("wb") as to,
-                            ):
-                                shutil.copyfileobj(source, to)
-                            n_files += 1
-            except (OSError, BadZipFile, NotImplementedError, RuntimeError) as e:
+                for name, content in unpacked(download, partial(_is_figure, only=only)):
+                    (people_folder / PurePosixPath(name).name).write_bytes(content)
+                    n_files += 1
+            except (OSError, ValueError) as e:
                 raise CharacterError(
                     f"{download}: neither a folder nor a whole .zip ({e}); download it again"
                 ) from e
         if not n_files:
             raise CharacterError(f"{download}: holds no .glb file called {only!r}; see its content")
         yield people_folder
+
+
+def _is_figure(name: str, *, only: str) -> bool:
+    path = PurePosixPath(name)
+    return path.suffix == ".glb" and fnmatch(path.stem, only)
 
 
 def library_names(library: Path) -> tuple[str, ...]:

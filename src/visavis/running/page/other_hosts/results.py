@@ -5,23 +5,17 @@ written, the replies are fed to the study's own course, and its steps compared w
 """
 
 import json
-import struct
 import zipfile
-import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from io import BytesIO
 from pathlib import Path
 from typing import Any, Final
 
 from visavis.lab.clock import StampClock
 from visavis.lab.errors import DataError, LabError, LedgerError
-from visavis.lab.plain_files import (
-    MAX_UNPACKED_BYTES,
-    parse_json,
-    read_plain,
-    with_whole_characters,
-)
+from visavis.lab.plain_files import parse_json, read_plain, unpacked, with_whole_characters
 from visavis.protocol.people.ledger import Ledger, Participant
 from visavis.recording.folder import SessionFolder, create_session, open_session
 from visavis.recording.manifest import read_manifest
@@ -49,6 +43,12 @@ IMPORT_KEY: Final = "imported"
 """Key in a session's configuration for the run and the bundle that it comes from."""
 ARCHIVES: Final = (".zip", ".jrzip")
 TEXTS: Final = (".jsonl", ".txt", ".json")
+MAX_RESULTS_BYTES: Final = 2 << 30
+MAX_FILE_BYTES: Final = 256 << 20
+"""Largest file of results, within an archive or by itself."""
+MAX_LINES: Final = 1_000_000
+MAX_LINE: Final = 4 << 20
+"""Longest line of results, in bytes: more than a page ever hands over at once."""
 MAX_PLACES_LOOKED_AT: Final = 1000
 ENDED_EARLY: Final = tuple(why.partition(";")[0] for why in ENDINGS.values())
 """Reasons of an early end after which a session does not continue."""
@@ -123,10 +123,19 @@ def read_runs(paths: Iterable[Path]) -> tuple[list[Run], int]:
     """
     lines: dict[str, dict[int, Mapping[str, Any]]] = {}
     unreadable = 0
+    n_lines = 0
     for text in _texts(paths):
-        for line in filter(None, map(str.strip, text.splitlines())):
+        for line in filter(None, map(bytes.strip, BytesIO(text))):
+            n_lines += 1
+            if n_lines > MAX_LINES:
+                raise DataError(
+                    f"these files hold more than {MAX_LINES:,} lines of results; give some of "
+                    "them at a time"
+                )
             try:
-                entry = with_whole_characters(parse_json(line))
+                if len(line) > MAX_LINE:
+                    raise ValueError("no page writes such a line")
+                entry = with_whole_characters(parse_json(_text(line)))
                 key, its = str(entry["run"]), int(entry["line"])
             except (ValueError, TypeError, KeyError, OverflowError):
                 unreadable += 1
@@ -211,7 +220,7 @@ def import_runs(
 # ---- within ----------------------------------------------------------------------------------
 
 
-def _texts(paths: Iterable[Path]) -> Iterator[str]:
+def _texts(paths: Iterable[Path]) -> Iterator[bytes]:
     for path in paths:
         if path.is_dir():
             yield from _texts(sorted(p for p in path.rglob("*") if p.suffix in ARCHIVES + TEXTS))
@@ -219,37 +228,24 @@ def _texts(paths: Iterable[Path]) -> Iterator[str]:
             raise DataError(f"there is no file {path}; give the results' files or their folder")
         else:
             try:
-                yield from (
-                    _texts_in_archive(path)
-                    if zipfile.is_zipfile(path)
-                    else [_text(read_plain(path, max_bytes=MAX_UNPACKED_BYTES))]
-                )
-            except (
-                OSError,
-                ValueError,
-                LookupError,
-                EOFError,
-                RuntimeError,
-                struct.error,
-                zipfile.BadZipFile,
-                zlib.error,
-            ) as error:
-                raise DataError(f"{path} cannot be read ({error}); download it again") from error
+                if zipfile.is_zipfile(path):
+                    for _, data in unpacked(
+                        path,
+                        _is_result,
+                        max_bytes=MAX_RESULTS_BYTES,
+                        max_member_bytes=MAX_FILE_BYTES,
+                    ):
+                        yield data
+                else:
+                    yield read_plain(path, max_bytes=MAX_FILE_BYTES)
+            except (OSError, ValueError) as error:
+                raise DataError(
+                    f"{path} cannot be read ({error}); download it again, or fewer at once"
+                ) from error
 
 
-def _texts_in_archive(path: Path) -> list[str]:
-    """Return the texts of results in an archive; together they may be as large as one file."""
-    texts, left = [], MAX_UNPACKED_BYTES
-    with zipfile.ZipFile(path) as archive:
-        for name in archive.namelist():
-            if name.endswith(TEXTS) and not name.endswith("metadata.json"):
-                with archive.open(name) as file:
-                    data = file.read(left + 1)
-                left -= len(data)
-                if left < 0:
-                    raise ValueError(f"it unpacks to more than {MAX_UNPACKED_BYTES} bytes")
-                texts.append(_text(data))
-    return texts
+def _is_result(name: str) -> bool:
+    return name.endswith(TEXTS) and not name.endswith("metadata.json")
 
 
 def _text(data: bytes) -> str:
