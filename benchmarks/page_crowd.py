@@ -29,7 +29,7 @@ from visavis.running.page.server import KEY, LOCAL
 STUDY = """
 from visavis import Factor, Rating, Study
 
-study = Study("many", factors=[Factor("number", list(range({trials})))], on="browser", uses=(),
+study = Study("many", factors=[Factor("place", list(range({trials})))], on="browser", uses=(),
               calibrate=False)
 
 

@@ -24,7 +24,7 @@ OPTIONS: Final = 9
 STUDY: Final = f"""
 from visavis import Factor, Rating, Study
 
-study = Study("{NAME}", factors=[Factor("number", list(range({TRIALS})))], on="browser", uses=(),
+study = Study("{NAME}", factors=[Factor("place", list(range({TRIALS})))], on="browser", uses=(),
               calibrate=False)
 
 

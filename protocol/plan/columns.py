@@ -38,3 +38,5 @@ DELIVERY_COLUMNS: Final = _COLUMNS["delivered"]
 """The last columns of every trial row: what was delivered while the trial ran."""
 ENGINE_COLUMNS: Final = (*IDENTITY_COLUMNS, *DELIVERY_COLUMNS)
 """Every column that the session writes in any study."""
+ANALYSED_COLUMNS: Final = _COLUMNS["analysed"]
+"""Columns that the analysis adds to the trials of any study."""

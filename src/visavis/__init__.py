@@ -7,7 +7,9 @@ imported when it is first used, so that a command starts without what it does no
 
 from typing import Any
 
-from visavis.public_names import HOMES, public_object
+from visavis.public_names import HOMES, STUDY_ROOMS, public_object
+
+__all__ = [name for name, (home, _) in HOMES.items() if home.startswith(STUDY_ROOMS)]
 
 
 def __getattr__(name: str) -> Any:

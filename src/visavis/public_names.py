@@ -19,6 +19,10 @@ def _homes() -> dict[str, tuple[str, str]]:
 
 HOMES: Final = _homes()
 """The module and the name in it of every public name."""
+STUDY_ROOMS: Final = (
+    "visavis.study.", "visavis.protocol.", "visavis.people.", "visavis.stimuli."
+)  # fmt: skip
+"""Where the names stand that study files need; scripts import others by their names."""
 
 
 def public_object(name: str) -> Any:

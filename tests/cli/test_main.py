@@ -17,7 +17,7 @@ from visavis.cli.app import console, errors, say, verbatim
 from visavis.cli.main import interrupting_again
 from visavis.cli.notifier import counting
 from visavis.lab.config_files import EXAMPLE
-from visavis.study.study_errors import MODULE_OF_STUDY
+from visavis.study.study_errors import MODULE_OF_STUDY, users_mistake
 
 
 def _interrupt(*_: object) -> None:
@@ -117,7 +117,9 @@ def test_error_in_a_labs_own_module_is_the_study_files_whatever_the_module_is_ca
     loader.exec_module(module)
     with pytest.raises(ZeroDivisionError) as caught:
         module.trial()
-    assert f"{study}, line 5 in trial" == command.in_study_file(caught.value)
+    mistake = users_mistake(caught.value)
+    assert mistake is not None
+    assert str(mistake).startswith(f"{study}, line 5 in trial(): ZeroDivisionError")
 
 
 USERS = ":B: [red]left[/red] :smile:"

@@ -9,13 +9,11 @@ from types import FrameType
 from typing import Any, NoReturn
 
 from visavis.cli.app import app, errors
-from visavis.lab.errors import LabError, UsageError
+from visavis.lab.errors import LabError
 
 EXIT_INTERRUPTED = 130
 EXIT_INTERNAL = 1
 AGAIN_S = 0.02
-OURS = "visavis"
-"""The first part of the names of all our modules."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -30,15 +28,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except Exception as error:
         if _was_interrupted(error):
             _say_interrupted()
-        place = in_study_file(error)
-        if place:
-            from visavis.study.study_errors import explain  # late, as below
+        from visavis.study.study_errors import users_mistake  # late: the help does not need it
 
-            message = f"{place}: {explain(error)}"
+        mistake = users_mistake(error)
+        if mistake is not None:
             errors.print(
-                f"[bold red]error[/]  {_escaped(message)}", highlight=False, soft_wrap=True
+                f"[bold red]error[/]  {_escaped(str(mistake))}", highlight=False, soft_wrap=True
             )
-            sys.exit(UsageError.exit_code)
+            sys.exit(mistake.exit_code)
         errors.print_exception(max_frames=12)
         errors.print(
             "[bold red]internal error[/]  this is a defect in Visavis, not of yours. Everything "
@@ -52,26 +49,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _say_interrupted() -> NoReturn:
     errors.print("[yellow]interrupted[/]; everything finished is kept")
     sys.exit(EXIT_INTERRUPTED)
-
-
-def in_study_file(error: BaseException) -> str:
-    """Return file, line and function if an error arose in a study file, else "".
-
-    The error is the study's if none of our functions was called later: errors inside NumPy or
-    pandas come from what the study called.
-    """
-    from visavis.study.study_errors import MODULE_OF_STUDY  # late: the help does not need it
-
-    place, trace = "", error.__traceback__
-    while trace is not None:
-        frame = trace.tb_frame
-        module = str(frame.f_globals.get("__name__", ""))
-        if module.startswith(MODULE_OF_STUDY):
-            place = f"{frame.f_code.co_filename}, line {trace.tb_lineno} in {frame.f_code.co_name}"
-        elif module.partition(".")[0] == OURS and frame.f_code.co_name != "__getattr__":
-            place = ""
-        trace = trace.tb_next
-    return place
 
 
 def _was_interrupted(error: BaseException) -> bool:

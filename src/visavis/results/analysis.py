@@ -29,7 +29,7 @@ from visavis.study.comparisons import AGREEMENT, THING, Compare
 from visavis.study.conditions import Groups, columns_asked, condition_of, with_people
 from visavis.study.declaration import Study
 from visavis.study.look_measures import MAIN_MEASURES
-from visavis.study.measures import Measure, aggregate_cells
+from visavis.study.measures import Measure, aggregate_cells, count_column
 from visavis.study.pairs import Family, Pairs
 from visavis.study.responses import Rating
 from visavis.study.sections import Conclusion
@@ -342,7 +342,8 @@ def answer_comparison(
         frame = trials[["participant", *factors, measure.column]].copy()
         frame[measure.column] = pd.to_numeric(frame[measure.column], errors="coerce").astype(float)
     else:
-        frame = aggregate_cells(trials, [measure], factors).drop(columns="n")
+        frame = aggregate_cells(trials, [measure], factors)
+        frame = frame.drop(columns=count_column(factors))
         if compare.covariates:
             covariates = trials[["participant", *compare.covariates]].drop_duplicates()
             if covariates["participant"].duplicated().any():

@@ -34,6 +34,7 @@ from visavis.results.locked_plan.review import PlanReview
 from visavis.results.picture_delay import SETTING, delay_of
 from visavis.results.reevaluation import pair_by_own_time
 from visavis.results.selection import Selection, left_out_lines, select
+from visavis.results.study_names import refuse_unusable_names
 from visavis.results.tables.dictionary import PEOPLE, of_shown, people_columns, trial_columns
 from visavis.results.unusual import MAX_LISTED, UnusualTrial, unusual_trials
 from visavis.results.validation import judge_validation
@@ -86,6 +87,18 @@ class OpenedStudy:
         experiment = StudyExperiment(self.study, dict(overrides))
         self._refuse_unknown_names(experiment)
         self._refuse_unknown_levels()
+        return experiment
+
+    def experiment_to_run(self, overrides: Mapping[str, Any]) -> StudyExperiment:
+        """Return the experiment, as `experiment`, for what is yet to be recorded.
+
+        Raises:
+            ConfigError: as `experiment`.
+            DesignError: a trial cannot be run through, or the study has a name with which it could
+                not be performed or not be analysed.
+        """
+        experiment = self.experiment(overrides)
+        refuse_unusable_names(experiment, self.measures(experiment))
         return experiment
 
     def experiment_of(self, recording: Recording) -> StudyExperiment:

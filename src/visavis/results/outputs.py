@@ -43,6 +43,7 @@ from visavis.results.tables.dictionary import (
     write_table,
 )
 from visavis.study.experiment import StudyExperiment
+from visavis.study.measures import count_column
 from visavis.study.sections import Confusion, Extra, SectionOf, import_object
 
 
@@ -168,7 +169,8 @@ def write_tables(
     described_people |= {c.name: c for c in QUALITY_TABLE}
     write_table(people, described_people, out_dir / "participants.csv")
     means = analysis.cell_means().assign(**marks)
-    means_dictionary = {**dictionary, "n": Column("n", "1", "trials that count")}
+    count = count_column(analysis.cells)
+    means_dictionary = {**dictionary, count: Column(count, "1", "trials that count")}
     write_table(means, means_dictionary, out_dir / "cell_means.csv")
     for extra in extras:
         for name, table in extra.tables.items():

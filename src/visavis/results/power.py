@@ -50,7 +50,7 @@ from visavis.study.comparisons import AGREEMENT, Compare
 from visavis.study.conditions import with_people
 from visavis.study.declaration import Study
 from visavis.study.experiment import StudyExperiment
-from visavis.study.measures import aggregate_cells
+from visavis.study.measures import aggregate_cells, count_column
 from visavis.study.pairs import Correlate, Family, Pairs
 from visavis.study.study_functions import MakeTracker
 
@@ -537,7 +537,9 @@ def _rows_for_tests(
     if not opened_study.study.analysis.compare and len(factors) == 1:
         names = {name for of in families for name in of.measures}
         measures = [m for m in opened_study.measures(experiment) if m.column in names]
-        test_rows = aggregate_cells(trials, measures, list(factors)).drop(columns="n")
+        test_rows = aggregate_cells(trials, measures, list(factors)).drop(
+            columns=count_column(list(factors))
+        )
     for of in families:
         if isinstance(of, Correlate):
             scores = scores_of(pd.DataFrame() if people is None else people, of.score)

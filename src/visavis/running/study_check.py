@@ -32,6 +32,7 @@ from visavis.study.dry_run import still_view
 from visavis.study.experiment import StudyExperiment
 from visavis.study.measures import Measure
 from visavis.study.scenes import Scene, Staging, stage
+from visavis.study.study_errors import users_mistake
 from visavis.study.texts import languages_in, own_texts, placeholders_of
 from visavis.study.trial import TrialScript
 
@@ -56,15 +57,18 @@ def check_study(study: str | Path | Study, parameters: Mapping[str, Any] | None 
     problems: list[str] = []
     try:
         problems += text_problems(opened_study.study)
-        experiment = opened_study.experiment(set_to)
+        experiment = opened_study.experiment_to_run(set_to)
         _ = experiment.sounds  # raises if a file cannot be played
         problems += plan_problems(experiment)
         for language in languages_of(opened_study.study):
             opened_study.experiment({**set_to, "language": language}).plan(0, SEED)
         problems += picture_problems(experiment)
         problems += performing_problems(opened_study, experiment)
-    except LabError as error:
-        problems.append(str(error))
+    except Exception as error:
+        mistake = error if isinstance(error, LabError) else users_mistake(error)
+        if mistake is None:
+            raise
+        problems.append(str(mistake))
     if problems:
         lines = "\n  ".join(problems)
         raise DesignError(

@@ -44,8 +44,9 @@ class PlayedSound:
 class Action:
     """A step of the kit: its `name`, its shortest duration in `seconds`, `perform` runs it.
 
-    `response` is the question, `scene` the scene shown, `sound` the sound played, with the name by
-    which its `column` begins, for reading a trial without performing it.
+    `response` is the question, `scene` the scene shown, `sound` the sound played, each with the
+    name by which its `column` begins, `role` the armband that vibrates: for reading a trial without
+    performing it.
     """
 
     name: str
@@ -57,6 +58,7 @@ class Action:
     moulding: Moulding | None = None
     sound: Sound | Path | None = None
     column: str = ""
+    role: str = ""
     waits_for_end: bool = False
 
     @property

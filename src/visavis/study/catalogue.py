@@ -3,6 +3,7 @@
 import hashlib
 import importlib
 import importlib.util
+import shlex
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -72,6 +73,19 @@ def reference_of(study: Study) -> str:
     """Return what finds a study from any folder and process: its file, or its name."""
     path = study.files.path
     return study.name if path is None else str(path)
+
+
+def typed_reference(study: Study) -> str:
+    """Return what finds a study when it is typed in the present folder: its name, or its file."""
+    return study.name if study.files.path is None else typed_path(study.files.path)
+
+
+def typed_path(file: Path) -> str:
+    """Return a study's file as it is typed in the present folder."""
+    here = Path.cwd().resolve()
+    file = file.resolve()
+    text = f"./{file.relative_to(here).as_posix()}" if file.is_relative_to(here) else str(file)
+    return shlex.quote(text)
 
 
 def digest_of(path: Path) -> str:
@@ -151,6 +165,8 @@ def _module_of(path: Path) -> ModuleType:
         raise DesignError(f"{line_of(error) or path}: {explain(error)}") from error
     finally:
         sys.path.remove(str(path.parent))
+        if str(path.parent) not in sys.path:  # for functions that it names as "module:function"
+            sys.path.append(str(path.parent))
     return module
 
 

@@ -12,7 +12,7 @@ Everything else follows from it once, for every study: planning, sessions, simul
 tables with their dictionaries, statistics, figures, report, power.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -22,6 +22,7 @@ from visavis.lab.parts import missing_attribute, part_of, parts_from, takes_keyw
 from visavis.protocol.plan.design import Design, Factor
 from visavis.protocol.plan.parameters import parameters_from
 from visavis.study.parts import (
+    KINDS,
     SETTABLE,
     AnalysisPlan,
     Asks,
@@ -147,7 +148,9 @@ class Study:
         self.title = title or name.replace("_", " ").capitalize()
         for part, value in parts_from(PARTS, keywords).items():
             setattr(self, part, value)
-        problems = []
+        problems = [p for keyword, value in keywords.items() for p in _no_list(keyword, value)]
+        if problems:  # what follows reads the lists
+            raise DesignError(f"study {name}: {'; '.join(problems)}")
         if not name.isidentifier() or not name.islower():
             problems.append(f"the name {name!r} is not made of small letters, digits and _")
         problems += [*self.design.problems(), *self.procedure.problems()]
@@ -354,6 +357,23 @@ class Study:
                 return factor
         names = ", ".join(f.name for f in self.design.factors)
         raise DesignError(f"study {self.name} has no factor {name!r}; it has {names}")
+
+
+def _no_list(keyword: str, value: Any) -> Iterator[str]:
+    """Yield what is wrong with a keyword that takes a list and got something else, or others."""
+    kinds = KINDS.get(keyword, ())
+    if not kinds or value is None:
+        return
+    names = " or ".join(kind.__name__ for kind in kinds)
+    example = '["NAME"]' if kinds == (str,) else f"[{kinds[0].__name__}(…)]"
+    if isinstance(value, str | Mapping) or not isinstance(value, Collection):
+        limits = keyword == "exclusions" and isinstance(value, Mapping)
+        of_base = "; limits by name are given to derive, or to analyse --set" if limits else ""
+        yield f"{keyword} is {value!r}; it takes a list: {keyword}={example}{of_base}"
+        return
+    for item in value:
+        if not isinstance(item, kinds):
+            yield f"{keyword} holds {item!r}, which is no {names}; write {keyword}={example}"
 
 
 def _possible(cell: Mapping[str, Any], factors: Sequence[Factor]) -> dict[str, Any]:

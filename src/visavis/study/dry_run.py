@@ -45,6 +45,8 @@ FRAME_S: Final = 0.25
 """Assumed time between frames that a trial requests itself, in seconds."""
 
 
+SCENE_ENDINGS: Final = ("on_ns", "off_ns", "frames")
+"""Endings of the columns that a shown scene adds, beside those of its roles."""
 STEPS_OF_A_PAGE: Final = ("ask", "dark", "wait", "mark")
 """Steps that a page can perform besides films."""
 
@@ -71,6 +73,14 @@ class TrialRead:
     """The columns with the onsets of these sounds."""
     lives: tuple[Live, ...] = ()
     """The live figures that it shows, in order."""
+    scene_columns: tuple[str, ...] = ()
+    """The columns that its scenes and films add."""
+    row_columns: tuple[str, ...] = ()
+    """The columns that the trial itself writes into its row, answers and sounds left out."""
+    vibrating_roles: tuple[str, ...] = ()
+    """The armbands that it lets vibrate."""
+    dressings: frozenset[str] = frozenset()
+    """What makes pictures of its scenes: "module:function"."""
 
 
 def still_view(t_ns: int = 0) -> FrameView:
@@ -110,7 +120,10 @@ def read_trial(
     lives: list[Live] = []
     sounds: list[Sound | Path] = []
     sound_columns: list[str] = []
+    scene_columns: list[str] = []
+    vibrating_roles: list[str] = []
     roles: set[str] = set()
+    dressings: set[str] = set()
     reply: Any = None
     steps: Any = plan(script)
     try:
@@ -125,6 +138,7 @@ def read_trial(
                 seconds += step.seconds
                 script.view = still_view(round(seconds * NS_PER_S))
                 vibrates = vibrates or step.name == "vibrate"
+                vibrating_roles += [step.role] if step.role else []
                 # Every reply has the type and columns of the real one: the trial may go on with it.
                 if step.sound is not None:
                     sounds.append(step.sound)
@@ -142,6 +156,10 @@ def read_trial(
                         lit_frame = staged_scene.frame(script.view, 0)
                     agents = max(agents, len(staged_scene.scene.agents))
                     roles |= set(staged_scene.roles)
+                    dressings.add(staged_scene.scene.dressed_by)
+                    prefix = script.next_prefix(step.column)
+                    endings = (*SCENE_ENDINGS, *staged_scene.roles)
+                    scene_columns += [f"{prefix}_{ending}" for ending in endings]
                     reply = ShownScene(
                         0, round(step.seconds * NS_PER_S), staged_scene.roles, script.view
                     )
@@ -167,6 +185,7 @@ def read_trial(
                 reply = script.view = still_view(round(seconds * NS_PER_S))
             elif isinstance(step, Show):
                 agents = max(agents, len(step.view.scene.agents))
+                dressings.add(step.view.scene.dressed_by)
                 if lit_frame is None and step.view.scene.brightness_01 > 0:
                     lit_frame = step.view
             elif isinstance(step, Ask):
@@ -180,7 +199,9 @@ def read_trial(
         # Stopped at the first light: questions and later scenes were not reached.
         steps.close()
         return TrialRead(seconds, (), tuple(scenes), agents, vibrates, lit_frame)
-    except StopIteration:
+    except StopIteration as end:
+        own = {*script.row, *(end.value or ())}
+        by_kit = {*sound_columns, *scene_columns, *(c.name for r in responses for c in r.columns())}
         return TrialRead(
             seconds,
             tuple(responses),
@@ -194,6 +215,10 @@ def read_trial(
             tuple(sounds),
             tuple(sound_columns),
             tuple(lives),
+            scene_columns=tuple(scene_columns),
+            row_columns=tuple(sorted(map(str, own - by_kit))),
+            vibrating_roles=tuple(dict.fromkeys(vibrating_roles)),
+            dressings=frozenset(dressings - {""}),
         )
     except (DesignError, TypeError) as error:
         reason = explain(error)

@@ -147,6 +147,10 @@ class Film:
     """Whether a still camera may cut off people who move; else such a film is not built."""
 
     def __post_init__(self) -> None:
+        if not isinstance(self.scene, Scene):
+            raise DesignError(
+                f'a film shows a Scene and not {self.scene!r}; write Film(Scene("NAME"), seconds)'
+            )
         if not 1 <= self.rate_hz <= 120:
             raise DesignError(f"a film of {self.rate_hz} pictures a second; give 1 to 120")
         if not 1 / self.rate_hz <= self.seconds <= MAX_FILM_S:
@@ -169,6 +173,13 @@ class Pair:
 
     left: Film
     right: Film
+
+    def __post_init__(self) -> None:
+        for film in (self.left, self.right):
+            if not isinstance(film, Film):
+                raise DesignError(
+                    f"a pair is of two films and not of {film!r}; write Pair(Film(…), …)"
+                )
 
 
 Stimulus: TypeAlias = Film | Pair

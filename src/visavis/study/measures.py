@@ -20,6 +20,7 @@ from visavis.lab.errors import DataError, DesignError, UsageError
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.steps import Scalar
 from visavis.recording.reader import Recording
+from visavis.study.study_errors import users_mistake
 
 Aggregate = Literal["mean", "median", "share"]
 
@@ -276,21 +277,31 @@ def value_of(measure: Measure, record: TrialRecord) -> Scalar | None:
         return measure.of(record)
     except SamplesUnreadable:
         return None
-    except (KeyError, ValueError, IndexError) as error:
+    except Exception as error:
+        mistake = users_mistake(error)
+        if mistake is None and not isinstance(error, KeyError | ValueError | IndexError):
+            raise
+        what = f"{type(error).__name__}: {error}" if mistake is None else str(mistake)
         raise DataError(
-            f"{record.name}: {measure.column} could not be measured "
-            f"({type(error).__name__}: {error}); correct its function in the study file, or "
-            "look at the trial: visavis check, visavis view"
+            f"{record.name}: {measure.column} could not be measured ({what}); correct its function "
+            "in the study file, or look at the trial: visavis check, visavis view"
         ) from error
+
+
+def count_column(factors: Sequence[str]) -> str:
+    """Return the column of the number of trials of a cell: "n", unless a factor is called so."""
+    return "n_trials" if "n" in factors else "n"
 
 
 def aggregate_cells(
     trials: pd.DataFrame, measures: Sequence[Measure], factors: Sequence[str]
 ) -> pd.DataFrame:
-    """Return one row per participant and cell: each measure combined as it says, and `n` trials."""
+    """Return one row per participant and cell: each measure combined as it says, and its number of
+    trials (`count_column`).
+    """
     keys = ["participant", *factors]
     groups = trials.groupby(keys, sort=True, observed=True)
-    columns: dict[str, Any] = {"n": groups.size()}
+    columns: dict[str, Any] = {count_column(factors): groups.size()}
     for measure in measures:
         if measure.column not in trials:
             continue

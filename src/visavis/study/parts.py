@@ -19,6 +19,7 @@ from visavis.study.conditions import Groups
 from visavis.study.exclusions import STANDARD_RULES, Exclusion
 from visavis.study.look_measures import LooksOn
 from visavis.study.measures import Measure
+from visavis.study.names import impossible_levels, is_name, reserved_names
 from visavis.study.pairs import Family
 from visavis.study.pieces import Pieces
 from visavis.study.responses import Response
@@ -59,6 +60,23 @@ SETTABLE: Final = (
     "answer_limit_s",
 )
 """Parameters that every study has."""
+
+KINDS: Final[Mapping[str, tuple[type[Any], ...]]] = {
+    "factors": (Factor,),
+    "constraints": (Constraint,),
+    "responses": get_args(Response),
+    "columns": (Column,),
+    "measures": (Measure,),
+    "looks": (LooksOn,),
+    "exclusions": (Exclusion,),
+    "compare": (Compare,),
+    "families": get_args(Family),
+    **dict.fromkeys(
+        ("questionnaires", "after_block", "needs", "spares", "cells", "balanced", "references"),
+        (str,),
+    ),
+}
+"""What the lists among the keywords of a study hold."""
 
 On: TypeAlias = Literal["lab", "browser"]
 Posture: TypeAlias = Literal["seated", "standing"]
@@ -106,12 +124,29 @@ class StudyDesign:
     def problems(self) -> list[str]:
         """Say what is wrong with it."""
         names = [f.name for f in self.factors]
+        reserved = reserved_names(self.factors)
         return [
             *([] if names else ["there is no factor; add one, if need be with one level"]),
             *(
                 f"{name!r} cannot be a name: a trial uses it itself, or it is not an identifier"
                 for name in (*names, *self.parameters, *self.derived)
                 if name in RESERVED_NAMES or not name.isidentifier()
+            ),
+            *(
+                f"{name!r} is a word of Python or R, or begins with _; name it otherwise"
+                for name in (*names, *self.derived)
+                if name.isidentifier() and not is_name(name)
+            ),
+            *(
+                f"{name!r} is a column of every trial; name yours otherwise"
+                for name in (*names, *self.derived)
+                if name in reserved
+            ),
+            *(f"{n!r} is a factor and a derived column" for n in names if n in self.derived),
+            *(
+                problem
+                for f in self.factors
+                for problem in impossible_levels(f.name, (*f.levels, *f.practice_only))
             ),
             *(f"{n!r} is a factor and a parameter" for n in names if n in self.parameters),
             *(

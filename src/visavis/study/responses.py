@@ -241,6 +241,13 @@ class Number(_Response):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if not isinstance(self.unit, str):
+            raise DesignError(
+                f"number {self.name}: its unit is {self.unit!r}; bounds have their names: "
+                f'Number("{self.name}", low=0, high=100), and a unit is a text: "years"'
+            )
+        if not self.low <= self.high:
+            raise DesignError(f"number {self.name} goes from {self.low} to {self.high}; swap them")
         is_bounded = float("-inf") < self.low < self.high < float("inf")
         if self.step < 0 or (self.step > 0 and not is_bounded):
             raise DesignError(f"number {self.name}: a slider needs low, high and a step above 0")

@@ -3,11 +3,14 @@
 import ast
 import inspect
 import re
+import sysconfig
 from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 from typing import Any, Final
 
-from visavis.lab.errors import LabError
+from visavis.lab.errors import DesignError, LabError
 from visavis.lab.yaml_lines import did_you_mean
 from visavis.public_names import HOMES, public_object
 from visavis.study.arguments import argument_names, new_name, unknown_argument
@@ -19,6 +22,15 @@ FORMER_PACKAGES: Final = (
     "analysis", "cli", "devices", "experiments", "lab", "protocol", "recording", "stage", "stimuli",
 )  # fmt: skip
 """What could be imported beside `visavis` until 0.2.0."""
+MAX_VALUE_CHARS: Final = 60
+"""A longer value is cut in a message."""
+_INSTALLED: Final = tuple(
+    dict.fromkeys(
+        Path(folder)
+        for name, folder in sysconfig.get_paths().items()
+        if name in ("stdlib", "platstdlib", "purelib", "platlib", "scripts")
+    )
+)
 _IMPORTED_NAME: Final = re.compile(r"cannot import name '(\w+)'")
 _UNEXPECTED_ARGUMENT: Final = re.compile(
     r"(?:(?P<owner>\w+)\.)?(?P<called>\w+)\(\) got an unexpected keyword argument '(?P<given>\w+)'"
@@ -92,6 +104,87 @@ def line_of(error: BaseException) -> str:
     return place
 
 
+def users_mistake(error: BaseException) -> DesignError | None:
+    """Return an error that passed through a user's file as a message on that file; None for others.
+
+    The message names the file, the line, the function with what it was called with, and where in
+    Visavis the error arose, if it was there. Errors that Visavis raises on purpose say this
+    themselves: None comes back for them, too.
+    """
+    frame, line = _users_frame(error)
+    # The interpreter's own errors are nobody's mistake.
+    if frame is None or isinstance(error, LabError | SystemError | MemoryError):
+        return None
+    code, module = frame.f_code, "<module>"
+    names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+    given = ", ".join(f"{n}={_short(frame.f_locals[n])}" for n in names if n in frame.f_locals)
+    where = f"{code.co_filename}, line {line}"
+    where += "" if code.co_name == module else f" in {code.co_name}({given})"
+    inner, inner_line = _innermost(error)
+    is_inside = inner is not None and _is_ours(inner)
+    at = f" (raised in {inner.f_globals.get('__name__')}, line {inner_line})" if is_inside else ""  # type: ignore[union-attr]  # is_inside says that it is there
+    return DesignError(f"{where}: {explain(error)}{at}; correct it there")
+
+
+@contextmanager
+def users_mistakes() -> Iterator[None]:
+    """Raise what arises in a user's file, or in what it calls, as a message on that file.
+
+    Raises:
+        DesignError: as `users_mistake` says it.
+    """
+    try:
+        yield
+    except Exception as error:
+        mistake = users_mistake(error)
+        if mistake is None:
+            raise
+        raise mistake from error
+
+
+def _users_frame(error: BaseException) -> tuple[FrameType | None, int]:
+    """Return the innermost frame of a study file that an error passed, else that of any file that
+    belongs neither to Visavis nor to an installed package; with its line.
+    """
+    of_study: tuple[FrameType | None, int] = (None, 0)
+    of_any: tuple[FrameType | None, int] = (None, 0)
+    trace = error.__traceback__
+    while trace is not None:
+        frame = trace.tb_frame
+        if str(frame.f_globals.get("__name__", "")).startswith(MODULE_OF_STUDY):
+            of_study = frame, trace.tb_lineno
+        elif not _is_ours(frame) and not _is_installed(frame.f_code.co_filename):
+            of_any = frame, trace.tb_lineno
+        trace = trace.tb_next
+    return of_any if of_study[0] is None else of_study
+
+
+def _innermost(error: BaseException) -> tuple[FrameType | None, int]:
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    return (None, 0) if trace is None else (trace.tb_frame, trace.tb_lineno)
+
+
+def _is_ours(frame: FrameType) -> bool:
+    return str(frame.f_globals.get("__name__", "")).partition(".")[0] == "visavis"
+
+
+def _is_installed(file: str) -> bool:
+    """Tell whether a file is of Python or an installed package, or is none."""
+    path = Path(file)
+    return not path.is_file() or any(path.is_relative_to(folder) for folder in _INSTALLED)
+
+
+def _short(value: object) -> str:
+    """Return a value as a message names it, in a few words."""
+    try:
+        text = " ".join(repr(value).split())
+    except Exception:  # a user's own __repr__ may fail, too
+        text = type(value).__name__
+    return text if len(text) <= MAX_VALUE_CHARS else f"{text[: MAX_VALUE_CHARS - 1]}…"
+
+
 def line_reached(steps: Generator[Any, Any, Any]) -> str:
     """Return "FILE, line N" at which a generator of a study file waits, or ""."""
     place = ""
@@ -108,7 +201,7 @@ def forgotten_yields(path: Path | None, steps: Iterable[str]) -> Iterator[tuple[
     if path is None or not path.is_file():
         return
     names = frozenset(steps)
-    for function in ast.walk(ast.parse(path.read_text("utf-8"))):
+    for function in ast.walk(ast.parse(path.read_bytes())):
         if not isinstance(function, ast.FunctionDef) or not function.args.args:
             continue
         marks = [d.attr for d in function.decorator_list if isinstance(d, ast.Attribute)]
@@ -132,6 +225,6 @@ def line_saying(path: Path | None, word: str) -> str:
     """Return "FILE, line N" of the first string in a study file equal to this word, or ""."""
     if path is None or not path.is_file():
         return ""
-    texts = ast.walk(ast.parse(path.read_text("utf-8")))
+    texts = ast.walk(ast.parse(path.read_bytes()))
     lines = [n.lineno for n in texts if isinstance(n, ast.Constant) and n.value == word]
     return f"{path}, line {min(lines)}" if lines else ""

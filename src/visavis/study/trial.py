@@ -159,7 +159,11 @@ class TrialScript:
         """
         duration_s = _duration("show", seconds)
         return Action(
-            "show", lambda: self._show(scene, seconds, name, until), duration_s, scene=scene
+            "show",
+            lambda: self._show(scene, seconds, name, until),
+            duration_s,
+            scene=scene,
+            column=name,
         )
 
     def ask(
@@ -203,6 +207,7 @@ class TrialScript:
             lambda: self._watch(viewing),
             seconds,
             scene=scene_of(stimulus),
+            column="film",
             viewing=viewing,
         )
 
@@ -248,7 +253,9 @@ class TrialScript:
         """Let an armband vibrate from now on; it ends by itself, the trial goes on at once."""
         _duration("vibrate", seconds)
         vibration = pattern or VibrationPattern("steady", round(seconds * 1000))
-        return Action("vibrate", lambda: self._vibrate(role, vibration, motors, amplitude_01))
+        return Action(
+            "vibrate", lambda: self._vibrate(role, vibration, motors, amplitude_01), role=role
+        )
 
     def play(
         self,

@@ -34,7 +34,7 @@ PATIENCE_S = 60.0
 STUDY = """
 from visavis import Factor, Number, Rating, Study
 
-study = Study("apart", factors=[Factor("number", [1, 2, 3, 4])], on="browser", uses=(),
+study = Study("apart", factors=[Factor("place", [1, 2, 3, 4])], on="browser", uses=(),
               calibrate=False)
 
 
@@ -46,7 +46,7 @@ def trial(t):
 BRANCHING = """
 from visavis import Factor, Rating, Study
 
-study = Study("apart", factors=[Factor("number", [1, 2])], on="browser", uses=(), calibrate=False)
+study = Study("apart", factors=[Factor("place", [1, 2])], on="browser", uses=(), calibrate=False)
 
 
 @study.trial
@@ -176,7 +176,7 @@ def test_what_people_did_elsewhere_becomes_a_session_like_any_other(host: Host) 
     assert [1.0] * 4 == list(rows["answer"])
     assert [5.0] * 4 == list(rows["share"])
     assert [700.0] * 4 == list(rows["answer_ms"])
-    assert host.base.experiment.plan(1, 7).trials[0].factors["number"] == rows["number"].iloc[0]
+    assert host.base.experiment.plan(1, 7).trials[0].factors["place"] == rows["place"].iloc[0]
     assert recording.manifest.created_wall_iso.startswith("2027-01-15T08:00:00")
     assert [1] == [entry.index for entry in host.ledger.list()]
     assert {label: {"panel": "Prolific", "identifier": "5f3a99c"}} == host.who

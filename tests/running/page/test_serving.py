@@ -17,7 +17,7 @@ from visavis.running.page.server import KEY
 STUDY = """
 from visavis import Factor, Rating, Study
 
-study = Study("many", factors=[Factor("number", [1, 2, 3, 4])], on="browser", uses=(),
+study = Study("many", factors=[Factor("place", [1, 2, 3, 4])], on="browser", uses=(),
               calibrate=False)
 
 

@@ -59,7 +59,7 @@ def lock(
     requested_settings = here.requested_settings(
         seed=seed, assignments=assignments, language=language
     )
-    experiment = here.study.experiment(requested_settings.parameters)
+    experiment = here.study.experiment_to_run(requested_settings.parameters)
     settings = here.settle(requested_settings, seed_given=seed is not None)
     folder = here.folder
     before = len(session_folders(folder))

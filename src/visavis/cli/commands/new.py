@@ -28,7 +28,9 @@ def new(
     source = None
     if base is not None:
         lab = load_lab(config, only_simulates=True, quiet=True)
-        source = study_of_lab(base, lab).study
+        opened_study = study_of_lab(base, lab)
+        opened_study.experiment_to_run({})
+        source = opened_study.study
     for path in new_study(name, folder, source):
         say(f"wrote [b]{path}[/]")
     file = shlex.quote(f"./{(folder / name).as_posix()}.py")

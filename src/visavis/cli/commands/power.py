@@ -81,7 +81,7 @@ def power_study(
     if not isinstance(opened_study, OpenedStudy):
         raise UsageError(f"{name} offers no power simulation yet; studies on the kit do")
     overrides = read_parameters(list(assignments or ()))
-    opened_study.experiment(overrides)  # refuses wrong parameters before any work begins
+    opened_study.experiment_to_run(overrides)  # refuses wrong parameters before any work begins
     return KitPower(reference_of(opened_study.study), tracker_of, quick_study, overrides=overrides)
 
 

@@ -21,6 +21,7 @@ def prepare(
     watch = StopWatch()
     lab = load_lab(config, only_simulates=True)
     here = study_here(study, lab)
-    experiment = here.study.experiment(here.requested_settings(assignments=assignments).parameters)
+    requested_settings = here.requested_settings(assignments=assignments)
+    experiment = here.study.experiment_to_run(requested_settings.parameters)
     make_ready(here.study, experiment, lab)
     console.print(f"[b]{verbatim(here.study.name)}[/] is ready after {watch.elapsed_s():.0f} s")

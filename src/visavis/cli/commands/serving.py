@@ -119,6 +119,7 @@ def page_study(
     requested_settings = here.requested_settings(
         seed=seed, assignments=assignments, language=language
     )
+    opened_study.experiment_to_run(requested_settings.parameters)  # before anything is written
     require_space(lab)
     settings = here.settle(requested_settings, seed_given=seed is not None)
     note = here.require_same_design(settings, requested_settings)

@@ -47,6 +47,7 @@ from visavis.protocol.plan.experiment import Experiment, demands_of, spare_roles
 from visavis.protocol.plan.session_plan import SessionPlan
 from visavis.protocol.session.operator import Operator, UnattendedOperator
 from visavis.recording.folder import REAL_ROOT, SIMULATED_ROOT, session_dir
+from visavis.recording.manifest import read_manifest
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy, overrides_of
 from visavis.running.film_store import film_store
@@ -70,12 +71,14 @@ from visavis.running.sessions.study_folder import (
     DEFAULT_SEED,
     SIMULATED_PREFIX,
     StudySettings,
+    holds_trial,
     may_become,
     read_settings,
     refuse_other,
     study_of_folder,
 )
 from visavis.study.cast import use_recorded_cast
+from visavis.study.catalogue import typed_path, typed_reference
 from visavis.study.experiment import StudyExperiment
 from visavis.study.texts import DEFAULT_LANGUAGE, Texts, label_of
 
@@ -198,7 +201,7 @@ def plan_inputs_of(
     if settings is not None and not may_become(here.folder, settings, requested_settings):
         refuse_other(here.folder, settings, requested_settings)
     in_force = seed if seed is not None else settings.seed if settings else DEFAULT_SEED
-    experiment = here.study.experiment(requested_settings.parameters)
+    experiment = here.study.experiment_to_run(requested_settings.parameters)
     label, index, group, note = _place_shown(here.ledger, participant, experiment, in_force)
     changes = changes_of_design(here.folder, experiment)
     if changes:
@@ -316,10 +319,9 @@ def run(
     requested_settings = here.requested_settings(
         seed=seed, assignments=assignments, language=language
     )
+    experiment = opened_study.experiment_to_run(requested_settings.parameters)
     if where == "lab":
-        check_rig(
-            devices_for(lab, opened_study.experiment(requested_settings.parameters), without or ())
-        )
+        check_rig(devices_for(lab, experiment, without or ()))
     # From here on the study's folder is written: with its settings, then with the participant.
     require_space(lab)
     settings = here.settle(requested_settings, seed_given=seed is not None)
@@ -411,10 +413,10 @@ def resume(
             f"{'sim' if recording.is_simulated else 'real'}"
         )
     if recording.status == "complete":
+        further = f"--participant {manifest.participant} --session {manifest.session + 1}"
         raise UsageError(
             f"{session_path} is complete; nothing is left to do. Look at it: visavis check "
-            f"{session_path}; a further one: visavis run {manifest.study} --participant "
-            f"{manifest.participant} --session {manifest.session + 1}"
+            f"{session_path}; a further one: visavis run {_typed_study(session_path)} {further}"
         )
     if fast and not recording.is_simulated:
         raise UsageError("--fast runs on a virtual clock, which people cannot; leave it out")
@@ -432,6 +434,14 @@ def resume(
     changes = changes_since(
         design_of_session(manifest), design_of(opened_study.experiment(settings.parameters))
     )
+    if changes and not holds_trial(session_path):
+        number = len(list(session_path.resolve().parent.glob("ses-*"))) + 1
+        raise UsageError(
+            f"{session_path} was begun with another design ({in_words(changes)}) and ended before "
+            "its first trial, so nothing is lost; begin another: visavis run "
+            f"{typed_reference(opened_study.study)} --participant {manifest.participant} "
+            f"--session {number}"
+        )
     if changes:
         raise UsageError(
             f"{session_path} was begun with another design: {in_words(changes)}. Put the study "
@@ -450,6 +460,13 @@ def resume(
         without=without,
         on=where,
     )
+
+
+def _typed_study(session: Path) -> str:
+    """Return the study of a session as it is typed here: its name, or its file."""
+    settings = read_settings(session.resolve().parent.parent)
+    name = read_manifest(session).study
+    return typed_path(Path(settings.source)) if settings and settings.source else name
 
 
 def _the_unfinished(lab: LabConfig, study: str = "*") -> Path:

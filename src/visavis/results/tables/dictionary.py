@@ -1,7 +1,7 @@
 """What every column of every table is, for the analyst who has only the tables."""
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -9,7 +9,7 @@ from typing import Any, Final
 import pandas as pd
 
 from visavis.lab.errors import DataError
-from visavis.protocol.plan.columns import ENGINE_COLUMNS, Column, read_columns
+from visavis.protocol.plan.columns import ANALYSED_COLUMNS, ENGINE_COLUMNS, Column, read_columns
 from visavis.protocol.plan.questionnaires import Questionnaire, score_range
 from visavis.recording.csv_file import note_escaped_columns, write_csv
 from visavis.results.picture_delay import LATE
@@ -20,10 +20,6 @@ from visavis.study.live import mould_columns
 from visavis.study.look_measures import LOOK_COLUMNS
 from visavis.study.measures import CLOCK_JUMP, Measure
 
-ANALYSED_COLUMNS: Final = (
-    Column("is_analysed", "", "the trial counts in means and tests"),
-    Column("left_out_because", "", "why it does not count; empty where it does"),
-)
 PEOPLE: Final = (
     Column("participant", "", "label from the ledger"),
     Column("trials_finished", "1", "trials finished, practice and repetitions not counted"),
@@ -43,6 +39,11 @@ PEOPLE: Final = (
     Column("is_simulated", "", "nobody took part"),
 )
 
+WALK_COLUMNS: Final = (
+    Column("walk_ms", "ms", "time until the place was reached; empty if it was not"),
+    Column("walk_reached", "", "the place was reached in time"),
+)
+"""Columns of a trial in which the participant walks to a place."""
 STATISTICS: Final = read_columns(Path(__file__).with_name("statistics_columns.csv"))["statistics"]
 
 
@@ -56,11 +57,7 @@ def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> d
         columns[factor.name] = Column(factor.name, "", f"{words} ({kind} participants): {levels}")
     for response in experiment.responses.values():
         columns |= {c.name: c for c in response.columns()}
-    for column in (
-        Column("walk_ms", "ms", "time until the place was reached; empty if it was not"),
-        Column("walk_reached", "", "the place was reached in time"),
-    ):
-        columns[column.name] = column
+    columns |= {c.name: c for c in WALK_COLUMNS}
     for name in dict.fromkeys(n for t in experiment.read.values() for n in t.sound_columns):
         words = (
             "session time at which the sound's first sample left the card; empty if nobody knows"
@@ -81,7 +78,7 @@ def fixed_columns(experiment: StudyExperiment) -> tuple[Column, ...]:
     """Return the columns of a study's trial table whose types do not depend on the data.
 
     A study's own columns of unit "1" are not among them, except numbers of frames and samples:
-    their values may be whole or not.
+    their values may be whole or not. A factor with the name of a column takes its place.
     """
     own = (
         c
@@ -89,11 +86,25 @@ def fixed_columns(experiment: StudyExperiment) -> tuple[Column, ...]:
         if c.unit != "1" or c.name.endswith(("_frames", "_samples"))
     )
     looks = LOOK_COLUMNS if experiment.study.analysis.looks else ()
-    return (*ENGINE_COLUMNS, *own, *looks)
+    factors = {f.name for f in experiment.study.design.factors if not f.between}
+    return tuple(c for c in (*ENGINE_COLUMNS, *own, *looks) if c.name not in factors)
 
 
-def scene_column(name: str) -> Column | None:
-    """Return the description of a column that a shown scene adds; its ending says what it holds."""
+def column_of_trial(name: str, columns: Collection[str]) -> Column:
+    """Return the description of a column that a study does not describe: one that a shown scene
+    added, or what its trial wrote. `columns` are all of the table.
+    """
+    return scene_column(name, columns) or Column(
+        name, "", "written by the trial; the study describes it nowhere (columns=)"
+    )
+
+
+def scene_column(name: str, columns: Collection[str] | None = None) -> Column | None:
+    """Return the description of a column that a shown scene adds; its ending says what it holds.
+
+    `columns` are all of the table: None comes back where no scene was shown with whose name the
+    column begins. Without them the ending alone decides.
+    """
     for ending, unit, words in (
         ("_on_ns", "ns", "session time at which the first frame that showed {} began"),
         (
@@ -108,10 +119,19 @@ def scene_column(name: str) -> Column | None:
             "samples were waited for after its end (at most 50 ms)",
         ),
     ):
-        if name.endswith(ending):
-            return Column(name, unit, words.format(name.removesuffix(ending)))
-    scene, _, role = name.partition("_")
-    return Column(name, "", f"index of the agent that plays {role!r} in {scene}") if role else None
+        shown = name.removesuffix(ending)
+        if name.endswith(ending) and (columns is None or f"{shown}_off_ns" in columns):
+            return Column(name, unit, words.format(shown))
+    scenes = (
+        [name.partition("_")[0]]
+        if columns is None
+        else [c.removesuffix("_off_ns") for c in columns if c.endswith("_off_ns")]
+    )
+    for scene in scenes:
+        role = name.removeprefix(f"{scene}_")
+        if role and role != name:
+            return Column(name, "", f"index of the agent that plays {role!r} in {scene}")
+    return None
 
 
 def of_shown(name: str, roles: Iterable[str]) -> bool:
@@ -160,7 +180,9 @@ def write_table(
     """
     entries: dict[str, dict[str, Any]] = {}
     for name in map(str, table.columns):
-        column = descriptions.get(name) or (scene_column(name) if scenes else None)
+        column = descriptions.get(name)
+        if column is None and scenes:
+            column = column_of_trial(name, list(map(str, table.columns)))
         if column is None:
             raise DataError(f"column {name!r} of {path.name} is not described")
         entries[name] = {"Description": column.description}
@@ -177,4 +199,5 @@ def write_table(
 
 def undescribed_columns(columns: Iterable[str], descriptions: dict[str, Column]) -> tuple[str, ...]:
     """Return the columns that nothing describes."""
-    return tuple(c for c in columns if c not in descriptions and scene_column(c) is None)
+    names = list(columns)
+    return tuple(c for c in names if c not in descriptions and scene_column(c, names) is None)

@@ -14,7 +14,7 @@ from visavis.recording.journal import as_json
 from visavis.recording.manifest import Manifest, read_manifest
 from visavis.results.locked_plan.deviations import NOTHING, Deviation, differing
 from visavis.results.opened_study import OpenedStudy
-from visavis.running.sessions.study_folder import session_folders
+from visavis.running.sessions.study_folder import holds_trial, session_folders
 from visavis.study.experiment import StudyExperiment
 
 DESIGN_KEY: Final = "design"
@@ -129,10 +129,14 @@ def in_words(changes: Sequence[Deviation]) -> str:
 
 
 def manifests_of(folder: Path) -> Iterator[Manifest]:
-    """Yield the manifests of a study's sessions that can be read, by participant."""
+    """Yield the manifests of a study's sessions that can be read and hold a trial, by participant.
+
+    A session that ended before its first trial binds nothing: the design is as it is by then.
+    """
     for session in session_folders(folder):
         try:
-            yield read_manifest(session)
+            if holds_trial(session):
+                yield read_manifest(session)
         except (RecordingError, OSError):
             continue
 

@@ -17,6 +17,7 @@ from visavis.running.sessions.perform import perform_new, perform_rest
 from visavis.running.sessions.session_request import simulated_request
 from visavis.study.cast import use_cast_of, use_recorded_cast
 from visavis.study.experiment import StudyExperiment
+from visavis.study.study_errors import users_mistakes
 
 KERNEL_LIST: Final = Path(__file__).with_name("kernels.txt")
 """What is compiled before sessions of a study are simulated or measured."""
@@ -86,9 +87,13 @@ def make_ready(kernel: str) -> None:
 
 
 def do_job(job: tuple[Callable[[Any], Any], Any]) -> Any:
-    """Call a function with one argument."""
+    """Call a function with one argument, in any process.
+
+    Errors in a user's file are told here: another process gets them without their traceback.
+    """
     function, argument = job
-    return function(argument)
+    with users_mistakes():
+        return function(argument)
 
 
 def measure_one(job: tuple[str, Path, Mapping[str, Any]]) -> Any:

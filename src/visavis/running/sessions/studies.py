@@ -131,7 +131,7 @@ def simulate_study(
     data_root = data_root.resolve()
     lab = lab.model_copy(update={"data_root": data_root})
     folder = data_root / SIMULATED_ROOT / opened_study.name
-    opened_study.experiment(requested_settings.parameters)
+    opened_study.experiment_to_run(requested_settings.parameters)
     prepare_data_root(lab)
     # A folder holds sessions of one design with one set of settings.
     settings = settle(

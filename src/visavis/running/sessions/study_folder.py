@@ -9,9 +9,10 @@ from typing import Any, ClassVar
 
 import yaml
 
-from visavis.lab.errors import DataError, UsageError
+from visavis.lab.errors import DataError, RecordingError, UsageError
 from visavis.recording.durable import make_folder
 from visavis.recording.manifest import read_manifest
+from visavis.recording.reader import Recording
 from visavis.recording.sealed import copy_path, read_sealed, write_sealed
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.study.catalogue import digest_of
@@ -192,18 +193,30 @@ def settle(
 
 
 def may_become(folder: Path, present: StudySettings, requested_settings: StudySettings) -> bool:
-    """Tell whether nothing was recorded yet, and all that was chosen before stays as it was."""
+    """Tell whether no trial was recorded yet, and all that was chosen before stays as it was."""
     keeps_parameters = present.parameters.items() <= requested_settings.parameters.items()
     return (
         keeps_parameters
         and present.effect == requested_settings.effect
-        and not session_folders(folder)
+        and not any(map(holds_trial, session_folders(folder)))
     )
 
 
 def session_folders(folder: Path) -> tuple[Path, ...]:
     """Return the sessions of a study by participant and number, those without manifest, too."""
     return tuple(sorted(p for p in folder.glob("sub-*/ses-*") if p.is_dir() and any(p.iterdir())))
+
+
+def holds_trial(session: Path) -> bool:
+    """Tell whether a session holds a trial, or may hold one: a damaged one is taken to.
+
+    Who came and left before their first trial binds no study to its design.
+    """
+    try:
+        recording = Recording(session)
+        return any(recording.trial_entries(part.number) for part in recording.manifest.parts)
+    except (RecordingError, OSError):
+        return True
 
 
 def refuse_other(
