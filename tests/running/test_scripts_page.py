@@ -34,7 +34,7 @@ def test_page_runs_as_it_stands(tmp_path: Path) -> None:
     shutil.copytree(STUDIES / "texts", tmp_path / "texts")
     code = "".join(f"{code}\nprint('=====')\n" for code, _ in blocks("python"))
     script = tmp_path / "page.py"
-    script.write_text(f"if __name__ == '__main__':\n{_indented(code)}", encoding="utf-8")
+    script.write_text(code, encoding="utf-8")  # as its readers write it
     said = run([sys.executable, str(script)], tmp_path).split("=====\n")
     for (_, printed), mine in zip(blocks("python"), said, strict=False):
         assert printed == mine
@@ -43,7 +43,3 @@ def test_page_runs_as_it_stands(tmp_path: Path) -> None:
     for code, printed in blocks("r"):
         (tmp_path / "page.R").write_text(code, encoding="utf-8")
         assert printed.split() == run(["Rscript", "page.R"], tmp_path).split()
-
-
-def _indented(code: str) -> str:
-    return "".join(f"    {line}" if line.strip() else line for line in code.splitlines(True))

@@ -3,6 +3,8 @@
 import importlib
 import multiprocessing
 import signal
+import sys
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -11,6 +13,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any, TypeAlias, TypeVar
 
 from visavis.lab.errors import UsageError
+from visavis.lab.processes import main_unseen, needs_main
 from visavis.recording.provenance import provenance
 
 Job = TypeVar("Job")
@@ -29,7 +32,9 @@ def on_this_machine(
 ) -> Iterator[tuple[int, Result]]:
     """Yield (job number, result) as they finish; with one process, here and in order.
 
-    An error or a signal here ends the other processes, which ignore signals themselves.
+    Works from a script as it stands, a notebook or a terminal; where no process can be begun, jobs
+    are done here, with a warning. An error or a signal here ends the other processes, which ignore
+    signals themselves.
 
     Raises:
         KeyboardInterrupt: this process was interrupted, or the others were asked to end (SIGTERM).
@@ -39,6 +44,13 @@ def on_this_machine(
         for number, job in enumerate(jobs):
             yield number, work(job)
         return
+    reason = _why_no_process()
+    if reason:
+        warnings.warn(
+            f"{reason}: {len(jobs)} jobs are done one after another in this process", stacklevel=2
+        )
+        yield from on_this_machine(work, jobs, 1)
+        return
     workers: list[BaseProcess] = []
     try:
         with ProcessPoolExecutor(
@@ -47,9 +59,10 @@ def on_this_machine(
             initializer=_leave_signals_to_parent,
         ) as pool:
             try:
-                numbers: dict[Future[Result], int] = {
-                    pool.submit(work, j): i for i, j in enumerate(jobs)
-                }
+                with main_unseen(not needs_main(work, jobs[0])):
+                    numbers: dict[Future[Result], int] = {
+                        pool.submit(work, j): i for i, j in enumerate(jobs)
+                    }
                 workers += multiprocessing.active_children()
                 for future in as_completed(numbers):
                     yield numbers[future], future.result()
@@ -69,6 +82,19 @@ def on_this_machine(
             "a worker process was killed from outside, mostly for lack of memory; give "
             "the command again with a smaller --processes"
         ) from pool_error
+
+
+def _why_no_process() -> str:
+    """Return why no process can be begun from here; "" where one can."""
+    if multiprocessing.current_process().daemon:
+        return "a worker process may not begin others"
+    if not sys.executable:
+        return "Python is embedded in another program"
+    try:
+        multiprocessing.get_context("spawn").SimpleQueue().close()
+    except (ImportError, OSError) as error:  # no semaphores, as in some containers
+        return f"this machine lets no process share anything ({error})"
+    return ""
 
 
 def _leave_signals_to_parent() -> None:
