@@ -12,7 +12,9 @@ from typing import Any
 import pytest
 
 from visavis.running.page.server import SITE
+from visavis.running.page.steps import PageError, _check_answer, page_question
 from visavis.study.information import ABOUT_PAGE
+from visavis.study.responses import Number
 
 HOST = """
 class Element {
@@ -137,3 +139,51 @@ def test_who_agrees_has_the_browser_described_once_by_the_facts_they_were_told(
     assert [1, 2] == [e["n"] for e in events]
     assert set(ABOUT_PAGE) == set(events[1]["about"])
     assert "The films." in answer["now"]
+
+
+KEYS = """
+const { digitOf } = await import(process.argv[2]);
+const keys = [
+  { key: "4", code: "Digit4" }, { key: "4", code: "Numpad4" }, { key: "'", code: "Digit4" },
+  { key: "4", code: "Digit4", shiftKey: true }, { key: "$", code: "Digit4", shiftKey: true },
+  { key: "4", code: "Digit4", repeat: true }, { key: "0", code: "Digit0" },
+  { key: "a", code: "KeyQ" }, { key: "ArrowRight", code: "Numpad6" }, { key: "4" },
+];
+console.log(JSON.stringify(keys.map(digitOf)));
+process.exit(0);
+"""
+
+
+def test_digit_is_that_of_its_key_on_any_keyboard_and_once_however_long_it_is_held(
+    tmp_path: Path,
+) -> None:
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("there is no node; apt install nodejs")
+    for name in ("page.js", "store.js", "film.js", "wire.js"):
+        shutil.copyfile(SITE / name, tmp_path / name)
+    (tmp_path / "package.json").write_text('{"type": "module"}', "utf-8")
+    host = tmp_path / "host.mjs"
+    host.write_text(HOST.partition("await import(")[0] + KEYS, "utf-8")
+    page = (tmp_path / "page.js").as_uri()
+    done = subprocess.run([node, str(host), page], capture_output=True, text=True, timeout=60)
+    assert [4, 4, 4, 4, 0, 0, 0, 0, 0, 4] == json.loads(done.stdout or done.stderr)
+
+
+@pytest.mark.parametrize(
+    ("bounds", "sent"),
+    [({"low": 0}, {"low": 0}), ({"high": 9.5}, {"high": 9.5}), ({"low": 0, "high": 100}, None)],
+)
+def test_bounds_of_a_number_reach_the_page_each_by_itself(
+    bounds: dict[str, float], sent: dict[str, float] | None
+) -> None:
+    question = page_question(Number("age", "years", **bounds), "How old?", ())
+    assert (sent or bounds) == {k: v for k, v in question.items() if k in ("low", "high")}
+    for value, is_fine in (("50", "high" not in bounds or bounds["high"] > 50), ("-1", False)):
+        if "low" not in bounds and value == "-1":
+            continue
+        if is_fine:
+            _check_answer(question, value, is_timed=False)
+        else:
+            with pytest.raises(PageError, match="out of bounds"):
+                _check_answer(question, value, is_timed=False)

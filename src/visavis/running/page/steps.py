@@ -122,9 +122,7 @@ def page_question(response: Response, prompt: str, labels: Sequence[str]) -> dic
         case Text():
             return question | {"kind": "text"}
         case Number(low=low, high=high, step=step):
-            bounds = (
-                {"low": low, "high": high} if math.isfinite(low) and math.isfinite(high) else {}
-            )
+            bounds = {k: v for k, v in (("low", low), ("high", high)) if math.isfinite(v)}
             kind = "slider" if step else "number"
             return question | {"kind": kind, "unit": response.unit, "step": step, **bounds}
         case _:

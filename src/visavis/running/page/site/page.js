@@ -257,6 +257,17 @@ stop.addEventListener("click", () => {
       button(say("stop_delete"), () => reply({ stop: "delete" }), true)));
 });
 
+// ---- keys -----------------------------------------------------------------------------------
+
+// The digit that a key stands for, 1 to 9, else 0. Keys of the digit row count on any keyboard: on a
+// French one they write other signs without shift. A key that is held answers once.
+export function digitOf(e) {
+  if (e.repeat) return 0;
+  if (/^[1-9]$/.test(e.key)) return Number(e.key);
+  const place = e.shiftKey ? null : /^Digit([1-9])$/.exec(e.code || "");
+  return place ? Number(place[1]) : 0;
+}
+
 // ---- questions ------------------------------------------------------------------------------
 
 function questionField(question, index, changed) {
@@ -372,7 +383,7 @@ const steps = {
       voice.play().then(() => { played += 1; field.focus(); }, (error) => { hint.textContent = String(error.message || error); });
     });
     field.addEventListener("input", () => { go.disabled = !/^\d{1,8}$/.test(field.value.trim()); });
-    field.addEventListener("keydown", (e) => { if (e.key === "Enter" && !go.disabled) go.click(); });
+    field.addEventListener("keydown", (e) => { if (e.key === "Enter" && !e.repeat && !go.disabled) go.click(); });
     cleanUp = () => { voice.pause(); cleanUp = () => {}; };
     put("narrow", element("h1", {}, say("sound_title")), paragraph(say("sound_text")), element("div", { class: "buttons" }, play), hint,
       element("div", {}, element("label", { class: "prompt", for: "heard" }, say("sound_heard")), field),
@@ -441,10 +452,10 @@ const steps = {
       element("div", { class: "buttons" }, go));
     const keys = (e) => {
       if (e.ctrlKey || e.altKey || e.metaKey || /^(textarea|text)$/.test(e.target.type || "")) return;
-      const digit = Number(e.key);
+      const digit = digitOf(e);
       const target = questions.find((q) => q.answer() === null) || questions[0];
-      if (digit >= 1 && target && isOpen) target.pick(digit - 1);
-      else if (e.key === "Enter" && !go.disabled && e.target !== go && e.target.type !== "button") { e.preventDefault(); go.click(); }
+      if (digit && target && isOpen) target.pick(digit - 1);
+      else if (e.key === "Enter" && !e.repeat && !go.disabled && e.target !== go && e.target.type !== "button") { e.preventDefault(); go.click(); }
     };
     const back = () => { if (!document.hidden && player) player.resume(); };
     document.addEventListener("keydown", keys);
