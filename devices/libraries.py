@@ -38,5 +38,6 @@ NEON = Library("pupil_labs.realtime_api", "pupil-labs-realtime-api", "pip instal
 PYLINK = Library("pylink", "sr-research-pylink", "pip install 'visavis[eyelink]'")
 TITTA = Library("TittaPy_v2", "TittaPy", "pip install 'visavis[tobii]'")
 WEBSOCKETS = Library("websockets", "websockets", "pip install 'visavis[bhaptics]'")
+BHAPTICS_SDK = Library("bhaptics_python", "bhaptics-python", "pip install 'visavis[bhaptics-sdk]'")
 SOUNDDEVICE = Library("sounddevice", "sounddevice", "pip install 'visavis[sound]'")
 ZMQ = Library("zmq", "pyzmq", "pip install pyzmq")

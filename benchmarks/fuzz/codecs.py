@@ -22,6 +22,7 @@ from visavis.devices.drivers.armband.codec import (
 )
 from visavis.devices.drivers.bands.ascii_codec import AsciiLanguage, AsciiTemplates
 from visavis.devices.drivers.bands.bhaptics_codec import BhapticsLanguage
+from visavis.devices.drivers.bands.bhaptics_sdk_codec import BhapticsSdkLanguage
 from visavis.devices.drivers.bands.buzz_codec import BuzzLanguage
 from visavis.devices.drivers.bands.report_codec import ReportLanguage, ReportLayout
 from visavis.devices.drivers.bands.vhp_codec import VhpSleeveLanguage, VhpSlimLanguage
@@ -354,6 +355,7 @@ def codecs() -> Iterator[Target]:
     languages: dict[str, tuple[Callable[[], object], str]] = {
         "ascii_codec": (lambda: AsciiLanguage(ascii_bands), "ascii_armband"),
         "bhaptics_codec": (BhapticsLanguage, "bhaptics"),
+        "bhaptics_sdk_codec": (BhapticsSdkLanguage, "bhaptics_sdk"),
         "buzz_codec": (BuzzLanguage, "neosensory_buzz"),
         "report_codec": (lambda: ReportLanguage(ReportLayout(battery_byte=3)), "hid_armband"),
         "vhp_codec sleeve": (VhpSleeveLanguage, "vhp_sleeve"),

@@ -5,6 +5,7 @@ import numpy as np
 from tests.devices.band_makers import (
     ascii_armband,
     bhaptics,
+    bhaptics_sdk,
     hid_armband,
     neosensory_buzz,
     usb_armband,
@@ -15,6 +16,7 @@ from visavis.devices.byte_links import MemoryLink
 from visavis.devices.contracts import BAND, HAPTICS
 from visavis.devices.faults import FaultSchedule
 from visavis.devices.sim.bands.bhaptics import BhapticsPlayerSimulator
+from visavis.devices.sim.bands.bhaptics_sdk import BhapticsSdkSimulator
 from visavis.devices.sim.bands.buzz import BuzzSimulator
 from visavis.devices.sim.bands.plain import ReportBandSimulator, TextBandSimulator
 from visavis.devices.sim.bands.vhp import SleeveSimulator, SlimBoardSimulator
@@ -58,6 +60,10 @@ def bhaptics_on(role, clock, link):
     return bhaptics(role, clock, link=link)
 
 
+def bhaptics_sdk_on(role, clock, link):
+    return bhaptics_sdk(role, clock, link=link)
+
+
 def usb_simulator(*args, **kwargs):
     return ReportBandSimulator(*args, number=None, **kwargs)
 
@@ -68,6 +74,7 @@ BANDS = {
     "vhp_sleeve": (sleeve_on, SleeveSimulator, (5, 7, 8, 6), True),
     "vhp_slim": (slim_on, SlimBoardSimulator, (0, 2, 4, 8), False),
     "bhaptics": (bhaptics_on, BhapticsPlayerSimulator, (0, 2, 3, 5), False),
+    "bhaptics_sdk": (bhaptics_sdk_on, BhapticsSdkSimulator, (0, 2, 3, 5), False),
     "ascii": (ascii_on, TextBandSimulator, (0, 1, 2, 3), True),
     "hid": (hid_on, ReportBandSimulator, (0, 1, 2, 3), False),
     "usb": (usb_on, usb_simulator, (0, 1, 2, 3), False),

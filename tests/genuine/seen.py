@@ -149,6 +149,12 @@ ROWS: Final = (
         ("devices/test_websocket_link.py",),
         "a real WebSocket; the Player is ours",
     ),
+    Row(
+        ("bhaptics_sdk",),
+        "bhaptics-python",
+        ("devices/test_bhaptics_sdk.py",),
+        "bHaptics' SDK2 proves who calls and carries frames to the port of a Player of our own",
+    ),
 )
 
 

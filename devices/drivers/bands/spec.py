@@ -11,6 +11,7 @@ from visavis.devices.drivers.links.options import (
     BleBandOptions,
     SerialBandOptions,
 )
+from visavis.devices.libraries import BHAPTICS_SDK as SDK
 from visavis.devices.libraries import BLE, HID, SERIAL, USB, WEBSOCKETS
 from visavis.devices.options import Options
 from visavis.devices.spec import AnySpec, Claims, Dialect, DriverSpec, Product, Wire
@@ -150,6 +151,52 @@ BHAPTICS = DriverSpec(
 )
 
 
+class BhapticsSdkOptions(BandOptions):
+    """Options of `bhaptics_sdk`; `points` are the unit's motors from 0.
+
+    `app_id` and the key are those of an application in bHaptics' developer portal. The key stands
+    in a text file of its own, so that no recording contains it.
+    """
+
+    of_wire = frozenset({"app_id", "api_key_file"})
+
+    app_id: str = Field(default="", max_length=200)
+    api_key_file: str = ""
+    position: Literal["ForearmL", "ForearmR", "HandL", "HandR", "FootL", "FootR"] = "ForearmL"
+    points: list[int] = Field(default=[0, 2, 3, 5], min_length=1, max_length=4)
+
+    @field_validator("points")
+    @classmethod
+    def _exist(cls, points: list[int]) -> list[int]:
+        return _within(points, 6, "points")
+
+    def model(self) -> str:
+        """Return where it is made for."""
+        return f"bHaptics {self.position}"
+
+    def for_simulator(self) -> dict[str, Any]:
+        """Return which unit it is, and where our motors are on it."""
+        return {"position": self.position, "places": self.points}
+
+
+BHAPTICS_SDK: AnySpec = DriverSpec(
+    name="bhaptics_sdk",
+    kind="armband",
+    options=BhapticsSdkOptions,
+    product=Product(vendor="bHaptics", model="TactSleeve"),
+    wire=Wire(medium="vendor library", carries="bytes", library=SDK),
+    remedy=PLAYER_REMEDY,
+    claims=Claims(
+        stands_for="bHaptics units on arms, hands and feet, by SDK2",
+        checked=(
+            "the vendor's package 0.2.0: its calls and what it sends to the port of a Player of "
+            "our own"
+        ),
+        unproven="a Player; points of a sleeve with three motors; that a stop cuts a frame short",
+    ),
+)
+
+
 # ---- a laboratory's own text commands --------------------------------------------------------
 
 
@@ -268,6 +315,7 @@ SPECS = (
     VHP_SLIM,
     VHP_SLEEVE,
     BHAPTICS,
+    BHAPTICS_SDK,
     ASCII_ARMBAND,
     HID_ARMBAND,
     USB_ARMBAND,

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
 
@@ -9,6 +10,8 @@ from visavis.devices.byte_links import ByteLink
 from visavis.devices.contracts import Device
 from visavis.devices.drivers.bands.ascii_codec import AsciiLanguage, AsciiTemplates
 from visavis.devices.drivers.bands.bhaptics_codec import PATH, BhapticsLanguage
+from visavis.devices.drivers.bands.bhaptics_sdk import BhapticsSdkLink
+from visavis.devices.drivers.bands.bhaptics_sdk_codec import BhapticsSdkLanguage
 from visavis.devices.drivers.bands.buzz_codec import BuzzLanguage
 from visavis.devices.drivers.bands.driver import HostTimedBand
 from visavis.devices.drivers.bands.language import BandLanguage
@@ -16,6 +19,7 @@ from visavis.devices.drivers.bands.report_codec import ReportLanguage, ReportLay
 from visavis.devices.drivers.bands.spec import (
     ASCII_ARMBAND,
     BHAPTICS,
+    BHAPTICS_SDK,
     HID_ARMBAND,
     NEOSENSORY_BUZZ,
     PLAYER_REMEDY,
@@ -25,6 +29,7 @@ from visavis.devices.drivers.bands.spec import (
     VHP_SLIM,
     AsciiArmbandOptions,
     BhapticsOptions,
+    BhapticsSdkOptions,
     BuzzOptions,
     HidArmbandOptions,
     VhpSleeveOptions,
@@ -41,6 +46,7 @@ from visavis.devices.drivers.links.serial_port import serial_port
 from visavis.devices.drivers.links.usb import HidLink, UsbLink
 from visavis.devices.drivers.links.websocket import WebSocketLink
 from visavis.devices.sim.bands.bhaptics import BhapticsPlayerSimulator
+from visavis.devices.sim.bands.bhaptics_sdk import BhapticsSdkSimulator
 from visavis.devices.sim.bands.buzz import BuzzSimulator
 from visavis.devices.sim.bands.plain import ReportBandSimulator, TextBandSimulator
 from visavis.devices.sim.bands.vhp import SleeveSimulator, SlimBoardSimulator
@@ -87,6 +93,10 @@ def _bhaptics(options: BhapticsOptions) -> BandLanguage:
     return BhapticsLanguage(options.position, options.points)
 
 
+def _bhaptics_sdk(options: BhapticsSdkOptions) -> BandLanguage:
+    return BhapticsSdkLanguage(options.position, options.points)
+
+
 def _ascii(options: AsciiArmbandOptions) -> BandLanguage:
     templates: dict[str, Any] = {
         k: tuple(v) if isinstance(v, list) else v for k, v in options.commands.model_dump().items()
@@ -106,6 +116,24 @@ def _player(site: Site[BhapticsOptions]) -> ByteLink:
     query = urlencode({"app_id": options.app_id, "app_name": "Visavis"})
     url = f"ws://{options.address}:{options.port}{PATH}?{query}"
     return WebSocketLink(url, site.clock, remedy=PLAYER_REMEDY)
+
+
+def _sdk(site: Site[BhapticsSdkOptions]) -> ByteLink:
+    options = site.options
+    where = f"devices.{site.role}"
+    if not (options.app_id and options.api_key_file):
+        raise ConfigError(
+            f"{where}: bHaptics' SDK needs an application's app_id, and api_key_file, the text "
+            "file with its key; make one at developer.bhaptics.com"
+        )
+    try:
+        api_key = Path(options.api_key_file).expanduser().read_text("utf-8").strip()
+    except (OSError, ValueError) as cause:
+        raise ConfigError(
+            f"{where}: the key of the bHaptics application cannot be read from "
+            f"{options.api_key_file} ({cause}); write it there, on one line"
+        ) from cause
+    return BhapticsSdkLink(options.app_id, api_key, site.clock, remedy=PLAYER_REMEDY)
 
 
 WIRINGS = (
@@ -132,6 +160,12 @@ WIRINGS = (
         make=band_that_speaks(_bhaptics),
         real=_player,
         simulated=worn_as(BhapticsPlayerSimulator),
+    ),
+    Wiring(
+        BHAPTICS_SDK,
+        make=band_that_speaks(_bhaptics_sdk),
+        real=_sdk,
+        simulated=worn_as(BhapticsSdkSimulator),
     ),
     Wiring(
         ASCII_ARMBAND,
