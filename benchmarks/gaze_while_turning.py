@@ -47,6 +47,7 @@ SOURCES: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     "fove": ("fove", ONE_WAY),
     # its stamps are whole milliseconds, at 120 Hz a third of one too early on average
     "vive_pro_eye": ("vive_pro_eye", {"gaze_delay_ms": LATENCY_MS - 1 / 3}),
+    "varjo": ("varjo", {}),
     "lsl_gaze": ("lsl_gaze", {}),
     "openxr_gaze": ("openxr_gaze", {}),
     "openxr_gaze (htc)": ("openxr_gaze", {"per_eye": "htc"}),

@@ -49,6 +49,7 @@ from visavis.devices.drivers.sranipal import codec as sranipal
 from visavis.devices.drivers.streaming.gaze_rays import Sample
 from visavis.devices.drivers.streaming.screen import Screen
 from visavis.devices.drivers.triggers import labjack_codec as labjack
+from visavis.devices.drivers.varjo import codec as varjo
 from visavis.devices.drivers.vicon import codec as vicon
 from visavis.devices.drivers.xsens import codec as xsens
 from visavis.devices.registry import driver_wiring
@@ -392,6 +393,7 @@ def codecs() -> Iterator[Target]:
         ("neon.codec", neon_frames, _neon(neon_frames)),
         ("pupil.codec", frames("pupil_core"), _pupil()),
         ("sranipal.codec", frames("vive_pro_eye"), sranipal.decode_eye_data),
+        ("varjo.codec", frames("varjo"), varjo.decode_datum),
     ):
         yield Target(name, sample_frames, read, is_sound=gaze_is_sound)
     yield Target("ble_sensor.codec", frames("ble_sensor"), _notified)

@@ -1,0 +1,1 @@
+"""Eye trackers in Varjo headsets, through the vendor's native library."""
