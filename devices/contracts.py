@@ -222,6 +222,35 @@ class PatientCalibration(Protocol):
 
 
 @runtime_checkable
+class LeadsCalibration(Protocol):
+    """An eye tracker that says itself where the next target of its calibration is to stand.
+
+    It sends no gaze meanwhile; `visavis.devices.pump.Pausing` keeps that from being a fault.
+    """
+
+    def lead_calibration(self) -> None:
+        """Begin; targets and verdict come while the device is polled. Raises DeviceError."""
+        ...
+
+    def wanted_target(self) -> Vector | None:
+        """Return the direction (unit, head frame) of the target to show now; None for none."""
+        ...
+
+    def calibration_verdict(self) -> CalibrationOutcome | None:
+        """Return the verdict on the calibration begun last; None until it came."""
+        ...
+
+
+@runtime_checkable
+class DriftCorrection(Protocol):
+    """An eye tracker that can shift its gaze onto a target that is looked at."""
+
+    def correct_drift(self, direction_head: Vector) -> CalibrationOutcome:
+        """Shift gaze onto a direction (unit, head frame) while recording goes on."""
+        ...
+
+
+@runtime_checkable
 class CameraOnHead(Protocol):
     """An eye tracker whose camera sits on the head at an unknown angle.
 

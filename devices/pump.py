@@ -60,6 +60,16 @@ class Foreseeing(Protocol):
 
 
 @runtime_checkable
+class Pausing(Protocol):
+    """A device that now and then sends nothing on purpose."""
+
+    @property
+    def is_paused(self) -> bool:
+        """Tell whether silence is meant now."""
+        ...
+
+
+@runtime_checkable
 class Postponing(Protocol):
     """A device whose polling can be put off: it delivers the same later, with the same times."""
 
@@ -97,6 +107,7 @@ class Pump:
         if clock.is_virtual and isinstance(device, Postponing):
             self._put_off = device.put_off
         self.is_put_off = False
+        self._pausing = device if isinstance(device, Pausing) else None
         """Whether the last `step` postponed the device's delivery."""
         self._silence_ns: int | None = None
         self._quiet: Literal["", "silent", "stalled"] = ""
@@ -295,6 +306,8 @@ class Pump:
     def _watch(self, now_ns: int) -> None:
         if self._silence_ns is None:
             return
+        if self._pausing is not None and self._pausing.is_paused:
+            self._last_ns = now_ns
         quiet_ns = now_ns - self._last_ns
         if quiet_ns < self._silence_ns and not self._quiet:
             return

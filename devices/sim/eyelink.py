@@ -1,7 +1,8 @@
 """An EyeLink in memory.
 
-The link's protocol is private, so nothing below pylink's surface is modelled; nor are events,
-camera setup, drift checks and EDF files.
+The link's protocol is private, so nothing below pylink's surface is modelled; nor are events, the
+camera's picture and EDF files. A calibration shows nine targets for 1 s each and accepts them by
+itself; its verdict is the `verdict` that was given.
 """
 
 import struct
@@ -14,6 +15,10 @@ from visavis.devices.transports import Frames
 from visavis.lab.clock import NS_PER_MS
 
 SAMPLE = struct.Struct("<dB6d")
+TARGET = struct.Struct("<4i")
+TARGET_NS, HIDDEN_NS = 1000 * NS_PER_MS, 100 * NS_PER_MS
+TARGETS = ((0, 0), (0, -1), (0, 1), (-1, 0), (1, 0), (-1, -1), (1, -1), (-1, 1), (1, 1))
+"""Right and down from the screen's middle, in shares of what is calibrated."""
 MISSING = -32768.0
 OK_RESULT, NO_REPLY = 0, 1000
 DIAMETER_UNITS_PER_MM = 1000.0
@@ -45,12 +50,18 @@ class EyeLinkSimulator(GazePeer):
         super().__init__(body, **measuring)
         self.messages: list[str] = []
         self.verdict = verdict
+        self._setup_ns: int | None = None
+        self._target = (0, 0)
+        self.drift_px: list[tuple[int, int]] = []
+        self.drift_code = 0
         self.gives_area = gives_area
         self._screen = screen or Screen()
         self.display_px = screen_px
 
-    def to_message(self, shot: Shot) -> Frames:
-        """Return one link sample."""
+    def to_message(self, shot: Shot) -> Frames | None:
+        """Return one link sample; none while the host calibrates."""
+        if self._setup_ns is not None:
+            return None
         return (self.pack(shot) if shot.garbage is None else shot.garbage,)
 
     def pack(self, shot: Shot) -> bytes:
@@ -87,12 +98,48 @@ class EyeLinkSimulator(GazePeer):
             return kind, struct.pack("<i", self.verdict) + self.verdict_text.encode()
         if kind == b"record":
             return kind, b""
+        if kind == b"setup":
+            self.begin_setup(t_ns)
+            return kind, b""
+        if kind == b"target":
+            return kind, TARGET.pack(*self.target(t_ns))
+        if kind == b"leave":
+            self.leave_setup(t_ns)
+            return kind, b""
+        if kind == b"drift":
+            x, y = map(int, frames[1].split())
+            self.drift_px.append((x, y))
+            return kind, struct.pack("<i", self.drift_code)
         self.messages.append(kind.decode())
         return None
 
     def time_ms(self, t_ns: int) -> int:
         """Return the host's clock in whole milliseconds."""
         return self.source.device_ns(t_ns) // NS_PER_MS
+
+    def begin_setup(self, t_ns: int) -> None:
+        """Begin a calibration: recording has ended."""
+        self.advance(t_ns)
+        self._setup_ns = t_ns
+
+    def target(self, t_ns: int) -> tuple[int, int, int, int]:
+        """Return whether a target is shown, its place, and the result of the calibration."""
+        if self._setup_ns is None:
+            return 0, *self._target, self.verdict
+        number, into_ns = divmod(t_ns - self._setup_ns, TARGET_NS)
+        if number >= len(TARGETS):
+            return 0, *self._target, self.verdict
+        width, height = self.display_px
+        right, down = TARGETS[number]
+        self._target = round(width * (0.5 + 0.35 * right)), round(height * (0.5 + 0.35 * down))
+        return int(into_ns >= HIDDEN_NS), *self._target, NO_REPLY
+
+    def leave_setup(self, t_ns: int) -> None:
+        """Record again; a good result is in force."""
+        self.advance(t_ns)
+        if self._setup_ns is not None and self.verdict == OK_RESULT:
+            self.source.calibrated_fit = self.source.body.fit()
+        self._setup_ns = None
 
     @property
     def verdict_text(self) -> str:

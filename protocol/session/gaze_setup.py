@@ -6,7 +6,7 @@ with fewer targets. Every attempt is stored.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +14,9 @@ import numpy as np
 from visavis.devices.contracts import (
     CalibrationOutcome,
     CameraOnHead,
+    DriftCorrection,
     EyeTracker,
+    LeadsCalibration,
     OnScreen,
     PatientCalibration,
 )
@@ -23,11 +25,13 @@ from visavis.lab.errors import DeviceTimeout
 from visavis.lab.geometry import (
     Pose,
     Vector,
+    angle_deg,
     direction_from_yaw_pitch_deg,
     quat_conjugate,
     quat_multiply,
     rotate,
     unit,
+    yaw_pitch_deg_of,
 )
 from visavis.lab.rotation_fit import fit_turn
 from visavis.lab.schema import SampleBatch
@@ -108,6 +112,30 @@ class HeadFit:
     residual_deg: float
 
 
+@dataclass(frozen=True)
+class DriftCheck:
+    """How far gaze lies from a target straight ahead that is looked at.
+
+    `error_deg` is the angle between the mean of valid gaze and the target, `yaw_deg` (left
+    positive) and `pitch_deg` (up positive) where gaze lies from it; NaN when too little was seen.
+    `correction` is what the tracker said of shifting its gaze; None where nothing was shifted.
+    """
+
+    error_deg: float
+    yaw_deg: float
+    pitch_deg: float
+    seen_01: float
+    correction: CalibrationOutcome | None = None
+
+    def is_within(self, limit_deg: float) -> bool:
+        """Tell whether enough was seen, and gaze lies within a limit."""
+        return self.seen_01 >= DRIFT_SEEN_01 and self.error_deg <= limit_deg
+
+
+DRIFT_SEEN_01 = 0.5
+"""The least share of valid gaze by which drift is judged."""
+
+
 class GazeSetup:
     """Show targets and collect the eye tracker's samples meanwhile."""
 
@@ -137,6 +165,8 @@ class GazeSetup:
         """
         if isinstance(self._eye_tracker, CameraOnHead):
             return self._fit_to_head(self._eye_tracker)
+        if isinstance(self._eye_tracker, LeadsCalibration):
+            return self._follow(self._eye_tracker)
         if "calibration" not in self._eye_tracker.info.capabilities:
             return CalibrationOutcome(True, "this tracker is not calibrated from here")
         timing = self._timing
@@ -154,6 +184,43 @@ class GazeSetup:
                     direction /= np.linalg.norm(direction)
                     self._eye_tracker.add_reference(direction, view.t_ns)
         outcome = self._verdict()
+        self._clear_target()
+        return outcome
+
+    def check_drift(self, limit_deg: float) -> DriftCheck:
+        """Show one target straight ahead and measure how far gaze lies from it.
+
+        A tracker that can shift its gaze is asked to where the error is within the limit: a larger
+        one is a calibration that is lost, not drift.
+        """
+        timing = self._timing
+        mark_m = self._place_target(0.0, 0.0)
+        base = self._loop.head.orientation_wxyz
+        self._frames_for(timing.calibration_arrive_ms)
+        aim = rotate(quat_conjugate(base), mark_m - self._loop.head.position_m)
+        samples = self._gaze_for(timing.calibration_sample_ms)
+        point = _point("centre", aim / np.linalg.norm(aim), base, mark_m, samples)
+        check = _drift(point)
+        tracker = self._eye_tracker
+        if isinstance(tracker, DriftCorrection) and check.is_within(limit_deg):
+            head = self._loop.head
+            aim = rotate(quat_conjugate(head.orientation_wxyz), mark_m - head.position_m)
+            check = replace(check, correction=tracker.correct_drift(aim / np.linalg.norm(aim)))
+        self._clear_target()
+        return check
+
+    def _follow(self, tracker: LeadsCalibration) -> CalibrationOutcome:
+        """Show each target where the tracker wants it, until it gives its verdict."""
+        tracker.lead_calibration()
+        shown: Vector | None = None
+        while (outcome := tracker.calibration_verdict()) is None:
+            wanted = tracker.wanted_target()
+            if wanted is None and shown is not None:
+                self._clear_target()
+            elif wanted is not None and (shown is None or not np.array_equal(wanted, shown)):
+                self._place_mark(wanted)
+            shown = wanted
+            self._next_frame()
         self._clear_target()
         return outcome
 
@@ -228,8 +295,10 @@ class GazeSetup:
         return _GazeSamples(batches, *heads_between(t_ns, heads, at_ns))
 
     def _place_target(self, yaw_deg: float, pitch_deg: float) -> Vector:
+        return self._place_mark(direction_from_yaw_pitch_deg(yaw_deg, pitch_deg))
+
+    def _place_mark(self, direction: Vector) -> Vector:
         head = self._loop.head
-        direction = direction_from_yaw_pitch_deg(yaw_deg, pitch_deg)
         mark_m: Vector = head.position_m + TARGET_DISTANCE_M * rotate(
             head.orientation_wxyz, direction
         )
@@ -293,3 +362,19 @@ def _point(
             values["valid"][:, None], values["direction_head"].astype(np.float64), np.nan
         ),
     )
+
+
+def _drift(point: ValidationPoint) -> DriftCheck:
+    """Return how far gaze lies from the one target of a drift check."""
+    is_seen = np.isfinite(point.combined).all(axis=1)
+    seen_01 = float(is_seen.mean()) if is_seen.size else 0.0
+    if not is_seen.any():
+        return DriftCheck(np.nan, np.nan, np.nan, seen_01)
+    gaze = unit(point.combined[is_seen].sum(axis=0))
+    yaw_deg, pitch_deg = (
+        float(of_gaze - of_target)
+        for of_gaze, of_target in zip(
+            yaw_pitch_deg_of(gaze), yaw_pitch_deg_of(point.target), strict=True
+        )
+    )
+    return DriftCheck(float(angle_deg(gaze, point.target)), yaw_deg, pitch_deg, seen_01)

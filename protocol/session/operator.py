@@ -20,6 +20,7 @@ class Action(StrEnum):
     REPEAT = "repeat"
     SKIP = "skip"
     RECALIBRATE = "recalibrate"
+    CHECK_DRIFT = "check_drift"
     NOTE = "note"
     FLAG = "flag"
     SILENCE = "silence"
@@ -34,6 +35,7 @@ KEYS = {
     "r": Action.REPEAT,
     "s": Action.SKIP,
     "c": Action.RECALIBRATE,
+    "d": Action.CHECK_DRIFT,
     "n": Action.NOTE,
     "w": Action.REASON,
     "f": Action.FLAG,

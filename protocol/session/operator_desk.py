@@ -42,8 +42,12 @@ MESSAGE_SHOWN_NS = 30 * NS_PER_S
 LATER = {
     Action.PAUSE: "pausing before the next trial",
     Action.RECALIBRATE: "recalibrating before the next trial",
+    Action.CHECK_DRIFT: "checking drift of gaze before the next trial",
 }
 """Requests that wait for the next checkpoint, with the message for the operator."""
+
+OF_GAZE = frozenset({Action.RECALIBRATE, Action.CHECK_DRIFT})
+"""Requests that need a session that calibrates gaze."""
 
 STALL_NS = 250 * NS_PER_MS
 """A picture that stands for this long is a stall, not a dropped frame or two."""
@@ -363,7 +367,7 @@ class OperatorDesk:
             self._pending.add(Action.ABORT)
             if not self._in_trial:
                 self.raise_if_aborted()
-        elif action is Action.RECALIBRATE and not self._calibrates:
+        elif action in OF_GAZE and not self._calibrates:
             self.say("nothing to calibrate: this study does not measure gaze")
         elif action in LATER:
             self._pending.add(action)

@@ -27,6 +27,7 @@ MAX_CALIBRATIONS = 3
 STRETCH_CALIBRATION = 200_000
 STRETCH_QUESTIONS = 300_000
 STRETCH_VALIDATION = 50
+STRETCH_DRIFT = 400_000
 STRETCH_PRACTICE = 100_000
 
 
@@ -41,6 +42,8 @@ class Session:
         self._calibration: CalibrationInForce | None = None
         self._calibrations = setup.progress.calibrations
         self._owes_calibration = False
+        self._drift_checks = 0
+        self._trials_since_check = 0
         self._queue: deque[Trial] = deque()
 
     @property
@@ -234,6 +237,7 @@ class Session:
             self._hold_if_needed(block)
             trial = self._queue.popleft()
             outcome = self._one_trial(trial)
+            self._trials_since_check += outcome.status != "postponed"
             if outcome.status == "postponed":
                 self._queue.appendleft(trial)
             elif outcome.status == "interrupted":
@@ -271,8 +275,9 @@ class Session:
                 self._queue.append(trial)
 
     def _hold_if_needed(self, block: Block) -> None:
-        """Wait for devices that are away and for the operator; then calibrate if that is needed."""
+        """Wait for devices that are away and for the operator; then see to gaze if needed."""
         calibrate = self._desk.take(Action.RECALIBRATE)
+        is_asked = self._desk.take(Action.CHECK_DRIFT)
         if self._desk.device_lost():
             calibrate = self._wait_for_device() or calibrate
         if self._desk.take(Action.PAUSE):
@@ -281,8 +286,15 @@ class Session:
             self._desk.wait("Paused.", always=True)
             self._recorder.event("pause_end", self._loop.t_ns)
             calibrate = self._desk.take(Action.RECALIBRATE) or calibrate
+            is_asked = self._desk.take(Action.CHECK_DRIFT) or is_asked
         calibrate = calibrate or self._owes_calibration
-        if calibrate and self._queue and self._calibrates:  # a break calibrates anyway
+        if not (self._queue and self._calibrates):  # a break calibrates anyway
+            return
+        every = self._setup.gaze_checks.drift_check_trials
+        is_due = 0 < every <= self._trials_since_check
+        if not calibrate and (is_asked or is_due):
+            calibrate = self._check_drift(block, moment="operator" if is_asked else "rule")
+        if calibrate:
             self._calibrate(block)
 
     def _wait_for_device(self) -> bool:
@@ -332,6 +344,35 @@ class Session:
         return away_ns >= LOST_STREAM_NS
 
     # ---- calibration -------------------------------------------------------------------------
+
+    def _check_drift(self, block: Block, *, moment: str) -> bool:
+        """Check drift of gaze and record it; tell whether gaze is to be calibrated anew."""
+        self._states.move(SessionState.VALIDATING)
+        self._prepare(STRETCH_DRIFT + self._drift_checks)
+        self._drift_checks += 1
+        self._trials_since_check = 0
+        limit_deg = self._setup.gaze_checks.drift_limit_deg
+        check = self._gaze_setup.check_drift(limit_deg)
+        is_within = check.is_within(limit_deg)
+        correction = check.correction
+        self._recorder.event(
+            "drift_check",
+            self._loop.t_ns,
+            block=block.index,
+            number=self._drift_checks,
+            moment=moment,
+            accepted=is_within,
+            limit_deg=limit_deg,
+            error_deg=_number_or_none(check.error_deg),
+            yaw_deg=_number_or_none(check.yaw_deg),
+            pitch_deg=_number_or_none(check.pitch_deg),
+            seen_01=check.seen_01,
+            corrected=correction is not None and correction.succeeded,
+            message=None if correction is None else correction.message,
+        )
+        error = f"{check.error_deg:.1f}°" if check.error_deg == check.error_deg else "not seen"
+        self._desk.say(f"drift of gaze: {error} (limit {limit_deg:g}°)")
+        return not is_within
 
     def _calibrate(self, block: Block) -> None:
         best: CalibrationInForce | None = None
@@ -395,6 +436,7 @@ class Session:
                 f"({best.verdict.reason}); press C to try again"
             )
         self._owes_calibration = False
+        self._trials_since_check = 0
         self._calibration = best
         self._desk.calibration = best
 
@@ -454,6 +496,11 @@ class Session:
             # frame still comes from its movement before, which an interruption changes.
             self._desk.next_frame()
             self._desk.next_frame()
+
+
+def _number_or_none(number: float) -> float | None:
+    """Return a number for the journal; None where it is not known."""
+    return number if number == number else None
 
 
 def _error(calibration: CalibrationInForce) -> float:

@@ -6,6 +6,7 @@ from typing import Any
 
 from visavis.devices.contracts import DeviceInfo, SessionName
 from visavis.lab.clock import Clock
+from visavis.lab.config import GazeChecks
 from visavis.protocol.people.simulated_participant import SimulatedParticipant
 from visavis.protocol.plan.experiment import Experiment, Respondent, ValidationJudge
 from visavis.protocol.plan.questionnaires import Questionnaire
@@ -74,6 +75,8 @@ class SessionSetup:
     """How long targets of a calibration are shown."""
     lost_device_s: float = LOST_DEVICE_S
     """How long a device that went away is waited for."""
+    gaze_checks: GazeChecks = field(default_factory=GazeChecks)
+    """When drift of gaze is checked, and how much of it is let pass."""
     leave_out: str = LEAVE_OUT
     """The words with which a question is left out."""
     listeners: SessionListeners = SessionListeners()

@@ -421,3 +421,124 @@ def test_calibration_from_here_is_refused():
 
     with pytest.raises(DeviceError, match="cannot be calibrated from here"):
         rig.driver.begin_calibration()
+
+
+# ---- within a session: the host leads a calibration, and shifts gaze -------------------------
+
+
+def calibrated_by_host(rig):
+    """Let the host calibrate; return the directions in which it wanted a target."""
+    rig.driver.lead_calibration()
+    wanted = []
+    for _ in range(1200):
+        rig.run(1 / 90)
+        target = rig.driver.wanted_target()
+        if target is not None and not (wanted and np.array_equal(wanted[-1], target)):
+            wanted.append(target)
+        if rig.driver.calibration_verdict() is not None:
+            return wanted
+    raise AssertionError("the host came to no end")
+
+
+def screen_options(**others):
+    return {"options": {"screen": SCREEN, "screen_px": PX, **others}, "screen": SCREEN}
+
+
+def test_the_host_says_where_its_targets_belong_and_silence_meanwhile_is_no_fault():
+    rig = GazeRig(EyeLink, EyeLinkSimulator, screen_px=PX, **screen_options()).start().run(0.5)
+    before = len(rig.stamps("seq"))
+    wanted = calibrated_by_host(rig)
+    assert len(rig.stamps("seq")) <= before + 20  # none while the host calibrates
+
+    assert len(wanted) == 9
+    # the outermost targets stand 0.35 of the screen from its middle: 175 and 105 mm, 600 mm away
+    corner = np.array([-0.175, 0.105, -0.6]) / np.linalg.norm([0.175, 0.105, 0.6])
+    assert min(angle_deg(np.array(wanted), corner)) < 0.1
+    assert rig.driver.calibration_verdict().succeeded
+    assert rig.kinds() == []
+    rig.run(0.5)
+    assert len(rig.stamps("seq")) > before + 300
+    assert "no data" not in rig.messages()
+
+
+def test_a_host_that_comes_to_no_end_is_left_and_told(monkeypatch):
+    monkeypatch.setattr("visavis.devices.drivers.eyelink.driver.SETUP_WITHIN_NS", 2 * NS_PER_S)
+    rig = GazeRig(EyeLink, EyeLinkSimulator, screen_px=PX, **screen_options()).start().run(0.2)
+    rig.driver.lead_calibration()
+    rig.run(3.0)
+    verdict = rig.driver.calibration_verdict()
+    assert not verdict.succeeded
+    assert verdict.message == "the host did not finish within 2 s"
+    assert not rig.driver.is_paused
+
+
+def test_a_bad_calibration_at_the_host_is_its_verdict():
+    rig = GazeRig(EyeLink, EyeLinkSimulator, screen_px=PX, **screen_options()).start().run(0.2)
+    rig.simulator.verdict = 1
+    calibrated_by_host(rig)
+    assert not rig.driver.calibration_verdict().succeeded
+    assert "poor calibration" in rig.driver.calibration_verdict().message
+
+
+def test_the_library_stops_recording_presses_c_and_enter_and_records_on(tmp_path):
+    lab = Lab()
+    driver = lab.driver()
+    driver.open(1.0)
+    driver.begin_recording(SessionName("stare", "S001", 1, 1), tmp_path)
+    pump = Pump(driver, lambda batch: None, lab.clock)
+    pump.start()
+    tracker = driver._transport._tracker
+    driver.lead_calibration()
+    assert not tracker.recording
+    while driver.calibration_verdict() is None:
+        lab.clock.sleep_until_ns(lab.clock.now_ns() + NS_PER_S // 90)
+        pump.step()
+    assert tracker.keys == [ord("c"), 13]
+    assert tracker.recording
+    driver.annotate("after", lab.clock.now_ns())
+    assert [m.partition(" ")[2] for m in lab.library.files["S0011_01.edf"]][-1] == "after"
+    pump.stop()
+    driver.close()
+
+
+def test_drift_is_corrected_only_where_it_is_allowed():
+    aim = np.array([0.0, 0.0, -1.0])
+    rig = GazeRig(EyeLink, EyeLinkSimulator, screen_px=PX, **screen_options()).start().run(0.2)
+    assert rig.driver.correct_drift(aim).message == "not corrected: drift_correction is off"
+    assert rig.simulator.drift_px == []
+
+    options = screen_options(drift_correction=True)
+    rig = GazeRig(EyeLink, EyeLinkSimulator, screen_px=PX, **options).start().run(0.2)
+    assert rig.driver.correct_drift(aim).succeeded
+    assert rig.simulator.drift_px == [(500, 300)]
+    rig.simulator.drift_code = 3
+    outcome = rig.driver.correct_drift(aim)
+    assert not outcome.succeeded
+    assert outcome.message == "gaze was further off than the host corrects"
+
+
+def test_our_wire_calibrates_and_corrects_on_the_vendors_own_dummy():
+    pylink = pytest.importorskip("pylink", reason="sr-research-pylink is not installed")
+    assert (pylink.KB_PRESS, pylink.ENTER_KEY) == (eyelink_library.KEY_PRESS, eyelink_library.ENTER)
+    tracker = DummySaysConnected(pylink.EyeLink(None))
+    library = types.SimpleNamespace(EyeLink=lambda address: tracker)
+    wire = EyeLinkLibrary(
+        "100.1.1.1", SimClock(), library=library, corrects_drift=True, is_simulated=True
+    )
+    wire.open(1.0)
+    tracker.calls.clear()
+    wire.request((b"setup",), 0.1)
+    target = wire.request((b"target",), 0.1).frames[1]
+    assert codec.TARGET.unpack(target)[3] == NO_RESULT
+    wire.request((b"leave",), 0.1)
+    wire.request((b"drift", b"960 540"), 0.001)
+    wire.close()
+    assert [name for name, _, _ in tracker.calls][:6] == [
+        "stopRecording",
+        "setOfflineMode",
+        "enableAutoCalibration",
+        "startSetup",
+        "waitForModeReady",
+        "sendKeybutton",
+    ]
+    assert ("sendCommand", ("online_dcorr_trigger 960 540",), 0) in tracker.calls

@@ -18,7 +18,9 @@ from tests.faults.sessions import (
     verdict,
 )
 from visavis.analysis.session_verdict import Level
+from visavis.devices.registry import driver_spec
 from visavis.experiments.stare.trial import TRAINING_PROMPT
+from visavis.lab.config import DeviceConfig, GazeChecks
 from visavis.lab.errors import SessionAborted
 from visavis.protocol.session.operator import Action, Command
 from visavis.protocol.session.states import TRANSITIONS, SessionState
@@ -280,3 +282,57 @@ class Distracted(ScriptedOperator):
 
     def _in_setup(self) -> bool:
         return not self.trail or self.trail[-1] is not TRIAL
+
+
+def drift_checks(recording: Recording) -> list[Mapping[str, Any]]:
+    return [dict(e) for e in events(recording, "drift_check")]
+
+
+def test_drift_is_checked_before_the_next_trial_when_the_operator_asks(tmp_path: Path) -> None:
+    operator = ScriptedOperator((*IN_T02, Command(Action.CHECK_DRIFT)))
+    recording = operated(tmp_path, operator)
+
+    (check,) = drift_checks(recording)
+    assert ("operator", True, 2.0) == (check["moment"], check["accepted"], check["limit_deg"])
+    assert 0 < check["error_deg"] < 2.0
+    assert not check["corrected"]
+    rows = trial_table(recording)
+    assert rows.loc[("T03", 1), "calibration_id"] == rows.loc[("T02", 1), "calibration_id"]
+    assert any(message.startswith("drift of gaze: ") for message in operator.messages)
+
+
+def test_drift_beyond_the_limit_is_calibrated_anew_by_the_rule_of_the_lab(tmp_path: Path) -> None:
+    checks = GazeChecks(drift_check_trials=2, drift_limit_deg=0.01)
+    operator = ScriptedOperator()
+    recording = perform(lab(tmp_path).model_copy(update={"gaze": checks}), operator, trial_s=1.0)
+    assert_moves_allowed(operator)
+
+    found = drift_checks(recording)
+    assert {("rule", False)} == {(c["moment"], c["accepted"]) for c in found}
+    rows = trial_table(recording)
+    first, third = rows.loc[("T01", 1), "calibration_id"], rows.loc[("T03", 1), "calibration_id"]
+    assert first != third
+    assert ["P1", *TRIALS] == order(recording)
+
+
+def test_an_eyelink_is_calibrated_by_its_host_between_trials(tmp_path: Path) -> None:
+    config = lab(tmp_path)
+    options = driver_spec("eyelink").options(
+        rate_hz=100.0, screen_width_mm=1200.0, screen_height_mm=900.0
+    )
+    tracker = DeviceConfig(
+        role="eye_tracker", driver="eyelink", simulated=True, options=options.model_dump()
+    )
+    config = config.model_copy(update={"devices": {**config.devices, "eye_tracker": tracker}})
+    operator = ScriptedOperator((*IN_T02, Command(Action.RECALIBRATE)))
+    recording = perform(config, operator, trial_s=1.0)
+    assert_moves_allowed(operator)
+
+    calibrations = [dict(e) for e in events(recording, "calibration")]
+    assert {(True, "calibration result: GOOD")} == {
+        (c["succeeded"], c["message"]) for c in calibrations
+    }
+    rows = trial_table(recording)
+    assert rows.loc[("T03", 1), "calibration_id"] != rows.loc[("T02", 1), "calibration_id"]
+    assert rows.loc[("T03", 1), "calibration_accepted"]
+    assert [] == [e for e in events(recording, "fault") if e["role"] == "eye_tracker"]

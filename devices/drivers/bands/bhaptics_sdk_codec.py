@@ -124,13 +124,15 @@ class BhapticsSdkLanguage:
             if unit.get("connected") is not True:
                 continue
             percent = unit.get("battery")
-            has_battery = isinstance(percent, (int, float)) and 0 <= percent <= FULL
+            battery_01 = None
+            if isinstance(percent, (int, float)) and 0 <= percent <= FULL:
+                battery_01 = percent / FULL
             name, address = unit.get("deviceName"), unit.get("address")
             return [
                 Ready(
                     name if isinstance(name, str) else "",
                     address if isinstance(address, str) else "",
                 ),
-                Condition(battery_01=percent / FULL if has_battery else None, is_worn=True),
+                Condition(battery_01=battery_01, is_worn=True),
             ]
         return [Ready(), Condition(is_worn=False)]

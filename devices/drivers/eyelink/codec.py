@@ -17,7 +17,7 @@ from visavis.devices.drivers.streaming.gaze_rays import (
     gaze_row,
     ray_between,
 )
-from visavis.devices.drivers.streaming.screen import NAN, Screen
+from visavis.devices.drivers.streaming.screen import NAN, Screen, Triple
 
 SAMPLE = struct.Struct("<dB6d")
 """Time (ms), eyes present (1 left, 2 right), then x, y (px) and pupil of left and right."""
@@ -30,6 +30,19 @@ MAX_EDF_NAME = 8
 
 
 UNKNOWN_PUPIL = PupilScale()
+
+TARGET = struct.Struct("<4i")
+"""Whether the host shows a target, its place (px), and the result of the calibration."""
+NO_REPLY = 1000
+"""Result as long as there is none."""
+DRIFT_RESULTS = {
+    0: "gaze was shifted onto the target",
+    1: "the host could not compute it: calibrate again",
+    2: "the host had too little of a fixation",
+    3: "gaze was further off than the host corrects",
+    NO_REPLY: "the host did not answer",
+}
+"""What the host says to `online_dcorr_trigger`, by the vendor's list of commands."""
 
 
 def pupil_sizes(raw: bytes) -> tuple[float, ...]:
@@ -63,6 +76,12 @@ def decode_sample(
         size = diameter_mm(pupil_scale.diameter_mm(pupil)) if has_gaze else NAN
         rows.append(Eye(ray, at, ray[0] == ray[0], size))
     return Sample(round(time_ms * 1e6), None, gaze_row(rows[0], rows[1]))
+
+
+def target_px(point_m: Triple, screen: Screen, screen_px: tuple[int, int]) -> tuple[int, int]:
+    """Return the pixel in which a direction from between the eyes meets the screen."""
+    x, y = screen.shares_of((0.0, 0.0, 0.0), point_m)
+    return round(x * screen_px[0]), round(y * screen_px[1])
 
 
 def screen_coordinates(screen_px: tuple[int, int]) -> str:

@@ -10,6 +10,8 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from visavis.devices.contracts import (
     CalibrationOutcome,
     ClockPair,
@@ -27,6 +29,7 @@ from visavis.devices.plausible import PUPIL_MM
 from visavis.devices.transports import Exchange, Frames, Message, MessageTransport
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.lab.errors import DeviceTimeout
+from visavis.lab.geometry import Vector, unit
 
 ASK_WITHIN_NS = NS_PER_S // 5
 NO_RESULT = 1000
@@ -35,10 +38,13 @@ VERDICTS = {1: "poor calibration", 27: "calibration was ended with Esc", -1: "ca
 MIN_PUPILS = 200
 PERHAPS_OTHER_UNIT = "was artificial_pupil_units measured otherwise?"
 RECORD_WITHIN_NS = 10 * NS_PER_S
+SETUP_WITHIN_NS = 180 * NS_PER_S
+"""How long the host may take to calibrate within a session."""
+LOOK_EVERY_NS = NS_PER_S // 50
 
 
 class EyeLink(GazeDevice):
-    """Follow the `EyeTracker` contract over pylink; it is calibrated on its host computer.
+    """Follow the `EyeTracker` contract over pylink; its host computer leads calibrations.
 
     `pupil_scale` comes from an artificial pupil measured in the lab; without it pupils stay
     unknown, because the tracker's unit depends on camera and distance.
@@ -57,7 +63,13 @@ class EyeLink(GazeDevice):
         screen_px: tuple[int, int] = (1920, 1080),
         pupil_scale: PupilScale = codec.UNKNOWN_PUPIL,
         eye_distance_mm: float = 64.0,
+        drift_correction: bool = False,
     ) -> None:
+        self._corrects_drift = drift_correction
+        self._setup_until_ns: int | None = None
+        self._target: Vector | None = None
+        self._has_shown = False
+        self._look_ns = 0
         self._screen = screen or Screen()
         self._screen_px = screen_px
         self._pupil_scale = pupil_scale
@@ -93,7 +105,86 @@ class EyeLink(GazeDevice):
         frames = (b"record", codec.edf_name(name).encode(), str(path).encode())
         self._ask(frames, self._clock.now_ns() + RECORD_WITHIN_NS)
 
+    def lead_calibration(self) -> None:
+        """Stop recording and let the host calibrate; it says where its targets belong."""
+        self._life.require("lead_calibration", DeviceState.STREAMING)
+        self._calibration = None
+
+        def begin() -> None:
+            self._ask((b"setup",), self._clock.now_ns() + RECORD_WITHIN_NS)
+            self._setup_until_ns = self._clock.now_ns() + SETUP_WITHIN_NS
+            self._target, self._has_shown = None, False
+
+        self._wire.do(begin)
+
+    def wanted_target(self) -> Vector | None:
+        """Return the direction of the host's target; None while it shows none."""
+        return self._target
+
+    def calibration_verdict(self) -> CalibrationOutcome | None:
+        """Return the host's verdict; None until it came and the tracker records again."""
+        return None if self.is_paused else self._calibration
+
+    @property
+    def is_paused(self) -> bool:
+        """Tell whether the host calibrates: it sends no samples then."""
+        return self._setup_until_ns is not None
+
+    def correct_drift(self, direction_head: Vector) -> CalibrationOutcome:
+        """Let the host shift gaze onto this direction, where `drift_correction` allows it."""
+        self._life.require("correct_drift", DeviceState.STREAMING)
+        if not self._corrects_drift:
+            return CalibrationOutcome(False, "not corrected: drift_correction is off")
+        x, y, z = (float(v) for v in direction_head)
+        place = codec.target_px((x, y, z), self._screen, self._screen_px)
+        codes: list[int] = []
+
+        def correct() -> None:
+            frames = (b"drift", f"{place[0]} {place[1]}".encode())
+            answer = self._ask(frames, self._clock.now_ns() + ASK_WITHIN_NS).frames[1]
+            codes.append(VERDICT.unpack_from(answer)[0])
+
+        self._wire.do(correct)
+        (code,) = codes
+        return CalibrationOutcome(code == 0, codec.DRIFT_RESULTS.get(code, f"code {code}"))
+
+    def poll(self, timeout_s: float) -> int:
+        """Deliver samples; while the host calibrates, ask what it shows. See the contract."""
+        if self._life.state is not DeviceState.STREAMING or self._setup_until_ns is None:
+            return super().poll(timeout_s)
+        self._heard_ns = self._clock.now_ns()  # silence is meant
+        row_count = super().poll(timeout_s)
+        if self._clock.now_ns() >= self._look_ns:
+            self._look_ns = self._clock.now_ns() + LOOK_EVERY_NS
+            self._look_at_setup(self._setup_until_ns)
+        return row_count
+
+    def _look_at_setup(self, until_ns: int) -> None:
+        now_ns = self._clock.now_ns()
+        try:
+            answer = self._ask((b"target",), now_ns + ASK_WITHIN_NS).frames[1]
+        except DeviceTimeout:
+            return
+        is_shown, x, y, code = codec.TARGET.unpack(answer)
+        if is_shown:
+            self._has_shown = True
+            shares = x / self._screen_px[0], y / self._screen_px[1]
+            self._target = unit(np.array(self._screen.point_m(*shares)))
+        else:
+            self._target = None
+        is_over = self._has_shown and code != NO_RESULT  # an earlier result stands until then
+        if not is_over and now_ns < until_ns:
+            return
+        self._setup_until_ns, self._target = None, None
+        self._ask((b"leave",), now_ns + RECORD_WITHIN_NS)
+        if is_over:
+            self._take_verdict(self._ask((b"verdict",), now_ns + RECORD_WITHIN_NS).frames[1])
+        if self._calibration is None:
+            text = f"the host did not finish within {SETUP_WITHIN_NS / NS_PER_S:.0f} s"
+            self._calibration = CalibrationOutcome(False, text)
+
     def _connect(self, deadline_ns: int) -> None:
+        self._setup_until_ns = None
         version = self._ask((b"version",), deadline_ns).frames[1].decode("utf-8", "replace")
         self.info = replace(self.info, model=version or "EyeLink")
         verdict = self._ask((b"verdict",), deadline_ns).frames[1]

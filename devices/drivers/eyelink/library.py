@@ -12,9 +12,11 @@ from typing import Any
 
 from visavis.devices.drivers.eyelink.codec import (
     LEFT,
+    NO_REPLY,
     NO_TIME,
     RIGHT,
     SAMPLE,
+    TARGET,
     message_text,
     screen_coordinates,
 )
@@ -26,6 +28,10 @@ from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound, 
 SAMPLE_TYPE = 200
 LOOK_AGAIN_NS = NS_PER_MS // 5
 MAX_SAMPLES = 4096
+MODE_READY_MS = 500
+KEY_PRESS, ENTER = 10, 13
+"""A key that goes down, and the key that accepts, as the library numbers them."""
+DRIFT_COMMANDS = ("driftcorrect_cr_disable = OFF", "online_dcorr_maxangle = 5.0")
 TIME = struct.Struct("<q")
 VERDICT = struct.Struct("<i")
 
@@ -47,6 +53,8 @@ class EyeLinkLibrary(NoTopics):
     `screen_px` is sent to the tracker, whose gaze is in these pixels. It is told to give a pupil's
     diameter, or with `gives_area` its area; the names of the data say AREA for both. After a
     request `record` it records to its own file, which is fetched when the wire is closed.
+    `setup` ends the recording and lets the host calibrate, `target` says what it shows, `leave`
+    accepts the result and records again; `drift` shifts gaze onto a pixel.
     """
 
     def __init__(
@@ -57,6 +65,7 @@ class EyeLinkLibrary(NoTopics):
         screen_px: tuple[int, int] = (1920, 1080),
         rate_hz: float = 1000.0,
         gives_area: bool = False,
+        corrects_drift: bool = False,
         library: Any = None,
         is_simulated: bool = False,
     ) -> None:
@@ -66,6 +75,7 @@ class EyeLinkLibrary(NoTopics):
         self._screen_px = screen_px
         self._rate_hz = rate_hz
         self._gives_area = gives_area
+        self._corrects_drift = corrects_drift
         self._file: tuple[str, Path] | None = None
         self._breaks = 0
         self._injected_library = library
@@ -97,6 +107,7 @@ class EyeLinkLibrary(NoTopics):
             "link_sample_data = LEFT,RIGHT,GAZE,AREA,STATUS",
             "file_event_filter = LEFT,RIGHT,FIXATION,SACCADE,BLINK,MESSAGE,BUTTON,INPUT",
             "file_sample_data = LEFT,RIGHT,GAZE,AREA,GAZERES,HREF,STATUS,INPUT",
+            *(DRIFT_COMMANDS if self._corrects_drift else ()),
         ):
             tracker.sendCommand(command)
         if self._file is not None:
@@ -120,6 +131,16 @@ class EyeLinkLibrary(NoTopics):
             tracker.setOfflineMode()
             self._open_file(frames[1].decode(), Path(frames[2].decode()))
             answer = b""
+        elif frames[0] == b"setup":
+            answer = self._begin_setup()
+        elif frames[0] == b"target":
+            hidden, x, y = tracker.getTargetPositionAndState()
+            code = int(tracker.getCalibrationResult())
+            answer = TARGET.pack(int(hidden == 0), round(x), round(y), code)
+        elif frames[0] == b"leave":
+            answer = self._leave_setup()
+        elif frames[0] == b"drift":
+            answer = VERDICT.pack(self._correct_drift(frames[1].decode(), timeout_s))
         elif frames[0] == b"version":
             answer = str(tracker.getTrackerVersionString()).encode()
         else:
@@ -177,6 +198,33 @@ class EyeLinkLibrary(NoTopics):
         self._file = (name, path)
         tracker.sendMessage(f"DISPLAY_COORDS {screen_coordinates(self._screen_px)}")
         self._start(1)
+
+    def _begin_setup(self) -> bytes:
+        tracker = self._tracker
+        tracker.stopRecording()
+        tracker.setOfflineMode()
+        tracker.enableAutoCalibration()
+        tracker.startSetup()
+        tracker.waitForModeReady(MODE_READY_MS)
+        tracker.sendKeybutton(ord("c"), 0, KEY_PRESS)
+        return b""
+
+    def _leave_setup(self) -> bytes:
+        self._tracker.sendKeybutton(ENTER, 0, KEY_PRESS)
+        self._tracker.setOfflineMode()
+        self._start(int(self._file is not None))
+        return b""
+
+    def _correct_drift(self, place: str, timeout_s: float) -> int:
+        tracker = self._tracker
+        deadline_ns = self._clock.now_ns() + round(timeout_s * NS_PER_S)
+        tracker.sendCommand(f"online_dcorr_trigger {place}")
+        while (code := int(tracker.commandResult())) == NO_REPLY:
+            now_ns = self._clock.now_ns()
+            if now_ns >= deadline_ns:
+                break
+            self._clock.sleep_until_ns(now_ns + LOOK_AGAIN_NS)
+        return code
 
     def _start(self, to_file: int) -> None:
         code = self._tracker.startRecording(to_file, to_file, 1, 0)

@@ -57,6 +57,8 @@ class EyeLinkOptions(ScreenOptions):
     """Diameter of an artificial pupil measured in the lab; 0 leaves pupils unknown."""
     artificial_pupil_units: float = Field(default=0.0, ge=0, le=1e6)
     """The size that the tracker gave it, with the same `pupil_size`."""
+    drift_correction: bool = False
+    """Whether a drift check of a session also lets the tracker shift its gaze."""
     pupil_mm_per_unit: float = Field(default=0.0, ge=0, le=1)
     """As recordings of version 0.3 and earlier state it; a tracker is not opened with it."""
     eye_distance_mm: EyeDistanceMm = 64.0

@@ -23,6 +23,7 @@ def _library(site: Site[EyeLinkOptions]) -> MessageTransport:
         screen_px=(options.screen_width_px, options.screen_height_px),
         rate_hz=options.rate_hz,
         gives_area=options.pupil_size == "area",
+        corrects_drift=options.drift_correction,
     )
 
 

@@ -59,8 +59,9 @@ def decode_state(payload: bytes) -> TrackerState | None:
     """Return the tracker's state; None when the bytes are malformed."""
     if len(payload) != STATE.size:
         return None
-    *flags, left, right = STATE.unpack(payload)
-    return TrackerState(*map(bool, flags), left, right)
+    allowed, connected, calibrating, calibrated, left, right = STATE.unpack(payload)
+    flags = bool(allowed), bool(connected), bool(calibrating), bool(calibrated)
+    return TrackerState(*flags, left, right)
 
 
 def decode_datum(payload: bytes) -> Sample | None:

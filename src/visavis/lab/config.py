@@ -197,6 +197,17 @@ class Sync(_Part):
     lab_recorder: str = ""
 
 
+class GazeChecks(_Part):
+    """When a session that calibrates gaze checks its drift, and how much of it is let pass.
+
+    After every `drift_check_trials` trials (0: only when the operator asks) one target is looked
+    at; gaze further off than `drift_limit_deg` is calibrated anew.
+    """
+
+    drift_check_trials: int = Field(default=0, ge=0, le=1000)
+    drift_limit_deg: float = Field(default=2.0, gt=0, le=20)
+
+
 class Privacy(_Part):
     """What participants agreed to; the version is recorded with every session.
 
@@ -255,6 +266,7 @@ class LabConfig(BaseModel):
     privacy: Privacy
     publication: Publication = Publication()
     sync: Sync = Sync()
+    gaze: GazeChecks = GazeChecks()
     devices: Mapping[str, DeviceConfig]
     wording: Mapping[str, Path]
     studies: Mapping[str, Path] = Field(default_factory=dict)
@@ -282,6 +294,7 @@ class _File(_Part):
     privacy: Privacy
     publication: Publication = Publication()
     sync: Sync = Sync()
+    gaze: GazeChecks = GazeChecks()
     devices: dict[str, Any] = Field(min_length=1)
     wording: dict[str, str] = Field(default_factory=dict)
     studies: dict[str, str] = Field(default_factory=dict)
@@ -372,6 +385,7 @@ def _validate(
         privacy=file.privacy,
         publication=file.publication,
         sync=file.sync,
+        gaze=file.gaze,
         devices=entries,
         wording={name: _absolute(folder, text) for name, text in file.wording.items()},
         studies={name: _absolute(folder, text) for name, text in file.studies.items()},

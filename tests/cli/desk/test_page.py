@@ -283,6 +283,7 @@ def test_every_button_and_key_asks_for_what_the_terminals_keys_do(
             Action.FLAG,
             Action.REPEAT,
             Action.RECALIBRATE,
+            Action.CHECK_DRIFT,
             Action.SILENCE,
         ):
             page.click(f"#do-{action}")

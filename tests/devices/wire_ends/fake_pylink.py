@@ -1,7 +1,7 @@
 """A stand-in of the part of pylink that the EyeLink driver calls, over its simulator.
 
 The library's core needs a tracker, so nothing below pylink's surface is modelled; nor are events,
-camera setup, drift checks and the content of EDF files.
+the camera's picture and the content of EDF files.
 """
 
 import re
@@ -44,7 +44,8 @@ class FakeTracker:
         self._next: bytes | None = None
         self.recording = False
         self.commands: list[str] = []
-        self._is_offline = False
+        self._is_offline = self._in_setup = False
+        self.keys: list[int] = []
         self._open: str | None = None
         self._answer_ns: int | None = None
         library.simulator.display_px = DEFAULT_PX
@@ -66,7 +67,40 @@ class FakeTracker:
 
     def setOfflineMode(self) -> None:  # noqa: N802
         """Leave setup or recording."""
+        if self._in_setup:
+            self._in_setup = False
+            self._library.simulator.leave_setup(self._library.clock.now_ns())
         self._is_offline, self.recording = True, False
+
+    def enableAutoCalibration(self) -> None:  # noqa: N802
+        """Let the host accept fixations by itself."""
+
+    def startSetup(self) -> int:  # noqa: N802
+        """Show the host's menu; needs offline mode."""
+        if not self._is_offline:
+            return -1
+        self._in_setup, self._is_offline = True, False
+        return 0
+
+    def waitForModeReady(self, most_ms: int) -> int:  # noqa: N802
+        """Return 0: the mode has changed."""
+        return 0
+
+    def sendKeybutton(self, code: int, mods: int, state: int) -> int:  # noqa: N802
+        """Press a key at the host: C in its menu calibrates."""
+        self.keys.append(code)
+        if self._in_setup and code == ord("c"):
+            self._library.simulator.begin_setup(self._library.clock.now_ns())
+        return 0
+
+    def getTargetPositionAndState(self) -> tuple[int, int, int]:  # noqa: N802
+        """Return 0 for a target that is visible, and its place."""
+        is_shown, x, y, _ = self._library.simulator.target(self._library.clock.now_ns())
+        return 1 - is_shown, x, y
+
+    def commandResult(self) -> int:  # noqa: N802
+        """Return the result of the last command."""
+        return self._library.simulator.drift_code
 
     def startRecording(self, *flags: int) -> int:  # noqa: N802
         """Start; older samples are lost. Nothing is recorded while no file is open."""
@@ -139,8 +173,8 @@ class FakeTracker:
         return VERSION
 
     def getCalibrationResult(self) -> int:  # noqa: N802
-        """Return 0 when the last calibration was good, 1000 before any."""
-        return self._library.simulator.verdict
+        """Return 0 when the last calibration was good, 1000 before any and while one runs."""
+        return self._library.simulator.target(self._library.clock.now_ns())[3]
 
     def getCalibrationMessage(self) -> str:  # noqa: N802
         """Return the host's words on it."""

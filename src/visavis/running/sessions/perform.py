@@ -362,6 +362,7 @@ def _setup(
         idle_roles=frozenset() if request.experiment.rests_on_gaze else frozenset({"eye_tracker"}),
         timing=request.timing,
         lost_device_s=request.lost_device_s,
+        gaze_checks=request.config.gaze,
         listeners=SessionListeners(
             on_open=lambda infos: _describe(request, devices, folder, recorder, infos),
             on_validation=lambda calibration: folder.describe(

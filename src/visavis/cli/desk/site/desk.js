@@ -15,6 +15,7 @@ const BUTTONS = [
   ["repeat", "Repeat trial", "R", ""],
   ["skip", "Skip trial", "S", "Why is this trial skipped?"],
   ["recalibrate", "Recalibrate", "C", ""],
+  ["check_drift", "Check drift", "D", ""],
   ["silence", "Silence vibration", "X", ""],
   ["abort", "End session", "Esc", ""],
 ];
