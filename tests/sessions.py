@@ -12,6 +12,10 @@ from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.session_request import simulated_request
 
 STUDIES = Path(__file__).parent / "studies"
+SHORT_STARE = [
+    f"--set={one}" for one in ("trial_s=1", "intertrial_s=0.5", "practice_s=1", "repetitions=1")
+]
+"""Words of a command that make a session of stare short: 36 trials of a second, one of practice."""
 
 
 def opened(name: str) -> OpenedStudy:

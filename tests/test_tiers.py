@@ -54,6 +54,35 @@ def test_a_test_is_there_by_its_name_in_its_file(tmp_path: Path) -> None:
     assert [True, True, False, False] == [is_there(name, tmp_path) for name in names]
 
 
+def named(name: str) -> Any:
+    return SimpleNamespace(nodeid=name, add_marker=lambda _: None)
+
+
+def test_files_with_the_longest_tests_come_first_and_tests_of_a_file_stay_in_their_order() -> None:
+    names = ["a.py::test_1", "b.py::test_2", "b.py::test_3", "c.py::test_4"]
+    items = [named(name) for name in names]
+    plugin = Tiers({"b.py::test_3": 30.0, "c.py::test_4": 9.0})
+    plugin.pytest_collection_modifyitems(items)
+    assert [names[i] for i in (1, 2, 3, 0)] == [item.nodeid for item in items]
+
+
+def test_where_the_second_tier_alone_is_asked_for_only_files_that_hold_some_are_imported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tiers, "ROOT", tmp_path)
+    texts = {"test_a.py": "", "test_b.py": "", "test_c.py": "@pytest.mark.slow", "conftest.py": ""}
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text, "utf-8")
+    plugin = Tiers({"test_a.py::test_1": 30.0, "test_b.py::test_1": 1.0})
+
+    def ignored(marks: str) -> list[str]:
+        asked: Any = SimpleNamespace(option=SimpleNamespace(markexpr=marks))
+        return [n for n in texts if plugin.pytest_ignore_collect(tmp_path / n, asked)]
+
+    assert ["test_b.py"] == ignored("slow")
+    assert [] == ignored("") == ignored("not slow")
+
+
 class Clock:
     """The processor time that a test of tests says has passed."""
 

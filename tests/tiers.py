@@ -29,6 +29,8 @@ LISTED_S: Final = 0.5
 ROOT: Final = Path(__file__).parents[1]
 COSTS: Final = ROOT / "tests" / "costs.txt"
 RECORD: Final = "--record-costs"
+MARKED: Final = "mark.slow"
+"""What stands in files whose tests were put into the second tier by hand."""
 
 
 def read_costs(text: str) -> dict[str, float]:
@@ -52,6 +54,11 @@ def is_there(test: str, root: Path = ROOT) -> bool:
     name, _, rest = test.partition("::")
     file, function = root / name, rest.partition("[")[0].rpartition("::")[2]
     return file.exists() and f"def {function}(" in file.read_text("utf-8")
+
+
+def file_of(test: str) -> str:
+    """Return the file of a test, relative to `ROOT`."""
+    return test.partition("::")[0]
 
 
 def is_slow(cost_s: float) -> bool:
@@ -113,6 +120,10 @@ class Tiers:
 
     def __init__(self, costs: Mapping[str, float], *, is_strict: bool = True) -> None:
         self._costs = costs
+        self._longest_s: dict[str, float] = {}
+        for test, cost_s in costs.items():
+            file = file_of(test)
+            self._longest_s[file] = max(cost_s, self._longest_s.get(file, 0.0))
         self._is_strict = is_strict
         self._compiling = _listen_to_compiling()
         self._fixture_s: dict[tuple[str, str], float] = {}
@@ -131,12 +142,22 @@ class Tiers:
         # Another order of tests, or another test left out, and this one would have recorded it.
         return self.computed_s() + STORE.saved_s
 
+    def pytest_ignore_collect(self, collection_path: Path, config: pytest.Config) -> bool | None:
+        """Do not import files without a test of the second tier where that alone is asked for."""
+        if config.option.markexpr != "slow" or not collection_path.name.startswith("test_"):
+            return None
+        file = collection_path.relative_to(ROOT).as_posix()
+        if is_slow(self._longest_s.get(file, 0.0)) or MARKED in collection_path.read_text("utf-8"):
+            return None
+        return True
+
     @pytest.hookimpl(tryfirst=True)  # before pytest deselects by marks
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        """Mark what belongs to the second tier."""
+        """Mark what belongs to the second tier; put files with the longest tests first."""
         for item in items:
             if is_slow(self._costs.get(item.nodeid, 0.0)):
                 item.add_marker(pytest.mark.slow)
+        items.sort(key=lambda item: -self._longest_s.get(file_of(item.nodeid), 0.0))
 
     @pytest.hookimpl(wrapper=True)
     def pytest_fixture_setup(

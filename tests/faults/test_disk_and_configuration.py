@@ -20,6 +20,7 @@ from tests.faults.sessions import (
     request,
     resume,
 )
+from tests.sessions import SHORT_STARE
 from visavis.cli.app import load_lab
 from visavis.cli.main import app
 from visavis.lab.clock import SimClock
@@ -133,9 +134,10 @@ def test_a_second_process_on_a_session_is_refused_with_the_way_out(tmp_path: Pat
 @pytest.mark.timeout(600)
 def test_a_session_typed_twice_is_refused_and_nothing_is_overwritten(tmp_path: Path) -> None:
     configured(tmp_path)
-    first = visavis("run", "stare", "--participant", "07", "--fast", cwd=tmp_path)
+    run = ("run", "stare", "--participant", "07", "--fast")
+    first = visavis(*run, *SHORT_STARE, cwd=tmp_path)
     before = {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*") if p.is_file()}
-    again = visavis("run", "stare", "--participant", "07", "--fast", cwd=tmp_path)
+    again = visavis(*run, cwd=tmp_path)
 
     assert 0 == first.returncode, first.stderr
     assert 2 == again.returncode
@@ -218,6 +220,7 @@ def test_spaces_accents_and_a_decimal_comma_change_nothing(tmp_path: Path) -> No
         "--participant",
         "07",
         "--fast",
+        *SHORT_STARE,
         cwd=here,
         LC_ALL="de_DE.UTF-8",
         LANG="de_DE.UTF-8",
@@ -226,9 +229,9 @@ def test_spaces_accents_and_a_decimal_comma_change_nothing(tmp_path: Path) -> No
     session = next(here.glob("data/simulated/stare/sub-*/ses-001"))
     recording = Recording(session)
     assert "complete" == recording.status
-    assert 73 == len(recording.trials())
+    assert 37 == len(recording.trials())
     checked = visavis("check", str(session), cwd=tmp_path, LC_ALL="de_DE.UTF-8")
-    assert "73 of 73 planned trials complete, 1 of them practice" in checked.stdout
+    assert "37 of 37 planned trials complete, 1 of them practice" in checked.stdout
 
 
 def test_who_sees_a_body_of_their_own_is_tracked_in_every_study() -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from tests.faults.sessions import CONFIG, REPOSITORY, events, findings, lab, request
+from tests.sessions import SHORT_STARE
 from visavis.devices.sim.pupil.capture import PupilCoreSimulator
 from visavis.experiments.stare.study import study
 from visavis.lab.clock import NS_PER_S, SystemClock
@@ -99,7 +100,7 @@ def test_a_signal_leaves_an_aborted_session_that_resume_completes(
     command = [sys.executable, "-m", "visavis.cli.main"]
     where = {"cwd": tmp_path, "env": {**os.environ, "PYTHONPATH": str(REPOSITORY)}}
     running = subprocess.Popen(
-        [*command, "run", "stare", "--participant", "07"],
+        [*command, "run", "stare", "--participant", "07", *SHORT_STARE],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
