@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from numba.core.caching import UserProvidedCacheLocator
 
 from tests.packaging.lab_folder import fill_lab_folder
 from tests.packaging.test_fresh_install import absent_without, brought
@@ -30,8 +31,10 @@ LEFT_BEHIND = shutil.ignore_patterns(
 QUICK = ["--set", "trial_s=1", "--set", "intertrial_s=0.5", "--set", "practice_s=1"]
 QUICK += ["--set", "repetitions=1"]
 ONE = ["--processes", "1"]
-"""Two would compile everything twice."""
+"""Two would load everything twice."""
 ROOMS = [f"visavis.{p.name}" for p in PACKAGE.iterdir() if (p / "__init__.py").exists()]
+CLONES = Path(os.environ["NUMBA_CACHE_DIR"])
+"""Where machine code of the clone is kept: tests/conftest.py."""
 LINKS = {f"visavis/{name}" for name in ROOMS_AT_THE_TOP}
 EVERY_VERB = [
     "init",
@@ -71,6 +74,7 @@ class Installed(NamedTuple):
 
     programs: Path
     wheel: Path
+    kernels: Path
 
     def run(self, program: str, *arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
         """Run a program of the environment; nothing of the clone is on its path."""
@@ -80,7 +84,12 @@ class Installed(NamedTuple):
             text=True,
             check=False,
             cwd=cwd,
-            env={**without_the_clone(), "PYTHONNOUSERSITE": "1", "COLUMNS": "200"},
+            env={
+                **without_the_clone(),
+                "PYTHONNOUSERSITE": "1",
+                "COLUMNS": "200",
+                "NUMBA_CACHE_DIR": str(self.kernels),
+            },
         )
 
 
@@ -104,7 +113,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
     """
     folder = STORE.share("installed_wheel", install_wheel, tmp_path_factory.mktemp("wheel"))
     (wheel,) = folder.glob("visavis-*.whl")
-    return Installed(programs_of(folder / "environment"), wheel)
+    return Installed(programs_of(folder / "environment"), wheel, folder / "kernels")
 
 
 def programs_of(environment: Path) -> Path:
@@ -113,7 +122,7 @@ def programs_of(environment: Path) -> Path:
 
 
 def install_wheel(folder: Path) -> Path:
-    """Build the wheel and install it, once in a run: its kernels, too, are compiled once."""
+    """Build the wheel and install it, once in a run."""
     folder.mkdir(parents=True, exist_ok=True)
     source = folder / "source"
     shutil.copytree(ROOT, source, ignore=LEFT_BEHIND, symlinks=True)
@@ -125,7 +134,7 @@ def install_wheel(folder: Path) -> Path:
     environment = folder / "environment"
     venv.create(environment, with_pip=False, symlinks=os.name != "nt")
     python = programs_of(environment) / "python"
-    pip("--python", str(python), "install", *alone, str(wheel), cwd=folder)
+    pip("--python", str(python), "install", "--no-compile", *alone, str(wheel), cwd=folder)
     # Folders named in a .pth file come last, and .pth files in them (the editable install of the
     # clone is one) are not read.
     where = sysconfig.get_path("purelib", vars={"base": str(environment)})
@@ -133,8 +142,32 @@ def install_wheel(folder: Path) -> Path:
     asked = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
     absent = absent_without(brought(*asked))
     (Path(where) / "sitecustomize.py").write_text(WITHOUT_EXTRAS.format(absent=absent), "utf-8")
+    lend_kernels(Path(where) / "visavis", folder / "kernels")
     shutil.rmtree(source)
     return folder
+
+
+def lend_kernels(package: Path, kernels: Path) -> None:
+    """Let machine code of the clone serve the installed package where their sources are the same.
+
+    What the wheel's code compiles to is not in question here, and takes minutes. numba keeps code
+    by the path of its folder, and knows a source by its time and size.
+    """
+    kernels.mkdir()
+    for file in package.rglob("*.py"):
+        own = PACKAGE / file.relative_to(package)
+        assert own.read_bytes() == file.read_bytes(), f"{file} is not as in the clone"
+        times = own.stat()
+        os.utime(file, ns=(times.st_atime_ns, times.st_mtime_ns))
+        lent, at = (kept_below(folder, one) for folder, one in ((kernels, file), (CLONES, own)))
+        if os.name != "nt" and not lent.is_symlink():  # there everything is compiled
+            at.mkdir(parents=True, exist_ok=True)
+            lent.symlink_to(at)
+
+
+def kept_below(folder: Path, source: Path) -> Path:
+    """Return where numba keeps machine code of a source file."""
+    return folder / UserProvidedCacheLocator.get_suitable_cache_subpath(str(source))
 
 
 def in_wheel(name: str) -> str:
