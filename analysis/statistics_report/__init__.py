@@ -24,7 +24,9 @@ from visavis.analysis.statistics_report.factorial import FACTORIAL_TESTS, TestRu
 from visavis.analysis.statistics_report.level_words import level_words_of
 from visavis.analysis.statistics_report.outcome import Outcome, Question, Samples
 from visavis.analysis.statistics_report.simple import SIMPLE_TESTS
+from visavis.analysis.statistics_report.spelling import refuse_spellings, with_one_spelling
 from visavis.analysis.statistics_report.table_file import DataTable, read_table, table_of
+from visavis.analysis.statistics_report.wide import long_table, with_numbers_for_words
 from visavis.lab.errors import LabError, UsageError
 
 TESTS: Mapping[str, TestRun] = {
@@ -45,13 +47,16 @@ def answer(
     (lmm, gee, clmm, bradleyterry). Categorical columns keep the order of their levels; a column
     `is_simulated` marks the outcome. `name` is what messages call the data. Raises UsageError for a
     question that makes no sense, and a `StatisticsError` naming row, subject and cell for data a
-    test cannot accept.
+    test cannot accept, such as people or groups whose names differ by spelling alone.
     """
     if question.test not in TESTS:
         near = difflib.get_close_matches(question.test, TESTS, n=1, cutoff=0.4)
         hint = f"; did you mean {near[0]}?" if near else "."
         raise UsageError(f"there is no test {question.test!r}{hint} Known: {', '.join(TESTS)}")
     table = data if isinstance(data, DataTable) else table_of(data, name=name)
+    for column in (question.subject, *question.between, *question.within):
+        if column in table.cells and column not in table.levels:
+            refuse_spellings(table, column)
     words = level_words_of(question)
     if words is None:
         return TESTS[question.test](table, question)
@@ -89,8 +94,11 @@ __all__ = [
     "Samples",
     "answer",
     "counted_rows",
+    "long_table",
     "read_table",
     "rows_where",
     "table_of",
     "with_error_rates",
+    "with_numbers_for_words",
+    "with_one_spelling",
 ]

@@ -18,8 +18,9 @@ from visavis.analysis.statistics.results import Array, Result
 from visavis.analysis.statistics_report.factorial import TestRun
 from visavis.analysis.statistics_report.outcome import Outcome, Question
 from visavis.analysis.statistics_report.prepare import not_normal, of_two_ways
-from visavis.analysis.statistics_report.table_file import MISSING_WORDS, DataTable, natural_order
+from visavis.analysis.statistics_report.table_file import DataTable, natural_order
 from visavis.lab.errors import UsageError
+from visavis.lab.foreign_text import MISSING_WORDS
 
 
 def _wide(table: DataTable, q: Question, *, as_categories: bool) -> tuple[Array, pd.DataFrame]:

@@ -1,10 +1,8 @@
 """Read a table as labs have it: commas or semicolons, points or decimal commas, or Parquet."""
 
-import csv
-import io
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -19,13 +17,18 @@ from visavis.analysis.statistics.errors import (
     UnknownColumn,
 )
 from visavis.lab.errors import DataError, UsageError
+from visavis.lab.foreign_text import (
+    MISSING_WORDS,
+    NumberStyle,
+    decode_text,
+    file_decimal,
+    read_rows,
+    remark_on_codes,
+    style_of_numbers,
+)
 
 SIMULATED_COLUMN = "is_simulated"
-MISSING_WORDS = frozenset({"", "na", "nan", "n/a", "null", "none", "#n/a", "."})
-"""Texts that mean a missing number, in any case; a label is missing only when empty."""
 _POINT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
-_COMMA = re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?")
-_WITH_THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+")
 _INFINITE = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
 _WORDS = {"true": "1", "false": "0"}
 _TRUE, _FALSE = frozenset({"true", "1", "yes"}), frozenset({"false", "0", "no"})
@@ -36,7 +39,9 @@ class DataTable:
     """A table as text, one string per cell ('' where nothing stands).
 
     `lines` are the line numbers of the rows in the file, 0 where it has none. `notes` say how the
-    file was read; `levels` are the orders of categorical columns.
+    file was read; `levels` are the orders of categorical columns. `delimiter` parts the columns of
+    the file and `decimal` is the decimal sign that they show beyond doubt, "" where there is none.
+    `spellings_differ`: labels that differ by case, blanks or zeros alone are different ones.
     """
 
     name: str
@@ -45,6 +50,9 @@ class DataTable:
     is_simulated: bool
     notes: tuple[str, ...] = ()
     levels: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    delimiter: str = ","
+    decimal: str = ""
+    spellings_differ: bool = False
 
     def labels(self, column: str) -> list[str]:
         """Return a label column; MissingValue names the first row without one."""
@@ -66,7 +74,7 @@ class DataTable:
         words = {v.lower() for v in values} - MISSING_WORDS
         if words and words <= _WORDS.keys():
             values = [_WORDS.get(v.lower(), v) for v in values]
-        decimal = self._decimal(column, values)
+        style = self.style(column, values)
         out = np.empty(len(values))
         for row, value in enumerate(values):
             if value.lower() in MISSING_WORDS:
@@ -78,13 +86,32 @@ class DataTable:
                     f"{self.name}: {column} is infinite in {self.place(row)}{about}; find out how "
                     "it was computed"
                 )
-            if not (_COMMA if decimal == "," else _POINT).fullmatch(value):
+            plain = style.plain(value)
+            if not _POINT.fullmatch(plain):
                 raise NotNumeric(
                     f"{self.name}: {column} holds the text {value!r} in {self.place(row)}{about}; "
                     "it must be a number (leave the cell empty where it is missing)"
                 )
-            out[row] = float(value.replace(",", "."))
+            out[row] = float(plain)
         return out
+
+    def style(self, column: str, values: Sequence[str] | None = None) -> NumberStyle:
+        """Return how a column writes its numbers; NotNumeric when that may mean two things."""
+        try:
+            return style_of_numbers(
+                self.texts(column) if values is None else values,
+                delimiter=self.delimiter,
+                of_file=self.decimal,
+                place=self.place,
+            )
+        except ValueError as error:
+            raise NotNumeric(f"{self.name}: {column} {error}") from error
+
+    def remarks(self, column: str) -> tuple[str, ...]:
+        """Return what to say of a column of numbers: thousands, values like codes for missing."""
+        style = self.style(column).remark
+        codes = remark_on_codes(column, self.numbers(column).tolist())
+        return tuple(text for text in (f"{column}: {style}" if style else "", codes) if text)
 
     def place(self, row: int) -> str:
         """Name a row for messages: 'row 4 (line 5)'."""
@@ -103,26 +130,6 @@ class DataTable:
             raise UnknownColumn(f"{self.name} has no column {column!r}{hint}")
         return [str(v) for v in self.cells[column]]
 
-    def _decimal(self, column: str, values: Sequence[str]) -> str:
-        """Return the decimal sign of a column; a mixture or a doubt is an error."""
-        with_comma = [r for r, v in enumerate(values) if "," in v and _COMMA.fullmatch(v)]
-        if not with_comma:
-            return "."
-        with_point = [r for r, v in enumerate(values) if "." in v and _POINT.fullmatch(v)]
-        if with_point:
-            raise NotNumeric(
-                f"{self.name}: {column} has decimal commas ({self.place(with_comma[0])}: "
-                f"{values[with_comma[0]]}) and decimal points ({self.place(with_point[0])}: "
-                f"{values[with_point[0]]}); write all numbers one way"
-            )
-        if all(_WITH_THOUSANDS.fullmatch(values[r]) for r in with_comma):
-            row = with_comma[0]
-            raise NotNumeric(
-                f"{self.name}: {column} holds {values[row]} in {self.place(row)}, which may be a "
-                "decimal comma or thousands; write numbers without grouping"
-            )
-        return ","
-
 
 def read_table(path: Path) -> DataTable:
     """Read CSV (comma, semicolon or tab) or Parquet.
@@ -138,32 +145,21 @@ def read_table(path: Path) -> DataTable:
         raise UsageError(f"there is no file {path}{hint}")
     if path.suffix.lower() in (".parquet", ".pq"):
         return _from_parquet(path)
-    text, notes = _read_text(path)
-    sign = _separator(text)
-    rows = [
-        (number, row)
-        for number, row in _rows_with_line_numbers(text, sign, path)
-        if any(cell.strip() for cell in row)
-    ]
-    if len(rows) < 2:
-        raise DataError(f"{path.name} holds no rows below its header; there is nothing to test")
-    names = [cell.strip() for cell in rows[0][1]]
-    _refuse_names(path.name, names)
-    for number, row in rows[1:]:
-        if len(row) != len(names):
-            hint = (
-                "; if its numbers have decimal commas, save it with semicolons between columns"
-                if sign == "," and len(row) > len(names)
-                else "; look at that line in a text editor"
-            )
-            raise DataError(
-                f"{path.name} has {len(row)} cells in line {number} and {len(names)} in its "
-                f"header{hint}"
-            )
+    try:
+        text, notes = decode_text(path.read_bytes())
+    except ValueError as error:
+        raise DataError(
+            f"{path.name} is no text table ({error}); save it as CSV or Parquet"
+        ) from error
+    read = read_rows(text, what=path.name)
     cells = pd.DataFrame(
-        [[cell.strip() for cell in row] for _, row in rows[1:]], columns=names, dtype=object
+        [[cell.strip() for cell in row] for row in read.rows],
+        columns=list(read.names),
+        dtype=object,
     )
-    return _table(path.name, cells, tuple(n for n, _ in rows[1:]), notes)
+    table = _table(path.name, cells, tuple(read.lines), (*notes, *read.remarks))
+    columns = {name: table.texts(name) for name in read.names}
+    return replace(table, delimiter=read.delimiter, decimal=file_decimal(columns))
 
 
 def _from_parquet(path: Path) -> DataTable:
@@ -239,32 +235,6 @@ def truth_of(name: str, column: str, texts: Sequence[str]) -> list[bool]:
             f"{name}: {column} holds {other_words[0]!r}; it says true or false in every row"
         )
     return [word in _TRUE for word in words]
-
-
-def _read_text(path: Path) -> tuple[str, tuple[str, ...]]:
-    raw = path.read_bytes()
-    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return raw.decode("utf-16"), ()
-    if b"\x00" in raw[:4096]:
-        raise DataError(f"{path.name} is no text table; save it as CSV or Parquet")
-    try:
-        return raw.decode("utf-8-sig"), ()
-    except UnicodeDecodeError:
-        return raw.decode("cp1252", errors="replace"), ("read as Windows-1252, it is not UTF-8",)
-
-
-def _separator(text: str) -> str:
-    header = next((line for line in text.splitlines() if line.strip()), "")
-    bare = re.sub(r'"[^"]*"', "", header)
-    return max((",", ";", "\t"), key=bare.count)
-
-
-def _rows_with_line_numbers(text: str, sign: str, path: Path) -> list[tuple[int, list[str]]]:
-    reader = csv.reader(io.StringIO(text, newline=""), delimiter=sign, strict=True)
-    try:
-        return [(reader.line_num, row) for row in reader]
-    except csv.Error as error:
-        raise DataError(f"{path.name}, line {reader.line_num}: {error}; repair the line") from error
 
 
 def _refuse_names(table: str, names: Sequence[str]) -> None:

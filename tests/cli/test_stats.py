@@ -394,7 +394,7 @@ def test_commas_that_may_be_thousands_are_refused(tmp_path: Path) -> None:
 def test_decimal_commas_between_commas_say_how_to_save(tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
     path.write_text("s,y\n1,0,5\n", encoding="utf-8")
-    with pytest.raises(DataError, match=r"3 cells in line 2.*semicolons"):
+    with pytest.raises(DataError, match=r"line 2 has 3 cells.*semicolons"):
         read_table(path)
 
 

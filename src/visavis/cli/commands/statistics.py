@@ -1,6 +1,7 @@
 """stats: one test of a table in a file, with tables, sentences, decision path and figures."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, cast
 
@@ -17,15 +18,19 @@ from visavis.analysis.statistics_report import (
     Question,
     answer,
     counted_rows,
+    long_table,
     read_table,
     rows_where,
     with_error_rates,
+    with_numbers_for_words,
+    with_one_spelling,
 )
 from visavis.analysis.statistics_report.outcome_files import outcome_data, write_outcome
 from visavis.cli.app import JsonOption, app, console, say, say_json, say_plainly, verbatim
-from visavis.lab.errors import UsageError
+from visavis.lab.errors import LabError, UsageError
 
-SEVERAL = ("--within", "--between", "--items", "--reverse", "--levels", "--where")
+SEVERAL = ("--within", "--between", "--items", "--reverse", "--levels", "--where", "--wide")
+SPELLINGS = ("", "same", "apart")
 EFFECT_COLUMNS = (
     "term",
     "F",
@@ -222,6 +227,25 @@ def stats(
         bool,
         typer.Option("--all-rows", help="Rows that do not count, too (is_analysed says no)."),
     ] = False,
+    wide: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--wide",
+            help="Columns that hold the response, one per level of --within: --wide near far; of "
+            "two factors near_1 near_2 far_1 far_2.",
+        ),
+    ] = None,
+    words: Annotated[
+        str,
+        typer.Option("--words", help="Numbers for words of --dv: --words 'never=1,rarely=2,…'"),
+    ] = "",
+    spelling: Annotated[
+        str,
+        typer.Option(
+            "--spelling",
+            help="Names that differ by case, blanks, leading zeros or .0: same, or apart.",
+        ),
+    ] = "",
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder; FILE_TEST when left out.")
     ] = None,
@@ -269,9 +293,23 @@ def stats(
         kind=kind,
     )
     # Rows are chosen before the test, so that its notes can say how many were left out.
+    if spelling not in SPELLINGS:
+        raise UsageError(f"--spelling takes same or apart, not {spelling!r}")
     table = read_table(file)
     table = rows_where(table if all_rows else counted_rows(table), where or [])
-    outcome = answer(table, question)
+    if wide:
+        table = long_table(table, wide, dv=question.dv, factors=question.within)
+    if words:
+        table = with_numbers_for_words(table, question.dv, words)
+    names = (subject, *question.between, *question.within)
+    if spelling == "same":
+        table = with_one_spelling(table, [name for name in names if name in table.cells])
+    table = replace(table, spellings_differ=spelling == "apart")
+    try:
+        outcome = answer(table, question)
+    except LabError:
+        _print_lines("", table.notes)  # such as a cut file, which explains what is missing
+        raise
     if error_rate:
         rng = np.random.default_rng(ERROR_RATE_SEED)
         outcome = with_error_rates(outcome, table, rng, n_studies=error_rate)

@@ -1,0 +1,364 @@
+"""Read tables of text as other programs write them: encodings, delimiters, numbers.
+
+What is read otherwise than it stands is told in remarks; what may mean two things is refused.
+"""
+
+import csv
+import io
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from visavis.lab.errors import DataError
+
+MISSING_WORDS = frozenset({"", "na", "nan", "n/a", "null", "none", "#n/a", ".", "-nan", "nan(ind)"})
+"""Texts that mean a missing number, in any case."""
+_BOMS = ((b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be"))
+_SEP_LINE = re.compile(r'"?sep=(.)"?\s*')
+_POINT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_COMMA = re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?")
+_POINT_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?")
+_COMMA_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?")
+_OTHER_THOUSANDS = re.compile("[+-]?[1-9]\\d{0,2}(['’\u00a0\u202f ]\\d{3})+([.,]\\d*)?")
+_UNGROUPED = re.compile(r"[+-]?\d{4,}([.,]\d*)?")
+_BETWEEN_THOUSANDS = re.compile("['’\u00a0\u202f ]")
+MAX_CODE_ROWS_01 = 0.5
+FAR_OUT = 8.0
+_CODE = re.compile(r"-?(9{2,}|8{2,}|7{2,})|-(1|9)")
+
+
+def decode_text(raw: bytes) -> tuple[str, tuple[str, ...]]:
+    """Return a file's text and remarks on how it was read.
+
+    UTF-8 and UTF-16 with or without a byte order mark, else Windows-1252. Of UTF-16 that is cut
+    within a character the rest is read. Raises ValueError for what is no text.
+    """
+    for mark, encoding in _BOMS:
+        if raw.startswith(mark):
+            return _utf16(raw[2:], encoding)
+    nulls = (raw[:4096:2].count(0), raw[1:4096:2].count(0))
+    if any(nulls):
+        half = len(raw[:4096]) // 2
+        if max(nulls) > 0.6 * half and min(nulls) < 0.1 * half:
+            return _utf16(raw, "utf-16-be" if nulls[0] > nulls[1] else "utf-16-le")
+        raise ValueError("it holds bytes of zero")
+    try:
+        return raw.decode("utf-8-sig"), ()
+    except UnicodeDecodeError as error:
+        if error.end >= len(raw) and error.reason == "unexpected end of data":
+            return _without_last_line(raw[: error.start].decode("utf-8-sig"))
+        return raw.decode("cp1252", errors="replace"), ("read as Windows-1252, it is not UTF-8",)
+
+
+def _utf16(raw: bytes, encoding: str) -> tuple[str, tuple[str, ...]]:
+    text = raw[: len(raw) // 2 * 2].decode(encoding, errors="replace")
+    return _without_last_line(text) if len(raw) % 2 else (text, ())
+
+
+def _without_last_line(text: str) -> tuple[str, tuple[str, ...]]:
+    """Return a text that is cut within a character up to its last whole line, and that it is."""
+    remark = "the file is cut off in the middle of a character; its last line was left out"
+    return text[: text.rfind("\n") + 1], (remark,)
+
+
+@dataclass(frozen=True)
+class ForeignRows:
+    """A table's cells as text: names of columns, rows, and each row's line in the file.
+
+    `remarks` say what was read otherwise than it stands.
+    """
+
+    names: tuple[str, ...]
+    rows: Sequence[Sequence[str]] = field(repr=False)
+    lines: Sequence[int] = field(repr=False)
+    delimiter: str
+    remarks: tuple[str, ...]
+
+
+def read_rows(
+    text: str,
+    *,
+    what: str,
+    delimiter: str | None = None,
+    names: Sequence[str] | None = None,
+) -> ForeignRows:
+    """Return the rows of a table below its header; empty lines are passed over.
+
+    `what` names the table in messages. The delimiter is found in the header when left out; a first
+    line `sep=;` says it. `names` stands for a header that the file lacks. Names of rows as R writes
+    them and columns without a name or value are left out, a last line that is cut as well.
+
+    Raises:
+        DataError: rows of different lengths, a column named twice, no header or no row.
+    """
+    remarks: list[str] = []
+    skipped = 0
+    first_line, _, rest = text.partition("\n")
+    if match := _SEP_LINE.fullmatch(first_line.strip("\ufeff\r")):
+        delimiter, text, skipped = match[1], rest, 1
+    if delimiter is None:
+        delimiter = _delimiter(text)
+    numbered = _numbered_rows(text, delimiter, what, skipped)
+    if names is None:
+        if not numbered:
+            raise DataError(f"{what}: the file is empty; leave it out")
+        names = [cell.strip() for cell in numbered[0][1]]
+        numbered = numbered[1:]
+    if not numbered:
+        raise DataError(
+            f"{what}: a header but no samples, no rows below it; a recording that never started: "
+            "leave the file out"
+        )
+    header = list(names)
+    if _has_row_names(header, numbered, text):
+        header.insert(0, "")
+    header, numbered = _whole_rows(header, numbered, delimiter, what, remarks)
+    header, rows = _without_nameless(header, [row for _, row in numbered], what, remarks)
+    twice = sorted({n for n in header if header.count(n) > 1})
+    if twice:
+        raise DataError(f"{what} names the column {twice[0]!r} twice; rename one")
+    return ForeignRows(
+        tuple(header), rows, [line for line, _ in numbered], delimiter, tuple(remarks)
+    )
+
+
+def _delimiter(text: str) -> str:
+    header = next((line for line in text.splitlines() if line.strip()), "")
+    bare = re.sub(r'"[^"]*"', "", header)
+    best = max((",", ";", "\t"), key=bare.count)
+    if bare.count(best) == 0 and " " in bare.strip():
+        return " "
+    return best
+
+
+def _numbered_rows(
+    text: str, delimiter: str, what: str, skipped: int
+) -> list[tuple[int, list[str]]]:
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, strict=True)
+    try:
+        rows = [(reader.line_num + skipped, row) for row in reader]
+    except csv.Error as error:
+        line = reader.line_num + skipped
+        raise DataError(f"{what}, line {line}: {error}; repair the line") from error
+    return [(line, row) for line, row in rows if any(cell.strip() for cell in row)]
+
+
+def _has_row_names(
+    header: Sequence[str], numbered: Sequence[tuple[int, list[str]]], text: str
+) -> bool:
+    """Say whether every row begins with a quoted name that the header has no column for (R)."""
+    if any(len(row) != len(header) + 1 or not row[-1] for _, row in numbered):
+        return False
+    return all(line.lstrip().startswith('"') for line in text.splitlines() if line.strip())
+
+
+def _whole_rows(
+    header: list[str],
+    numbered: list[tuple[int, list[str]]],
+    delimiter: str,
+    what: str,
+    remarks: list[str],
+) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """Return rows as long as the header; the last may be cut, others may end in delimiters."""
+    n = len(header)
+    if numbered and len(numbered) > 1 and len(numbered[-1][1]) < n:
+        line, row = numbered[-1]
+        remarks.append(
+            f"line {line}, the last, is cut off: {len(row)} cells of {n}; it was left out"
+        )
+        numbered = numbered[:-1]
+    whole = []
+    for line, row in numbered:
+        if len(row) > n and not any(cell.strip() for cell in row[n:]):
+            row = row[:n]  # delimiters at the end of the line
+        if len(row) != n:
+            hint = (
+                "; if its numbers have decimal commas, save it with semicolons between columns"
+                if delimiter == "," and len(row) > n
+                else f"; was it cut off, or is the delimiter not {delimiter!r}?"
+            )
+            raise DataError(f"{what}: line {line} has {len(row)} cells, the header has {n}{hint}")
+        whole.append((line, row))
+    return header, whole
+
+
+def _without_nameless(
+    header: list[str], rows: list[list[str]], what: str, remarks: list[str]
+) -> tuple[list[str], list[list[str]]]:
+    nameless = [i for i, name in enumerate(header) if not name]
+    if not nameless:
+        return header, rows
+    for i in nameless:
+        cells = [row[i].strip() for row in rows]
+        if i == 0 and len(set(cells)) == len(cells):
+            remarks.append("the first column has no name: its cells are names of rows, left out")
+        elif any(cells):
+            row = next(k for k, cell in enumerate(cells) if cell)
+            raise DataError(
+                f"{what}: column {i + 1} has no name but holds {cells[row]!r}; name it or empty it"
+            )
+    others = [i for i in range(len(header)) if i not in nameless]
+    return [header[i] for i in others], [[row[i] for i in others] for row in rows]
+
+
+# ---- numbers -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class NumberStyle:
+    """How a column writes numbers: its decimal sign, and the sign between thousands ("" for none).
+
+    `remark` says so where a reader could take it otherwise.
+    """
+
+    decimal: str = "."
+    thousands: str = ""
+    remark: str = ""
+
+    def plain(self, text: str) -> str:
+        """Return a number's text with a decimal point and nothing between thousands."""
+        if self.thousands:
+            text = _BETWEEN_THOUSANDS.sub("", text.replace(self.thousands, ""))
+        return text.replace(",", ".") if self.decimal == "," else text
+
+
+def file_decimal(columns: Mapping[str, Sequence[str]]) -> str:
+    """Return the decimal sign that the columns of a file use beyond doubt; "" if none is."""
+    signs = set()
+    for texts in columns.values():
+        signs |= _certain_signs(texts)
+    return signs.pop() if len(signs) == 1 else ""
+
+
+def _certain_signs(texts: Sequence[str]) -> set[str]:
+    """Return the signs that must be decimal in a column of numbers; none if it holds other texts.
+
+    A sign is decimal where it stands after a leading 0, before other than three digits, or beside
+    the other sign between thousands; a sign that stands twice makes the other one decimal.
+    """
+    signs: set[str] = set()
+    for text in texts:
+        word = text.strip()
+        if word.lower() in MISSING_WORDS:
+            continue
+        if not _is_number(word):
+            return set()
+        for sign, other, pattern, by_other in (
+            (",", ".", _COMMA_THOUSANDS, _POINT_THOUSANDS),
+            (".", ",", _POINT_THOUSANDS, _COMMA_THOUSANDS),
+        ):
+            if sign not in word:
+                continue
+            if other in word:
+                signs.add(sign if by_other.fullmatch(word) else other)
+            elif word.count(sign) > 1:
+                signs.add(other)
+            elif not pattern.fullmatch(word):
+                signs.add(sign)
+    return signs
+
+
+def _is_number(word: str) -> bool:
+    patterns = (_POINT, _COMMA, _POINT_THOUSANDS, _COMMA_THOUSANDS, _OTHER_THOUSANDS)
+    return any(p.fullmatch(word) for p in patterns)
+
+
+def style_of_numbers(
+    texts: Sequence[str],
+    *,
+    delimiter: str,
+    of_file: str = "",
+    place: Callable[[int], str] = "row {}".format,
+) -> NumberStyle:
+    """Return how a column writes its numbers, by evidence of all its cells.
+
+    `delimiter` parts the file's columns, `of_file` is the decimal sign that other columns show
+    beyond doubt, `place` names a row in messages.
+
+    Raises:
+        ValueError: it may mean two things; the message says which cell and what to do.
+    """
+    words = [text.strip() for text in texts]
+    rows = {sign: [i for i, w in enumerate(words) if sign in w and _is_number(w)] for sign in ",."}
+    spaced = [i for i, w in enumerate(words) if _OTHER_THOUSANDS.fullmatch(w)]
+    certain = _certain_signs(words)
+    if len(certain) > 1:
+        comma, point = (
+            next(i for i in rows[sign] if sign in _certain_signs([words[i]])) for sign in ",."
+        )
+        raise ValueError(
+            f"has decimal commas ({place(comma)}: {words[comma]}) and decimal points "
+            f"({place(point)}: {words[point]}); write all numbers one way"
+        )
+    decimal = next(iter(certain), "") or of_file
+    if not decimal:
+        decimal = _decimal_without_evidence(words, rows, delimiter, place)
+    grouped = rows["." if decimal == "," else ","] or spaced
+    if not grouped:
+        return NumberStyle(decimal)
+    # Where thousands are parted they are parted everywhere: 1.012 beside 1500 is neither.
+    example = grouped[0]
+    ungrouped = next((i for i, w in enumerate(words) if _UNGROUPED.match(w)), None)
+    if ungrouped is not None:
+        raise ValueError(
+            f"holds {words[example]} in {place(example)} and {words[ungrouped]} in "
+            f"{place(ungrouped)}: a decimal sign or thousands? Write numbers without grouping"
+        )
+    style = NumberStyle(decimal, ("." if decimal == "," else ",") if not spaced else " ")
+    plain = style.plain(words[example])
+    return replace(style, remark=f"{words[example]} is read as {plain}: its thousands are parted")
+
+
+def _decimal_without_evidence(
+    words: Sequence[str],
+    rows: Mapping[str, Sequence[int]],
+    delimiter: str,
+    place: Callable[[int], str],
+) -> str:
+    """Return the decimal sign of a column in which every sign has three digits after it."""
+    for sign, grouped in ((",", _COMMA_THOUSANDS), (".", _POINT_THOUSANDS)):
+        doubtful = [i for i in rows[sign] if grouped.fullmatch(words[i])]
+        # Points between commas or tabs are English decimals; 1.012.345 are thousands.
+        if not doubtful or (sign == "." and delimiter != ";"):
+            continue
+        row = doubtful[0]
+        name = "comma" if sign == "," else "point"
+        raise ValueError(
+            f"holds {words[row]} in {place(row)}, which may be a decimal {name} or thousands; "
+            "write numbers without grouping"
+        )
+    return "."
+
+
+def codes_for_missing(values: Mapping[float, int], low: float, high: float) -> dict[float, int]:
+    """Return the values that look like codes for missing, with how often each stands there.
+
+    `values` counts each value of a column; `low` and `high` bound the others. 99, 999, -9 and the
+    like count when they lie far from all that is no code.
+    """
+    span = max(high - low, abs(high), abs(low), 1e-12)
+    return {
+        value: count
+        for value, count in values.items()
+        if _CODE.fullmatch(f"{value:g}")
+        and (value > high + span or (value < low - span) or (value < 0 <= low))
+    }
+
+
+def remark_on_codes(name: str, numbers: Sequence[float]) -> str:
+    """Return a remark on values that look like codes for missing; "" where there are none."""
+    counts: dict[float, int] = {}
+    for value in numbers:
+        if value == value:  # missing is NaN
+            counts[value] = counts.get(value, 0) + 1
+    others = [v for v in counts if not _CODE.fullmatch(f"{v:g}")]
+    if len(others) < 3:
+        return ""
+    codes = codes_for_missing(counts, min(others), max(others))
+    if not codes or sum(codes.values()) > MAX_CODE_ROWS_01 * sum(counts.values()):
+        return ""
+    rows = ", ".join(f"{v:g} in {n} row{'s' if n > 1 else ''}" for v, n in sorted(codes.items()))
+    return (
+        f"{name} holds {rows}, far from all others ({min(others):g} to {max(others):g}): a code "
+        "for missing? If so, empty these cells"
+    )

@@ -1,0 +1,295 @@
+"""Tables as people have them: numbers, names, encodings and shapes are read right or refused."""
+
+import json
+from contextlib import nullcontext, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from typer.testing import CliRunner
+
+from visavis.analysis.statistics.errors import NotNumeric
+from visavis.analysis.statistics_report import (
+    Question,
+    answer,
+    long_table,
+    read_table,
+    table_of,
+    with_numbers_for_words,
+    with_one_spelling,
+)
+from visavis.analysis.statistics_report.spelling import (
+    OneNameSpeltTwice,
+    plain_name,
+    refuse_spellings,
+)
+from visavis.cli.main import app
+from visavis.lab.errors import DataError, UsageError
+from visavis.lab.foreign_text import decode_text, read_rows, remark_on_codes, style_of_numbers
+
+FILES = Path(__file__).parent / "files" / "tables"
+PAIRED = Question("paired", dv="rt", within=("condition",), subject="participant")
+GROUPS = Question("t", dv="rt", between=("group",), subject="participant")
+
+
+def ran(file: Path, out: Path, *options: str) -> dict[str, Any]:
+    result = CliRunner().invoke(
+        app, ["stats", str(file), "--dv", "rt", *options, "--json", "-o", str(out)]
+    )
+    assert 0 == result.exit_code, result.output
+    return json.loads(result.output)
+
+
+# ---- the files ---------------------------------------------------------------------------------
+
+
+def test_people_written_as_1_and_1_0_are_16_or_refused(tmp_path: Path) -> None:
+    table = read_table(FILES / "ids_1_and_1.0.csv")
+    with pytest.raises(OneNameSpeltTwice, match=r"'1' \(row 1 \(line 2\)\) and '1\.0' \(row 2"):
+        answer(table, GROUPS)
+    said = ("--test", "t", "--between", "group", "--subject", "participant")
+    (row,) = ran(FILES / "ids_1_and_1.0.csv", tmp_path / "a", *said, "--spelling", "same")["rows"]
+    assert (pytest.approx(0.119, abs=5e-4), pytest.approx(12.36, abs=5e-3)) == (row["p"], row["df"])
+    (row,) = ran(FILES / "ids_1_and_1.0.csv", tmp_path / "b", *said, "--spelling", "apart")["rows"]
+    assert pytest.approx(28.11, abs=5e-3) == row["df"]
+
+
+def test_people_that_differ_by_case_zeros_and_blanks_are_named() -> None:
+    with pytest.raises(OneNameSpeltTwice) as raised:
+        answer(read_table(FILES / "ids_P05_p05_P6.csv"), GROUPS)
+    for pair in ("'P05' (row 9 (line 10)) and 'p05'", "'P06' (row 11", "'P09' (row 17"):
+        assert pair in str(raised.value)
+
+
+def test_german_thousands_are_thousands_by_the_other_columns() -> None:
+    outcome = answer(read_table(FILES / "german_thousands.csv"), PAIRED)
+    frame = pd.read_csv(FILES / "german_thousands.csv", sep=";", decimal=",", thousands=".")
+    expected = frame.groupby("condition")["rt"].mean()
+    assert expected.round(6).to_dict() == {
+        str(row["condition"]): round(float(row["mean"]), 6) for row in outcome.cells
+    }
+    assert any("1.063 is read as 1063" in note for note in outcome.notes)
+
+
+def test_three_decimals_after_a_comma_are_decimals() -> None:
+    values = read_table(FILES / "three_decimals_with_commas.csv").numbers("rt")
+    frame = pd.read_csv(FILES / "three_decimals_with_commas.csv", sep=";", decimal=",")
+    assert frame["rt"].tolist() == values.tolist()
+
+
+def test_a_line_that_names_the_separator_is_no_header() -> None:
+    table = read_table(FILES / "sep_line.csv")
+    assert ["participant", "group", "condition", "rt"] == list(table.cells.columns)
+    assert (32, 3) == (len(table.lines), table.lines[0])
+    assert 562.2 == table.numbers("rt")[0]
+
+
+def test_a_file_cut_within_a_character_is_read_without_its_last_line(tmp_path: Path) -> None:
+    table = read_table(FILES / "utf16_cut.csv")
+    assert 31 == len(table.lines)
+    assert any("cut off in the middle of a character" in note for note in table.notes)
+    arguments = ["--test", "paired", "--dv", "rt", "--within", "condition"]
+    result = CliRunner().invoke(
+        app,
+        ["stats", str(FILES / "utf16_cut.csv"), *arguments, "--subject", "participant"],
+    )
+    assert "cut off" in result.output  # beside the refusal of the person who then lacks a cell
+
+
+# ---- further members of the kind ---------------------------------------------------------------
+
+
+def german(value: float, decimals: int) -> str:
+    return f"{value:,.{decimals}f}".translate(str.maketrans(",.", ".,"))
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    values=st.lists(st.integers(1, 9_999_999), min_size=2, max_size=12),
+    style=st.sampled_from(["german", "english", "swiss", "plain"]),
+)
+def test_thousands_are_read_right_or_refused_never_a_thousand_times_too_small(
+    values: list[int], style: str, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    path = tmp_path_factory.mktemp("t") / "t.csv"
+    cells = {
+        "german": [german(v, 0) for v in values],
+        "english": [f"{v:,}" for v in values],
+        "swiss": [f"{v:,}".replace(",", "’") for v in values],
+        "plain": [str(v) for v in values],
+    }[style]
+    other = {"german": "1,5", "english": "1.5", "swiss": "1.5", "plain": "1.5"}[style]
+    lines = ["n;y;other", *(f"{i};{cell};{other}" for i, cell in enumerate(cells))]
+    path.write_text("\n".join(lines), encoding="utf-8")
+    assert [float(v) for v in values] == read_table(path).numbers("y").tolist()
+    # Without the other column some are in doubt: then refused, and else the same.
+    path.write_text("\n".join(line.rsplit(";", 1)[0] for line in lines), encoding="utf-8")
+    with suppress(NotNumeric):
+        assert [float(v) for v in values] == read_table(path).numbers("y").tolist()
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    values=st.lists(st.floats(-5000, 5000, allow_nan=False), min_size=1, max_size=12),
+    decimals=st.integers(1, 6),
+    sign=st.sampled_from([".", ","]),
+)
+def test_decimals_are_read_right_or_refused(values: list[float], decimals: int, sign: str) -> None:
+    texts = [f"{v:.{decimals}f}" for v in values]
+    with suppress(ValueError) if decimals == 3 else nullcontext():
+        style = style_of_numbers([t.replace(".", sign) for t in texts], delimiter=";")
+        read = [float(style.plain(t.replace(".", sign))) for t in texts]
+        assert [float(t) for t in texts] == read
+
+
+def test_thousands_that_are_not_parted_everywhere_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"1\.012 in row 0 and 1500 in row 1"):
+        style_of_numbers(["1.012", "1500", "1,5"], delimiter=";")
+
+
+names = st.from_regex(r"[A-Za-z]{0,3}[1-9][0-9]{0,3}", fullmatch=True)
+spellings = st.sampled_from(
+    [
+        str.upper,
+        str.lower,
+        lambda n: f" {n}",
+        lambda n: f"{n[:1]} {n[1:]}",
+        lambda n: (
+            "".join(c for c in n if not c.isdigit()) + "0" + "".join(c for c in n if c.isdigit())
+        ),
+        lambda n: f"{n}.0" if n.isdigit() else n,
+    ]
+)
+
+
+@settings(max_examples=80, deadline=None)
+@given(people=st.lists(names, min_size=2, max_size=6, unique_by=str.casefold), how=spellings)
+def test_one_name_spelt_twice_is_refused_and_different_names_are_not(
+    people: list[str], how: Any
+) -> None:
+    frame = pd.DataFrame({"who": people, "y": range(len(people))})
+    refuse_spellings(table_of(frame), "who")
+    other = how(people[0])
+    if other == people[0]:
+        return
+    twice = table_of(pd.DataFrame({"who": [*people, other], "y": range(len(people) + 1)}))
+    with pytest.raises(OneNameSpeltTwice):
+        refuse_spellings(twice, "who")
+    assert len(people) == len(set(with_one_spelling(twice, ["who"]).texts("who")))
+
+
+@pytest.mark.parametrize(
+    ("one", "other"), [("0.5", "0.05"), ("P1", "P10"), ("a1", "b1"), ("1", "-1"), ("v1.5", "v1.05")]
+)
+def test_names_that_differ_by_more_stay_apart(one: str, other: str) -> None:
+    assert plain_name(one) != plain_name(other)
+
+
+def test_groups_that_differ_by_case_are_refused() -> None:
+    frame = pd.DataFrame({"p": range(4), "group": ["Control", "control", "b", "b"], "rt": range(4)})
+    with pytest.raises(OneNameSpeltTwice, match="'Control'"):
+        answer(frame, Question("t", dv="rt", between=("group",), subject="p"))
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    text=st.text(st.characters(codec="utf-8", exclude_categories=("Cs", "Cc")), min_size=1),
+    encoding=st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be"]),
+    cut=st.booleans(),
+)
+def test_text_is_read_in_every_encoding(text: str, encoding: str, cut: bool) -> None:
+    content = f"name,value\nabcdefghijklmnop,1\nqrstuvwxyz,2\n{text},3"
+    raw = content.encode(encoding)
+    if encoding == "utf-16-be" or (encoding == "utf-16-le"):
+        content = f"name,value\n{'abcdefgh' * 30},1\n"
+        raw = content.encode(encoding)
+    if not cut:
+        assert (content, ()) == decode_text(raw)
+        return
+    read, remarks = decode_text(raw[:-1])
+    assert content.startswith(read)
+    assert len(content) - len(read) <= len(text) + 3 or remarks
+
+
+def test_row_names_of_r_and_empty_columns_are_left_out(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text('"s";"y"\n"1";"a";1,5\n"2";"b";2,5\n', encoding="utf-8")
+    table = read_table(path)
+    assert ["s", "y"] == list(table.cells.columns)
+    assert [1.5, 2.5] == table.numbers("y").tolist()
+    path.write_text(",s,y,,\n1,a,1.5,,\n2,b,2.5,,\n", encoding="utf-8")
+    table = read_table(path)
+    assert [1.5, 2.5] == table.numbers("y").tolist()
+    assert any("names of rows" in note for note in table.notes)
+    path.write_text("s,y,\na,1.5,x\nb,2,\n", encoding="utf-8")
+    with pytest.raises(DataError, match="column 3 has no name but holds 'x'"):
+        read_table(path)
+
+
+def test_a_last_line_that_is_cut_is_left_out_and_another_is_refused(tmp_path: Path) -> None:
+    read = read_rows("a,b,c\n1,2,3\n4,5", what="t")
+    assert (
+        [["1", "2", "3"]],
+        ("line 3, the last, is cut off: 2 cells of 3; it was left out",),
+    ) == (
+        list(read.rows),
+        read.remarks,
+    )
+    with pytest.raises(DataError, match="line 2 has 2 cells, the header has 3"):
+        read_rows("a,b,c\n4,5\n1,2,3\n", what="t")
+
+
+@pytest.mark.parametrize("code", [999, -9, -999, 99])
+def test_codes_for_missing_are_told(code: int) -> None:
+    values = [*np.linspace(1, 7, 20).round(1).tolist(), code, code]
+    assert f"{code} in 2 rows" in remark_on_codes("y", values)
+    assert "" == remark_on_codes("y", values[:-2])
+
+
+def test_numbers_that_reach_that_far_are_no_codes() -> None:
+    assert "" == remark_on_codes("rt", [*range(800, 1200), 999])
+    assert "" == remark_on_codes("change", [-3.0, -2.0, -1.0, 0.0, 2.0, 5.0])
+
+
+def test_a_wide_table_gives_what_the_long_one_gives(tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    wide = pd.DataFrame({"who": range(12), **{c: rng.normal(size=12) for c in ("near", "far")}})
+    wide.to_csv(tmp_path / "wide.csv", index=False)
+    long = wide.melt("who", var_name="condition", value_name="rt")
+    question = Question("paired", dv="rt", within=("condition",), subject="who")
+    said = ("--test", "paired", "--within", "condition", "--subject", "who")
+    read = ran(tmp_path / "wide.csv", tmp_path / "out", *said, "--wide", "near", "far")
+    levels = Question(
+        "paired",
+        dv="rt",
+        within=("condition",),
+        subject="who",
+        levels={"condition": ["near", "far"]},
+    )
+    expected = answer(long, levels)
+    assert question.dv == "rt"
+    assert pytest.approx(dict(expected.rows[0])["p"]) == read["rows"][0]["p"]
+
+
+def test_columns_of_two_factors_part_into_levels() -> None:
+    names = ["rt_near_1", "rt_near_2", "rt_far_1", "rt_far_2"]
+    frame = pd.DataFrame({"who": ["a"], **{n: [float(i)] for i, n in enumerate(names)}})
+    table = long_table(table_of(frame), names, dv="rt", factors=("distance", "block"))
+    assert [("near", "1", "0.0"), ("far", "2", "3.0")] == [
+        tuple(table.cells.loc[i, ["distance", "block", "rt"]]) for i in (0, 3)
+    ]
+    with pytest.raises(UsageError, match="do not part into levels"):
+        long_table(table_of(frame), ["rt_near_1", "who"], dv="y", factors=("a", "b"))
+
+
+def test_words_become_the_numbers_that_are_given_for_them() -> None:
+    table = table_of(pd.DataFrame({"y": ["Never", "often ", "", "rarely"]}))
+    read = with_numbers_for_words(table, "y", "never=1,rarely=2,often=3")
+    assert [1.0, 3.0, 2.0] == read.numbers("y")[[0, 1, 3]].tolist()
+    assert np.isnan(read.numbers("y")[2])
+    with pytest.raises(DataError, match="'often ' in row 2"):
+        with_numbers_for_words(table, "y", "never=1,rarely=2")
