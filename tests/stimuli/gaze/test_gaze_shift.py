@@ -16,6 +16,7 @@ from visavis.lab.geometry import (
 )
 from visavis.stimuli.characters.character import MORPHS
 from visavis.stimuli.gaze.gaze_plan import GazePlan, LookAt
+from visavis.stimuli.gaze.gaze_shift_kernels import shares_rad
 from visavis.stimuli.gaze.turning import Aimed
 from visavis.stimuli.motion.build import Build, build_of_skeleton
 from visavis.stimuli.motion.errors import MotionError
@@ -193,6 +194,29 @@ def test_a_dense_schedule_moves_head_and_eyes_without_a_jump() -> None:
     head = np.array([head_yaw_deg(motion.at(t, plan), motion) for t in np.arange(2.0, 8.0, step)])
     assert np.abs(np.diff(head)).max() / step < 500.0
     assert np.abs(np.diff(head, 2)).max() / step**2 < 12_000.0
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_neither_trunk_nor_head_turns_for_a_target_straight_ahead(seed: int) -> None:
+    assert (0.0, 0.0, 0.0) == shares_rad(0.0, 0.0, seed)
+
+
+@settings(deadline=None, max_examples=300)
+@given(
+    st.sampled_from([0.0, np.pi]) | st.floats(-np.pi, np.pi),
+    st.sampled_from([0.0]) | st.floats(-1.2, 1.2),
+    st.floats(-1e-3, 1e-3),
+    st.floats(-1e-3, 1e-3),
+    st.integers(0, 10_000),
+)
+def test_a_small_step_of_the_target_is_a_small_step_of_trunk_and_head(
+    yaw: float, pitch: float, aside: float, up: float, seed: int
+) -> None:
+    """Across straight ahead and straight behind, too, where left turns into right."""
+    turns = np.array(shares_rad(yaw, pitch, seed))
+    beside = (yaw + aside + np.pi) % (2.0 * np.pi) - np.pi
+    step = np.array(shares_rad(beside, pitch + up, seed)) - turns
+    assert 6.0 * float(np.hypot(aside, up)) + 1e-12 >= float(np.abs(step).max())
 
 
 def test_somebody_passing_behind_does_not_make_the_head_jump() -> None:

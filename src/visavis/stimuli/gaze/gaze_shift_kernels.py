@@ -107,6 +107,17 @@ def _target(
 
 
 @compiled
+def _away_01(size: float) -> float:
+    """Return 0 for a target in front, rising without a kink to 1 where it lies 6° aside.
+
+    The rounded corners leave a little turning even for a shift of nothing. Times a sign that
+    changes with the side on which the target lies, that would be a twitch.
+    """
+    x = min(1.0, size / 0.105)
+    return float(x * x * (3.0 - 2.0 * x))
+
+
+@compiled
 def shares_rad(yaw: float, pitch: float, person: int) -> Triple:
     """Return how far trunk (yaw) and head (yaw, pitch) turn for a target.
 
@@ -130,7 +141,8 @@ def shares_rad(yaw: float, pitch: float, person: int) -> Triple:
     nod = 0.5 * _softly_above(up - np.radians(5.0), 0.08)
     nod += _softly_above(up - np.radians(15.0) - nod, 0.05)
     nod -= _softly_above(nod - np.radians(38.0), 0.10)
-    return side * trunk, side * head, sign * nod
+    side *= _away_01(size)
+    return side * trunk, side * head, sign * _away_01(up) * nod
 
 
 @compiled
