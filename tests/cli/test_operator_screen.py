@@ -43,6 +43,17 @@ def test_a_streams_rate_stands_beside_the_one_promised() -> None:
     assert "119.9 of 120 Hz" in drawn(promised)
 
 
+def test_no_fault_is_green_only_where_nothing_was_missed() -> None:
+    calm = replace(STATUS, faults=())
+    whole = {"eye_tracker": replace(HEALTH, gaps=0)}
+    holes = {"headset": replace(HEALTH, gaps=380, longest_gap_ms=222.0, dropped=7)}
+
+    assert "no faults" in drawn(replace(calm, health=whole))
+    text = drawn(replace(calm, health=holes))
+    assert "no fault now, but headset: 380 gaps, longest 222 ms, 7 lost" in text
+    assert "no faults" not in text
+
+
 def test_everything_an_operator_needs_is_on_the_screen() -> None:
     text = drawn(STATUS)
 

@@ -328,6 +328,21 @@ def needs_look(role: str, health: Health) -> bool:
     return is_late and role in ESSENTIAL_ROLES
 
 
+def losses_of(health: Mapping[str, Health]) -> str:
+    """Return what streams have missed so far ("headset: 3 gaps, longest 222 ms"), or ""."""
+    losses = []
+    for role, h in health.items():
+        parts = []
+        if h.gaps:
+            plural = "s" if h.gaps > 1 else ""
+            parts.append(f"{h.gaps} gap{plural}, longest {h.longest_gap_ms:.0f} ms")
+        if h.dropped:
+            parts.append(f"{h.dropped} lost")
+        if parts:
+            losses.append(f"{role.replace('_', ' ')}: {', '.join(parts)}")
+    return "; ".join(losses)
+
+
 def _streams(health: dict[str, Health]) -> Table:
     table = Table(expand=True, box=None, pad_edge=False)
     for name in ("stream", "rate", "gaps", "longest gap", "last sample", "lost", "clock"):
@@ -369,6 +384,9 @@ def _calibration(status: SessionStatus) -> Text:
 
 def _faults(status: SessionStatus) -> Text:
     if not status.faults:
+        losses = losses_of(status.health)
+        if losses:
+            return Text(f"no fault now, but {losses}", style="yellow")
         return Text("no faults", style="green")
     text = Text()
     for fault in status.faults:

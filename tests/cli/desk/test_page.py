@@ -145,6 +145,21 @@ def test_the_page_says_what_the_terminal_says(address: str, browser: Any, tmp_pa
     assert all(url.startswith((address.split("#")[0], "data:")) for url in asked)
 
 
+def test_no_fault_is_green_only_where_nothing_was_missed(
+    address: str, browser: Any, tmp_path: Path
+) -> None:
+    health = STATUS.health["eye_tracker"]
+    whole = replace(STATUS, faults=(), health={"headset": replace(health, gaps=0)})
+    holes = {"headset": replace(health, gaps=380, longest_gap_ms=222.0)}
+    with session(tmp_path) as link:
+        link.show(whole)
+        page = opened(browser, address)
+        shown(page, "#faults .good", "No faults.")
+        link.show(replace(whole, health=holes))
+        shown(page, "#faults .look", "No fault now, but headset: 380 gaps, longest 222 ms.")
+        assert 0 == page.locator("#faults .good").count()
+
+
 def test_a_streams_rate_stands_beside_the_one_promised(
     address: str, browser: Any, tmp_path: Path
 ) -> None:

@@ -20,7 +20,7 @@ import platformdirs
 
 from visavis.analysis.gaze.aoi import DEFAULT_PAD_DEG
 from visavis.cli.desk.scene_view import LastGaze, above, from_head, jpeg_of
-from visavis.cli.operator_screen import needs_look
+from visavis.cli.operator_screen import losses_of, needs_look
 from visavis.devices.contracts import Health
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.config import INCIDENTS
@@ -238,6 +238,7 @@ def status_message(number: int, status: SessionStatus, looking: LastGaze) -> dic
         "trial_left_s": status.trial_left_s,
         "session_left_s": status.trials.left_s,
         "streams": [_stream(role, health) for role, health in status.health.items()],
+        "losses": losses_of(status.health),
         "accuracy_deg": status.calibration.accuracy_deg,
         "precision_deg": status.calibration.precision_deg,
         "calibration_age_s": status.calibration.age_s,

@@ -177,9 +177,10 @@ function showStatus() {
   at("bar").max = Math.max(1, s.trials_planned);
   at("bar").value = s.trials_done + s.trials_skipped;
   renew("flags", s.flags, () => s.flags.map((flag) => el("span", { class: "flag", text: flag })));
-  renew("faults", [s.faults, allowed.length], () => s.faults.length ? s.faults.map((fault) =>
+  renew("faults", [s.faults, s.losses, allowed.length], () => s.faults.length ? s.faults.map((fault) =>
     el("div", { class: `fault ${fault.severity}` }, el("strong", { text: fault.role }), document.createTextNode(`: ${fault.message}`),
-      el("span", { class: "remedy", text: fault.remedy }))) : allowed.length ? [el("p", { class: "good", text: "No faults." })] : []);
+      el("span", { class: "remedy", text: fault.remedy }))) : allowed.length ? [s.losses
+      ? el("p", { class: "look", text: `No fault now, but ${s.losses}.` }) : el("p", { class: "good", text: "No faults." })] : []);
   showCalibration(s);
   renew("streams", s.streams, () => s.streams.length ? [streams(s.streams)] : []);
   renew("messages", s.messages, () => [...s.messages].reverse().map((message) => el("li", { text: message })));
