@@ -39,6 +39,7 @@ from visavis.stage.renderer import LIGHTEST, Renderer
 from visavis.stimuli.camera.sheet import FilmLog
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.motion.skeleton import forward
+from visavis.stimuli.surfaces import Surfaces
 from visavis.study.films import Film
 from visavis.study.parts import Posture
 
@@ -247,20 +248,21 @@ def test_studies_that_come_along_declare_the_posture_of_their_source() -> None:
     assert {"stare": "seated", "waving": "standing", "crowd": "standing"} == declared
 
 
-def test_gaze_is_drawn_as_far_as_the_head_it_met(session: Path) -> None:
+def test_gaze_is_drawn_as_far_as_the_surface_it_met(session: Path) -> None:
     trial = recorded_trial(CachedRecording(session), "T01")
     assert trial.gaze is not None
     start_ns, end_ns = trial.span_ns
     t_ns, hit = trial.gaze["t_sample_ns"], trial.gaze["hit"]
     inside = (t_ns >= start_ns) & (t_ns < end_ns) & trial.gaze["valid"]
     assert (np.diff(t_ns) >= 0).all()  # also where the tracker's clock slipped
-    met, missed = (np.flatnonzero(inside & asked)[0] for asked in (hit >= 0, hit < 0))
-    head = trial.shown_at(int(t_ns[met])).scene.agents[hit[met]]
-    far_m = trial.met_m(int(t_ns[met]))
-    assert far_m is not None
-    end_m = trial.gaze["origin_world_m"][met] + far_m * trial.gaze["direction_world"][met]
-    assert np.linalg.norm(end_m - head.head_centre_m) < 1.5 * head.head_radius_m
-    assert trial.met_m(int(t_ns[missed])) is None
+    met = int(np.flatnonzero(inside & (hit >= 0))[0])
+    shown = trial.shown_at(int(t_ns[met]))
+    ray = trial.gaze_at(int(t_ns[met]))
+    assert ray is not None
+    head = shown.scene.agents[hit[met]]
+    view = next(iter(opened("duel").views_of(shown)))
+    end_m = ray[0] + Surfaces().end_m(picture_of(view), *ray) * ray[1]
+    assert 1.5 * head.head_radius_m > np.linalg.norm(end_m - head.head_centre_m)
 
 
 @pytest.fixture(scope="module")

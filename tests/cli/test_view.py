@@ -52,6 +52,18 @@ ROOM_KEPT = """() => {
 """Three pictures of one moment: drawn, with the room of the picture before, from another place."""
 
 
+ENDS_ON_HEADS = """() => {
+    let of = 0, on = 0;
+    for (const scene of viewer.header.scenes) for (const fall of viewer.fell(scene.t0, scene.t1)) {
+        const agent = fall && fall.hit >= 0 ? scene.agents[fall.hit] : null;
+        if (!agent) continue;
+        of += 1;
+        on += Math.hypot(...fall.at.map((v, k) => v - agent.at[k])) < 1.3 * agent.radius ? 1 : 0;
+    }
+    return [on, of];
+}"""
+
+
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("view")
@@ -185,6 +197,9 @@ def test_a_browser_opens_the_page_shows_people_plays_and_obeys_the_keyboard(page
         assert "T02" == tab.evaluate("viewer.trialAt(viewer.t).id")
         tab.select_option("#column", index=1)
         assert 3 == tab.evaluate("viewer.line.plots.length")
+        on_heads, of = tab.evaluate(ENDS_ON_HEADS)
+        assert 50 < of
+        assert 0.95 * of <= on_heads  # an area of interest reaches a little beyond its head
         # Where the processor draws, people are light while time moves and in full at rest.
         assert tab.evaluate("viewer.drawing.slow")
         seek = "(viewer.seek(viewer.header.scenes[0].t0 + 0.2), viewer.draw(), viewer.quick)"

@@ -37,32 +37,17 @@ class RecordedTrial:
             self.head["orientation_wxyz"][i].astype(np.float64),
         )
 
-    def gaze_at(self, t_ns: int) -> Vector | None:
-        """Return the direction of gaze in world then; None where it was lost."""
-        i = self._gaze_row(t_ns)
-        if self.gaze is None or i is None:
-            return None
-        direction: Vector = self.gaze["direction_world"][i].astype(np.float64)
-        return direction
-
-    def met_m(self, t_ns: int) -> float | None:
-        """Return how far from the eyes gaze met somebody's head then; None where it met nobody."""
-        i = self._gaze_row(t_ns)
-        if self.gaze is None or i is None or (hit := int(self.gaze["hit"][i])) < 0:
-            return None
-        agents = self.shown_at(t_ns).scene.agents
-        if hit >= len(agents):
-            return None
-        head = agents[hit]
-        apart_m = float(np.linalg.norm(head.head_centre_m - self.gaze["origin_world_m"][i]))
-        return max(0.1, apart_m - head.head_radius_m)
-
-    def _gaze_row(self, t_ns: int) -> int | None:
-        """Return the row of the last sample up to a time; None where gaze was lost."""
+    def gaze_at(self, t_ns: int) -> tuple[Vector, Vector] | None:
+        """Return the origin and direction of gaze in world then; None where it was lost."""
         if self.gaze is None or not len(self.gaze["t_sample_ns"]):
             return None
         i = max(0, bisect.bisect_right(self.gaze["t_sample_ns"], t_ns) - 1)
-        return i if self.gaze["valid"][i] else None
+        if not self.gaze["valid"][i]:
+            return None
+        origin, direction = (
+            self.gaze[name][i].astype(np.float64) for name in ("origin_world_m", "direction_world")
+        )
+        return origin, direction / np.linalg.norm(direction)
 
     def shown_at(self, t_ns: int) -> RecordedScene:
         """Return what was shown at a time."""

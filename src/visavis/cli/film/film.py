@@ -50,6 +50,7 @@ from visavis.stimuli.camera.sheet import SEEN_FROM_01, FilmLog, Sheet
 from visavis.stimuli.camera.shots import ShotSize
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.picture import Camera, Picture
+from visavis.stimuli.surfaces import Surfaces
 from visavis.study.parts import Posture
 
 RING_PX: Final = 16
@@ -60,8 +61,8 @@ FILM_ON_PROCESSOR: Final = replace(ON_PROCESSOR, samples=4)
 LOOK_EVERY_NS: Final = NS_PER_S // 4
 LOOK_PX: Final = (256, 144)
 """How often, and in how large a picture, the participant is looked for."""
-GAZE_AT_M: Final = 2.5
-"""Length of the drawn gaze where it hit no head: seen from outside, without a ring."""
+MAX_GAZE_M: Final = 50.0
+"""Length of the drawn gaze where it ends on nothing: seen from outside, without a ring."""
 COLOURS: Final = {"contact": (255, 107, 94), "vibration": (94, 200, 255)}
 
 
@@ -232,6 +233,7 @@ class FilmedTrial:
         self._looked_ns = -LOOK_EVERY_NS
         self._trial, self._shown_at, self._looks = trial, shown_at, looks
         self._overlays, self._size_px = overlays, size_px
+        self._surfaces = Surfaces()
         self._from_eyes = isinstance(looks, ViewpointCamera) and looks.view is Viewpoint.EYES
         self._eyes = ViewpointCamera(Viewpoint.EYES, size_px[0] / size_px[1], trial.span_ns[0])
         self._stand_in = None if self._from_eyes else StandIn(trial, posture)
@@ -272,18 +274,20 @@ class FilmedTrial:
             self._note_camera(t_ns, picture, camera, head.position_m)
             pixels = image(picture, camera, self._size_px)
             if Overlay.GAZE in self._overlays:
-                pixels = self._with_gaze(pixels, camera, t_ns, head.position_m)
+                pixels = self._with_gaze(pixels, camera, t_ns)
             yield _with_lanes(pixels, [lane for lane in self._lanes if lane.is_on(t_ns)])
 
     def _with_gaze(
-        self, image: npt.NDArray[np.uint8], camera: Camera, t_ns: int, eyes_m: Vector
+        self, image: npt.NDArray[np.uint8], camera: Camera, t_ns: int
     ) -> npt.NDArray[np.uint8]:
         """Mark where gaze fell, from outside with its ray; nothing where it was lost."""
-        gaze = self._trial.gaze_at(t_ns)
-        if gaze is None:
+        ray = self._trial.gaze_at(t_ns)
+        if ray is None:
             return image
-        met_m = self._trial.met_m(t_ns)
-        aim = self._pixel_of(camera, eyes_m + (GAZE_AT_M if met_m is None else met_m) * gaze)
+        eyes_m, gaze = ray
+        shown = self._shown_at(t_ns)  # without the body whose eyes these are
+        met_m = self._surfaces.end_m(shown, eyes_m, gaze)
+        aim = self._pixel_of(camera, eyes_m + min(met_m, MAX_GAZE_M) * gaze)
         if aim is None:
             return image
         canvas = Image.fromarray(image)
@@ -291,7 +295,7 @@ class FilmedTrial:
         begin = None if self._from_eyes else self._pixel_of(camera, eyes_m + 0.12 * gaze)
         if begin is not None:
             pen.line((*begin, *aim), fill=RING, width=max(2, self._size_px[1] // 300))
-        if met_m is None and not self._from_eyes:
+        if np.isinf(met_m) and not self._from_eyes:
             return np.asarray(canvas)
         radius = RING_PX * self._size_px[1] // 720 if self._from_eyes else 6
         for r, colour in ((radius + 2, (30, 30, 30)), (radius, RING)):

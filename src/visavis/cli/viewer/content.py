@@ -32,6 +32,7 @@ from visavis.stimuli.camera.shots import ShotSize
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.picture import Picture
 from visavis.stimuli.scene import Agent
+from visavis.stimuli.surfaces import Surfaces
 
 SAMPLES_PER_S: Final = 20
 """How often a trial's scene is looked at; poses between keys are interpolated."""
@@ -111,6 +112,7 @@ def page_content(
             _stream(recording, name, bundle, times, trials) for name in recording.stream_names
         ],
         "scenes": scenes,
+        "gazeEnds": _gaze_ends(recording, samples_by_trial, models.level, bundle, times),
         "rest": _at_rest(study, recording, trials),
         "pages": pages,
         "films": films,
@@ -256,9 +258,7 @@ def _stream(
     n = len(arrays["recording_part"])
     every = max(1, -(-n // (MAX_ROWS_OF_WIDE if width > WIDE else MAX_ROWS)))
     is_kept = np.arange(n) % every == 0
-    when_ns = arrays.get("t_host_ns", np.zeros(n))
-    if name == "gaze_targets":  # no later than it arrived, even if a tracker's clock slips
-        when_ns = np.minimum(arrays["t_sample_ns"], when_ns)
+    when_ns = _when_ns(name, arrays)
     for trial in trials if every > 1 else ():
         start_ns, end_ns = trial.span_ns
         is_kept |= (
@@ -302,6 +302,14 @@ def _stream(
     }
 
 
+def _when_ns(name: str, arrays: Mapping[str, npt.NDArray[Any]]) -> npt.NDArray[Any]:
+    """Return when the rows of a stream were measured or, where it does not say, arrived."""
+    when_ns = arrays.get("t_host_ns", np.zeros(len(arrays["recording_part"])))
+    if name == "gaze_targets":  # no later than it arrived, even if a tracker's clock slips
+        when_ns = np.minimum(arrays["t_sample_ns"], when_ns)
+    return when_ns
+
+
 def _since_arrival_ms(values: npt.NDArray[Any], host_ns: npt.NDArray[Any]) -> Vector:
     """Return times of a row as milliseconds after it arrived; unknown times are NaN."""
     is_known = (values != NO_DEVICE_TIME) & (values >= 0)
@@ -334,6 +342,55 @@ def samples_of(study: OpenedStudy, trial: RecordedTrial) -> list[Sample]:
         view = next(iter(study.views_of(moment)))
         samples.append(Sample(t_ns, picture_of(view), moment.scene.agents))
     return samples
+
+
+def _gaze_ends(
+    recording: CachedRecording,
+    samples_by_trial: Sequence[tuple[RecordedTrial, list[Sample]]],
+    level: int,
+    bundle: Bundle,
+    times: Times,
+) -> dict[str, Any] | None:
+    """Return for every sample of gaze in the shown trials its time, how far away it ended, and on
+    what: surfaces as the page draws them. In the dark gaze ends nowhere.
+    """
+    if "gaze_targets" not in recording.stream_names:
+        return None
+    arrays = recording.stream_arrays("gaze_targets")
+    when_ns, surfaces = _when_ns("gaze_targets", arrays), Surfaces(level)
+    micros: list[int] = []
+    far_m: list[float] = []
+    things: list[str] = []
+    for trial, samples in samples_by_trial:
+        start_ns, end_ns = trial.span_ns
+        rows = np.flatnonzero(
+            (arrays["recording_part"] == trial.part)
+            & arrays["valid"]
+            & (start_ns <= when_ns)
+            & (when_ns <= end_ns)
+        )
+        shown = (when_ns[rows] - start_ns + NS_PER_S // (2 * SAMPLES_PER_S)) * SAMPLES_PER_S
+        shown = np.minimum(shown // NS_PER_S, len(samples) - 1)
+        for k in np.unique(shown):
+            here, sample = rows[shown == k], samples[k]
+            if sample.picture.brightness_01 <= 0:
+                continue
+            direction = arrays["direction_world"][here].astype(np.float64)
+            direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+            ends = surfaces.ends(
+                sample.picture, arrays["origin_world_m"][here].astype(np.float64), direction
+            )
+            micros += [round(1e6 * times.s(trial.part, int(t))) for t in when_ns[here]]
+            far_m += ends.distance_m.tolist()
+            things += ends.name.tolist()
+    order = np.argsort(micros, kind="stable")
+    kinds, number = np.unique(np.array(things, str), return_inverse=True)
+    return {
+        "t": bundle.add(np.diff(np.array(micros, np.int64)[order], prepend=0).astype(np.int32)),
+        "far": bundle.add_quantised(np.array(far_m)[order][:, None]),
+        "on": bundle.add(number[order].astype(np.uint16)),
+        "names": kinds.tolist(),
+    }
 
 
 def _runs(samples: list[Sample]) -> Iterator[list[Sample]]:

@@ -30,7 +30,7 @@ class Models:
     """Everything that is drawn, each thing once; numbers are places in the page's lists."""
 
     def __init__(self, bundle: Bundle, *, level: int) -> None:
-        self._bundle, self._level = bundle, level
+        self._bundle, self.level = bundle, level
         self._cell_m = CELL_OF_FEW_M if level == LEVEL_OF_FEW else CELL_OF_MANY_M
         self.people: list[dict[str, Any]] = []
         self.rooms: list[dict[str, Any]] = []
@@ -68,7 +68,7 @@ class Models:
         return self._numbers[id(thing)]
 
     def _person(self, character: Character) -> dict[str, Any]:
-        level = min(self._level, len(character.levels) - 1)
+        level = min(self.level, len(character.levels) - 1)
         mesh = person_vertices(character, character.levels[level])
         vertices, add = mesh.vertices, self._bundle.add
         skeleton = character.skeleton

@@ -22,9 +22,10 @@ from visavis.running.page.seen_trial import is_on_page
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.motion.skeleton import forward
 from visavis.stimuli.picture import Room
+from visavis.stimuli.surfaces import Surfaces
 
 TIMELINE: Final = "session"
-GAZE_M: Final = 2.5
+MAX_GAZE_M: Final = 50.0
 
 
 def write_rerun(
@@ -120,6 +121,7 @@ def _trial(
 ) -> None:
     """Log a trial in space: its room, everybody's bones, heads to be looked at, the participant."""
     room: Room | None = None
+    surfaces = Surfaces()
     for sample in samples:
         _at(rr, stream, s(trial.part, sample.t_ns))
         picture = sample.picture
@@ -151,11 +153,11 @@ def _trial(
             "world/participant", rr.Transform3D(translation=head.position_m, quaternion=turn)
         )
         gaze = trial.gaze_at(sample.t_ns)
-        vectors = [] if gaze is None else [GAZE_M * gaze]
-        stream.log(
-            "world/gaze",
-            rr.Arrows3D(origins=[head.position_m] * len(vectors), vectors=vectors),
+        origins = [] if gaze is None else [gaze[0]]
+        vectors = (
+            [] if gaze is None else [min(surfaces.end_m(picture, *gaze), MAX_GAZE_M) * gaze[1]]
         )
+        stream.log("world/gaze", rr.Arrows3D(origins=origins, vectors=vectors))
         _body(rr, stream, trial, sample.t_ns)
     _at(rr, stream, s(trial.part, trial.span_ns[1]))
     for path in ("world/people", "world/areas", "world/gaze"):

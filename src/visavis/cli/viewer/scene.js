@@ -169,13 +169,18 @@ class Streams {
     const from = this.field('gaze_targets', 'origin_world_m').map(c => c[i]);
     const along = this.field('gaze_targets', 'direction_world').map(c => c[i]);
     const valid = this.field('gaze_targets', 'valid')[0][i] > 0.5;
-    return {i, from, along, valid: valid && !along.some(Number.isNaN), hit: this.field('gaze_targets', 'hit')[0][i]};
+    return {i, from, along, valid: valid && !along.some(Number.isNaN), hit: this.field('gaze_targets', 'hit')[0][i], ...this.endAt(times[i])};
+  }
+
+  // How far from the eyes the sample of gaze of time t ended on what is drawn, and on what.
+  endAt(t) {
+    const ends = this.content.header.gazeEnds;
+    if (!ends) return {far: NaN, on: ''};
+    this.ends ||= {t: this.content.seconds(ends.t), far: this.content.columns(ends.far)[0], on: this.content.flat(ends.on)};
+    const i = lastAt(this.ends.t, t + 2e-6);
+    return i >= 0 && t - this.ends.t[i] < 2e-6 ? {far: this.ends.far[i], on: ends.names[this.ends.on[i]]} : {far: NaN, on: ''};
   }
 }
 
-// How far along a ray gaze ends: at the head that was hit, else 2.5 m away.
-function gazeEnd(gaze, agents) {
-  const agent = gaze.hit >= 0 ? agents[gaze.hit] : null;
-  const far = agent ? Math.max(0.1, size(sub(agent.at, gaze.from)) - 0.8 * agent.radius) : 2.5;
-  return add(gaze.from, gaze.along, far);
-}
+// Where gaze ends: on what is drawn, else 2.5 m away in the air.
+function gazeEnd(gaze) { return add(gaze.from, gaze.along, Number.isNaN(gaze.far) ? 2.5 : gaze.far); }

@@ -316,14 +316,15 @@ class Viewer {
     });
     if (this.show.path) this.drawPath(g, scene, at, ratio);
     if (this.show.gaze && gaze && gaze.valid) {
-      const end = gazeEnd(gaze, agents), a = at(add(gaze.from, gaze.along, 0.1)), b = at(end);
+      const end = gazeEnd(gaze), a = at(add(gaze.from, gaze.along, 0.1)), b = at(end);
       if (this.camera !== 'eyes' && a && b) {
         g.strokeStyle = 'rgba(255,190,40,.9)';
         g.lineWidth = 2 * ratio;
         g.beginPath(); g.moveTo(a[0], a[1]); g.lineTo(b[0], b[1]); g.stroke();
       }
-      // In the air in front of nobody there is nothing to ring, but for their own eyes.
-      if (b && (gaze.hit >= 0 || this.camera === 'eyes')) this.ring(g, b, 9 * ratio, ratio);
+      // In the air in front of nothing there is nothing to ring, but for their own eyes.
+      if (b && (!Number.isNaN(gaze.far) || this.camera === 'eyes')) this.ring(g, b, 9 * ratio, ratio);
+      if (b && this.show.labels && gaze.on && gaze.hit < 0) this.label(g, gaze.on.replaceAll('_', ' '), b[0], b[1] + 24 * ratio, '#ffbe28', ratio);
     }
     if (this.show.gaze && gaze && !gaze.valid) this.label(g, 'gaze lost', width / 2, height - 16 * ratio, '#ff6b5e', ratio);
     if (this.show.body && this.streams.has('pointer')) {
@@ -369,7 +370,7 @@ class Viewer {
     const hit = this.streams.field('gaze_targets', 'hit')[0], out = [];
     for (let i = Math.max(0, lastAt(times, from)); i < times.length && times[i] <= to; i += every) {
       if (!(valid[i] > 0.5) || Number.isNaN(along[0][i])) { out.push(null); continue; }
-      out.push({t: times[i], hit: hit[i], at: gazeEnd({from: origin.map(c => c[i]), along: along.map(c => c[i]), hit: hit[i]}, scene ? scene.data.agents : [])});
+      out.push({t: times[i], hit: hit[i], at: gazeEnd({from: origin.map(c => c[i]), along: along.map(c => c[i]), ...this.streams.endAt(times[i])})});
     }
     return out;
   }
