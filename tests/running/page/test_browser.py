@@ -352,6 +352,51 @@ def serious(page: Any, program: str) -> list[str]:
     return said
 
 
+SMALL = ((1280, 600), (960, 540), (640, 360), (320, 480), (320, 256))
+"""Of laptops, of 1280 × 720 magnified twice, of a small phone, and of 1280 × 1024 magnified four
+times (WCAG 1.4.10)."""
+COVERED = """() => {
+    const covered = [];
+    const asked = ["legend", ".prompt", "label", "button", "input[type=range]"];
+    for (const e of document.querySelectorAll(asked.map(one => "#main " + one).join(", "))) {
+        if (!e.offsetHeight) continue;
+        e.scrollIntoView({block: "nearest"});
+        const box = e.getBoundingClientRect(), x = box.left + box.width / 2;
+        const name = `${e.tagName} ${e.innerText.slice(0, 30)}`;
+        for (const y of [box.top + 3, box.top + box.height / 2, box.bottom - 3]) {
+            if (y < 0 || y >= innerHeight) continue; // taller than the window: scrolled through
+            const top = document.elementFromPoint(x, y);
+            if (!top || !(e.contains(top) || top.contains(e)))
+                covered.push(`${name} under ${top && top.className}`);
+        }
+    }
+    scrollTo(0, 0);
+    return covered;
+}"""
+"""What lies under something else when one scrolls to it."""
+LOWEST = """() => Math.max(...[...document.querySelectorAll("#main label")].map(
+    (label) => label.getBoundingClientRect().bottom))"""
+
+
+def test_nothing_covers_a_question_in_any_window(server: Server, browser: Any) -> None:
+    address = server.start("run", str(STUDY), "--participant", "1", "--on", "browser")
+    page = browser.new_context(viewport=SIZES[0]).new_page()
+    page.goto(address)
+    covered: dict[str, list[str]] = {}
+    for words in ("free will", "How lively", "Which person", "How hard", "How old", "Thank you"):
+        until(page, words)
+        if words in ("How lively", "Which person"):
+            page.wait_for_selector("#main input[type=radio]:not([disabled])")
+        for width, height in SMALL:
+            page.set_viewport_size({"width": width, "height": height})
+            covered[f"{words} at {width} × {height}"] = page.evaluate(COVERED)
+        for width, height in SMALL[:2] if words == "How lively" else ():
+            page.set_viewport_size({"width": width, "height": height})
+            assert height >= page.evaluate(LOWEST)  # film, question and answers at a glance
+        page.set_viewport_size(SIZES[0])
+    assert {} == {where: what for where, what in covered.items() if what}
+
+
 def test_no_page_shuts_people_out(server: Server, browser: Any) -> None:
     program = axe()
     address = server.start("run", str(STUDY), "--participant", "1", "--on", "browser")
