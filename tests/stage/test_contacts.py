@@ -64,8 +64,8 @@ def somebody() -> Character:
     return load_cast()[9]
 
 
-def standing(high_m: float = 0.0) -> PosedPeople:
-    idle = Person(build_of(somebody()), Idle(lively=0.0), 1, (0.0, high_m, -AWAY_M), 180.0)
+def standing(high_m: float = 0.0, person: int = 1) -> PosedPeople:
+    idle = Person(build_of(somebody()), Idle(lively=0.0), person, (0.0, high_m, -AWAY_M), 180.0)
     return PeopleMotion((idle,)).at(1.0)
 
 
@@ -183,8 +183,11 @@ def darker(
     return shade
 
 
-def test_floors_beside_soles_are_as_dark_as_the_sky_the_body_hides(renderer: Renderer) -> None:
-    people = standing()
+@pytest.mark.parametrize("person", [1, 2, 4])
+def test_floors_beside_soles_are_as_dark_as_the_sky_the_body_hides(
+    renderer: Renderer, person: int
+) -> None:
+    people = standing(person=person)
     points = seen(beside(people), people)
     assert len(points) > 12
     traced = hidden_sky_01(points, people)

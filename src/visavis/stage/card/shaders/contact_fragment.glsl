@@ -4,7 +4,7 @@ flat in vec4 ball;
 flat in vec2 kind;
 const float SHADE_M = 0.34, LEAST_M = 0.004;
 const float BODY_M = 0.26;
-const float HEEL_HIGH_M = 0.09, TOES_HIGH_M = 0.055, LEG_RADIUS_M = 0.055;
+const float HEEL_HIGH_M = 0.045, TOES_HIGH_M = 0.085, LEG_RADIUS_M = 0.055;
 
 // What the edge of a box hides that lies `ahead`, from `left` to `right`: seen from the floor its
 // lower edge is the farther one where the box is overhead, its upper one where it is not.
@@ -52,7 +52,7 @@ void shade_of_sole() {
     float shoe = hidden(away, 2.0 * radius, low, low + mix(HEEL_HIGH_M, TOES_HIGH_M, t));
     // Round ends hide less than long sides do.
     float past = clamp(abs(share - t) * length(along) / radius, 0.0, 1.0);
-    shoe *= 1.0 - 0.35 * past * smoothstep(-0.005, 0.005, away);
+    shoe *= 1.0 - 0.6 * past * smoothstep(-0.005, 0.005, away);
     // High above the floor it is short.
     float half_long = length(along) / 2.0 + radius;
     shoe *= half_long * inversesqrt(half_long * half_long + low * low);
