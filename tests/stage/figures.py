@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
+from visavis.lab.geometry import Pose, Vector, quat_from_yaw_pitch_deg, rotate
 from visavis.stimuli.characters.body_parts import PART_INDEX
 from visavis.stimuli.characters.character import (
     MORPHS,
@@ -203,6 +203,17 @@ def camera(
     top = float(np.tan(np.radians(half_deg)))
     pose = Pose(np.asarray(place_m, np.float64), quat_from_yaw_pitch_deg(yaw_deg, pitch_deg))
     return Camera(pose, -top * aspect, top * aspect, -top, top)
+
+
+def rays(camera: Camera, size_px: tuple[int, int]) -> tuple[Vector, Vector]:
+    """Return where the rays (n, 3) of a camera's pixels begin and where they go, top row first."""
+    width, height = size_px
+    x = camera.left + (np.arange(width) + 0.5) / width * (camera.right - camera.left)
+    y = camera.top - (np.arange(height) + 0.5) / height * (camera.top - camera.bottom)
+    own = np.stack([*np.meshgrid(x, y), -np.ones((height, width))], axis=-1).reshape(-1, 3)
+    own /= np.linalg.norm(own, axis=1, keepdims=True)
+    world = rotate(camera.pose.orientation_wxyz, own)
+    return np.repeat(camera.pose.position_m[None], len(world), axis=0), world
 
 
 def picture(n: int = 3) -> Picture:

@@ -58,11 +58,7 @@ def _cast_rays(
     picture: Picture, camera: Camera, width: int, height: int
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float64]]:
     corners, tags = _triangles(picture)
-    x = camera.left + (np.arange(width) + 0.5) / width * (camera.right - camera.left)
-    y = camera.top - (np.arange(height) + 0.5) / height * (camera.top - camera.bottom)
-    rays = np.stack([*np.meshgrid(x, y), -np.ones((height, width))], axis=-1).reshape(-1, 3)
-    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-    rays = rotate(camera.pose.orientation_wxyz, rays)
+    _, rays = figures.rays(camera, (width, height))
     nearest = np.full(len(rays), np.inf)
     seen = np.zeros((len(rays), 2), int)
     for (a, b, c), tag in zip(corners, tags, strict=True):

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.stage import figures
-from visavis.lab.geometry import Pose, rotate
+from visavis.lab.geometry import Pose
 from visavis.stage.errors import StageError
 from visavis.stage.identity import IdentityBuffer
 from visavis.stimuli.characters.skinning import skin_vertices
@@ -77,13 +77,7 @@ def test_rays_end_on_whom_and_where_the_identity_pass_shows() -> None:
     base = audience()
     picture = replace(base, cast=tuple(replace(c, levels=c.measuring) for c in base.cast))
     camera = figures.camera(tuple(EYE_M), half_deg=30)
-    width, height = SIZE_PX
-    x = camera.left + (np.arange(width) + 0.5) / width * (camera.right - camera.left)
-    y = camera.top - (np.arange(height) + 0.5) / height * (camera.top - camera.bottom)
-    rays = np.stack([*np.meshgrid(x, y), -np.ones((height, width))], axis=-1).reshape(-1, 3)
-    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-    rays = rotate(camera.pose.orientation_wxyz, rays)
-    ends = Surfaces().ends(picture, np.repeat(camera.pose.position_m[None], len(rays), 0), rays)
+    ends = Surfaces().ends(picture, *figures.rays(camera, SIZE_PX))
     try:
         with IdentityBuffer() as buffer:
             image = buffer.views(base, [camera], SIZE_PX, level=0)

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from visavis.stage.renderer import Renderer
     from visavis.study.moving_camera import FilmSeen
 
-FILM_VERSION: Final = "vp9 4"
+FILM_VERSION: Final = "vp9 5"
 """Version of drawing and encoding: a new value makes every film again."""
 QUALITY: Final[Mapping[str, str]] = {
     "crf": "18",

@@ -7,15 +7,28 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.ndimage import binary_erosion
 
+from tests.stage import figures
 from visavis.lab.errors import DesignError
-from visavis.lab.geometry import Pose
+from visavis.lab.geometry import Pose, Vector, quat_conjugate, rotate
 from visavis.results.opened_study import find_study
-from visavis.running.film_store import FilmStore, film_store
+from visavis.running.film_store import FilmStore, _renderer, film_store
 from visavis.stage.errors import StageError
 from visavis.stimuli.characters.character import Material
 from visavis.stimuli.dressing.picture_of import NOBODY
-from visavis.stimuli.picture import Light, Panel, Picture, PlacedProp, Prop, Room, StaticMesh
+from visavis.stimuli.motion.skeleton import forward
+from visavis.stimuli.picture import (
+    Camera,
+    Light,
+    Panel,
+    Picture,
+    PlacedProp,
+    Prop,
+    Room,
+    StaticMesh,
+)
+from visavis.stimuli.surfaces import Surfaces
 from visavis.study.films import Film, Following, Lens, Placed
 from visavis.study.scenes import Scene
 
@@ -52,6 +65,42 @@ def block(side_m: float) -> Prop:
     white = np.full((3, 3), 255, np.uint8)
     mesh = StaticMesh(corners, normals, white, np.array([[0, 1, 2]], np.int32))
     return Prop("block", mesh, Material("plaster", "cloth"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [0, 4, 8])
+def test_one_sees_the_inside_of_a_sleeve_and_not_the_wall_behind_it(number: int) -> None:
+    """Where a ray meets a person, from either side, the film does not show what is behind."""
+    experiment = find_study("interpolation").experiment({})
+    made, film = film_store(experiment), experiment.films[number]
+    pictures = list(made.pictures(film))
+    shown = pictures[len(pictures) // 2]
+    bare = replace(shown.room, props=(), background_srgb=(255, 0, 255))
+    picture = replace(shown, room=bare)
+    person = picture.cast[0]
+    placed = forward(person.skeleton, picture.people.root_m[0], picture.people.orientation_wxyz[0])
+    camera = made.cameras(film)[0]
+    try:
+        with _renderer() as renderer:
+            for side in ("left", "right"):
+                hand_m = placed.position_m[person.skeleton.index(f"{side}_hand")]
+                near = looking_at(camera, hand_m, 0.035)
+                image = renderer.image(picture, near, (120, 120)).astype(int)
+                is_behind = np.abs(image - (255, 0, 255)).sum(axis=2) < 12
+                origin, rays = figures.rays(near, (120, 120))
+                meets = np.isfinite(Surfaces().ends(picture, origin, rays).distance_m)
+                inner = binary_erosion(meets.reshape(120, 120), iterations=2)
+                assert 0.2 < inner.mean()
+                assert 0.0005 > (is_behind & inner).mean()
+    except StageError as problem:
+        pytest.skip(str(problem))
+
+
+def looking_at(camera: Camera, place_m: Vector, half: float) -> Camera:
+    """Return a camera that shows only what is around a place."""
+    own = rotate(quat_conjugate(camera.pose.orientation_wxyz), place_m - camera.pose.position_m)
+    x, y = own[0] / -own[2], own[1] / -own[2]
+    return replace(camera, left=x - half, right=x + half, bottom=y - half, top=y + half)
 
 
 AHEAD = Pose(np.array([0.0, 1.0, -2.0]), np.array([1.0, 0.0, 0.0, 0.0]))

@@ -290,7 +290,7 @@ class ProcessorCrowd:
                     self._joined_models.models[self._model(character, level, far=False)], FAR_CELL_M
                 )
                 if far
-                else model(self._meshes.of(character, level), self.layers)
+                else model(self._meshes.of(character, level), self.layers, is_finest=level == 0)
             )
         return self._models[key]
 

@@ -67,9 +67,9 @@ class Model:
     triangles: dict[Group, npt.NDArray[np.int32]]
 
 
-def model(level: PersonVertices, layers: Layers) -> Model:
+def model(level: PersonVertices, layers: Layers, *, is_finest: bool) -> Model:
     """Rearrange a level: neighbouring vertices lie together, triangles are sorted by how they are
-    drawn.
+    drawn. Of people at their finest the insides of clothes are drawn, too: one looks into sleeves.
     """
     order = _by_place(level)
     back = np.empty(len(order), np.int32)
@@ -96,9 +96,10 @@ def model(level: PersonVertices, layers: Layers) -> Model:
                 _colours_at(run.texture, uv[vertices_used], side_px)
             )
             still["detail"][vertices_used, 2] = layer
-        # Nobody sees the inside of skin, shoes and clothes at this level; sheets have two sides.
+        # Farther away nobody sees the inside of skin, shoes and clothes; sheets have two sides.
         cut_out = run.texture is not None and run.texture.shape[2] == 4
-        thin = run.double_sided and (cut_out or not np.isin(kind[vertices_used], SHELLS).all())
+        is_shell = not is_finest and bool(np.isin(kind[vertices_used], SHELLS).all())
+        thin = run.double_sided and (cut_out or not is_shell)
         triangles.setdefault(Group(run.kind == "eye", array, thin), []).append(corners)
     wrap = np.array([WRAPS.get(name, OTHER_WRAP) for name in KINDS], np.float32)[kind]
     weight, joints = source["weights"].astype(np.float32), source["joints"]
