@@ -26,7 +26,7 @@ from visavis.devices.sync.board_codec import (
     encode_time,
 )
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
-from visavis.lab.geometry import Vector
+from visavis.lab.geometry import Vector, direction_from_yaw_pitch_deg
 
 PERIOD_US = 250
 NS_PER_US = 1000
@@ -35,6 +35,11 @@ REST, FLASH, CLICK, BUZZ = 20.0, 180.0, 90.0, 80.0
 NOISE_SD = 1.0
 CLICK_NS = 4 * NS_PER_MS
 PITCH_HZ = 900.0
+SOONEST_SACCADE_MS, SACCADE_SPREAD_MS = 100.0, 40.0
+LOOK_DEG = 7.0
+LOOK_LEFT, LOOK_RIGHT = (
+    direction_from_yaw_pitch_deg(yaw_deg, 0.0) for yaw_deg in (LOOK_DEG, -LOOK_DEG)
+)
 
 
 @dataclass(frozen=True)
@@ -69,6 +74,9 @@ class SimulatedRoom(OneStretch):
         self._clicks: list[int] = []
         self._buzz: list[tuple[int, float]] = [(self.start_ns, 0.0)]
         self._is_lit = False
+        self.gaze_delay_ns: int | None = None
+        """How late an eye tracker's stamps are on these eyes; None: they look straight ahead."""
+        self._saccades: list[tuple[int, bool]] = []
 
     def show(self, is_lit: bool, t_display_ns: int) -> None:
         """Take the corner of a frame whose light should leave at this time."""
@@ -77,6 +85,9 @@ class SimulatedRoom(OneStretch):
         self._is_lit = is_lit
         at_ns = t_display_ns + self.picture.late_ns(t_display_ns - self.start_ns, self.rng)
         self._light.append((at_ns, is_lit))
+        if self.gaze_delay_ns is not None:
+            latency_ms = SOONEST_SACCADE_MS + float(self.rng.exponential(SACCADE_SPREAD_MS))
+            self._saccades.append((at_ns + round(latency_ms * NS_PER_MS), is_lit))
         if is_lit:
             self.true_onsets_ns["picture"].append(at_ns)
 
@@ -114,10 +125,21 @@ class SimulatedRoom(OneStretch):
         self._buzz.append((t_ns, strength))
 
     def eyes(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.void]:
-        """Return eyes that look straight ahead."""
+        """Return eyes that look to the left, and to the right while the corner is lit.
+
+        They go there a saccade's latency after the light, which is how a person looks at the spots
+        of the test; a tracker sees them `gaze_delay_ns` late.
+        """
         values = np.zeros(t_ns.size, EYES_DTYPE)
+        where: Vector = np.array([0.0, 0.0, -1.0])
+        if self.gaze_delay_ns is not None:
+            saccades = sorted(self._saccades)
+            at_ns = np.array([t for t, _ in saccades], np.int64)
+            rights = np.array([False, *(is_right for _, is_right in saccades)])
+            is_right = rights[np.searchsorted(at_ns, t_ns - self.gaze_delay_ns, side="right")]
+            where = np.where(is_right[:, None], LOOK_RIGHT, LOOK_LEFT)
         for side in ("left", "right"):
-            values[f"{side}_direction_head"] = (0.0, 0.0, -1.0)
+            values[f"{side}_direction_head"] = where
         values["openness_01"] = 1.0
         return values
 

@@ -11,10 +11,11 @@ from typing import Protocol
 import moderngl
 import numpy as np
 
-from visavis.devices.contracts import Armband, Headset
+from visavis.devices.contracts import Armband, ClockPair, EyeTracker, Headset
 from visavis.devices.sync.sensing import Sensor
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 from visavis.lab.frame import FrameInfo
+from visavis.lab.schema import SampleBatch
 from visavis.stage.card.targets import EyeTarget
 
 PATCH_PX = 256
@@ -24,6 +25,10 @@ BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
 FLASH_FRAMES = 5
 BUZZ_MS = 120
 SETTLE_NS = 500 * NS_PER_MS
+MIN_LOOK_NS, MAX_LOOK_NS = 900 * NS_PER_MS, 1500 * NS_PER_MS
+"""How long a target for the eyes stands, at random: nobody can foresee when it moves."""
+TARGET_X_01 = (0.3, 0.7)
+TARGET_PX = 10
 MIN_APART_NS, MAX_APART_NS = 430 * NS_PER_MS, 530 * NS_PER_MS
 """Stimuli follow each other after a random time, so that nothing periodic falls in step."""
 
@@ -42,10 +47,18 @@ class Patch:
     def __init__(self, headset: Headset, context: moderngl.Context) -> None:
         self._headset = headset
         self._targets = [EyeTarget(context, (PATCH_PX, PATCH_PX), 0) for _ in range(2)]
+        side = round(PATCH_PX * PATCH_SHARE)
         for target, colour in zip(self._targets, (BLACK, WHITE), strict=True):
-            side = round(PATCH_PX * PATCH_SHARE)
             target.begin(BLACK)
             target.frame.clear(*colour, 1.0, viewport=(0, 0, side, side))
+            target.finish()
+        # For the eyes: a spot on the left with a dark corner, one on the right with a bright one.
+        self._looks = [EyeTarget(context, (PATCH_PX, PATCH_PX), 0) for _ in TARGET_X_01]
+        for target, x_01, colour in zip(self._looks, TARGET_X_01, (BLACK, WHITE), strict=True):
+            place = (round(PATCH_PX * x_01) - TARGET_PX // 2, (PATCH_PX - TARGET_PX) // 2)
+            target.begin(BLACK)
+            target.frame.clear(*colour, 1.0, viewport=(0, 0, side, side))
+            target.frame.clear(*WHITE, 1.0, viewport=(*place, TARGET_PX, TARGET_PX))
             target.finish()
         context.finish()
 
@@ -61,27 +74,44 @@ class Patch:
 
     def show(self, *, is_lit: bool) -> FrameInfo:
         """Wait for the next frame and show the patch in it; return the frame."""
+        return self._show(self._targets[is_lit].texture)
+
+    def show_target(self, *, is_right: bool) -> FrameInfo:
+        """Wait for the next frame and show a spot to look at in it; return the frame."""
+        return self._show(self._looks[is_right].texture)
+
+    def _show(self, texture: moderngl.Texture) -> FrameInfo:
         frame = self._headset.wait_frame()
-        texture = self._targets[is_lit].texture
         self._headset.submit(frame, (texture, texture))
         self._headset.poll(0.0)
         return frame
 
     def release(self) -> None:
         """Free the card's memory."""
-        for target in self._targets:
+        for target in (*self._targets, *self._looks):
             target.release()
 
 
 @dataclass
 class StimulusTimes:
-    """The times of the commands for stimuli, in ns of session time, and the frames dropped."""
+    """The times of the commands for stimuli, in ns of session time, and the frames dropped.
+
+    `gaze_ns` are those at which a target for the eyes moved; `begun_ns` and `light_ns` when every
+    frame began and its light was to leave. `display_batches` and `gaze_batches` are what display
+    and eye tracker delivered, `gaze_pairs` the time exchanges with the tracker.
+    """
 
     picture_ns: list[int] = field(default_factory=list)
     sound_ns: list[int] = field(default_factory=list)
     vibration_ns: list[int] = field(default_factory=list)
+    gaze_ns: list[int] = field(default_factory=list)
     frames: int = 0
     dropped_frames: int = 0
+    begun_ns: list[int] = field(default_factory=list)
+    light_ns: list[int] = field(default_factory=list)
+    display_batches: list[SampleBatch] = field(default_factory=list)
+    gaze_batches: list[SampleBatch] = field(default_factory=list)
+    gaze_pairs: list[ClockPair] = field(default_factory=list)
     frame_ns: int = 0
     flash_ns: int = 0
 
@@ -94,19 +124,28 @@ def perform(
     patch: Patch,
     speaker: Speaker | None = None,
     band: Armband | None = None,
+    eye_tracker: EyeTracker | None = None,
     repeats: int = 60,
     progress: Callable[[int], None] = lambda count: None,
 ) -> StimulusTimes:
     """Flash, click and buzz `repeats` times each and return when; skip what is missing.
 
     A flash's time is when its first frame's light should leave by the display's own prediction,
-    which is what sessions record; a click's and a buzz's is the moment of the command.
+    which is what sessions record; a click's and a buzz's is the moment of the command. With an eye
+    tracker a spot then jumps from side to side `repeats` times, to be looked at.
     """
     commands = StimulusTimes(frame_ns=patch.frame_ns, flash_ns=FLASH_FRAMES * patch.frame_ns)
 
-    def frame(*, is_lit: bool) -> FrameInfo:
-        frame_info = patch.show(is_lit=is_lit)
+    def frame(*, is_lit: bool, is_right: bool | None = None) -> FrameInfo:
+        if is_right is None:
+            frame_info = patch.show(is_lit=is_lit)
+        else:
+            frame_info = patch.show_target(is_right=is_right)
         commands.frames += 1
+        commands.begun_ns.append(frame_info.t_ns)
+        commands.light_ns.append(frame_info.predicted_display_ns)
+        if eye_tracker is not None:
+            eye_tracker.poll(0.0)
         commands.dropped_frames += frame_info.dropped
         if band is not None:
             band.keep_alive()
@@ -138,6 +177,14 @@ def perform(
             apart()
         progress(repeat + 1)
     wait(SETTLE_NS)
+    for repeat in range(repeats + 1 if eye_tracker is not None else 0):
+        is_right = bool(repeat % 2)
+        first = frame(is_lit=False, is_right=is_right)
+        if repeat:  # the first spot appears anywhere
+            commands.gaze_ns.append(first.predicted_display_ns)
+        until_ns = clock.now_ns() + int(rng.integers(MIN_LOOK_NS, MAX_LOOK_NS))
+        while clock.now_ns() < until_ns:
+            frame(is_lit=False, is_right=is_right)
     return commands
 
 

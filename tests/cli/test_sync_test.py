@@ -15,7 +15,13 @@ from visavis.cli import sync_records
 from visavis.cli.app import load_lab
 from visavis.cli.doctor import report
 from visavis.cli.main import app
-from visavis.cli.sync_chain import perform_real, perform_simulated
+from visavis.cli.sync_chain import (
+    gaze_bound_of,
+    pace_of,
+    perform_real,
+    perform_simulated,
+    pose_age_of,
+)
 from visavis.devices.registry import OPTION_MODELS
 from visavis.devices.sim.sync_room import PlantedDelay
 from visavis.lab.clock import SimClock, SystemClock
@@ -115,6 +121,25 @@ def test_delay_before_a_monitor_is_measured_in_its_window():
     assert (1, True) == (told["windows"], told["is_closed"])
 
 
+def test_pose_age_and_gaze_delay_are_bounded_in_the_same_room():
+    found, asked, _, _ = perform_simulated(
+        seed=5,
+        repeats=12,
+        picture=PlantedDelay(9.0),
+        sound=PlantedDelay(22.0),
+        gaze_delay_ms=12.0,
+    )
+    age, bound = pose_age_of(asked, found), gaze_bound_of(asked, found, "eye_tracker")
+
+    # the simulated headset foresees the head for its light, two frames ahead
+    assert 9.0 == pytest.approx(age.at_least_ms, abs=0.3)
+    assert 9.0 + age.look_ahead_ms == pytest.approx(age.at_most_ms, abs=0.3)
+    assert age.look_ahead_ms > 10
+    assert (12, True) == (bound.asked, bound.is_known)
+    assert 12.0 <= bound.at_most_ms <= 12.0 + 60
+    assert () == pace_of(asked).sentences
+
+
 def test_same_seed_gives_the_same_test():
     def again():
         found, _, _, _ = perform_simulated(
@@ -126,15 +151,21 @@ def test_same_seed_gives_the_same_test():
 
 
 def test_rehearsal_is_kept_and_marked_and_no_measurement_for_doctor(lab_file, tmp_path):
-    done = CliRunner().invoke(app, ["sync-test", "--simulated", "--repeats", "10"])
+    command = ["sync-test", "--simulated", "--repeats", "10", "--eyes", "eye_tracker"]
+    done = CliRunner().invoke(app, command)
 
     assert 0 == done.exit_code, done.output
     assert "SIMULATED" in done.output
+    assert "pose age at the light: " in done.output
+    assert "gaze delay of eye_tracker: at most " in done.output
     (kept,) = (tmp_path / "data" / sync_records.FOLDER).glob("*.json")
     record = json.loads(kept.read_text(encoding="utf-8"))
     assert record["is_simulated"]
     assert kept.with_suffix(".png").is_file()
     assert {"picture_delay_ms", "sound_delay_ms"} <= set(record["offsets_ms"])
+    assert record["pose_age"]["at_most_ms"] > record["pose_age"]["at_least_ms"] > 8
+    assert [] == record["pace"]["warnings"]
+    assert record["gaze_delay"]["at_most_ms"] >= 12
 
     assert sync_records.newest(load_lab(lab_file, quiet=True)) is None
 

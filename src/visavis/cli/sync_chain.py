@@ -1,16 +1,23 @@
 """Put a synchronisation test together from display, speaker, band and sensor, real or not."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import numpy.typing as npt
 
+from visavis.analysis.frame_times import PoseAge, RuntimePace, heads_of, pose_age, runtime_pace
+from visavis.analysis.gaze_delay import (
+    LEAST_LATENCY_MS,
+    GazeDelayBound,
+    gaze_delay_bound,
+    saccade_latencies_ms,
+)
 from visavis.analysis.sync_test import Delays, Modality, delays
 from visavis.devices.building import build_device
 from visavis.devices.byte_links import MemoryLink
-from visavis.devices.contracts import Armband, Device, Headset
+from visavis.devices.contracts import Armband, ClockPair, Device, EyeTracker, Headset, Sink
 from visavis.devices.drivers.links.serial_port import SerialLink
 from visavis.devices.sim.sync_room import PlantedDelay, SimulatedRoom, SyncBoardSimulator
 from visavis.devices.sync.audio import SoundCardSensor, SoundCardSpeaker, sound_library
@@ -18,8 +25,10 @@ from visavis.devices.sync.board import BAUD, SyncBoard
 from visavis.devices.sync.role import RoleSensor
 from visavis.devices.sync.sensing import Sensor, Trace
 from visavis.lab.clock import NS_PER_MS, Clock, SimClock
+from visavis.lab.clock_fit import fit_clock, fit_one_way
 from visavis.lab.config import DeviceConfig, LabConfig
 from visavis.lab.errors import DeviceError, UsageError
+from visavis.lab.schema import SampleBatch
 from visavis.protocol.session.sync_test import (
     Patch,
     SeenHeadset,
@@ -53,11 +62,11 @@ class RoomSpeaker:
         self._room.click(self._clock.now_ns())
 
 
-def open_device(stack: ExitStack, device: Any) -> Any:
-    """Open and start a device until the stack is left; what it delivers is not kept."""
+def open_device(stack: ExitStack, device: Any, sink: Sink = lambda batch: None) -> Any:
+    """Open and start a device until the stack is left."""
     stack.callback(device.close)
     device.open(OPENING_S)
-    device.start(lambda batch: None)
+    device.start(sink)
     return device
 
 
@@ -129,6 +138,58 @@ def analyse(
     return results
 
 
+def pose_age_of(commands: StimulusTimes, results: Sequence[Delays]) -> PoseAge:
+    """Return the age of pictures' heads by the display's stamps and the delay of its light."""
+    described_ns, handed_ns = heads_of(commands.display_batches)
+    light_of = dict(zip(commands.begun_ns, commands.light_ns, strict=True))
+    rows = [i for i, at_ns in enumerate(handed_ns.tolist()) if at_ns in light_of]
+    light_ns = np.array([light_of[int(handed_ns[i])] for i in rows], np.int64)
+    return pose_age(described_ns[rows], handed_ns[rows], light_ns, _picture_delay_ms(results))
+
+
+def pace_of(commands: StimulusTimes) -> RuntimePace:
+    """Return whether the display showed every frame once."""
+    begun_ns = np.array(commands.begun_ns, np.int64)
+    return runtime_pace(begun_ns, commands.frame_ns, commands.display_batches)
+
+
+def gaze_bound_of(
+    commands: StimulusTimes,
+    results: Sequence[Delays],
+    role: str,
+    *,
+    least_latency_ms: float = LEAST_LATENCY_MS,
+) -> GazeDelayBound:
+    """Return the bound on a tracker's delay from the saccades to the test's spots."""
+    batches = [batch for batch in commands.gaze_batches if batch.schema.name == "gaze"]
+    late_ns = 0.0 if np.isnan(d := _picture_delay_ms(results)) else d * NS_PER_MS
+    light_ns = [round(at_ns + late_ns) for at_ns in commands.gaze_ns]
+    if not batches:
+        return gaze_delay_bound(
+            role, np.full(len(light_ns), np.nan), least_latency_ms=least_latency_ms
+        )
+    device_ns = np.concatenate([batch.t_device_ns for batch in batches])
+    host_ns = np.concatenate([batch.t_host_ns for batch in batches])
+    values = np.concatenate([batch.values for batch in batches])
+    pairs = commands.gaze_pairs
+    fit = fit_clock(pairs) if pairs else fit_one_way(device_ns, host_ns)
+    since_ns = device_ns - fit.reference_device_ns
+    t_ns = device_ns + fit.offset_ns + np.rint(since_ns * fit.drift_ppm * 1e-6).astype(np.int64)
+    order = np.argsort(t_ns, kind="stable")
+    gaze = values["direction_head"].astype(np.float64)
+    latencies = saccade_latencies_ms(t_ns[order], gaze[order], values["valid"][order], light_ns)
+    return gaze_delay_bound(role, latencies, least_latency_ms=least_latency_ms)
+
+
+def _picture_delay_ms(results: Sequence[Delays]) -> float:
+    return next((r.median_ms for r in results if r.modality == "picture" and r.is_sound), np.nan)
+
+
+def _keep_gaze(commands: StimulusTimes, tracker: EyeTracker | None) -> None:
+    if tracker is not None:
+        commands.gaze_pairs = list[ClockPair](tracker.clock_pairs())
+
+
 def perform_real(
     lab: LabConfig,
     clock: Clock,
@@ -139,6 +200,7 @@ def perform_real(
     channels: Mapping[str, str],
     repeats: int,
     progress: Callable[[int], None],
+    eyes_role: str = "",
 ) -> tuple[list[Delays], StimulusTimes, Sensor]:
     """Test the display of this lab, and its speaker and band where they are named.
 
@@ -174,9 +236,17 @@ def perform_real(
             getattr(headset, "show_images", lambda: None)()
             context = offscreen_context()
             stack.callback(release_offscreen, context)
-        open_device(stack, headset)
+        display_batches: list[SampleBatch] = []
+        gaze_batches: list[SampleBatch] = []
+        open_device(stack, headset, display_batches.append)
         if band is not None:
             open_device(stack, band)
+        tracker: EyeTracker | None = None
+        if eyes_role:
+            tracker = cast("EyeTracker", _real_device(lab, eyes_role, clock, stack))
+            if not hasattr(tracker, "begin_calibration"):
+                raise UsageError(f"{eyes_role} is no eye tracker; leave --eyes out, or name one's")
+            open_device(stack, tracker, gaze_batches.append)
         speaker = real_speaker(speaker_name, stack) if speaker_name else None
         # The sensor opens last, when everything that it measures runs.
         patch = Patch(headset, context)
@@ -190,9 +260,12 @@ def perform_real(
             patch=patch,
             speaker=speaker,
             band=band,
+            eye_tracker=tracker,
             repeats=repeats,
             progress=progress,
         )
+        commands.display_batches, commands.gaze_batches = display_batches, gaze_batches
+        _keep_gaze(commands, tracker)
         results = analyse(commands, sensor.traces(), channels, patch.role, band_role)
         return results, commands, sensor
 
@@ -215,13 +288,15 @@ def perform_simulated(
     picture: PlantedDelay,
     sound: PlantedDelay,
     lab: LabConfig | None = None,
+    gaze_delay_ms: float | None = None,
     rise_ms: float = 30.0,
     loss_01: float = 0.0,
     progress: Callable[[int], None] = lambda count: None,
 ) -> tuple[list[Delays], StimulusTimes, Sensor, dict[str, Float]]:
     """Test the simulated room on the virtual clock; return its true delays (ms), too.
 
-    The display is a simulated headset, or the screen that `lab` describes, on a simulated monitor.
+    With `gaze_delay_ms` an eye tracker whose stamps are that late watches the room's eyes. The
+    display is a simulated headset, or the screen that `lab` describes, on a simulated monitor.
     """
     clock = SimClock()
     room_rng, board_rng, order_rng = np.random.default_rng(seed).spawn(3)
@@ -231,16 +306,27 @@ def perform_simulated(
         context = offscreen_context()
         stack.callback(release_offscreen, context)
 
-        def device(name: str, driver: str, **options: object) -> Any:
+        display_batches: list[SampleBatch] = []
+        gaze_batches: list[SampleBatch] = []
+
+        def device(
+            name: str, driver: str, sink: Sink = lambda batch: None, **options: object
+        ) -> Any:
             config = DeviceConfig(role=name, driver=driver, simulated=True, options=options)
-            return open_device(stack, build_device(config, clock, room, seed, stack))
+            return open_device(stack, build_device(config, clock, room, seed, stack), sink)
 
         display = None if lab is None else screen_display(lab, clock)
         if display is None:
-            headset = SeenHeadset(device("headset", "simulated_headset"), room.show)
+            headset = SeenHeadset(
+                device("headset", "simulated_headset", display_batches.append), room.show
+            )
         else:
             display.attach(SeenMonitor(clock, display.display_rate_hz, room.show))
-            headset = open_device(stack, display)
+            headset = open_device(stack, display, display_batches.append)
+        tracker: EyeTracker | None = None
+        if gaze_delay_ms is not None:
+            room.gaze_delay_ns = round(gaze_delay_ms * NS_PER_MS)
+            tracker = device("eye_tracker", "pupil_core", gaze_batches.append)
         band: Armband = device(role, "simulated_armband", rise_ms=rise_ms)
         board = SyncBoardSimulator(room, clock, board_rng, loss_01=loss_01)
         sensor = SyncBoard(MemoryLink(board, clock), clock)
@@ -254,9 +340,12 @@ def perform_simulated(
             patch=patch,
             speaker=RoomSpeaker(room, clock),
             band=band,
+            eye_tracker=tracker,
             repeats=repeats,
             progress=progress,
         )
+        commands.display_batches, commands.gaze_batches = display_batches, gaze_batches
+        _keep_gaze(commands, tracker)
         results = analyse(commands, sensor.traces(), DEFAULT_CHANNELS, patch.role, role)
     command_times_ns = {
         "picture": commands.picture_ns,
@@ -264,7 +353,8 @@ def perform_simulated(
         "vibration": commands.vibration_ns,
     }
     true_ms = {
-        name: (np.array(room.true_onsets_ns[name]) - np.array(asked_ns)) / NS_PER_MS
+        name: (np.array(room.true_onsets_ns[name][: len(asked_ns)]) - np.array(asked_ns))
+        / NS_PER_MS
         for name, asked_ns in command_times_ns.items()
     }
     return results, commands, sensor, true_ms

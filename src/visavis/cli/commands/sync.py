@@ -9,9 +9,19 @@ import typer
 from rich.progress import Progress
 from rich.table import Table
 
+from visavis.analysis.frame_times import PoseAge
+from visavis.analysis.gaze_delay import LEAST_LATENCY_MS, GazeDelayBound
 from visavis.analysis.sync_test import Delays, offsets_ms
 from visavis.cli.app import ConfigOption, JsonOption, app, console, load_lab, say_json, verbatim
-from visavis.cli.sync_chain import AUDIO_CHANNELS, DEFAULT_CHANNELS, perform_real, perform_simulated
+from visavis.cli.sync_chain import (
+    AUDIO_CHANNELS,
+    DEFAULT_CHANNELS,
+    gaze_bound_of,
+    pace_of,
+    perform_real,
+    perform_simulated,
+    pose_age_of,
+)
 from visavis.cli.sync_records import FOLDER
 from visavis.devices.sim.sync_room import PlantedDelay
 from visavis.lab.clock import SystemClock
@@ -19,6 +29,7 @@ from visavis.lab.config import LabConfig
 from visavis.lab.errors import UsageError
 
 SIMULATED_PICTURE, SIMULATED_SOUND = (9.0, 1.0), (22.0, 3.0)
+SIMULATED_GAZE_DELAY_MS = 12.0
 
 
 @app.command("sync-test")
@@ -33,6 +44,12 @@ def sync_test(
     band: Annotated[str, typer.Option(help="Role of the band that buzzes; none when left out.")] = (
         ""
     ),
+    eyes: Annotated[
+        str, typer.Option(help="Role of the eye tracker whose delay is bounded; none left out.")
+    ] = "",
+    artificial_eye: Annotated[
+        bool, typer.Option("--artificial-eye", help="The eye moves with the light, at once.")
+    ] = False,
     light: Annotated[str, typer.Option(help="Channel of the photodiode, or none.")] = "",
     sound: Annotated[str, typer.Option(help="Channel of the microphone, or none.")] = "",
     motion: Annotated[str, typer.Option(help="Channel of the accelerometer, or none.")] = "",
@@ -69,6 +86,7 @@ def sync_test(
                 picture=PlantedDelay(*SIMULATED_PICTURE),
                 sound=PlantedDelay(*SIMULATED_SOUND),
                 lab=lab,
+                gaze_delay_ms=SIMULATED_GAZE_DELAY_MS if eyes else None,
                 progress=progress,
             )
         else:
@@ -81,7 +99,11 @@ def sync_test(
                 channels=channels,
                 repeats=repeats,
                 progress=progress,
+                eyes_role=eyes,
             )
+    age, pace = pose_age_of(stimuli, delays), pace_of(stimuli)
+    least_ms = 0.0 if artificial_eye else LEAST_LATENCY_MS
+    bound = gaze_bound_of(stimuli, delays, eyes, least_latency_ms=least_ms) if eyes else None
     # The record goes to one file: the doctor reads its age, and analyse its offsets.
     record = {
         "made": clock.wall_iso(),
@@ -93,6 +115,9 @@ def sync_test(
         "frames_dropped": stimuli.dropped_frames,
         "frame_ms": stimuli.frame_ns / 1e6,
         "offsets_ms": offsets_ms(delays),
+        "pose_age": age.as_record(),
+        "pace": pace.as_record(),
+        "gaze_delay": None if bound is None else bound.as_record(),
         "delays": [one.as_record() for one in delays],
     }
     path = _keep(lab, record, delays)
@@ -100,6 +125,42 @@ def sync_test(
         say_json(record | {"path": str(path)})
         return
     _tell(record, delays, path)
+    _tell_heads(age)
+    for sentence in pace.sentences:
+        console.print(f"[yellow]{sentence}.[/]")
+    if bound is not None:
+        _tell_gaze(bound, lab)
+
+
+def _tell_heads(age: PoseAge) -> None:
+    if not age.frames:
+        return
+    by = "the runtime's stamps"
+    if age.picture_delay_ms == age.picture_delay_ms:
+        by += " and the photodiode"
+    console.print(
+        f"pose age at the light: {age.at_least_ms:.1f} to {age.at_most_ms:.1f} ms, by {by} "
+        f"(the head is foreseen by {age.look_ahead_ms:.1f} ms)"
+    )
+
+
+def _tell_gaze(bound: GazeDelayBound, lab: LabConfig) -> None:
+    options = lab.devices[bound.role].options if bound.role in lab.devices else {}
+    configured_ms = options.get("gaze_delay_ms")
+    stated = "not given, so 0 is assumed" if configured_ms is None else f"{configured_ms:g} ms"
+    if not bound.is_known:
+        console.print(
+            f"[yellow]No bound on {verbatim(bound.role)}'s delay: {bound.answered} of "
+            f"{bound.asked} saccades were seen. Look at each spot as soon as it appears, after a "
+            "calibration.[/]"
+        )
+        return
+    console.print(
+        f"gaze delay of {verbatim(bound.role)}: at most {bound.at_most_ms:.1f} ms, by "
+        f"{bound.answered} saccades; gaze_delay_ms as configured: {stated}"
+    )
+    if configured_ms is not None and configured_ms > bound.at_most_ms:
+        console.print("[yellow]What is configured is more than saccades allow: check it.[/]")
 
 
 def _keep(lab: LabConfig, record: dict[str, Any], delays: Sequence["Delays"]) -> Path:
