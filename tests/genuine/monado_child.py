@@ -21,11 +21,13 @@ import numpy as np
 from tests.faults.sessions import lab, request
 from tests.genuine.monado import Remote, call
 from tests.genuine.whole_sessions import WHOLE, on_monado
+from visavis.analysis.frame_times import PoseAge, heads_of, pose_age
 from visavis.devices.contracts import DeviceState
 from visavis.devices.drivers.openxr.headset import OpenXrHeadset
 from visavis.devices.drivers.openxr.library import OpenXrLibrary
 from visavis.lab.clock import NS_PER_S, SystemClock
 from visavis.lab.errors import DeviceError
+from visavis.lab.frame import FrameInfo
 from visavis.lab.geometry import quat_from_yaw_pitch_deg
 from visavis.protocol.session.operator import Action, Command, UnattendedOperator
 from visavis.recording.reader import Recording
@@ -105,9 +107,19 @@ def poses(*, shows: bool) -> dict[str, Any]:
         "period_ms": float(np.median(np.diff([f.t_ns for f in frames])) / 1e6),
         "ahead_ms": float(np.median([f.predicted_display_ns - f.t_ns for f in frames]) / 1e6),
     }
+    result["pose_age"] = age_of(run, frames).as_record()
     run.close()
     remote.close()
     return result
+
+
+def age_of(run: Run, frames: Sequence[FrameInfo]) -> PoseAge:
+    """Return the age of the pictures' heads by the runtime's own stamps."""
+    described_ns, handed_ns = heads_of(run.batches)
+    light_of = {frame.t_ns: frame.predicted_display_ns for frame in frames}
+    rows = [i for i, at_ns in enumerate(handed_ns.tolist()) if at_ns in light_of]
+    light_ns = np.array([light_of[int(handed_ns[i])] for i in rows], np.int64)
+    return pose_age(described_ns[rows], handed_ns[rows], light_ns)
 
 
 def knob() -> dict[str, Any]:

@@ -59,6 +59,11 @@ def test_poses_are_where_the_head_was_put(service: Service, scenario: str) -> No
     assert result["apart_m"] < 1e-4
     assert result["apart"] < 1e-6
     assert 1 < result["ahead_ms"] < 100
+    # by the runtime's own stamps each head is foreseen for the light that it promises
+    age = result["pose_age"]
+    assert age["frames"] > 150
+    assert 0 == pytest.approx(age["at_least_ms"], abs=0.01)
+    assert result["ahead_ms"] == pytest.approx(age["at_most_ms"], abs=0.5)
 
 
 def test_eyes_that_are_moved_apart_are_drawn_for(service: Service) -> None:
