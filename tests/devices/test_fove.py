@@ -15,6 +15,7 @@ from tests.devices.gaze_rigs import PERFECT, GazeRig
 from tests.devices.wire_ends.fove_library import FoveStub, build_stub
 from visavis.devices.contracts import DeviceState
 from visavis.devices.drivers.fove import codec
+from visavis.devices.drivers.fove import library as fove_library
 from visavis.devices.drivers.fove.driver import Fove
 from visavis.devices.drivers.fove.library import FoveLibrary
 from visavis.devices.drivers.streaming.gaze_rays import rows_to_values
@@ -206,7 +207,8 @@ def test_library_delivers_reconnects_and_calibrates(library):
 @pytest.mark.parametrize(
     ("function", "code", "error", "text"),
     [
-        ("checkSoftwareVersions", 4, ProtocolViolation, "newer than this FoveClient"),
+        ("checkSoftwareVersions", 4, ProtocolViolation, "runtime is too old for this FoveClient"),
+        ("checkSoftwareVersions", 6, ProtocolViolation, "library is too old for the FOVE runtime"),
         ("createHeadset", 7, DeviceNotFound, "service does not answer"),
         ("isHardwareConnected", 7, DeviceNotFound, "start the FOVE runtime"),
     ],
@@ -233,3 +235,67 @@ def test_simulator_counts_from_zero_and_leaves_holes_where_it_loses():
     assert [shot.number for shot in source.take(10**9)][:3] == [0, 1, 2]
     wire = MemoryTransport(FoveSimulator(FixatingBody(), clock=clock, seed=1), clock)
     assert wire.is_simulated
+
+
+# ---- FoveAPI.h: the vendor's own header ---------------------------------------------------------
+
+HEADER_CODES = {  # Fove_ErrorCode, by the header's names
+    "Connect_NotConnected": 7,
+    "Connect_RuntimeVersionTooOld": 4,
+    "Connect_ClientVersionTooOld": 6,
+    "API_NotRegistered": 104,
+    "API_Timeout": 130,
+    "Data_NoUpdate": 1003,
+    "Data_Uncalibrated": 1004,
+    "Data_Unreliable": 1006,
+    "Data_LowAccuracy": 1007,
+    "Hardware_Disconnected": 2006,
+    "License_FeatureAccessDenied": 12000,
+}
+HEADER_CAPABILITIES = {"EyeTracking": 1 << 3, "UserPresence": 1 << 5, "PupilRadius": 1 << 14}
+HEADER_STATES = (  # Fove_CalibrationState, in order from 0
+    "NotStarted", "HeadsetAdjustment", "WaitingForUser", "CollectingData", "ProcessingData",
+    "Successful_HighQuality", "Successful_MediumQuality", "Successful_LowQuality",
+    "Failed_Unknown",
+)  # fmt: skip
+
+
+def test_codes_states_and_capabilities_are_those_of_the_vendors_header():
+    ours = {
+        "Connect_NotConnected": codec.NOT_CONNECTED,
+        "Connect_RuntimeVersionTooOld": codec.RUNTIME_TOO_OLD,
+        "Connect_ClientVersionTooOld": codec.CLIENT_TOO_OLD,
+        "API_NotRegistered": codec.NOT_REGISTERED,
+        "API_Timeout": codec.TIMED_OUT,
+        "Data_NoUpdate": codec.NO_UPDATE,
+        "Data_Uncalibrated": codec.UNCALIBRATED,
+        "Data_Unreliable": codec.UNRELIABLE,
+        "Data_LowAccuracy": codec.LOW_ACCURACY,
+        "Hardware_Disconnected": codec.HARDWARE_GONE,
+        "License_FeatureAccessDenied": 12000,
+    }
+    assert ours == HEADER_CODES
+    assert set(codec.ERROR_TEXTS) == set(HEADER_CODES.values())
+    assert fove_library.CAPABILITIES == sum(HEADER_CAPABILITIES.values())
+    assert (
+        len(codec.CALIBRATION_STATES) == codec.FIRST_FAILED == HEADER_STATES.index("Failed_Unknown")
+    )
+    successes = {i for i, name in enumerate(HEADER_STATES) if name.startswith("Successful")}
+    assert codec.SUCCESS_STATES == successes
+
+
+def test_versions_have_the_headers_layout_and_room_for_more():
+    versions = fove_library._Versions
+    # 7 ints, 64 characters, 6 ints, 64 characters, 3 ints, a bool: 193 bytes
+    assert versions.client_hash.offset == 28
+    assert versions.runtime_major.offset == 28 + 64
+    assert versions.firmware.offset == 28 + 64 + 24 + 64
+    assert versions.too_old_headset.offset == 192
+    assert ctypes.sizeof(versions) >= 196 + 200
+
+
+def test_data_of_an_uncalibrated_tracker_are_missing_as_the_header_calls_them_invalid():
+    _, row, codes = decoded(l_code=1004, r_code=1004, c_code=1004)
+    assert not row["valid"]
+    assert np.isnan(row["direction_head"]).all()
+    assert codes == {1004}

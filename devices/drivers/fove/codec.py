@@ -1,8 +1,8 @@
 """Turn what FoveClient's getters return into gaze samples; pure, never raises on bad bytes.
 
-Sources: FOVE SDK 1.4.0 (FoveAPI.h and its README) for names, types, codes and units, as read by
-others. Straight ahead is (0, 0, 1) there, so its frame is taken as left-handed, y up; z is
-negated. Lengths are metres and pupils radii. The signs still wait for a real unit.
+Source: the vendor's FoveAPI.h of FOVE SDK 1 for names, types, codes and units. Straight ahead is
+(0, 0, 1) there, so its frame is taken as left-handed, y up; z is negated. Lengths are metres and
+pupils radii. The signs still wait for a real unit.
 """
 
 import math
@@ -23,23 +23,25 @@ EYE_FRAME = struct.Struct("<QQ" + 2 * "i3fiiif" + "i3f3f")
 radius; code, origin and direction of the combined ray."""
 
 OK, NOT_CONNECTED, NOT_REGISTERED, TIMED_OUT = 0, 7, 104, 130
+RUNTIME_TOO_OLD, CLIENT_TOO_OLD = 4, 6
 NO_UPDATE, UNCALIBRATED, UNRELIABLE, LOW_ACCURACY, HARDWARE_GONE = 1003, 1004, 1006, 1007, 2006
-VALUE_COMES_WITH = frozenset({OK, UNRELIABLE, LOW_ACCURACY, UNCALIBRATED})
+VALUE_COMES_WITH = frozenset({OK, UNRELIABLE, LOW_ACCURACY})
+"""Codes with which a value is filled in. The header calls data of a tracker that is not calibrated
+invalid, so they are missing."""
 VALID_WITH = frozenset({OK, LOW_ACCURACY})
 DISCONNECTED_WITH = frozenset({NOT_CONNECTED, HARDWARE_GONE})
 
 EYE_OPEN = 1
 
 ERROR_TEXTS: Mapping[int, str] = {
-    2: "the runtime answered with a permission error",
-    4: "the FOVE runtime is newer than this FoveClient library",
-    6: "the FOVE runtime is older than this FoveClient library",
+    RUNTIME_TOO_OLD: "the FOVE runtime is too old for this FoveClient library",
+    CLIENT_TOO_OLD: "this FoveClient library is too old for the FOVE runtime",
     NOT_CONNECTED: "the FOVE runtime service does not answer",
     NOT_REGISTERED: "a needed capability was not registered",
     TIMED_OUT: "no eye frame came in time",
     NO_UPDATE: "the runtime has no eye data yet",
     UNCALIBRATED: "the eye tracker is not calibrated",
-    UNRELIABLE: "the runtime calls its data unreliable",
+    UNRELIABLE: "the runtime has lost the eyes and calls its data unreliable",
     LOW_ACCURACY: "the runtime calls its data of low accuracy",
     HARDWARE_GONE: "the headset is not connected to this computer",
     12000: "this feature needs a FOVE licence",

@@ -34,6 +34,7 @@ LIBRARY_REMEDY = (
 )
 ANSWER = struct.Struct("<ii")
 JOIN_S = 3.0
+HASH_BYTES = 64
 
 
 class _Vec3(ctypes.Structure):
@@ -49,15 +50,24 @@ class _FrameTimestamp(ctypes.Structure):
 
 
 class _Versions(ctypes.Structure):
+    """Versions as FoveAPI.h lists them: hashes are arrays in the structure, not pointers."""
+
     _fields_ = [
-        *((f"client_{part}", ctypes.c_int) for part in ("major", "minor", "build", "protocol")),
-        ("client_hash", ctypes.c_char_p),
-        *((f"runtime_{part}", ctypes.c_int) for part in ("major", "minor", "build")),
-        ("runtime_hash", ctypes.c_char_p),
+        *(
+            (f"client_{part}", ctypes.c_int)
+            for part in ("major", "minor", "build", "year", "month", "day", "protocol")
+        ),
+        ("client_hash", ctypes.c_char * HASH_BYTES),
+        *(
+            (f"runtime_{part}", ctypes.c_int)
+            for part in ("major", "minor", "build", "year", "month", "day")
+        ),
+        ("runtime_hash", ctypes.c_char * HASH_BYTES),
         ("firmware", ctypes.c_int),
         ("max_firmware", ctypes.c_int),
         ("min_firmware", ctypes.c_int),
         ("too_old_headset", ctypes.c_bool),
+        ("spare", ctypes.c_char * 256),  # a later library may write more than is read
     ]
 
 

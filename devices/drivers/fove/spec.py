@@ -29,8 +29,8 @@ FOVE = DriverSpec(
     remedy="start the FOVE runtime, connect the headset, and try again",
     claims=Claims(
         stands_for="FOVE 0",
-        checked="our reading of the vendor's header; C library of our own behind ctypes",
-        unproven="axes, low-accuracy code, layout of versions",
+        checked="the vendor's header FoveAPI.h; C library of our own behind ctypes",
+        unproven="axes, low-accuracy code",
     ),
 )
 SPECS = (FOVE,)

@@ -15,10 +15,11 @@ typedef struct { float x, y, z; } Vec3;
 typedef struct { Vec3 origin, direction; } Ray;
 typedef struct { uint64_t id, us; } FrameTimestamp;
 typedef struct {
-    int client_major, client_minor, client_build, client_protocol;
-    const char *client_hash;
-    int runtime_major, runtime_minor, runtime_build;
-    const char *runtime_hash;
+    int client_major, client_minor, client_build, client_year, client_month, client_day;
+    int client_protocol;
+    char client_hash[64];
+    int runtime_major, runtime_minor, runtime_build, runtime_year, runtime_month, runtime_day;
+    char runtime_hash[64];
     int firmware, max_firmware, min_firmware;
     bool too_old_headset;
 } Versions;
@@ -194,9 +195,12 @@ int fove_Headset_getEyeTrackingCalibrationState(void *h, int *out) {
 
 int fove_Headset_getSoftwareVersions(void *h, Versions *out) {
     (void)h;
-    memset(out, 0, sizeof *out);
+    memset(out, 0xff, sizeof *out); /* every byte that the header has is written */
+    memset(out->client_hash, 'c', 63);
+    memset(out->runtime_hash, 'r', 63);
     out->client_major = 1;
     out->client_minor = 4;
+    out->client_build = out->runtime_build = 0;
     out->runtime_major = 1;
     out->runtime_minor = 4;
     return fault("getSoftwareVersions");
