@@ -63,7 +63,7 @@ BUTTONS: Mapping[int, str] = {
 VSYNC = struct.Struct("<?fQ")
 """Known, seconds since the last vertical sync, count of vertical syncs."""
 
-_TIMING = struct.Struct("<6I d 15f")
+_TIMING = struct.Struct("<6I d 16f")
 """The start of `Compositor_FrameTiming`, up to its pose."""
 
 Triple = tuple[float, float, float]
