@@ -12,7 +12,12 @@ from visavis.recording.csv_file import note_escaped_columns, write_csv
 
 
 @pytest.mark.parametrize(
-    "text", ["=1+1", "+cmd|' /C calc'!A0", "-2+3", "@SUM(A1)", "\t=1", "\r=1", "\x00=1"]
+    "text",
+    [
+        *("=1+1", "+cmd|' /C calc'!A0", "-2+3", "@SUM(A1)", "\t=1", "\r=1", "\x00=1"),
+        *(" =1+1", "\u00a0\u3000=1+1", "\ufeff=1", "\u200b@x"),
+        *("\uff1d1+1", " \uff0b1", "\uff0d1", "\uff20x", "\ufe661"),
+    ],
 )
 def test_a_formula_becomes_text(tmp_path: Path, text: str) -> None:
     path = tmp_path / "t.csv"
@@ -26,9 +31,9 @@ def test_a_formula_becomes_text(tmp_path: Path, text: str) -> None:
 
 def test_numbers_dates_and_missing_values_stay_as_they_are(tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
-    table = pd.DataFrame({"mixed": ["-0.5", "+3", "-1e-7", None, -2], "day": ["2026-03-02"] * 5})
+    table = pd.DataFrame({"mixed": ["-0.5", "+3", " -1e-7", None, -2], "day": ["2026-03-02"] * 5})
     assert () == write_csv(table, path)
-    assert "mixed,day\n-0.5,2026-03-02\n+3,2026-03-02\n-1e-7,2026-03-02\n,2026-03-02\n" in (
+    assert "mixed,day\n-0.5,2026-03-02\n+3,2026-03-02\n -1e-7,2026-03-02\n,2026-03-02\n" in (
         path.read_text()
     )
 

@@ -16,16 +16,20 @@ ESCAPE_NOTE = (
 )
 CELLS_AT_ONCE = 20_000
 """How many cells are held as text at once; what is written does not depend on it."""
-_FORMULA = re.compile(r"[=+\-@\x00-\x1f]")
+_FORMULA = re.compile(
+    r"[\x00-\x1f]|[\s\u200b-\u200f\u2060\ufeff]*[=+\-@\uff1d\uff0b\uff0d\uff20\ufe62-\ufe66\ufe6b]"
+)
+"""Spreadsheets skip blanks, and some read full-width and small signs as the usual ones."""
 _NUMBER = re.compile(r"[+-]?[0-9]+([.][0-9]*)?([eE][+-]?[0-9]+)?")
 
 
 def write_csv(table: pd.DataFrame, path: Path) -> tuple[str, ...]:
     """Write a table in UTF-8 with dot decimals, missing values empty; replaces what is there.
 
-    Text cells and column names beginning with = + - @ or a control character, which spreadsheets
-    run, get an apostrophe before them. Returns the columns in which that was needed; say it in
-    the table's dictionary with `note_escaped_columns`. Raises OSError when the disk refuses.
+    Text cells and column names beginning with = + - @, also behind blanks or full-width, or with a
+    control character, which spreadsheets run, get an apostrophe before them. Returns the columns in
+    which that was needed; say it in the table's dictionary with `note_escaped_columns`. Raises
+    OSError when the disk refuses.
     """
     safe, escaped_columns = escape_formulas(table)
     rows = max(1, CELLS_AT_ONCE // max(1, len(safe.columns)))
@@ -72,5 +76,5 @@ def _is_formula(value: Any) -> bool:
     return (
         isinstance(value, str)
         and _FORMULA.match(value) is not None
-        and _NUMBER.fullmatch(value) is None
+        and _NUMBER.fullmatch(value.strip()) is None
     )

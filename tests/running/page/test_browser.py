@@ -15,6 +15,7 @@ from typing import Any
 
 import pytest
 
+from benchmarks.page_faults.browser_kills import Chromium
 from tests.running.page.pages import STUDY
 from visavis.lab.clock import StopWatch
 from visavis.lab.config_files import EXAMPLE
@@ -189,6 +190,32 @@ def test_an_answer_that_cannot_be_is_asked_again_and_the_session_goes_on(
     payloads = events.loc[events["name"] == "page_event", "payload"]
     problems = [payload["what"] for payload in payloads if payload["kind"] == "problem"]
     assert ["set aside" in problem for problem in problems] == [True]
+
+
+def test_a_browser_killed_right_after_an_answer_remembers_whose_session_it_was(
+    server: Server, tmp_path: Path
+) -> None:
+    program = shutil.which("chromium") or shutil.which("chromium-browser")
+    if program is None:
+        pytest.skip("there is no chromium; apt install chromium")
+    playwright = pytest.importorskip("playwright.sync_api")
+    (server.root / "asked.py").write_text(ASKING, "utf-8")
+    address = server.start("serve", "asked.py", "--port", "0")
+    with playwright.sync_playwright() as started:
+        chromium = Chromium(program, tmp_path / "profile", started)
+        try:
+            chromium.start()
+            chromium.page.goto(address)
+            watch = StopWatch()
+            while chromium.shown()["trial"] < 2:
+                assert watch.elapsed_s() < PATIENCE_S, chromium.shown()
+                step_on(chromium.page)
+            chromium.kill()
+            chromium.start()
+            chromium.page.goto(address)
+            until(chromium.page, "Somebody began this study", steps=False)
+        finally:
+            chromium.kill()
 
 
 def test_nothing_leaves_the_page_before_consent_but_what_a_request_needs(

@@ -16,6 +16,7 @@ from tests.running.page.pages import SEED, config, experiment, study
 from visavis.experiments.interpolation.study import study as interpolation
 from visavis.lab.clock import SimClock
 from visavis.lab.errors import DataError, UsageError
+from visavis.protocol.people.key_file import KeyFile
 from visavis.protocol.people.ledger import Ledger
 from visavis.protocol.session.operator import UnattendedOperator
 from visavis.recording.reader import Recording
@@ -271,6 +272,14 @@ def test_a_page_cannot_say_that_there_is_no_place(place: Place) -> None:
 def is_behind_consent(step: PageStep) -> bool:
     """Tell whether a step comes after the consent."""
     return step.kind != "consent"
+
+
+def test_the_board_has_the_same_address_whenever_a_study_is_served(place: Place) -> None:
+    key = place.reception().board_key
+    assert key == place.reception().board_key
+    assert len(key) == 64
+    key_file = KeyFile(place.lab.key_root, "films", [])
+    assert not key.startswith(key_file.pseudonym("board"))
 
 
 def test_the_board_tells_who_is_where_to_its_key_alone(place: Place) -> None:

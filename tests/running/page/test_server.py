@@ -226,6 +226,7 @@ def test_broken_http_prints_nobodys_address(
 
     answer: bytes = served(tmp_path, ask)
     assert b" 400 " in answer.splitlines()[0]
+    assert b"Server: Visavis\r\n" in answer
     assert "127.0.0.1" not in caplog.text + capsys.readouterr().err
 
 

@@ -210,6 +210,12 @@ def key_of(request: Request) -> str:
     return key_file.page_key(request.person.label, request.person.session)
 
 
+def board_key_of(request: Request) -> str:
+    """Return the secret in the address of a study's board, the same whenever it is served."""
+    config = request.config
+    return KeyFile(config.key_root, request.study.name, [config.data_root]).board_key()
+
+
 def port_before(recording: Recording) -> int:
     """Return the port at which a session was served last; 0 where it was not."""
     events = recording.events()

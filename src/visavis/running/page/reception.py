@@ -1,7 +1,6 @@
 """Receive the participants of a served study, each in a session of their own, at the same time."""
 
 import asyncio
-import secrets
 import threading
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
@@ -33,6 +32,7 @@ from visavis.running.page.perform import (
     ENDINGS,
     SERVED_EVENT,
     about_of,
+    board_key_of,
     experiment_of,
     key_of,
     manifest_of,
@@ -106,7 +106,7 @@ class Reception:
         withdraw: Callable[[str], None],
         say: Callable[[str], None] = lambda text: None,
     ) -> None:
-        self.board_key = secrets.token_urlsafe(24)
+        self.board_key = board_key_of(base)
         self._base, self._store, self._ledger, self._rules = base, store, ledger, rules
         self._experiment = experiment_of(base)
         self._identify, self._identity_of, self._forget = identify, identity_of, forget

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Protocol
 
-from aiohttp import web
+from aiohttp import web, web_response
 from aiohttp.http_exceptions import HttpProcessingError
 
 from visavis.lab.errors import DeviceError, RecordingError
@@ -52,6 +52,7 @@ HEADERS: Final = {
 }
 """Nothing is loaded from third parties, and nothing is sent to them. Pictures within a figure's
 file are read by way of `blob:` addresses, which lead to the page itself."""
+web_response.SERVER_SOFTWARE = HEADERS["Server"]  # in answers to broken HTTP, which aiohttp gives
 
 
 class _WithoutPeers(logging.Filter):

@@ -569,7 +569,7 @@ const steps = {
 
   async end(step) {
     isOver = true;
-    remembered((storage) => storage.removeItem(SESSION));
+    forgetSession();
     const textName = { done: "thanks", stopped: "stopped", withdrawn: "stopped", declined: "declined", full: "full" }[step.outcome] || "thanks";
     put("narrow", element("h1", {}, say(textName)), whomToAsk());
     let file = null;
@@ -610,10 +610,19 @@ function remembered(change) {
   try { return change(localStorage); } catch { return null; }
 }
 
+// A browser writes what is remembered there to its disk seconds later; a kill before that must not
+// lose whose session this is.
+const own = openStore("own");
+
+async function forgetSession() {
+  remembered((storage) => storage.removeItem(SESSION));
+  await (await own).set(SESSION, "");
+}
+
 // Somebody who comes to a served study gets a session; who comes again gets the one they had.
 async function arrive() {
   const parameters = Object.fromEntries([...wire.query()].filter(([n]) => OF_ARRIVALS.includes(n)).map(([n, v]) => [n, v.slice(0, 200)]));
-  const before = remembered((storage) => storage.getItem(SESSION)) || "";
+  const before = remembered((storage) => storage.getItem(SESSION)) || await (await own).get(SESSION) || "";
   isRemembered = Boolean(before) && !location.search;
   if (isRemembered) key = before;
   else {
@@ -632,6 +641,7 @@ async function arrive() {
     key = answer.body.key;
   }
   remembered((storage) => storage.setItem(SESSION, key));
+  await (await own).set(SESSION, key);
   wire.keepKey(key);
 }
 
@@ -675,7 +685,7 @@ async function begin(takesOver) {
     return;
   }
   if (answer.status !== 200 || answer.body.failed) {
-    remembered((storage) => storage.removeItem(SESSION));
+    await forgetSession();
     if (isRemembered && answer.status === 400) { // of another study, or another lab's time
       [key, store, queue, isLocked] = ["", null, [], false];
       await begin(false);
@@ -706,7 +716,7 @@ async function begin(takesOver) {
   }
   if (isRemembered && state.number > 1 && state.step.kind !== "end" && !await isTheirs()) {
     await wire.leave(key, tab);
-    remembered((storage) => storage.removeItem(SESSION));
+    await forgetSession();
     location.assign(location.pathname);
     return;
   }
