@@ -18,12 +18,18 @@ from visavis.analysis.gaze.stamps import typical_step_ns
 from visavis.analysis.gaze.text_table import NS_PER_UNIT, TextTable, read_text_table
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DataError, UsageError
+from visavis.lab.foreign_text import decode_text
 from visavis.lab.geometry import Vector, direction_from_yaw_pitch_deg, yaw_pitch_deg_of
-from visavis.lab.plain_files import parse_json, read_packed, read_plain
+from visavis.lab.plain_files import read_packed
+from visavis.lab.screen import FlatScreen
+from visavis.recording.bids_sidecar import screen_in_set, sidecar_of
 from visavis.recording.durable import make_folder, protect_files
 
 BIDS_VERSION = "1.11.1"
 _EYES = {"left": ("eye1", "left"), "right": ("eye2", "right"), "combined": ("eye3", "cyclopean")}
+TIME_UNITS = {"seconds": "s", "sec": "s", "milliseconds": "ms", "msec": "ms", "µs": "us"}
+UNITS = {"pixels": "pixel", "px": "pixel", "degree": "deg", "degrees": "deg", "radian": "rad"}
+"""Words of data sets for the units that BIDS names otherwise."""
 _SPACES = {"head": "eye-in-head", "world": "gaze-in-world"}
 _GAZE = ("gaze_x", "gaze_y", "gaze_z")
 _HEAD_POSITION = ("head_x_m", "head_y_m", "head_z_m")
@@ -127,18 +133,20 @@ def _sidecar(recording: GazeRecording, eye: str, columns: tuple[str, ...]) -> di
 # ---- reading ------------------------------------------------------------------------------
 
 
-def read_bids(path: Path) -> GazeRecording:
+def read_bids(path: Path, screen: FlatScreen | None = None) -> GazeRecording:
     """Read one `*_physio.tsv.gz` of eye tracking together with the other eyes of its run.
 
     Gaze comes from `gaze_x/y/z` where those are, else from azimuth and elevation in degrees or
-    radians. Raises DataError for gaze in screen coordinates, eyes whose stamps differ, or a
-    sidecar that is missing or incomplete.
+    radians, else from pixels of `screen`, or of the screen that the data set describes. Sidecars
+    are inherited. Raises DataError for gaze on a screen nobody describes, eyes whose stamps
+    differ, or a sidecar that is missing or incomplete.
     """
     head, mark, _ = path.name.partition("_recording-")
     paths = sorted(path.parent.glob(f"{head}{mark}*_physio.tsv.gz")) if mark else [path]
     if path not in paths:
         raise DataError(f"{path}: no such *_physio.tsv.gz file; check the path")
     eyes: dict[str, EyeSamples] = {}
+    remarks: list[str] = []
     first: tuple[TextTable, dict[str, Any]] | None = None
     t_ns = np.zeros(0, np.int64)
     for each in paths:
@@ -146,6 +154,7 @@ def read_bids(path: Path) -> GazeRecording:
         if sidecar.get("PhysioType") != "eyetrack":
             continue
         table = _read_rows(each, sidecar)
+        remarks += table.remarks
         stamps = table.stamps("timestamp", _time_unit(each, sidecar))
         if first is None:
             first, t_ns = (table, sidecar), stamps
@@ -154,7 +163,11 @@ def read_bids(path: Path) -> GazeRecording:
                 f"{each}: its stamps differ from those of {first[0].path.name}; import the eyes "
                 "one by one from separate folders"
             )
-        eyes[_eye_name(each, sidecar)] = _read_eye(each, table, sidecar)
+        name = _eye_name(each, sidecar)
+        eyes[name] = _read_eye(each, table, sidecar, screen)
+        if table.has("pupil_size") and _pupil_scale(sidecar) is None:
+            units = sidecar.get("pupil_size", {}).get("Units", "no unit")
+            remarks.append(f"pupil size of {name} is in {units}, not in mm: it was left out")
     if first is None:
         raise DataError(f"{path}: its sidecar does not say PhysioType eyetrack; not eye tracking")
     table, sidecar = first
@@ -177,34 +190,30 @@ def read_bids(path: Path) -> GazeRecording:
         else None,
         rate_hz=float(sidecar["SamplingFrequency"]) if rate_is_stated else None,
         notes=sidecar.get("Notes", {"format": "BIDS"}),
+        remarks=tuple(dict.fromkeys(remarks)),
+        time_unit=_time_unit(path, sidecar),
     )
 
 
 def _read_sidecar(path: Path) -> dict[str, Any]:
-    sidecar_path = path.with_name(path.name.removesuffix(".tsv.gz") + ".json")
-    try:
-        content = parse_json(read_plain(sidecar_path))
-    except FileNotFoundError as error:
-        raise DataError(
-            f"{sidecar_path}: no such file; every physio table needs its sidecar"
-        ) from error
-    except (OSError, ValueError) as error:
-        raise DataError(f"{sidecar_path}: not JSON ({error}); mend the sidecar") from error
-    if not isinstance(content, dict):
-        raise DataError(f"{sidecar_path}: not a JSON object; mend the sidecar")
+    content = sidecar_of(path)
+    if not content:
+        raise DataError(f"{path}: no sidecar (.json) beside or above it; every table needs one")
     required_keys = ["Columns", "SamplingFrequency"]
     if content.get("PhysioType") == "eyetrack":
         required_keys += ["RecordedEye", "SampleCoordinateSystem"]
     missing = [key for key in required_keys if key not in content]
     if missing:
-        raise DataError(f"{sidecar_path}: {', '.join(missing)} missing; add what BIDS requires")
+        raise DataError(
+            f"{path}: {', '.join(missing)} missing in its sidecars; add what BIDS requires"
+        )
     return content
 
 
 def _read_rows(path: Path, sidecar: Mapping[str, Any]) -> TextTable:
     try:
-        text = read_packed(path).decode()
-    except (OSError, UnicodeDecodeError) as error:
+        text, _ = decode_text(read_packed(path))
+    except (OSError, ValueError) as error:
         raise DataError(f"{path}: not a whole gzip text ({error}); copy it again") from error
     return read_text_table(
         path, delimiter="\t", text=text, names=[str(c) for c in sidecar["Columns"]]
@@ -213,6 +222,7 @@ def _read_rows(path: Path, sidecar: Mapping[str, Any]) -> TextTable:
 
 def _time_unit(path: Path, sidecar: Mapping[str, Any]) -> str:
     unit = str(sidecar.get("timestamp", {}).get("Units", "s"))
+    unit = TIME_UNITS.get(unit.strip().lower(), unit)
     if unit not in NS_PER_UNIT:
         raise DataError(f"{path}: timestamp Units {unit!r} unknown; use ns, us, ms or s")
     return unit
@@ -226,28 +236,60 @@ def _eye_name(path: Path, sidecar: Mapping[str, Any]) -> str:
     return names[recorded_eye]
 
 
-def _read_eye(path: Path, table: TextTable, sidecar: Mapping[str, Any]) -> EyeSamples:
+def _pupil_scale(sidecar: Mapping[str, Any]) -> float | None:
+    """Return millimetres per unit of pupil size; None for arbitrary units and areas."""
+    unit = str(sidecar.get("pupil_size", {}).get("Units", "")).strip().lower()
+    return {"mm": 1.0, "m": 1e3, "cm": 10.0, "um": 1e-3, "µm": 1e-3}.get(unit)
+
+
+def _read_eye(
+    path: Path, table: TextTable, sidecar: Mapping[str, Any], screen: FlatScreen | None
+) -> EyeSamples:
     if table.has(*_GAZE):
         direction = table.vectors(_GAZE)
     else:
-        system = sidecar["SampleCoordinateSystem"]
-        unit = str(sidecar.get("x_coordinate", {}).get("Units", "deg"))
-        if system not in _SPACES.values() or unit not in ("deg", "rad"):
-            raise DataError(
-                f"{path}: gaze is {system} in {unit}; only eye-in-head and gaze-in-world in deg "
-                "or rad can be placed in 3-D; convert it to angles first"
-            )
-        angles = table.vectors(["x_coordinate", "y_coordinate"])
-        angles = np.degrees(angles) if unit == "rad" else angles
-        direction = direction_from_yaw_pitch_deg(-angles[:, 0], angles[:, 1])
+        direction = _direction_of_coordinates(path, table, sidecar, screen)
 
     def optional(name: str) -> Vector | None:
         return table.numbers(name) if table.has(name) else None
 
+    scale, pupil = _pupil_scale(sidecar), optional("pupil_size")
     return eye_samples(
         direction,
         valid=table.flags("valid") if table.has("valid") else None,
-        pupil_mm=optional("pupil_size"),
+        pupil_mm=None if pupil is None or scale is None else scale * pupil,
         openness_01=optional("openness"),
         confidence_01=optional("confidence"),
     )
+
+
+def _direction_of_coordinates(
+    path: Path, table: TextTable, sidecar: Mapping[str, Any], screen: FlatScreen | None
+) -> Vector:
+    system = sidecar["SampleCoordinateSystem"]
+    unit = str(sidecar.get("x_coordinate", {}).get("Units", "deg")).strip().lower()
+    unit = UNITS.get(unit, unit)
+    points = table.vectors(["x_coordinate", "y_coordinate"])
+    if system in _SPACES.values() and unit in ("deg", "rad"):
+        angles = np.degrees(points) if unit == "rad" else points
+        return direction_from_yaw_pitch_deg(-angles[:, 0], angles[:, 1])
+    if system != "gaze-on-screen" or unit != "pixel":
+        raise DataError(
+            f"{path}: gaze is {system} in {unit}; eye-in-head and gaze-in-world in deg or rad, and "
+            "gaze-on-screen in pixel can be placed in 3-D; convert it to angles first"
+        )
+    from_right, from_bottom = False, False
+    if screen is None:
+        described = screen_in_set(path)
+        if described is None:
+            raise DataError(
+                f"{path}: gaze is in pixels of a screen, and the set does not describe it "
+                "(StimulusPresentation: ScreenDistance, ScreenSize, ScreenResolution in its events "
+                "JSON); add it, give --screen, or convert it to angles first"
+            )
+        screen, (from_right, from_bottom) = described
+    if from_right:
+        points[:, 0] = screen.width_px - points[:, 0]
+    if from_bottom:
+        points[:, 1] = screen.height_px - points[:, 1]
+    return screen.directions_of(points)

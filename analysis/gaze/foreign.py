@@ -1,14 +1,15 @@
 """Hold a gaze recording that came from elsewhere, in Visavis's frames and times."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from visavis.analysis.gaze.stamps import Times
 from visavis.lab.errors import UsageError
-from visavis.lab.geometry import Vector
+from visavis.lab.geometry import Vector, quat_multiply
 
 Column = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -38,7 +39,8 @@ class GazeRecording:
     has both. Directions are in head when `space` is "head". `head_position_m` (n, 3) and
     `head_orientation_wxyz` (n, 4) are in world, NaN when untracked, None when the file has none.
     `rate_hz` is what the file or its maker states; None when nobody does. `notes` keeps what
-    else the file said.
+    else the file said, `remarks` what was read otherwise than it stands, `time_unit` the unit of
+    the file's stamps ("" when unknown).
     """
 
     name: str
@@ -52,6 +54,8 @@ class GazeRecording:
     head_orientation_wxyz: Vector | None = None
     rate_hz: float | None = None
     notes: Mapping[str, str] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+    time_unit: str = ""
 
     def __len__(self) -> int:
         return int(self.t_ns.shape[0])
@@ -61,6 +65,35 @@ class GazeRecording:
         """The eyes the file has, by name."""
         by_name = {"left": self.left, "right": self.right, "combined": self.combined}
         return {name: eye for name, eye in by_name.items() if eye is not None}
+
+
+def rows_of_eye(eye: EyeSamples, rows: npt.NDArray[np.int64]) -> EyeSamples:
+    """Return some rows of an eye."""
+    return EyeSamples(
+        eye.direction[rows],
+        eye.valid[rows],
+        eye.pupil_mm[rows],
+        eye.openness_01[rows],
+        eye.confidence_01[rows],
+    )
+
+
+def rows_of(recording: GazeRecording, rows: npt.NDArray[np.int64]) -> GazeRecording:
+    """Return some rows of a recording."""
+
+    def some(values: npt.NDArray[Any] | None) -> npt.NDArray[Any] | None:
+        return None if values is None else values[rows]
+
+    return replace(
+        recording,
+        t_ns=recording.t_ns[rows],
+        t_device_ns=some(recording.t_device_ns),
+        head_position_m=some(recording.head_position_m),
+        head_orientation_wxyz=some(recording.head_orientation_wxyz),
+        left=recording.left and rows_of_eye(recording.left, rows),
+        right=recording.right and rows_of_eye(recording.right, rows),
+        combined=recording.combined and rows_of_eye(recording.combined, rows),
+    )
 
 
 def eye_samples(
@@ -113,3 +146,19 @@ def orientations_in_our_axes(wxyz: Vector, matrix: Vector) -> Vector:
     """Turn quaternions (n, 4) given in a maker's axes into ours; mirrored axes included."""
     vector_part: Vector = float(np.linalg.det(matrix)) * (wxyz[:, 1:] @ matrix.T)
     return np.column_stack([wxyz[:, :1], vector_part])
+
+
+def quaternions_of_euler(degrees: Vector, order: str) -> Vector:
+    """Return quaternions (n, 4) of angles (n, 3) about x, y and z, in the same axes.
+
+    `order` names the axes in the order of the turns, which are about axes that stay: "zxy" turns
+    about z, then x, then y.
+    """
+    half = np.radians(degrees) / 2
+    turned = np.tile([1.0, 0.0, 0.0, 0.0], (len(half), 1))
+    for name in order:
+        k = "xyz".index(name)
+        turn = np.zeros((len(half), 4))
+        turn[:, 0], turn[:, 1 + k] = np.cos(half[:, k]), np.sin(half[:, k])
+        turned = quat_multiply(turn, turned)
+    return turned

@@ -1,7 +1,7 @@
 """Turn an imported recording into a quality report and fixations: tables, and a figure."""
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -22,7 +22,12 @@ from visavis.analysis.gaze.events import (
     detect_idt,
     detect_ivt,
 )
-from visavis.analysis.gaze.foreign import EyeSamples, GazeRecording
+from visavis.analysis.gaze.foreign import EyeSamples, GazeRecording, rows_of_eye
+from visavis.analysis.gaze.foreign_times import (
+    checked_times,
+    recordings_of,
+    sampling_remarks,
+)
 from visavis.analysis.gaze.import_figure import draw_import
 from visavis.analysis.gaze.loss import (
     DEFAULT_LOSS,
@@ -41,6 +46,8 @@ from visavis.analysis.gaze.stamps import Order, Times, order_of, typical_step_ns
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import DataError, UsageError
 from visavis.lab.geometry import Vector, rotate, unit, yaw_pitch_deg_of
+from visavis.lab.sampling import Sampling, sampling_of
+from visavis.lab.screen import FlatScreen
 from visavis.recording.csv_file import write_csv
 from visavis.recording.durable import make_folder, protect_files
 
@@ -63,6 +70,7 @@ ADAPTIVE = "adaptive"
 class PreparedGaze:
     """A recording in time order, one row per stamp, with what may be used of it.
 
+    `sampling` is how its rows lie in time (None below three), `remarks` what is odd about them.
     `direction` maps "head" and "world" to (n, 3) combined gaze, NaN when lost; `usable` maps an
     eye to (n,); `eyes_used` (n,) has bit 0 left, bit 1 right (all bits for a combined ray).
     """
@@ -75,6 +83,8 @@ class PreparedGaze:
     usable: Mapping[str, npt.NDArray[np.bool_]]
     direction: Mapping[str, Vector]
     eyes_used: npt.NDArray[np.uint8]
+    sampling: Sampling | None = None
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -83,7 +93,8 @@ class ImportReport:
 
     `quality` has one row per eye, `detectors` one per detector and frame, `fixations` one per
     fixation, `movements` one per fixation, saccade, oscillation, pursuit and blink found by
-    adaptive thresholds, `parameters` every threshold used. `files` are the files written.
+    adaptive thresholds, `parameters` every threshold used and what is odd about the recording, as
+    `remarks` say it. `files` are the files written.
     """
 
     name: str
@@ -93,15 +104,26 @@ class ImportReport:
     movements: pd.DataFrame
     parameters: pd.DataFrame
     files: tuple[Path, ...]
+    remarks: tuple[str, ...] = ()
 
 
-def read_gaze(path: Path, format_: Format, mapping: GazeMapping | None = None) -> GazeRecording:
-    """Read one file. Raises UsageError for `csv` without a mapping, DataError for bad data."""
+def read_gaze(
+    path: Path,
+    format_: Format,
+    mapping: GazeMapping | None = None,
+    screen: FlatScreen | None = None,
+) -> GazeRecording:
+    """Read one file; `screen` is what was looked at, where the file does not say.
+
+    Raises UsageError for `csv` without a mapping, DataError for bad data.
+    """
     if format_ == "csv":
         if mapping is None:
             raise UsageError(f"{path}: plain CSV needs a mapping of its columns (--mapping)")
         return read_csv(path, mapping)
-    readers = {"vive": read_vive, "bids": read_bids, "pupil": read_pupil}
+    if format_ == "bids":
+        return read_bids(path, screen)
+    readers = {"vive": read_vive, "pupil": read_pupil}
     if format_ not in readers:
         raise UsageError(f"format {format_!r} is unknown; choose one of {', '.join(FORMATS)}")
     return readers[format_](path)
@@ -116,20 +138,23 @@ def prepare(
 ) -> PreparedGaze:
     """Order the rows, decide which may be used, join the eyes, turn gaze into world.
 
-    Rows that go back or contradict another are sorted and dropped by default, because the
-    report counts them.
+    Rows that came late or contradict another are sorted and dropped by default, because the
+    report counts them; samples that share stamps by the dozen are spread over them.
+
+    Raises:
+        DataError: no sample or eye, stamps that show no time, a rate that no tracker has, or time
+            that begins anew.
     """
     if not len(recording):
         raise DataError(f"{recording.name}: no samples")
     if not recording.eyes:
         raise DataError(f"{recording.name}: no eye; map at least one")
     values = np.column_stack([eye.direction for eye in recording.eyes.values()])
-    order = order_of(
-        recording.t_ns, values, backward=backward, conflicts=conflicts, what=recording.name
-    )
+    stamps, remarks = checked_times(recording, values)
+    order = order_of(stamps, values, backward=backward, conflicts=conflicts, what=recording.name)
     rows = np.arange(len(recording)) if order.rows is None else order.rows
-    t_ns = recording.t_ns[rows]
-    eyes = {name: _rows_of_eye(eye, rows) for name, eye in recording.eyes.items()}
+    t_ns = stamps[rows]
+    eyes = {name: rows_of_eye(eye, rows) for name, eye in recording.eyes.items()}
     usable = {
         name: usable_samples(
             t_ns,
@@ -148,16 +173,22 @@ def prepare(
     if recording.space == "head" and pose is not None:
         direction["world"] = rotate(pose[rows], gaze)
     rate_hz = recording.rate_hz or NS_PER_S / typical_step_ns(t_ns)
-    return PreparedGaze(recording, order, t_ns, rate_hz, eyes, usable, direction, eyes_used)
-
-
-def _rows_of_eye(eye: EyeSamples, rows: npt.NDArray[np.int64]) -> EyeSamples:
-    return EyeSamples(
-        eye.direction[rows],
-        eye.valid[rows],
-        eye.pupil_mm[rows],
-        eye.openness_01[rows],
-        eye.confidence_01[rows],
+    sampling = sampling_of(t_ns) if len(t_ns) > 2 else None
+    if order.backward:
+        remarks = (*remarks, f"{order.backward} rows came late and were sorted in")
+    if sampling is not None:
+        remarks = (*remarks, *sampling_remarks(sampling, recording.rate_hz))
+    return PreparedGaze(
+        recording,
+        order,
+        t_ns,
+        rate_hz,
+        eyes,
+        usable,
+        direction,
+        eyes_used,
+        sampling,
+        (*recording.remarks, *remarks),
     )
 
 
@@ -184,11 +215,19 @@ def quality_table(gaze: PreparedGaze, params: LossParameters = DEFAULT_LOSS) -> 
     device = gaze.recording.t_device_ns
     repeats = None if device is None else int((np.diff(device) == 0).sum())
     head_median, head_p95 = _head_speeds_deg_s(gaze)
+    sampling = gaze.sampling
+    if sampling is not None and sampling.is_even and len(sampling.rates_hz) < 2:
+        sampling = None  # one rate, evenly: it says what is due
     rows = []
     for name, ray in rays.items():
         is_usable = gaze.usable[name]
         losses = loss(
-            gaze.t_ns, ray, is_usable, nominal_rate_hz=gaze.rate_hz, frozen_ms=params.frozen_ms
+            gaze.t_ns,
+            ray,
+            is_usable,
+            nominal_rate_hz=gaze.rate_hz,
+            frozen_ms=params.frozen_ms,
+            sampling=sampling,
         )
         middle, calmest = moving_precision_deg(gaze.t_ns, np.where(is_usable[:, None], ray, np.nan))
         both = float((gaze.eyes_used == 3).mean())
@@ -311,6 +350,7 @@ def report(
 
     Files are named after the recording; a report that is already there is refused.
     """
+    refuse_files_there([recording.name], folder)
     # Fixations by every fixed detector, and by the adaptive one that suits rate and noise.
     gaze = prepare(recording, params=params)
     movements = movements_of(gaze)
@@ -354,6 +394,7 @@ def report(
                 for of, settings in (("loss", asdict(params)), *_detector_settings())
                 for key, value in settings.items()
             ]
+            + [{"of": "reading", "parameter": "remark", "value": text} for text in gaze.remarks]
         ),
     }
     files = _write(recording.name, folder, tables)
@@ -374,15 +415,87 @@ def report(
         rate_hz=float(tables["quality"].iloc[-1]["rate_hz"]),
     )
     protect_files([*files, figure])
-    return ImportReport(recording.name, **tables, files=(*files, figure))
+    return ImportReport(recording.name, **tables, files=(*files, figure), remarks=gaze.remarks)
+
+
+def report_files(name: str, folder: Path) -> tuple[Path, ...]:
+    """Return the files that a report on a recording of this name is written to, the figure last."""
+    kinds = ("quality", "detectors", "fixations", "movements", "parameters")
+    return (*(folder / f"{name}_{kind}.csv" for kind in kinds), folder / f"{name}_gaze.png")
+
+
+def read_recordings(
+    files: Sequence[Path],
+    format_: Format,
+    mapping: GazeMapping | None = None,
+    screen: FlatScreen | None = None,
+) -> tuple[GazeRecording, ...]:
+    """Read and check several files before anything is written of any; each has its own name.
+
+    Files of one name are named from their folders as well.
+
+    Raises:
+        DataError: files that cannot be read or judged, all of them at once.
+        UsageError: a file is given twice.
+    """
+    names = names_of(files)
+    recordings: list[GazeRecording] = []
+    problems = []
+    for file, name in zip(files, names, strict=True):
+        try:
+            read = read_gaze(file, format_, mapping, screen)
+            own = replace(read, name=read.name.replace(file.stem, name) if name else read.name)
+            parts = recordings_of(own)
+            for part in parts:
+                prepare(part)
+        except DataError as error:
+            if len(files) == 1:
+                raise
+            problems.append(str(error))
+        else:
+            recordings += parts
+    if problems:
+        raise DataError("\n".join((f"{len(problems)} of {len(files)} files:", *problems)))
+    given = [r.name for r in recordings]
+    if twice := next((name for name in given if given.count(name) > 1), ""):
+        raise UsageError(f"two recordings are named {twice}; import them into folders of their own")
+    return tuple(recordings)
+
+
+def names_of(files: Sequence[Path]) -> tuple[str, ...]:
+    """Return a name per file that tells it from the others: its folder's where files share one.
+
+    "" where the file's own name does. Raises UsageError when a file is given twice.
+    """
+    paths = [file.resolve() for file in files]
+    for path in paths:
+        if paths.count(path) > 1:
+            raise UsageError(f"{path} is given twice")
+    stems = [path.stem for path in paths]
+    names = []
+    for path in paths:
+        if stems.count(path.stem) == 1:
+            names.append("")
+            continue
+        depth = 1
+        others = [p for p in paths if p != path and p.stem == path.stem]
+        while any(p.parent.parts[-depth:] == path.parent.parts[-depth:] for p in others):
+            depth += 1
+        names.append("_".join((*path.parent.parts[-depth:], path.stem)))
+    return tuple(names)
 
 
 def _write(name: str, folder: Path, tables: Mapping[str, pd.DataFrame]) -> tuple[Path, ...]:
     make_folder(folder, exist_ok=True)
-    paths = {kind: folder / f"{name}_{kind}.csv" for kind in tables}
-    there = [str(p) for p in paths.values() if p.exists()]
-    if there:
-        raise UsageError(f"{there[0]} is already there; give an empty folder")
+    paths = dict(zip(tables, report_files(name, folder)[:-1], strict=True))
     for kind, path in paths.items():
         write_csv(tables[kind], path)
     return tuple(paths.values())
+
+
+def refuse_files_there(names: Sequence[str], folder: Path) -> None:
+    """Raise UsageError when a file of these recordings' reports is there already."""
+    for name in names:
+        for path in report_files(name, folder):
+            if path.exists():
+                raise UsageError(f"{path} is already there; give an empty folder")

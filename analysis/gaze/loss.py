@@ -9,6 +9,7 @@ from visavis.analysis.gaze.stamps import Times, typical_step_ns
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Vector, unit
+from visavis.lab.sampling import Sampling
 
 Mask = npt.NDArray[np.bool_]
 
@@ -136,9 +137,12 @@ def loss(
     *,
     nominal_rate_hz: float,
     frozen_ms: float = 100.0,
+    sampling: Sampling | None = None,
 ) -> Loss:
     """Count what is missing from one stream; stamps may repeat but not go back.
 
+    With `sampling`, of stamps that are uneven or whose rate changes, what is due comes from it and
+    not from the nominal rate, and no long step is a gap before which it misses nothing.
     A repeated value has the exact direction of the row before under another stamp.
     """
     if len(t_ns) and bool((np.diff(t_ns) < 0).any()):
@@ -155,8 +159,17 @@ def loss(
     if n:
         edges = np.concatenate([[t_ns[0] - step_ns], t_ns[is_usable], [t_ns[-1] + step_ns]])
         gaps_ms = (np.diff(edges) - step_ns) / NS_PER_MS
-        gaps_ms = gaps_ms[gaps_ms > 0.5 * step_ns / NS_PER_MS]
+        is_gap = gaps_ms > 0.5 * step_ns / NS_PER_MS
+        if sampling is not None:
+            rows = np.flatnonzero(is_usable)
+            missing = np.concatenate([[0], np.cumsum(sampling.missing)])
+            between = missing[rows[1:] + 1] - missing[rows[:-1] + 1]
+            is_gap[1:-1] &= (between > 0) | (np.diff(rows) > 1)
+        gaps_ms = gaps_ms[is_gap]
     stamps = int(single.sum())
+    due = span_ns / step_ns
+    if sampling is not None:
+        due = len(sampling.missing) + int(sampling.missing.sum())
     same = (direction[1:] == direction[:-1]).all(axis=1) & ~again[1:] & usable[1:]
     is_frozen = frozen_samples(t_ns, direction, frozen_ms=frozen_ms)
     zero = ~np.isfinite(direction).all(axis=1) | (direction == 0).all(axis=1)
@@ -165,7 +178,7 @@ def loss(
         usable=int(is_usable.sum()),
         duration_ms=span_ns / NS_PER_MS,
         invalid_rows_01=1 - int(usable.sum()) / n if n else np.nan,
-        lost_01=max(0.0, 1 - int(is_usable.sum()) * step_ns / span_ns) if n else np.nan,
+        lost_01=max(0.0, 1 - int(is_usable.sum()) / due) if n else np.nan,
         rate_hz=(stamps - 1) * NS_PER_S / float(t_ns[-1] - t_ns[0]) if stamps > 1 else np.nan,
         effective_rate_hz=int(is_usable.sum()) * NS_PER_S / span_ns if n else np.nan,
         gaps=len(gaps_ms),

@@ -10,13 +10,14 @@ from visavis.analysis.gaze.foreign import (
     axes_matrix,
     eye_samples,
     orientations_in_our_axes,
+    quaternions_of_euler,
     without_zeros,
 )
 from visavis.analysis.gaze.stamps import Times
 from visavis.analysis.gaze.text_table import TextTable, read_text_table
 from visavis.lab.clock import NS_PER_MS
 from visavis.lab.errors import DataError
-from visavis.lab.geometry import Vector, quat_multiply, unit
+from visavis.lab.geometry import Vector, unit
 
 VIVE_RATE_HZ = 120.0
 _VIVE_DIRECTION_VALID = 0b10
@@ -43,9 +44,14 @@ def read_vive(path: Path) -> GazeRecording:
         right=_vive_eye(table, "R"),
         t_device_ns=_unwrapped_ms(table.numbers("time_stamp(ms)")),
         head_position_m=table.vectors([f"helmet_pos_{c}" for c in "xyz"]) @ _UNITY_AXES.T,
-        head_orientation_wxyz=_from_unity_euler(table.vectors([f"helmet_rot_{c}" for c in "xyz"])),
+        head_orientation_wxyz=orientations_in_our_axes(
+            quaternions_of_euler(table.vectors([f"helmet_rot_{c}" for c in "xyz"]), "zxy"),
+            _UNITY_AXES,
+        ),
         rate_hz=VIVE_RATE_HZ,
         notes={"format": "Vive Pro Eye (SRanipal) CSV"},
+        remarks=table.remarks,
+        time_unit="100ns",
     )
 
 
@@ -68,19 +74,6 @@ def _unwrapped_ms(stamps_ms: Vector) -> Times:
     steps = (np.diff(counter) + 2**31) % 2**32 - 2**31
     count_ns: Times = np.concatenate([[0], np.cumsum(steps)]) * NS_PER_MS
     return count_ns
-
-
-def _from_unity_euler(degrees: Vector) -> Vector:
-    """Return our quaternions for Unity's angles: about z, then x, then y, left-handed."""
-    half = np.radians(degrees) / 2
-    zero = np.zeros(len(half))
-    x, y, z = (
-        np.column_stack(
-            [np.cos(half[:, k]), *(np.sin(half[:, k]) if a == k else zero for a in range(3))]
-        )
-        for k in range(3)
-    )
-    return orientations_in_our_axes(quat_multiply(y, quat_multiply(x, z)), _UNITY_AXES)
 
 
 def read_pupil(path: Path) -> GazeRecording:
@@ -114,4 +107,6 @@ def read_pupil(path: Path) -> GazeRecording:
         right=right,
         combined=eye_samples(unit(point @ _CAMERA_AXES.T), confidence_01=confidence),
         notes={"format": "Pupil Core export"},
+        remarks=table.remarks,
+        time_unit="s",
     )

@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from visavis.lab.compiled import compiled
 from visavis.lab.errors import DataError
+from visavis.lab.sampling import step_ns_of, time_returns
 
 Times = npt.NDArray[np.int64]
 
@@ -49,7 +50,8 @@ def order_of(
     `values` (n,) or (n, k) tells whether two rows with one stamp agree (NaN agrees with NaN).
     A row that repeats stamp and value is left out. A row that contradicts an earlier one of
     the same stamp, or goes back in time, raises DataError naming the row, unless `conflicts` is
-    "keep_first" or `backward` is "sort".
+    "keep_first" or `backward` is "sort". What begins anew, a second recording or a clock that was
+    set back, is never sorted in.
     """
     if _is_increasing(t_ns):
         return Order(None, 0, 0, 0)
@@ -61,6 +63,13 @@ def order_of(
             raise DataError(
                 f"{what}: row {row} is stamped {int(t_ns[row])} ns, before row {row - 1} at "
                 f"{int(t_ns[row - 1])} ns; mend the stamps or ask to sort them"
+            )
+        returns = time_returns(t_ns)
+        if returns.restarts:
+            row = returns.restarts[0]
+            raise DataError(
+                f"{what}: time begins anew at row {row} ({int(t_ns[row])} ns after "
+                f"{int(t_ns[row - 1])} ns), a {returns.reasons[0]}; take the parts one by one"
             )
         rows = np.argsort(t_ns, kind="stable")
     same = np.concatenate([[False], np.diff(t_ns[rows]) == 0])
@@ -82,14 +91,5 @@ def order_of(
 
 
 def typical_step_ns(t_ns: Times) -> int:
-    """Return the mean step between increasing stamps, holes left out.
-
-    A hole is a step of more than 1.5 medians. The mean and not the median: a host that stamps
-    unevenly shows a median step several per cent off the device's rate.
-    """
-    if t_ns.shape[0] < 3:
-        return FALLBACK_STEP_NS
-    steps = np.diff(t_ns)
-    usual = steps[2 * steps <= 3 * int(np.median(steps))]
-    mean_ns: int = int(usual.sum()) // usual.shape[0]
-    return max(1, mean_ns)
+    """Return the period of increasing stamps, holes left out; see `visavis.lab.sampling`."""
+    return FALLBACK_STEP_NS if t_ns.shape[0] < 3 else max(1, int(step_ns_of(t_ns)))

@@ -1,9 +1,7 @@
 """Read delimited text strictly: every complaint names the file, the line and the column."""
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Decimal
 from pathlib import Path
 
@@ -12,6 +10,14 @@ import numpy.typing as npt
 
 from visavis.analysis.gaze.stamps import Times
 from visavis.lab.errors import DataError, UsageError
+from visavis.lab.foreign_text import (
+    MISSING_WORDS,
+    NumberStyle,
+    decode_text,
+    file_decimal,
+    read_rows,
+    style_of_numbers,
+)
 
 NS_PER_UNIT: Mapping[str, int] = {
     "ns": 1,
@@ -20,20 +26,29 @@ NS_PER_UNIT: Mapping[str, int] = {
     "ms": 1_000_000,
     "s": 1_000_000_000,
 }
-_MISSING = frozenset({"", "n/a", "N/A", "NA", "nan", "NaN", "NAN", "null", "None"})
-
-
+_FLAGS = {
+    **dict.fromkeys(("1", "true", "1.0", "valid", "yes"), True),
+    **dict.fromkeys(("0", "false", "0.0", "invalid", "no"), False),
+}
+MAX_VALUES_NAMED = 8
 MAX_STAMP_NS = Decimal(10) ** 30
 """Beyond any clock; whole numbers of more digits take ever longer to write out."""
 
 
 @dataclass(frozen=True)
 class TextTable:
-    """A file's cells as text, column by column; `lines` are the rows' line numbers."""
+    """A file's cells as text, column by column; `lines` are the rows' line numbers.
+
+    `remarks` say what was read otherwise than it stands, `decimal` is the decimal sign that the
+    file shows beyond doubt ("" where there is none), `delimiter` parts its columns.
+    """
 
     path: Path
     cells: Mapping[str, Sequence[str]]
     lines: Sequence[int]
+    remarks: tuple[str, ...] = ()
+    delimiter: str = ","
+    decimal: str = ""
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -48,33 +63,75 @@ class TextTable:
             raise DataError(f"{self.path}: no column {name!r}; it has {', '.join(self.cells)}")
         return self.cells[name]
 
+    def rows(self, rows: npt.NDArray[np.int64]) -> "TextTable":
+        """Return some of the rows."""
+        cells = {name: [column[i] for i in rows] for name, column in self.cells.items()}
+        return replace(self, cells=cells, lines=[self.lines[i] for i in rows])
+
+    def where(self, name: str, values: Sequence[str | float]) -> "TextTable":
+        """Return the rows in which a column holds one of these values.
+
+        Raises DataError when none does.
+        """
+        words = {plain_value(str(value)) for value in values}
+        rows = [i for i, cell in enumerate(self.column(name)) if plain_value(cell) in words]
+        if not rows:
+            there = sorted({plain_value(cell) for cell in self.column(name)})
+            raise DataError(
+                f"{self.path}: no row in which {name} is {' or '.join(map(str, values))}; it holds "
+                f"{', '.join(there[:MAX_VALUES_NAMED])}"
+            )
+        return self.rows(np.array(rows))
+
     def numbers(self, name: str) -> npt.NDArray[np.float64]:
-        """Return a column as float64, missing as NaN; a decimal comma is understood."""
+        """Return a column as float64, missing as NaN; decimals by evidence of the whole column."""
         text = self.column(name)
+        style = self._style(name)
         out = np.empty(len(text))
         for i, cell in enumerate(text):
             word = cell.strip()
             try:
-                out[i] = np.nan if word in _MISSING else float(word.replace(",", "."))
+                out[i] = np.nan if word.lower() in MISSING_WORDS else float(style.plain(word))
             except ValueError as error:
                 raise DataError(self._complaint(i, name, cell, "not a number")) from error
         return out
+
+    def _style(self, name: str) -> NumberStyle:
+        try:
+            return style_of_numbers(
+                self.column(name),
+                delimiter=self.delimiter,
+                of_file=self.decimal,
+                place=lambda row: f"line {self.lines[row]}",
+            )
+        except ValueError as error:
+            raise DataError(f"{self.path}: {name} {error}") from error
 
     def vectors(self, names: Sequence[str]) -> npt.NDArray[np.float64]:
         """Return several columns side by side, (n, k)."""
         return np.column_stack([self.numbers(name) for name in names])
 
-    def flags(self, name: str) -> npt.NDArray[np.bool_]:
-        """Return a column of 0/1, true/false; missing counts as false."""
-        values = {"1": True, "true": True, "1.0": True, "0": False, "false": False, "0.0": False}
+    def flags(self, name: str, valid: Sequence[str | float] | None = None) -> npt.NDArray[np.bool_]:
+        """Return a column of 0/1, true/false, valid/invalid or yes/no; missing counts as false.
+
+        With `valid`, the values that mean so, any other is false: [31], [2], ["Both"].
+        """
+        cells = [cell.strip().lower() for cell in self.column(name)]
+        if valid is not None:
+            words = {plain_value(str(value)) for value in valid}
+            return np.array([plain_value(cell) in words for cell in cells], bool)
         out = np.zeros(len(self), bool)
-        for i, cell in enumerate(self.column(name)):
-            word = cell.strip()
-            if word in _MISSING:
+        for i, word in enumerate(cells):
+            if word in MISSING_WORDS:
                 continue
-            if word.lower() not in values:
-                raise DataError(self._complaint(i, name, cell, "not 0, 1, true or false"))
-            out[i] = values[word.lower()]
+            if word not in _FLAGS:
+                values = sorted({plain_value(cell) for cell in cells})
+                raise DataError(
+                    self._complaint(i, name, self.column(name)[i], "not 0, 1, true or false")
+                    + f", or say in the mapping which values are valid: valid: {{column: {name}, "
+                    f"is: […]}}; it holds {', '.join(values[:MAX_VALUES_NAMED])}"
+                )
+            out[i] = _FLAGS[word]
         return out
 
     def stamps(self, name: str, unit: str, *, from_first: bool = False) -> Times:
@@ -82,13 +139,18 @@ class TextTable:
 
         `from_first` counts from the first row, for wall clocks whose nanoseconds exceed int64.
         """
-        factor = NS_PER_UNIT[unit]
+        factor, style = NS_PER_UNIT[unit], self._style(name)
         values = []
         for i, cell in enumerate(self.column(name)):
             try:
-                ns = Decimal(cell.strip().replace(",", ".")) * factor
+                ns = Decimal(style.plain(cell.strip())) * factor
                 if not abs(ns) < MAX_STAMP_NS:
                     raise OverflowError
+                if unit == "ns" and ns != ns.to_integral_value():
+                    what = (
+                        "a fraction of a nanosecond, which no clock shows; is the unit us, ms or s?"
+                    )
+                    raise DataError(f"{self.path}: line {self.lines[i]}, {name} is {cell}, {what}")
                 values.append(int(ns.to_integral_value()))
             except (ArithmeticError, ValueError) as error:
                 raise DataError(self._complaint(i, name, cell, "not a time stamp")) from error
@@ -111,50 +173,34 @@ class TextTable:
 def read_text_table(
     path: Path,
     *,
-    delimiter: str,
+    delimiter: str | None,
     text: str | None = None,
     names: Sequence[str] | None = None,
 ) -> TextTable:
-    """Read all cells as text; empty lines are passed over.
+    """Read all cells as text; empty lines are passed over, a last line that is cut is left out.
 
-    `text` is the content where the file itself is packed; `names` stands for a header line the
-    file lacks. Raises UsageError when the file is not there, DataError when it is not text, ragged,
-    names a column twice, or holds no row of data.
+    `delimiter` None is found in the header. `text` is the content where the file itself is packed;
+    `names` stands for a header line the file lacks. Raises UsageError when the file is not there,
+    DataError when it is not text, ragged, names a column twice, or holds no row of data.
     """
+    remarks: tuple[str, ...] = ()
     if text is None:
         try:
-            text = path.read_text(encoding="utf-8-sig")
+            text, remarks = decode_text(path.read_bytes())
         except FileNotFoundError as error:
             raise UsageError(f"{path}: no such file; check the path") from error
-        except (OSError, UnicodeDecodeError) as error:
+        except (OSError, ValueError) as error:
             raise DataError(f"{path}: cannot be read as text ({error})") from error
-    rows, lines = [], []
-    reader = csv.reader(io.StringIO(text), delimiter=delimiter)
-    try:
-        for row in reader:
-            if not any(row):
-                continue
-            if names is None:
-                names = [cell.strip() for cell in row]
-                continue
-            if len(row) == len(names) + 1 and not row[-1]:
-                row.pop()  # a delimiter at the end of the line
-            if len(row) != len(names):
-                raise DataError(
-                    f"{path}: line {reader.line_num} has {len(row)} cells, the header has "
-                    f"{len(names)}; was it cut off, or is the delimiter not {delimiter!r}?"
-                )
-            rows.append(row)
-            lines.append(reader.line_num)
-    except csv.Error as error:
-        raise DataError(f"{path}: line {reader.line_num} is not a table row ({error})") from error
-    if names is None:
-        raise DataError(f"{path}: the file is empty; leave it out")
-    if len(set(names)) != len(names):
-        twice = next(name for name in names if list(names).count(name) > 1)
-        raise DataError(f"{path}: two columns are named {twice!r}; rename one")
-    if not rows:
-        raise DataError(
-            f"{path}: a header but no samples; the recording never started, leave the file out"
-        )
-    return TextTable(path, dict(zip(names, zip(*rows, strict=True), strict=True)), lines)
+    read = read_rows(text, what=str(path), delimiter=delimiter, names=names)
+    columns = zip(*read.rows, strict=True) if read.rows else iter(() for _ in read.names)
+    cells = dict(zip(read.names, columns, strict=True))
+    # Only where commas can stand within numbers is it worth looking at every cell.
+    decimal = file_decimal(cells) if read.delimiter != "," and "," in text else ""
+    return TextTable(path, cells, read.lines, (*remarks, *read.remarks), read.delimiter, decimal)
+
+
+def plain_value(text: str) -> str:
+    """Return a value as it is compared: without case, and 31.0 as 31."""
+    word = text.strip().lower()
+    head, point, digits = word.partition(".")
+    return head if point and head.lstrip("+-").isdigit() and not digits.strip("0") else word

@@ -20,6 +20,7 @@ _COMMA = re.compile(r"[+-]?(\d+,?\d*|,\d+)([eE][+-]?\d+)?")
 _POINT_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(\.\d{3})+(,\d*)?")
 _COMMA_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+(\.\d*)?")
 _OTHER_THOUSANDS = re.compile("[+-]?[1-9]\\d{0,2}(['’\u00a0\u202f ]\\d{3})+([.,]\\d*)?")
+_GROUPING_SIGNS = frozenset(",'’\u00a0\u202f ")
 _UNGROUPED = re.compile(r"[+-]?\d{4,}([.,]\d*)?")
 _BETWEEN_THOUSANDS = re.compile("['’\u00a0\u202f ]")
 MAX_CODE_ROWS_01 = 0.5
@@ -279,6 +280,10 @@ def style_of_numbers(
         ValueError: it may mean two things; the message says which cell and what to do.
     """
     words = [text.strip() for text in texts]
+    signs = set("".join(words))
+    points_are_clear = "." not in signs or (delimiter != ";" and of_file != ",")
+    if not signs & _GROUPING_SIGNS and points_are_clear:
+        return NumberStyle()  # nearly every column; what follows looks at each cell
     rows = {sign: [i for i, w in enumerate(words) if sign in w and _is_number(w)] for sign in ",."}
     spaced = [i for i, w in enumerate(words) if _OTHER_THOUSANDS.fullmatch(w)]
     certain = _certain_signs(words)

@@ -82,6 +82,13 @@ class FlatScreen:
             axis=-1,
         )
 
+    def directions_of(self, points_px: Vector) -> Vector:
+        """Return unit directions (n, 3) from the viewing place to pixels (n, 2), NaN for NaN."""
+        left, right, bottom, top = self.edges_m()
+        x = left + points_px[:, 0] / self.width_px * (right - left)
+        y = top - points_px[:, 1] / self.height_px * (top - bottom)
+        return unit(np.stack([x, y, np.full(len(x), -self.distance_m)], axis=-1))
+
     def seen_through(self, eye_m: Vector, at_m: Vector, direction: Vector) -> Vector:
         """Return the directions (n, 3) in which the picture's eye sees what is looked at.
 

@@ -113,6 +113,20 @@ def test_unity_pitch_and_roll_keep_their_sense(tmp_path):
     assert pytest.approx(-np.sin(np.radians(10))) == left_ear[1]
 
 
+def cut(text, line):
+    lines = text.splitlines()
+    lines[line - 1] = lines[line - 1].rsplit(";", 3)[0]
+    return "\n".join(lines)
+
+
+def test_a_vive_file_whose_last_line_is_cut_is_read_without_it(tmp_path):
+    path = vive_file(tmp_path, n=5)
+    path.write_text(cut(path.read_text(), line=6))
+    recording = read_gaze(path, "vive")
+    assert 4 == len(recording)
+    assert recording.remarks[0].startswith("line 6, the last, is cut off: 39 cells of 42")
+
+
 @pytest.mark.parametrize(
     ("change", "complaint"),
     [
@@ -120,7 +134,7 @@ def test_unity_pitch_and_roll_keep_their_sense(tmp_path):
         (lambda text: "63x".join(text.rsplit("638", 3)[:2]), "line 4.*not a time stamp"),
         (lambda text: text.splitlines()[0] + "\n\n", "a header but no samples"),
         (lambda text: text.replace("openness_L", "open_L"), "no column 'openness_L'"),
-        (lambda text: text.rsplit(";", 3)[0], "line 6 has 39 cells, the header has 42"),
+        (lambda text: cut(text, line=3), "line 3 has 39 cells, the header has 42"),
         (lambda text: "", "empty"),
     ],
 )

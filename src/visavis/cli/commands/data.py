@@ -1,5 +1,6 @@
 """import, init: data in, and a lab to start from."""
 
+import re
 import shutil
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +15,11 @@ from visavis.cli.app import (
 )
 from visavis.cli.printed_columns import print_columns
 from visavis.lab.config_files import CONFIG_NAME, EXAMPLE, SCREEN_EXAMPLE
-from visavis.lab.errors import DataError, UsageError
+from visavis.lab.errors import UsageError
+from visavis.lab.screen import FlatScreen
+
+SCREEN = re.compile(r"(\d+)x(\d+),([\d.]+)x([\d.]+),([\d.]+)m?")
+MAX_SCREEN_M = 50.0
 
 import_app = typer.Typer(help="Read data recorded by other programs.")
 app.add_typer(import_app, name="import")
@@ -29,37 +34,69 @@ def import_gaze_files(
     mapping: Annotated[
         Path | None, typer.Option("--mapping", help="YAML: which column is what, in which unit.")
     ] = None,
+    screen: Annotated[
+        str,
+        typer.Option(
+            "--screen",
+            help="Pixels, metres and distance of the screen that was looked at, where the file "
+            "does not say: 1920x1080,0.53x0.30,0.65",
+        ),
+    ] = "",
     output: Annotated[Path, typer.Option("--output", "-o", help="Where to write.")] = Path(
         "imported_gaze"
     ),
 ) -> None:
     """Report quality and fixations of gaze recordings made elsewhere.
 
+    All files are read and judged first; if one is refused nothing is written.
+
     Example: visavis import gaze session1.csv --format vive -o out/session1
     """
     # Late: it loads matplotlib, which `init` and `export` do without.
-    from visavis.analysis.gaze.import_report import FORMATS, read_gaze, report
+    from visavis.analysis.gaze.import_report import (
+        FORMATS,
+        read_recordings,
+        refuse_files_there,
+        report,
+    )
 
     if format_name not in FORMATS:
         raise UsageError(f"--format takes {', '.join(FORMATS)}, not {format_name!r}")
     columns = read_mapping(mapping) if mapping is not None else None
-    failures: list[str] = []
-    for file in files:
-        try:
-            recording = read_gaze(file, format_name, columns)
-            result = report(recording, output)
-        except DataError as error:
-            if len(files) == 1:
-                raise
-            failures.append(str(error))
-            continue
+    # All are read and judged before the first table is written, so that none is left half done.
+    recordings = read_recordings(files, format_name, columns, screen_of(screen))
+    refuse_files_there([recording.name for recording in recordings], output)
+    for recording in recordings:
+        result = report(recording, output)
         print_columns(f"{result.name}: quality", result.quality, across="eye")
         print_columns(f"{result.name}: fixations", result.detectors)
-    for failure in failures:
-        say(f"[yellow]left out: {verbatim(failure)}[/]")
+        for remark in result.remarks:
+            say(f"[yellow]{verbatim(result.name)}: {verbatim(remark)}[/]")
     say(f"tables and figures in [b]{verbatim(output)}[/]")
-    if failures:
-        raise typer.Exit(DataError.exit_code)
+
+
+def screen_of(text: str) -> FlatScreen | None:
+    """Return the screen that `--screen 1920x1080,0.53x0.30,0.65` describes; None for "".
+
+    Raises:
+        UsageError: the text has another form.
+    """
+    if not text:
+        return None
+    match = SCREEN.fullmatch(text.replace(" ", ""))
+    if match is None:
+        raise UsageError(
+            f"--screen takes PIXELS,METRES,DISTANCE as 1920x1080,0.53x0.30,0.65, not {text!r}"
+        )
+    width_px, height_px = int(match[1]), int(match[2])
+    try:
+        width_m, height_m, distance_m = (float(match[i]) for i in (3, 4, 5))
+    except ValueError as error:
+        raise UsageError(f"--screen {text}: {error}") from error
+    sizes_m = (width_m, height_m, distance_m)
+    if min(width_px, height_px, *sizes_m) <= 0 or max(sizes_m) > MAX_SCREEN_M:
+        raise UsageError(f"--screen {text}: sizes are in pixels and metres, more than 0")
+    return FlatScreen(width_m, height_m, width_px, height_px, distance_m)
 
 
 @app.command()
