@@ -4,11 +4,9 @@ Reports what LabRecorder and others do not: streams without clock offsets, stamp
 gaps, rates off the nominal, streams that began or ended apart from the others.
 """
 
-import struct
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from io import BufferedReader
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -16,33 +14,48 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.analysis.session_verdict import Level
+from visavis.analysis.xdf_times import ClockSegment, on_common_clock, read_xdf
+from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DataError
-from visavis.lab.plain_files import open_plain, parse_json, read_packed, read_plain
+from visavis.lab.foreign_text import decode_text
+from visavis.lab.plain_files import read_packed, read_plain
+from visavis.lab.sampling import sampling_of, time_returns
+from visavis.recording.bids_sidecar import DESCRIPTION, sidecar_of
 
-GAP_PERIODS = 1.5
 LONG_GAP_S = 1.0
 RATE_AMBER_01, RATE_RED_01 = 0.01, 0.05
 APART_S = 5.0
 """Streams that begin or end further from the others than this are reported."""
-MAX_HEADER_BYTES = 16 * 1024 * 1024
-_HEADER, _SAMPLES, _OFFSET, _FOOTER = 2, 3, 4, 6
-_SIZES = {"int8": 1, "int16": 2, "int32": 4, "float32": 4, "int64": 8, "double64": 8}
+MIN_WITHOUT_EXCHANGE_S = 60.0
+UNKNOWN_DRIFT_PPM = 50.0
+"""How far two quartz clocks may run apart where nobody knows; a fit's drift where it is more."""
+XDF_ENDINGS = (".xdf", ".xdfz", ".xdf.gz")
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
+SECONDS |= {"seconds": 1.0, "sec": 1.0, "milliseconds": 1e-3, "msec": 1e-3}
 
 Times = npt.NDArray[np.float64]
+Findings = Iterator[tuple[Level, str, str]]
 
 
 @dataclass(frozen=True)
 class ForeignStream:
     """The times of one stream: stamps in seconds, corrected where offsets are known.
 
-    `offsets` counts clock offsets (None where the format has none); `host` is empty if unknown.
+    `segments` are those of the sender's clock (None where the format has no offsets); `host` is
+    empty if unknown; `notes` say what could not be read, or is not known, with what to do.
     """
 
     name: str
     stamps_s: Times = field(repr=False)
     rate_hz: float
-    offsets: int | None = None
+    segments: tuple[ClockSegment, ...] | None = None
     host: str = ""
+    notes: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def has_offsets(self) -> bool:
+        """Say whether its times are on the clock of the others, as far as the format tells."""
+        return self.segments is None or any(s.exchanges for s in self.segments)
 
 
 @dataclass(frozen=True)
@@ -62,92 +75,195 @@ def check_foreign(path: Path) -> tuple[StreamVerdict, ...]:
     Raises:
         DataError: it is neither, or it cannot be read, with the place.
     """
-    streams = read_xdf_times(path) if path.suffix.lower() == ".xdf" else read_bids_times(path)
+    name = path.name.lower()
+    is_xdf = name.endswith(XDF_ENDINGS)
+    streams = read_xdf_times(path) if is_xdf else read_bids_times(path)
     if not streams:
         raise DataError(f"{path} holds no stream with times; give an XDF file or a BIDS data set")
-    spans = [(s.stamps_s[0], s.stamps_s[-1]) for s in streams if s.rate_hz and len(s.stamps_s) > 1]
-    hosts = {s.host for s in streams if s.host}
-    return tuple(_verdict(s, spans, several_hosts=len(hosts) > 1) for s in streams)
+    return tuple(_verdict(s, streams) for s in streams)
 
 
-def _verdict(
-    stream: ForeignStream, spans: Sequence[tuple[float, float]], *, several_hosts: bool
-) -> StreamVerdict:
-    findings: list[tuple[Level, str, str]] = []
-    stamps, rate_hz = stream.stamps_s, stream.rate_hz
-    n = len(stamps)
-    if not n:
+def _verdict(stream: ForeignStream, streams: Sequence[ForeignStream]) -> StreamVerdict:
+    findings: list[tuple[Level, str, str]] = [
+        *((Level.AMBER, what, remedy) for what, remedy in stream.notes),
+        *_of_clock(stream, streams),
+    ]
+    stamps = stream.stamps_s[np.isfinite(stream.stamps_s)]
+    if not len(stamps):
         findings.append(
             (Level.RED, "no sample", "see whether the program that sends it was running")
         )
-    if stream.offsets == 0:
-        level = Level.RED if several_hosts else Level.AMBER
-        findings.append(
-            (
-                level,
-                "no clock offset",
-                "its times are of the sender's clock alone; from another computer they cannot be "
-                "compared with the others: record it again, let the sender run to the end",
-            )
-        )
-    steps = np.diff(stamps)
-    back = int((steps < 0).sum())
-    if back:
-        findings.append(
-            (
-                Level.RED,
-                f"stamps go back {back} times, by up to {-steps.min() * 1000:.0f} ms",
-                "do not sort blindly: the sender stamps wrongly, or two senders share one name",
-            )
-        )
-    measured_hz = None
-    if rate_hz and n > 2 and stamps[-1] > stamps[0]:
-        measured_hz = float(1 / np.median(steps[steps > 0])) if (steps > 0).any() else None
-        gaps = steps[steps > GAP_PERIODS / rate_hz]
-        if len(gaps):
-            level = Level.RED if gaps.max() > LONG_GAP_S else Level.AMBER
-            findings.append(
-                (
-                    level,
-                    f"{len(gaps)} gaps, the longest {gaps.max():.3f} s",
-                    "samples were lost on the way or never sent; leave out trials they overlap",
-                )
-            )
-        mean_hz = (n - 1) / float(stamps[-1] - stamps[0] - gaps.sum() + len(gaps) / rate_hz)
-        off = abs(mean_hz / rate_hz - 1)
-        if off > RATE_AMBER_01:
-            findings.append(
-                (
-                    Level.RED if off > RATE_RED_01 else Level.AMBER,
-                    f"{mean_hz:.2f} Hz instead of {rate_hz:g} Hz nominal",
-                    "use the stamps, not the nominal rate; find out which of the two is right",
-                )
-            )
-    if rate_hz and n > 1 and len(spans) > 1:
-        findings += _apart(float(stamps[0]), float(stamps[-1]), spans)
+    measured_hz, of_times = _of_times(stamps, stream)
+    findings += of_times
+    if stream.rate_hz and len(stamps) > 1:
+        findings += _apart(stream, streams)
     level = max((f[0] for f in findings), default=Level.GREEN)
     return StreamVerdict(
-        stream.name, n, measured_hz, level, tuple((w, do) for _, w, do in findings)
+        stream.name,
+        len(stream.stamps_s),
+        measured_hz,
+        level,
+        tuple((what, remedy) for _, what, remedy in findings),
     )
 
 
-def _apart(
-    first_s: float, last_s: float, spans: Sequence[tuple[float, float]]
-) -> Iterator[tuple[Level, str, str]]:
-    begin, end = (float(np.median([s[i] for s in spans])) for i in (0, 1))
-    if last_s < begin or first_s > end:
+def _of_clock(stream: ForeignStream, streams: Sequence[ForeignStream]) -> Findings:
+    """Yield what is wrong with a sender's clock: no offset, resets, exchanges that end early."""
+    if stream.segments is None or not len(stream.stamps_s):
+        return
+    if not stream.has_offsets:
+        several_hosts = len({s.host for s in streams if s.host}) > 1
         yield (
-            Level.RED,
-            f"does not overlap the others: off by {first_s - begin:.0f} s",
-            "its clock was not mapped onto the others'; look for its clock offsets",
+            Level.RED if several_hosts else Level.AMBER,
+            "no clock offset",
+            "its times are of the sender's clock alone; from another computer they cannot be "
+            "compared with the others: record it again, let the sender run to the end",
         )
         return
-    for what, off in (("begins", first_s - begin), ("ends", last_s - end)):
-        if abs(off) > APART_S:
-            side = "after" if off > 0 else "before"
+    for before, after in pairwise(stream.segments):
+        pause_s = float(stream.stamps_s[after.first] - stream.stamps_s[before.after - 1])
+        if not (before.exchanges and after.exchanges):
+            yield (
+                Level.RED,
+                f"its clock was reset before sample {after.first}, and no exchange maps one of the "
+                "parts",
+                "use the part that has clock offsets; nobody knows when the other was",
+            )
+            continue
+        yield (
+            Level.AMBER,
+            f"its clock was reset before sample {after.first}, after a pause of {pause_s:.1f} s",
+            "each part was mapped by its own clock offsets; leave out trials in the pause",
+        )
+    outlying = sum(s.outlying for s in stream.segments)
+    if outlying:
+        yield (
+            Level.AMBER,
+            f"{outlying} clock exchanges lie far from the others",
+            "they were left out of the fit; look at the network of that computer",
+        )
+    for segment in stream.segments:
+        if segment.exchanges:
+            yield from _uncovered(stream, segment)
+
+
+def _uncovered(stream: ForeignStream, segment: ClockSegment) -> Findings:
+    """Yield stretches at the ends of a segment for which no exchange says how its clock ran."""
+    own = stream.stamps_s[segment.first : segment.after]
+    covered_s = max(segment.to_s - segment.from_s, 0.0)
+    span_s = float(own[-1] - own[0])
+    without_s = span_s - covered_s
+    if without_s < max(MIN_WITHOUT_EXCHANGE_S, 0.2 * span_s) or segment.exchanges < 1:
+        return
+    drift_ppm = max(abs(segment.drift_ppm), UNKNOWN_DRIFT_PPM)
+    yield (
+        Level.AMBER,
+        f"{without_s / 60:.0f} of {span_s / 60:.0f} min have no clock exchange; at "
+        f"{drift_ppm:.0f} ppm its clock goes off by {drift_ppm * 1e-6 * without_s:.2f} s in them",
+        f"they were mapped along the line of the others ({segment.drift_ppm:.0f} ppm); where "
+        "milliseconds count use the time that exchanges cover",
+    )
+
+
+def _of_times(
+    stamps: Times, stream: ForeignStream
+) -> tuple[float | None, list[tuple[Level, str, str]]]:
+    """Return the measured rate and what is wrong with stamps: order, gaps, rate."""
+    findings: list[tuple[Level, str, str]] = []
+    rate_hz, resets = stream.rate_hz, {s.first for s in stream.segments or ()}
+    t_ns = np.rint((stamps - stamps[:1]) * NS_PER_S).astype(np.int64)
+    returns = time_returns(t_ns)
+    back = sorted({*returns.restarts, *returns.disorder} - resets)
+    if back:
+        steps_s = np.diff(stamps)
+        furthest_ms = -float(min(steps_s[row - 1] for row in back)) * 1000
+        what = f"stamps go back {len(back)} times, by up to {furthest_ms:.0f} ms"
+        restarts = sorted(set(returns.restarts) - resets)
+        if restarts:
+            reasons = dict(zip(returns.restarts, returns.reasons, strict=True))
+            what += f"; at sample {restarts[0]} begins a {reasons[restarts[0]]}"
+        remedy = (
+            "take the parts one by one: they are recordings of their own"
+            if restarts
+            else "do not sort blindly: the sender stamps wrongly, or two senders share one name"
+        )
+        findings.append((Level.RED, what, remedy))
+    distinct = np.unique(t_ns)
+    if not rate_hz or len(distinct) < 3:
+        return None, findings
+    sampling = sampling_of(distinct)
+    measured_hz = sampling.rate_hz
+    # Pauses at resets are told there; what is missing within the parts is a gap.
+    rows = np.flatnonzero(sampling.missing > 0)
+    at_resets = {int(t_ns[row]) for row in resets if 0 < row < len(t_ns)}
+    gaps_s = np.array(
+        [
+            (distinct[row] - distinct[row - 1]) / NS_PER_S
+            for row in rows
+            if int(distinct[row]) not in at_resets
+        ]
+    )
+    if len(gaps_s):
+        findings.append(
+            (
+                Level.RED if gaps_s.max() > LONG_GAP_S else Level.AMBER,
+                f"{len(gaps_s)} gaps, the longest {gaps_s.max():.3f} s",
+                "samples were lost on the way or never sent; leave out trials they overlap",
+            )
+        )
+    off = abs(measured_hz / rate_hz - 1)
+    if len(sampling.rates_hz) > 1:
+        rates = ", then ".join(f"{rate:.4g}" for rate in sampling.rates_hz)
+        findings.append(
+            (
+                Level.RED,
+                f"the rate changes: {rates} Hz",
+                "use the stamps, and analyse the parts of different rate one by one",
+            )
+        )
+    elif off > RATE_AMBER_01:
+        findings.append(
+            (
+                Level.RED if off > RATE_RED_01 else Level.AMBER,
+                f"{measured_hz:.2f} Hz instead of {rate_hz:g} Hz nominal",
+                "use the stamps, not the nominal rate; find out which of the two is right",
+            )
+        )
+    return measured_hz, findings
+
+
+def _apart(stream: ForeignStream, streams: Sequence[ForeignStream]) -> Findings:
+    """Yield how far a stream lies from the others that have a known clock, or else from all."""
+    others = [s for s in streams if s is not stream and s.rate_hz and len(s.stamps_s) > 1]
+    on_clock = [s for s in others if s.has_offsets]
+    others = on_clock or others
+    if not others:
+        return
+    first_s, last_s = float(stream.stamps_s[0]), float(stream.stamps_s[-1])
+    begin = float(np.median([s.stamps_s[0] for s in others]))
+    end = float(np.median([s.stamps_s[-1] for s in others]))
+    if last_s < begin or first_s > end:
+        off = f"{first_s - begin:,.0f}".replace(",", " ")
+        if on_clock or not stream.has_offsets:
+            yield (
+                Level.RED,
+                f"does not overlap the others: off by {off} s",
+                "its clock was not mapped onto the others'; look for its clock offsets",
+            )
+        else:
+            names = ", ".join(s.name for s in others)
             yield (
                 Level.AMBER,
-                f"{what} {abs(off):.0f} s {side} the others",
+                f"does not overlap {names}, which has no clock offset: off by {off} s",
+                f"nothing is wrong with this stream; map the clock of {names} onto it",
+            )
+        return
+    for what, off_s in (("begins", first_s - begin), ("ends", last_s - end)):
+        if abs(off_s) > APART_S:
+            side = "after" if off_s > 0 else "before"
+            yield (
+                Level.AMBER,
+                f"{what} {abs(off_s):.0f} s {side} the others",
                 "analyse only the time that all streams cover",
             )
 
@@ -155,95 +271,20 @@ def _apart(
 # ---- XDF -------------------------------------------------------------------------------------
 
 
-@dataclass
-class _Xdf:
-    name: str
-    format: str
-    channels: int
-    rate_hz: float
-    host: str
-    stamps: list[float] = field(default_factory=list)
-    offsets: list[tuple[float, float]] = field(default_factory=list)
-
-
 def read_xdf_times(path: Path) -> tuple[ForeignStream, ...]:
-    """Return the times of every stream of an XDF file; samples themselves are passed over.
+    """Return the times of every stream of an XDF file on one clock.
 
     Raises:
-        DataError: it is no XDF file, or a chunk cannot be read, with its place.
+        DataError: it is no XDF file, or nothing of it can be read, with the place.
     """
-    streams: dict[int, _Xdf] = {}
-    try:
-        with open_plain(path) as file:
-            if file.read(4) != b"XDF:":
-                raise DataError(f"{path} is no XDF file: it does not begin with XDF:")
-            while (size := _length(file)) is not None:
-                at = file.tell()
-                tag = struct.unpack("<H", file.read(2))[0]
-                if tag in (_HEADER, _SAMPLES, _OFFSET):
-                    _take_chunk(file, tag, size - 2, streams)
-                file.seek(at + size)
-    except (OSError, struct.error, ValueError, KeyError, ET.ParseError, EOFError) as error:
-        raise DataError(f"{path} cannot be read as XDF: {error}; copy it anew") from error
-    return tuple(_on_common_clock(s) for _, s in sorted(streams.items()))
-
-
-def _take_chunk(file: BufferedReader, tag: int, size: int, streams: dict[int, _Xdf]) -> None:
-    number = struct.unpack("<I", file.read(4))[0]
-    if tag == _HEADER:
-        if size > MAX_HEADER_BYTES:
-            raise ValueError(f"the header of stream {number} is larger than {MAX_HEADER_BYTES} B")
-        info = ET.fromstring(file.read(size - 4))  # noqa: S314 - expat bounds entities by itself
-        header = {e.tag: (e.text or "").strip() for e in info}
-        streams[number] = _Xdf(
-            header.get("name", f"stream {number}"),
-            header["channel_format"],
-            int(header["channel_count"]),
-            float(header.get("nominal_srate") or 0),
-            header.get("hostname", ""),
-        )
-    elif tag == _OFFSET:
-        streams[number].offsets.append(struct.unpack("<dd", file.read(16)))
-    else:
-        _take_samples(file, streams[number])
-
-
-def _take_samples(file: BufferedReader, stream: _Xdf) -> None:
-    count = _length(file) or 0
-    width = _SIZES[stream.format] * stream.channels if stream.format in _SIZES else 0
-    for _ in range(count):
-        has = file.read(1)
-        if not has:
-            raise EOFError(f"{stream.name} ends in the middle of a sample")
-        if has[0]:
-            stream.stamps.append(struct.unpack("<d", file.read(8))[0])
-        else:
-            period_s = 1 / stream.rate_hz if stream.rate_hz else 0.0
-            stream.stamps.append((stream.stamps[-1] if stream.stamps else 0.0) + period_s)
-        if width:
-            file.seek(width, 1)
-        else:
-            for _ in range(stream.channels):
-                file.seek(_length(file) or 0, 1)
-
-
-def _length(file: BufferedReader) -> int | None:
-    """Return a length as XDF writes it: its width in bytes, then itself; None at the end."""
-    width = file.read(1)
-    if not width:
-        return None
-    if width[0] not in (1, 4, 8):
-        raise ValueError(f"byte {file.tell() - 1} is no length")
-    return int.from_bytes(file.read(width[0]), "little")
-
-
-def _on_common_clock(stream: _Xdf) -> ForeignStream:
-    stamps = np.array(stream.stamps, np.float64)
-    if stream.offsets:
-        at, by = np.array(stream.offsets, np.float64).T
-        order = np.argsort(at)
-        stamps = stamps + np.interp(stamps, at[order], by[order])
-    return ForeignStream(stream.name, stamps, stream.rate_hz, len(stream.offsets), stream.host)
+    streams, damage = read_xdf(path)
+    remedy = "what was read before and after counts; copy the file anew if there is another copy"
+    notes = tuple((what, remedy) for what in damage)
+    out = []
+    for stream in streams:
+        stamps, segments = on_common_clock(stream)
+        out.append(ForeignStream(stream.name, stamps, stream.rate_hz, segments, stream.host, notes))
+    return tuple(out)
 
 
 # ---- BIDS ------------------------------------------------------------------------------------
@@ -255,34 +296,58 @@ def read_bids_times(root: Path) -> tuple[ForeignStream, ...]:
     Raises:
         DataError: it is no data set, or a file cannot be read.
     """
-    if not (root / "dataset_description.json").is_file():
-        raise DataError(f"{root} is no BIDS data set: it has no dataset_description.json")
+    if not (root / DESCRIPTION).is_file():
+        raise DataError(f"{root} is no BIDS data set: it has no {DESCRIPTION}")
     streams = []
     for path in sorted((*root.rglob("*_physio.tsv.gz"), *root.rglob("*_motion.tsv"))):
-        side = path.with_name(path.name.removesuffix(".gz").removesuffix(".tsv") + ".json")
         try:
-            sidecar = {**parse_json(read_plain(side))}
-            stamps = _times_of(path, sidecar)
+            sidecar = sidecar_of(path)
             rate_hz = float(sidecar.get("SamplingFrequency") or 0)
-        except (OSError, ValueError, EOFError, LookupError, TypeError, OverflowError) as error:
-            raise DataError(f"{path} cannot be read with {side.name}: {error}") from error
+            stamps, notes = _times_of(path, sidecar, rate_hz)
+        except (OSError, ValueError, LookupError, TypeError, OverflowError, DataError) as error:
+            raise DataError(f"{path} cannot be read with its sidecars (.json): {error}") from error
         if stamps is not None:
-            streams.append(ForeignStream(path.relative_to(root).as_posix(), stamps, rate_hz))
+            name = path.relative_to(root).as_posix()
+            streams.append(ForeignStream(name, stamps, rate_hz, notes=notes))
     return tuple(streams)
 
 
-def _times_of(path: Path, sidecar: Mapping[str, Any]) -> Times | None:
-    """Return a file's times: its column timestamp, or its channel latency; None without one."""
-    if path.name.endswith("_motion.tsv"):
+def _times_of(
+    path: Path, sidecar: Mapping[str, Any], rate_hz: float
+) -> tuple[Times | None, tuple[tuple[str, str], ...]]:
+    """Return a file's times in seconds: its column timestamp, or its channel latency.
+
+    Motion without a latency has the times that its rate gives, and a note that says so; other
+    tables without stamps have none.
+    """
+    is_motion = path.name.endswith("_motion.tsv")
+    if is_motion:
         channels = path.with_name(path.name.replace("_motion.tsv", "_channels.tsv"))
-        lines = read_plain(channels).decode().splitlines()
-        names = [line.split("\t")[0] for line in lines[1:]]
-        column, text = "latency", read_plain(path).decode()
+        lines = decode_text(read_plain(channels))[0].splitlines()
+        heads = lines[0].split("\t") if lines else []
+        rows = [dict(zip(heads, line.split("\t"), strict=False)) for line in lines[1:]]
+        names = [row.get("name", "") for row in rows]
+        kinds = [row.get("type", "").upper() for row in rows]
+        column = names[kinds.index("LATENCY")] if "LATENCY" in kinds else "latency"
+        units = [row.get("units", "") for row in rows if row.get("name") == column]
+        unit, text = (units or [""])[0] or "s", decode_text(read_plain(path))[0]
     else:
         names, column = [str(c) for c in sidecar["Columns"]], "timestamp"
-        text = read_packed(path).decode()
+        unit = str(dict(sidecar.get("timestamp") or {}).get("Units", "s"))
+        text = decode_text(read_packed(path))[0]
+    lines = [line for line in text.splitlines() if line.strip()]
     if column not in names:
-        return None
+        if not (is_motion and rate_hz > 0):
+            return None, ()
+        note = (
+            "no latency: its times are those of its nominal rate",
+            "nobody can tell from the file whether samples were lost",
+        )
+        return np.arange(len(lines)) / rate_hz, (note,)
     at = names.index(column)
-    cells = (line.split("\t")[at] for line in text.splitlines())
-    return np.array([float("nan") if c == "n/a" else float(c) for c in cells], np.float64)
+    cells = [line.split("\t")[at] for line in lines]
+    stamps = np.array([float("nan") if c == "n/a" else float(c) for c in cells], np.float64)
+    scale = SECONDS.get(unit.strip().lower())
+    if scale is None:
+        raise ValueError(f"{column} is in {unit!r}; use s, ms, us or ns")
+    return stamps * scale, ()

@@ -85,7 +85,11 @@ def test_a_stream_without_offsets_and_one_beside_the_others_are_named(tmp_path: 
 
 def test_a_cut_or_foreign_file_is_named(tmp_path: Path) -> None:
     path = written(tmp_path / "a.xdf", ("gaze", REGULAR, OFFSETS))
-    path.write_bytes(path.read_bytes()[:9000])
+    whole = path.read_bytes()
+    path.write_bytes(whole[:9000])
+    (found,) = check_foreign(path)
+    assert "cut at byte 9000" in found.findings[0][0]
+    path.write_bytes(whole[:20])
     with pytest.raises(DataError, match="cannot be read as XDF"):
         check_foreign(path)
     path.write_bytes(b"RIFF")

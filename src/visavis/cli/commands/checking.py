@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from visavis.analysis.foreign_check import check_foreign
+from visavis.analysis.foreign_check import XDF_ENDINGS, check_foreign
 from visavis.analysis.report.notation import count_of
 from visavis.analysis.session_check import check_session
 from visavis.analysis.session_verdict import Level, SessionCheck
@@ -69,7 +69,7 @@ def check(
 
     Example: visavis check data/simulated/stare/sub-S07H/ses-001
     """
-    if session_path.suffix.lower() == ".xdf" or (session_path / DATA_SET).is_file():
+    if session_path.name.lower().endswith(XDF_ENDINGS) or (session_path / DATA_SET).is_file():
         _check_foreign(session_path, as_json=as_json)
         return
     if participant:

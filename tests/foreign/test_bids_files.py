@@ -1,0 +1,151 @@
+"""BIDS as others write it: inherited sidecars, units, marks, screens, motion without latency."""
+
+import gzip
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.foreign.test_gaze_files import looking
+from visavis.analysis.foreign_check import check_foreign
+from visavis.analysis.gaze.bids import read_bids
+from visavis.analysis.gaze.import_report import prepare
+from visavis.analysis.session_verdict import Level
+from visavis.lab.errors import DataError
+from visavis.lab.geometry import yaw_pitch_deg_of
+from visavis.recording.bids_sidecar import screen_in_set, sidecar_of
+
+FILES = Path(__file__).parent / "files" / "bids"
+SETS = ("stamps_in_ms", "inherited_sidecar", "gaze_on_screen")
+EYE = "sub-01/beh/sub-01_task-look_recording-eye1_physio"
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_the_times_of_every_set_are_right(name: str) -> None:
+    (verdict,) = check_foreign(FILES / name)
+    assert (Level.GREEN, 960, pytest.approx(120, abs=0.01)) == (
+        verdict.level,
+        verdict.samples,
+        verdict.rate_hz,
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "azimuth_deg", "elevation_deg"),
+    [
+        ("stamps_in_ms", [-4.949, -5.038], [-0.006, 0.069]),
+        ("inherited_sidecar", [-4.949, -5.038], [-0.006, 0.069]),
+        (
+            "gaze_on_screen",  # 744.040, 540.233 and 740.173, 537.153 px of 0.53 x 0.30 m at 0.65 m
+            np.degrees(np.arctan((np.array([744.04, 740.173]) - 960) * 0.53 / 1920 / 0.65)),
+            [-0.0057, 0.0694],
+        ),
+    ],
+)
+def test_the_gaze_of_every_set_is_read(
+    name: str, azimuth_deg: list[float], elevation_deg: list[float]
+) -> None:
+    recording = read_bids(FILES / name / f"{EYE}.tsv.gz")
+    assert recording.left is not None
+    yaw, pitch = yaw_pitch_deg_of(recording.left.direction)
+    assert pytest.approx(120, abs=0.01) == prepare(recording).rate_hz
+    assert np.allclose(azimuth_deg, -yaw[:2], atol=1e-3)
+    assert np.allclose(elevation_deg, pitch[:2], atol=2e-3)
+
+
+def test_pupils_in_arbitrary_units_are_no_millimetres() -> None:
+    recording = read_bids(FILES / "stamps_in_ms" / f"{EYE}.tsv.gz")
+    assert recording.left is not None
+    assert np.isnan(recording.left.pupil_mm).all()
+    assert any("arbitrary, not in mm" in remark for remark in recording.remarks)
+
+
+CONTENT: dict[str, Any] = {
+    "Columns": ["timestamp", "x_coordinate", "y_coordinate"],
+    "SamplingFrequency": 120,
+    "PhysioType": "eyetrack",
+    "RecordedEye": "right",
+    "SampleCoordinateSystem": "eye-in-head",
+    "timestamp": {"Units": "s"},
+    "x_coordinate": {"Units": "deg"},
+    "y_coordinate": {"Units": "deg"},
+}
+PLACES = ("", "sub-01/", "sub-01/beh/")
+
+
+def data_set(root: Path, sidecars: dict[str, Any], *, scale: float = 1.0, mark: str = "") -> Path:
+    beh = root / "sub-01" / "beh"
+    beh.mkdir(parents=True)
+    (root / "dataset_description.json").write_text('{"Name": "x", "BIDSVersion": "1.11.0"}')
+    for name, content in sidecars.items():
+        (root / name).write_text(json.dumps(content), encoding="utf-8-sig" if mark else "utf-8")
+    degrees = looking(240)
+    rows = [f"{k / 120 * scale!r}\t{x!r}\t{y!r}" for k, (x, y) in enumerate(degrees.tolist())]
+    path = root / f"{EYE}.tsv.gz"
+    path.write_bytes(gzip.compress((mark + "\n".join(rows) + "\n").encode()))
+    return path
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    where=st.lists(st.sampled_from([0, 1, 2]), min_size=len(CONTENT), max_size=len(CONTENT)),
+    unit=st.sampled_from(["s", "ms", "us", "milliseconds", "seconds"]),
+    marked=st.booleans(),
+)
+def test_sidecars_are_inherited_wherever_they_lie(
+    where: list[int], unit: str, marked: bool, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    root = tmp_path_factory.mktemp("set")
+    stems = ("task-look_physio", "sub-01_physio", "sub-01_task-look_recording-eye1_physio")
+    sidecars: dict[str, dict[str, Any]] = {}
+    for place, (key, value) in zip(where, CONTENT.items(), strict=True):
+        value = {"Units": unit} if key == "timestamp" else value
+        sidecars.setdefault(f"{PLACES[place]}{stems[place]}.json", {})[key] = value
+    # Of another task, and farther away than one that says otherwise: neither counts.
+    sidecars["task-other_physio.json"] = {"SamplingFrequency": 5}
+    scale = {"s": 1, "seconds": 1, "ms": 1e3, "milliseconds": 1e3, "us": 1e6}[unit]
+    path = data_set(root, sidecars, scale=scale, mark="\ufeff" if marked else "")
+    assert 120 == sidecar_of(path)["SamplingFrequency"]
+    recording = read_bids(path)
+    assert recording.right is not None
+    yaw, _ = yaw_pitch_deg_of(recording.right.direction)
+    assert np.allclose(-looking(240)[:, 0], yaw)
+    assert pytest.approx(120, rel=1e-3) == prepare(recording).rate_hz
+    (verdict,) = check_foreign(root)
+    assert (Level.GREEN, pytest.approx(120, rel=1e-3)) == (verdict.level, verdict.rate_hz)
+
+
+def test_the_nearest_sidecar_has_the_last_word(tmp_path: Path) -> None:
+    near = {**CONTENT, "RecordedEye": "left"}
+    path = data_set(tmp_path, {"task-look_physio.json": CONTENT, f"{EYE}.json": near})
+    assert "left" == sidecar_of(path)["RecordedEye"]
+
+
+def test_gaze_on_a_screen_that_nobody_describes_is_refused(tmp_path: Path) -> None:
+    pixels = {"SampleCoordinateSystem": "gaze-on-screen", "x_coordinate": {"Units": "pixel"}}
+    path = data_set(tmp_path, {f"{EYE}.json": {**CONTENT, **pixels}})
+    with pytest.raises(DataError, match=r"the set does not describe it.*--screen"):
+        read_bids(path)
+
+
+def test_a_screen_in_centimetres_is_refused(tmp_path: Path) -> None:
+    screen = {"ScreenDistance": 65, "ScreenSize": [53, 30], "ScreenResolution": [1920, 1080]}
+    side = {"task-look_events.json": {"StimulusPresentation": screen}, f"{EYE}.json": CONTENT}
+    path = data_set(tmp_path, side)
+    with pytest.raises(DataError, match="were these cm or mm"):
+        screen_in_set(path)
+
+
+def test_motion_without_latency_is_judged_by_its_rate_and_that_is_told(tmp_path: Path) -> None:
+    (tmp_path / "dataset_description.json").write_text("{}")
+    stem = tmp_path / "sub-1_task-walk_tracksys-imu"
+    Path(f"{stem}_motion.tsv").write_text("1\t2\n" * 100)
+    Path(f"{stem}_motion.json").write_text('{"SamplingFrequency": 50}')
+    Path(f"{stem}_channels.tsv").write_text("name\ttype\nx\tPOS\ny\tPOS\n")
+    (verdict,) = check_foreign(tmp_path)
+    assert (100, Level.AMBER) == (verdict.samples, verdict.level)
+    assert "no latency" in verdict.findings[0][0]
