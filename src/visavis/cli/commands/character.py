@@ -20,13 +20,13 @@ from visavis.cli.app import (
     say_written,
     verbatim,
 )
+from visavis.cli.motions import JointMapOption, read_joint_map
 from visavis.cli.notifier import say_when_compiling
 from visavis.cli.preview.people import distance_sheet, people_sheet
 from visavis.cli.preview.pictures import check_picture_name
 from visavis.cli.preview.readable_gaze import LIMIT_01, readable_at
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import UsageError
-from visavis.lab.yaml_lines import ProblemsError, read_document
 from visavis.stimuli.characters.cast import cast_names, load_character
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.characters.checking import findings
@@ -185,10 +185,7 @@ def import_command(
     gender: Annotated[
         str | None, typer.Option(help="female or male, where names of files do not say it.")
     ] = None,
-    joint_map: Annotated[
-        Path | None,
-        typer.Option(help="YAML file of joints of ours and the file's bones, where names differ."),
-    ] = None,
+    joint_map: JointMapOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Import glTF characters into the lab's library; one line a file. FBX files need Blender.
@@ -199,7 +196,7 @@ def import_command(
         raise UsageError(f"--gender takes female or male, not {gender!r}")
     folder = library or library_of(load_lab(config, quiet=as_json, with_cast=False))
     checked_gender = cast("Literal['female', 'male'] | None", gender)
-    joints = None if joint_map is None else _read_joint_map(joint_map)
+    joints = None if joint_map is None else read_joint_map(joint_map)
     _import(source, folder, checked_gender, joints, as_json=as_json)
 
 
@@ -246,22 +243,6 @@ def _distances_m(text: str) -> tuple[float, ...]:
     if not all(0.3 <= d <= 30 for d in distances_m):
         raise UsageError(f"--at {text!r}; write metres from 0.3 to 30, such as 1,2,3.5,5,8")
     return distances_m
-
-
-def _read_joint_map(path: Path) -> dict[str, str]:
-    """Read which bone of a character file stands for which of our joints.
-
-    Raises:
-        UsageError: the file is not a list of names.
-        ProblemsError: a joint is given twice.
-    """
-    document = read_document(path)
-    data = document.data
-    if document.problems:
-        raise ProblemsError(path, list(document.problems))
-    if not isinstance(data, dict) or not all(isinstance(v, str) for v in data.values()):
-        raise UsageError(f"{path}: write one line a joint, such as `left_upper_arm: Bone_014`")
-    return {str(ours): theirs for ours, theirs in data.items()}
 
 
 def _import(

@@ -19,7 +19,7 @@ from visavis.cli.app import (
     say_written,
     verbatim,
 )
-from visavis.cli.motions import motion_on_character
+from visavis.cli.motions import JointMapOption, motion_on_character
 from visavis.cli.personal_copies import protect_and_register
 from visavis.cli.printed_columns import print_columns
 from visavis.cli.sharing import (
@@ -193,6 +193,7 @@ def export_motion(
     level: LevelOption = 0,
     seconds: Annotated[float, typer.Option(help="How much of a motion by name.")] = 4.0,
     unit_m: Annotated[float, typer.Option(help="Metres per unit of a BVH file.")] = 0.01,
+    joint_map: JointMapOption = None,
     config: ConfigOption = None,
 ) -> None:
     """Write a person who moves as glTF 2.0: mesh, skeleton, looks and the motion.
@@ -200,7 +201,7 @@ def export_motion(
     Example: visavis export motion walk --character anna -o walk.glb
     """
     who = _person(character, config)
-    motion = motion_on_character(clip, who, seconds, unit_m)
+    motion = motion_on_character(clip, who, seconds, unit_m, joint_map)
     _write(output, glb_of_character(who, motion, level=level, name=Path(clip).stem))
 
 

@@ -10,7 +10,7 @@ import typer
 from rich.progress import Progress
 
 from visavis.cli.app import JsonOption, app, console, say, verbatim
-from visavis.cli.motions import motion_on_character
+from visavis.cli.motions import JointMapOption, motion_on_character
 from visavis.cli.warp_sheet import write_curves, write_sheet
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Vector
@@ -56,6 +56,7 @@ def warp(
     character: Annotated[str, typer.Option(help="Who wears the motion.")] = "anna",
     seconds: Annotated[float, typer.Option(help="How much of a motion by name.")] = 2.0,
     unit_m: Annotated[float, typer.Option(help="Metres per unit of a BVH file.")] = 0.01,
+    joint_map: JointMapOption = None,
     threads: Annotated[int, typer.Option(help="Threads that share the renders.")] = 1,
     output: Annotated[Path, typer.Option("--output", "-o", help="A new folder.")] = Path("warped"),
     as_json: JsonOption = False,
@@ -85,7 +86,7 @@ def warp(
             raise UsageError("give --observer X,Y,Z and at least one --feature, or a --case")
         targets = tuple(parse_feature(text) for text in feature)
         movable_units = units_named(tuple(name.strip() for name in units.split(",")))
-        motion, body, view = _seen_motion(clip, who, _point(observer), seconds, unit_m)
+        motion, body, view = _seen_motion(clip, who, _point(observer), seconds, unit_m, joint_map)
         things, lamps, settings = (), (), SEARCHED
     settings = replace(settings, threads=threads)
     with Progress(console=console, transient=True, disable=as_json) as bar:
@@ -133,10 +134,15 @@ def warp(
 
 
 def _seen_motion(
-    name: str, who: Character, eye_m: Vector, seconds: float, unit_m: float
+    name: str,
+    who: Character,
+    eye_m: Vector,
+    seconds: float,
+    unit_m: float,
+    joint_map: Path | None,
 ) -> tuple[Clip, SeenBody, Outlook]:
     """Return the motion on the character, its body, and the observer's view of it."""
-    motion = motion_on_character(name, who, seconds, unit_m)
+    motion = motion_on_character(name, who, seconds, unit_m, joint_map)
     low, high = motion.root_m.min(axis=0), motion.root_m.max(axis=0)
     centre = (low + high) / 2 + np.array([0.0, 0.30, 0.0])
     radius = VIEW_RADIUS_M + float(np.linalg.norm(high - low)) / 2

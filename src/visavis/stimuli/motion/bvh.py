@@ -69,7 +69,7 @@ def parse_bvh(text: str, name: str = "BVH text") -> Bvh:
     Raises:
         BvhError: the text is empty, cut off or broken.
     """
-    lines = text.rstrip().split("\n")
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").rstrip().split("\n")
     if not text.strip():
         raise BvhError(name, 1, "the file is empty", "export or copy it again")
     reader = _Hierarchy(name, lines)
@@ -219,7 +219,7 @@ def _motion_header(name: str, lines: list[str], at: int) -> tuple[int, float, in
             at += 1
         if at >= len(lines):
             raise BvhError(name, at, f"the file ends before {key!r}", "copy it again")
-        words = " ".join(lines[at].split())
+        words = " ".join(lines[at].split()).replace(" :", ":", 1)
         if not words.lower().startswith(key):
             raise BvhError(name, at + 1, f"{words[:40]!r} instead of {key!r}", "correct it")
         at += 1

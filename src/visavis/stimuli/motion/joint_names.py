@@ -32,10 +32,10 @@ Rigify.
 """
 _ESCAPED = re.compile(r"FBXASC(\d{3})")
 """How Autodesk's exporters write characters that their format has no place for: by their code."""
-_NUMBER = re.compile(r"(?<=.)[._]\d+$")
-_MIN_NUMBERED = 0.8
-"""From this share on, numbers at the ends of names are not part of them: Sketchfab and Blender put
-one behind all.
+_ENDING = re.compile(r"(?<=.)([._]\d+|[._\s]?(jnt|joint|jt|bone|bind|bn|sk))$", re.IGNORECASE)
+_MIN_WITH_ENDING = 0.8
+"""From this share on, numbers and words such as _JNT at the ends of names are not part of them:
+Sketchfab and Blender put a number behind all, rigs the word joint or bone.
 """
 _BIPED_FINGERS = ("thumb", "index", "middle", "ring", "little")
 _FINGERS = {
@@ -65,11 +65,13 @@ def _plain(name: str) -> str:
 
 
 def _side(name: str) -> tuple[str, str] | None:
-    """Split a name into side and part: LeftArm, l_arm, Arm_L, lfemur, right_hand."""
+    """Split a name into side and part: LeftArm, l_arm, Arm_L, lfemur, right_hand, HIP_LEFT."""
     bare = _bare(name)
     for side, letter in (("left", "l"), ("right", "r")):
         if _plain(bare).startswith(side):
             return side, _plain(bare)[len(side) :]
+        if _plain(bare).endswith(side):
+            return side, _plain(bare).removesuffix(side)
         if re.search(rf"[_\-.\s]{letter}$", bare, re.IGNORECASE):
             return side, _plain(bare)[:-1]
         if _plain(bare).startswith(letter):
@@ -126,10 +128,10 @@ def _chain(source: Skeleton, low: str, high: str) -> list[str]:
     return chain[::-1] if at == end else []
 
 
-def _without_numbers(names: tuple[str, ...]) -> tuple[str, ...]:
-    """Return names without the number that an exporter has put behind nearly all of them."""
-    while sum(_NUMBER.search(name) is not None for name in names) >= _MIN_NUMBERED * len(names):
-        names = tuple(_NUMBER.sub("", name) for name in names)
+def _without_endings(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Return names without the number or word that stands behind nearly all of them."""
+    while sum(_ENDING.search(n) is not None for n in names) >= _MIN_WITH_ENDING * len(names):
+        names = tuple(_ENDING.sub("", name) for name in names)
     return names
 
 
@@ -140,8 +142,9 @@ def match_joints(
 
     Limbs, head and fingers are known by name in the conventions of CMU, Mixamo, Ready Player Me,
     HumanIK (VALID), 3ds Max's Biped (Rocketbox), Character Creator, Daz, MakeHuman, SMPL-X, VRoid,
-    VRChat, Rigify, Unreal, Bandai-Namco, Biovision and Visavis itself, also where an exporter has
-    numbered all of them. `joint_names` names some of them and comes before every convention. The
+    VRChat, Rigify, Unreal, Bandai-Namco, Biovision, Kinect, ZED and Visavis itself, also where an
+    exporter has numbered all of them or put a word such as _JNT behind them.
+    `joint_names` names some of them and comes before every convention. The
     hips are the joint that both legs and the head hang from; spine joints are recognised by their
     place between hips and arms, the neck by its place below the head.
 
@@ -162,7 +165,7 @@ def match_joints(
             raise MotionError(f"{' and '.join(claims)} are both said to be {theirs!r}")
     matches: dict[str, str] = dict(joint_names)
     second: dict[str, str] = {}
-    for name, spelt in zip(source.names, _without_numbers(source.names), strict=True):
+    for name, spelt in zip(source.names, _without_endings(source.names), strict=True):
         limb = _limb(spelt)
         if limb is not None:
             if matches.setdefault(limb, name) != name:
