@@ -13,7 +13,16 @@ from typing import Any, Final
 from mkdocs.structure.files import File, Files
 
 ROOT: Final = Path(__file__).parents[1]
-STUDIES: Final = ("stare", "crowd", "waving", "interpolation", "hybrid", "cameras", "adjectives")
+STUDIES: Final = (
+    "stare",
+    "crowd",
+    "waving",
+    "interpolation",
+    "hybrid",
+    "cameras",
+    "adjectives",
+    "gestures",
+)
 TAKEN_IN: Final = {
     **{f"../experiments/{name}/README.md": f"studies/{name}.md" for name in STUDIES},
     "../CONTRIBUTING.md": "CONTRIBUTING.md",

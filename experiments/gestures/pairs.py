@@ -8,6 +8,7 @@ import numpy as np
 
 from visavis.experiments.gestures import published
 from visavis.experiments.gestures.clips import PART_S, PARTS, VERSIONS
+from visavis.experiments.gestures.facts import OF_PAIRS, ORDERS_OF_PAIRS, WHERE
 from visavis.experiments.gestures.study import CITATION, film_of, speaking
 from visavis.experiments.gestures.viewing import looks_of
 from visavis.protocol.plan.design import Factor
@@ -63,7 +64,7 @@ study = Study(
         Compare("vote_for_holds", within="part", exploratory=True, family="part"),
     ],
     sections=["visavis.experiments.gestures.sections:votes_as_printed"],
-    source=Source(CITATION, published.PEOPLE),
+    source=Source(CITATION, published.PEOPLE, where=WHERE, facts=OF_PAIRS, orders=ORDERS_OF_PAIRS),
     methods=(
         "The same part of a speech with the same gestures stood on both sides, once with gaps "
         "filled from a corpus and once with interpolation and holds; sides were drawn for every "

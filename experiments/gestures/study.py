@@ -20,6 +20,7 @@ from visavis.experiments.gestures.clips import (
     VERSIONS,
     clip_of,
 )
+from visavis.experiments.gestures.facts import OF_CLIPS, ORDERS_OF_CLIPS, WHERE
 from visavis.experiments.gestures.viewing import looks_of
 from visavis.protocol.plan.design import Factor
 from visavis.stimuli.motion.kinds import Recorded
@@ -91,6 +92,9 @@ study = Study(
         CITATION,
         published.PEOPLE,
         {"naturalness": {body: (m.mean, m.sd) for body, m in published.RATINGS.items()}},
+        where=WHERE,
+        facts=OF_CLIPS,
+        orders=ORDERS_OF_CLIPS,
     ),
     methods=(
         "A speaker made the gestures of one speech of 33 s, in three parts, by the same arms and "

@@ -49,6 +49,14 @@ from visavis.stage.renderer import LIGHTEST, Renderer
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.study.catalogue import SHIPPED_STUDIES
 from visavis.study.experiment import StudyExperiment
+from visavis.study.information import (
+    STREAM_FACTS,
+    facts_in_event,
+    facts_in_lab_event,
+    information_at_devices,
+    information_on_page,
+)
+from visavis.study.texts import languages_in
 
 STUDIES = Path(__file__).parents[1] / "studies"
 FOUND = tuple(str(path) for path in sorted(STUDIES.glob("*.py")))
@@ -265,6 +273,28 @@ def test_three_people_one_killed_and_resumed_are_analysed(reference: str, tmp_pa
     assert 0 < trials[IS_ANALYSED].sum() <= (~trials["is_practice"]).sum()
     assert not trials.loc[trials["is_practice"], IS_ANALYSED].any()
     assert (trials[IS_ANALYSED] == trials["left_out_because"].isna()).all()
+
+
+@pytest.mark.parametrize("reference", EVERY, ids=name_of)
+def test_people_are_told_in_every_language_of_all_that_a_session_holds(
+    reference: str, tmp_path: Path
+) -> None:
+    study = on_kit(reference)
+    session = Recording(recorded(study, reference, tmp_path, 0))
+    events = session.events()
+    is_on_page = study.study.procedure.on == "browser"
+    facts = {STREAM_FACTS[s.name] for part in session.manifest.parts for s in part.streams}
+    for name, payload in zip(events["name"], events["payload"], strict=True):
+        facts |= facts_in_event(name, payload) if is_on_page else facts_in_lab_event(name)
+    for language in set.intersection(*map(set, map(languages_in, study.study.text_folders))):
+        experiment = study.experiment({**small(reference), "language": language})
+        lab_there = config_for(study, tmp_path).model_copy(update={"language": language})
+        questionnaires = study.questionnaires(lab_there)
+        information = information_on_page if is_on_page else information_at_devices
+        told = information(experiment, questionnaires).lines
+        titles = {"titles": ", ".join(dict.fromkeys(q.title for q in questionnaires))}
+        lines = {fact: experiment.texts.get(f"recorded.{fact}", titles) for fact in facts}
+        assert [] == [fact for fact, line in lines.items() if line not in told], language
 
 
 @pytest.mark.parametrize("reference", EVERY, ids=name_of)

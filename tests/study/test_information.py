@@ -10,10 +10,13 @@ from tests.running.page.pages import TAB, begun, config, experiment, study
 from visavis.devices import streams
 from visavis.protocol.session import streams as session_streams
 from visavis.recording.reader import Recording
+from visavis.recording.sharing import EVENT_CLASSES
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.running.page.course import consent_of
 from visavis.study.information import (
     ABOUT_PAGE,
+    EVENT_FACTS,
+    LAB_EVENT_FACTS,
     STREAM_FACTS,
     facts_in_event,
     information_at_devices,
@@ -21,7 +24,7 @@ from visavis.study.information import (
 )
 
 LANGUAGES = ("en", "de", "fr")
-ON_PAGES = ("adjectives", "cameras", "hybrid", "interpolation")
+ON_PAGES = ("adjectives", "cameras", "gesture_pairs", "gestures", "hybrid", "interpolation")
 AT_DEVICES = ("crowd", "stare", "waving")
 
 
@@ -106,6 +109,27 @@ def test_every_stream_that_visavis_defines_is_covered_by_a_fact() -> None:
     schemas = [v.name for v in vars(streams).values() if isinstance(v, streams.StreamSchema)]
     schemas += [session_streams.FRAMES.name, session_streams.gaze_targets_schema(2, 90.0).name]
     assert [] == [name for name in schemas if name not in STREAM_FACTS]
+
+
+def test_every_event_that_visavis_defines_is_covered_by_facts() -> None:
+    covered = {*EVENT_FACTS, *LAB_EVENT_FACTS, "page_event"}
+    assert set() == covered ^ set(EVENT_CLASSES)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("name", AT_DEVICES)
+def test_the_information_in_a_lab_names_every_event_that_any_session_may_hold(
+    name: str, language: str, tmp_path: Path
+) -> None:
+    one = opened(name)
+    made = one.experiment({"language": language})
+    lab = config(tmp_path).model_copy(update={"language": language})
+    questionnaires = one.questionnaires(lab)
+    told = information_at_devices(made, questionnaires).lines
+    of_devices = {"vibrations", "body", "sounds"}
+    facts = {fact for of in LAB_EVENT_FACTS.values() for fact in of} - of_devices
+    titles = ", ".join(q.title for q in questionnaires)
+    assert {made.texts.get(f"recorded.{f}", {"titles": titles}) for f in facts} <= set(told)
 
 
 def test_a_device_of_the_labs_own_is_named_by_its_role() -> None:

@@ -28,6 +28,8 @@ SHIPPED_STUDIES: Final[Mapping[str, str]] = {
     "hybrid": "visavis.experiments.hybrid.study:study",
     "cameras": "visavis.experiments.cameras.study:study",
     "adjectives": "visavis.experiments.adjectives.study:study",
+    "gestures": "visavis.experiments.gestures.study:study",
+    "gesture_pairs": "visavis.experiments.gestures.pairs:study",
 }
 """The studies Visavis comes with, as an entry point would name them."""
 GROUP: Final = "visavis.studies"

@@ -47,6 +47,59 @@ EVENT_FACTS: Final[Mapping[str, tuple[str, ...]]] = {
 }
 """Facts that cover the events of a session on a page. Plans of what is shown are about nobody."""
 
+_COURSE: Final = ("course_in_lab",)
+_CONTACT: Final = ("body", "vibrations")
+LAB_EVENT_FACTS: Final[Mapping[str, tuple[str, ...]]] = {
+    **dict.fromkeys(
+        (
+            "block_start",
+            "block_end",
+            "break_start",
+            "break_end",
+            "calibration",
+            "calibration_below_threshold",
+            "camera_on_head",
+            "clock_exchanges",
+            "device_back",
+            "device_done_without",
+            "device_lost",
+            "end_validation_missed",
+            "fault",
+            "fault_over",
+            "lab_recorder_start",
+            "operator",
+            "pause_start",
+            "pause_end",
+            "picture_stalled",
+            "session_start",
+            "session_end",
+            "session_aborted",
+            "session_failed",
+            "training_end",
+            "trial_start",
+            "trial_repeat",
+            "validation",
+        ),
+        _COURSE,
+    ),
+    **dict.fromkeys(
+        ("board_on", "crowd", "gaze_change", "scene", "scene_on", "shown", "warp", "wave"),
+        ("shown",),
+    ),
+    **dict.fromkeys(("contact_begin", "contact_end", "contact_renew"), _CONTACT),
+    "answer": ("questionnaires",),
+    "questionnaire_complete": ("questionnaires",),
+    "participant_memory": (),
+    "own_body": ("stature",),
+    "own_body_seen": ("stature",),
+    "answered": ("answers_in_lab",),
+    "panel_answered": ("answers_in_lab",),
+    "panel_shown": ("shown",),
+    "sound": ("sounds",),
+    "vibrated": ("vibrations",),
+}
+"""Facts that cover the events of a session in a laboratory."""
+
 ROLE_FACTS: Final[Mapping[str, tuple[str, ...]]] = {
     "headset": ("head", "shown"),
     "eye_tracker": ("gaze",),
@@ -147,6 +200,15 @@ def facts_in_event(name: str, payload: Mapping[str, Any]) -> frozenset[str]:
         facts |= {"moulding"} if "renderer" in reply else set()
         return frozenset(facts)
     raise KeyError(kind)
+
+
+def facts_in_lab_event(name: str) -> frozenset[str]:
+    """Return the facts that cover an event of a session in a laboratory.
+
+    Raises:
+        KeyError: no fact covers it.
+    """
+    return frozenset(LAB_EVENT_FACTS[name])
 
 
 def about_with_facts(about: Mapping[str, Any]) -> dict[str, Any]:
