@@ -80,6 +80,13 @@ class Postponing(Protocol):
         """
         ...
 
+    def put_off_until_ns(self) -> int:
+        """Return a session time before which `put_off` has nothing to do and returns True.
+
+        It holds until the next command to the device; 0 where unknown.
+        """
+        ...
+
 
 class Pump:
     """Own the delivery of one open device from `start` to `stop`.
@@ -104,8 +111,10 @@ class Pump:
         if clock.is_virtual and isinstance(device, Foreseeing):
             self._due_ns = device.due_ns
         self._put_off: Callable[[], bool] = _never
+        self._put_off_until_ns: Callable[[], int] = _always
         if clock.is_virtual and isinstance(device, Postponing):
             self._put_off = device.put_off
+            self._put_off_until_ns = device.put_off_until_ns
         self.is_put_off = False
         self._pausing = device if isinstance(device, Pausing) else None
         """Whether the last `step` postponed the device's delivery."""
@@ -182,6 +191,17 @@ class Pump:
         if self._running and self._silence_ns is not None:
             self._watch(self._clock.now_ns())
         return sample_count
+
+    def put_off_until_ns(self) -> int:
+        """Return a session time before which a `step` that may wait does nothing; 0 if unknown."""
+        return self._put_off_until_ns() if self._running and not self._queue else 0
+
+    def idle_until_ns(self) -> int:
+        """Return a session time before which `step` would do nothing; 0 if unknown."""
+        # each step looks whether a device that streams has fallen silent
+        if self._silence_ns is not None or self._queue or self._thread is not None:
+            return 0
+        return self._due_ns() if self._running else 0
 
     def faults(self) -> tuple[Fault, ...]:
         """Return what is wrong now: the pump's findings, then the device's own."""

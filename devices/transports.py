@@ -134,6 +134,10 @@ class PatientPeer(Protocol):
         """
         ...
 
+    def waits_until_ns(self) -> int:
+        """Return a session time before which `may_wait` has nothing to do and returns True."""
+        ...
+
 
 class MemoryTransport:
     """Connect a driver to a simulator in the same process, on any clock.
@@ -199,6 +203,11 @@ class MemoryTransport:
         if patient is None or self._replies:
             return False
         return patient.may_wait(self._clock.now_ns())
+
+    def put_off_until_ns(self) -> int:
+        """Return a session time before which `put_off` has nothing to do and returns True."""
+        patient = self._patient
+        return 0 if patient is None or self._replies else patient.waits_until_ns()
 
     def send(self, port: int, frames: Frames) -> None:
         """Hand the message to the peer."""

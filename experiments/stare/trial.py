@@ -27,6 +27,7 @@ from visavis.protocol.plan.steps import (
     Scalar,
     Step,
 )
+from visavis.stimuli.scene import SceneFrame
 from visavis.study.asking import frame
 from visavis.study.frames import gaze_has_arrived, show_frame
 from visavis.study.scenes import WithEyes
@@ -79,16 +80,20 @@ def run_trial(trial: Trial, params: StareParameters) -> Plan:
     yield Mark("scene_on", {"trial_id": trial.trial_id, "scene_name": scene.name})
 
     end_ns = None if trial.is_practice else start_ns + duration_ns
+    quiet_until_ns = start_ns + duration_ns  # a training does not end before, either
     training = _Training(trial, params, start_ns)
-    frames = 0
     gazes: list[GazeView] = []  # counted at the end: gaze nobody looks at costs a simulation less
     look_ns: int | None = None
     switch_ns: int | None = None
     cause: SwitchCause | None = None
+
+    def pass_frame(view: FrameView) -> SceneFrame | None:
+        gazes.append(view.gaze)
+        return picture.frame(view, view.t_ns - start_ns)
+
     while True:
         now_ns = view.t_ns
         elapsed_ns = now_ns - start_ns
-        frames += 1
         gazes.append(view.gaze)
         if end_ns is None:
             end_ns = yield from training.end_ns(view)
@@ -110,7 +115,8 @@ def run_trial(trial: Trial, params: StareParameters) -> Plan:
             to_observer = condition == AVERTED_THEN_DIRECTED
             picture.look(eyes.turning(active, elapsed_ns, to_observer=to_observer))
         yield from show_frame(picture.frame(view, elapsed_ns))
-        view = yield from frame()
+        waits_for_look = may_change and switch_ns is None
+        view = yield from frame(0 if turns_now or waits_for_look else quiet_until_ns, pass_frame)
         if turns_now:
             # As with the scene's onset, the change counts from when its light leaves.
             switch_ns = view.t_ns
@@ -125,7 +131,7 @@ def run_trial(trial: Trial, params: StareParameters) -> Plan:
         "switch_ms": None if switch_ns is None else (switch_ns - start_ns) / NS_PER_MS,
         "switch_cause": cause,
         "look_ns": look_ns,
-        "scene_frames": frames,
+        "scene_frames": len(gazes),
         "scene_samples": sum(gaze.t_ns.shape[0] for gaze in gazes),
     }
 

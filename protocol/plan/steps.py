@@ -111,7 +111,15 @@ class Prompt:
 
 @dataclass(frozen=True, slots=True)
 class NextFrame:
-    """Wait for the next frame; the plan receives a `FrameView`."""
+    """Wait for the next frame; the plan receives a `FrameView`.
+
+    Frames before `quiet_until_ns` that bring nothing but head and gaze need not come back: `update`
+    then says what to show after each of them, as the plan would have done. A session in real time
+    hands over every frame; a simulated one may pass them without asking the plan.
+    """
+
+    quiet_until_ns: int = 0
+    update: "Callable[[FrameView], SceneFrame | None] | None" = None
 
 
 class GazeView(NamedTuple):

@@ -15,6 +15,7 @@ from visavis.lab.geometry import Pose, rotate, turn_towards
 from visavis.protocol.plan.steps import AskReply, FrameView, NextFrame, Show, Step
 from visavis.stimuli.panels import choice_met
 from visavis.stimuli.picture import Panel
+from visavis.stimuli.scene import SceneFrame
 
 CONFIRM: Final = ("trigger", "select")
 """Controls that take the choice pointed at (or looked at, where nothing points)."""
@@ -229,9 +230,11 @@ def _of_digit(key: str, n: int, can_leave_out: bool) -> int | None:
     return number - 1 if 1 <= number <= n - can_leave_out else None
 
 
-def frame() -> Generator[Step, FrameView | AskReply | None, FrameView]:
-    """Wait for the next frame."""
-    view = yield NEXT
+def frame(
+    quiet_until_ns: int = 0, update: Callable[[FrameView], SceneFrame | None] | None = None
+) -> Generator[Step, FrameView | AskReply | None, FrameView]:
+    """Wait for the next frame; quiet ones may be passed, see `NextFrame`."""
+    view = yield NextFrame(quiet_until_ns, update) if quiet_until_ns else NEXT
     if not isinstance(view, FrameView):
         raise TypeError(f"a plan that asked for a frame was sent {view!r}")
     return view

@@ -129,6 +129,8 @@ class FrameLoop:
         self._logged_view: SceneFrame | None = None
         self._scene_number = 0
         self._frame = FrameInfo(-1, clock.now_ns(), clock.now_ns())
+        self.before_ns = 0
+        """Session time of the frame before the present one."""
         self.display_fault: Fault | None = None
         self.head = UPRIGHT
         """The head foreseen for the light of the present frame, from which it is drawn."""
@@ -220,33 +222,55 @@ class FrameLoop:
         facing = np.array([a.facing for a in scene.agents]).reshape(n, 3)
         self._view = SceneFrame(scene, self.t_ns, facing, np.ones(n))
 
-    def next(self) -> FrameView:
-        """Draw the present view, wait for the next frame and return what it brought."""
+    def next(
+        self,
+        quiet_until_ns: int = 0,
+        update: Callable[[FrameView], SceneFrame | None] | None = None,
+    ) -> FrameView:
+        """Draw the present view, wait for the next frame and return what it brought.
+
+        On a virtual clock frames before `quiet_until_ns` are passed while no device has anything
+        to do but what can wait; each is recorded as if it had been returned, and `update` says
+        what to show after it.
+        """
+        idle_until_ns = 0
+        has_news = self._press_inbox or self._sound_onsets
+        if quiet_until_ns and self._at_once and self._gaze_may_wait and not has_news:
+            idle_until_ns = min(quiet_until_ns, self._rig.idle_until_ns())
+        while True:
+            frame = self._begin_frame()
+            if frame.t_ns >= idle_until_ns or not self._rig.is_idle(frame.t_ns):
+                return self._frame_view(frame)
+            view = self._idle_frame_view(frame)
+            shown = None if update is None else update(view)
+            if shown is not None:
+                self._view = shown
+
+    def _begin_frame(self) -> FrameInfo:
+        """Draw the present view and wait for the next frame."""
         view = self._view
         if view is not None:
             if view is not self._logged_view:
                 self._log_view(view)
             self._display(view)
-        frame = self._wait_frame()
+        return self._wait_frame()
+
+    def _frame_view(self, frame: FrameInfo) -> FrameView:
+        """Let the devices deliver, and return what a frame brought."""
         is_put_off = self._rig.step(
             gaze_may_wait=self._gaze_may_wait, head_may_wait=self._at_once is not None
         )
         if self._at_once is None:
             self._take_head()
         else:
-            self._take_foreseen(self._at_once.head_foreseen(), frame.predicted_display_ns)
-            measured = self._at_once.head_measured()
-            if measured is not None:
-                self.observer.heads.add_measured(frame.t_ns, measured)
+            self._take_poses(self._at_once, frame)
         self._rig.hear_from(self.head)
         controls, pressed_ns = self._take_presses() if self._press_inbox else ((), ())
         gaze: GazeView
         if is_put_off or self._waiting:
-            late = self.observer.wait(frame.index, frame.t_ns, self.catch_up)
-            self._waiting.append((self._frame_row(frame), frame.t_ns))
-            if not is_put_off or len(self._waiting) == MAX_WAITING:
+            gaze = self._defer_gaze(frame)
+            if not is_put_off:
                 self.catch_up()
-            gaze = cast(GazeView, late)
         else:
             gaze = self.observer.observe(frame.index, frame.t_ns)
             self._frames.add((*self._frame_row(frame), gaze.t_ns.shape[0]), frame.t_ns)
@@ -258,11 +282,37 @@ class FrameLoop:
             gaze,
             controls,
             self._take_body() if self._body_inbox else None,
-            tuple(self._rays[hand] for hand in sorted(self._rays, reverse=True)),
+            self._pointers(),
             head_points=self.screen is None,
             pressed_ns=pressed_ns,
             sound_onsets=self._take_sound_onsets() if self._sound_onsets else (),
         )
+
+    def _idle_frame_view(self, frame: FrameInfo) -> FrameView:
+        """Return what a frame brought in which no device has anything to do."""
+        assert self._at_once is not None  # noqa: S101 - `next` looked
+        self._take_poses(self._at_once, frame)
+        self._rig.hear_from(self.head)
+        return FrameView(
+            frame.index,
+            frame.t_ns,
+            self.head,
+            self.head_valid,
+            self._defer_gaze(frame),
+            pointers=self._pointers(),
+        )
+
+    def _defer_gaze(self, frame: FrameInfo) -> GazeView:
+        """Let the gaze of a frame wait; evaluate it when it is read, or no more may wait."""
+        late = self.observer.wait(frame.index, frame.t_ns, self.catch_up)
+        self._waiting.append((self._frame_row(frame), frame.t_ns))
+        if len(self._waiting) == MAX_WAITING:
+            self.catch_up()
+        return cast(GazeView, late)
+
+    def _pointers(self) -> tuple[Pose, ...]:
+        rays = self._rays
+        return tuple(rays[hand] for hand in sorted(rays, reverse=True)) if rays else ()
 
     def _display(self, view: SceneFrame) -> None:
         """Draw and hand over; a failure becomes a fault that pauses the session."""
@@ -349,6 +399,7 @@ class FrameLoop:
         if self._body_period_ns is not None:
             self._attend(self._body_period_ns)
         frame = self._rig.headset.wait_frame()
+        self.before_ns = self._frame.t_ns
         self.frames_done += 1
         self.frames_dropped += frame.dropped
         self._frame = frame
@@ -372,6 +423,12 @@ class FrameLoop:
                 if pose is not None and self.screen is not None:
                     # before a screen it rests, or is where the tracker found the eyes
                     heads.add_measured(t_ns, pose)
+
+    def _take_poses(self, headset: PoseAtOnce, frame: FrameInfo) -> None:
+        self._take_foreseen(headset.head_foreseen(), frame.predicted_display_ns)
+        measured = headset.head_measured()
+        if measured is not None:
+            self.observer.heads.add_measured(frame.t_ns, measured)
 
     def _take_foreseen(self, pose: Pose | None, t_ns: int) -> None:
         self.head_valid = pose is not None

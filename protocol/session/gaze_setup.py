@@ -7,7 +7,8 @@ with fewer targets. Every attempt is stored.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from functools import partial
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -136,6 +137,16 @@ DRIFT_SEEN_01 = 0.5
 """The least share of valid gaze by which drift is judged."""
 
 
+class NextFrame(Protocol):
+    """Waits for a frame, as `OperatorDesk.next_frame`."""
+
+    def __call__(
+        self, quiet_until_ns: int = 0, update: Callable[[FrameView], None] | None = None
+    ) -> FrameView:
+        """Return the next frame."""
+        ...
+
+
 class GazeSetup:
     """Show targets and collect the eye tracker's samples meanwhile."""
 
@@ -145,7 +156,7 @@ class GazeSetup:
         loop: FrameLoop,
         eye_tracker: EyeTracker,
         participant: SimulatedParticipant | None,
-        next_frame: Callable[[], FrameView],
+        next_frame: NextFrame,
         timing: TargetTiming,
     ) -> None:
         self._experiment = experiment
@@ -174,15 +185,7 @@ class GazeSetup:
         for _, yaw_deg, pitch_deg in self._targets:
             mark_m = self._place_target(yaw_deg, pitch_deg)
             self._frames_for(timing.calibration_arrive_ms)
-            end_ns = self._loop.t_ns + timing.calibration_sample_ms * NS_PER_MS
-            with self._loop.leaving_gaze():
-                while self._loop.t_ns < end_ns:
-                    view = self._next_frame()
-                    head = self._loop.head_at(view.t_ns)
-                    turn = quat_conjugate(head.orientation_wxyz)
-                    direction = rotate(turn, mark_m - head.position_m)
-                    direction /= np.linalg.norm(direction)
-                    self._eye_tracker.add_reference(direction, view.t_ns)
+            self._frames_for(timing.calibration_sample_ms, partial(self._add_reference, mark_m))
         outcome = self._verdict()
         self._clear_target()
         return outcome
@@ -223,6 +226,11 @@ class GazeSetup:
             self._next_frame()
         self._clear_target()
         return outcome
+
+    def _add_reference(self, mark_m: Vector, view: FrameView) -> None:
+        head = self._loop.head_at(view.t_ns)
+        direction = rotate(quat_conjugate(head.orientation_wxyz), mark_m - head.position_m)
+        self._eye_tracker.add_reference(direction / np.linalg.norm(direction), view.t_ns)
 
     def _fit_to_head(self, tracker: CameraOnHead) -> CalibrationOutcome:
         """Fit the rotation of the camera on the head, and rotate gaze by it."""
@@ -279,16 +287,16 @@ class GazeSetup:
 
     def _gaze_for(self, duration_ms: int) -> "_GazeSamples":
         """Let frames pass; return the gaze they brought, each sample with the head of its time."""
-        end_ns = self._loop.t_ns + duration_ms * NS_PER_MS
         t_ns: list[int] = []
         heads: list[Pose] = []
         batches: list[SampleBatch] = []
+
+        def keep_head(view: FrameView) -> None:
+            t_ns.append(view.t_ns)
+            heads.append(self._loop.head_at(view.t_ns))
+
         self._loop.gaze_tap = batches
-        with self._loop.leaving_gaze():
-            while self._loop.t_ns < end_ns:
-                self._next_frame()
-                t_ns.append(self._loop.t_ns)
-                heads.append(self._loop.head_at(self._loop.t_ns))
+        self._frames_for(duration_ms, keep_head)
         self._loop.gaze_tap = None
         seen_ns = [self._loop.observer.times_ns(batch) for batch in batches]
         at_ns = np.concatenate([np.empty(0, np.int64), *seen_ns])
@@ -312,11 +320,14 @@ class GazeSetup:
         if self._participant is not None:
             self._participant.look_at(None, self._loop.t_ns)
 
-    def _frames_for(self, duration_ms: int) -> None:
+    def _frames_for(
+        self, duration_ms: int, each: Callable[[FrameView], None] = lambda view: None
+    ) -> None:
+        """Let frames pass, and do something with each."""
         end_ns = self._loop.t_ns + duration_ms * NS_PER_MS
         with self._loop.leaving_gaze():
             while self._loop.t_ns < end_ns:
-                self._next_frame()
+                each(self._next_frame(end_ns, each))
 
 
 class _GazeSamples(NamedTuple):

@@ -1,6 +1,6 @@
 """Between the operator and the frame loop: requests, prompts, faults, the status shown."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from visavis.devices.contracts import Armband, Fault
@@ -18,10 +18,12 @@ from visavis.protocol.session.operator import (
     Command,
     SessionStatus,
     TrialCounts,
+    UnattendedOperator,
 )
 from visavis.protocol.session.rig import RunningRig
 from visavis.protocol.session.session_setup import SessionSetup
 from visavis.protocol.session.states import SessionState, StateMachine
+from visavis.stimuli.scene import SceneFrame
 
 CONTACT_BEGIN, CONTACT_RENEW, CONTACT_END = "contact_begin", "contact_renew", "contact_end"
 """Marks by which a plan tells what the participant's body touches, with `role` (the armband that
@@ -64,6 +66,11 @@ class StallWatch:
         """Do not count the time to the coming frames: something is asked, or made ready."""
         self._allowed = frames
 
+    def skip(self, frames: int, t_ns: int) -> None:
+        """Take frames that followed each other without a pause, the last at `t_ns`."""
+        if frames:
+            self._last_ns, self._allowed = t_ns, max(0, self._allowed - frames)
+
     def stood_ns(self, t_ns: int) -> int:
         """Return how long the picture stood still before this frame, 0 for no stall."""
         gap_ns, self._last_ns = t_ns - self._last_ns, t_ns
@@ -93,6 +100,8 @@ class OperatorDesk:
         self._rig = rig
         self._states = states
         self._operator = setup.operator
+        # another kind of operator may ask for something at any frame
+        self._is_unattended = type(setup.operator) is UnattendedOperator
         self._recorder = setup.recorder
         self._idle_roles = setup.idle_roles
         self._calibrates = rig.eye_tracker is not None and any(
@@ -127,13 +136,25 @@ class OperatorDesk:
 
     # ---- frames ------------------------------------------------------------------------------
 
-    def next_frame(self) -> FrameView:
+    def next_frame(
+        self,
+        quiet_until_ns: int = 0,
+        update: Callable[[FrameView], SceneFrame | None] | None = None,
+    ) -> FrameView:
         """Return the next frame after acting on requests and faults.
+
+        Where nobody watches, quiet frames up to the next look for faults are passed (`NextFrame`).
 
         Raises:
             SessionAborted: the operator ended the session.
         """
-        view = self._loop.next()
+        loop = self._loop
+        if quiet_until_ns and self._is_unattended:
+            frames_before = loop.frames_done
+            view = loop.next(min(quiet_until_ns, self._next_check_ns), update)
+            self._stalls.skip(loop.frames_done - frames_before - 1, loop.before_ns)
+        else:
+            view = loop.next()
         stood_ns = self._stalls.stood_ns(view.t_ns)
         if stood_ns and self._in_trial:
             self._note_stall(stood_ns)

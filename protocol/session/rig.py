@@ -131,6 +131,11 @@ class RunningRig:
         self._in_order = tuple(self._pumps.values())
         self._gaze_pump = self._pumps.get("eye_tracker")
         self._display_pump = self._pumps[rig.display_role]
+        self._others = tuple(
+            pump
+            for pump in self._in_order
+            if pump is not self._gaze_pump and pump is not self._display_pump
+        )
         self.is_muted = False
         """While true, bands take silence only; the operator wants no vibration in this trial."""
         self.has_vibrated = False
@@ -294,6 +299,28 @@ class RunningRig:
             for band in self._bands.values():
                 band.keep_alive()
         return self._gaze_pump is not None and self._gaze_pump.is_put_off
+
+    def idle_until_ns(self) -> int:
+        """Return a session time before which `step` may be left out while `is_idle`; 0 if unknown.
+
+        It holds until the next command to a device.
+        """
+        if self._gaze_pump is None or self._bands or self._rig.on_step is not None:
+            return 0
+        return min(self._display_pump.put_off_until_ns(), self._gaze_pump.put_off_until_ns())
+
+    def is_idle(self, t_ns: int) -> bool:
+        """Tell whether no device has anything to do up to this time, which is before
+        `idle_until_ns`. If so, display and eye tracker are deferred as by `step`.
+        """
+        # asked at every frame: what is shown may change what a participant does next
+        for pump in self._others:
+            if pump.idle_until_ns() <= t_ns:
+                return False
+        self._display_pump.is_put_off = True
+        if self._gaze_pump is not None:
+            self._gaze_pump.is_put_off = True
+        return True
 
     def catch_up(self) -> None:
         """Let the eye tracker deliver what was deferred."""

@@ -195,9 +195,8 @@ class TrialRunner:
             try:
                 step = next(plan)
                 while True:
-                    kind = type(step)
-                    if kind is NextFrame:
-                        reply = desk.next_frame()
+                    if isinstance(step, NextFrame):
+                        reply = desk.next_frame(step.quiet_until_ns, step.update)
                         if interruptible and desk.interrupt_reason is not None:
                             interruption = desk.interrupt_reason
                             self._unwind(plan, interruption)

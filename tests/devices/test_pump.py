@@ -220,6 +220,7 @@ def test_a_device_that_can_wait_is_polled_when_it_may_no_longer():
     clock, got = SimClock(), []
     device = ToyDevice(clock)
     device.put_off = lambda: clock.now_ns() < 50_000_000
+    device.put_off_until_ns = lambda: 50_000_000
     pump = Pump(device, got.append, clock)
     pump.start()
     polled = []

@@ -83,7 +83,7 @@ class GazeDevice(StreamDevice[Sample]):
         self._jumps_ms: list[float] = []
         self._asked_ns: int | None = None
         self._wire = WireThread(role, remedy=spec.remedy, timeout_s=COMMAND_TIMEOUT_S)
-        self._put_off = transport.put_off if isinstance(transport, MemoryTransport) else None
+        self._memory = transport if isinstance(transport, MemoryTransport) else None
         schema = replace(GAZE, nominal_rate_hz=rate_hz)
         super().__init__(role, transport, clock, spec, schema, lost_after_s=lost_after_s)
 
@@ -107,11 +107,18 @@ class GazeDevice(StreamDevice[Sample]):
 
     def put_off(self) -> bool:
         """Tell whether delivery can wait for a later poll (`visavis.devices.pump.Postponing`)."""
-        if self._put_off is None or self._life.state is not DeviceState.STREAMING:
+        if self._memory is None or self._life.state is not DeviceState.STREAMING:
             return False
         if self._interval_ns is not None and self._clock.now_ns() >= self._next_exchange_ns:
             return False
-        return self._put_off()
+        return self._memory.put_off()
+
+    def put_off_until_ns(self) -> int:
+        """Return a session time before which `put_off` has nothing to do and returns True."""
+        if self._memory is None or self._life.state is not DeviceState.STREAMING:
+            return 0
+        until_ns = self._memory.put_off_until_ns()
+        return until_ns if self._interval_ns is None else min(until_ns, self._next_exchange_ns)
 
     def stop(self) -> None:
         """Stop delivering; the wire stays open."""

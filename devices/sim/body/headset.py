@@ -134,6 +134,12 @@ class SimulatedHeadset(OnSessionClock):
         """
         return self._clock.is_virtual and len(self._pending) < MAX_FRAMES_HELD
 
+    def put_off_until_ns(self) -> int:
+        """Return when the frame begins with which no more may be put off; 0 before the first."""
+        if not self._clock.is_virtual or self._last is None:
+            return 0
+        return self._frame_ns(self._last + MAX_FRAMES_HELD - len(self._pending))
+
     def head_foreseen(self) -> Pose | None:
         """Return the head foreseen for the last frame's light, as in its sample; None if lost."""
         return self._foreseen

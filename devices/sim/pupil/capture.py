@@ -145,6 +145,10 @@ class PupilCoreSimulator:
             self.advance(t_ns)
         return True
 
+    def waits_until_ns(self) -> int:
+        """Return a session time before which `may_wait` has nothing to do and returns True."""
+        return 0 if self._faults.faults else self._advanced_ns + self._recalls_ns + 1
+
     def advance(self, t_ns: int) -> None:
         """Take every sample due up to this session time."""
         scale = NS_PER_S * MILLI_HZ

@@ -11,7 +11,7 @@ import numpy as np
 
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.geometry import Pose, Vector, rotate, yaw_pitch_deg_of
-from visavis.protocol.plan.steps import Ask, AskReply, FrameView, Scalar, Show, Step
+from visavis.protocol.plan.steps import Ask, AskReply, FrameView, Scalar, Step
 from visavis.protocol.session.boards import (
     AHEAD,
     CONFIRM,
@@ -20,10 +20,11 @@ from visavis.protocol.session.boards import (
     Ways,
     ask_on_board,
     newer_ray,
-    show_step,
 )
 from visavis.protocol.session.boards import frame as frame
 from visavis.stimuli.picture import Panel
+from visavis.stimuli.scene import SceneFrame
+from visavis.study.frames import show_frame
 
 Asking: TypeAlias = Generator[Step, FrameView | AskReply | None, "Answer"]
 
@@ -99,7 +100,7 @@ def await_press(
     limit_s: float,
     view: FrameView,
     from_ns: int,
-    each_frame: Callable[[FrameView], Show | None],
+    each_frame: Callable[[FrameView], SceneFrame | None],
 ) -> Asking:
     """Wait for one of several controls, timed from `from_ns`; missing after `limit_s`.
 
@@ -113,12 +114,12 @@ def await_press(
                 return Answer(control, "keys", from_ns, t_ns, view)
         if view.t_ns >= until_ns:
             return Answer(None, "nothing in time", from_ns, view.t_ns, view)
-        yield from show_step(each_frame(view))
-        view = yield from frame()
+        yield from show_frame(each_frame(view))
+        view = yield from frame(until_ns, each_frame)
 
 
 def await_pointing(
-    limit_s: float, view: FrameView, each_frame: Callable[[FrameView], Show | None]
+    limit_s: float, view: FrameView, each_frame: Callable[[FrameView], SceneFrame | None]
 ) -> Asking:
     """Wait until a direction is pointed at and confirmed."""
     asked_ns = view.t_ns
@@ -128,7 +129,7 @@ def await_pointing(
         ray = newer_ray(ray, view)
         if ray is not None and any(c in CONFIRM for c in view.pressed) and view.t_ns > asked_ns:
             return Answer("", "ray", asked_ns, view.t_ns, view, ray.pose)
-        yield from show_step(each_frame(view))
+        yield from show_frame(each_frame(view))
         view = yield from frame()
     return Answer(None, "nothing in time", asked_ns, view.t_ns, view)
 

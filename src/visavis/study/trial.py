@@ -322,8 +322,12 @@ class TrialScript:
 
     # ---- how they are performed ----
 
-    def _frame(self) -> Performing:
-        self.view = yield from frame()
+    def _frame(
+        self,
+        quiet_until_ns: int = 0,
+        update: Callable[[FrameView], SceneFrame | None] | None = None,
+    ) -> Performing:
+        self.view = yield from frame(quiet_until_ns, update)
         return self.view
 
     def _now(self) -> Performing:
@@ -332,13 +336,13 @@ class TrialScript:
             yield from self._frame()
         return self.view
 
-    def _until(self, until_ns: int, each_frame: Callable[[FrameView], Show | None]) -> Performing:
+    def _until(
+        self, until_ns: int, each_frame: Callable[[FrameView], SceneFrame | None]
+    ) -> Performing:
         view = yield from self._now()
         while view.t_ns < until_ns:
-            step = each_frame(view)
-            if step is not None:
-                yield step
-            view = yield from self._frame()
+            yield from show_frame(each_frame(view))
+            view = yield from self._frame(until_ns, each_frame)
         return view
 
     def _dark(self, seconds: float) -> Performing:
@@ -362,6 +366,12 @@ class TrialScript:
         yield Mark("shown", _payload(self.trial, name, scene, staged_scene, before.t_ns))
         end_ns = on_ns + round(seconds * NS_PER_S)
         frames, off_ns = 0, end_ns
+
+        def pass_frame(view: FrameView) -> SceneFrame | None:
+            nonlocal frames
+            frames += 1
+            return staged_scene.frame(view, view.t_ns - on_ns)
+
         while True:
             frames += 1
             if until is not None and until(view):
@@ -370,7 +380,7 @@ class TrialScript:
             if view.t_ns >= end_ns and gaze_has_arrived(view, end_ns):
                 break
             yield from show_frame(staged_scene.frame(view, view.t_ns - on_ns))
-            view = yield from self._frame()
+            view = yield from self._frame(end_ns if until is None else 0, pass_frame)
         self.row |= {
             f"{name}_on_ns": on_ns,
             f"{name}_off_ns": off_ns,
@@ -514,13 +524,12 @@ class TrialScript:
 
         return show
 
-    def _scene_update(self, view: FrameView) -> Show | None:
-        """Return the step that updates the current scene; None without a change."""
+    def _scene_update(self, view: FrameView) -> SceneFrame | None:
+        """Return the current scene's next frame; None without a change."""
         staged_scene = self._staged_scene
-        next_frame = (
+        return (
             None if staged_scene is None else staged_scene.frame(view, view.t_ns - self._onset_ns)
         )
-        return None if next_frame is None else Show(next_frame)
 
     def _clear(self, over_scene: bool, view: FrameView) -> Performing:
         if not over_scene:
@@ -563,9 +572,7 @@ class TrialScript:
         return PlayedSound(began_ns, sound.duration_s)
 
     def _on_to_next(self, view: FrameView) -> Performing:
-        step = self._scene_update(view)
-        if step is not None:
-            yield step
+        yield from show_frame(self._scene_update(view))
         return (yield from self._frame())
 
     def _place_of(
@@ -608,10 +615,7 @@ class TrialScript:
             if view.head_valid and np.hypot(x - place[0], z - place[1]) <= within_m:
                 is_there = True
                 break
-            step = self._scene_update(view)
-            if step is not None:
-                yield step
-            view = yield from self._frame()
+            view = yield from self._on_to_next(view)
         took = (view.t_ns - began_ns) / NS_PER_MS
         self.row |= {"walk_ms": took if is_there else None, "walk_reached": is_there}
         return is_there
@@ -633,7 +637,7 @@ TrialPlan: TypeAlias = Callable[[TrialScript], Iterator[Action | Step]]
 """A study's trial: a generator over its script."""
 
 
-def _nothing(view: FrameView) -> Show | None:
+def _nothing(view: FrameView) -> SceneFrame | None:
     return None
 
 
