@@ -5,7 +5,7 @@ delay of light that a photodiode measured, bounds its age: it is youngest where 
 the head for the light that it promised, and oldest where it handed out a head as it then was.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -91,7 +91,8 @@ class RuntimePace:
         if self.halved_01 > MAY_PASS_01:
             wrong.append(
                 f"the runtime halved its rate in {self.halved_01:.0%} of frames: a mark's light "
-                "is up to a frame later than these delays say, and they hold for that rate alone"
+                "is up to a frame later than promised, and delays measured at another rate do not "
+                "hold"
             )
         if self.reprojected_01 > MAY_PASS_01:
             wrong.append(
@@ -108,8 +109,13 @@ class RuntimePace:
         return record
 
 
-def runtime_pace(frame_ns: Int, nominal_ns: int, timing: Sequence[SampleBatch] = ()) -> RuntimePace:
-    """Return the pace of frames that began at these times, with the runtime's account of them."""
+def runtime_pace(
+    frame_ns: Int, nominal_ns: int, account: Mapping[str, Any] | None = None
+) -> RuntimePace:
+    """Return the pace of frames that began at these times, with the runtime's account of them.
+
+    `account` holds the columns of `FRAME_TIMING`.
+    """
     nan = float("nan")
     lasted = np.diff(frame_ns) / max(1, nominal_ns)
     is_double = (lasted > HALVED_LOW) & (lasted < HALVED_HIGH)
@@ -117,19 +123,25 @@ def runtime_pace(frame_ns: Int, nominal_ns: int, timing: Sequence[SampleBatch] =
     for run in np.split(is_double, np.flatnonzero(np.diff(is_double)) + 1):
         if run.size >= HALVED_RUN and run[0]:
             halved += run.size
-    rows = [batch.values for batch in timing if batch.schema.name == "frame_timing"]
-    account = np.concatenate(rows) if rows else None
     reprojected_01 = nan
     if account is not None and account["timing_known"].any():
-        account = account[account["timing_known"]]
         again = (account["reprojection_flags"] & REPROJECTED_FOR).astype(bool)
         again |= account["presents"] > 1
-        reprojected_01 = float(again.mean())
+        reprojected_01 = float(again[account["timing_known"]].mean())
     return RuntimePace(
         frames=int(frame_ns.size),
         halved_01=halved / lasted.size if lasted.size else 0.0,
         reprojected_01=reprojected_01,
     )
+
+
+def account_of(batches: Sequence[SampleBatch]) -> Mapping[str, Any] | None:
+    """Return the columns of the runtime's account of frames; None where there is none."""
+    rows = [batch.values for batch in batches if batch.schema.name == "frame_timing"]
+    if not rows:
+        return None
+    table = np.concatenate(rows)
+    return {name: table[name] for name in table.dtype.names or ()}
 
 
 def heads_of(batches: Sequence[SampleBatch]) -> tuple[Int, Int]:

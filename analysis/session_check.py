@@ -12,6 +12,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from visavis.analysis.frame_times import runtime_pace
 from visavis.analysis.session_incidents import reason_words
 from visavis.analysis.session_verdict import (
     RESUME,
@@ -22,6 +23,7 @@ from visavis.analysis.session_verdict import (
     StreamCheck,
     TrialCheck,
 )
+from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DataError
 from visavis.recording.integrity import damage_of
 from visavis.recording.reader import Recording
@@ -66,6 +68,7 @@ def _check(recording: Recording, limits: CheckLimits) -> SessionCheck:
         *_recording_findings(recording),
         *_trial_findings(trials, _practice_trials(plan)),
         *(() if _is_on_page(recording) else stream_findings(streams)),
+        *_pace_findings(recording),
         *_calibration_findings(plan, events, limits),
         *_questionnaire_findings(plan, events),
         *_deviation_findings(events, rows, recording),
@@ -280,6 +283,24 @@ def stream_findings(streams: Sequence[StreamCheck]) -> list[Finding]:
         findings.append(Finding(level, first, message + also))
     if not streams:
         findings.append(Finding(Level.RED, "streams", "nothing was recorded", "redo the session"))
+    return findings
+
+
+def _pace_findings(recording: Recording) -> list[Finding]:
+    """Tell, part by part, where the display's runtime halved its rate or showed frames again."""
+    names = recording.stream_names
+    schema = recording.stream_schema("frames") if "frames" in names else None
+    if schema is None or not schema.nominal_rate_hz:
+        return []
+    nominal_ns = round(NS_PER_S / schema.nominal_rate_hz)
+    findings = []
+    for part in recording.manifest.parts:
+        begun_ns = recording.stream_arrays("frames", part=part.number)["t_host_ns"]
+        account = None
+        if "frame_timing" in names:
+            account = recording.stream_arrays("frame_timing", part=part.number)
+        sentences = runtime_pace(begun_ns, nominal_ns, account).sentences
+        findings += [Finding(Level.AMBER, "pace", sentence) for sentence in sentences]
     return findings
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from visavis.analysis.frame_times import pose_age, runtime_pace
+from visavis.analysis.frame_times import account_of, pose_age, runtime_pace
 from visavis.devices.contracts import FRAME_TIMING
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.schema import SampleBatch
@@ -63,7 +63,9 @@ def timing(flags, presents):
 )
 def test_a_frame_shown_again_is_told_and_a_mode_that_only_could_is_not(flag, presents, share):
     pace = runtime_pace(
-        FRAME_NS * np.arange(100), FRAME_NS, timing([flag, 0] * 50, [presents, 1] * 50)
+        FRAME_NS * np.arange(100),
+        FRAME_NS,
+        account_of(timing([flag, 0] * 50, [presents, 1] * 50)),
     )
     assert pace.reprojected_01 == pytest.approx(share)
     assert len(pace.sentences) == (share > 0)

@@ -4,12 +4,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from tests.recording.sessions import new_recorder, probe_manifest
 from visavis.analysis.session_check import check_session, drift_words, in_one, stream_findings
 from visavis.analysis.session_verdict import Level, StreamCheck
-from visavis.lab.clock import SimClock
+from visavis.devices.contracts import FRAME_TIMING
+from visavis.lab.clock import NS_PER_S, SimClock
+from visavis.lab.schema import SampleBatch
+from visavis.protocol.session.streams import FRAMES
 from visavis.recording.folder import create_session
 from visavis.recording.reader import Recording
 
@@ -162,3 +166,36 @@ def test_a_change_of_accuracy_is_told_without_a_sign_to_interpret(
     expected: str, start_deg: float | None, end_deg: float
 ) -> None:
     assert expected == drift_words(start_deg, end_deg)
+
+
+def frames_of(root: Path, begun_ns: Any, flags: int = 0) -> list[str]:
+    """Return what check says of frames of a display of 90 Hz that began at these times."""
+    clock = SimClock()
+    n = np.arange(len(begun_ns))
+    account = np.zeros(len(n), FRAME_TIMING.dtype)
+    account["timing_known"], account["presents"], account["reprojection_flags"] = True, 1, flags
+    with create_session(root, probe_manifest()) as folder:
+        recorder = new_recorder(folder, clock)
+        for schema, values in (
+            (replace(FRAMES, nominal_rate_hz=90.0), np.zeros(len(n), FRAMES.dtype)),
+            (FRAME_TIMING, account),
+        ):
+            recorder.declare(schema)
+            recorder.append(SampleBatch(schema, n, begun_ns, begun_ns, values))
+        folder.end_part(clock, recorder.close("complete"))
+    findings = check_session(Recording(folder.path)).findings
+    return [f.message for f in findings if f.subject == "pace"]
+
+
+FRAME_NS = NS_PER_S // 90
+
+
+def test_a_runtime_that_halved_its_rate_or_reprojected_is_told_of_a_session(
+    tmp_path: Path,
+) -> None:
+    kept = FRAME_NS * np.arange(300)
+    assert [] == frames_of(tmp_path / "kept", kept)
+    (halved,) = frames_of(tmp_path / "halved", 2 * kept)
+    assert "halved its rate in 100% of frames: a mark's light is up to a frame later" in halved
+    (again,) = frames_of(tmp_path / "again", kept, flags=0b10)
+    assert "showed 100% of frames again" in again

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from visavis.analysis.frame_times import PoseAge, RuntimePace, heads_of, pose_age, runtime_pace
+from visavis.analysis.frame_times import (
+    PoseAge,
+    RuntimePace,
+    account_of,
+    heads_of,
+    pose_age,
+    runtime_pace,
+)
 from visavis.analysis.gaze_delay import (
     LEAST_LATENCY_MS,
     GazeDelayBound,
@@ -150,7 +157,7 @@ def pose_age_of(commands: StimulusTimes, results: Sequence[Delays]) -> PoseAge:
 def pace_of(commands: StimulusTimes) -> RuntimePace:
     """Return whether the display showed every frame once."""
     begun_ns = np.array(commands.begun_ns, np.int64)
-    return runtime_pace(begun_ns, commands.frame_ns, commands.display_batches)
+    return runtime_pace(begun_ns, commands.frame_ns, account_of(commands.display_batches))
 
 
 def gaze_bound_of(
