@@ -23,6 +23,8 @@ from tests.genuine.monado import Remote, call
 from tests.genuine.whole_sessions import WHOLE, on_monado
 from visavis.analysis.frame_times import PoseAge, heads_of, pose_age
 from visavis.devices.contracts import DeviceState
+from visavis.devices.drivers.openvr.headset import OpenVrHeadset
+from visavis.devices.drivers.openvr.library import OpenVrLibrary
 from visavis.devices.drivers.openxr.headset import OpenXrHeadset
 from visavis.devices.drivers.openxr.library import OpenXrLibrary
 from visavis.lab.clock import NS_PER_S, SystemClock
@@ -35,6 +37,7 @@ from visavis.running.sessions.perform import perform_new
 from visavis.stage.window import Window
 
 PLACES = (((0.0, 1.6, 0.0), 0.0), ((0.25, 1.5, -0.5), 40.0), ((-1.0, 1.2, 0.75), -75.0))
+FRAMES = 60
 CLOCK = SystemClock()
 
 
@@ -46,15 +49,20 @@ def wait_s(seconds: float) -> None:
 class Run:
     """The headset's driver on Monado, with or without pictures."""
 
-    def __init__(self, *, shows: bool) -> None:
+    def __init__(self, *, shows: bool, over_openvr: bool = False) -> None:
         self.window = Window("Visavis", (64, 64)) if shows else None
         self.textures: Sequence[Any] = ()
         if self.window is not None:
             context = self.window.context
             self.textures = [context.texture((64, 64), 4, bytes(64 * 64 * 4)) for _ in (0, 1)]
-        self.headset = OpenXrHeadset("headset", OpenXrLibrary(CLOCK).transport(), CLOCK)
-        if shows:
-            self.headset.show_images()
+        self.headset: OpenXrHeadset | OpenVrHeadset
+        if over_openvr:
+            library = OpenVrLibrary(CLOCK, application="scene")
+            self.headset = OpenVrHeadset("headset", library.transport(), CLOCK)
+        else:
+            self.headset = OpenXrHeadset("headset", OpenXrLibrary(CLOCK).transport(), CLOCK)
+            if shows:
+                self.headset.show_images()
         self.batches: list[Any] = []
         self.headset.open(10.0)
         self.headset.start(self.batches.append)
@@ -82,17 +90,17 @@ class Run:
             self.window.close()
 
 
-def poses(*, shows: bool) -> dict[str, Any]:
+def poses(*, shows: bool, over_openvr: bool = False) -> dict[str, Any]:
     """Return how far poses are from where the head was put, and what the frames were like."""
     remote = Remote()
-    run = Run(shows=shows)
+    run = Run(shows=shows, over_openvr=over_openvr)
     apart_m, apart = [], []
     frames = []
     for place, yaw_deg in PLACES:
         w, x, y, z = quat_from_yaw_pitch_deg(yaw_deg)
         remote.put_head(place, (x, y, z, w))
         wait_s(0.1)
-        frames += run.frames(60)
+        frames += run.frames(FRAMES)
         for stream in ("head", "head_measured"):
             row = run.last(stream)
             apart_m.append(float(np.abs(row["position_m"] - place).max()))
@@ -214,6 +222,7 @@ SCENARIOS: Mapping[str, Callable[[], dict[str, Any]]] = {
     **{ending: partial(session, ending) for ending in ("abort", "sigterm", "ctrl-c")},
     "headless": lambda: poses(shows=False),
     "pictures": lambda: poses(shows=True),
+    "openvr": lambda: poses(shows=True, over_openvr=True),
     "knob": knob,
     "killed": killed,
 }

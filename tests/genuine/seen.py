@@ -62,6 +62,13 @@ ROWS: Final = (
         "Valve's loader and package run whole sessions; `vrclient` of our own",
     ),
     Row(
+        ("openvr_headset",),
+        "opencomposite",
+        ("genuine/test_opencomposite.py",),
+        "OpenComposite over Monado: poses put by Monado's remote driver arrive exactly, pictures "
+        "are taken; built by hand, see below",
+    ),
+    Row(
         ("tobii_pro",),
         "TittaPy",
         ("devices/test_tobii_pro.py",),

@@ -46,7 +46,7 @@ OPENVR_HEADSET = DriverSpec(
         stands_for="SteamVR headset",
         checked=(
             "the genuine package and its header's layouts; running start by our reading of the "
-            "header; C `vrclient` of our own"
+            "header; C `vrclient` of our own; OpenComposite over Monado 25.0.0"
         ),
         unproven="SteamVR; what the eye sees",
     ),
@@ -60,7 +60,7 @@ OPENVR_CONTROLLERS = DriverSpec(
     remedy="switch the controllers on and look at SteamVR",
     claims=Claims(
         stands_for="controllers",
-        checked="as the headset",
+        checked="the genuine package; C `vrclient` of our own",
         unproven="legacy input of each controller",
     ),
 )
@@ -71,6 +71,10 @@ OPENVR_TRACKERS = DriverSpec(
     product=Product(model="OpenVR trackers", capabilities=frozenset({"body"})),
     wire=Wire(medium="OpenVR", library=OPENVR, runtime="openvr"),
     remedy="switch the trackers on, let the base stations see them, and look at SteamVR",
-    claims=Claims(stands_for="Vive trackers", checked="as the headset", unproven="SteamVR; straps"),
+    claims=Claims(
+        stands_for="Vive trackers",
+        checked="the genuine package; C `vrclient` of our own",
+        unproven="SteamVR; straps",
+    ),
 )
 SPECS = (OPENVR_HEADSET, OPENVR_CONTROLLERS, OPENVR_TRACKERS)
