@@ -15,6 +15,7 @@ from visavis.recording.csv_file import write_csv
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.results.study_names import TABLES
 from visavis.results.tables.dictionary import column_of_trial, undescribed_columns
+from visavis.running.study_check import try_analysis
 from visavis.study.declaration import Study
 from visavis.study.names import changed_levels, is_name
 from visavis.study.responses import Number
@@ -247,3 +248,40 @@ def test_module_that_dresses_a_scene_is_imported_before_anything_runs(tmp_path: 
     factors = 'factors=[Factor("eyes", ["averted"])], dressed_by="own_dressing:picture"'
     (tmp_path / "own_dressing.py").write_text("import not_installed_here\n", "utf-8")
     assert "No module named 'not_installed_here'" in problem_of(tmp_path, factors)
+
+
+def test_comparison_over_a_derived_factor_is_analysed_before_anybody_is_invited(
+    tmp_path: Path,
+) -> None:
+    keywords = (
+        'factors=[Factor("eyes", ["averted", "directed"]), Factor("side", ["left", "right"])], '
+        'derived={"match": lambda f: "same" if (f["eyes"] == "averted") == (f["side"] == "left") '
+        'else "other"}, cells=["eyes"], compare=[Compare("liking", within="match")]'
+    )
+    opened = opened_from(tmp_path, keywords)
+    check_study(tmp_path / "own.py")
+    try_analysis(opened, opened.experiment_to_run({}))
+
+
+def test_what_would_fail_in_the_analysis_is_told_when_a_study_is_checked_or_locked(
+    tmp_path: Path,
+) -> None:
+    trial = (
+        TRIAL
+        + """
+
+@study.section
+def mine(analysis, experiment):
+    return analysis.finding("liking").outcome.p("eyes")
+"""
+    )
+    keywords = (
+        'factors=[Factor("eyes", ["averted", "directed"])], '
+        'compare=[Compare("liking", within="eyes")]'
+    )
+    opened = opened_from(tmp_path, keywords, trial)
+    said = r"could not be analysed: .*own\.py, line 12 in mine\(analysis=.*AttributeError"
+    with pytest.raises(DesignError, match=said):
+        check_study(tmp_path / "own.py")
+    with pytest.raises(DesignError, match=said):
+        try_analysis(opened, opened.experiment_to_run({}))

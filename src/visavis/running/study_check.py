@@ -10,15 +10,18 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
+from visavis.analysis.report import ReportProvenance
 from visavis.analysis.report.notation import count_of
 from visavis.lab.errors import DesignError, LabError
 from visavis.lab.geometry import Vector, unit
+from visavis.protocol.plan.columns import ENGINE_COLUMNS
 from visavis.protocol.plan.design import combinations_of
 from visavis.protocol.plan.orders import Cell, Constraint
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
@@ -32,7 +35,7 @@ from visavis.study.dry_run import still_view
 from visavis.study.experiment import StudyExperiment
 from visavis.study.measures import Measure
 from visavis.study.scenes import Scene, Staging, stage
-from visavis.study.study_errors import users_mistake
+from visavis.study.study_errors import users_mistake, users_mistakes
 from visavis.study.texts import languages_in, own_texts, placeholders_of
 from visavis.study.trial import TrialScript
 
@@ -175,6 +178,7 @@ def performing_problems(opened_study: OpenedStudy, experiment: StudyExperiment) 
         f"column {name!r} of the trials is not described; name it in columns or measures"
         for name in undescribed_columns(rows.columns, described_columns)
     ]
+    problems += analysis_problems(opened_study, experiment, rows)
     other = OpenedStudy(rename_levels(opened_study.study))
     same = renamed_parameters(opened_study.study, experiment.overrides)
     again = _perform_conditions(other, other.experiment(same), measures)
@@ -185,6 +189,47 @@ def performing_problems(opened_study: OpenedStudy, experiment: StudyExperiment) 
         if column not in names and not (column in again and rows[column].equals(again[column]))
     ]
     return problems
+
+
+def try_analysis(opened_study: OpenedStudy, experiment: StudyExperiment) -> None:
+    """Perform every condition once by a simulated person, and analyse that to the report.
+
+    Raises:
+        DesignError: a trial cannot be performed, or its data could not be analysed.
+    """
+    with users_mistakes():
+        measures = opened_study.measures(experiment)
+        rows = _perform_conditions(opened_study, experiment, measures)
+    problems = analysis_problems(opened_study, experiment, rows)
+    if problems:
+        raise DesignError(f"study {opened_study.name}: {'; '.join(problems)}")
+
+
+def analysis_problems(
+    opened_study: OpenedStudy, experiment: StudyExperiment, rows: pd.DataFrame
+) -> list[str]:
+    """Say why simulated trials could not be analysed, from their selection to the report."""
+    # Imported here: figures take a second to import, which plans and sessions need not.
+    from visavis.results.outputs import write_study
+
+    nothing = pd.Series([None] * len(rows), index=rows.index, dtype=object)
+    rows = rows.assign(**{str(c.name): nothing for c in ENGINE_COLUMNS if c.name not in rows})
+    forms = opened_study.original_questionnaires(opened_study.study.asks.questionnaires)
+    people = pd.DataFrame({"participant": rows["participant"].unique()})
+    asked = [q.question_id for form in forms for q in form.questions()]
+    scores = [f"{form.name}_{name}" for form in forms for name in form.scores]
+    people = people.reindex(columns=["participant", *asked, *scores])
+    counts = {str(name): int(n) for name, n in rows.groupby("participant").size().items()}
+    try:
+        analysis = opened_study.analysis_of_rows(experiment, rows, people, planned_counts=counts)
+        with TemporaryDirectory() as folder:
+            provenance = ReportProvenance(opened_study.name, opened_study.study.version, "")
+            write_study(analysis, experiment, forms, provenance, Path(folder))
+    except Exception as error:
+        mistake = error if isinstance(error, LabError) else users_mistake(error)
+        said = f"{type(error).__name__}: {error}" if mistake is None else str(mistake)
+        return [f"its data could not be analysed: {said}"]
+    return []
 
 
 def rename_levels(study: Study) -> Study:

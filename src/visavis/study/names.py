@@ -102,9 +102,8 @@ def _why_changed(level: str) -> str:
 
 def _read_back(levels: Sequence[str]) -> list[str]:
     """Return texts as pandas reads them from a CSV file with its defaults."""
-    text = io.StringIO()
-    pd.DataFrame({"level": levels}).to_csv(text, index=False)
-    return [str(v) for v in pd.read_csv(io.StringIO(text.getvalue()))["level"]]
+    cells = ['"' + v.replace('"', '""') + '"' if re.search('[",]', v) else v for v in levels]
+    return [str(v) for v in pd.read_csv(io.StringIO("\n".join(("level", *cells))))["level"]]
 
 
 def _is_number(text: str) -> bool:

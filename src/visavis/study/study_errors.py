@@ -173,7 +173,9 @@ def _is_ours(frame: FrameType) -> bool:
 def _is_installed(file: str) -> bool:
     """Tell whether a file is of Python or an installed package, or is none."""
     path = Path(file)
-    return not path.is_file() or any(path.is_relative_to(folder) for folder in _INSTALLED)
+    if not path.is_file() or {"site-packages", "dist-packages"} & set(path.parts):
+        return True
+    return any(path.is_relative_to(folder) for folder in _INSTALLED)
 
 
 def _short(value: object) -> str:

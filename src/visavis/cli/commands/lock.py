@@ -20,6 +20,7 @@ from visavis.cli.studies import study_here
 from visavis.lab.clock import SystemClock
 from visavis.running.sessions.plan_lock import LOCK_NAME, PAGE_NAME, lock_plan
 from visavis.running.sessions.study_folder import session_folders
+from visavis.running.study_check import try_analysis
 
 
 @app.command()
@@ -60,6 +61,8 @@ def lock(
         seed=seed, assignments=assignments, language=language
     )
     experiment = here.study.experiment_to_run(requested_settings.parameters)
+    if here.study.study.files.path is not None:  # those we ship are tried by our own tests
+        try_analysis(here.study, experiment)
     settings = here.settle(requested_settings, seed_given=seed is not None)
     folder = here.folder
     before = len(session_folders(folder))
