@@ -37,6 +37,23 @@ def read_label(text: str, prefix: str = "") -> int | None:
     return number if 1 <= number <= MAX_NUMBER and match[3] == check_letter(number) else None
 
 
+def means_label(text: str, label: str) -> bool:
+    """Tell whether somebody who types this may mean a label: itself, without its prefix, or its
+    number; leading zeros and lower case do not matter.
+    """
+    match, typed = _LABEL.fullmatch(label), text.strip().upper()
+    if typed == label or match is None:
+        return typed == label
+    number, letter = int(match[2]), match[3]
+    parts = re.fullmatch(r"([A-Z]*?)(\d{1,6})([A-Z]?)", typed)
+    return (
+        parts is not None
+        and parts[1] in ("", match[1])
+        and int(parts[2]) == number
+        and (parts[3] == letter or not (parts[1] or parts[3]))
+    )
+
+
 def is_one_typo_apart(text: str, label: str) -> bool:
     """Tell whether one wrong, missing or extra character, or one exchange, lies between them."""
     a, b = text.strip().upper(), label

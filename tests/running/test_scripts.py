@@ -1,5 +1,8 @@
 """Studies from a script: open, measure, simulate, analyse; folders that hide ours are told."""
 
+import sys
+
+import numpy as np
 import pytest
 
 import visavis
@@ -56,3 +59,36 @@ def test_every_public_name_can_be_imported() -> None:
 def test_name_that_is_none_lists_those_that_are() -> None:
     with pytest.raises(AttributeError, match="visavis has no 'Studi'; it has"):
         _ = visavis.Studi
+
+
+@pytest.mark.parametrize("who", ["S02C", "s02c", "02C", "2", 2, "02"])
+def test_a_person_is_found_by_label_and_by_number(data: visavis.StudyData, who: str | int) -> None:
+    assert "S02C" == data.session(who).participant
+
+
+@pytest.mark.parametrize("who", ["S02D", "2D", "C", "T02C", "S2"])
+def test_a_label_that_is_wrong_is_nobodys(data: visavis.StudyData, who: str) -> None:
+    with pytest.raises(UsageError, match="there are S01B, S02C"):
+        data.session(who)
+
+
+def test_a_column_has_one_name_in_measures_and_in_scripts(data: visavis.StudyData) -> None:
+    session = data.session(1)
+    table = session.stream("gaze_targets")
+    record = visavis.TrialRecord({"recording_part": 1}, session.recording)
+    columns = record.stream("gaze_targets", 0, 2**62)
+    for name in ("direction_world", "direction_world_x", "hit"):
+        assert np.array_equal(columns[name], table[name].to_numpy(), equal_nan=name != "hit")
+    for of in (columns, table):
+        with pytest.raises(KeyError, match=r"no 'direction'; there are .*gaze_seq"):
+            _ = of["direction"]
+
+
+def test_progress_is_shown_where_somebody_looks(
+    data: visavis.StudyData, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    visavis.open_study(data.path).trials()
+    assert "" == capsys.readouterr().err
+    monkeypatch.setitem(sys.modules, "ipykernel", sys)
+    visavis.open_study(data.path).trials()
+    assert capsys.readouterr().err.endswith("\rmeasuring 1 of 2\rmeasuring 2 of 2\n")

@@ -11,6 +11,7 @@ from visavis.lab.clock import SystemClock
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import ConfigError, UsageError
 from visavis.lab.yaml_lines import did_you_mean
+from visavis.protocol.people.identifiers import means_label
 from visavis.protocol.people.key_file import KeyFile
 from visavis.protocol.people.ledger import Ledger, Participant, UnknownParticipant
 from visavis.protocol.plan.questionnaires import available
@@ -263,9 +264,9 @@ def session_of(path: Path, config: Path | None, participant: str = "") -> Path:
         return path
     sessions = sessions_of(folder_of(path, config))
     if participant:
-        mine = [s for s in sessions if participant.upper() in _names(s)]
+        mine = [s for s in sessions if means_label(participant, _label(s))]
         if not mine:
-            labels = ", ".join(dict.fromkeys(s.parent.name.removeprefix("sub-") for s in sessions))
+            labels = ", ".join(dict.fromkeys(map(_label, sessions)))
             raise UsageError(f"{participant} has no session there; there are {labels}")
         return mine[-1]
     return max(sessions, key=lambda s: read_manifest(s).created_wall_iso)
@@ -288,8 +289,5 @@ def require_session(path: Path) -> None:
     )
 
 
-def _names(session: Path) -> tuple[str, ...]:
-    """Return what a session's participant may be called: the label, its number."""
-    label = session.parent.name.removeprefix("sub-")
-    number = "".join(c for c in label if c.isdigit())
-    return (label, number, number.lstrip("0"))
+def _label(session: Path) -> str:
+    return session.parent.name.removeprefix("sub-")

@@ -6,6 +6,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from visavis.recording.durable import replace_file
@@ -26,15 +27,36 @@ _NUMBER = re.compile(r"[+-]?[0-9]+([.][0-9]*)?([eE][+-]?[0-9]+)?")
 def write_csv(table: pd.DataFrame, path: Path) -> tuple[str, ...]:
     """Write a table in UTF-8 with dot decimals, missing values empty; replaces what is there.
 
+    Truths are TRUE and FALSE, which R, pandas and spreadsheets all take for truths.
     Text cells and column names beginning with = + - @, also behind blanks or full-width, or with a
     control character, which spreadsheets run, get an apostrophe before them. Returns the columns in
     which that was needed; say it in the table's dictionary with `note_escaped_columns`. Raises
     OSError when the disk refuses.
     """
-    safe, escaped_columns = escape_formulas(table)
+    safe, escaped_columns = escape_formulas(_with_truths(table))
     rows = max(1, CELLS_AT_ONCE // max(1, len(safe.columns)))
     safe.to_csv(path, index=False, encoding="utf-8", lineterminator="\n", na_rep="", chunksize=rows)
     return escaped_columns
+
+
+def _with_truths(table: pd.DataFrame) -> pd.DataFrame:
+    """Return a table whose columns of truths are the words that every program reads as truths."""
+    words = {True: "TRUE", False: "FALSE"}
+    columns = {}
+    for i in range(len(table.columns)):
+        values = table.iloc[:, i]
+        if values.dtype == bool or isinstance(values.dtype, pd.BooleanDtype):
+            columns[i] = values.astype(object).map(words, na_action="ignore")
+        elif values.dtype == object:
+            there = values[values.notna()]
+            if len(there) and all(isinstance(v, bool | np.bool_) for v in there):
+                columns[i] = values.map(lambda v: words[bool(v)], na_action="ignore")
+    if not columns:
+        return table
+    whole = {i: columns.get(i, table.iloc[:, i]) for i in range(len(table.columns))}
+    with_words = pd.DataFrame(whole, index=table.index)
+    with_words.columns = table.columns
+    return with_words
 
 
 def escape_formulas(table: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:

@@ -1,6 +1,6 @@
 """Open a recorded session: finished, aborted, crashed or still running."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -355,6 +355,20 @@ def component_names(field: str, n_components: int) -> list[str]:
         return [f"{field.removesuffix('_wxyz')}_{c}" for c in "wxyz"]
     parts = "xyz" if n_components == 3 else [str(i) for i in range(n_components)]
     return [f"{stem}_{c}{suffix}" for c in parts]
+
+
+def components_of(field: str, columns: Sequence[str]) -> list[str]:
+    """Return the columns among these that hold a field of several numbers, in their order."""
+    for n in range(2, len(columns) + 1):
+        names = component_names(field, n)
+        if names[0] not in columns:
+            continue
+        if all(name in columns for name in names):
+            longer = component_names(field, n + 1)
+            if all(name in columns for name in longer):
+                continue
+            return list(names)
+    return []
 
 
 def flat_components(field: str, values: npt.NDArray[Any]) -> list[tuple[str, npt.NDArray[Any]]]:

@@ -7,11 +7,13 @@ trials = study.trials()
 gaze = study.session("S01B").stream("gaze")
 """
 
-from collections.abc import Iterator, Mapping
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import pandas as pd
 
@@ -20,8 +22,9 @@ from visavis.lab.clock import SystemClock
 from visavis.lab.config import LabConfig, load_config, parse_config, with_devices
 from visavis.lab.config_files import CONFIG_NAME, EXAMPLE, find_config
 from visavis.lab.errors import ConfigError, UsageError
+from visavis.protocol.people.identifiers import means_label
 from visavis.recording.folder import SIMULATED_ROOT
-from visavis.recording.reader import Recording
+from visavis.recording.reader import Recording, components_of
 from visavis.results.analysis import StudyAnalysis
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.results.picture_delay import SETTING
@@ -29,7 +32,7 @@ from visavis.running.sessions.damage import require_intact
 from visavis.running.sessions.intake_list import intake_list
 from visavis.running.sessions.plan_lock import check_interim_analysis, read_lock
 from visavis.running.sessions.session_list import require_whole
-from visavis.running.sessions.studies import analyse_study, simulate_study
+from visavis.running.sessions.studies import QuietNotifier, analyse_study, simulate_study
 from visavis.running.sessions.study_folder import (
     DEFAULT_SEED,
     DERIVED_FOLDER,
@@ -39,6 +42,40 @@ from visavis.running.sessions.study_folder import (
     wanted_settings,
 )
 from visavis.study.cast import use_recorded_cast
+
+
+class StreamTable(pd.DataFrame):
+    """A stream as a frame that knows its fields, too: `gaze["direction_world"]` is three columns.
+
+    What it has not raises a KeyError with the names it has.
+    """
+
+    def __getitem__(self, key: Any) -> Any:
+        """Return a column, or the columns of a field of several numbers."""
+        if not isinstance(key, str) or key in self.columns:
+            return super().__getitem__(key)
+        parts = components_of(key, list(self.columns))
+        if not parts:
+            raise KeyError(f"no {key!r}; there are {', '.join(map(str, self.columns))}")
+        return super().__getitem__(parts)
+
+
+class _Terminal(QuietNotifier):
+    """Shows progress where somebody looks: in a terminal, or a notebook."""
+
+    def progress(self, what: str) -> AbstractContextManager[Callable[[int, int], None]]:
+        """Return a context with a function to call with the amount done and the total."""
+        if not (sys.stderr.isatty() or "ipykernel" in sys.modules):
+            return super().progress(what)
+
+        def show(count: int, total: int) -> None:
+            sys.stderr.write(f"\r{what} {count} of {total}" + ("\n" if count == total else ""))
+            sys.stderr.flush()
+
+        return nullcontext(show)
+
+
+NOTIFIER: Final = _Terminal()
 
 
 @dataclass(frozen=True)
@@ -66,13 +103,13 @@ class Session:
     def stream(self, name: str) -> pd.DataFrame:
         """Return a stream, one row per sample: `seq`, `t_device_ns`, `t_host_ns` and its fields.
 
-        A field of several numbers is a column each (`direction_head_x`). Units and meanings:
-        `columns`.
+        A field of several numbers is a column each (`direction_head_x`); the field itself
+        (`direction_head`) is these columns together. Units and meanings: `columns`.
 
         Raises:
             UsageError: the session has no such stream.
         """
-        return self.recording.stream(name)
+        return StreamTable(self.recording.stream(name))
 
     def columns(self, name: str) -> pd.DataFrame:
         """Return what the fields of a stream are: name, unit, frame, description."""
@@ -112,19 +149,20 @@ class StudyData:
         """Every session, by participant and number."""
         return tuple(Session(p, Recording(p)) for p in sessions_of(self.path))
 
-    def session(self, participant: str, number: int = 1) -> Session:
-        """Return one session of a participant.
+    def session(self, participant: str | int, number: int = 1) -> Session:
+        """Return one session of a participant: "S02C", "02C", "2" and 2 mean the same.
 
         Raises:
             UsageError: there is none.
         """
         for session in self.sessions:
             manifest = session.recording.manifest
-            if manifest.participant == participant and manifest.session == number:
+            is_theirs = means_label(str(participant), manifest.participant)
+            if is_theirs and manifest.session == number:
                 return session
         names = ", ".join(dict.fromkeys(s.participant for s in self.sessions))
         raise UsageError(
-            f"{self.path} has no session {number} of {participant!r}; there are {names}"
+            f"{self.path} has no session {number} of {str(participant)!r}; there are {names}"
         )
 
     def __iter__(self) -> Iterator[Session]:
@@ -139,10 +177,17 @@ class StudyData:
         paths = intake_list([s.path for s in self.sessions]).measured
         require_whole(self.path, accept=self.accept_damage)
         require_intact(paths, accept=self.accept_damage)
-        return tuple(self.study.measure(Recording(path), how) for path in paths)
+        measured = []
+        with NOTIFIER.progress("measuring") as report_progress:
+            for count, path in enumerate(paths):
+                report_progress(count, len(paths))
+                measured.append(self.study.measure(Recording(path), how))
+            report_progress(len(paths), len(paths))
+        return tuple(measured)
 
     def trials(self) -> pd.DataFrame:
-        """Return every trial, measured from the recordings; one row each.
+        """Return every trial, measured from the recordings; one row each. A terminal or notebook
+        shows how many sessions are measured.
 
         `is_analysed` says what counts and `left_out_because` why not.
         """
@@ -226,7 +271,7 @@ def simulate(
         source_sha256=usual.source_sha256,
     )
     data_folder = simulate_study(
-        lab, opened_study, settings, participants, root, processes=processes
+        lab, opened_study, settings, participants, root, processes=processes, notifier=NOTIFIER
     )
     return StudyData(data_folder, opened_study)
 
@@ -244,7 +289,11 @@ def analyse(
     """
     folder = data.path if isinstance(data, StudyData) else Path(data)
     return analyse_study(
-        folder, None if output is None else Path(output), processes=processes, peek=peek
+        folder,
+        None if output is None else Path(output),
+        processes=processes,
+        peek=peek,
+        notifier=NOTIFIER,
     )
 
 

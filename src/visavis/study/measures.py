@@ -19,7 +19,7 @@ from visavis.analysis.gaze.targets import GazeTargets, PartGaze, gaze_of_part
 from visavis.lab.errors import DataError, DesignError, UsageError
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.steps import Scalar
-from visavis.recording.reader import Recording
+from visavis.recording.reader import Recording, flat_components
 from visavis.study.study_errors import users_mistake
 
 Aggregate = Literal["mean", "median", "share"]
@@ -91,7 +91,11 @@ class TrialRecord:
     def stream(self, name: str, start_ns: int, end_ns: int) -> dict[str, npt.NDArray[Any]]:
         """Return a stream's columns between two times of this trial's part.
 
+        A field of several numbers is there whole (`direction_world`, n by 3) and by the names of
+        tables (`direction_world_x`).
+
         Raises:
+            KeyError: there is no such column, with those there are.
             SamplesUnreadable: it lost samples of this trial; a measure that asks is missing then.
         """
         if name in self.damaged_streams:
@@ -105,7 +109,7 @@ class TrialRecord:
         at = columns["t_host_ns"]
         part = columns["recording_part"] == int(self.row["recording_part"])
         is_inside = part & (at >= start_ns) & (at < end_ns)
-        return {column: values[is_inside] for column, values in columns.items()}
+        return _StreamColumns({column: values[is_inside] for column, values in columns.items()})
 
     def looks(self, role: str, scene: str, pad_deg: float) -> LookMeasures | None:
         """Return the looks on the agent of a role while a scene was shown."""
@@ -115,6 +119,17 @@ class TrialRecord:
         samples = self.gaze.between(*window)
         aoi = samples.areas(pad_deg)
         return measure_trial(samples.t_ns, aoi, agent, *window, switch_ns=None, params=LOOKS)
+
+
+class _StreamColumns(dict[str, npt.NDArray[Any]]):
+    """Columns of a stream, by the names of its fields and by those of tables."""
+
+    def __missing__(self, name: str) -> npt.NDArray[Any]:
+        for field_name, values in self.items():
+            for flat, column in flat_components(field_name, values):
+                if flat == name:
+                    return column
+        raise KeyError(f"no {name!r}; there are {', '.join(self)}")
 
 
 NO_ROLES: Final = ("on_ns", "off_ns", "frames")
