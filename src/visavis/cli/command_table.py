@@ -74,6 +74,8 @@ COMMANDS: Mapping[str, Entry] = {
         "quality",
         "Write a page on a session's gaze: accuracy, precision, loss, rate, latency, pupil.",
     ),
+    "note": Entry("remarks", "Note something on a person or a trial after the session."),
+    "exclude": Entry("remarks", "Leave out a person or a trial by hand, with reason and author."),
     "recover": Entry("checking", "Take stock of a crashed session; raw files are never changed."),
     "preview": Entry(
         "preview",

@@ -12,6 +12,7 @@ from visavis.analysis.statistics_report import answer
 from visavis.lab.errors import DataError, LabError
 from visavis.protocol.plan.steps import Scalar
 from visavis.recording.reader import Recording
+from visavis.recording.remarks import Remark
 from visavis.results.differences import as_planned_sided
 from visavis.results.family_tests import (
     DEFAULT_TEST_RULES,
@@ -81,6 +82,9 @@ class StudyAnalysis:
     """Further findings of the study's own; None in a power analysis."""
     example: Recording | None = field(default=None, repr=False)
     """A session from which sections may show a trial."""
+
+    remarks: tuple[Remark, ...] = ()
+    """What was noted or excluded by hand after the sessions."""
 
     @property
     def n_participants(self) -> int:

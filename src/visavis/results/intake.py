@@ -25,8 +25,10 @@ from visavis.protocol.session.gaze_setup import TARGETS
 from visavis.recording.integrity import analysed_trials, damage_of
 from visavis.recording.manifest import Manifest
 from visavis.recording.reader import Recording
+from visavis.recording.remarks import Remark, exclusions_in_force, reason_of, remarks_of
 from visavis.results.picture_delay import LATE, LatePictures, answer_times_from_light
 from visavis.results.reevaluation import ahead_ms, paired_by_arrival
+from visavis.results.selection import HAND_PERSON, HAND_TRIAL
 from visavis.study.exclusions import ANSWERED_COLUMN
 from visavis.study.look_measures import LOOK_COLUMNS, LooksOn
 from visavis.study.measures import CLOCK_JUMP, Measure, SessionGaze, TrialRecord, value_of
@@ -53,6 +55,8 @@ class SessionIntake:
     """Recordings of the lab's own devices."""
     blocks: pd.DataFrame = field(repr=False, default_factory=pd.DataFrame)
     tables: Mapping[str, pd.DataFrame] = field(repr=False, default_factory=dict)
+    remarks: tuple[Remark, ...] = ()
+    """What was noted or excluded by hand after the session."""
 
     def without_tables(self) -> "SessionIntake":
         """Return the intake without its tables, once they are joined with those of others."""
@@ -185,6 +189,24 @@ def take_in(
         own_streams(recording),
         blocks,
     )
+
+
+def with_remarks(intake: SessionIntake, recording: Recording) -> SessionIntake:
+    """Return an intake whose rows bear the exclusions by hand of its session and person.
+
+    Raises:
+        RecordingError: the list of remarks is damaged.
+    """
+    remarks = remarks_of(recording.path.resolve().parent)
+    number = recording.manifest.session
+    mine = tuple(r for r in remarks if r.session in (0, number))
+    rows = intake.rows
+    for exclusion in exclusions_in_force(mine):
+        name = HAND_TRIAL if exclusion.trial_id else HAND_PERSON
+        column = rows[name] if name in rows else pd.Series("", index=rows.index, dtype=object)
+        is_meant = rows["trial_id"] == exclusion.trial_id if exclusion.trial_id else column == ""
+        rows = rows.assign(**{name: column.mask(is_meant, reason_of(exclusion))})
+    return replace(intake, rows=rows, remarks=mine)
 
 
 def _clock_jump_ms(gaze: PartGaze, row: Mapping[Any, Any]) -> float | None:

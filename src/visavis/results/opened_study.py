@@ -29,7 +29,7 @@ from visavis.results.analysis import (
 from visavis.results.claims import printed_orders
 from visavis.results.family_tests import DEFAULT_TEST_RULES, TestRules
 from visavis.results.fidelity import design_values, names_of, refuse_unknown_names
-from visavis.results.intake import SessionIntake, questionnaire, take_in
+from visavis.results.intake import SessionIntake, questionnaire, take_in, with_remarks
 from visavis.results.locked_plan.review import PlanReview
 from visavis.results.picture_delay import SETTING, delay_of
 from visavis.results.reevaluation import pair_by_own_time
@@ -382,6 +382,7 @@ class OpenedStudy:
             answers=tuple(experiment.responses),
             picture_delay_ms=delay_of(settings or {}),
         )
+        intake = with_remarks(intake, recording)
         if pieces is None:
             return intake
         how = pieces.how_with(settings or {})
@@ -573,7 +574,8 @@ class OpenedStudy:
         # Imported here: figures take a second to import, and sessions and previews need none.
         from visavis.results.outputs import write_study
 
-        analysis = replace(analysis, is_simulated=is_simulated, example=example)
+        remarks = tuple(r for one in sessions for r in one.remarks)
+        analysis = replace(analysis, is_simulated=is_simulated, example=example, remarks=remarks)
         for line in left_out_lines(analysis.selection, self.study.analysis.exclusions):
             if self.tell is not None:
                 self.tell(line)

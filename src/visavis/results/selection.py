@@ -21,6 +21,9 @@ PRACTICE: Final = "practice"
 NOT_FINISHED: Final = "not finished"
 PERFORMED_AGAIN: Final = "performed again later"
 UNREADABLE: Final = "the recording is damaged"
+HAND_TRIAL: Final = "excluded_by_hand"
+HAND_PERSON: Final = "person_excluded_by_hand"
+"""Columns of the reasons for which the lab left out a trial, or somebody, after the session."""
 PERSON_OUT: Final = "participant left out: "
 
 
@@ -93,6 +96,7 @@ def rule_words(selection: Selection, rules: Sequence[Exclusion], name: str) -> s
             "damaged": f"unreadable, {UNREADABLE}",
             "unfinished": NOT_FINISHED,
             "repeated": PERFORMED_AGAIN,
+            "by_hand": "by hand, after the session",
         }
         return standard_words.get(name, name.replace("_", " "))
     if rule.if_missing:
@@ -150,6 +154,9 @@ def select(
     unreadable = table["status"].isin((DAMAGED_STATUS, LOST_STATUS))
     exclude(unreadable, "damaged", "trial", UNREADABLE)
     exclude(table["status"] != "complete", "unfinished", "trial", NOT_FINISHED)
+    if HAND_TRIAL in table:
+        by_hand = table[HAND_TRIAL].fillna("").astype(str)
+        exclude(by_hand != "", "by_hand", "trial", list(by_hand))
     trial_rules = [r for r in rules if r.level == "trial" and r.column in table]
     for rule in (r for r in trial_rules if r.if_missing):
         judge(rule)
@@ -171,6 +178,16 @@ def select(
     )
     if facts is not None:
         people = people.merge(facts, on="participant", how="left")
+    if HAND_PERSON in table:
+        of_rows = zip(table["participant"], table[HAND_PERSON].fillna(""), strict=True)
+        by_hand_of = {str(name): str(reason) for name, reason in of_rows if reason}
+        who = [by_hand_of.get(str(name), "") for name in table["participant"]]
+        is_out = pd.Series([reason != "" for reason in who], index=table.index)
+        exclude(is_out, "by_hand", "participant", [f"{PERSON_OUT}{reason}" for reason in who])
+        people[REASON] = [
+            "; ".join(filter(None, (before, by_hand_of.get(str(name), ""))))
+            for name, before in zip(people["participant"], people[REASON], strict=True)
+        ]
     for rule in (r for r in rules if r.level == "participant"):
         limit = limits[rule.name]
         texts = {}

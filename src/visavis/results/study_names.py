@@ -18,7 +18,13 @@ from visavis.results.family_tests import columns_of_tests
 from visavis.results.intake import questionnaire
 from visavis.results.picture_delay import LATE
 from visavis.results.quality import QUALITY_TABLE
-from visavis.results.tables.dictionary import PEOPLE, STATISTICS, WALK_COLUMNS, people_columns
+from visavis.results.tables.dictionary import (
+    HAND_COLUMNS,
+    PEOPLE,
+    STATISTICS,
+    WALK_COLUMNS,
+    people_columns,
+)
 from visavis.study.declaration import Study
 from visavis.study.experiment import StudyExperiment
 from visavis.study.films import film_columns
@@ -33,7 +39,7 @@ TABLES: Final[Mapping[str, str]] = {
     **{c.name: "statistics" for c in STATISTICS},
     **dict.fromkeys(columns_of_tests(()), "statistics"),
     **{c.name: "participants" for c in (*PEOPLE, *QUALITY_TABLE)},
-    **{c.name: "trials" for c in (*LOOK_COLUMNS, LATE, CLOCK_JUMP, *WALK_COLUMNS)},
+    **{c.name: "trials" for c in (*LOOK_COLUMNS, LATE, CLOCK_JUMP, *WALK_COLUMNS, *HAND_COLUMNS)},
     **dict.fromkeys((*film_columns(1), *mould_columns(1)), "trials"),
     **dict.fromkeys((LOST_COLUMN, HEAD_LOST_COLUMN), "trials"),
 }

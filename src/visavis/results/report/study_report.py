@@ -28,6 +28,7 @@ from visavis.analysis.report import (
 )
 from visavis.analysis.report.notation import count_of, mean_sd, percentage
 from visavis.protocol.plan.questionnaires import Questionnaire
+from visavis.recording.remarks import Remark
 from visavis.results.analysis import MIN_PARTICIPANTS, StudyAnalysis
 from visavis.results.claims import published_agreement
 from visavis.results.fidelity import fidelity_section
@@ -437,10 +438,32 @@ def _people(
         heads = tuple(Column(h) for h in ("Participant", "Trial", "Status", "Reason"))
         blocks.append(Fold("Interrupted and skipped trials", (Table(heads, trial_rows, "Trials"),)))
     blocks += _flag_table(analysis.selection.rows)
+    blocks += _remark_table(analysis.remarks)
     blocks += _incident_table(provenance)
     looks = looks_table(unusual_trials(analysis), provenance.folder, out_dir / VIEWS)
     blocks += [] if looks is None else [Fold(f"{looks.caption}: {len(looks.rows)}", (looks,))]
     return Section("people", "Participants", tuple(blocks))
+
+
+def _remark_table(remarks: Sequence[Remark]) -> Iterator[Block]:
+    """Yield a table of what the lab noted and excluded by hand after the sessions."""
+    if not remarks:
+        return
+    words = {"note": "note", "exclude": "left out", "include": "taken in again"}
+    heads = tuple(map(Column, ("Participant", "About", "What", "Why", "By", "Date")))
+    rows = tuple(
+        (
+            r.participant,
+            r.trial_id or (f"session {r.session}" if r.session else "everything"),
+            words[r.kind],
+            r.text,
+            r.author,
+            r.at[:10],
+        )
+        for r in remarks
+    )
+    note = "Somebody decided these after the session; all other exclusions are rules."
+    yield Table(heads, rows, "Notes and exclusions by hand", note=note)
 
 
 def _flag_table(rows: pd.DataFrame) -> Iterator[Block]:

@@ -13,6 +13,7 @@ from visavis.protocol.plan.columns import ANALYSED_COLUMNS, ENGINE_COLUMNS, Colu
 from visavis.protocol.plan.questionnaires import Questionnaire, score_range
 from visavis.recording.csv_file import note_escaped_columns, write_csv
 from visavis.results.picture_delay import LATE
+from visavis.results.selection import HAND_PERSON, HAND_TRIAL
 from visavis.study.exclusions import ANSWERED_COLUMN
 from visavis.study.experiment import StudyExperiment
 from visavis.study.films import film_columns
@@ -39,6 +40,13 @@ PEOPLE: Final = (
     Column("is_simulated", "", "nobody took part"),
 )
 
+HAND_COLUMNS: Final = (
+    Column(
+        HAND_TRIAL, "", "why and by whom the trial was left out by hand; empty where it was not"
+    ),
+    Column(HAND_PERSON, "", "why and by whom the participant was left out by hand"),
+)
+"""Columns that exclusions by hand add to the trials."""
 WALK_COLUMNS: Final = (
     Column("walk_ms", "ms", "time until the place was reached; empty if it was not"),
     Column("walk_reached", "", "the place was reached in time"),
@@ -57,7 +65,7 @@ def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> d
         columns[factor.name] = Column(factor.name, "", f"{words} ({kind} participants): {levels}")
     for response in experiment.responses.values():
         columns |= {c.name: c for c in response.columns()}
-    columns |= {c.name: c for c in WALK_COLUMNS}
+    columns |= {c.name: c for c in (*WALK_COLUMNS, *HAND_COLUMNS)}
     for name in dict.fromkeys(n for t in experiment.read.values() for n in t.sound_columns):
         words = (
             "session time at which the sound's first sample left the card; empty if nobody knows"

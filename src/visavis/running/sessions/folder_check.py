@@ -15,6 +15,7 @@ from visavis.recording.folder import SIMULATED_ROOT
 from visavis.recording.integrity import damage_of
 from visavis.recording.reader import Recording
 from visavis.recording.recovery import recover
+from visavis.recording.remarks import REMARKS_NAME, remarks_of
 from visavis.recording.sealed import copy_path, copy_state, restore
 from visavis.running.sessions.plan_lock import LOCK_NAME, PEEKS_NAME, read_lock, read_peeks
 from visavis.running.sessions.session_list import LIST_NAME, list_problems
@@ -41,6 +42,7 @@ def study_problems(folder: Path, sessions: Sequence[Path] | None = None) -> tupl
     problems = [*_settings_problems(folder), *_ledger_problems(folder), *_export_problems(folder)]
     problems += _lock_problems(folder)
     problems += [problem for path in _bodies(folder) for problem in _body_problems(path)]
+    problems += [problem for path in _remarks(folder) for problem in _remark_problems(path)]
     if sessions is None:
         problems += [*list_problems(folder), *_unknown_people(folder)]
     for session in session_folders(folder) if sessions is None else sessions:
@@ -88,9 +90,10 @@ def repair_study(folder: Path) -> tuple[str, ...]:
     repairs = []
     if _settings_problems(folder):
         repairs += _mend(folder / SETTINGS_NAME, lambda: read_settings(folder))
-    for name in (LEDGER_NAME, REGISTER_NAME, PEEKS_NAME, LIST_NAME):
+    lists = [folder / name for name in (LEDGER_NAME, REGISTER_NAME, PEEKS_NAME, LIST_NAME)]
+    for path in (*lists, *_remarks(folder)):
         try:
-            note = repair_lines(folder / name)
+            note = repair_lines(path)
         except ValueError as error:
             raise RecordingError(str(error)) from error
         repairs += [note] if note else []
@@ -156,6 +159,21 @@ def _body_problems(path: Path) -> list[str]:
         return [str(error)]
     state = copy_state(path)
     return [] if state == "same" else [f"{copy_path(path)} is {state}"]
+
+
+def _remarks(folder: Path) -> list[Path]:
+    """Return the paths of remarks on people, also those of which only the copy is left."""
+    copies = copy_path(Path(REMARKS_NAME)).name
+    paths = (path for name in (REMARKS_NAME, copies) for path in folder.glob(f"sub-*/{name}"))
+    return sorted({path.with_name(REMARKS_NAME) for path in paths})
+
+
+def _remark_problems(path: Path) -> list[str]:
+    try:
+        remarks_of(path.parent)
+        return list(read_lines(path).notes)
+    except (RecordingError, OSError) as error:
+        return [str(error)]
 
 
 def _export_problems(folder: Path) -> list[str]:
