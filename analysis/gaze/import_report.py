@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +22,7 @@ from visavis.analysis.gaze.events import (
     detect_idt,
     detect_ivt,
 )
+from visavis.analysis.gaze.eyelink_asc import read_eyelink
 from visavis.analysis.gaze.foreign import EyeSamples, GazeRecording, rows_of_eye
 from visavis.analysis.gaze.foreign_times import (
     checked_times,
@@ -40,6 +41,7 @@ from visavis.analysis.gaze.mapped_csv import GazeMapping, read_csv
 from visavis.analysis.gaze.movements.detect import DETECTOR_NAMES, detect_movements
 from visavis.analysis.gaze.movements.kinds import Movement, Movements, fixations_of
 from visavis.analysis.gaze.movements.parameters import AUTO
+from visavis.analysis.gaze.named_formats import MAPPED, read_glasses3, read_named, read_smi
 from visavis.analysis.gaze.quality import moving_precision_deg
 from visavis.analysis.gaze.readers import read_pupil, read_vive
 from visavis.analysis.gaze.stamps import Order, Times, order_of, typical_step_ns
@@ -51,8 +53,21 @@ from visavis.lab.screen import FlatScreen
 from visavis.recording.csv_file import write_csv
 from visavis.recording.durable import make_folder, protect_files
 
-Format = Literal["vive", "bids", "pupil", "csv"]
-FORMATS: tuple[Format, ...] = ("vive", "bids", "pupil", "csv")
+Format = Literal[
+    "vive",
+    "bids",
+    "pupil",
+    "csv",
+    "eyelink",
+    "tobii",
+    "glasses3",
+    "neon",
+    "smi",
+    "gazepoint",
+    "varjo",
+    "gazebase",
+]
+FORMATS: tuple[Format, ...] = get_args(Format)
 
 DETECTORS: Mapping[str, IvtParameters | IdtParameters] = {
     "I-VT 30°/s": IVT_SCREEN,
@@ -121,9 +136,12 @@ def read_gaze(
         if mapping is None:
             raise UsageError(f"{path}: plain CSV needs a mapping of its columns (--mapping)")
         return read_csv(path, mapping)
-    if format_ == "bids":
-        return read_bids(path, screen)
-    readers = {"vive": read_vive, "pupil": read_pupil}
+    if format_ in MAPPED:
+        return read_named(path, format_, screen)
+    with_screen = {"bids": read_bids, "eyelink": read_eyelink, "smi": read_smi}
+    if format_ in with_screen:
+        return with_screen[format_](path, screen)
+    readers = {"vive": read_vive, "pupil": read_pupil, "glasses3": read_glasses3}
     if format_ not in readers:
         raise UsageError(f"format {format_!r} is unknown; choose one of {', '.join(FORMATS)}")
     return readers[format_](path)

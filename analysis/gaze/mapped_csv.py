@@ -240,7 +240,11 @@ def read_csv(path: Path, mapping: GazeMapping) -> GazeRecording:
     Raises:
         DataError: a line or column that cannot be what the mapping says, with the likely reason.
     """
-    table = read_text_table(path, delimiter=mapping.delimiter)
+    return recording_of_table(read_text_table(path, delimiter=mapping.delimiter), mapping)
+
+
+def recording_of_table(table: TextTable, mapping: GazeMapping) -> GazeRecording:
+    """Return the recording that a table holds, as `read_csv`."""
     for each in mapping.where:
         table = table.where(each.column, each.is_)
     table, remarks = _without_other_sensors(table, mapping)
@@ -253,7 +257,7 @@ def read_csv(path: Path, mapping: GazeMapping) -> GazeRecording:
         orientation = orientations_in_our_axes(_orientation(table, mapping.head), head_matrix)
     screen = None if mapping.screen is None else mapping.screen.flat
     return GazeRecording(
-        name=path.stem,
+        name=table.path.stem,
         t_ns=_stamps(table, mapping.time),
         space=mapping.space,
         left=_eye(table, mapping.left, matrix, screen),

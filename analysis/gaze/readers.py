@@ -29,13 +29,15 @@ _CAMERA_AXES = axes_matrix("+x", "-y", "+z")
 
 
 def read_vive(path: Path) -> GazeRecording:
-    """Read the semicolon table of the Vive Pro Eye runtime (SRanipal) with its Unity head pose.
+    """Read the table of the Vive Pro Eye runtime (SRanipal) with its Unity head pose.
+
+    Columns are parted by semicolons, or by commas.
 
     Host time (100 ns ticks) is the main clock, counted from the first row; the device's
     millisecond counter, which repeats and wraps at 32 bits, becomes `t_device_ns`. Lost eyes are
     zero vectors in the file and NaN here.
     """
-    table = read_text_table(path, delimiter=";")
+    table = read_text_table(path, delimiter=None)
     return GazeRecording(
         name=path.stem,
         t_ns=table.stamps("time(100ns)", "100ns", from_first=True),

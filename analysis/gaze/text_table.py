@@ -55,13 +55,26 @@ class TextTable:
 
     def has(self, *names: str) -> bool:
         """Tell whether all these columns are there."""
-        return all(name in self.cells for name in names)
+        return all(self._name_of(name) is not None for name in names)
 
     def column(self, name: str) -> Sequence[str]:
-        """Return a column's text. Raises DataError when there is none of that name."""
-        if name not in self.cells:
+        """Return a column's text. Raises DataError when there is none of that name.
+
+        A name that ends in * is that of a column with a unit behind it, or without: "TIME*" is
+        TIME, TIME(…) or TIME […].
+        """
+        own_name = self._name_of(name)
+        if own_name is None:
             raise DataError(f"{self.path}: no column {name!r}; it has {', '.join(self.cells)}")
-        return self.cells[name]
+        return self.cells[own_name]
+
+    def _name_of(self, name: str) -> str | None:
+        if name in self.cells or not name.endswith("*"):
+            return name if name in self.cells else None
+        base = name.removesuffix("*")
+        fitting = [c for c in self.cells if c == base or c.startswith((f"{base} [", f"{base}("))]
+        pixels = [c for c in fitting if "DACS px" in c]  # Tobii writes the same in mm, too
+        return next(iter(pixels or fitting), None)
 
     def rows(self, rows: npt.NDArray[np.int64]) -> "TextTable":
         """Return some of the rows."""

@@ -29,7 +29,12 @@ app.add_typer(import_app, name="import")
 def import_gaze_files(
     files: Annotated[list[Path], typer.Argument(help="Recordings of one format.")],
     format_name: Annotated[
-        str, typer.Option("--format", help="vive, bids, pupil or csv (csv needs --mapping).")
+        str,
+        typer.Option(
+            "--format",
+            help="vive, bids, pupil, eyelink, tobii, glasses3, neon, smi, gazepoint, varjo, "
+            "gazebase, or csv (csv needs --mapping).",
+        ),
     ] = "vive",
     mapping: Annotated[
         Path | None, typer.Option("--mapping", help="YAML: which column is what, in which unit.")

@@ -1,0 +1,242 @@
+"""Read gaze of trackers by name: tables by the mapping of their program, and files of their own."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from visavis.analysis.gaze.foreign import EyeSamples, GazeRecording, axes_matrix, eye_samples
+from visavis.analysis.gaze.foreign_times import LIKELY_HZ
+from visavis.analysis.gaze.mapped_csv import GazeMapping, mapping_of, recording_of_table
+from visavis.analysis.gaze.text_table import NS_PER_UNIT, TextTable, read_text_table
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.errors import DataError, UsageError
+from visavis.lab.foreign_text import decode_text
+from visavis.lab.geometry import Vector, unit
+from visavis.lab.plain_files import parse_json, read_packed, read_plain
+from visavis.lab.sampling import step_ns_of
+from visavis.lab.screen import FlatScreen
+from visavis.lab.yaml_lines import read_document
+
+MAPPED: Final = ("tobii", "neon", "gazepoint", "varjo", "gazebase")
+"""Programs whose tables a mapping in `formats` describes."""
+FORMATS_FOLDER = Path(__file__).with_name("formats")
+_GLASSES_AXES = axes_matrix("-x", "+y", "+z")
+_SMI_HEADER = re.compile(r"##\s*([^:\t]+):\s*(.+)")
+_SMI_COLUMNS = {"left": "L", "right": "R"}
+
+
+def read_named(path: Path, name: str, screen: FlatScreen | None) -> GazeRecording:
+    """Read a table that the program `name` of `MAPPED` wrote; its eyes are those it has.
+
+    Raises:
+        UsageError: no file, or gaze on a screen of which nothing is known.
+        DataError: a column that the program writes is missing, or a line is wrong.
+    """
+    table = read_text_table(path, delimiter=None)
+    mapping = _mapping_for(table, name, screen)
+    recording = recording_of_table(table, mapping)
+    notes: dict[str, str] = {"format": name}
+    return replace(recording, name=_name_of(path), notes=notes)
+
+
+def _name_of(path: Path) -> str:
+    """Return a name that tells recordings apart where a program calls all files alike."""
+    return f"{path.parent.name}_{path.stem}" if path.stem in ("gaze", "gazedata") else path.stem
+
+
+def _mapping_for(table: TextTable, name: str, screen: FlatScreen | None) -> GazeMapping:
+    content: dict[str, Any] = dict(read_document(FORMATS_FOLDER / f"{name}.yaml").data)
+    if not table.has(content["time"]["column"]):
+        raise DataError(f"{table.path}: no column {content['time']['column']!r}: not of {name}")
+    content["where"] = [each for each in content.get("where", []) if table.has(each["column"])]
+    eyes = {}
+    for eye in ("left", "right", "combined"):
+        own = content.pop(eye, None)
+        if own is not None and table.has(*_gaze_columns(own)):
+            eyes[eye] = _with_columns_there(own, table)
+    if not eyes:
+        raise DataError(
+            f"{table.path}: no gaze of {name} in its columns ({', '.join(table.cells)}); export it "
+            "again with gaze"
+        )
+    if len(eyes) == 3:
+        del eyes["combined"]  # the two eyes say more
+    if any("pixels" in own for own in eyes.values()):
+        if screen is None:
+            raise UsageError(
+                f"{table.path}: {name} writes places on the screen; say how large and far it was: "
+                "--screen 1920x1080,0.53x0.30,0.65"
+            )
+        content["screen"] = vars(screen)
+    mapping = mapping_of({**content, **eyes}, source=name)
+    return _with_likely_unit(table, mapping) if name == "tobii" else mapping
+
+
+def _gaze_columns(eye: dict[str, Any]) -> list[str]:
+    if "direction" in eye:
+        return list(eye["direction"])
+    if "angles" in eye:
+        return [eye["angles"]["azimuth"], eye["angles"]["elevation"]]
+    return [eye["pixels"]["x"], eye["pixels"]["y"]]
+
+
+def _with_columns_there(eye: dict[str, Any], table: TextTable) -> dict[str, Any]:
+    """Return an eye without the columns for validity and pupil that the export lacks."""
+    out = dict(eye)
+    for key in ("valid", "pupil"):
+        column = out[key]["column"] if isinstance(out.get(key), dict) else out.get(key)
+        if column is not None and not table.has(column):
+            del out[key]
+    return out
+
+
+def _with_likely_unit(table: TextTable, mapping: GazeMapping) -> GazeMapping:
+    """Tobii wrote milliseconds up to some version and microseconds since; the rate tells."""
+    rows = table
+    for each in mapping.where:
+        rows = rows.where(each.column, each.is_)
+    t_ns = np.unique(rows.stamps(mapping.time.column, "us"))
+    if len(t_ns) < 3:
+        return mapping
+    for unit_name in ("us", "ms"):
+        rate_hz = NS_PER_S / step_ns_of(t_ns) * NS_PER_UNIT["us"] / NS_PER_UNIT[unit_name]
+        if LIKELY_HZ[0] <= rate_hz <= LIKELY_HZ[1]:
+            time = mapping.time.model_copy(update={"unit": unit_name})
+            return mapping.model_copy(update={"time": time})
+    return mapping
+
+
+# ---- SMI -----------------------------------------------------------------------------------------
+
+
+def read_smi(path: Path, screen: FlatScreen | None) -> GazeRecording:
+    """Read raw data as SMI's IDF converter writes them; the file itself describes its screen.
+
+    Raises:
+        UsageError: no file, or the screen is neither in the file nor given.
+        DataError: no samples (SMP), or a line is wrong.
+    """
+    try:
+        text, remarks = decode_text(read_plain(path))
+    except FileNotFoundError as error:
+        raise UsageError(f"{path}: no such file; check the path") from error
+    except (OSError, ValueError) as error:
+        raise DataError(f"{path}: cannot be read as text ({error})") from error
+    lines = text.splitlines()
+    head = {m[1]: m[2] for line in lines if (m := _SMI_HEADER.match(line))}
+    # Messages stand between samples, with cells of their own.
+    rows = [line for line in lines if not line.startswith("##") and "\tMSG\t" not in line]
+    table = read_text_table(path, delimiter="\t", text="\n".join(rows))
+    screen = screen or _smi_screen(head)
+    if screen is None:
+        raise UsageError(f"{path}: it does not describe its screen; give --screen")
+    eyes = {
+        eye: {
+            "pixels": {"x": f"{side} POR X*", "y": f"{side} POR Y*"},
+            **(
+                {"pupil": {"column": f"{side} Mapped Diameter*", "unit": "mm"}}
+                if table.has(f"{side} Mapped Diameter*")
+                else {}
+            ),
+        }
+        for eye, side in _SMI_COLUMNS.items()
+        if table.has(f"{side} POR X*", f"{side} POR Y*")
+    }
+    rate = head.get("Sample Rate", "").strip()
+    content = {
+        "time": {"column": "Time", "unit": "us"},
+        "space": "head",
+        "screen": vars(screen),
+        "rate_hz": float(rate) if rate.isdigit() else None,
+        **eyes,
+    }
+    recording = recording_of_table(table, mapping_of(content, source=f"{path}: SMI"))
+    # SMI writes 0, 0 where it lost the eye.
+    lost = {
+        name: replace(
+            eye, direction=np.where(_at_origin(table, side)[:, None], np.nan, eye.direction)
+        )
+        for name, eye in recording.eyes.items()
+        for side in (_SMI_COLUMNS[name],)
+    }
+    return replace(
+        recording,
+        left=lost.get("left"),
+        right=lost.get("right"),
+        notes={"format": "SMI"},
+        remarks=(*remarks, *recording.remarks),
+    )
+
+
+def _at_origin(table: TextTable, side: str) -> Any:
+    points = table.vectors([f"{side} POR X*", f"{side} POR Y*"])
+    return (points == 0).all(axis=1)
+
+
+def _smi_screen(head: dict[str, str]) -> FlatScreen | None:
+    try:
+        width_px, height_px = (int(v) for v in head["Calibration Area"].split()[:2])
+        key = "Stimulus Dimension [mm]"
+        width_mm, height_mm = (float(v) for v in head[key].split()[:2])
+        distance_mm = float(head["Head Distance [mm]"].split()[0])
+    except (KeyError, ValueError, IndexError):
+        return None
+    return FlatScreen(width_mm / 1e3, height_mm / 1e3, width_px, height_px, distance_mm / 1e3)
+
+
+# ---- Tobii Pro Glasses 3 -------------------------------------------------------------------------
+
+
+def read_glasses3(path: Path) -> GazeRecording:
+    """Read `gazedata` or `gazedata.gz` of Tobii Pro Glasses 3: one JSON object a line.
+
+    The glasses stand for the head: x to the wearer's left, y up, z forward. A last line that is cut
+    is left out, and told.
+
+    Raises:
+        UsageError: no file.
+        DataError: a line is no gaze, or there is none.
+    """
+    try:
+        data = read_plain(path)
+        if data.startswith(b"\x1f\x8b"):
+            data = read_packed(path)
+        text, remarks = decode_text(data)
+    except FileNotFoundError as error:
+        raise UsageError(f"{path}: no such file; check the path") from error
+    except (OSError, ValueError) as error:
+        raise DataError(f"{path}: cannot be read ({error}); copy it again") from error
+    lines = [(n, line) for n, line in enumerate(text.splitlines(), start=1) if line.strip()]
+    entries = []
+    for number, line in lines:
+        try:
+            entry = parse_json(line)
+            entries.append((float(entry["timestamp"]), dict(entry.get("data") or {})))
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            if number == lines[-1][0] and entries:
+                remarks = (*remarks, f"line {number}, the last, is cut off; it was left out")
+                break
+            raise DataError(f"{path}: line {number} is no gaze of Glasses 3 ({error})") from error
+    if not entries:
+        raise DataError(f"{path}: no gaze; the recording never started, leave the file out")
+    return GazeRecording(
+        name=_name_of(path.with_suffix("") if path.suffix == ".gz" else path),
+        t_ns=np.rint(np.array([t_s for t_s, _ in entries]) * NS_PER_S).astype(np.int64),
+        space="head",
+        left=_glasses_eye([data.get("eyeleft") for _, data in entries]),
+        right=_glasses_eye([data.get("eyeright") for _, data in entries]),
+        notes={"format": "Tobii Pro Glasses 3"},
+        remarks=remarks,
+        time_unit="s",
+    )
+
+
+def _glasses_eye(entries: list[Any]) -> EyeSamples:
+    nothing = [np.nan] * 3
+    eyes = [entry if isinstance(entry, dict) else {} for entry in entries]
+    rays: Vector = np.array([eye.get("gazedirection") or nothing for eye in eyes], np.float64)
+    pupils = np.array([eye.get("pupildiameter") or np.nan for eye in eyes], np.float64)
+    return eye_samples(unit(rays @ _GLASSES_AXES.T), pupil_mm=pupils)
