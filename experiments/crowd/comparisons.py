@@ -20,7 +20,7 @@ PAIRS: Final = ((BEFORE, HAPTIC), (HAPTIC, AFTER), (BEFORE, AFTER))
 COLLISIONS: Final = Measure("collisions", "1", "Collisions per walk")
 VOLUME: Final = Measure("max_volume_dm3", "dm³", "Largest common volume")
 VOLUME_AS_PUBLISHED: Final = Measure(
-    "max_volume_published_dm3", "dm³", "Largest common volume, by the source's rule"
+    published.VOLUME_OF_CUBES, "dm³", "Largest common volume, by the source's rule"
 )
 """Cubes that touch both bodies: stands beside printed volumes, and nothing else is compared."""
 TO_GAP: Final = Measure("shoulders_to_gap_deg", "deg", "Shoulders to gap")

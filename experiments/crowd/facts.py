@@ -13,7 +13,7 @@ from visavis.experiments.crowd.walks import STEP_NS
 from visavis.lab.clock import NS_PER_MS
 from visavis.stimuli.contact.body import ARM_JOINTS
 from visavis.stimuli.scenes.station_crowd import READ_WITHIN_M, ROOM_SIDE_M, SPACING_M
-from visavis.study.source import Fact, Source
+from visavis.study.source import Fact, PrintedOrder, Source
 
 FACTS: Final = (
     Fact("design", "blocks", 3, "section 4.1.3", of="blocks"),
@@ -264,7 +264,8 @@ FACTS: Final = (
         "volumes of simulated people",
         "0.8 and 0.6 dm³, of cubes",
         "section 4.3",
-        "about as much in common volumes, about twice as much in cubes",
+        "about as much in common volumes, about twice as much in cubes "
+        "(`python -m benchmarks.crowd_participants`)",
         because="simulated people are fitted by common volumes, and cubes overstate these twofold",
     ),
     Fact(
@@ -282,6 +283,10 @@ FACTS: Final = (
         "appendix B.2, table B.1",
     ),
 )
+ORDERS: Final = (
+    PrintedOrder(published.FELL, published.VOLUME_OF_CUBES, "section 4.3", factor="condition"),
+)
+"""The order of volumes as the source counts them; that of common volumes is tested."""
 SOURCE: Final = Source(
     published.CITATION,
     published.PARTICIPANTS,
@@ -289,4 +294,5 @@ SOURCE: Final = Source(
     only={"group": HAPTICS_GROUP},
     where="sections 4.1.4 and 4.3, appendix B.2",
     facts=FACTS,
+    orders=ORDERS,
 )

@@ -20,7 +20,8 @@ CITATION: Final = (
     "in Jovane, A. (2023), thesis, Université de Rennes, section 4.3 and appendix B."
 )
 PARTICIPANTS: Final = 23
-
+VOLUME_OF_CUBES: Final = "max_volume_published_dm3"
+"""The column of volumes by the source's own rule."""
 
 MEANS: Final[Mapping[str, Mapping[str, MeanSd]]] = {
     "collisions": {
@@ -28,7 +29,7 @@ MEANS: Final[Mapping[str, Mapping[str, MeanSd]]] = {
         HAPTIC: MeanSd(62.8, 34.6),
         AFTER: MeanSd(60.7, 34.6),
     },
-    "max_volume_published_dm3": {BEFORE: MeanSd(0.8, 0.3), HAPTIC: MeanSd(0.6, 0.3)},
+    VOLUME_OF_CUBES: {BEFORE: MeanSd(0.8, 0.3), HAPTIC: MeanSd(0.6, 0.3)},
     "shoulders_to_gap_deg": {
         BEFORE: MeanSd(34.3, 6.0),
         HAPTIC: MeanSd(40.1, 8.2),

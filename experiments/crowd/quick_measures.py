@@ -7,7 +7,7 @@ result to the measures of a recording.
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -20,12 +20,15 @@ from visavis.lab.clock import NS_PER_S
 from visavis.lab.geometry import Vector
 from visavis.stimuli.contact.body import capsule_body
 from visavis.stimuli.contact.common import Capsules, volumes_along
+from visavis.stimuli.contact.cubes import cubes_at
 from visavis.stimuli.contact.figures import crowd_figures
 from visavis.stimuli.contact.idle import people_of
 from visavis.stimuli.contact.touch import REACH_M
 from visavis.stimuli.scenes.station_crowd import BOARD_M, Crowd
 
 CELL_M: Final = 0.025
+CUBE_M: Final = 0.01
+"""Side of the cubes that the source counts."""
 HOLD_S: Final = 0.34
 THRESHOLD_M3: Final = 1e-6
 _HIPS = BODY_JOINTS.index("hips")
@@ -57,14 +60,14 @@ class QuickWalk:
 def quick_measures(walk: QuickWalk, step_m: float) -> tuple[dict[str, Any], frozenset[Cell]]:
     """Return the row of measures of a walk and the cells it visited, as vertex triples."""
     place = walk.position_m[:, _HIPS][:, _FLOOR]
-    largest = _collisions_m3(walk)
+    collisions = _collisions(walk)
     cells, to_gap, to_way = _crossings(walk, place)
     board = BOARD_M[0], BOARD_M[2]
     gait = walk_measures(np.rint(walk.t_s * NS_PER_S).astype(np.int64), place, board, step_m)
     row = {
-        "collisions": len(largest),
-        "max_volume_dm3": 1000 * float(largest.mean()) if len(largest) else np.nan,
-        "max_volume_published_dm3": np.nan,  # capsules have no cubes to count
+        "collisions": len(collisions.largest_m3),
+        "max_volume_dm3": _mean_dm3(collisions.largest_m3),
+        "max_volume_published_dm3": _mean_dm3(collisions.of_cubes_m3),
         "shoulders_to_gap_deg": to_gap,
         "shoulders_to_way_deg": to_way,
         "speed_m_s": gait.speed_m_s,
@@ -77,15 +80,23 @@ def quick_measures(walk: QuickWalk, step_m: float) -> tuple[dict[str, Any], froz
     return row, cells
 
 
-def _collisions_m3(walk: QuickWalk) -> Vector:
-    """Return the largest volume of every collision."""
+class _Collisions(NamedTuple):
+    """Every collision's largest common volume and, then, that of the cubes that touch both."""
+
+    largest_m3: Vector
+    of_cubes_m3: Vector
+
+
+def _collisions(walk: QuickWalk) -> _Collisions:
+    """Return the largest common volume of every collision, and the cubes of that step."""
     people, body = people_of_crowd(walk.crowd), capsule_body(walk.stature_m)
+    own = Capsules(body.start_m, body.end_m, body.radius_m)
     volumes = np.empty((len(walk.t_s), len(people)))
     volumes_along(
         walk.position_m,
         walk.orientation_wxyz,
         walk.t_s,
-        Capsules(body.start_m, body.end_m, body.radius_m),
+        own,
         people,
         crowd_figures(),
         REACH_M,
@@ -95,12 +106,32 @@ def _collisions_m3(walk: QuickWalk) -> Vector:
     )
     in_contact = np.flatnonzero(volumes.max(axis=0) > THRESHOLD_M3)
     # every person's course after another's, with a step without contact between
-    course = np.vstack([volumes[:, in_contact], np.zeros(len(in_contact))]).T.ravel()
-    begins = np.flatnonzero(
-        np.diff(np.concatenate([[False], course > THRESHOLD_M3]).astype(int)) > 0
+    n = len(volumes) + 1
+    course: Vector = np.vstack([volumes[:, in_contact], np.zeros(len(in_contact))]).T.ravel()
+    edges = np.diff(np.concatenate([[False], course > THRESHOLD_M3]).astype(int))
+    begins, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0)
+    peaks = np.array(
+        [a + np.argmax(course[a:b]) for a, b in zip(begins, ends, strict=True)], np.int64
     )
-    largest: Vector = np.maximum.reduceat(course, begins) if len(begins) else np.empty(0)
-    return largest
+    cubes = np.empty(len(peaks), np.int64)
+    cubes_at(
+        walk.position_m,
+        walk.orientation_wxyz,
+        walk.t_s,
+        own,
+        people,
+        crowd_figures(),
+        CUBE_M,
+        peaks % n,
+        in_contact[peaks // n],
+        cubes,
+    )
+    of_cubes: Vector = cubes.astype(np.float64) * CUBE_M**3
+    return _Collisions(course[peaks], of_cubes)
+
+
+def _mean_dm3(volumes_m3: Vector) -> float:
+    return 1000 * float(volumes_m3.mean()) if len(volumes_m3) else float("nan")
 
 
 @lru_cache(maxsize=16)

@@ -46,6 +46,8 @@ def test_every_walk_comes_back_and_meets_people(felt):
         assert row["came_back"]
         assert row["collisions"] > 20
         assert 0.3 < row["max_volume_dm3"] < 1.6
+        # Cubes that touch both bodies hold more than the bodies have in common.
+        assert 1.3 < row["max_volume_published_dm3"] / row["max_volume_dm3"] < 2.5
         assert 0.3 < row["speed_m_s"] < 0.6
 
 
