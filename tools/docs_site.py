@@ -22,6 +22,7 @@ STUDIES: Final = (
     "cameras",
     "adjectives",
     "gestures",
+    "matching",
 )
 TAKEN_IN: Final = {
     **{f"../experiments/{name}/README.md": f"studies/{name}.md" for name in STUDIES},

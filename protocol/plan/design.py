@@ -6,7 +6,7 @@ drawn before it.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise, product
 from typing import Literal, TypeAlias
 
@@ -64,6 +64,10 @@ class Design:
     - `latin_square`, `williams`: each repetition is a row of the square over the combinations,
       the participant's index says which.
 
+    With `phased_by`, a within factor, a block has one part after the other, of its levels as listed
+    (such as "guess", then "adjust"); the combinations of the other factors come in `order` within
+    each part, the same row of a square in all of them.
+
     `constraints` hold within blocks (`random`: over the whole session); orders that are not
     random are only checked. `practice` trials come first, in a block of their own: a number of
     random combinations, or the combinations themselves.
@@ -78,6 +82,7 @@ class Design:
     balanced: tuple[str, ...] = ()
     blocked_by: str | None = None
     block_order: BlockOrder = "fixed"
+    phased_by: str | None = None
     constraints: tuple[Constraint, ...] = ()
     practice: int | tuple[Cell, ...] = 0
     practice_instruction: str = ""
@@ -265,6 +270,14 @@ def _shared_out(
     design: Design, cells: list[Cell], participant_index: int, rng: np.random.Generator
 ) -> list[list[Cell]]:
     """Order the repetitions of these cells and cut them into the design's blocks."""
+    if design.phased_by is not None:
+        phase = next(f for f in design.within if f.name == design.phased_by)
+        own = replace(design, phased_by=None)
+        phases = [
+            _shared_out(own, [c for c in cells if c[phase.name] == level], participant_index, rng)
+            for level in phase.levels
+        ]
+        return [[cell for part in parts for cell in part] for parts in zip(*phases, strict=True)]
     all_cells = cells * design.repetitions
     if design.order == "balanced_blocks":
         balanced_factors = design.balanced or _dividing(all_cells, design.blocks)
@@ -335,12 +348,18 @@ def _check(design: Design) -> None:
     within = [f.name for f in design.factors if not f.between]
     if not within:
         problems.append("no factor varies within participants; add one, if need be with one level")
-    for role, factor_names in (("balanced", design.balanced), ("blocked_by", (design.blocked_by,))):
+    for role, factor_names in (
+        ("balanced", design.balanced),
+        ("blocked_by", (design.blocked_by,)),
+        ("phased_by", (design.phased_by,)),
+    ):
         problems += [
             f"{role} names {name!r}; the factors within participants are {', '.join(within)}"
             for name in factor_names
             if name is not None and name not in within
         ]
+    if design.phased_by is not None and design.phased_by == design.blocked_by:
+        problems.append(f"{design.phased_by} makes blocks and phases; name another factor for one")
     if design.repetitions < 1 or design.blocks < 1:
         problems.append("repetitions and blocks start at 1")
     if isinstance(design.practice, int):

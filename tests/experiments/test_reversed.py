@@ -18,7 +18,16 @@ from visavis.study.conditions import columns_asked
 from visavis.study.experiment import StudyExperiment
 from visavis.study.pairs import Correlate
 
-SHIPPED = ("stare", "crowd", "waving", "interpolation", "hybrid", "cameras", "adjectives")
+SHIPPED = (
+    "stare",
+    "crowd",
+    "waving",
+    "interpolation",
+    "hybrid",
+    "cameras",
+    "adjectives",
+    "matching",
+)
 READY = Path(running.__file__).parent
 EXAMPLES = ("ready/glances", "ready/quick_press", "ready/lively_films")
 PEOPLE = 16

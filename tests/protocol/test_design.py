@@ -182,6 +182,30 @@ def test_williams_block_orders_balance_over_participants():
     assert {1} == set(Counter(p for order in orders for p in pairwise(order)).values())
 
 
+def test_phases_follow_one_another_and_keep_the_order_of_the_other_factors():
+    design = Design(
+        "s",
+        "1",
+        (Factor("phase", ("guess", "adjust")), Factor("means", ("a", "b", "c"))),
+        order="latin_square",
+        phased_by="phase",
+    )
+    for index in range(3):
+        trials = make_plan(design, seed=1, participant_index=index).trials
+        assert ["guess"] * 3 + ["adjust"] * 3 == [t.factors["phase"] for t in trials]
+        means = [t.factors["means"] for t in trials]
+        assert means[:3] == means[3:]
+        assert "abc"[index] == means[0]
+
+
+def test_a_factor_of_phases_varies_within_people_and_not_between_blocks():
+    factors = (Factor("phase", (1, 2)), Factor("x", (1, 2)))
+    with pytest.raises(DesignError, match="phased_by names 'mood'"):
+        Design("s", "1", factors, phased_by="mood")
+    with pytest.raises(DesignError, match="phase makes blocks and phases"):
+        Design("s", "1", factors, blocked_by="phase", phased_by="phase")
+
+
 @given(st.integers(1, 6), st.integers(1, 12), seeds)
 def test_group_sizes_differ_by_at_most_one(n_groups, n_participants, seed):
     design = Design(

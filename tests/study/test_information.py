@@ -24,7 +24,15 @@ from visavis.study.information import (
 )
 
 LANGUAGES = ("en", "de", "fr")
-ON_PAGES = ("adjectives", "cameras", "gesture_pairs", "gestures", "hybrid", "interpolation")
+ON_PAGES = (
+    "adjectives",
+    "cameras",
+    "gesture_pairs",
+    "gestures",
+    "hybrid",
+    "interpolation",
+    "matching",
+)
 AT_DEVICES = ("crowd", "stare", "waving")
 
 
@@ -73,7 +81,8 @@ def test_the_consent_of_a_study_on_pages_names_every_kind_of_record(
     questionnaires = one.questionnaires(lab)
     consent = consent_of(made, made.plan(0, 1), questionnaires)
     assert consent is not None
-    facts = {*ABOUT_PAGE.values(), "agreement", "answers", "course", "films", "panel"}
+    facts = {*ABOUT_PAGE.values(), "agreement", "answers", "course", "panel"}
+    facts |= ({"films"} if made.films else set()) | ({"moulding"} if made.lives else set())
     assert {made.texts.get(f"recorded.{f}") for f in facts} <= set(consent.recorded.lines)
     told = " ".join(consent.recorded.lines)
     assert all(q.title in told for q in questionnaires)

@@ -120,7 +120,8 @@ def test_a_study_without_slips_is_taken(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["stare", "crowd", "waving", "interpolation", "hybrid", "cameras", "adjectives"]
+    "name",
+    ["stare", "crowd", "waving", "interpolation", "hybrid", "cameras", "adjectives", "matching"],
 )
 def test_no_shipped_study_has_slips(name: str) -> None:
     assert find_study(name).experiment({}).read

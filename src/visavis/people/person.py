@@ -17,6 +17,7 @@ from visavis.lab.errors import DataError
 from visavis.lab.geometry import unit
 from visavis.people.body import PointingHand, hand_alone, segments_of
 from visavis.people.body_kernels import POINT_S
+from visavis.people.moulder import Outcome, Task, guess, guess_by_any, match, match_by_any
 from visavis.people.observer import DEFAULT_POPULATION, Observer, Population
 from visavis.people.observer.observer import Layout
 from visavis.people.observer.state import HEAD, ROOM, SPEAKER_SIDE
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
     from visavis.study.live import Live
     from visavis.study.moving_camera import FilmSeen
 
-_MIND_STREAM, _LEANING_STREAM, _PACE_STREAM = 11, 12, 13
+_MIND_STREAM, _LEANING_STREAM, _PACE_STREAM, _MOULD_STREAM = 11, 12, 13, 14
 HAND_AT_M: Final = (0.26, -0.42, -0.30)
 """Position of the pointing right hand, relative to the eyes."""
 HAND_REST: Final = (0.30, -0.85, -1.0)
@@ -48,6 +49,8 @@ HAND_REST: Final = (0.30, -0.85, -1.0)
 PRESS_S: Final = 0.1
 THINKING_S: Final = 1.1
 THINKING_LOG_SD: Final = 0.3
+PACE_LOG_SD: Final = 0.2
+"""How much people differ in the pace at which they mould figures."""
 NOTICE_S: Final = 0.32
 """Time from an onset to a press without a decision, in seconds."""
 CONTACT_DEG: Final = 5.0
@@ -147,6 +150,17 @@ class StudyPerson(Observer):
     def mould(self, live: "Live", caption: str) -> None:
         """Sit before a live figure on a page, with what stands above it."""
         self._live, self._caption = live, caption
+
+    def mould_to(self, task: Task, *, within_m: float, limit_s: float, is_blind: bool) -> Outcome:
+        """Move sliders until a figure looks like another, or guess where it is not seen."""
+        rng = self._rng(_MOULD_STREAM, self.stretch(), int(is_blind))
+        pace = float(np.exp(PACE_LOG_SD * self._leaning))
+        if self.notices_contact:
+            if is_blind:
+                return guess(task, limit_s, pace, rng)
+            return match(task, within_m, limit_s, pace, rng)
+        by_any = guess_by_any if is_blind else match_by_any
+        return by_any(task, within_m, limit_s, pace, rng)
 
     def feel(self, role: str, amplitudes_01: Sequence[float], t_ns: int) -> None:
         """Feel a vibration, on which answers may depend."""

@@ -13,13 +13,12 @@ from visavis.lab.geometry import Vector
 from visavis.running.film_store import FilmStore
 from visavis.stimuli.dressing.casting import default_casting
 from visavis.stimuli.motion.synthesis.blend_file import packed_examples
+from visavis.stimuli.motion.synthesis.pose_distance import compared_joints
 from visavis.stimuli.rooms.plain import plain_room
 from visavis.study.films import Film
 from visavis.study.live import Live, Near
 
 PERSON_AHEAD_M: Final = 2.6
-LEFT_OUT: Final = ("thumb", "index", "middle", "ring", "little", "eye", "jaw", "chest")
-"""Joints that say nothing of a walk; the distance from a target leaves them out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +53,9 @@ class LiveStore:
         return description | {
             name: self._asset(data)
             for name, data in (
-                ("person", _person(live)),
+                ("person", _person(live, live.character)),
                 ("blend", packed_examples(live.examples, live.weights)),
+                *([("beside", _person(live, live.beside))] if live.beside else []),
             )
         }
 
@@ -65,15 +65,15 @@ class LiveStore:
         return {"name": digest, "bytes": len(data)}
 
 
-def _person(live: Live) -> bytes:
-    character = default_casting(live.character)
+def _person(live: Live, who: str) -> bytes:
+    character = default_casting(who)
     body, own = character.skeleton, live.examples.skeleton
     if own.names != body.names or not np.allclose(own.offsets_m, body.offsets_m, atol=1e-6):
         raise DesignError(
-            f"the examples are not for the body of {live.character}; make them for it, as "
-            f"visavis.walks('set_a', {live.character!r}) does"
+            f"the examples are not for the body of {who}; make them for it, as "
+            f"visavis.walks('set_a', character={who!r}) does"
         )
-    return _glb(live.character)
+    return _glb(who)
 
 
 @lru_cache(maxsize=32)
@@ -131,10 +131,9 @@ def page_files(
 
 def until_on_page(live: Live, until: Near) -> dict[str, Any]:
     """Return when a page ends a step by itself."""
-    names = live.examples.skeleton.names
     return {
         "weights": until.shares(live.examples).tolist(),
         "within_m": until.within_m,
         "poses": until.poses,
-        "joints": [j for j, n in enumerate(names) if not any(word in n for word in LEFT_OUT)],
+        "joints": list(compared_joints(live.examples.skeleton)),
     }

@@ -30,6 +30,7 @@ SHIPPED_STUDIES: Final[Mapping[str, str]] = {
     "adjectives": "visavis.experiments.adjectives.study:study",
     "gestures": "visavis.experiments.gestures.study:study",
     "gesture_pairs": "visavis.experiments.gestures.pairs:study",
+    "matching": "visavis.experiments.matching.study:study",
 }
 """The studies Visavis comes with, as an entry point would name them."""
 GROUP: Final = "visavis.studies"

@@ -326,6 +326,7 @@ class Study:
             balanced=tuple(own.balanced),
             blocked_by=own.blocked_by,
             block_order=own.block_order,
+            phased_by=own.phased_by,
             constraints=tuple(own.constraints),
             practice=practice
             if isinstance(practice, int)

@@ -19,7 +19,7 @@ from visavis.protocol.plan.columns import Column
 from visavis.stimuli.dressing.casting import default_casting
 from visavis.stimuli.motion.build import build_of_character
 from visavis.stimuli.motion.synthesis.examples import Examples
-from visavis.stimuli.motion.synthesis.pose_distance import MATCH_M
+from visavis.stimuli.motion.synthesis.pose_distance import MATCH_M, POSES
 from visavis.stimuli.motion.synthesis.style_weights import StyleWeights, fit_weights
 from visavis.stimuli.motion.synthesis.walk_styles import style_names, walk_examples
 from visavis.study.responses import Number
@@ -89,7 +89,8 @@ class Live:
     `at` says at which values of the sliders each example stands, by its name; without it every
     slider is the weight of one example. The figure walks in place; a "free" camera circles it at
     the participant's will, a "still" one stays at `eye_m` and looks at `aim_m` (the figure stands
-    at the origin and faces −z).
+    at the origin and faces −z). `beside` names who walks the target of a step that has one, on the
+    left; without it the target is not shown.
 
     Raises:
         DesignError: an example has no values, or not as many as the others.
@@ -99,6 +100,7 @@ class Live:
     examples: Examples
     at: Mapping[str, Sequence[float]] | None = None
     character: str = "female_01"
+    beside: str = ""
     camera: Literal["free", "still"] = "free"
     eye_m: tuple[float, float, float] = (1.7, 1.35, -3.1)
     aim_m: tuple[float, float, float] = (0.0, 0.92, 0.0)
@@ -124,6 +126,15 @@ class Live:
             return None
         return fit_weights(np.array([self.at[name] for name in self.examples.names], np.float64))
 
+    def shares(self, values: Sequence[float] | Vector) -> Vector:
+        """Return the weights (n,) of the examples at values of the sliders; they sum to 1."""
+        point = np.asarray(values, dtype=np.float64)
+        if self.weights is not None:
+            return self.weights.at(point)
+        total = float(point.sum())
+        n = len(self.examples)
+        return point / total if total > 0 else np.full(n, 1.0 / n)
+
     @property
     def slider_count(self) -> int:
         """How many sliders it takes."""
@@ -140,7 +151,7 @@ class Near:
 
     weights: Mapping[str, float] = field(hash=False)
     within_m: float = MATCH_M
-    poses: int = 10
+    poses: int = POSES
 
     def __post_init__(self) -> None:
         values = list(self.weights.values())
@@ -167,13 +178,17 @@ class Near:
 
 @dataclass(frozen=True, eq=False)
 class Moulding:
-    """A live figure with its sliders; ends by a button, near a target, or after `limit_s`."""
+    """A live figure with its sliders; ends by a button, near a target, or after `limit_s`.
+
+    Where it `is_blind` the target is seen and the figure is not: it ends by a button.
+    """
 
     live: Live
     sliders: tuple[Slider, ...]
     until: Near | None = None
     limit_s: float = 300.0
     caption: str = ""
+    is_blind: bool = False
 
     def __post_init__(self) -> None:
         if len(self.sliders) != self.live.slider_count:
@@ -185,6 +200,11 @@ class Moulding:
             raise DesignError(f"t.mould: limit_s is {self.limit_s:g}; 1 to {MAX_LIMIT_S:g}")
         if self.until is not None:
             self.until.shares(self.live.examples)
+        if self.is_blind and (self.until is None or not self.live.beside):
+            raise DesignError(
+                "t.mould: who does not see the figure must see its target; give until= and a live "
+                "figure with beside="
+            )
 
 
 @dataclass(frozen=True)
@@ -198,12 +218,15 @@ class SliderMove:
 
 @dataclass(frozen=True)
 class Moulded:
-    """What came of moulding: the last values, all movements in order, and why it ended."""
+    """What came of moulding: the last values, all movements in order, why it ended, and how far
+    from the target in metres; None without a target.
+    """
 
     values: Mapping[str, float]
     moves: tuple[SliderMove, ...]
     ended_by: str
     seconds: float
+    distance_m: float | None = None
 
 
 def mould_columns(count: int) -> dict[str, Column]:

@@ -165,8 +165,8 @@ class Measure:
 
     @property
     def digits(self) -> int:
-        """Decimals to print: 0 for milliseconds."""
-        return 0 if self.unit == "ms" else 2
+        """Decimals to print: 0 for milliseconds, 3 for metres."""
+        return {"ms": 0, "m": 3}.get(self.unit, 2)
 
     def description(self) -> Column:
         """Return the column as a dictionary describes it."""

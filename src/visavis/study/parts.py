@@ -110,6 +110,9 @@ class StudyDesign:
     block_order: BlockOrder = "fixed"
     """Order of the levels of `blocked_by`, over participants: "fixed", "random", "latin_square" or
     "williams"."""
+    phased_by: str | None = None
+    """The factor whose levels follow one another as listed in every block, such as a guess and then
+    an adjustment; the others come in `order` at each of them."""
     constraints: Sequence[Constraint] = ()
     """Rules about neighbours in a random order."""
     derived: Mapping[str, Callable[[Mapping[str, Any]], Scalar]] = field(default_factory=dict)

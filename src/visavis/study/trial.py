@@ -219,15 +219,17 @@ class TrialScript:
         until: Near | None = None,
         limit_s: float = 300.0,
         caption: str = "",
+        is_blind: bool = False,
     ) -> Action:
         """Let a participant mould a live figure on a page by sliders, and turn it.
 
         It ends by a button; with `until`, when the figure is near that target instead; after
-        `limit_s` in any case. Columns: those of every slider (its last value, and when it was
-        moved last), and `mould_on_ns`, `mould_ended_by` and so on (`MOULD_COLUMNS`). The step
-        returns a `Moulded` with every movement of the sliders.
+        `limit_s` in any case. With `is_blind` participants see the target alone and guess: a button
+        ends it, and how near they came is recorded. Columns: those of every slider (its last
+        value, and when it was moved last), and `mould_on_ns`, `mould_ended_by` and so on
+        (`MOULD_COLUMNS`). The step returns a `Moulded` with every movement of the sliders.
         """
-        moulding = Moulding(live, tuple(sliders), until, limit_s, caption)
+        moulding = Moulding(live, tuple(sliders), until, limit_s, caption, is_blind)
         return Action("mould", self._mould, moulding=moulding)
 
     def key(self, response: Keys) -> Action:

@@ -80,9 +80,14 @@ def _order(experiment: StudyExperiment, blocks: int) -> str:
         return f"Trials came in {of_trials}." if len(design.within) else ""
     factor = label_in_unit(experiment.texts, design.blocked_by)
     held = "" if factor == "block" else f"Each block held one {factor}. "
+    within = ""
+    if design.phased_by is not None:
+        phase = next(f for f in design.within if f.name == design.phased_by)
+        names = ", then ".join(label_of(experiment.texts, str(v)) for v in phase.levels)
+        within = f", one {label_in_unit(experiment.texts, phase.name)} after the other ({names})"
     return (
         f"{held}Blocks came in {ORDERS[design.block_order]}, and the trials of a block in "
-        f"{of_trials}."
+        f"{of_trials}{within}."
     )
 
 

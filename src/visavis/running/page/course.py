@@ -30,6 +30,8 @@ SCREEN_MEASURED: Final = "screen_measured"
 SOUND_CHECKED: Final = "sound_checked"
 SOUND_STREAM: Final = 0x50D
 """Random stream of a session that chooses the spoken digits."""
+ASSETS: Final = ("person", "beside", "blend")
+"""The files that a page draws a live figure from."""
 STOPPED: Final = "stopped"
 WITHDRAWN: Final = "withdrawn"
 """Stopped, and what was recorded is to be deleted."""
@@ -166,7 +168,7 @@ def course(visit: Visit) -> Course:
             yield from _sound(visit)
         films = [visit.files(film) for film in experiment.films]
         lives = [visit.files(live) for live in experiment.lives]
-        assets = [live[name] for live in lives for name in ("person", "blend") if name in live]
+        assets = [live[name] for live in lives for name in ASSETS if name in live]
         if films or lives:
             more = {"assets": assets} if assets else {}
             reply = yield from _step(PageStep("preload", {"films": films, **more}))

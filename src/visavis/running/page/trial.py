@@ -135,6 +135,7 @@ def _mould(script: TrialScript, moulding: Moulding, files: FilmFiles) -> OnPage:
         "caption": moulding.caption,
         "limit_s": moulding.limit_s,
         "until": None if until is None else until_on_page(live, until),
+        "is_blind": moulding.is_blind,
     }
     reply = yield from put(PageStep("mould", step))
     content = reply.content
@@ -169,7 +170,8 @@ def _mould(script: TrialScript, moulding: Moulding, files: FilmFiles) -> OnPage:
     answers = yield from _answers(script, sliders, reply, drawing.first_ms)
     script.row["t_end_ns"] = off_ns
     values = {s.name: float(answers[s.name].option) for s in sliders}
-    return Moulded(values, moves, drawing.ended_by, (off_ns - on_ns) / NS_PER_S)
+    seconds = (off_ns - on_ns) / NS_PER_S
+    return Moulded(values, moves, drawing.ended_by, seconds, drawing.distance_m)
 
 
 def _film_columns(

@@ -14,10 +14,12 @@ import numpy as np
 
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import ConfigError, DataError
+from visavis.people.moulder import Task
 from visavis.people.person import StudyPerson
 from visavis.running.film_store import FilmStore
 from visavis.running.page.spoken_digits import hear_digits, spoken_digits
-from visavis.running.page.steps import PageStep
+from visavis.running.page.steps import BY_LIMIT, PageStep
+from visavis.stimuli.motion.synthesis.pose_distance import Likeness
 from visavis.stimuli.scene import SceneFrame
 from visavis.study.dry_run import still_view
 from visavis.study.experiment import StudyExperiment
@@ -38,8 +40,10 @@ MOVE_SHARE: Final = 0.05
 """How far such a movement leads, as a share of the slider."""
 MOVES_AT_ONCE: Final = 20
 REFRESH_HZ: Final = 60.0
+FRAME_MS: Final = 1000.0 / REFRESH_HZ
 PRACTICE_STRETCH: Final = 100_000
 ANSWERED_BY: Final = "keys"
+ANSWERED_BY_MOUSE: Final = "mouse"
 
 Views = Callable[[Mapping[str, Film]], tuple[SceneFrame, SceneFrame]]
 """Returns the first and the last frame of films by place: what is seen of them."""
@@ -125,12 +129,86 @@ class Visitor:
             self.person.prepare(content["trial"] + PRACTICE_STRETCH * content["is_practice"], 0)
 
     def _mould(self, content: Mapping[str, Any]) -> dict[str, Any]:
-        """Move one slider after the other to where the person wants it, then press the button."""
+        """Mould a figure as the person does: after a target that is seen, or to what they want."""
         shown_ms, first_ms = self.now_ms, self.now_ms + FIRST_FRAME_MS
-        limit_ms = first_ms + content["limit_s"] * 1000
         self._begin_trial(content)
-        self.person.mould(self.lives[content["live"]["figure"]], content["caption"])
-        answers: dict[str, Any] = {}
+        live, until = self.lives[content["live"]["figure"]], content["until"]
+        self.person.mould(live, content["caption"])
+        likeness = None
+        if until is not None:
+            target = np.array(until["weights"])
+            likeness = Likeness(live.examples, target, until["poses"], tuple(until["joints"]))
+        if likeness is not None and live.beside:
+            rows, ended_by = self._match(content, likeness, first_ms)
+        else:
+            rows, ended_by = self._settle(content, likeness, first_ms)
+        values = [float(question["start"]) for question in content["questions"]]
+        moved_ms = [self.now_ms] * len(values)
+        ways = [ANSWERED_BY_MOUSE if ended_by == "button" else BY_LIMIT] * len(values)
+        for at_ms, i, value in rows:
+            values[int(i)], moved_ms[int(i)], ways[int(i)] = value, at_ms, ANSWERED_BY_MOUSE
+        questions = content["questions"]
+        names = [question["name"] for question in questions]
+        self.moves = [
+            {"names": names, "sliders": rows[k : k + MOVES_AT_ONCE], "camera": []}
+            for k in range(0, len(rows), MOVES_AT_ONCE)
+        ]
+        return {
+            "shown_ms": shown_ms,
+            "first_ms": first_ms,
+            "off_ms": self.now_ms,
+            "hidden_ms": 0.0,
+            "ended_by": ended_by,
+            "frames": round((self.now_ms - first_ms) / 1000 * REFRESH_HZ),
+            "dropped": 0,
+            "slider_frames": 1 if rows else 0,
+            "distance_m": None if likeness is None else likeness.exact_m(live.shares(values)),
+            "renderer": "simulated",
+            "answers": {
+                name: {"option": f"{value:.10g}", "at_ms": at_ms, "by": by}
+                for name, value, at_ms, by in zip(names, values, moved_ms, ways, strict=True)
+            },
+        }
+
+    def _match(
+        self, content: Mapping[str, Any], likeness: Likeness, first_ms: float
+    ) -> tuple[list[list[float]], str]:
+        """Mould the figure after its target; return movements, and what ended it."""
+        live, questions = self.lives[content["live"]["figure"]], content["questions"]
+        low, high, step, start = (
+            np.array([q[name] for q in questions], dtype=np.float64)
+            for name in ("low", "high", "step", "start")
+        )
+        task = Task(
+            low,
+            high,
+            step,
+            start,
+            lambda values: likeness.rough_m(live.shares(values)),
+            lambda values: likeness.exact_m(live.shares(values)),
+        )
+        limit_s, is_blind = float(content["limit_s"]), bool(content["is_blind"])
+        within_m = float(content["until"]["within_m"])
+        outcome = self.person.mould_to(task, within_m=within_m, limit_s=limit_s, is_blind=is_blind)
+        rows = [[first_ms + 1000 * m.t_s, m.slider, m.value] for m in outcome.moves]
+        if outcome.reached_s is not None:
+            self.now_ms = first_ms + 1000 * outcome.reached_s + FRAME_MS
+            return rows, "near"
+        if is_blind:
+            self.now_ms = min((rows[-1][0] if rows else first_ms) + 1000, first_ms + 1000 * limit_s)
+            return rows, "button"
+        self.now_ms = first_ms + 1000 * limit_s
+        return rows, "limit"
+
+    def _settle(
+        self, content: Mapping[str, Any], likeness: Likeness | None, first_ms: float
+    ) -> tuple[list[list[float]], str]:
+        """Move one slider after the other to where the person wants it, then press the button;
+        return movements, and what ended it.
+        """
+        live = self.lives[content["live"]["figure"]]
+        limit_ms = first_ms + content["limit_s"] * 1000
+        values = [float(question["start"]) for question in content["questions"]]
         rows: list[list[float]] = []
         at_ms = first_ms
         for i, question in enumerate(content["questions"]):
@@ -150,35 +228,15 @@ class Visitor:
                 at_ms += MOVE_MS
                 value = round(question["start"] + (goal - question["start"]) * k / n, 10)
                 rows.append([at_ms, i, value])
-            is_moved = bool(rows) and rows[-1][1] == i
-            answers[question["name"]] = {
-                "option": f"{value:.10g}",
-                "at_ms": at_ms if is_moved else None,
-                "by": "mouse",
-            }
-        is_over = content["until"] is not None or at_ms + MOVE_MS > limit_ms
+                values[i] = value
+                if likeness is not None:
+                    apart_m = likeness.exact_m(live.shares(values))
+                    if apart_m < content["until"]["within_m"]:
+                        self.now_ms = at_ms + FRAME_MS
+                        return rows, "near"
+        is_over = likeness is not None or at_ms + MOVE_MS > limit_ms
         self.now_ms = limit_ms if is_over else at_ms + MOVE_MS
-        for answer in answers.values():
-            if answer["at_ms"] is None:
-                answer |= {"at_ms": self.now_ms, "by": "limit" if is_over else "mouse"}
-        names = [question["name"] for question in content["questions"]]
-        self.moves = [
-            {"names": names, "sliders": rows[k : k + MOVES_AT_ONCE], "camera": []}
-            for k in range(0, len(rows), MOVES_AT_ONCE)
-        ]
-        return {
-            "shown_ms": shown_ms,
-            "first_ms": first_ms,
-            "off_ms": self.now_ms,
-            "hidden_ms": 0.0,
-            "ended_by": "limit" if is_over else "button",
-            "frames": round((self.now_ms - first_ms) / 1000 * REFRESH_HZ),
-            "dropped": 0,
-            "slider_frames": 1 if rows else 0,
-            "distance_m": None,
-            "renderer": "simulated",
-            "answers": answers,
-        }
+        return rows, "limit" if is_over else "button"
 
     def _watch(self, content: Mapping[str, Any]) -> dict[str, Any]:
         first_ms = shown_ms = self.now_ms

@@ -16,6 +16,8 @@ const FOV_DEG = 34;
 const FLOOR_M = 40;
 const MIST_M = [6, 16]; // where the floor's end is lost
 const GRID_M = 0.5;
+const APART_M = 0.55; // two figures stand so far to both sides
+const LANE_M = [0.95, 5];
 const files = new Map();
 
 // Colours up to 0.5 stay as they are; brighter ones approach 1, as `shown` in our own shaders has it.
@@ -115,30 +117,84 @@ function addLight(scene, light) {
   }
 }
 
-function addFloor(scene, background) {
+function gridOf(fill, line, ...repeat) {
   const canvas = document.createElement("canvas");
   canvas.width = canvas.height = 256;
   const pen = canvas.getContext("2d");
-  pen.fillStyle = "#8f8a84";
+  pen.fillStyle = fill;
   pen.fillRect(0, 0, 256, 256);
-  pen.strokeStyle = "#7d7872";
+  pen.strokeStyle = line;
   pen.lineWidth = 4;
   pen.strokeRect(0, 0, 256, 256);
   const grid = new three.CanvasTexture(canvas);
   grid.colorSpace = three.SRGBColorSpace;
   grid.wrapS = grid.wrapT = three.RepeatWrapping;
-  grid.repeat.set(FLOOR_M / GRID_M, FLOOR_M / GRID_M);
+  grid.repeat.set(...repeat);
   grid.anisotropy = 8;
-  const floor = new three.Mesh(new three.CircleGeometry(FLOOR_M / 2, 64), new three.MeshLambertMaterial({ map: grid }));
-  floor.rotation.x = -Math.PI / 2;
-  scene.add(floor);
+  return grid;
+}
+
+function addLevel(scene, geometry, grid, x, y) {
+  const level = new three.Mesh(geometry, new three.MeshLambertMaterial({ map: grid }));
+  level.rotation.x = -Math.PI / 2;
+  level.position.set(x, y, 0);
+  scene.add(level);
+  return level;
+}
+
+function addFloor(scene, background) {
+  const grid = gridOf("#8f8a84", "#7d7872", FLOOR_M / GRID_M, FLOOR_M / GRID_M);
+  addLevel(scene, new three.CircleGeometry(FLOOR_M / 2, 64), grid, 0, 0);
   scene.background = new three.Color().setRGB(...background.map((code) => code / 255), three.SRGBColorSpace);
   scene.fog = new three.Fog(scene.background, ...MIST_M);
+  return grid;
+}
+
+// Two who walk at different speeds each have a lane, which passes below them.
+function addLane(scene, x) {
+  // A circle of four corners is a square of side 1, over which a picture has 1/√2 of its width.
+  const grid = gridOf("#9a958e", "#7d7872", ...LANE_M.map((side) => Math.SQRT2 * side / GRID_M));
+  const lane = addLevel(scene, new three.CircleGeometry(Math.SQRT1_2, 4, Math.PI / 4), grid, x, 0.002);
+  lane.scale.set(...LANE_M, 1);
+  return grid;
+}
+
+/** Let a person of the scene walk in place at x, with a grid that passes below. */
+function walkerOf(blend, person, scene, grid, x) {
+  const pose = blends.newPose(blend);
   const shade = new three.Mesh(new three.CircleGeometry(0.42, 48), shadeMaterial());
   shade.rotation.x = -Math.PI / 2;
-  shade.position.y = 0.004;
   scene.add(shade);
-  return { grid, shade };
+  scene.add(person.group);
+  person.group.position.x = x;
+  let weights;
+  let keyS;
+  let stance;
+  let phase = 0;
+  let wayM = 0;
+  return {
+    weigh(shares) {
+      weights = shares;
+      keyS = blends.keyTimes(blend, weights);
+      stance = blends.gapsOf(blend, weights);
+    },
+    hide() { person.group.visible = shade.visible = false; },
+    step(seconds) {
+      const cycle = keyS[keyS.length - 1];
+      // Who moves a slider in the middle of a walk sees it go on from the same moment of a step.
+      const k = Math.min(keyS.length - 2, Math.floor(phase));
+      let now = keyS[k] + (phase - k) * (keyS[k + 1] - keyS[k]) + seconds;
+      now -= Math.floor(now / cycle) * cycle;
+      phase = blends.phaseOf(keyS, now);
+      blends.poseAt(blend, weights, phase, pose, stance);
+      const root = blends.inPlace(blend, weights, keyS, phase, pose.root);
+      pose.turns.forEach(([w, i, j, l], joint) => person.joints[joint].quaternion.set(i, j, l, w));
+      person.joints[0].position.set(...root);
+      shade.position.set(x + root[0], 0.004, root[2]);
+      for (let i = 0; i < blend.n; i += 1) wayM += weights[i] * blend.travel_m[3 * i + 2] * seconds / cycle;
+      grid.offset.y = (-wayM / GRID_M) % 1; // the floor passes below, as on a treadmill
+    },
+  };
 }
 
 // The light that a body keeps off the floor about it.
@@ -194,8 +250,13 @@ export async function open(step, canvas, key, say, ended) {
   renderer.toneMapping = three.CustomToneMapping;
   const scene = new three.Scene();
   addLight(scene, step.live.light);
-  const { grid, shade } = addFloor(scene, step.live.light.background_srgb);
-  scene.add(person.group);
+  const floor = addFloor(scene, step.live.light.background_srgb);
+  const until = step.until && { ...step.until };
+  const beside = until && step.live.beside ? await readPerson(await load(step.live.beside, key)) : null;
+  const walker = walkerOf(blend, person, scene, beside ? addLane(scene, -APART_M) : floor, beside ? -APART_M : 0);
+  const targetWalker = beside && walkerOf(blend, beside, scene, addLane(scene, APART_M), APART_M);
+  if (targetWalker) targetWalker.weigh(Float64Array.from(until.weights));
+  if (step.is_blind) walker.hide();
   const camera = new three.PerspectiveCamera(FOV_DEG, 1, 0.05, 60);
   camera.position.set(...step.live.camera.eye_m);
   const controls = new three.OrbitControls(camera, canvas);
@@ -207,14 +268,8 @@ export async function open(step, canvas, key, say, ended) {
   controls.update();
 
   const values = step.questions.map((q) => q.start);
-  const pose = blends.newPose(blend);
   const moves = { sliders: [], camera: [] };
   const gapsMs = [];
-  let weights;
-  let keyS;
-  let stance;
-  let phase = 0;
-  let wayM = 0;
   let frames = 0;
   let firstMs = null;
   let lastMs = null;
@@ -224,13 +279,11 @@ export async function open(step, canvas, key, say, ended) {
   let problem = "";
   let isOpen = true;
   let distance = null;
-  const until = step.until && { ...step.until };
   const target = until && placesOf(blend, Float64Array.from(until.weights), until);
 
   const weigh = () => {
-    weights = blends.weightsAt(blend, values);
-    keyS = blends.keyTimes(blend, weights);
-    stance = blends.gapsOf(blend, weights);
+    const weights = blends.weightsAt(blend, values);
+    walker.weigh(weights);
     if (until) distance = distanceM(blend, weights, target, until);
   };
   weigh();
@@ -245,23 +298,6 @@ export async function open(step, canvas, key, say, ended) {
     camera.updateProjectionMatrix();
   };
 
-  const stand = (seconds) => {
-    const cycle = keyS[keyS.length - 1];
-    // Who moves a slider in the middle of a walk sees it go on from the same moment of a step.
-    let k = Math.min(keyS.length - 2, Math.floor(phase));
-    let now = keyS[k] + (phase - k) * (keyS[k + 1] - keyS[k]) + seconds;
-    const rounds = Math.floor(now / cycle);
-    now -= rounds * cycle;
-    phase = blends.phaseOf(keyS, now);
-    blends.poseAt(blend, weights, phase, pose, stance);
-    const root = blends.inPlace(blend, weights, keyS, phase, pose.root);
-    pose.turns.forEach(([w, x, y, z], j) => person.joints[j].quaternion.set(x, y, z, w));
-    person.joints[0].position.set(...root);
-    shade.position.set(root[0], 0.004, root[2]);
-    for (let i = 0; i < blend.n; i += 1) wayM += weights[i] * blend.travel_m[3 * i + 2] * seconds / cycle;
-    grid.offset.y = (-wayM / GRID_M) % 1; // the floor passes below, as on a treadmill
-  };
-
   const draw = (nowMs) => {
     if (!isOpen) return;
     request = requestAnimationFrame(draw);
@@ -269,19 +305,23 @@ export async function open(step, canvas, key, say, ended) {
     const seconds = lastMs === null ? 0 : Math.min(LONGEST_STEP_S, (nowMs - lastMs) / 1000);
     lastMs = nowMs;
     resize();
-    stand(seconds);
+    walker.step(seconds);
+    if (targetWalker) targetWalker.step(seconds);
     renderer.render(scene, camera);
     frames += 1;
     canvas.dataset.frames = frames;
     if (firstMs === null) firstMs = performance.now();
     for (const since of waiting) mostFrames = Math.max(mostFrames, frames - since);
     waiting = [];
-    if (until && distance < until.within_m) ended("near");
+    if (until && !step.is_blind && distance < until.within_m) ended("near");
     else if (performance.now() - firstMs >= step.limit_s * 1000) ended("limit");
   };
   const pauseAt = () => { lastMs = null; };
   document.addEventListener("visibilitychange", pauseAt);
-  canvas.addEventListener("webglcontextlost", () => { problem = "the graphics chip was lost"; ended("failed"); });
+  canvas.addEventListener("webglcontextlost", () => {
+    if (!isOpen) return;
+    problem = "the graphics chip was lost"; ended("failed");
+  });
   let cameraMs = -Infinity;
   let cameraLater = 0;
   const noteCamera = () => {
@@ -326,6 +366,7 @@ export async function open(step, canvas, key, say, ended) {
       document.removeEventListener("visibilitychange", pauseAt);
       controls.dispose();
       renderer.dispose();
+      renderer.forceContextLoss(); // browsers keep few contexts; sessions have many steps
     },
   };
 }

@@ -532,8 +532,11 @@ const steps = {
     };
     const go = button(say("next"), (e) => end("button", e.detail ? e.pointerType || "mouse" : "keys"));
     go.disabled = true;
+    const isCrowded = step.questions.length > 8;
+    // The figure leaves as much of the window as its sliders need.
+    canvas.style.setProperty("--below", `${isCrowded ? 1.35 * Math.ceil(step.questions.length / 3) : 2.7 * step.questions.length}rem`);
     put("watch", step.caption ? paragraph(step.caption, "caption") : null, canvas,
-      element("div", { class: "sliders" }, ...step.questions.flatMap((q, i) => [element("label", { class: "prompt", for: `slider${i}` }, q.prompt), controls[i]])),
+      element("div", { class: isCrowded ? "sliders crowded" : "sliders" }, ...step.questions.flatMap((q, i) => [element("label", { class: "prompt", for: `slider${i}` }, q.prompt), controls[i]])),
       element("div", { class: "buttons" }, go));
     const showFailure = (why) => {
       cleanUp();
@@ -549,7 +552,7 @@ const steps = {
       if (current !== step) { opened.close(); return; }
       figure = opened;
       for (const control of controls) control.disabled = false;
-      go.disabled = Boolean(step.until);
+      go.disabled = Boolean(step.until) && !step.is_blind;
       canvas.dataset.ready = "true";
     } catch (error) {
       if (current === step) showFailure(String(error.message || error));
