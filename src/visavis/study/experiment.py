@@ -126,6 +126,19 @@ class StudyExperiment:
         """Every live figure that a condition shows, each once."""
         return tuple(dict.fromkeys(live for t in self.read.values() for live in t.lives))
 
+    def refuse_figures_before_a_screen(self) -> None:
+        """Refuse a study of live figures before a monitor or a headset, where none is drawn.
+
+        Raises:
+            DesignError: with what to do instead.
+        """
+        if self.lives:
+            raise DesignError(
+                f"{self.name} moulds figures (t.mould), which a page alone shows; declare it with "
+                'on="browser", perform it by `visavis run … --on browser`, or show figures as films '
+                "(t.watch)"
+            )
+
     @property
     def words(self) -> dict[str, Response]:
         """Every response by the text of its question."""

@@ -1,14 +1,18 @@
 """Live figures through the desk: what sliders did is recorded, given back, and cannot be forged."""
 
+import shutil
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
 from tests.running.page.pages import SEED, TAB, config
+from visavis.cli.main import app
 from visavis.lab.clock import SimClock
+from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import DesignError
 from visavis.recording.folder import create_session, open_session
 from visavis.recording.manifest import Manifest
@@ -18,12 +22,13 @@ from visavis.recording.writer import VIRTUAL_TIME_BATCH_NS, Recorder
 from visavis.results.moves import moves_of
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.running.film_store import film_store
-from visavis.running.live_store import LiveStore, page_files
+from visavis.running.live_store import LiveStore, page_files, until_on_page
 from visavis.running.page.course import Notes, Visit, course
 from visavis.running.page.desk import EarlierParts, PageDesk
 from visavis.running.page.perform import past_of
 from visavis.running.page.steps import PageError, PageStep
 from visavis.running.page.visitor import visitor_of
+from visavis.stimuli.motion.synthesis.pose_distance import Likeness, compared_joints
 from visavis.study.information import facts_in_event
 from visavis.study.live import Live, Moulding, Near, Slider, walks
 
@@ -149,6 +154,45 @@ def test_movements_before_a_page_was_reloaded_are_recorded_but_are_not_of_the_an
     assert len(moves[moves["trial_id"] == first["trial_id"]]) == first["mould_moves"] + 1
 
 
+def test_a_target_is_reached_or_the_time_is_over_and_a_guess_ends_by_its_button(
+    tmp_path: Path,
+) -> None:
+    near, beyond = Near({"march": 1.0}), Near({"march": 1.0, "slouch": 1.0}, within_m=1e-6)
+    seen = replace(live_of_study(), beside="female_01")
+    for live, until, is_blind, ended in (
+        (seen, near, False, "near"),
+        (seen, beyond, False, "limit"),
+        (seen, near, True, "button"),
+        (live_of_study(), beyond, False, "limit"),
+    ):
+        page = Page(None, tmp_path / f"{ended}{is_blind}{bool(live.beside)}")
+        page.until("mould")
+        goal = {"until": until_on_page(live, until), "is_blind": is_blind}
+        page.visitor.lives = (live,)
+        reply = page.visitor.reply(PageStep("mould", {**page.desk.step.content, **goal}))
+        page.close()
+        assert reply["ended_by"] == ended
+        last = float(reply["answers"]["activeness"]["option"])
+        target, joints = until.shares(live.examples), compared_joints(live.examples.skeleton)
+        likeness = Likeness(live.examples, target, until.poses, joints)
+        assert reply["distance_m"] == likeness.exact_m(live.shares([last]))
+        if not is_blind:
+            assert (reply["distance_m"] < until.within_m) == (ended == "near")
+
+
+def live_of_study() -> Live:
+    """Return the figure of the study."""
+    return study().experiment({}).lives[0]
+
+
+def test_who_does_not_see_a_figure_must_see_its_target() -> None:
+    live, near = live_of_study(), Near({"march": 1.0})
+    with pytest.raises(DesignError, match="must see its target"):
+        Moulding(live, (Slider("a"),), near, is_blind=True)
+    with pytest.raises(DesignError, match="must see its target"):
+        Moulding(replace(live, beside="female_01"), (Slider("a"),), is_blind=True)
+
+
 def test_a_session_that_broke_off_in_the_middle_of_a_figure_gives_the_same_rows(
     tmp_path: Path,
 ) -> None:
@@ -218,6 +262,23 @@ def test_forged_replies_to_a_figure_are_refused(
     with pytest.raises(PageError, match=said):
         page.send(kind="reply", step=page.desk.step_number, reply={**reply, **change})
     page.close()
+
+
+@pytest.mark.parametrize("verb", [["plan"], ["run", "--participant", "1", "--fast"]])
+def test_before_a_screen_the_study_is_refused_before_anything_is_recorded(
+    verb: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(STUDY.with_name("moulding_texts"), tmp_path / "moulding_texts")
+    file = tmp_path / "moulding.py"
+    file.write_text(STUDY.read_text("utf-8").replace('    on="browser",\n', ""), "utf-8")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "lab_config.yaml").write_text(EXAMPLE.read_text("utf-8"), "utf-8")
+    arguments = [verb[0], str(file), *verb[1:], "--devices", "sim"]
+    result = CliRunner().invoke(app, arguments)
+    assert isinstance(result.exception, DesignError), result.output
+    assert "moulds figures" in str(result.exception)
+    assert "--on browser" in str(result.exception)
+    assert not list(tmp_path.rglob("manifest.json"))
 
 
 def test_sliders_and_figures_that_cannot_be_are_refused_by_name() -> None:

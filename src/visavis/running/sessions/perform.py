@@ -66,6 +66,8 @@ def perform_new(request: Request) -> Path:
     if request.is_on_page:
         session_path: Path = _pages().perform_new(request)
         return session_path
+    if isinstance(request.experiment, StudyExperiment):
+        request.experiment.refuse_figures_before_a_screen()
     cast = use_cast_of(request.config)
     plan = request.experiment.plan(request.person.index, request.seed, request.person.group)
     config = devices_for(request.config, request.experiment, request.without)
