@@ -135,7 +135,7 @@ class StudyExperiment:
         if self.lives:
             raise DesignError(
                 f"{self.name} moulds figures (t.mould), which a page alone shows; declare it with "
-                'on="browser", perform it by `visavis run … --on browser`, or show figures as films '
+                'on="browser", perform it by `visavis run … --on browser`, or show films '
                 "(t.watch)"
             )
 
