@@ -57,8 +57,12 @@ study = Study(
     blocked_by="target",
     block_order="williams",
     phased_by="phase",
-    parameters={"within_m": MATCH_M, "limit_s": LIMIT_S},
-    ranges={"within_m": Within(0.005, 0.5), "limit_s": Within(5.0, 3600.0)},
+    parameters={"within_m": MATCH_M, "limit_s": LIMIT_S, "start": MIDDLE},
+    ranges={
+        "within_m": Within(0.005, 0.5),
+        "limit_s": Within(5.0, 3600.0),
+        "start": Within(0.0, 1.0),
+    },
     cells=("interface",),
     texts="texts",
     folder=Path(__file__).parent,
@@ -125,7 +129,7 @@ def trial(t: TrialScript) -> Generator[Action, Any, None]:
     own = f"{t.target} by {t.interface}"
     guess: Moulded | None = guesses.get(own)
     starts = {} if guess is None else guess.values
-    sliders = [Slider(n, start=starts.get(n, MIDDLE)) for n in slider_names(t.interface)]
+    sliders = [Slider(n, start=starts.get(n, t.start)) for n in slider_names(t.interface)]
     goal, caption = near(t.target, t.within_m), t.text(f"captions.{t.phase}")
     if t.phase == "guess":
         made = yield t.mould(

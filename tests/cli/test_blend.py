@@ -10,6 +10,8 @@ from typer.testing import CliRunner
 
 from visavis.cli.main import app
 from visavis.lab.errors import LabError, UsageError
+from visavis.running.page.playground import Play
+from visavis.stimuli.characters.gltf.file import read_glb
 from visavis.stimuli.motion.bvh import read_bvh
 from visavis.stimuli.motion.clip_file import read_clip
 from visavis.stimuli.motion.errors import MotionError
@@ -57,6 +59,43 @@ def test_a_walk_is_written_as_bvh_and_as_clip(tmp_path: Path) -> None:
     assert np.abs(np.diff(clip.root_m[:, 2])).mean() * 30 == pytest.approx(1.2, abs=0.01)
     with pytest.raises(UsageError, match="exists already"):
         blended("--weights", "misery_slow=1", "-o", str(path))
+
+
+def test_a_walk_is_written_as_gltf_on_the_body_of_somebody(tmp_path: Path) -> None:
+    path = tmp_path / "walk.glb"
+    arguments = ("--weights", "march=1", "--rounds", "2", "--character", "anna", "-o", str(path))
+    blended("--examples", "set_a", *arguments)
+    assert path.stat().st_size < 4_000_000
+    content = read_glb(path)
+    (motion,) = content.items("animations")
+    assert motion["name"] == "walk"
+    last_s = max(content.items("accessors")[s["input"]]["max"][0] for s in motion["samplers"])
+    cycle_s = of("--examples", "set_a", "--weights", "march=1")["cycle_s"]
+    assert last_s == pytest.approx(2 * float(str(cycle_s)), abs=1e-3)
+
+
+def test_a_page_to_play_with_has_a_slider_for_every_parameter(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    shown: list[Play] = []
+    monkeypatch.setattr("visavis.cli.commands.blend.show_page", shown.append)
+    for arguments in (
+        (),
+        ("--adjectives", "activeness=.8"),
+        ("--features", "duration=.2"),
+        ("--examples", "set_a", "--weights", "march=1"),
+    ):
+        blended("--page", "--character", "anna", *arguments)
+    sliders = [{s.name: s.start for s in play.sliders} for play in shown]
+    assert list(sliders[0]) == ["quickness", "clearness", "activeness", "largeness"]
+    assert sliders[1]["activeness"] == 0.8
+    assert sliders[2]["duration"] == 0.2
+    assert len(sliders[2]) == 5
+    assert {name for name, start in sliders[3].items() if start > 0} == {"march"}
+    assert [len(play.live.examples) for play in shown] == [27, 27, 27, 10]
+    assert [play.option for play in shown][1:] == ["--adjectives", "--features", "--weights"]
+    with pytest.raises(UsageError, match="--page shows the walk"):
+        blended("--page", "-o", "x.glb")
 
 
 def test_what_can_be_given_is_listed_and_whose_ratings_it_rests_on() -> None:

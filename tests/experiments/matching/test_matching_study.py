@@ -22,6 +22,7 @@ from visavis.experiments.matching.outcomes import outcomes_of
 from visavis.experiments.matching.published import ALL, GUESS, TIME
 from visavis.experiments.matching.sections import printed_p
 from visavis.experiments.matching.study import study
+from visavis.lab.errors import LabError
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.quick import quick_study
 from visavis.stimuli.motion.synthesis.pose_distance import (
@@ -148,3 +149,11 @@ def test_tests_are_wilcoxons_by_both_methods_beside_the_printed_p() -> None:
     assert np.isnan(
         outcomes_of(frame, LEVELS).test("guess_m", "adjectives", "weights", ALL).p_exact
     )
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("start", 1.5), ("start", -0.1), ("within_m", 0.0), ("limit_s", 1.0)]
+)
+def test_settings_that_cannot_be_are_refused_by_name(name: str, value: float) -> None:
+    with pytest.raises(LabError, match=f"matching: {name} is {value:g}; give a number"):
+        OpenedStudy(study).experiment({name: value})

@@ -2,6 +2,11 @@
 
 import base64
 import json
+import os
+import re
+import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -9,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.running.page.test_browser import PATIENCE_S, Server, until
+from tests.running.page.test_browser import PATIENCE_S, REPOSITORY, Server, until
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.geometry import Vector
 from visavis.recording.folder import session_dir
@@ -183,3 +188,36 @@ def test_a_figure_whose_pictures_are_refused_is_a_failure_and_not_drawn_without_
     row = json.loads(Recording(folder).trials().iloc[:1].to_json(orient="records"))[0]
     assert row["status"] == "skipped"
     assert "could not be read" in row["reason"]
+
+
+def test_a_page_to_play_with_shows_what_sliders_make(tmp_path: Path, browser: Any) -> None:
+    (tmp_path / "lab_config.yaml").write_text(EXAMPLE.read_text("utf-8"), "utf-8")
+    environment = os.environ | {"BROWSER": "true", "PYTHONPATH": str(REPOSITORY), "COLUMNS": "200"}
+    arguments = ["blend", "--page", "--examples", "set_a", "--weights", "march=1"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "visavis.cli.main", *arguments],
+        cwd=tmp_path,
+        env=environment,
+        text=True,
+        stdout=subprocess.PIPE,
+    )
+    try:
+        assert process.stdout is not None
+        found = re.search(r"http://\S+", process.stdout.readline())
+        assert found
+        page = browser.new_page()
+        page.goto(found.group())
+        page.wait_for_selector("canvas[data-ready]", timeout=PATIENCE_S * 1000)
+        assert page.text_content("#shares") == "march 1.00"
+        assert page.locator("input").count() == 10
+        index = list(style_names("set_a")).index("slouch")
+        page.locator("input").nth(index).focus()
+        page.keyboard.press("End")
+        page.wait_for_function("document.getElementById('shares').textContent.includes('slouch')")
+        assert "slouch=1" in page.text_content("#command")
+        page.wait_for_function("document.querySelector('canvas').dataset.frames > 2")
+    finally:
+        process.send_signal(signal.SIGINT)
+        assert process.wait(PATIENCE_S) == 0
+        if process.stdout is not None:
+            process.stdout.close()

@@ -10,13 +10,16 @@ import pandas as pd
 import typer
 
 from visavis.cli.app import JsonOption, app, console, new_file, say, say_json, say_written, verbatim
+from visavis.cli.blend_page import show_page
 from visavis.cli.walk_film import write_walk_film
 from visavis.experiments.adjectives.pairs import FACTORS
 from visavis.experiments.adjectives.raters import expected_impressions
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Vector
+from visavis.running.page.playground import Play
 from visavis.stimuli.characters.cast import load_character
 from visavis.stimuli.characters.character import Character
+from visavis.stimuli.characters.gltf.exporting import glb_of_character, write_glb
 from visavis.stimuli.motion.build import build_of_character
 from visavis.stimuli.motion.bvh import write_bvh
 from visavis.stimuli.motion.bvh_clip import bvh_of_clip
@@ -34,10 +37,11 @@ from visavis.stimuli.motion.synthesis.walk_features import (
     unit_of,
 )
 from visavis.stimuli.motion.synthesis.walk_styles import style_names, walk_examples, walk_set
+from visavis.study.live import Live, Slider
 
 SETS: Final = ("set_a", "set_b")
 FILMS: Final = (".mp4", ".webm", ".avi")
-SUFFIXES: Final = (".bvh", ".npz", *FILMS)
+SUFFIXES: Final = (".bvh", ".npz", ".glb", *FILMS)
 MIDDLE: Final = 0.5
 """Where a parameter stands that nobody has set."""
 
@@ -61,17 +65,21 @@ def blend(
         Path | None,
         typer.Option(help="Adjectives as people rated them: impressions.csv of an analysed study."),
     ] = None,
-    character: Annotated[str, typer.Option(help="Who walks in a film.")] = "luca",
+    character: Annotated[str, typer.Option(help="Who walks in a film, .glb or page.")] = "luca",
     rounds: Annotated[int, typer.Option(help="Cycles in the file.")] = 1,
     unit_m: Annotated[float, typer.Option(help="Metres per unit of a folder's BVH files.")] = 0.01,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help=f"A new file: {', '.join(SUFFIXES)}.")
     ] = None,
+    page: Annotated[
+        bool, typer.Option("--page", help="Open a page on which sliders blend, to play with.")
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Blend example walks by adjectives, features or weights, and write the walk.
 
-    Without values it lists what can be given. Parameters that are left out stand at 0.5.
+    Without values it lists what can be given. Parameters that are left out stand at 0.5. With
+    --page sliders begin at the values given: adjectives, where there are none.
 
     Example: visavis blend --examples set_b --adjectives activeness=.8,clearness=.2 -o walk.bvh
     """
@@ -83,17 +91,29 @@ def blend(
         new_file(output)
     if not 1 <= rounds <= 100:
         raise UsageError(f"--rounds {rounds}; give 1 to 100")
+    if page and (output is not None or as_json):
+        raise UsageError("--page shows the walk; give -o or --json without it")
     folder = None if examples in SETS else read_examples(_folder(examples), unit_m=unit_m)
     walks = walk_set(examples) if folder is None else folder.examples
     impressions = _impressions_of(walks, folder, ratings)
+    if page:
+        given = _Given(adjectives, features, weights)
+        space = _space(walks, impressions, given, most_weight=1.0)
+        on_body = _examples_on(examples, load_character(character), unit_m)
+        show_page(_play(space, on_body, character, examples))
+        return
     if not (adjectives or features or weights):
         _list(walks, impressions, as_json, is_simulated=folder is None and ratings is None)
         return
-    shares = _shares(walks, impressions, adjectives, features, weights)
+    shares = _space(walks, impressions, _Given(adjectives, features, weights)).shares()
     blend_of_walks = Blend(walks, shares)
-    if output is not None and output.suffix.lower() in FILMS:
+    if output is not None and output.suffix.lower() in (*FILMS, ".glb"):
         who = load_character(character)
-        write_walk_film(output, who, _on_body(examples, who, shares, unit_m), rounds)
+        own = Blend(_examples_on(examples, who, unit_m), shares)
+        if output.suffix.lower() == ".glb":
+            write_glb(output, glb_of_character(who, _rounds(own, rounds), name=output.stem))
+        else:
+            write_walk_film(output, who, replace(own, in_place=True), rounds)
     elif output is not None:
         clip = _rounds(blend_of_walks, rounds)
         if output.suffix.lower() == ".bvh":
@@ -168,37 +188,82 @@ def _impressions_of(
     return _Impressions(tuple(map(str, values.columns)), values.to_numpy(dtype=np.float64))
 
 
-def _shares(
-    walks: Examples, impressions: _Impressions, adjectives: str, features: str, weights: str
-) -> Vector:
-    """Return the examples' weights by whichever option is given."""
-    if weights:
-        own = values_of(weights, walks.names, "--weights", np.inf)
-        return shares_of([own.get(name, 0.0) for name in walks.names], len(walks))
-    if adjectives:
-        if not impressions.names:
-            raise UsageError(
-                "--adjectives: the folder's table has no columns of adjectives; add some with "
-                "numbers from 0 to 1, or use --ratings, --features or --weights"
-            )
-        values = values_of(adjectives, impressions.names, "--adjectives")
-        # The four primary parameters where there are such, and every pair asked for besides.
-        names = [
-            n
-            for n in impressions.names
-            if n in values or n in FACTORS or len(impressions.names) <= 4
-        ]
-        points = impressions.points[:, [impressions.names.index(name) for name in names]]
-        fit = _fit(points, len(names))
-        return fit.at(np.array([values.get(name, MIDDLE) for name in names]))
-    table = feature_table(walks)
-    values = values_of(features, (*GROUPS, *FEATURES), "--features")
-    # The four groups, and every single feature that is asked for besides.
-    single = [name for name in values if name in FEATURES]
-    columns = [table.scaled_01[:, FEATURES.index(name)] for name in single]
-    points = np.column_stack([table.primary, *columns])
-    fit = _fit(points, points.shape[1])
-    return fit.at(np.array([values.get(name, MIDDLE) for name in (*GROUPS, *single)]))
+@dataclass(frozen=True)
+class _Given:
+    """The options that say what to blend, as they were given; one of them at most."""
+
+    adjectives: str
+    features: str
+    weights: str
+
+
+@dataclass(frozen=True, eq=False)
+class _Space:
+    """Parameters by which examples are blended: their names, where the examples stand (n, d), and
+    the values asked for; without points the parameters are the examples' weights.
+    """
+
+    option: str
+    names: tuple[str, ...]
+    points: Vector | None
+    values: Mapping[str, float]
+
+    def start(self, name: str) -> float:
+        """Return the value of a parameter, where none is given the middle."""
+        usual = MIDDLE if self.points is not None or not self.values else 0.0
+        return self.values.get(name, usual)
+
+    def shares(self) -> Vector:
+        """Return the examples' weights."""
+        values = np.array([self.start(name) for name in self.names])
+        if self.points is None:
+            return shares_of(values, len(self.names))
+        return _fit(self.points, len(self.names)).at(values)
+
+
+def _space(
+    walks: Examples, impressions: _Impressions, given: _Given, most_weight: float = np.inf
+) -> _Space:
+    """Return the parameters of whichever option is given, else the adjectives.
+
+    Raises:
+        UsageError: a name or a value cannot be, or there are no adjectives.
+    """
+    if given.weights:
+        values = values_of(given.weights, walks.names, "--weights", most_weight)
+        return _Space("--weights", walks.names, None, values)
+    if given.features:
+        table = feature_table(walks)
+        values = values_of(given.features, (*GROUPS, *FEATURES), "--features")
+        # The four groups, and every single feature that is asked for besides.
+        single = [name for name in values if name in FEATURES]
+        columns = [table.scaled_01[:, FEATURES.index(name)] for name in single]
+        points = np.column_stack([table.primary, *columns])
+        return _Space("--features", (*GROUPS, *single), points, values)
+    if not impressions.names:
+        raise UsageError(
+            "--adjectives: the folder's table has no columns of adjectives; add some with "
+            "numbers from 0 to 1, or use --ratings, --features or --weights"
+        )
+    values = (
+        values_of(given.adjectives, impressions.names, "--adjectives") if given.adjectives else {}
+    )
+    # The four primary parameters where there are such, and every pair asked for besides.
+    names = tuple(
+        n for n in impressions.names if n in values or n in FACTORS or len(impressions.names) <= 4
+    )
+    points = impressions.points[:, [impressions.names.index(name) for name in names]]
+    return _Space("--adjectives", names, points, values)
+
+
+def _play(space: _Space, on_body: Examples, character: str, examples: str) -> Play:
+    """Return what stands on the page to play with."""
+    points = space.points
+    at = None if points is None else dict(zip(on_body.names, points, strict=True))
+    live = Live(on_body, at=at, character=character)
+    sliders = [Slider(name, start=space.start(name)) for name in space.names]
+    command = f"visavis blend --examples {examples}"
+    return Play(live, sliders, f"Blend of {len(on_body)} motions", command, space.option)
 
 
 def _fit(points: Vector, dimensions: int) -> StyleWeights:
@@ -220,13 +285,11 @@ def _rounds(blend_of_walks: Blend, rounds: int) -> Clip:
     return Clip(blend_of_walks.skeleton, one.frame_s, frames.root_m, frames.orientation_wxyz)
 
 
-def _on_body(examples: str, who: Character, shares: Vector, unit_m: float) -> Blend:
-    """Return the blend on a character's own skeleton, walking on the spot."""
+def _examples_on(examples: str, who: Character, unit_m: float) -> Examples:
+    """Return the examples on a character's own skeleton."""
     if examples in SETS:
-        walks = walk_examples(style_names(examples), build_of_character(who))
-    else:
-        walks = read_examples(Path(examples), who.skeleton, unit_m=unit_m).examples
-    return Blend(walks, shares, in_place=True)
+        return walk_examples(style_names(examples), build_of_character(who))
+    return read_examples(Path(examples), who.skeleton, unit_m=unit_m).examples
 
 
 def _list(walks: Examples, impressions: _Impressions, as_json: bool, *, is_simulated: bool) -> None:
