@@ -13,6 +13,8 @@ from visavis.experiments.crowd.design import CONDITIONS, HAPTIC
 from visavis.recording.folder import study_dir
 from visavis.recording.reader import Recording
 
+SHORT_WALKS = "--set=limit_s=12"
+"""Long enough to touch some of the crowd, and to learn from it."""
 KILLED_AFTER = """
 import os, signal, sys
 from visavis.recording.writer import Recorder
@@ -72,7 +74,7 @@ def cautions(recording: Recording) -> list[float]:
 def test_a_killed_session_ends_with_every_walk_once_and_with_what_was_learned(
     tmp_path: Path,
 ) -> None:
-    path = killed_session(tmp_path, "--set", "configurations=1", after=3)
+    path = killed_session(tmp_path, "--set=configurations=1", SHORT_WALKS, after=3)
     learned = cautions(Recording(path))
     assert 0 < learned[-1]
 
@@ -92,7 +94,7 @@ def test_a_killed_session_ends_with_every_walk_once_and_with_what_was_learned(
 def test_all_24_walks_of_a_session_killed_in_its_haptic_block_are_there_once(
     tmp_path: Path,
 ) -> None:
-    path = killed_session(tmp_path, after=14)
+    path = killed_session(tmp_path, SHORT_WALKS, after=14)
     learned = cautions(Recording(path))
 
     recording = resumed(tmp_path, path)
