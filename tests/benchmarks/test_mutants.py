@@ -1,0 +1,95 @@
+"""Mutants are one small change each, drawn again the same, and run where a test may notice."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+from benchmarks.import_graph import SourceFile, read_package
+from benchmarks.mutants import (
+    Outcome,
+    changed,
+    changes_in,
+    draw,
+    importers_in,
+    nearest_tests,
+    table,
+)
+from tests.product_files import PACKAGE
+
+
+@pytest.mark.parametrize(
+    ("line", "mutants"),
+    [
+        ("return a < b", ["return (a <= b)"]),
+        ("return a is not b", ["return (a is b)"]),
+        ("return a + b * c", ["return ((a) - (b * c))", "return a + ((b) / (c))"]),
+        ("return (a + b) * c", ["return ((a + b) / (c))", "return (((a) - (b))) * c"]),
+        ("return a and b or c", ["return ((a and b) and (c))", "return ((a) or (b)) or c"]),
+        ("return not a", ["return (a)"]),
+        ("return [2, True, 0.5]", ["return [3, True, 0.5]"]),
+        ("return a if b else c", ["return (a)"]),
+        ("return 'é' if a == b else 'ü'", ["return ('é')", "return 'é' if (a != b) else 'ü'"]),
+        ("raise ValueError(1 + a)", []),
+        ("return f'{a + 1}'", []),
+    ],
+)
+def test_a_mutant_changes_one_place(line: str, mutants: list[str]) -> None:
+    text = f"def f(a, b, c):\n    {line}\n"
+    made = [changed(text, change) for change in changes_in(text)]
+    for one in made:
+        ast.parse(one)
+    assert sorted(f"def f(a, b, c):\n    {one}\n" for one in mutants) == sorted(made)
+
+
+def module(name: str, text: str) -> SourceFile:
+    path = PACKAGE / "lab" / "clock.py"  # of which the place alone is read
+    return SourceFile(name, path, text, ast.parse(text))
+
+
+def test_fewer_mutants_are_the_first_of_more_and_no_two_stand_in_one_module() -> None:
+    texts = {f"visavis.lab.m{i}": f"def f(a):\n    return a + {i}\n" * 3 for i in range(9)}
+    modules = {name: module(name, text) for name, text in texts.items()}
+    modules["visavis.lab.report_words"] = module(
+        "visavis.lab.report_words", texts["visavis.lab.m1"]
+    )
+    modules["visavis.lab.plain"] = module("visavis.lab.plain", "A = 1\n")
+    many = draw(modules, 9, 7)
+    assert set(texts) == {mutant.module for mutant in many}
+    assert many[:4] == draw(modules, 4, 7)
+    assert many != draw(modules, 9, 8)
+
+
+def test_the_nearest_tests_are_those_that_import_a_module_then_those_that_share_its_words(
+    tmp_path: Path,
+) -> None:
+    files = {
+        "visavis/__init__.py": "",
+        "visavis/gaze.py": "",
+        "visavis/looks.py": "from visavis.gaze import a",
+        "tests/__init__.py": "",
+        "tests/made.py": "from visavis.gaze import a",
+        "tests/test_far.py": "from visavis.looks import b",
+        "tests/test_gaze.py": "from visavis.gaze import a",
+        "tests/test_any.py": "import visavis.gaze",
+        "tests/test_other.py": "import json",
+    }
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text, "utf-8")
+    modules = {**read_package(tmp_path / "visavis"), **read_package(tmp_path / "tests")}
+    nearest = nearest_tests("visavis.gaze", importers_in(modules))
+    assert ["tests/test_gaze.py", "tests/test_any.py", "tests/test_far.py"] == nearest
+
+
+def test_a_test_that_fails_without_a_mutant_kills_none() -> None:
+    outcomes = [
+        Outcome("visavis.lab.a:1 a < b => (a <= b)", "first", "t.py::test_1", ("t.py",), 1.0),
+        Outcome("visavis.stage.b:1 0 => 1", "second", "t.py::test_2", ("t.py",), 1.0),
+        Outcome("visavis.stage.c:1 1 => 2", "", "", ("t.py",), 1.0),
+    ]
+    assert "| stage | 2 | 0 | 1 | 1 |" in table(outcomes, set())
+    made = table(outcomes, {"t.py::test_1"})
+    assert "| lab | 1 | 0 | 0 | 1 |" in made
+    assert "| all | 3 | 0 | 1 | 2 |" in made
+    assert "- `visavis.lab.a:1 a < b => (a <= b)`" in made
