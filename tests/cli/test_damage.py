@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner, Result
 
+from tests.cli.stare_study import two_of_stare
 from visavis.cli.main import app
 from visavis.lab.errors import DataError
 from visavis.protocol.people.exports_register import registered_exports
@@ -15,17 +16,10 @@ from visavis.recording.reader import Recording
 from visavis.running.scripts import open_study
 from visavis.running.sessions.folder_check import study_problems
 
-SHORT = ["trial_s=1", "intertrial_s=0.5", "practice_s=1", "repetitions=1"]
-
 
 @pytest.fixture(scope="module")
 def intact(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    root = tmp_path_factory.mktemp("intact")
-    arguments = ["simulate", "stare", "--participants", "2", "--seed", "5", "--processes", "1"]
-    options = [text for setting in SHORT for text in ("--set", setting)]
-    done = CliRunner().invoke(app, [*arguments, "--output", str(root), *options])
-    assert done.exit_code == 0, done.output
-    return root / "simulated" / "stare"
+    return two_of_stare(tmp_path_factory.mktemp("intact"))
 
 
 @pytest.fixture(scope="module")

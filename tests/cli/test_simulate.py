@@ -12,6 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 import visavis.running.sessions.simulation
+from tests.cli.stare_study import TWO, simulate, two_of_stare
 from visavis.cli.main import app
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import ConfigError, DataError, SessionAborted, UsageError
@@ -19,20 +20,6 @@ from visavis.recording.reader import Recording
 from visavis.recording.sealed import seal, unseal
 from visavis.running.sessions.session_request import Request
 from visavis.running.sessions.study_folder import StudySettings, read_parameters, settle
-
-SHORT = ["--set", "trial_s=1", "--set", "intertrial_s=0.5", "--set", "practice_s=1"]
-SHORT += ["--set", "repetitions=1"]
-
-
-def simulate(root: Path, *more: str, participants: int = 2) -> Path:
-    arguments = ["simulate", "stare", "--participants", str(participants), "--seed", "5"]
-    result = CliRunner().invoke(
-        app, [*arguments, "--output", str(root), "--processes", "1", *SHORT, *more]
-    )
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return root / "simulated" / "stare"
-
 
 REVISION = re.compile(rb'"code_revision": "[^"]*"|"sha256": "[0-9a-f]+"\n}\n\Z')
 
@@ -50,7 +37,7 @@ def digests(folder: Path) -> dict[str, str]:
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return simulate(tmp_path_factory.mktemp("étude 1"), participants=2)
+    return two_of_stare(tmp_path_factory.mktemp("étude 1"))
 
 
 def test_the_same_seed_gives_the_same_bytes_however_many_processes(
@@ -131,7 +118,7 @@ def test_analysis_writes_a_row_per_trial_in_two_formats_and_a_report(study: Path
 def test_sessions_already_there_are_kept(study: Path) -> None:
     before = digests(study)
 
-    simulate(study.parent.parent, participants=2)
+    simulate(study.parent.parent)
 
     assert before == digests(study)
 
@@ -222,21 +209,7 @@ def test_the_same_command_finishes_a_study_that_was_broken_off(
 
 def test_nothing_left_to_simulate_is_no_error(study: Path) -> None:
     before = digests(study)
-    result = CliRunner().invoke(
-        app,
-        [
-            "simulate",
-            "stare",
-            "--participants",
-            "2",
-            "--seed",
-            "5",
-            "--output",
-            str(study.parent.parent),
-            "--processes",
-            "2",
-            *SHORT,
-        ],
-    )
+    again = [*TWO, "--output", str(study.parent.parent), "--processes", "2"]
+    result = CliRunner().invoke(app, again)
     assert 0 == result.exit_code, result.output
     assert before == digests(study)

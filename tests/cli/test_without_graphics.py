@@ -6,11 +6,9 @@ import moderngl
 import pytest
 from typer.testing import CliRunner
 
+from tests.sessions import SHORT_STARE
 from visavis.cli.main import app
 from visavis.stage.errors import StageError
-
-SHORT = ["--set", "trial_s=1", "--set", "intertrial_s=0.5", "--set", "practice_s=1"]
-SHORT += ["--set", "repetitions=1"]
 
 
 @pytest.fixture
@@ -31,7 +29,7 @@ def test_a_study_is_simulated_without_opening_any_graphics(
     tried: list[object], tmp_path: Path
 ) -> None:
     arguments = ["simulate", "stare", "--participants", "1", "--seed", "5", "--processes", "1"]
-    result = CliRunner().invoke(app, [*arguments, "--output", str(tmp_path), *SHORT])
+    result = CliRunner().invoke(app, [*arguments, "--output", str(tmp_path), *SHORT_STARE])
     assert result.exception is None, result.output
     assert [] == tried
     assert list((tmp_path / "simulated" / "stare").glob("sub-*/ses-*/manifest.json"))

@@ -18,7 +18,7 @@ from numba.core.caching import UserProvidedCacheLocator
 from tests.packaging.lab_folder import fill_lab_folder
 from tests.packaging.test_fresh_install import absent_without, brought
 from tests.product_files import PACKAGE, ROOMS_AT_THE_TOP
-from tests.sessions import STUDIES
+from tests.sessions import SHORT_STARE, STUDIES
 from tests.store import STORE
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import LIGHTEST, Renderer
@@ -28,8 +28,6 @@ LEFT_BEHIND = shutil.ignore_patterns(
     ".*", "__pycache__", "build", "*.egg-info", "data", "demo", "out", "tests", "docs"
 )
 """Of the clone: no earlier build may lend its files."""
-QUICK = ["--set", "trial_s=1", "--set", "intertrial_s=0.5", "--set", "practice_s=1"]
-QUICK += ["--set", "repetitions=1"]
 ONE = ["--processes", "1"]
 """Two would load everything twice."""
 ROOMS = [f"visavis.{p.name}" for p in PACKAGE.iterdir() if (p / "__init__.py").exists()]
@@ -259,7 +257,7 @@ def test_a_plan_is_shown(installed: Installed, folder: Path) -> None:
 
 
 def test_a_study_is_simulated_and_analysed(installed: Installed, folder: Path) -> None:
-    simulate = ["simulate", "stare", "--participants", "2", *QUICK, *ONE, "--output", "dry"]
+    simulate = ["simulate", "stare", "--participants", "2", *SHORT_STARE, *ONE, "--output", "dry"]
     said(installed.run("visavis", *simulate, cwd=folder))
     said(installed.run("visavis", "analyse", "dry/simulated/stare", *ONE, cwd=folder))
     assert (folder / "dry/simulated/stare/derived/report.html").stat().st_size > 10_000

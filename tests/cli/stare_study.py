@@ -1,0 +1,25 @@
+"""Two people of a short stare study, as `visavis simulate` makes them."""
+
+from pathlib import Path
+
+from typer.testing import CliRunner
+
+from tests.sessions import SHORT_STARE
+from tests.store import STORE
+from visavis.cli.main import app
+
+TWO = ["simulate", "stare", "--participants", "2", "--seed", "5", *SHORT_STARE]
+
+
+def simulate(root: Path, *more: str) -> Path:
+    """Simulate the study below a folder; return where it lies."""
+    words = [*TWO, "--output", str(root), "--processes", "1", *more]
+    result = CliRunner().invoke(app, words)
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return root / "simulated" / "stare"
+
+
+def two_of_stare(root: Path) -> Path:
+    """Return a copy of the study, which is simulated once in a run of the suite."""
+    return STORE.copy("two of stare", simulate, root)
