@@ -83,3 +83,16 @@ def test_import_says_what_is_odd_and_how_to_look_at_whom_it_imported(tmp_path: P
     )
     assert "its right lids do not close: give the file a shape such as eyeBlinkRight" in told
     assert "visavis character sheet imported.png --at 1,2,3.5,5,8" in told
+
+
+def test_files_that_cannot_be_imported_are_counted_and_the_others_are_there(
+    tmp_path: Path,
+) -> None:
+    source, library = tmp_path / "people", tmp_path / "lib"
+    source.mkdir()
+    for name in ("one_F", "two_M"):
+        write_glb(source / f"{name}.glb")
+    (source / "three_F.glb").write_bytes(b"no glTF")
+    with pytest.raises(CharacterError, match="1 of 3 files could not be imported"):
+        character("import", source, "--library", library)
+    assert ("one_F", "two_M") == library_names(library)
