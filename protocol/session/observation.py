@@ -211,24 +211,20 @@ def _evaluate(
     return valid_count
 
 
-class _Waiting(NamedTuple):
-    """A frame whose gaze is evaluated later: its state then, and the object for the result."""
-
-    frame_index: int
-    t_ns: int
-    extent: tuple[int, int, int, int]
-    gaze: "LateGaze"
-
-
 class LateGaze:
     """The gaze of one frame, evaluated together with that of other frames when first read.
 
-    Has the attributes of a `GazeView` and stands for one in a `FrameView`.
+    Has the attributes of a `GazeView` and stands for one in a `FrameView`. `frame` is the frame's
+    index and the `HeadHistory.extent` in it, `frame_ns` its session time.
     """
 
-    __slots__ = ("_catch_up", "_samples")
+    __slots__ = ("_catch_up", "_samples", "frame", "frame_ns")
 
-    def __init__(self, catch_up: Callable[[], None]) -> None:
+    def __init__(
+        self, frame: tuple[int, int, int, int, int], frame_ns: int, catch_up: Callable[[], None]
+    ) -> None:
+        self.frame = frame
+        self.frame_ns = frame_ns
         self._catch_up = catch_up
         self._samples: tuple[GazeView, int, int] | None = None
 
@@ -265,7 +261,7 @@ class GazeObserver:
         self._delays_ns: deque[int] = deque(maxlen=DELAYS_KEPT)
         self.heads = HeadHistory()
         """Where the head was, and is foreseen to be; gaze is turned by it."""
-        self._waiting: list[_Waiting] = []
+        self._waiting: list[LateGaze] = []
         self._scene: Scene | None = None
         self._geometry: SceneGeometry | None = None
         self._empty = _no_gaze(0)
@@ -327,8 +323,8 @@ class GazeObserver:
 
         `MAX_WAITING` frames may wait, in one scene and with one clock offset.
         """
-        gaze = LateGaze(catch_up)
-        self._waiting.append(_Waiting(frame_index, t_frame_ns, self.heads.extent, gaze))
+        gaze = LateGaze((frame_index, *self.heads.extent), t_frame_ns, catch_up)
+        self._waiting.append(gaze)
         return gaze
 
     def observe_waiting(self) -> Sequence[int]:
@@ -337,26 +333,27 @@ class GazeObserver:
         batch = self._gather() if self._inbox else None
         if batch is None or self._geometry is None:
             for one in waiting:
-                one.gaze.set_samples(self._empty, 0, 0)
+                one.set_samples(self._empty, 0, 0)
             return [0] * len(waiting)
         if len(waiting) == 1:
             one, n = waiting[0], batch.seq.shape[0]
-            frames = np.array([(n, one.frame_index, *one.extent)], np.int64)
-            one.gaze.set_samples(self._evaluated(batch, self._geometry, frames), 0, n)
-            self._targets.commit(n, one.t_ns)
+            frames = np.array([(n, *one.frame)], np.int64)
+            one.set_samples(self._evaluated(batch, self._geometry, frames), 0, n)
+            self._targets.commit(n, one.frame_ns)
             return [n]
         # Messages arrive in order, and a frame takes those that have arrived by its time.
         there_ns = np.maximum.accumulate(batch.t_host_ns)
-        ends = np.searchsorted(there_ns, [one.t_ns for one in waiting], side="right")
+        frames_ns = [one.frame_ns for one in waiting]
+        ends = np.searchsorted(there_ns, frames_ns, side="right")
         ends[-1] = batch.seq.shape[0]
-        frames = np.array([(0, one.frame_index, *one.extent) for one in waiting], np.int64)
-        frames[:, 0] = ends
+        frames = np.empty((len(waiting), 6), np.int64)
+        frames[:, 0], frames[:, 1:] = ends, [one.frame for one in waiting]
         gaze = self._evaluated(batch, self._geometry, frames)
         counts = np.diff(ends, prepend=0)
-        self._targets.commit_stamped(np.repeat([one.t_ns for one in waiting], counts))
+        self._targets.commit_stamped(np.repeat(frames_ns, counts))
         first = 0
         for one, end in zip(waiting, ends.tolist(), strict=True):
-            one.gaze.set_samples(gaze, first, end)
+            one.set_samples(gaze, first, end)
             first = end
         sample_counts: list[int] = counts.tolist()
         return sample_counts

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
 from visavis.devices.contracts import (
     FRAME_TIMING,
@@ -25,7 +26,6 @@ from visavis.devices.contracts import (
     Sink,
 )
 from visavis.devices.faults import FaultSchedule
-from visavis.devices.frame_streams import HEAD_ROW
 from visavis.devices.lifecycle import Lifecycle, OnSessionClock
 from visavis.devices.meter import StreamMeter
 from visavis.devices.sim.body.spec import SIMULATED_HEADSET
@@ -41,8 +41,9 @@ MILLI_HZ = 1000
 MAX_FRAMES_HELD = 64
 """Frames whose poses and timing may be put off."""
 
-_LOST_ROW = HEAD_ROW.pack(*[np.nan] * 7, False)
-_IS_VALID = b"\x01"
+_LOST_ROWS = np.full((2, 7), np.nan, np.float32)
+_POSE_BYTES = 28
+"""Of place and orientation in rows of `HEAD` and `HEAD_MEASURED`; one byte of validity follows."""
 _TIMING_ROW = struct.Struct("<4qI?4If")
 """A row of `FRAME_TIMING.dtype`."""
 
@@ -85,7 +86,7 @@ class SimulatedHeadset(OnSessionClock):
         self._timing_held = round(self.display_rate_hz) if clock.is_virtual else 1
         self.info = SIMULATED_HEADSET.info(role, None)
         self._meter = StreamMeter(self.display_rate_hz)
-        self._pending: deque[tuple[int, int, int, bytes, bytes]] = deque()
+        self._pending: deque[tuple[int, int, int, npt.NDArray[np.float32], bool]] = deque()
         self._foreseen: Pose | None = None
         self._measured: Pose | None = None
         self._ready = threading.Event()
@@ -253,12 +254,12 @@ class SimulatedHeadset(OnSessionClock):
             return 0
         # another thread that waits for frames may append meanwhile
         frames = [self._pending.popleft() for _ in range(n)]
-        seqs, t_list, light_list, foreseen_rows, measured_rows = zip(*frames, strict=True)
+        seqs, t_list, light_list, poses, is_valid = zip(*frames, strict=True)
         seq, t_ns, light_ns = np.array(seqs), np.array(t_list), np.array(light_list)
         self._meter.update(t_list, t_list[-1])
-        values = np.frombuffer(b"".join(foreseen_rows), HEAD.dtype)
+        values = _head_rows([rows[1] for rows in poses], is_valid, HEAD.dtype)
         sink(SampleBatch(self._schema, seq, light_ns, t_ns, values))
-        values = np.frombuffer(b"".join(measured_rows), HEAD_MEASURED.dtype)
+        values = _head_rows([rows[0] for rows in poses], is_valid, HEAD_MEASURED.dtype)
         sink(SampleBatch(self._measured_schema, seq, t_ns, t_ns, values))
         return 2 * n
 
@@ -268,14 +269,23 @@ class SimulatedHeadset(OnSessionClock):
         if self._valid:
             # Poses are what their rows in the recording say.
             rows = self._foresight.at_once(t_ns, light_ns)
-            measured_row = rows[0].tobytes() + _IS_VALID
-            foreseen_row = rows[1].tobytes() + _IS_VALID
-            numbers = rows.astype(np.float64)
-            self._measured = Pose(numbers[0, :3], numbers[0, 3:])
-            self._foreseen = Pose(numbers[1, :3], numbers[1, 3:])
+            measured, foreseen = rows.astype(np.float64)
+            self._measured = Pose(measured[:3], measured[3:])
+            self._foreseen = Pose(foreseen[:3], foreseen[3:])
         else:
-            measured_row, self._measured = _LOST_ROW, None
-            foreseen_row, self._foreseen = _LOST_ROW, None
-        self._pending.append((seq, t_ns, light_ns, foreseen_row, measured_row))
+            rows = _LOST_ROWS
+            self._measured = self._foreseen = None
+        self._pending.append((seq, t_ns, light_ns, rows, self._valid))
         if not self._clock.is_virtual:
             self._ready.set()
+
+
+def _head_rows(
+    poses: Sequence[npt.NDArray[np.float32]], is_valid: Sequence[bool], dtype: np.dtype[np.void]
+) -> npt.NDArray[np.void]:
+    """Return rows of a head's stream from poses (n, 7)."""
+    packed = np.empty((len(poses), dtype.itemsize), np.uint8)
+    packed[:, :_POSE_BYTES] = np.array(poses).view(np.uint8)
+    packed[:, _POSE_BYTES] = is_valid
+    rows: npt.NDArray[np.void] = packed.view(dtype)[:, 0]
+    return rows

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from visavis.lab.compile_ahead import compile_kernel, read_list
 from visavis.lab.config import LabConfig
+from visavis.lab.garbage import collecting_seldom
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
@@ -49,6 +50,7 @@ def worker_count(processes: int | None) -> int:
     return cores or 1
 
 
+@collecting_seldom()
 def simulate_one(task: SimulationTask) -> Path:
     """Simulate one participant's session, or what is left of it; return its folder."""
     use_cast_of(task.config)
@@ -96,6 +98,7 @@ def do_job(job: tuple[Callable[[Any], Any], Any]) -> Any:
         return function(argument)
 
 
+@collecting_seldom()
 def measure_one(job: tuple[str, Path, Mapping[str, Any]]) -> Any:
     """Take in one session of a study; what comes back is for the study's `analyse`."""
     reference, session, settings = job

@@ -1,0 +1,24 @@
+"""How often Python looks for objects that only refer to each other."""
+
+import gc
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Final
+
+NEW_OBJECTS: Final = 50_000
+"""Python's own number is 700, with which it looks a hundred times a second."""
+
+
+@contextmanager
+def collecting_seldom() -> Iterator[None]:
+    """Look for garbage after more new objects than Python would, in this block.
+
+    For work that makes many objects and keeps them, where a look takes time and finds nothing; not
+    for a session with people, in which a longer look would delay a frame.
+    """
+    thresholds = gc.get_threshold()
+    gc.set_threshold(NEW_OBJECTS, *thresholds[1:])
+    try:
+        yield
+    finally:
+        gc.set_threshold(*thresholds)
