@@ -14,7 +14,7 @@ from visavis.devices.drivers.bands import bhaptics_sdk as sdk_link
 from visavis.devices.drivers.bands.bhaptics_sdk_codec import BhapticsSdkLanguage, answer
 from visavis.devices.drivers.bands.language import Condition, Ready, Refusal
 from visavis.lab.clock import NS_PER_S, SystemClock
-from visavis.lab.errors import ConfigError, DeviceDisconnected, DeviceError, DeviceNotFound
+from visavis.lab.errors import DeviceDisconnected, DeviceError, DeviceNotFound
 
 CLOCK = SystemClock()
 ON = (1.0, 0.5, 0.0, 0.25)
@@ -97,16 +97,22 @@ def package(monkeypatch):
 
 
 @pytest.fixture
-def port():
+def port(key_file):
     """A port at which a Player seems to listen."""
     with socket.create_server(("127.0.0.1", 0)) as listening:
         yield listening
 
 
+@pytest.fixture
+def key_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "key.txt").write_text("key\n", "utf-8")
+
+
 def link_to(listening, session, app="app"):
     player = listening.getsockname()
     return sdk_link.BhapticsSdkLink(
-        app, "key", CLOCK, remedy="start it", session=session, player=player
+        app, "key.txt", CLOCK, remedy="start it", session=session, player=player
     )
 
 
@@ -175,9 +181,9 @@ def test_a_key_that_the_player_does_not_take_is_named(package, port):
         ({"app_id": "a", "api_key_file": "nowhere.txt"}, "cannot be read from nowhere.txt"),
     ],
 )
-def test_missing_application_or_key_is_a_configuration_error(options, says):
-    with pytest.raises(ConfigError, match=says):
-        bhaptics_sdk("arm", CLOCK, **options)
+def test_missing_application_or_key_is_told_when_it_is_opened(options, says):
+    with pytest.raises(DeviceError, match=says):
+        bhaptics_sdk("arm", CLOCK, **options).open(1.0)
 
 
 def test_missing_package_says_what_to_install(monkeypatch, port):

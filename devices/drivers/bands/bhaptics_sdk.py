@@ -10,6 +10,7 @@ import json
 import socket
 import threading
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from visavis.devices.byte_links import Chunk
@@ -106,14 +107,17 @@ THE_SESSION = PlayerSession()
 
 
 class BhapticsSdkLink:
-    """One `write` is one call, one chunk one answer; a frame ends the frame before it."""
+    """One `write` is one call, one chunk one answer; a frame ends the frame before it.
+
+    The application's key is read from its file when the link is opened.
+    """
 
     kind = "bHaptics SDK2"
 
     def __init__(
         self,
         app_id: str,
-        api_key: str,
+        api_key_file: str,
         clock: Clock,
         *,
         remedy: str,
@@ -122,7 +126,8 @@ class BhapticsSdkLink:
         is_simulated: bool = False,
     ) -> None:
         self.is_simulated = is_simulated
-        self._application = (app_id, api_key)
+        self._app_id = app_id
+        self._api_key_file = api_key_file
         self._clock = clock
         self._remedy = remedy
         self._session = session
@@ -136,8 +141,9 @@ class BhapticsSdkLink:
     def open(self, deadline_s: float) -> None:
         """Connect to the Player, or share the connection."""
         self.close()
+        api_key = self._api_key()
         self._look()
-        self._session.join(*self._application, deadline_s, self._remedy)
+        self._session.join(self._app_id, api_key, deadline_s, self._remedy)
         self._is_open = True
         self._last_request = -1
         self._chunks = []
@@ -192,6 +198,22 @@ class BhapticsSdkLink:
         if self._is_open:
             self._is_open = False
             self._session.leave()
+
+    def _api_key(self) -> str:
+        if not (self._app_id and self._api_key_file):
+            raise DeviceError(
+                "bHaptics' SDK needs an application's app_id, and api_key_file, the text file with "
+                "its key",
+                remedy="make an application at developer.bhaptics.com and give both",
+            )
+        try:
+            return Path(self._api_key_file).expanduser().read_text("utf-8").strip()
+        except (OSError, ValueError) as cause:
+            raise DeviceError(
+                f"the key of the bHaptics application cannot be read from {self._api_key_file} "
+                f"({cause})",
+                remedy="write it there, on one line",
+            ) from cause
 
     def _stop_last(self) -> None:
         request, self._last_request = self._last_request, -1

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
 
@@ -120,20 +119,7 @@ def _player(site: Site[BhapticsOptions]) -> ByteLink:
 
 def _sdk(site: Site[BhapticsSdkOptions]) -> ByteLink:
     options = site.options
-    where = f"devices.{site.role}"
-    if not (options.app_id and options.api_key_file):
-        raise ConfigError(
-            f"{where}: bHaptics' SDK needs an application's app_id, and api_key_file, the text "
-            "file with its key; make one at developer.bhaptics.com"
-        )
-    try:
-        api_key = Path(options.api_key_file).expanduser().read_text("utf-8").strip()
-    except (OSError, ValueError) as cause:
-        raise ConfigError(
-            f"{where}: the key of the bHaptics application cannot be read from "
-            f"{options.api_key_file} ({cause}); write it there, on one line"
-        ) from cause
-    return BhapticsSdkLink(options.app_id, api_key, site.clock, remedy=PLAYER_REMEDY)
+    return BhapticsSdkLink(options.app_id, options.api_key_file, site.clock, remedy=PLAYER_REMEDY)
 
 
 WIRINGS = (
