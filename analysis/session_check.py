@@ -66,7 +66,7 @@ def _check(recording: Recording, limits: CheckLimits) -> SessionCheck:
     streams = _check_streams(recording, limits)
     findings = [
         *_recording_findings(recording),
-        *_trial_findings(trials, _practice_trials(plan)),
+        *_trial_findings(trials, _practice_trials(plan), is_calibrated=_plans_calibration(plan)),
         *(() if _is_on_page(recording) else stream_findings(streams)),
         *_pace_findings(recording),
         *_calibration_findings(plan, events, limits),
@@ -185,7 +185,9 @@ def _share_level(share_01: float, amber_01: float, red_01: float) -> Level:
     return Level.AMBER if share_01 < amber_01 else Level.GREEN
 
 
-def _trial_findings(trials: list[TrialCheck], practice: int) -> list[Finding]:
+def _trial_findings(
+    trials: list[TrialCheck], practice: int, *, is_calibrated: bool
+) -> list[Finding]:
     complete = sum(t.status == "complete" for t in trials)
     besides = f", {practice} of them practice" if practice else ""
     findings = [
@@ -213,14 +215,21 @@ def _trial_findings(trials: list[TrialCheck], practice: int) -> list[Finding]:
     for level, word in ((Level.RED, "too little"), (Level.AMBER, "less than usual")):
         poor = [t.trial_id for t in trials if t.status == "complete" and t.gaze_level is level]
         if poor:
+            words = f"{word} valid gaze in {_name_list(poor)}"
+            if not is_calibrated:  # then no result rests on it, or another program calibrated
+                words += "; gaze was not calibrated, so look whether anything rests on it"
+                findings.append(Finding(min(level, Level.AMBER), "gaze", words))
+                continue
             redo = "recalibrate, then redo these trials in a further session" if level > 1 else ""
-            findings.append(
-                Finding(level, "gaze", f"{word} valid gaze in {_name_list(poor)}", redo)
-            )
+            findings.append(Finding(level, "gaze", words, redo))
     flag_texts = [f"{t.trial_id} ({t.flags.replace(';', ', ')})" for t in trials if t.flags]
     if flag_texts:
         findings.append(Finding(Level.AMBER, "trials", f"flagged: {_name_list(flag_texts)}"))
     return findings
+
+
+def _plans_calibration(plan: Mapping[str, Any]) -> bool:
+    return any(block.get("calibrate") for block in plan.get("blocks", ()))
 
 
 def _practice_trials(plan: Mapping[str, Any]) -> int:

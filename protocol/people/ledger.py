@@ -28,6 +28,7 @@ from visavis.protocol.people.key_file import KeyFile
 from visavis.protocol.people.own_body import OwnBody, read_own_body, remove_own_body, write_own_body
 from visavis.protocol.people.withdrawal import Removal, may_have_data, remove_participant
 from visavis.recording.chained import append_lines, read_lines
+from visavis.recording.typed_names import typed_study
 
 LEDGER_NAME = "participants.jsonl"
 LOCK_NAME = ".participants.lock"
@@ -76,17 +77,26 @@ class WithdrawnParticipant(LedgerError):
 class Ledger:
     """The ledger of the study whose folder is `study_root` (the folder's name is the study's).
 
-    `prefix` (capital letters) sets the labels of simulated participants apart: "S07H".
+    `prefix` (capital letters) sets the labels of simulated participants apart: "S07H". `typed` is
+    what commands call the study, as messages name it; left out, it follows from the folder.
     """
 
-    def __init__(self, study_root: Path, clock: Clock, *, prefix: str = "") -> None:
+    def __init__(
+        self, study_root: Path, clock: Clock, *, prefix: str = "", typed: str = ""
+    ) -> None:
         if prefix and not (prefix.isascii() and prefix.isalpha() and prefix.isupper()):
             raise LedgerError(f"prefix {prefix!r} must be capital letters A to Z")
         self.path = study_root / LEDGER_NAME
         self.study = study_root.resolve().name
         self.prefix = prefix
+        self._typed = typed
         self._root = study_root
         self._clock = clock
+
+    @property
+    def typed(self) -> str:
+        """The study as commands name it here."""
+        return self._typed or typed_study(self._root)
 
     def add(
         self,
@@ -164,13 +174,13 @@ class Ledger:
         if person.status == "withdrawing":
             raise WithdrawnParticipant(
                 f"participant {person.label} of {self.study} is being withdrawn and the removal is "
-                f"not finished; repeat: visavis participant withdraw {self.study} {person.label}"
+                f"not finished; repeat: visavis participant withdraw {self.typed} {person.label}"
             )
         if person.status == "withdrawn":
             raise WithdrawnParticipant(
                 f"participant {person.label} of {self.study} withdrew on {person.withdrawn_at}; "
                 "the identifier is never used again, add a new participant: "
-                f"visavis participant add {self.study}"
+                f"visavis participant add {self.typed}"
             )
         return person
 
@@ -373,7 +383,7 @@ class Ledger:
                 return entry
         raise UnknownParticipant(
             f"participant {number:02d} is not in the ledger of {self.study}; add it: "
-            f"visavis participant add {self.study} {number}",
+            f"visavis participant add {self.typed} {number}",
             number,
         )
 
@@ -394,7 +404,7 @@ class Ledger:
             hint = (
                 f"did you mean {' or '.join(near[:3])}?"
                 if near
-                else f"list the participants: visavis participant list {self.study}"
+                else f"list the participants: visavis participant list {self.typed}"
             )
             raise LedgerError(
                 f"{text!r} is not a participant of {self.study}: neither a number nor a label with "

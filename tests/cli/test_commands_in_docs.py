@@ -12,6 +12,7 @@ from tests.product_files import product_files
 from visavis.cli.app import app
 from visavis.protocol.session.session_setup import LOST_DEVICE_S
 from visavis.results.opened_study import find_study
+from visavis.study.catalogue import SHIPPED_STUDIES, is_file
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted(
@@ -67,6 +68,28 @@ def problem_of(words: list[str]) -> str:
     wanted = {w.partition("=")[0].rstrip(".,;:)") for w in rest if re.match(r"--?[a-z]", w)}
     unknown = wanted - known - {"--help"}
     return f"{' '.join(words[:2])} has no {', '.join(sorted(unknown))}" if unknown else ""
+
+
+TAKE_A_STUDY = (
+    "run", "plan", "simulate", "serve", "board", "lock", "prepare", "power", "fidelity",
+    "participant add", "participant list", "participant withdraw", "participant information",
+)  # fmt: skip
+
+
+def test_every_command_that_takes_a_study_names_one_that_can_be_found() -> None:
+    strangers = []
+    for page in (p for p in PAGES if p.name != OF_PAST_VERSIONS):
+        of_lab = re.findall(r"^  (\w+): \S+\.py$", page.read_text("utf-8"), re.MULTILINE)
+        for words in commands_of(page):
+            verb = " ".join(words[:2]) if words[:1] == ["participant"] else " ".join(words[:1])
+            rest = words[len(verb.split()) :]
+            if verb not in TAKE_A_STUDY or not rest or rest[0].startswith(("-", "[", "<", "…")):
+                continue
+            name = rest[0].rstrip(".,;:")
+            is_known = name in (*SHIPPED_STUDIES, *of_lab) or is_file(name)
+            if not (is_known or name.isupper() or "…" in name):
+                strangers.append(f"{page.relative_to(ROOT)}: {' '.join(words)}")
+    assert [] == strangers
 
 
 def test_every_command_on_a_page_exists_with_its_options() -> None:

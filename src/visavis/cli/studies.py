@@ -30,7 +30,7 @@ from visavis.running.sessions.study_folder import (
     settle,
     wanted_settings,
 )
-from visavis.study.catalogue import SHIPPED_STUDIES, is_file
+from visavis.study.catalogue import SHIPPED_STUDIES, is_file, typed_reference
 
 DRY_RUNS = "dry_runs"
 """Folder below the data root with a data root for each study that `simulate` made."""
@@ -69,7 +69,8 @@ class StudyHere:
     def ledger(self) -> Ledger:
         """Who takes part; simulated people have a ledger of their own."""
         prefix = SIMULATED_PREFIX if self.is_simulated else ""
-        return Ledger(self.folder, SystemClock(), prefix=prefix)
+        typed = typed_reference(self.study.study)
+        return Ledger(self.folder, SystemClock(), prefix=prefix, typed=typed)
 
     @property
     def key_file(self) -> KeyFile:
@@ -244,9 +245,10 @@ def _no_data(name: str, path: Path, lab: LabConfig, verb: str) -> str:
     if folders:
         lines = "\n  ".join(f"visavis {verb} {shlex.quote(str(f))}" for f in folders[:6])
         return f"{nothing}; of a simulated study, type\n  {lines}"
+    study = shlex.quote(str(path))
     return (
-        f"{nothing}; begin with one: visavis run {path} --participant 1, or simulate the whole "
-        f"study: visavis simulate {path}; or give the folder of sessions that lie elsewhere"
+        f"{nothing}; begin with one: visavis run {study} --participant 1, or simulate the whole "
+        f"study: visavis simulate {study}; or give the folder of sessions that lie elsewhere"
     )
 
 

@@ -4,6 +4,7 @@
 per part. Every resumption begins a new part, so no file is ever appended to after a crash.
 """
 
+import shlex
 import shutil
 from collections.abc import Sequence
 from dataclasses import replace
@@ -138,14 +139,22 @@ def create_session(data_root: Path, manifest: Manifest) -> SessionFolder:
     try:
         if path.exists():
             raise UsageError(
-                f"session {path} exists already and is never overwritten; resume it with "
-                f"`visavis resume`, or run session {manifest.session + 1}"
+                f"session {path} exists already and is never overwritten; {_way_on(path)}"
+                f"run a further one: add --session {manifest.session + 1}"
             )
         _put_in_place(path, manifest)
     except BaseException:
         lock.release()
         raise
     return SessionFolder(path, manifest, lock)
+
+
+def _way_on(path: Path) -> str:
+    """Return the beginning of what can be done with a session that is there already."""
+    parts = read_manifest(path).parts
+    if parts and parts[-1].status == "complete":
+        return ""
+    return f"go on with it: visavis resume {shlex.quote(str(path))}, or "
 
 
 def _put_in_place(path: Path, manifest: Manifest) -> None:

@@ -3,7 +3,6 @@
 import hashlib
 import importlib
 import importlib.util
-import shlex
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -15,6 +14,7 @@ from typing import Final
 
 from visavis.lab.errors import DesignError, UsageError
 from visavis.lab.yaml_lines import did_you_mean
+from visavis.recording.typed_names import typed_path
 from visavis.study.declaration import Study
 from visavis.study.sections import import_object
 from visavis.study.study_errors import MODULE_OF_STUDY, explain, forgotten_yields, line_of
@@ -81,14 +81,6 @@ def reference_of(study: Study) -> str:
 def typed_reference(study: Study) -> str:
     """Return what finds a study when it is typed in the present folder: its name, or its file."""
     return study.name if study.files.path is None else typed_path(study.files.path)
-
-
-def typed_path(file: Path) -> str:
-    """Return a study's file as it is typed in the present folder."""
-    here = Path.cwd().resolve()
-    file = file.resolve()
-    text = f"./{file.relative_to(here).as_posix()}" if file.is_relative_to(here) else str(file)
-    return shlex.quote(text)
 
 
 def digest_of(path: Path) -> str:

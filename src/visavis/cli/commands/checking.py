@@ -1,5 +1,6 @@
 """check, recover: what is on disk after a session."""
 
+import shlex
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict
@@ -134,14 +135,18 @@ def _check_study(folder: Path, *, as_json: bool, list_trials: bool = False) -> N
                 f"{MARK[Level.RED]} {problem}", style="red", markup=False, highlight=False
             )
         say(
-            f"[bold]→ run `visavis recover {verbatim(folder)}`; "
+            f"[bold]→ run `visavis recover {verbatim(shlex.quote(str(folder)))}`; "
             "it puts back what has an intact copy[/]"
         )
     else:
         console.print(f"[green]{count_of(count, 'session')}, every file verified[/]")
     if not as_json:
         for path, (status, complete_count, trial_count) in unfinished_sessions.items():
-            way_on = "it goes on now" if status == "running" else f"visavis resume {path}"
+            way_on = (
+                "it goes on now"
+                if status == "running"
+                else f"visavis resume {shlex.quote(str(path))}"
+            )
             say_plainly(
                 f"{MARK[Level.AMBER]} not finished: {path}, {complete_count} of {trial_count} "
                 f"trials; {way_on}",

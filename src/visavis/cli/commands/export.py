@@ -44,6 +44,7 @@ from visavis.stimuli.characters.cast import load_character
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.characters.gltf.exporting import glb_of_character, write_glb
 
+DATA_SET: Final = "dataset_description.json"
 FORMATS: Final = ("parquet", "bids", "xdf", "pedpy")
 """What `export session` writes."""
 SESSIONS: Final = "session"
@@ -111,6 +112,11 @@ def export_session(
     """
     if format_name not in FORMATS:
         raise UsageError(f"--format takes {', '.join(FORMATS)}, not {format_name!r}")
+    if format_name != "bids" and (output / DATA_SET).exists():
+        raise UsageError(
+            f"{output} is a BIDS data set, which holds no other files; export {format_name} "
+            "elsewhere: -o OTHER_FOLDER"
+        )
     sessions = _sessions_to_export(session_path, config, participant)
     require_intact(sessions, accept=accept_damage)
     is_simulated = all(Recording(session).is_simulated for session in sessions)

@@ -1,5 +1,6 @@
 """participant add, list, withdraw, information: a study's ledger, and what people are told."""
 
+import shlex
 from typing import Annotated, get_args
 
 import typer
@@ -72,7 +73,9 @@ def add(
         f"[b]{verbatim(entry.label)}[/b] is participant {entry.number} of {verbatim(study)}, "
         f"place {entry.index + 1}" + (f", group {entry.group}" if entry.group else "")
     )
-    console.print(f"next: visavis run {verbatim(study)} --participant {verbatim(entry.label)}")
+    console.print(
+        f"next: visavis run {verbatim(shlex.quote(study))} --participant {verbatim(entry.label)}"
+    )
 
 
 @participant_app.command("list")

@@ -1,6 +1,7 @@
 """note, exclude: what the lab remarks on a person or a trial after the session."""
 
 import getpass
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -75,7 +76,7 @@ def exclude(
     remark = _remark(folder, config, kind, (who, session, trial), reason, author)
     what = f"{verbatim(remark.participant)} {remark.trial_id}".rstrip()
     say(f"{what} is {'taken in again' if take_back else 'left out'}, from the next analysis on:")
-    say(f"  visavis analyse {verbatim(folder_of(folder, config))}")
+    say(f"  visavis analyse {verbatim(shlex.quote(str(folder_of(folder, config))))}")
 
 
 def _remark(

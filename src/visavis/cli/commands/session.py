@@ -47,8 +47,8 @@ from visavis.protocol.plan.experiment import Experiment, demands_of, spare_roles
 from visavis.protocol.plan.session_plan import SessionPlan
 from visavis.protocol.session.operator import Operator, UnattendedOperator
 from visavis.recording.folder import REAL_ROOT, SIMULATED_ROOT, session_dir
-from visavis.recording.manifest import read_manifest
 from visavis.recording.reader import Recording
+from visavis.recording.typed_names import typed_study
 from visavis.results.opened_study import OpenedStudy, overrides_of
 from visavis.running.film_store import film_store
 from visavis.running.sessions.data_root import require_space
@@ -78,7 +78,7 @@ from visavis.running.sessions.study_folder import (
     study_of_folder,
 )
 from visavis.study.cast import use_recorded_cast
-from visavis.study.catalogue import typed_path, typed_reference
+from visavis.study.catalogue import typed_reference
 from visavis.study.experiment import StudyExperiment
 from visavis.study.texts import DEFAULT_LANGUAGE, Texts, label_of
 
@@ -335,8 +335,12 @@ def run(
     if path.exists():
         others = len(list(path.parent.glob("ses-*")))
         is_complete = Recording(path).status == "complete"
-        way_on = f"visavis resume {path}{' --fast' if fast else ''}"
-        first = f"look at it: visavis check {path}" if is_complete else f"continue: {way_on}"
+        way_on = f"visavis resume {shlex.quote(str(path))}{' --fast' if fast else ''}"
+        first = (
+            f"look at it: visavis check {shlex.quote(str(path))}"
+            if is_complete
+            else f"continue: {way_on}"
+        )
         raise UsageError(
             f"participant {entry.label} already has session {session}; nothing was overwritten\n"
             f"  {first}\n  or run a further one: add --session {others + 1}"
@@ -396,7 +400,9 @@ def resume(
     if session_path is None:
         session_path = _the_unfinished(lab)
     elif not session_path.is_dir():
-        session_path = _the_unfinished(lab, study_of_lab(str(session_path), lab).name)
+        opened_study = study_of_lab(str(session_path), lab)
+        typed = typed_reference(opened_study.study)
+        session_path = _the_unfinished(lab, opened_study.name, typed)
     # A session goes on as it began: simulated or real, in the lab or on a page.
     require_session(session_path)
     require_space(lab.model_copy(update={"data_root": session_path}))
@@ -417,7 +423,8 @@ def resume(
         further = f"--participant {manifest.participant} --session {manifest.session + 1}"
         raise UsageError(
             f"{session_path} is complete; nothing is left to do. Look at it: visavis check "
-            f"{session_path}; a further one: visavis run {_typed_study(session_path)} {further}"
+            f"{shlex.quote(str(session_path))}; a further one: visavis run "
+            f"{_typed_study(session_path)} {further}"
         )
     if fast and not recording.is_simulated:
         raise UsageError("--fast runs on a virtual clock, which people cannot; leave it out")
@@ -465,12 +472,10 @@ def resume(
 
 def _typed_study(session: Path) -> str:
     """Return the study of a session as it is typed here: its name, or its file."""
-    settings = read_settings(session.resolve().parent.parent)
-    name = read_manifest(session).study
-    return typed_path(Path(settings.source)) if settings and settings.source else name
+    return typed_study(session.resolve().parent.parent)
 
 
-def _the_unfinished(lab: LabConfig, study: str = "*") -> Path:
+def _the_unfinished(lab: LabConfig, study: str = "*", typed: str = "STUDY") -> Path:
     kind = SIMULATED_ROOT if is_simulated(lab) else REAL_ROOT
     sessions = sorted((lab.data_root / kind).glob(f"{study}/sub-*/ses-*/manifest.json"))
     unfinished_paths = [
@@ -481,9 +486,9 @@ def _the_unfinished(lab: LabConfig, study: str = "*") -> Path:
     if not unfinished_paths:
         raise UsageError(
             f"no unfinished session under {lab.data_root / kind}; a new one begins with "
-            f"visavis run {'STUDY' if study == '*' else study} --participant ID"
+            f"visavis run {typed} --participant ID"
         )
-    choices = "\n  ".join(f"visavis resume {p}" for p in unfinished_paths)
+    choices = "\n  ".join(f"visavis resume {shlex.quote(str(p))}" for p in unfinished_paths)
     raise UsageError(f"several sessions are unfinished; choose one:\n  {choices}")
 
 

@@ -1,5 +1,6 @@
 """simulate, analyse, report, demo: commands for a whole study."""
 
+import shlex
 import webbrowser
 from functools import partial
 from pathlib import Path
@@ -108,7 +109,7 @@ def simulate(
         notifier=NOTIFIER,
     )
     say(f"[magenta]SIMULATED[/] study in [b]{verbatim(folder)}[/]")
-    say(f"next: visavis analyse {verbatim(folder)}")
+    say(f"next: visavis analyse {verbatim(shlex.quote(str(folder)))}")
 
 
 PeekOption = Annotated[

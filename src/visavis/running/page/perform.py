@@ -41,6 +41,7 @@ from visavis.running.sessions.recorded_design import DESIGN_KEY, design_of
 from visavis.running.sessions.recorded_part import recorded_part, recorder_of, refuse_other_plan
 from visavis.running.sessions.session_request import PageAddress, Request, behaviour_seed
 from visavis.study.cast import use_cast_of, use_recorded_cast
+from visavis.study.catalogue import typed_reference
 from visavis.study.experiment import StudyExperiment
 from visavis.study.films import MIME
 
@@ -280,8 +281,8 @@ def _perform_part(
         outcome = asyncio.run(_serve(request, experiment, store, folder, recorder, past, port))
         if outcome in ENDINGS:
             todo = (
-                f"; do it now: visavis participant withdraw {request.study.name} "
-                f"{request.person.label}"
+                f"; do it now: visavis participant withdraw "
+                f"{typed_reference(request.study.study)} {request.person.label}"
             )
             raise SessionAborted(ENDINGS[outcome] + (todo if outcome == WITHDRAWN else ""))
 

@@ -14,6 +14,7 @@ from visavis.recording.durable import make_folder
 from visavis.recording.manifest import read_manifest
 from visavis.recording.reader import Recording
 from visavis.recording.sealed import copy_path, read_sealed, write_sealed
+from visavis.recording.typed_names import typed_study
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.study.catalogue import digest_of
 from visavis.study.texts import DEFAULT_LANGUAGE
@@ -283,7 +284,8 @@ def sessions_of(folder: Path) -> tuple[Path, ...]:
     if not sessions:
         inner = sorted(p.parent for p in folder.glob(f"*/{SETTINGS_NAME}"))
         inner += sorted(p.parent for p in folder.glob(f"*/*/{SETTINGS_NAME}"))
-        begin = f"perform one: visavis run {folder.name} --participant 1, or give another folder"
+        command = f"visavis run {typed_study(folder)} --participant 1"
+        begin = f"perform one: {command}, or give another folder"
         hint = f"; did you mean {inner[0]}?" if inner else f"; {begin}"
         raise UsageError(f"{folder} holds no sessions (sub-…/ses-…){hint}")
     return sessions
