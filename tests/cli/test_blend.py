@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from click.testing import Result
 from typer.testing import CliRunner
 
 from visavis.cli.main import app
@@ -18,16 +19,20 @@ from visavis.stimuli.motion.errors import MotionError
 from visavis.stimuli.motion.synthesis.walk_styles import walk_set
 
 
-def blended(*arguments: str) -> str:
+def run(*arguments: str) -> Result:
     result = CliRunner().invoke(app, ["blend", *arguments])
     if isinstance(result.exception, LabError):
         raise result.exception
     assert result.exit_code == 0, result.output
-    return result.output
+    return result
+
+
+def blended(*arguments: str) -> str:
+    return run(*arguments).output
 
 
 def of(*arguments: str) -> dict[str, dict[str, float]]:
-    values: dict[str, dict[str, float]] = json.loads(blended(*arguments, "--json"))
+    values: dict[str, dict[str, float]] = json.loads(run(*arguments, "--json").stdout)
     return values
 
 
@@ -121,7 +126,7 @@ def test_few_examples_for_many_parameters_are_warned_of() -> None:
         (("--weights", "march=1"), "there is no 'march'"),
         (("--weights", "misery_slow=-1"), "a number from 0"),
         (("--weights", "misery_slow=1", "--features", "duration=.5"), "not several"),
-        (("--examples", "set_c"), "neither set_a, set_b nor a folder"),
+        (("--examples", "set_c"), "neither set_a, set_b, waves, beats nor a folder"),
         (("--weights", "misery_slow=1", "-o", "walk.fbx"), "ends in .bvh"),
         (("--rounds", "0"), "1 to 100"),
     ],
@@ -154,6 +159,21 @@ def test_ratings_of_a_study_take_the_place_of_those_simulated(tmp_path: Path) ->
         blended("--ratings", str(path))
     with pytest.raises(UsageError, match="cannot be read"):
         blended("--ratings", str(tmp_path / "gone.csv"))
+
+
+def test_gestures_are_blended_as_walks_are(tmp_path: Path) -> None:
+    listed = blended("--examples", "waves")
+    assert "5 examples: plain, large, shy, hasty, weary" in listed
+    assert "adjectives: none" in listed
+    assert "people have not rated" not in listed
+    path = tmp_path / "wave.glb"
+    blended("--examples", "waves", "--weights", "large=1,hasty=1", "-o", str(path))
+    (motion,) = read_glb(path).items("animations")
+    assert motion["name"] == "wave"
+    made = of("--examples", "beats", "--features", "duration=.8")
+    assert sum(made["weights"].values()) == pytest.approx(1.0)
+    with pytest.raises(UsageError, match="these examples have none"):
+        blended("--examples", "beats", "--adjectives", "quickness=.5")
 
 
 def test_weights_that_are_all_zero_are_refused() -> None:

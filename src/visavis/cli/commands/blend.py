@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import typer
 
-from visavis.cli.app import JsonOption, app, console, new_file, say, say_json, say_written, verbatim
+from visavis.cli.app import JsonOption, app, errors, new_file, say, say_json, say_written, verbatim
 from visavis.cli.blend_page import show_page
 from visavis.cli.walk_film import write_walk_film
 from visavis.experiments.adjectives.pairs import FACTORS
@@ -27,7 +27,8 @@ from visavis.stimuli.motion.clip import Clip
 from visavis.stimuli.motion.clip_file import write_clip
 from visavis.stimuli.motion.synthesis.example_blend import Blend, shares_of
 from visavis.stimuli.motion.synthesis.example_files import ExampleFolder, read_examples
-from visavis.stimuli.motion.synthesis.examples import Examples
+from visavis.stimuli.motion.synthesis.examples import Examples, is_walk
+from visavis.stimuli.motion.synthesis.gesture_styles import GESTURES, gesture_examples
 from visavis.stimuli.motion.synthesis.style_weights import MIN_SPARE, StyleWeights, fit_weights
 from visavis.stimuli.motion.synthesis.walk_features import (
     FEATURES,
@@ -39,7 +40,7 @@ from visavis.stimuli.motion.synthesis.walk_features import (
 from visavis.stimuli.motion.synthesis.walk_styles import style_names, walk_examples, walk_set
 from visavis.study.live import Live, Slider
 
-SETS: Final = ("set_a", "set_b")
+SETS: Final = ("set_a", "set_b", *GESTURES)
 FILMS: Final = (".mp4", ".webm", ".avi")
 SUFFIXES: Final = (".bvh", ".npz", ".glb", *FILMS)
 MIDDLE: Final = 0.5
@@ -50,7 +51,9 @@ MIDDLE: Final = 0.5
 def blend(
     examples: Annotated[
         str,
-        typer.Option(help="set_a, set_b, or a folder of BVH files with a table (.csv)."),
+        typer.Option(
+            help="set_a, set_b (walks), waves, beats, or a folder of BVH files with a table (.csv)."
+        ),
     ] = "set_b",
     adjectives: Annotated[
         str, typer.Option(help="NAME=VALUE,… from 0 to 1; activeness=.8,clearness=.2.")
@@ -94,7 +97,7 @@ def blend(
     if page and (output is not None or as_json):
         raise UsageError("--page shows the walk; give -o or --json without it")
     folder = None if examples in SETS else read_examples(_folder(examples), unit_m=unit_m)
-    walks = walk_set(examples) if folder is None else folder.examples
+    walks = _set(examples) if folder is None else folder.examples
     impressions = _impressions_of(walks, folder, ratings)
     if page:
         given = _Given(adjectives, features, weights)
@@ -125,10 +128,14 @@ def blend(
         say_written(output)
 
 
+def _set(which: str) -> Examples:
+    return gesture_examples(which) if which in GESTURES else walk_set(which)
+
+
 def _folder(examples: str) -> Path:
     folder = Path(examples)
     if not folder.is_dir():
-        raise UsageError(f"--examples {examples!r} is neither set_a, set_b nor a folder")
+        raise UsageError(f"--examples {examples!r} is neither {', '.join(SETS)} nor a folder")
     return folder
 
 
@@ -168,8 +175,10 @@ def _impressions_of(
     walks: Examples, folder: ExampleFolder | None, ratings: Path | None
 ) -> _Impressions:
     if ratings is None:
-        if folder is None:
+        if folder is None and is_walk(walks):
             return _Impressions(FACTORS, expected_impressions(walks))
+        if folder is None:
+            return _Impressions((), np.empty((len(walks), 0)))
         return _Impressions(folder.parameters, folder.points)
     try:
         table = pd.read_csv(ratings)
@@ -242,7 +251,7 @@ def _space(
         return _Space("--features", (*GROUPS, *single), points, values)
     if not impressions.names:
         raise UsageError(
-            "--adjectives: the folder's table has no columns of adjectives; add some with "
+            "--adjectives: these examples have none; give a folder whose table has columns with "
             "numbers from 0 to 1, or use --ratings, --features or --weights"
         )
     values = (
@@ -269,7 +278,7 @@ def _play(space: _Space, on_body: Examples, character: str, examples: str) -> Pl
 def _fit(points: Vector, dimensions: int) -> StyleWeights:
     fit = fit_weights(points)
     if fit.is_spare:
-        console.print(
+        errors.print(
             f"[yellow]{dimensions} parameters of {len(points)} examples: weights are unsteady; "
             f"give at least {dimensions + MIN_SPARE} examples, or fewer parameters[/]",
             soft_wrap=True,
@@ -287,6 +296,8 @@ def _rounds(blend_of_walks: Blend, rounds: int) -> Clip:
 
 def _examples_on(examples: str, who: Character, unit_m: float) -> Examples:
     """Return the examples on a character's own skeleton."""
+    if examples in GESTURES:
+        return gesture_examples(examples, who.skeleton)
     if examples in SETS:
         return walk_examples(style_names(examples), build_of_character(who))
     return read_examples(Path(examples), who.skeleton, unit_m=unit_m).examples
@@ -305,8 +316,8 @@ def _list(walks: Examples, impressions: _Impressions, as_json: bool, *, is_simul
         )
         return
     say(f"[b]{len(walks)} examples[/]: {verbatim(', '.join(walks.names))}")
-    say(f"[b]adjectives[/]: {verbatim(', '.join(impressions.names) or 'none in the table')}")
-    if is_simulated:
+    say(f"[b]adjectives[/]: {verbatim(', '.join(impressions.names) or 'none')}")
+    if is_simulated and impressions.names:
         say("[dim]from simulated raters; people have not rated these walks[/]")
     for group in GROUPS:
         members = [name for name, g in zip(FEATURES, table.group_of, strict=True) if g == group]

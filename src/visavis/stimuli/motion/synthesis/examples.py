@@ -69,8 +69,7 @@ class Examples:
         """Phases (2,) at which left and right foot stand flat: in a walk, where the other's toes
         leave; in motions with other key moments, at the beginning.
         """
-        is_walk = self.key_s.shape[1] == len(WALK_KEYS) + 1
-        return np.array([1.0, 3.0] if is_walk else [0.0, 0.0])
+        return np.array([1.0, 3.0] if is_walk(self) else [0.0, 0.0])
 
     @property
     def cycle_s(self) -> Vector:
@@ -92,6 +91,11 @@ class Examples:
         skeleton = self.skeleton
         feet = np.array([skeleton.index(name) for name in FEET], dtype=np.int64)
         return skeleton.parents, skeleton.offsets_m, feet, self.heel_m, self.flat_phases
+
+
+def is_walk(examples: Examples) -> bool:
+    """Return whether the key moments of examples are the contacts of a walk (`WALK_KEYS`)."""
+    return examples.key_s.shape[1] == len(WALK_KEYS) + 1
 
 
 def heel_of(skeleton: Skeleton) -> Vector:
