@@ -176,6 +176,20 @@ def test_gestures_are_blended_as_walks_are(tmp_path: Path) -> None:
         blended("--examples", "beats", "--adjectives", "quickness=.5")
 
 
+def test_a_map_shows_what_no_blend_comes_to(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("visavis.cli.commands.blend.REACH_BLENDS", 60)
+    path = tmp_path / "reach.png"
+    found = json.loads(run("--examples", "set_a", "--reach", str(path), "--json").stdout)
+    assert found["blends"] == 70  # and the examples themselves
+    assert len(found["reached"]) == 6
+    assert all(0 < share < 1 for share in found["reached"].values())
+    assert path.stat().st_size > 10_000
+    with pytest.raises(UsageError, match=r"ends in \.png"):
+        blended("--reach", "map.txt")
+
+
 def test_weights_that_are_all_zero_are_refused() -> None:
     with pytest.raises(MotionError, match="all weights are zero"):
         blended("--weights", "misery_slow=0")

@@ -11,6 +11,7 @@ import typer
 
 from visavis.cli.app import JsonOption, app, errors, new_file, say, say_json, say_written, verbatim
 from visavis.cli.blend_page import show_page
+from visavis.cli.reach_map import write_reach_map
 from visavis.cli.walk_film import write_walk_film
 from visavis.experiments.adjectives.pairs import FACTORS
 from visavis.experiments.adjectives.raters import expected_impressions
@@ -29,6 +30,7 @@ from visavis.stimuli.motion.synthesis.example_blend import Blend, shares_of
 from visavis.stimuli.motion.synthesis.example_files import ExampleFolder, read_examples
 from visavis.stimuli.motion.synthesis.examples import Examples, is_walk
 from visavis.stimuli.motion.synthesis.gesture_styles import GESTURES, gesture_examples
+from visavis.stimuli.motion.synthesis.reach import reach_of
 from visavis.stimuli.motion.synthesis.style_weights import MIN_SPARE, StyleWeights, fit_weights
 from visavis.stimuli.motion.synthesis.walk_features import (
     FEATURES,
@@ -43,6 +45,8 @@ from visavis.study.live import Live, Slider
 SETS: Final = ("set_a", "set_b", *GESTURES)
 FILMS: Final = (".mp4", ".webm", ".avi")
 SUFFIXES: Final = (".bvh", ".npz", ".glb", *FILMS)
+REACH_BLENDS: Final = 1500
+"""Blends that are measured for a map of what can be reached."""
 MIDDLE: Final = 0.5
 """Where a parameter stands that nobody has set."""
 
@@ -77,6 +81,10 @@ def blend(
     page: Annotated[
         bool, typer.Option("--page", help="Open a page on which sliders blend, to play with.")
     ] = False,
+    reach: Annotated[
+        Path | None,
+        typer.Option(help="A new .png: which groups of features blends come to, and which none."),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Blend example walks by adjectives, features or weights, and write the walk.
@@ -94,11 +102,16 @@ def blend(
         new_file(output)
     if not 1 <= rounds <= 100:
         raise UsageError(f"--rounds {rounds}; give 1 to 100")
+    if reach is not None and reach.suffix.lower() != ".png":
+        raise UsageError(f"--reach {reach}: name a file that ends in .png")
     if page and (output is not None or as_json):
         raise UsageError("--page shows the walk; give -o or --json without it")
     folder = None if examples in SETS else read_examples(_folder(examples), unit_m=unit_m)
     walks = _set(examples) if folder is None else folder.examples
     impressions = _impressions_of(walks, folder, ratings)
+    if reach is not None:
+        _map_reach(new_file(reach), walks, as_json)
+        return
     if page:
         given = _Given(adjectives, features, weights)
         space = _space(walks, impressions, given, most_weight=1.0)
@@ -301,6 +314,21 @@ def _examples_on(examples: str, who: Character, unit_m: float) -> Examples:
     if examples in SETS:
         return walk_examples(style_names(examples), build_of_character(who))
     return read_examples(Path(examples), who.skeleton, unit_m=unit_m).examples
+
+
+def _map_reach(path: Path, walks: Examples, as_json: bool) -> None:
+    """Draw what blends of the examples come to, and say it in shares."""
+    found = reach_of(walks, tuple(GROUPS), REACH_BLENDS, np.random.default_rng(1))
+    write_reach_map(path, found, feature_table(walks).primary)
+    shares = {
+        f"{found.names[i]} by {found.names[j]}": share for (i, j), share in found.planes.items()
+    }
+    if as_json:
+        say_json({"blends": len(found.points), "reached": shares})
+        return
+    for plane, share in shares.items():
+        say(f"{plane}: blends come to {share:.0%} of the plane")
+    say_written(path)
 
 
 def _list(walks: Examples, impressions: _Impressions, as_json: bool, *, is_simulated: bool) -> None:
