@@ -16,6 +16,7 @@ from visavis.recording.folder import open_session
 from visavis.recording.sealed import copy_path
 from visavis.running.scripts import open_study
 from visavis.running.sessions.recorded_part import begin_part
+from visavis.running.sessions.session_list import list_session
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +40,7 @@ def run(*arguments: str) -> tuple[int, str]:
     return result.exit_code or int(result.exception is not None), " ".join(text.split())
 
 
-def both(path: Path, change: Callable[[Path], None]) -> None:
+def both(path: Path, change: Callable[[Path], object]) -> None:
     for one in (path, copy_path(path)):
         change(one)
 
@@ -53,6 +54,8 @@ def as_link(folder: Path) -> None:
     folder.symlink_to(folder.parent.parent / "elsewhere")
 
 
+PART_2 = "sub-S02C/ses-001/part-02"
+HEAD = "sub-S02C/ses-001/part-01/head.arrows"
 LOSSES: dict[str, tuple[Callable[[Path], None], str]] = {
     "a person": (lambda s: shutil.rmtree(s / "sub-S02C"), "sub-S02C/ses-001 is gone"),
     "a session": (lambda s: shutil.rmtree(s / "sub-S02C/ses-001"), "sub-S02C/ses-001 is gone"),
@@ -67,6 +70,29 @@ LOSSES: dict[str, tuple[Callable[[Path], None], str]] = {
         "does not know sub-S02C",
     ),
     "the settings": (lambda s: both(s / "study.json", Path.unlink), "study.json and its copy"),
+    "a part that is there twice": (
+        lambda s: void(shutil.copytree(s / "sub-S02C/ses-001/part-01", s / PART_2)),
+        "part-02 is no part of this session",
+    ),
+    "a stream that is there twice": (
+        lambda s: void(shutil.copyfile(s / HEAD, (s / HEAD).with_name("other.arrows"))),
+        "other.arrows is no file of this part",
+    ),
+    "the list of sessions": (lambda s: both(s / "sessions.jsonl", Path.unlink), "is gone or empty"),
+    "what the list held": (
+        lambda s: both(s / "sessions.jsonl", lambda p: void(p.write_bytes(b""))),
+        "is gone or empty",
+    ),
+    "a line of the list": (
+        lambda s: both(s / "sessions.jsonl", cut_by_a_line),
+        "does not say how sub-S02C/ses-001 ended",
+    ),
+    "two lines of the list": (
+        lambda s: both(s / "sessions.jsonl", lambda p: [cut_by_a_line(p) for _ in "ab"]),
+        "does not know sub-S02C/ses-001",
+    ),
+    "a session for a link": (lambda s: as_link(s / "sub-S02C/ses-001"), "ses-001 is a link"),
+    "a list for a link": (lambda s: as_link(s / "sessions.jsonl"), "sessions.jsonl is a link"),
     "a folder for a link": (lambda s: as_link(s / "sub-S02C"), "sub-S02C is a link"),
 }
 
@@ -84,6 +110,23 @@ def test_what_is_gone_from_a_study_is_named(
     code, text = run("check", str(study))
     assert 0 != code
     assert said in text
+
+
+def test_recover_adds_to_the_list_how_a_session_ended(study: Path) -> None:
+    both(study / "sessions.jsonl", cut_by_a_line)
+    assert 0 == run("recover", str(study))[0]
+    assert 0 == run("check", str(study))[0]
+
+
+def test_sessions_of_a_study_from_before_there_was_a_list_are_not_missed_by_it(study: Path) -> None:
+    for path in study.glob("*sessions*"):
+        path.unlink()
+    assert 0 == run("check", str(study))[0]
+    session = study / "sub-S02C/ses-001"
+    list_session(session, 1, "complete", "2026-01-01T00:00:00+00:00")
+    assert 0 == run("check", str(study))[0]
+    shutil.rmtree(study / "sub-S01B")  # which an earlier version recorded, and nobody listed
+    assert "does not know" not in run("check", str(study))[1]
 
 
 def test_half_of_the_people_are_not_analysed_as_if_they_were_all(study: Path) -> None:

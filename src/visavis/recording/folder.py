@@ -9,12 +9,12 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from visavis.lab.clock import Clock
 from visavis.lab.closing import Closing
 from visavis.lab.errors import UsageError
-from visavis.recording.durable import make_folder, sync_folder, write_failure
+from visavis.recording.durable import make_folder, sha256_of, sync_folder, write_failure
 from visavis.recording.lock import SessionLock
 from visavis.recording.manifest import (
     MAX_SESSION,
@@ -26,8 +26,9 @@ from visavis.recording.manifest import (
     write_manifest,
 )
 from visavis.recording.recovery import RecoveryReport, other_files, recover_held
-from visavis.recording.summary import PartSummary
+from visavis.recording.summary import JournalSummary, PartSummary, StreamSummary
 
+FileOfPart = TypeVar("FileOfPart", StreamSummary, JournalSummary)
 SIMULATED_ROOT = "simulated"
 REAL_ROOT = "real"
 
@@ -83,6 +84,7 @@ class SessionFolder(Closing):
         running = next((p for p in self.manifest.parts if p.status == "running"), None)
         if running is None:
             raise UsageError(f"{self.path}: no part is being recorded")
+        folder = self.path / running.folder
         if summary is None:
             outcome: PartStatus = status or "crashed"
         else:
@@ -93,9 +95,9 @@ class SessionFolder(Closing):
             ended_ns=clock.now_ns(),
             ended_wall_iso=clock.wall_iso(),
             reason="; ".join(t for t in (reason, summary.failure if summary else "") if t),
-            streams=summary.streams if summary else (),
-            journal=summary.journal if summary else None,
-            others=other_files(self.path / running.folder),
+            streams=tuple(_as_found(folder, s) for s in summary.streams) if summary else (),
+            journal=_as_found(folder, summary.journal) if summary else None,
+            others=other_files(folder),
         )
         self._write(self.manifest.with_part(finished_part))
 
@@ -120,6 +122,17 @@ class SessionFolder(Closing):
     def _write(self, manifest: Manifest) -> None:
         write_manifest(self.path, manifest)
         self.manifest = manifest
+
+
+def _as_found(folder: Path, summary: FileOfPart) -> FileOfPart:
+    """Return the summary of a file with the hash of what was written before writing failed."""
+    path = folder / summary.file
+    if summary.sha256 or not path.is_file():
+        return summary
+    try:
+        return replace(summary, bytes=path.stat().st_size, sha256=sha256_of(path))
+    except OSError:  # the disk that refused to write refuses to read
+        return summary
 
 
 def create_session(data_root: Path, manifest: Manifest) -> SessionFolder:

@@ -15,6 +15,7 @@ from weakref import WeakKeyDictionary
 import pandas as pd
 
 from visavis.recording.journal import JOURNAL_NAME
+from visavis.recording.journal_file import JournalContent
 from visavis.recording.manifest import MANIFEST_NAME, Part
 from visavis.recording.reader import CHANGED, PART_COLUMN, Recording
 from visavis.recording.sealed import copy_path, copy_state
@@ -228,12 +229,16 @@ def _planned_row(
 
 
 def _place_problems(recording: Recording) -> Iterator[str]:
-    """Yield the problem when a session lies in another session's folder."""
+    """Yield the problem when a session lies in another's folder, or a strange part in it."""
     manifest, path = recording.manifest, recording.path.resolve()
     own = f"sub-{manifest.participant}/ses-{manifest.session:03d}"
     here = f"{path.parent.name}/{path.name}"
     if re.fullmatch(r"sub-[^/]+/ses-[0-9]{3}", here) and here != own:
         yield f"{path / MANIFEST_NAME} is of {own}, not of {here}"
+    folders = {part.folder for part in manifest.parts}
+    for folder in sorted(path.glob("part-*")):
+        if folder.name not in folders:
+            yield f"{folder} is no part of this session: {MANIFEST_NAME} does not list it"
 
 
 def _notes(recording: Recording) -> Iterator[str]:
@@ -268,8 +273,29 @@ def _problems(recording: Recording, part: Part, changed_files: Collection[str]) 
         tails.add(f"{folder / JOURNAL_NAME} is missing")
     if part.status == "crashed" and part.journal is None and not any(s.rows for s in part.streams):
         tails.add(f"{folder / JOURNAL_NAME} is missing")  # as recovery met it: it ended before that
+    if part.status == "crashed":
+        tails -= set(_after_the_crash(part, journal, states))
     problems = [p for p in recording.part_problems(part.number) if p not in tails]
+    if part.status != "running":
+        declared_names = {*journal.headers, *(s.name for s in part.streams)}
+        problems += [
+            f"{folder / name}.arrows is no file of this part"
+            for name, state in states.items()
+            if name not in declared_names and not state.is_unbegun
+        ]
     return problems + [f"{folder / file}: {CHANGED}" for file in changed_files]
+
+
+def _after_the_crash(
+    part: Part, journal: JournalContent, states: Mapping[str, StreamContent]
+) -> Iterator[str]:
+    """Yield the torn ends of files that had more in them when their part was found crashed."""
+    if part.journal is not None and part.journal.lines > journal.n_lines:
+        yield journal.tail_problem
+    for summary in part.streams:
+        state = states.get(summary.name)
+        if state is not None and summary.rows > state.n_rows:
+            yield state.tail_problem
 
 
 def _stream_damage(

@@ -20,8 +20,8 @@ class StreamStats:
 
 @dataclass(frozen=True)
 class StreamSummary:
-    """A stream file as it was closed; `closed_cleanly` is False, and
-    `sha256` empty, when writing had failed.
+    """A stream file as it was closed; `closed_cleanly` is False when writing had failed, and
+    `sha256` empty until the file was read again.
     """
 
     name: str

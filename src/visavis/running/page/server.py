@@ -52,7 +52,8 @@ HEADERS: Final = {
 }
 """Nothing is loaded from third parties, and nothing is sent to them. Pictures within a figure's
 file are read by way of `blob:` addresses, which lead to the page itself."""
-web_response.SERVER_SOFTWARE = HEADERS["Server"]  # in answers to broken HTTP, which aiohttp gives
+# Answers to broken HTTP are aiohttp's own, which names its version there.
+web_response.SERVER_SOFTWARE = HEADERS["Server"]  # type: ignore[attr-defined]  # not public
 
 
 class _WithoutPeers(logging.Filter):

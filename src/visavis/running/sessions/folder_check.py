@@ -6,6 +6,7 @@ from pathlib import Path
 
 from visavis.lab.clock import SystemClock
 from visavis.lab.errors import LabError, RecordingError
+from visavis.protocol.people.exports_register import LOCK_NAME as REGISTER_LOCK
 from visavis.protocol.people.exports_register import REGISTER_NAME, registered_exports
 from visavis.protocol.people.ledger import LEDGER_NAME, Ledger
 from visavis.protocol.people.own_body import FILE_NAMES, OWN_BODY_NAME, read_own_body
@@ -18,7 +19,7 @@ from visavis.recording.recovery import recover
 from visavis.recording.remarks import REMARKS_NAME, remarks_of
 from visavis.recording.sealed import copy_path, copy_state, restore
 from visavis.running.sessions.plan_lock import LOCK_NAME, PEEKS_NAME, read_lock, read_peeks
-from visavis.running.sessions.session_list import LIST_NAME, list_problems
+from visavis.running.sessions.session_list import LIST_NAME, complete_list, list_problems
 from visavis.running.sessions.study_folder import (
     SETTINGS_NAME,
     SIMULATED_PREFIX,
@@ -97,6 +98,8 @@ def repair_study(folder: Path) -> tuple[str, ...]:
         except ValueError as error:
             raise RecordingError(str(error)) from error
         repairs += [note] if note else []
+    for name in complete_list(folder):
+        repairs.append(f"{folder / LIST_NAME} says how {name} ended")
     if _lock_problems(folder):
         repairs += _mend(folder / LOCK_NAME, lambda: read_lock(folder))
     for path in _bodies(folder):
@@ -181,6 +184,11 @@ def _export_problems(folder: Path) -> list[str]:
     try:
         exports = registered_exports(folder)
         problems = list(read_lines(folder / REGISTER_NAME).notes)
+        if not exports and (folder / REGISTER_LOCK).exists():
+            problems.append(
+                f"{folder / REGISTER_NAME}, the register of exports, is gone or empty, so that a "
+                "withdrawal would not find them; restore it from a copy of the study"
+            )
     except LabError as error:
         return [str(error)]
     latest = {(e.where, tuple(e.files)): e for e in exports}

@@ -1,9 +1,12 @@
 """The list of what must be in a study's folder: every session that was begun, so that one can miss.
 
 A line is added as a part of a session begins and as it ends. Lines are chained and have a copy, as
-the ledger's; a study that was begun by an earlier version has a list from its next session on.
+the ledger's; a study that was begun by an earlier version has a list from its next session on,
+whose first line names the sessions before it (`earlier`).
 """
 
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -14,11 +17,12 @@ from visavis.protocol.people.file_lock import locked
 from visavis.protocol.people.ledger import Ledger
 from visavis.recording.chained import append_lines, read_lines
 from visavis.recording.folder import SIMULATED_ROOT
-from visavis.recording.manifest import MANIFEST_NAME
-from visavis.running.sessions.study_folder import SIMULATED_PREFIX
+from visavis.recording.manifest import MANIFEST_NAME, Part, read_manifest
+from visavis.running.sessions.study_folder import SIMULATED_PREFIX, session_folders
 
 LIST_NAME: Final = "sessions.jsonl"
 LOCK_NAME: Final = ".sessions.lock"
+RESTORE: Final = "restore the list from a copy of the study"
 
 
 @dataclass(frozen=True)
@@ -66,16 +70,88 @@ def list_problems(study: Path) -> tuple[str, ...]:
         notes = read_lines(study / LIST_NAME).notes
     except OSError as error:
         return (str(error),)
-    return *(f"{note}; `visavis recover {study}` mends it" for note in notes), *_missing(study)
+    return (
+        *(f"{note}; `visavis recover {study}` mends it" for note in notes),
+        *_missing(study),
+        *(
+            f"{study / LIST_NAME} does not say how {name} ended; `visavis recover {study}` adds it"
+            for name in _without_end(study)
+        ),
+    )
+
+
+def complete_list(study: Path) -> tuple[str, ...]:
+    """Add how sessions ended whose last line could not be written; return their names.
+
+    Raises:
+        RecordingError: the list is damaged or cannot be written.
+    """
+    names = _without_end(study)
+    for name in names:
+        part = read_manifest(study / name).parts[-1]
+        list_session(study / name, part.number, part.status, part.ended_wall_iso or "")
+    return names
+
+
+def _without_end(study: Path) -> tuple[str, ...]:
+    """Return the sessions that ended, of which the list knows only that they began."""
+    newest_parts = _newest_parts(study)
+    try:
+        listed = _listed(study)
+    except (RecordingError, OSError):
+        return ()  # which is reported by itself
+    return tuple(
+        one.name
+        for one in listed.values()
+        if one.status == "running"
+        and (part := newest_parts.get(one.name)) is not None
+        and part.status in ("complete", "aborted")
+        and part.number == one.part
+    )
+
+
+def _newest_parts(study: Path) -> dict[str, Part]:
+    """Return the newest part of every session that is there, by the session's name."""
+    parts = {}
+    for session in session_folders(study):
+        with suppress(RecordingError):  # which is reported where the session is read
+            manifest = read_manifest(session)
+            if manifest.parts:
+                parts[f"{session.parent.name}/{session.name}"] = manifest.parts[-1]
+    return parts
+
+
+def _unlisted(study: Path) -> Iterator[str]:
+    """Yield the sessions and parts that are there and of which the list knows nothing."""
+    lines = read_lines(study / LIST_NAME)
+    if not lines.records:
+        if (study / LOCK_NAME).exists() and any(study.glob("sub-*/ses-*")):
+            yield f"{study / LIST_NAME}, the list of sessions, is gone or empty; {RESTORE}"
+        return
+    earlier = lines.records[0].get("earlier")
+    if earlier is None:
+        return
+    known = dict.fromkeys(earlier, 0)
+    for record in lines.records:
+        if record.get("event") == "session":
+            name = f"sub-{record['participant']}/{record['session']}"
+            known[name] = max(known.get(name, 0), record["part"])
+    for name, part in _newest_parts(study).items():
+        if name not in known:
+            yield f"{study / LIST_NAME} does not know {name}, which is there; {RESTORE}"
+        elif known[name] < part.number and name not in earlier:
+            yield f"{study / LIST_NAME} does not know part {part.number} of {name}; {RESTORE}"
 
 
 def _missing(study: Path) -> tuple[str, ...]:
     """Return what is missing by the list, or why the list cannot say so, a line each."""
     try:
         absent = _absent(study)
+        unlisted = tuple(_unlisted(study))
     except (RecordingError, OSError) as error:
         return (str(error),)
     return (
+        *unlisted,
         *(
             f"{study / one.name} is gone: it was there on {one.at[:10]} (part {one.part}, "
             f"{one.status}); restore it from a copy, or sign off that it is no part of the study: "
@@ -84,7 +160,7 @@ def _missing(study: Path) -> tuple[str, ...]:
         ),
         *(
             f"{path} is a link to {path.resolve()}; move the data themselves here"
-            for path in sorted(study.glob("sub-*"))
+            for path in sorted((*study.glob("*"), *study.glob("sub-*/*")))
             if path.is_symlink()
         ),
     )
@@ -106,6 +182,18 @@ def require_whole(study: Path, *, accept: bool) -> tuple[str, ...]:
 
 def _absent(study: Path) -> tuple[ListedSession, ...]:
     """Return the listed sessions that are not there, though nobody withdrew or signed them off."""
+    absent = [one for one in _listed(study).values() if not _is_there(study, one)]
+    withdrawn_people = _withdrawn(study) if absent else frozenset()
+    return tuple(one for one in absent if one.name.partition("/")[0] not in withdrawn_people)
+
+
+def _listed(study: Path) -> dict[str, ListedSession]:
+    """Return the sessions that belong to a study, as they were last listed, by name.
+
+    Raises:
+        RecordingError: the list is damaged.
+        OSError: it cannot be read.
+    """
     lines = read_lines(study / LIST_NAME)
     if lines.damaged_line is not None:
         number, what = lines.damaged_line
@@ -121,9 +209,7 @@ def _absent(study: Path) -> tuple[ListedSession, ...]:
             continue
         name = f"sub-{record['participant']}/{record['session']}"
         last_by_name[name] = ListedSession(name, record["part"], record["at"], record["status"])
-    absent = [one for one in last_by_name.values() if not _is_there(study, one)]
-    withdrawn_people = _withdrawn(study) if absent else frozenset()
-    return tuple(one for one in absent if one.name.partition("/")[0] not in withdrawn_people)
+    return last_by_name
 
 
 def _is_there(study: Path, one: ListedSession) -> bool:
@@ -143,9 +229,16 @@ def _withdrawn(study: Path) -> frozenset[str]:
         return frozenset()  # which is reported where the ledger is read
 
 
+def _names(study: Path) -> list[str]:
+    return [f"{path.parent.name}/{path.name}" for path in session_folders(study)]
+
+
 def _append(study: Path, line: dict[str, Any]) -> None:
     try:
         with locked(study / LOCK_NAME):
+            if not read_lines(study / LIST_NAME).records:
+                this = f"sub-{line.get('participant')}/{line.get('session')}"
+                line = {**line, "earlier": [name for name in _names(study) if name != this]}
             append_lines(study / LIST_NAME, [line])
     except (LedgerError, OSError, ValueError) as error:
         raise RecordingError(
