@@ -49,10 +49,16 @@ class KeyFile:
 
     def page_key(self, label: str, session: int) -> str:
         """Return the secret in the address of a session's page, the same whenever it is asked."""
+        return self._secret(f"page/{label}/{session}")
+
+    def board_key(self) -> str:
+        """Return the secret in the address of the study's board, the same whenever it is asked."""
+        return self._secret("board/")
+
+    def _secret(self, message: str) -> str:
         salt = bytes.fromhex(self._read()["salt"])
-        # labels hold letters and digits only, so no pseudonym is made from the same text
-        message = f"page/{label}/{session}".encode()
-        return hmac.new(salt, message, hashlib.sha256).hexdigest()
+        # labels hold letters and digits only, no slash, so no pseudonym is made from the same text
+        return hmac.new(salt, message.encode(), hashlib.sha256).hexdigest()
 
     def identify(self, label: str, identity: Mapping[str, str]) -> None:
         """Store who is behind a label (name, contact); replaces what was stored."""
