@@ -15,6 +15,7 @@ from visavis.protocol.people.ledger import Ledger
 from visavis.recording.folder import open_session
 from visavis.recording.sealed import copy_path
 from visavis.running.scripts import open_study
+from visavis.running.sessions.bill_of_lading import bill_of_lading
 from visavis.running.sessions.recorded_part import begin_part
 from visavis.running.sessions.session_list import list_session
 
@@ -158,3 +159,49 @@ def test_who_withdrew_or_was_signed_off_is_not_missed(study: Path) -> None:
     code, text = run("check", str(study), "--sign")
     assert (0, True) == (code, "signed off, no part of the study any more: sub-S01B" in text), text
     assert 0 == run("check", str(study))[0]
+
+
+def test_a_bill_of_lading_says_what_a_copy_on_another_computer_lacks(
+    study: Path, tmp_path: Path
+) -> None:
+    bill = tmp_path / "bill.json"
+    code, text = run("check", str(study), "--baseline", str(bill))
+    digits = text.partition("bill of lading: ")[2][:64]
+    assert (0, 64) == (code, len(digits))
+    copy = tmp_path / "elsewhere/simulated/meet"
+    shutil.copytree(study, copy, ignore=shutil.ignore_patterns("derived", ".*"))
+    for baseline in (str(bill), digits, digits[:16]):
+        assert 0 == run("check", str(copy), "--against", baseline)[0]
+
+    shutil.rmtree(copy / "sub-S02C")
+    for path in copy.glob("*sessions*"):
+        path.unlink()  # so that only the bill knows
+    code, text = run("check", str(copy), "--against", str(bill))
+    assert (5, True) == (code, "sub-S02C/ses-001 is gone: complete" in text), text
+    code, text = run("check", str(copy), "--against", digits)
+    assert (5, True) == (code, f"not {digits}" in text), text
+    code, text = run("check", str(copy), "--against", "yesterday")
+    assert "neither a file" in text
+    bill.write_bytes(bill.read_bytes().replace(b"sub-S02C", b"sub-S09C").replace(b"S02C", b"S03C"))
+    assert "is no bill of lading" in run("check", str(copy), "--against", str(bill))[1]
+
+
+def test_the_bill_names_who_is_missing_and_when_they_were_last_seen(study: Path) -> None:
+    Ledger(study, SimClock(), prefix="S").add()
+    before = bill_of_lading(study)
+    shutil.rmtree(study / "sub-S02C")
+    states = {line.participant: line.state for line in bill_of_lading(study).lines}
+    assert {"S01B": "complete", "S02C": "missing"} == {k: states[k] for k in ("S01B", "S02C")}
+    assert ["has not come"] == [s for label, s in states.items() if label not in ("S01B", "S02C")]
+    gone = next(line for line in bill_of_lading(study).lines if line.participant == "S02C")
+    assert gone.last_seen
+    assert before.sha256 != bill_of_lading(study).sha256
+
+
+def test_an_analysis_and_its_report_name_the_hash_of_the_data(study: Path) -> None:
+    code, text = run("analyse", str(study), "--processes", "1")
+    assert 0 == code, text
+    digits = bill_of_lading(study).sha256[:16]
+    assert f"bill of lading: {digits}" in text
+    report = (study / "derived/report.html").read_text("utf-8")
+    assert f"--against {digits}" in report

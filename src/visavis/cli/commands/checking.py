@@ -27,9 +27,16 @@ from visavis.cli.app import (
     verbatim,
 )
 from visavis.cli.studies import folder_of, require_session, session_of
-from visavis.lab.errors import RecordingError
+from visavis.lab.errors import LedgerError, RecordingError
 from visavis.recording.reader import Recording
 from visavis.recording.recovery import recover as recover_session
+from visavis.running.sessions.bill_of_lading import (
+    MISSING,
+    BillOfLading,
+    bill_of_lading,
+    compare_bill,
+    write_bill,
+)
 from visavis.running.sessions.folder_check import is_study, repair_study, study_problems
 from visavis.running.sessions.session_list import sign_list
 from visavis.running.sessions.study_folder import session_folders
@@ -57,13 +64,23 @@ def check(
         bool,
         typer.Option("--sign", help="Of a study: sign off that what is gone is no part of it."),
     ] = False,
+    baseline: Annotated[
+        Path | None,
+        typer.Option("--baseline", help="Of a study: write its bill of lading to this file."),
+    ] = None,
+    against: Annotated[
+        str,
+        typer.Option("--against", help="Of a study: compare with such a file, or with its hash."),
+    ] = "",
     config: ConfigOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Can they leave? Compare what was planned with what was recorded.
 
     Given a study's folder, it verifies every file of every session, the settings and the ledger,
-    and misses every session that was ever begun there and that nobody withdrew.
+    misses every session that was ever begun there and that nobody withdrew, and prints the bill of
+    lading: who was registered, who came, what each left, and its hash, which a report names. With
+    --against a copy on another computer is compared with that.
 
     Recordings made elsewhere (an XDF file, a BIDS data set) are judged by their times: missing
     clock offsets, stamps that go back, gaps, rates, streams apart from the others.
@@ -80,7 +97,7 @@ def check(
     if is_study(session_path):
         for name in sign_list(session_path) if sign else ():
             say_plainly(f"signed off, no part of the study any more: {name}")
-        _check_study(session_path, as_json=as_json, list_trials=trials)
+        _check_study(session_path, baseline, against, as_json=as_json, list_trials=trials)
         return
     require_session(session_path)
     verdict = check_session(Recording(session_path))
@@ -112,8 +129,16 @@ def _check_foreign(path: Path, *, as_json: bool) -> None:
         raise typer.Exit(EXIT_RED)
 
 
-def _check_study(folder: Path, *, as_json: bool, list_trials: bool = False) -> None:
+def _check_study(
+    folder: Path, baseline: Path | None, against: str, *, as_json: bool, list_trials: bool = False
+) -> None:
     problems = study_problems(folder)
+    bill = None
+    with suppress(LedgerError, RecordingError):  # already listed among the problems
+        bill = bill_of_lading(folder)
+        problems += compare_bill(bill, against) if against else ()
+    if baseline is not None and bill is not None:
+        write_bill(bill, baseline)
     sessions = session_folders(folder)
     count = len(sessions)
     unfinished_sessions = _unfinished(sessions)
@@ -123,6 +148,11 @@ def _check_study(folder: Path, *, as_json: bool, list_trials: bool = False) -> N
             verdicts[session] = check_session(Recording(session))
     if as_json:
         content = {"sessions": count, "problems": problems, "unfinished": list(unfinished_sessions)}
+        if bill is not None:
+            content["bill_of_lading"] = {
+                "sha256": bill.sha256,
+                "lines": [asdict(line) for line in bill.lines],
+            }
         if list_trials:
             content["trials"] = {
                 str(s.relative_to(folder)): [asdict(t) for t in verdict.trials]
@@ -140,6 +170,8 @@ def _check_study(folder: Path, *, as_json: bool, list_trials: bool = False) -> N
         )
     else:
         console.print(f"[green]{count_of(count, 'session')}, every file verified[/]")
+    if bill is not None and not as_json:
+        _print_bill(bill)
     if not as_json:
         for path, (status, complete_count, trial_count) in unfinished_sessions.items():
             way_on = (
@@ -156,6 +188,24 @@ def _check_study(folder: Path, *, as_json: bool, list_trials: bool = False) -> N
             print_check(verdict, session, list_trials=True)
     if problems or any(verdict.level is Level.RED for verdict in verdicts.values()):
         raise typer.Exit(EXIT_RED)
+
+
+def _print_bill(bill: BillOfLading) -> None:
+    table = Table(box=None, pad_edge=False)
+    for name in ("participant", "session", "", "trials", "files", "MB", "last seen"):
+        table.add_column(name, justify="right" if name in ("trials", "files", "MB") else "left")
+    for line in bill.lines:
+        figures = (str(line.trials), str(line.files), f"{line.size_bytes / 1e6:.1f}")
+        table.add_row(
+            line.participant,
+            line.session or "–",
+            line.state,
+            *(figures if line.files else ("–", "–", "–")),
+            line.last_seen[:16] or "–",
+            style="bold red" if line.state == MISSING else "",
+        )
+    console.print(table)
+    console.print(f"bill of lading: [b]{bill.sha256}[/]", soft_wrap=True, highlight=False)
 
 
 def _unfinished(sessions: Sequence[Path]) -> dict[str, tuple[str, int, int]]:

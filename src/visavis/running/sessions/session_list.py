@@ -97,7 +97,7 @@ def _without_end(study: Path) -> tuple[str, ...]:
     """Return the sessions that ended, of which the list knows only that they began."""
     newest_parts = _newest_parts(study)
     try:
-        listed = _listed(study)
+        listed = listed_sessions(study)
     except (RecordingError, OSError):
         return ()  # which is reported by itself
     return tuple(
@@ -182,12 +182,12 @@ def require_whole(study: Path, *, accept: bool) -> tuple[str, ...]:
 
 def _absent(study: Path) -> tuple[ListedSession, ...]:
     """Return the listed sessions that are not there, though nobody withdrew or signed them off."""
-    absent = [one for one in _listed(study).values() if not _is_there(study, one)]
+    absent = [one for one in listed_sessions(study).values() if not _is_there(study, one)]
     withdrawn_people = _withdrawn(study) if absent else frozenset()
     return tuple(one for one in absent if one.name.partition("/")[0] not in withdrawn_people)
 
 
-def _listed(study: Path) -> dict[str, ListedSession]:
+def listed_sessions(study: Path) -> dict[str, ListedSession]:
     """Return the sessions that belong to a study, as they were last listed, by name.
 
     Raises:

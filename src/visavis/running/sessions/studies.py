@@ -31,6 +31,7 @@ from visavis.results.opened_study import OpenedStudy, overrides_of
 from visavis.results.picture_delay import SETTING, read_sync_test, required_for
 from visavis.results.selection import IS_ANALYSED
 from visavis.results.unusual import UnusualTrial
+from visavis.running.sessions.bill_of_lading import short_bill_hash
 from visavis.running.sessions.damage import count_damage, describe, require_intact, write_damage
 from visavis.running.sessions.data_root import prepare_data_root
 from visavis.running.sessions.intake_list import intake_list
@@ -243,6 +244,9 @@ def analyse_study(
     for line in require_whole(folder, accept=accept_damage):
         notifier.warn(line)
     damage_reports = require_intact(sessions, accept=accept_damage)
+    bill_hash = short_bill_hash(folder)
+    if bill_hash:
+        notifier.say(f"bill of lading: {bill_hash}, the hash of all that was recorded")
     if damage_reports:
         notifier.warn(
             f"{count_damage(damage_reports, len(sessions))}; what cannot be read is missing\n"
@@ -294,6 +298,7 @@ def analyse_study(
         is_simulated=True in kinds,
         commands=(
             *_origin(folder, manifests),
+            *([f"visavis check {_from_root(folder)} --against {bill_hash}"] if bill_hash else []),
             " ".join(
                 [
                     "visavis analyse",
