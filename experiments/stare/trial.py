@@ -41,7 +41,7 @@ SwitchCause: TypeAlias = Literal["look", "time"]
 
 def _first_look_ns(gaze: GazeView, agent: int, pad_deg: float, since_ns: int) -> int | None:
     """Return the time of the first sample since then that is on the agent's padded head."""
-    if not gaze.t_ns.shape[0]:
+    if not gaze.sample_count:
         return None
     aoi = aoi_of_samples(
         gaze.angle_deg, gaze.radius_deg, gaze.pad_limit_deg, gaze.hit, pad_deg=pad_deg
@@ -132,7 +132,7 @@ def run_trial(trial: Trial, params: StareParameters) -> Plan:
         "switch_cause": cause,
         "look_ns": look_ns,
         "scene_frames": len(gazes),
-        "scene_samples": sum(gaze.t_ns.shape[0] for gaze in gazes),
+        "scene_samples": sum(gaze.sample_count for gaze in gazes),
     }
 
 

@@ -142,6 +142,11 @@ class GazeView(NamedTuple):
     pad_limit_deg: npt.NDArray[np.float64]
     hit: npt.NDArray[np.int16]
 
+    @property
+    def sample_count(self) -> int:
+        """How many samples the frame brought."""
+        return self.t_ns.shape[0]
+
 
 class BodyView(NamedTuple):
     """The samples of the body tracker that arrived since the frame before.

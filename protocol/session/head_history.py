@@ -50,6 +50,7 @@ class HeadHistory:
             np.zeros((2, _CAPACITY, 3)),
             np.tile(np.array([1.0, 0.0, 0.0, 0.0]), (2, _CAPACITY, 1)),
         )
+        self._rows = tuple(zip(*self.poses, strict=True))
         self._newest = [-1, -1]
         self._counts = [0, 0]
 
@@ -82,10 +83,12 @@ class HeadHistory:
 
     def _add(self, kind: int, t_ns: int, pose: Pose) -> None:
         i = self._newest[kind] = (self._newest[kind] + 1) % _CAPACITY
-        self.poses.t_ns[kind, i] = t_ns
-        self.poses.position_m[kind, i] = pose.position_m
-        self.poses.orientation_wxyz[kind, i] = pose.orientation_wxyz
-        self._counts[kind] = min(self._counts[kind] + 1, POSES_KEPT)
+        t_kept_ns, position_m, orientation_wxyz = self._rows[kind]
+        t_kept_ns[i] = t_ns
+        position_m[i] = pose.position_m
+        orientation_wxyz[i] = pose.orientation_wxyz
+        if self._counts[kind] < POSES_KEPT:
+            self._counts[kind] += 1
 
 
 def heads_between(

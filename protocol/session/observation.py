@@ -232,6 +232,13 @@ class LateGaze:
         """Take the samples `first` to `end` of what was evaluated together."""
         self._samples = gaze, first, end
 
+    @property
+    def sample_count(self) -> int:
+        """How many samples the frame brought."""
+        if self._samples is None:
+            self._catch_up()
+        return 0 if self._samples is None else self._samples[2] - self._samples[1]
+
     def __getattr__(self, name: str) -> Any:
         if self._samples is None:
             self._catch_up()

@@ -95,7 +95,7 @@ class SimulatedHeadset(OnSessionClock):
         self._last: int | None = None
         self._frame: FrameInfo | None = None
         self._submitted_ns = -1
-        self._timing: list[bytes] = []
+        self._timing: list[tuple[FrameInfo, int, int]] = []
         self._timing_ns: list[tuple[int, int]] = []
         self._timing_rows = 0
         self._valid = True
@@ -218,12 +218,20 @@ class SimulatedHeadset(OnSessionClock):
         if frame is None:
             return
         self._frame = None
-        self._timing.append(
+        self._timing.append((frame, self._submitted_ns, late_by))
+        self._timing_ns.append((frame.predicted_display_ns, self._clock.now_ns()))
+        self._submitted_ns = -1
+
+    def _deliver_timing(self) -> int:
+        n, sink = len(self._timing), self._sink
+        if not n or sink is None:
+            return 0
+        rows = [
             _TIMING_ROW.pack(
                 frame.index,
                 frame.index,
                 frame.predicted_display_ns,
-                self._submitted_ns,
+                submitted_ns,
                 frame.dropped,
                 True,
                 1,
@@ -232,15 +240,9 @@ class SimulatedHeadset(OnSessionClock):
                 0,
                 np.nan,
             )
-        )
-        self._timing_ns.append((frame.predicted_display_ns, self._clock.now_ns()))
-        self._submitted_ns = -1
-
-    def _deliver_timing(self) -> int:
-        n, sink = len(self._timing), self._sink
-        if not n or sink is None:
-            return 0
-        values = np.frombuffer(b"".join(self._timing), self._timing_schema.dtype)
+            for frame, submitted_ns, late_by in self._timing
+        ]
+        values = np.frombuffer(b"".join(rows), self._timing_schema.dtype)
         seq = np.arange(self._timing_rows, self._timing_rows + n)
         t_device_ns, t_host_ns = np.array(self._timing_ns, np.int64).T.copy()
         self._timing_rows += n
@@ -269,9 +271,9 @@ class SimulatedHeadset(OnSessionClock):
         if self._valid:
             # Poses are what their rows in the recording say.
             rows = self._foresight.at_once(t_ns, light_ns)
-            measured, foreseen = rows.astype(np.float64)
-            self._measured = Pose(measured[:3], measured[3:])
-            self._foreseen = Pose(foreseen[:3], foreseen[3:])
+            numbers = rows.astype(np.float64)
+            self._measured = Pose(numbers[0, :3], numbers[0, 3:])
+            self._foreseen = Pose(numbers[1, :3], numbers[1, 3:])
         else:
             rows = _LOST_ROWS
             self._measured = self._foreseen = None

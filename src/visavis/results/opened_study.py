@@ -13,6 +13,7 @@ from visavis.analysis.report.sources import provenance_of_sessions
 from visavis.analysis.statistics_report.choices import PAIR_SIGN
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import ConfigError, DataError, DesignError
+from visavis.lab.garbage import collecting_seldom
 from visavis.lab.yaml_lines import did_you_mean
 from visavis.people.person import StudyPerson
 from visavis.protocol.people.simulated_participant import SimulatedParticipant
@@ -422,6 +423,7 @@ class OpenedStudy:
         study.thresholds_with(settings)
         _ = pieces is None or pieces.how_with(settings)
 
+    @collecting_seldom()
     def analysis_of(
         self, sessions: Sequence[SessionIntake], settings: Mapping[str, Any] | None = None
     ) -> StudyAnalysis:
@@ -555,6 +557,7 @@ class OpenedStudy:
             folder=folder,
         )
 
+    @collecting_seldom()
     def write(
         self,
         analysis: StudyAnalysis,
