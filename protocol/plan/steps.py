@@ -145,7 +145,7 @@ class GazeView(NamedTuple):
     @property
     def sample_count(self) -> int:
         """How many samples the frame brought."""
-        return self.t_ns.shape[0]
+        return len(self.t_ns)
 
 
 class BodyView(NamedTuple):
