@@ -106,6 +106,8 @@ SAYS_IT = {
     "desk": "",
     "check": "nothing",
     "quality": "nothing",
+    "note": "nothing 1 text",
+    "exclude": "nothing 1 --reason why",
     "preview": "nothing --png a.png",
     "redraw": "nothing --frame 1 --png a.png",
     "simulate": "nothing",
