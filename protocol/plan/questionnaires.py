@@ -52,7 +52,8 @@ class Score(_Part):
     """A score over the questions that have one of `scales`, `tags` and `items` (empty: all).
 
     With at most `missing_allowed` answers missing, a mean is over the others and a sum is their
-    mean times the number of questions; with more, the score is missing.
+    mean times the number of questions; with more, the score is missing. With `each_tag` a question
+    counts once for each of the `tags` that it has; `factor` multiplies the result.
     """
 
     method: Literal["sum", "mean"] = "sum"
@@ -60,6 +61,8 @@ class Score(_Part):
     tags: list[str] = Field(default_factory=list)
     items: list[str] = Field(default_factory=list)
     missing_allowed: int = Field(default=0, ge=0)
+    each_tag: bool = False
+    factor: float = Field(default=1.0, gt=0)
 
 
 @dataclass(frozen=True)
@@ -258,9 +261,9 @@ def score(
         if not item_values or len(questions) - len(item_values) > rule.missing_allowed:
             scores[name] = None
         elif rule.method == "mean":
-            scores[name] = sum(item_values) / len(item_values)
+            scores[name] = rule.factor * sum(item_values) / len(item_values)
         else:
-            scores[name] = sum(item_values) * len(questions) / len(item_values)
+            scores[name] = rule.factor * sum(item_values) * len(questions) / len(item_values)
     return scores
 
 
@@ -268,14 +271,16 @@ def score_range(questionnaire: Questionnaire, name: str) -> tuple[float, float]:
     """Return the least and the greatest value a score can take."""
     rule = questionnaire.scores[name]
     bounds = [_bounds(q.scale) for q in _questions_of(questionnaire, rule)]
-    count = 1 if rule.method == "sum" else len(bounds)
-    return sum(low for low, _ in bounds) / count, sum(high for _, high in bounds) / count
+    per = rule.factor if rule.method == "sum" else rule.factor / len(bounds)
+    return per * sum(low for low, _ in bounds), per * sum(high for _, high in bounds)
 
 
 def _questions_of(questionnaire: Questionnaire, rule: Score) -> list[Question]:
+    """Return the questions of a score, one several times where it counts for several tags."""
     return [
         q
         for q in questionnaire.questions()
+        for _ in range(len(set(rule.tags) & set(q.item.tags)) if rule.each_tag else 1)
         if q.scale.kind != "text"
         and (not rule.scales or q.scale_name in rule.scales)
         and (not rule.tags or set(rule.tags) & set(q.item.tags))

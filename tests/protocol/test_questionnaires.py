@@ -58,8 +58,11 @@ def test_shipped_questionnaires_load_with_licence_and_distinct_questions():
         "demographics",
         "embodiment",
         "free_comment",
+        "igroup_presence",
         "presence",
+        "simulator_sickness",
         "social_anxiety",
+        "workload",
     ) == available()
     for name in available():
         questionnaire = load_questionnaire(name)
@@ -291,3 +294,45 @@ def test_an_unknown_name_gives_the_nearest(tmp_path):
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(ConfigError, match=r"nowhere\.yaml is not there"):
         load_questionnaire(tmp_path / "nowhere.yaml")
+
+
+# ---- sickness, presence, workload: the published structure and weights ------------------------
+
+
+def test_simulator_sickness_has_the_published_weights_and_ranges():
+    ssq = load_questionnaire("simulator_sickness")
+    assert 16 == len(ssq.items)
+    counts = [sum(tag in i.tags for i in ssq.items) for tag in ("nausea", "oculomotor")]
+    assert [7, 7, 7] == [*counts, sum("disorientation" in i.tags for i in ssq.items)]
+    # Kennedy and others (1993): each raw sum by its weight; the total adds the three sums.
+    worst = {q.question_id: "severe" for q in ssq.questions()}
+    expected = {"nausea": 200.34, "oculomotor": 159.18, "disorientation": 292.32, "total": 235.62}
+    for answers, share in ((worst, 1.0), (dict.fromkeys(worst, "slight"), 1 / 3)):
+        scores = score(ssq, answers)
+        assert {k: pytest.approx(share * v) for k, v in expected.items()} == scores
+    for name, most in expected.items():
+        assert (0.0, pytest.approx(most)) == score_range(ssq, name)
+    one = dict.fromkeys(worst, "none") | {"sick_hard_to_focus": "moderate"}  # counts in two scales
+    scores = score(ssq, one)
+    assert [0.0, 15.16, 27.84, 14.96] == [pytest.approx(v) for v in scores.values()]
+
+
+def test_igroup_presence_turns_reversed_items_round():
+    ipq = load_questionnaire("igroup_presence")
+    tags = [i.tags for i in ipq.items]
+    sizes = [tags.count([t]) for t in ("general", "place", "involvement", "realness")]
+    assert [1, 5, 4, 4] == sizes
+    fully = {
+        q.question_id: "0 not at all" if q.item.reverse else "6 completely" for q in ipq.questions()
+    }
+    assert {6.0} == set(score(ipq, fully).values())
+    assert (0.0, 6.0) == score_range(ipq, "place")
+
+
+def test_workload_is_the_mean_of_six_demands_from_0_to_100():
+    tlx = load_questionnaire("workload")
+    ids = [q.question_id for q in tlx.questions()]
+    assert 6 == len(ids)
+    answers = dict(zip(ids, ("10", "20", "30", "40", "50", "60"), strict=True))
+    assert {"workload": 35.0} == score(tlx, answers)
+    assert (0.0, 100.0) == score_range(tlx, "workload")

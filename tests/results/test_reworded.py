@@ -13,7 +13,14 @@ from visavis.results.report.reworded import with_caveats
 from visavis.results.tables.dictionary import people_columns
 from visavis.study.pairs import Correlate
 
-REWORDED = ("embodiment", "presence", "social_anxiety")
+REWORDED = (
+    "embodiment",
+    "igroup_presence",
+    "presence",
+    "simulator_sickness",
+    "social_anxiety",
+    "workload",
+)
 EXPERIMENTS = Path(__file__).parents[2] / "experiments"
 
 
