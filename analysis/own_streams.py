@@ -16,6 +16,7 @@ from visavis.analysis.report.notation import decimal, percentage
 from visavis.devices.meter import GAP_PERIODS
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.config import ARMBAND_ROLE, ROLES, TAKEN_STREAMS
+from visavis.lab.sampling import gaps_beyond
 from visavis.recording.reader import PART_COLUMN, Recording, flat_components
 
 if TYPE_CHECKING:
@@ -84,13 +85,15 @@ def _stream(recording: Recording, name: str) -> OwnStream:
     t_ns, parts = arrays["t_host_ns"], arrays[PART_COLUMN]
     nominal_hz = 0.0 if schema is None else schema.nominal_rate_hz
     spans_ns, steps = 0, []
+    gap_count = 0
     for part in np.unique(parts):
         own = t_ns[parts == part]
         spans_ns += int(own[-1] - own[0])
         steps.append(np.diff(own))
+        if nominal_hz > 0:
+            gap_count += gaps_beyond(own, GAP_PERIODS * NS_PER_S / nominal_hz)
     gaps_ns = np.concatenate(steps) if steps else np.zeros(0, np.int64)
     is_regular = nominal_hz > 0
-    limit_ns = GAP_PERIODS * NS_PER_S / nominal_hz if is_regular else np.inf
     fields = () if schema is None else schema.fields
     return OwnStream(
         participant=recording.manifest.participant,
@@ -103,7 +106,7 @@ def _stream(recording: Recording, name: str) -> OwnStream:
         expected=round(spans_ns * nominal_hz / NS_PER_S) + len(np.unique(parts))
         if is_regular and len(t_ns)
         else None,
-        gaps=int((gaps_ns > limit_ns).sum()) if is_regular else None,
+        gaps=gap_count if is_regular else None,
         longest_gap_ms=float(gaps_ns.max() / NS_PER_MS) if is_regular and gaps_ns.size else None,
         columns=tuple(
             _column(column, field.unit, t_ns, values.astype(np.float64))
@@ -191,7 +194,8 @@ def _arrivals(streams: Sequence[OwnStream]) -> Table:
             for s in streams
         ),
         "What arrived",
-        f"A gap is more than {GAP_PERIODS:g} periods of the stated rate.",
+        f"A gap is more than {GAP_PERIODS:g} periods of the stated rate; packets that come on time "
+        "are none.",
     )
 
 

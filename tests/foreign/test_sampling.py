@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from visavis.lab.sampling import sampling_of, step_ns_of, time_returns
+from visavis.lab.sampling import gaps_beyond, sampling_of, step_ns_of, time_returns
 
 Stamps = npt.NDArray[np.int64]
 
@@ -107,6 +107,14 @@ def test_few_stamps_are_not_judged_and_equal_ones_are_refused() -> None:
     assert np.isnan(step_ns_of(even(100, 1)))
     with pytest.raises(ValueError, match="repeat or go back"):
         sampling_of(np.array([0, 5, 5, 9]))
+
+
+def test_packets_of_a_labs_own_device_are_no_gaps() -> None:
+    k = np.arange(2000)
+    packets = even(100, 2000)[k // 10 * 10] + k % 10 * 50_000
+    assert 0 == gaps_beyond(packets, 15e6)
+    assert 1 == gaps_beyond(np.delete(packets, slice(500, 510)), 15e6)
+    assert 2 == gaps_beyond(np.delete(even(100, 2000), [300, 700]), 15e6)
 
 
 # ---- time that goes back -----------------------------------------------------------------------

@@ -243,6 +243,13 @@ def test_a_last_line_that_is_cut_is_left_out_and_another_is_refused(tmp_path: Pa
         read_rows("a,b,c\n4,5\n1,2,3\n", what="t")
 
 
+def test_a_quote_that_quotes_nothing_is_a_sign_like_others() -> None:
+    read = read_rows('t\tword\n1\ta 5" screen\n2\t"5 in"s\n', what="t")
+    assert ['a 5" screen', '"5 in"s'] == [row[1] for row in read.rows]
+    with pytest.raises(DataError, match="repair the line"):
+        read_rows('a,b\n"1,2\n3,4\n', what="t")
+
+
 @pytest.mark.parametrize("code", [999, -9, -999, 99])
 def test_codes_for_missing_are_told(code: int) -> None:
     values = [*np.linspace(1, 7, 20).round(1).tolist(), code, code]

@@ -8,6 +8,7 @@ import io
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 from visavis.lab.errors import DataError
 
@@ -23,6 +24,8 @@ _OTHER_THOUSANDS = re.compile("[+-]?[1-9]\\d{0,2}(['’\u00a0\u202f ]\\d{3})+([.
 _GROUPING_SIGNS = frozenset(",'’\u00a0\u202f ")
 _UNGROUPED = re.compile(r"[+-]?\d{4,}([.,]\d*)?")
 _BETWEEN_THOUSANDS = re.compile("['’\u00a0\u202f ]")
+MAX_CELLS_JUDGED = 2000
+"""So many cells of a column say what its file's decimal sign is."""
 MAX_CODE_ROWS_01 = 0.5
 FAR_OUT = 8.0
 _CODE = re.compile(r"-?(9{2,}|8{2,}|7{2,})|-(1|9)")
@@ -135,13 +138,25 @@ def _delimiter(text: str) -> str:
 def _numbered_rows(
     text: str, delimiter: str, what: str, skipped: int
 ) -> list[tuple[int, list[str]]]:
-    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, strict=True)
+    def read(quoting: Literal[0, 3]) -> list[tuple[int, list[str]]]:
+        reader = csv.reader(
+            io.StringIO(text, newline=""), delimiter=delimiter, strict=True, quoting=quoting
+        )
+        try:
+            rows = [(reader.line_num + skipped, row) for row in reader]
+        except csv.Error as error:
+            line = reader.line_num + skipped
+            raise DataError(f"{what}, line {line}: {error}; repair the line") from error
+        return [(line, row) for line, row in rows if any(cell.strip() for cell in row)]
+
     try:
-        rows = [(reader.line_num + skipped, row) for row in reader]
-    except csv.Error as error:
-        line = reader.line_num + skipped
-        raise DataError(f"{what}, line {line}: {error}; repair the line") from error
-    return [(line, row) for line, row in rows if any(cell.strip() for cell in row)]
+        return read(csv.QUOTE_MINIMAL)
+    except DataError:
+        # A quote that is none, as in 5" of a message: then every row is as long as the header.
+        rows = read(csv.QUOTE_NONE)
+        if len({len(row) for _, row in rows}) != 1 or '\n"' in text:
+            raise
+        return rows
 
 
 def _has_row_names(
@@ -227,7 +242,7 @@ def file_decimal(columns: Mapping[str, Sequence[str]]) -> str:
     """Return the decimal sign that the columns of a file use beyond doubt; "" if none is."""
     signs = set()
     for texts in columns.values():
-        signs |= _certain_signs(texts)
+        signs |= _certain_signs(texts[:MAX_CELLS_JUDGED])
     return signs.pop() if len(signs) == 1 else ""
 
 

@@ -9,7 +9,7 @@ are lost at random: stamps then wander away from the line, and some steps are of
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -34,6 +34,9 @@ HOLE_PERIODS, HOLE_PACKETS = 20, 3
 RATE_CHANGE_01 = 0.2
 MIN_STRETCH_BLOCKS = 3
 SHIFT_PERIODS = 0.6
+MAX_REFITS = 5
+MIN_SHORT_01, SHORT_01 = 0.3, 0.25
+"""So many steps shorter than a quarter of the median are those within packets of two or three."""
 MIN_TRIPLES, MAX_TRIPLES_01 = 8, 0.25
 """Single losses at random would give so many steps of three periods; fewer than this share of them
 says that double steps are a host's two ticks, and nothing was lost."""
@@ -119,12 +122,21 @@ def sampling_of(t_ns: Times) -> Sampling:
         # Of uneven stamps all of them show the pattern best, of even ones each stretch its rate.
         part = _pattern(own) if pattern.is_even and after - first >= BLOCK_ROWS else pattern
         before = _missing_before(own, part)
-        missing[first:after] = before
         step_ns, away_ns = part.step_ns, 0.0
         if after - first >= 3:
             slope, away_ns = _line(np.arange(after - first) + np.cumsum(before), own)
             if after - first >= BLOCK_ROWS and not (part.is_even or part.is_of_ticks):
-                step_ns = slope
+                # A better period counts better what is missing, which gives a better period.
+                for _ in range(MAX_REFITS):
+                    step_ns, longest_ns = slope, USUAL_STEPS * slope
+                    again = _missing_before(
+                        own, replace(part, step_ns=slope, longest_ns=longest_ns)
+                    )
+                    if np.array_equal(again, before):
+                        break
+                    before = again
+                    slope, away_ns = _line(np.arange(after - first) + np.cumsum(before), own)
+        missing[first:after] = before
         stretches.append(Stretch(int(first), int(after), step_ns, away_ns))
         if first:
             pause_ns = float(t_ns[first] - t_ns[first - 1])
@@ -139,6 +151,17 @@ def step_ns_of(t_ns: Times) -> float:
     return _pattern(t_ns).step_ns if len(t_ns) > 2 else np.nan
 
 
+def gaps_beyond(t_ns: Times, limit_ns: float) -> int:
+    """Count the steps beyond a limit; of uneven stamps (packets, ticks) those that lose samples."""
+    steps = np.diff(t_ns)
+    is_long = steps > limit_ns
+    if len(steps) > 1 and steps.min() > 0:
+        sampling = sampling_of(t_ns)
+        if not sampling.is_even:
+            is_long &= sampling.missing[1:] > 0
+    return int(is_long.sum())
+
+
 @dataclass(frozen=True, slots=True)
 class _Pattern:
     """The period, whether stamps are even, the longest step over which nothing is missing, and
@@ -149,11 +172,15 @@ class _Pattern:
     is_even: bool
     longest_ns: float
     is_of_ticks: bool = False
+    packet: int = 1
 
 
 def _pattern(t_ns: Times) -> _Pattern:
     steps = np.diff(t_ns)
     median_ns = int(np.median(steps))
+    is_short = steps < SHORT_01 * median_ns
+    if is_short.mean() > MIN_SHORT_01:
+        median_ns = int(np.median(steps[is_short]))
     is_long = 2 * steps > 3 * median_ns
     usual = steps[~is_long]
     usual_ns = float(max(1, int(usual.sum()) // usual.size)) if usual.size else float(median_ns)
@@ -182,10 +209,9 @@ def _pattern(t_ns: Times) -> _Pattern:
     if not (is_near_line or is_regular):
         return even
     spans = (t_ns[block:] - t_ns[:-block]) / block
-    in_packets = float(steps[is_long].sum()) > 0.5 * float(steps.sum())
-    share = 0.5 if is_near_line or in_packets else 0.25  # a block without losses is the shortest
+    share = 0.5 if is_near_line else 0.25  # a block without losses is the shortest
     step_ns = max(1.0, float(np.quantile(spans, share)))
-    return _Pattern(step_ns, False, USUAL_STEPS * step_ns)
+    return _Pattern(step_ns, False, USUAL_STEPS * step_ns, packet=max(1, round(packet)))
 
 
 def _wandering_ns(t_ns: Times, rows: int) -> float:
@@ -215,19 +241,20 @@ def _edges(t_ns: Times, pattern: _Pattern) -> list[int]:
     inner = [
         edge
         for first, after in itertools.pairwise(edges)
-        for edge in _rate_changes(t_ns[first:after], first, pattern.is_even)
+        for edge in _rate_changes(t_ns[first:after], first, pattern)
     ]
     return sorted({*edges, *inner})
 
 
-def _rate_changes(t_ns: Times, offset: int, is_even: bool) -> Iterator[int]:
+def _rate_changes(t_ns: Times, offset: int, pattern: _Pattern) -> Iterator[int]:
     """Yield the rows from which on the period is another for at least three blocks."""
-    n_blocks = len(t_ns) // BLOCK_ROWS
+    size = pattern.packet * -(-BLOCK_ROWS // pattern.packet)  # whole packets
+    n_blocks = len(t_ns) // size
     if n_blocks < 2 * MIN_STRETCH_BLOCKS:
         return
-    steps = np.diff(t_ns)[: n_blocks * BLOCK_ROWS - 1]
-    padded = np.append(steps, steps[-1]).reshape(n_blocks, BLOCK_ROWS)
-    periods = np.median(padded, axis=1) if is_even else padded.mean(axis=1)
+    steps = np.diff(t_ns)[: n_blocks * size - 1]
+    padded = np.append(steps, steps[-1]).reshape(n_blocks, size)
+    periods = np.median(padded, axis=1) if pattern.is_even else padded.mean(axis=1)
     begin = 0
     for block in range(MIN_STRETCH_BLOCKS, n_blocks - MIN_STRETCH_BLOCKS + 1):
         if block - begin < MIN_STRETCH_BLOCKS:
@@ -238,12 +265,12 @@ def _rate_changes(t_ns: Times, offset: int, is_even: bool) -> Iterator[int]:
             RATE_CHANGE_01 * float(after.mean())
         ):
             begin = block
-            yield offset + _first_row_of(steps, block, before, float(after.mean()) * before)
+            yield offset + _first_row_of(steps, block * size, size, before, after.mean() * before)
 
 
-def _first_row_of(steps: Times, block: int, before_ns: float, after_ns: float) -> int:
-    """Return the row, in the block before or this one, at which the steps change best."""
-    low, high = (block - 1) * BLOCK_ROWS, min((block + 1) * BLOCK_ROWS, len(steps))
+def _first_row_of(steps: Times, row: int, size: int, before_ns: float, after_ns: float) -> int:
+    """Return the row, within `size` of the given one, at which the steps change best."""
+    low, high = row - size, min(row + size, len(steps))
     part = steps[low:high].astype(np.float64)
     nearer = np.abs(part - before_ns) - np.abs(part - after_ns)  # above 0 after the change
     gain = np.concatenate([[0.0], np.cumsum(np.clip(nearer, -after_ns, after_ns))])
@@ -266,7 +293,9 @@ def _missing_before(t_ns: Times, pattern: _Pattern) -> Rows:
         return missing
     late = (t_ns - t_ns[0]) - step_ns * np.arange(len(t_ns))
     packet = 1.0 if pattern.is_even else len(t_ns) / max(1, len(long_rows))
-    width = int(min(max(8, 2 * np.ceil(packet)), 256))
+    # The earliest of so many: some of them came without delay.
+    few = 8 if pattern.is_even or len(t_ns) < 4 * BLOCK_ROWS else 16
+    width = int(min(max(few, 2 * np.ceil(packet)), 256))
     last = 0
     for row in long_rows.tolist():
         before = float(late[max(last, row - width) : row].min())

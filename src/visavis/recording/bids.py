@@ -23,6 +23,7 @@ import pandas as pd
 
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import RecordingError, UsageError
+from visavis.lab.sampling import step_ns_of
 from visavis.lab.schema import StreamSchema
 from visavis.lab.version import version
 from visavis.recording.bids_about import DatasetAbout
@@ -41,8 +42,6 @@ from visavis.recording.reader import (
 from visavis.recording.stream_file import Columns
 
 BIDS_VERSION = "1.11.1"
-MAX_SPACING = 1.5
-"""Samples farther apart than so many usual spacings have a gap between them."""
 NO_TIME = -(2**63)
 """Value of an unknown time in a stream: `visavis.devices.streams.NO_DEVICE_TIME`."""
 NOTHING_SAID = DatasetAbout()
@@ -409,15 +408,20 @@ def _eye_table(
 def rate_hz(samples: Columns) -> float:
     """Return a stream's rate, gaps left out; 0 below two samples.
 
-    It is the mean spacing of the device's own stamps, which may be coarse (whole milliseconds) but
-    do not come in bunches as samples arrive; where it has no clock, the median of arrivals.
+    It comes from the device's own stamps, which may be coarse (whole milliseconds) but do not come
+    in bunches as samples arrive; where it has no clock, from arrivals.
     """
-    steps_ns = np.diff(samples["t_device_ns"])
-    if len(steps_ns) and (usual_ns := np.median(steps_ns)) > 0:
-        between = steps_ns[(steps_ns > 0) & (steps_ns < MAX_SPACING * usual_ns)]
-        return float(round(NS_PER_S / between.mean(), 3))
-    spacing_ns = np.median(np.diff(samples["t_host_ns"])) if len(steps_ns) else 0.0
-    return float(round(NS_PER_S / spacing_ns, 3)) if spacing_ns > 0 else 0.0
+    stamps_ns = samples["t_device_ns"]
+    if len(stamps_ns) < 2 or np.median(np.diff(stamps_ns)) <= 0:
+        stamps_ns = samples["t_host_ns"]
+    if not len(stamps_ns):
+        return 0.0
+    highest = np.maximum.accumulate(stamps_ns)
+    distinct = stamps_ns[np.append(True, np.diff(highest) > 0)]  # one that goes back is left out
+    if len(distinct) < 2:
+        return 0.0
+    step_ns = step_ns_of(distinct) if len(distinct) > 2 else float(distinct[1] - distinct[0])
+    return float(round(NS_PER_S / step_ns, 3))
 
 
 def _device(recording: Recording, needle: str) -> Mapping[str, Any]:

@@ -358,6 +358,14 @@ def test_what_jatos_exports_is_read(host: Host) -> None:
     assert ([0], 1) == ([run.place for run in runs], unreadable)
 
 
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_results_that_an_editor_saved_anew_are_read(host: Host, encoding: str) -> None:
+    path = written(host.root / "r.jsonl", lines_of(host.exported(), 0))
+    path.write_text(path.read_text("utf-8"), encoding)
+    runs, unreadable = read_runs([path])
+    assert ([0], 0) == ([run.place for run in runs], unreadable)
+
+
 def test_two_places_have_the_orders_of_the_plan(host: Host) -> None:
     first, second = (steps_of_place(host.base, host.store, k) for k in (0, 1))
     assert len(first) == len(second)

@@ -249,7 +249,9 @@ def _is_result(name: str) -> bool:
 
 
 def _text(data: bytes) -> str:
-    return data.decode("utf-8", errors="replace")
+    """Return a file's text; editors on Windows save what people send with a mark, or as UTF-16."""
+    is_utf16 = data.startswith((b"\xff\xfe", b"\xfe\xff"))
+    return data.decode("utf-16" if is_utf16 else "utf-8-sig", errors="replace")
 
 
 @dataclass(frozen=True, eq=False)
