@@ -144,12 +144,18 @@ class LookMeasures:
         """Share of the time with gaze elsewhere; None for an empty trial."""
         return self.off_ns / self.duration_ns if self.duration_ns else None
 
+    @property
+    def dwell_of_valid_01(self) -> float | None:
+        """Share of the time with usable gaze that was dwell; None without any."""
+        valid_ns = self.duration_ns - self.lost_ns
+        return self.dwell_ns / valid_ns if valid_ns else None
+
     def as_row(self, prefix: str = "") -> Mapping[str, float | int | bool | None]:
         """Return the measures as columns of a trial table; missing stays None."""
         names = (
             "dwell_ms dwell_in_fixations_ms fixation_count glance_count first_fixation_time_ms "
             "first_fixation_duration_ms second_fixation_time_ms second_fixation_duration_ms "
-            "on_at_onset cut_at_end lost_01 off_01"
+            "on_at_onset cut_at_end lost_01 off_01 dwell_of_valid_01"
         ).split()
         return {prefix + name: getattr(self, name) for name in names}
 

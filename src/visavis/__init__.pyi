@@ -43,6 +43,7 @@ from visavis.study.measures import Measure as Measure
 from visavis.study.measures import TrialRecord as TrialRecord
 from visavis.study.measures import column as column
 from visavis.study.measures import dwell_on as dwell_on
+from visavis.study.measures import dwell_share_on as dwell_share_on
 from visavis.study.measures import first_fixation_on as first_fixation_on
 from visavis.study.measures import fixations_on as fixations_on
 from visavis.study.pairs import Correlate as Correlate

@@ -81,6 +81,7 @@ _OF_LOOKS: Final = (
     Column("cut_at_end", "", "the last look ran into the end"),
     Column("lost_01", "1", "share of the time without usable gaze, missing samples included"),
     Column("off_01", "1", "share of the time with valid gaze elsewhere"),
+    Column("dwell_of_valid_01", "1", "dwell time as a share of the time with usable gaze"),
 )
 _EVENT_COLUMNS: Final = (
     Column("fixation_count", "1", "fixations anywhere in the scene"),

@@ -204,6 +204,27 @@ def dwell_on(
     )
 
 
+def dwell_share_on(
+    role: str,
+    *,
+    scene: str = "scene",
+    column: str = "dwell_of_valid_01",
+    pad_deg: float = DEFAULT_PAD_DEG,
+) -> Measure:
+    """Return the dwell time on the head of an agent as a share of the time with usable gaze.
+
+    Trials of which more gaze was lost can be compared by it; in milliseconds they cannot.
+    """
+    return Measure(
+        column,
+        "1",
+        f"Share of usable gaze on {whom(role)}",
+        _of_looks(role, scene, pad_deg, lambda looks: looks.dwell_of_valid_01),
+        needs_gaze=True,
+        role=role,
+    )
+
+
 def fixations_on(
     role: str,
     *,

@@ -210,9 +210,24 @@ def test_few_samples_are_defined(rows, dwell_ms):
     assert pytest.approx(1 - dwell_ms / 16000, abs=1e-6) == m.lost_01
 
 
+def test_dwell_as_a_share_is_of_the_time_with_usable_gaze():
+    # A quarter of the trial lost, half of the rest on the target.
+    quarter = TRIAL_ROWS // 4
+    m = measure(trial((0, quarter, LOST), (quarter, 3 * TRIAL_ROWS // 8, ON)))
+    assert pytest.approx(0.5, abs=0.001) == m.dwell_of_valid_01
+    assert pytest.approx(0.375, abs=0.001) == m.dwell_ns / m.duration_ns
+    assert m.dwell_of_valid_01 == m.as_row("raw_")["raw_dwell_of_valid_01"]
+
+
+def test_without_usable_gaze_dwell_is_no_share():
+    m = measure(trial((0, TRIAL_ROWS, LOST)))
+    assert (1.0, None) == (m.lost_01, m.dwell_of_valid_01)
+
+
 def test_empty_trial_has_no_shares():
     m = measure_trial(stamps(100), trial()[:100], ON, 5, 5)
     assert (0, 0, None, None) == (m.duration_ns, m.dwell_ns, m.lost_01, m.off_01)
+    assert m.dwell_of_valid_01 is None
 
 
 def test_trial_that_ends_before_it_starts_is_refused():
@@ -327,4 +342,4 @@ def test_row_holds_missing_as_none():
     row = measure(trial((100, 17, ON))).as_row("before_")
     assert row["before_first_fixation_time_ms"] is None
     assert row["before_glance_count"] == 1
-    assert 12 == len(row)
+    assert 13 == len(row)
