@@ -13,21 +13,12 @@ from visavis import running
 from visavis.analysis.report import Verdicts
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.results.report.study_report import _summary
+from visavis.study.catalogue import SHIPPED_STUDIES
 from visavis.study.comparisons import ALONE
 from visavis.study.conditions import columns_asked
 from visavis.study.experiment import StudyExperiment
 from visavis.study.pairs import Correlate
 
-SHIPPED = (
-    "stare",
-    "crowd",
-    "waving",
-    "interpolation",
-    "hybrid",
-    "cameras",
-    "adjectives",
-    "matching",
-)
 READY = Path(running.__file__).parent
 EXAMPLES = ("ready/glances", "ready/quick_press", "ready/lively_films")
 PEOPLE = 16
@@ -131,7 +122,7 @@ UNTOUCHED: Mapping[str, tuple[str, ...]] = {"crowd": ("The same paths in every b
 
 
 @pytest.mark.parametrize("size", [0.0, 0.8], ids=["without effects", "with effects"])
-@pytest.mark.parametrize("name", [*SHIPPED, *EXAMPLES])
+@pytest.mark.parametrize("name", [*SHIPPED_STUDIES, *EXAMPLES])
 def test_every_headline_of_a_study_changes_with_its_measures_turned_round(
     name: str, size: float, tmp_path: Path
 ) -> None:

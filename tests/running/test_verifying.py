@@ -131,7 +131,10 @@ def test_a_file_that_was_damaged_differs_from_where_its_damage_begins(
     assert difference.row == int(difference.new_value) < int(difference.old_value)
 
 
-@pytest.mark.parametrize("study", ["interpolation", "hybrid", "cameras", "adjectives", "matching"])
+@pytest.mark.parametrize(
+    "study",
+    ["interpolation", "hybrid", "cameras", "adjectives", "matching", "gestures", "gesture_pairs"],
+)
 def test_a_fresh_session_on_a_page_is_the_same_bit_for_bit(study: str, tmp_path: Path) -> None:
     chosen = find_study(study)
     request = simulated_request(

@@ -7,6 +7,7 @@ import pytest
 
 from visavis.lab.errors import DesignError
 from visavis.results.opened_study import find_study
+from visavis.study.catalogue import SHIPPED_STUDIES
 from visavis.study.study_errors import forgotten_yields
 from visavis.study.trial import STEPS
 
@@ -119,10 +120,7 @@ def test_a_study_without_slips_is_taken(tmp_path: Path) -> None:
     assert 4 == len(find_study(str(path)).experiment({}).read)
 
 
-@pytest.mark.parametrize(
-    "name",
-    ["stare", "crowd", "waving", "interpolation", "hybrid", "cameras", "adjectives", "matching"],
-)
+@pytest.mark.parametrize("name", SHIPPED_STUDIES)
 def test_no_shipped_study_has_slips(name: str) -> None:
     assert find_study(name).experiment({}).read
 
