@@ -95,7 +95,7 @@ class Examples:
 
 def is_walk(examples: Examples) -> bool:
     """Return whether the key moments of examples are the contacts of a walk (`WALK_KEYS`)."""
-    return examples.key_s.shape[1] == len(WALK_KEYS) + 1
+    return bool(examples.key_s.shape[1] == len(WALK_KEYS) + 1)
 
 
 def heel_of(skeleton: Skeleton) -> Vector:

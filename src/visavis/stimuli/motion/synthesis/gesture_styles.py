@@ -94,9 +94,9 @@ def _clip(which: str, style: GestureStyle, skeleton: Skeleton) -> Clip:
     lean = quat_about("X", np.full(n, -np.radians(style.lean_deg)))
     turns[:, skeleton.index("spine")] = lean
     bends = {"upper_leg": KNEE_DEG / 2, "lower_leg": -KNEE_DEG, "foot": KNEE_DEG / 2}
-    for joint, degrees in bends.items():
+    for bent, degrees in bends.items():
         for side in ("left", "right"):
-            turns[:, skeleton.index(f"{side}_{joint}")] = quat_about(
+            turns[:, skeleton.index(f"{side}_{bent}")] = quat_about(
                 "X", np.radians(np.full(n, degrees))
             )
     left = [np.broadcast_to(np.array([-x, y, z]), (n, 3)) for x, y, z in HANGING]
