@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from tests.running.page.test_browser import PATIENCE_S, REPOSITORY, Server, until
+from visavis.experiments.matching.interfaces import target_shares
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.geometry import Vector
 from visavis.recording.folder import session_dir
@@ -25,6 +26,8 @@ from visavis.stimuli.characters.cast import load_character
 from visavis.stimuli.motion.build import build_of_character
 from visavis.stimuli.motion.synthesis.blend_file import packed_examples
 from visavis.stimuli.motion.synthesis.example_blend import Blend, blend_at
+from visavis.stimuli.motion.synthesis.gesture_styles import gesture_examples
+from visavis.stimuli.motion.synthesis.pose_distance import MATCH_M
 from visavis.stimuli.motion.synthesis.style_weights import fit_weights
 from visavis.stimuli.motion.synthesis.walk_styles import style_names, walk_examples
 
@@ -221,3 +224,48 @@ def test_a_page_to_play_with_shows_what_sliders_make(tmp_path: Path, browser: An
         assert process.wait(PATIENCE_S) == 0
         if process.stdout is not None:
             process.stdout.close()
+
+
+def test_a_page_blends_gestures_as_python_does(browser: Any) -> None:
+    examples = gesture_examples("waves", load_character("anna").skeleton)
+    rng = np.random.default_rng(8)
+    values, phases = rng.uniform(0.0, 1.0, (100, 5)), rng.uniform(0.0, 2.0, 100)
+    given = [encoded((SITE / "blend.js").read_bytes()), encoded(packed_examples(examples))]
+    page = browser.new_page()
+    drawn = page.evaluate(POSES, [*given, values.tolist(), phases.tolist(), phases.tolist()])
+    shares = values / values.sum(axis=1, keepdims=True)
+    frames = blend_at(examples, shares, phases)
+    turns = np.array([d["turns"] for d in drawn]).reshape(frames.orientation_wxyz.shape)
+    assert angle_rad(turns, frames.orientation_wxyz).max() < MAX_RAD
+
+
+def test_a_guess_is_made_blind_and_a_match_ends_its_step_by_itself(
+    server: Server, browser: Any
+) -> None:
+    address = server.start("run", "matching", "--participant", "1", "--on", "browser")
+    page = browser.new_context(viewport={"width": 900, "height": 700}).new_page()
+    problems: list[str] = []
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    page.goto(address)
+    until(page, "Guess: set the sliders")
+    page.wait_for_selector("canvas[data-ready]", timeout=PATIENCE_S * 1000)
+    assert page.locator(".sliders input").count() == 27
+    page.wait_for_function("document.querySelector('canvas').dataset.frames > 1")
+    page.locator(".buttons button").click()
+    until(page, "Move the sliders until", steps=False)
+    page.wait_for_selector("canvas[data-ready]", timeout=PATIENCE_S * 1000)
+    assert page.locator(".buttons button").is_disabled()
+    weights = target_shares("practice_weights")
+    page.evaluate(
+        """(values) => document.querySelectorAll(".sliders input").forEach((slider, i) => {
+            slider.value = values[i];
+            slider.dispatchEvent(new Event("input"));
+        })""",
+        weights.tolist(),
+    )
+    until(page, "Guess: set the sliders", steps=False)  # it went on by itself
+    rows = Recording(session_dir(server.root / "data", "matching", "S01B", 1, is_simulated=True))
+    trials = rows.trials()
+    assert list(trials["mould_ended_by"]) == ["button", "near"]
+    assert trials["guess_m"].iloc[0] > MATCH_M > trials["distance_m"].iloc[1]
+    assert not problems
