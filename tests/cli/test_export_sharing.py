@@ -14,14 +14,21 @@ from typer.testing import CliRunner
 from tests.recording.sessions import new_recorder, probe_batch, probe_manifest
 from visavis import cli, devices, experiments, protocol, running, study
 from visavis.cli.main import app
-from visavis.cli.sharing import shared_recording
-from visavis.lab.clock import SimClock
+from visavis.cli.sharing import names_of_people, shared_recording
+from visavis.lab.clock import SimClock, StampClock
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import UsageError
 from visavis.protocol.people.key_file import KeyFile
 from visavis.recording.folder import create_session
-from visavis.recording.sharing import EVENT_CLASSES, age_band, class_of_field
+from visavis.recording.privacy_sheet import privacy_sheet
+from visavis.recording.sharing import (
+    EVENT_CLASSES,
+    SharedRecording,
+    Sharing,
+    age_band,
+    class_of_field,
+)
 
 LABEL = "07H"
 PARTS = tuple(
@@ -233,3 +240,75 @@ def test_every_event_that_our_code_records_has_a_class() -> None:
         if not class_of_field(name, field)
     ]
     assert [] == unclassed
+
+
+def dry_run(session: Path, lab: Path, tier: str) -> str:
+    arguments = ["export", str(session), "--dry-run", "--tier", tier, "--config", str(lab)]
+    done = CliRunner().invoke(app, [*arguments, "-o", str(lab.parent / "nothing")])
+    assert done.exception is None, done.exception
+    assert not (lab.parent / "nothing").exists()
+    return " ".join(done.output.split())
+
+
+def test_a_privacy_sheet_lists_what_leaves_and_writes_nothing(session: Path, lab: Path) -> None:
+    sheet = dry_run(session, lab, "shared")
+    for line in ("trials dwell_ms public 1 3.5", "event answer answer answer 2 30-39 | woman"):
+        assert line in sheet
+    assert "neighbour" not in sheet
+    assert "no e-mail address" in sheet
+    assert "age 30-39, gender woman: 1" in sheet
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("write to ann@example.org please", "an e-mail address"),
+        ("call 0049 (30) 901820 or", "a telephone number"),
+        ("+44 20 7946 0958", "a telephone number"),
+        ("I am ann Example", "a name of the ledger"),
+        ("I am 28, 1.75 m, and saw 2026 of 3000", ""),
+    ],
+)
+def test_what_tells_who_somebody_is_is_found_also_where_a_lab_asked_for_it(
+    session: Path, lab: Path, text: str, what: str
+) -> None:
+    key_file = KeyFile(lab.parent / "keys", "stare", [])
+    key_file.identify(LABEL, {"name": "Ann Example", "contact": "ann@example.org"})
+    sharing = Sharing(LABEL, "raw", lambda form, question: False)
+    recording = SharedRecording(session, sharing)
+    names = names_of_people([recording], load_config(lab))
+    events = recording.events().iloc[:1]
+    noted = events.assign(name="answer", payload=[{"answer": text}])
+    recording.events = lambda: noted  # type: ignore[method-assign]  # one text alone
+    recording.trials = lambda: pd.DataFrame()  # type: ignore[method-assign]  # and no rows
+    findings = privacy_sheet([recording], names).findings
+    assert bool(what) == bool(findings)
+    assert all(what in finding for finding in findings[:1])
+
+
+def test_a_raw_export_says_that_it_names_somebody(session: Path, lab: Path) -> None:
+    KeyFile(lab.parent / "keys", "stare", []).identify(LABEL, {"name": "Ann Example"})
+    assert "holds a name of the ledger or key file" in dry_run(session, lab, "raw")
+    assert "holds a name" not in dry_run(session, lab, "public")
+
+
+def test_times_of_an_imported_session_tell_no_day(lab: Path) -> None:
+    came_ns = 1_800_000_000 * 10**9
+    clock = StampClock(came_ns / 10**6)
+    manifest = replace(probe_manifest(LABEL, is_simulated=False), study="stare")
+    with create_session(lab.parent / "data", manifest) as folder:
+        recorder = new_recorder(folder, clock, is_simulated=False)
+        recorder.event("trial_start", came_ns, trial_id="T1", attempt=1)
+        recorder.append(replace(probe_batch(0, 10), t_host_ns=probe_batch(0, 10).seq + came_ns))
+        row = {"participant": LABEL, "trial_id": "T1", "status": "complete"}
+        recorder.trial({**row, "t_start_ns": came_ns + 5, "t_end_ns": came_ns + 7})
+        folder.end_part(clock, recorder.close("complete"))
+    as_recorded, shared = (
+        shared_recording(folder.path, load_config(lab), tier=tier, keep_label=False)
+        for tier in ("raw", "shared")
+    )
+    assert [[5, 7]] == shared.trials()[["t_start_ns", "t_end_ns"]].to_numpy().tolist()
+    assert 0 == shared.events()["t_ns"].iloc[0]
+    assert list(range(10)) == shared.stream("probe")["t_host_ns"].tolist()
+    assert () == privacy_sheet([shared]).findings
+    assert "tells the day" in " ".join(privacy_sheet([as_recorded]).findings)

@@ -14,6 +14,7 @@ from visavis.lab.errors import LabError, UsageError
 from visavis.protocol.people.key_file import KeyFile
 from visavis.protocol.plan.columns import ENGINE_COLUMNS
 from visavis.recording.bids_about import DatasetAbout
+from visavis.recording.manifest import read_manifest
 from visavis.recording.reader import Recording
 from visavis.recording.sharing import TIERS, RowRule, SharedRecording, Sharing, TextRule, Tier
 from visavis.results.opened_study import OpenedStudy, find_study, overrides_of
@@ -33,6 +34,8 @@ BLURRED_RISK = (
     "where the consent form and the ethics board allow it."
 )
 LOSS_NAME = "public_tier.md"
+MIN_NAME = 3
+"""Shorter words of a name are found in too many texts."""
 
 
 def shared_recording(
@@ -67,6 +70,25 @@ def shared_recording(
         blurs=matching_tier == "public",
     )
     return SharedRecording(session, sharing)
+
+
+def names_of_people(recordings: Sequence[SharedRecording], lab: LabConfig) -> tuple[str, ...]:
+    """Return labels, names and contacts of the people of studies, which no text may hold.
+
+    Raises:
+        LedgerError: a key file is damaged.
+    """
+    names: list[str] = []
+    for recording in recordings:
+        label = read_manifest(recording.path).participant
+        names.append(label)
+        if recording.is_simulated:
+            continue
+        key_file = KeyFile(lab.key_root, recording.manifest.study, [lab.data_root])
+        identity = key_file.identity(label) or {}
+        for text in identity.values():
+            names += [text, *(word for word in text.split() if len(word) >= MIN_NAME)]
+    return tuple(dict.fromkeys(name for name in names if len(name) >= MIN_NAME))
 
 
 def withheld_lines(recordings: Sequence[SharedRecording], lab: LabConfig) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ import csv
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias
 
@@ -38,6 +39,8 @@ AGE_BAND_YEARS: Final = 10
 TYPED_FIELDS: Final = ("text", "reason", "message")
 """What the operator or participant typed, by its name in trial rows."""
 
+CALENDAR_NS: Final = 10**17
+"""Session times beyond three years count from 1970: they tell when somebody took part."""
 ANY: Final = "*"
 """Stands for every field of an event, and for every event."""
 _AGE = re.compile(r"(.*[._])?age")
@@ -67,12 +70,13 @@ def class_of_field(event: str, field: str) -> str:
 class Sharing:
     """How a recording is shown: `label` in the place of the participant's own.
 
-    In the tier "raw" nothing else changes. In "shared" only that leaves of which somebody says what
-    it is: fields of events by `EVENT_CLASSES`, answers to questionnaires by `is_text`, values of
-    trial rows and answers within trials by `leaves`. Free text is missing and ages are bands of ten
-    years; so they are in "public". With `blurs`, as "public" has it, motion is blurred
-    (`visavis.recording.blurring`): streams that cannot be are left out, and lengths of the body in
-    trial rows and events are missing.
+    In the tier "raw" nothing else changes. In the others times that count from 1970, as those of
+    imported sessions do, count from the session's first event. In "shared" only that leaves of
+    which somebody says what it is: fields of events by `EVENT_CLASSES`, answers to questionnaires
+    by `is_text`, values of trial rows and answers within trials by `leaves`. Free text is missing
+    and ages are bands of ten years; so they are in "public". With `blurs`, as "public" has it,
+    motion is blurred (`visavis.recording.blurring`): streams that cannot be are left out, and
+    lengths of the body in trial rows and events are missing.
     """
 
     label: str
@@ -105,7 +109,10 @@ class SharedRecording(Recording):
             self._payload(name, payload)
             for name, payload in zip(events["name"], events["payload"], strict=True)
         ]
-        return events.assign(payload=pd.Series(payloads, index=events.index, dtype=object))
+        return events.assign(
+            t_ns=[self._shifted("t_ns", t_ns) for t_ns in events["t_ns"]],
+            payload=pd.Series(payloads, index=events.index, dtype=object),
+        )
 
     def trials(self) -> pd.DataFrame:
         """Return the trial rows as shown; see `Recording.trials`."""
@@ -118,7 +125,22 @@ class SharedRecording(Recording):
 
     def trial_entries(self, part: int) -> tuple[dict[str, Any], ...]:
         """Return a part's trial rows as shown; see `Recording.trial_entries`."""
-        return tuple({**t, "row": self._row(t["row"])} for t in super().trial_entries(part))
+        return tuple(
+            {**t, "t_ns": self._shifted("t_ns", t["t_ns"]), "row": self._row(t["row"])}
+            for t in super().trial_entries(part)
+        )
+
+    @cached_property
+    def _zero_ns(self) -> int:
+        """The session's first event, where its times tell a day; 0 where they do not."""
+        events = (e for p in self.manifest.parts for e in self._journal(p.number).events)
+        first_ns = min((int(event["t_ns"]) for event in events), default=0)
+        return first_ns if self._hides and first_ns > CALENDAR_NS else 0
+
+    def _shifted(self, name: str, value: Any) -> Any:
+        """Return a value as shared: a time that counts from the session's first event."""
+        is_time = name.endswith("_ns") and isinstance(value, int | float)
+        return value - self._zero_ns if is_time and value > CALENDAR_NS else value
 
     def _names(self, number: int) -> tuple[str, ...]:
         names = super()._names(number)
@@ -133,13 +155,23 @@ class SharedRecording(Recording):
 
     def _content(self, number: int, name: str, *, with_columns: bool = True) -> StreamContent:
         if not (self.sharing.blurs and with_columns):
-            return super()._content(number, name, with_columns=with_columns)
+            return self._dated_anew(super()._content(number, name, with_columns=with_columns))
         if (number, name) not in self._blurred_streams:
-            content = super()._content(number, name)
+            content = self._dated_anew(super()._content(number, name))
             self._blurred_streams[number, name] = replace(
                 content, columns=self._blur(number, name, content)
             )
         return self._blurred_streams[number, name]
+
+    def _dated_anew(self, content: StreamContent) -> StreamContent:
+        """Return a stream whose times tell no day: they count from the session's first event."""
+        if not self._zero_ns:
+            return content
+        columns = {
+            name: values - self._zero_ns if name in ("t_host_ns", "t_device_ns") else values
+            for name, values in content.columns.items()
+        }
+        return replace(content, columns=columns)
 
     def _blur(self, number: int, name: str, content: StreamContent) -> Columns:
         columns, schema = content.columns, content.schema
@@ -175,7 +207,7 @@ class SharedRecording(Recording):
         return None
 
     def _row(self, row: Mapping[str, Any]) -> dict[str, Any]:
-        public = {name: self._relabel(value) for name, value in row.items()}
+        public = {name: self._shifted(name, self._relabel(v)) for name, v in row.items()}
         if self._hides:
             public = {name: self._value(name, value) for name, value in public.items()}
         if self.sharing.blurs:
@@ -192,7 +224,7 @@ class SharedRecording(Recording):
         return age_band(value) if _AGE.fullmatch(name) else value
 
     def _payload(self, name: str, payload: Mapping[str, Any]) -> dict[str, Any]:
-        public = {k: self._relabel(v) for k, v in payload.items()}
+        public = {k: self._shifted(k, self._relabel(v)) for k, v in payload.items()}
         if self.sharing.blurs:
             public |= {k: None for k in public if tells_length(k)}
         if not self._hides:

@@ -22,12 +22,14 @@ from visavis.cli.app import (
 from visavis.cli.motions import JointMapOption, motion_on_character
 from visavis.cli.personal_copies import protect_and_register
 from visavis.cli.printed_columns import print_columns
+from visavis.cli.printed_sheet import print_sheet
 from visavis.cli.sharing import (
     BLURRED_RISK,
     LOSS_NAME,
     dataset_about,
     loss_page,
     losses,
+    names_of_people,
     shared_recording,
     withheld_lines,
 )
@@ -36,6 +38,7 @@ from visavis.experiments.crowd.pedestrian_export import export_walks
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import UsageError
 from visavis.recording.export import export_recording, export_together
+from visavis.recording.privacy_sheet import privacy_sheet
 from visavis.recording.reader import Recording
 from visavis.running.sessions.damage import require_intact
 from visavis.running.sessions.folder_check import is_study
@@ -97,6 +100,10 @@ def export_session(
     keep_label: Annotated[
         bool, typer.Option("--keep-label", help="The ledger's label instead of a pseudonym.")
     ] = False,
+    dry_run: Annotated[
+        bool,
+        typer.Option("--dry-run", help="Write nothing; print the privacy sheet of what would."),
+    ] = False,
     config: ConfigOption = None,
 ) -> None:
     """Copy a session into files that other programs read; the recording is not touched.
@@ -105,6 +112,8 @@ def export_session(
 
     People bear a pseudonym that only the study's key file links to their label. With --tier
     public the measures are computed before and after the blur, which takes as long as analyse.
+    With --dry-run each column and event field is listed with its class and three values, then what
+    in texts tells who somebody is, and which answers about themselves fewer than five people give.
 
     `session` may be left out.
 
@@ -123,6 +132,11 @@ def export_session(
     # Looking up a study by its name has already printed which configuration is used.
     lab = load_lab(config, only_simulates=is_simulated, quiet=not session_path.is_dir())
     recordings = [shared_recording(s, lab, tier=tier, keep_label=keep_label) for s in sessions]
+    if dry_run:
+        print_sheet(privacy_sheet(recordings, names_of_people(recordings, lab)))
+        for line in withheld_lines(recordings, lab):
+            say(f"[yellow]{verbatim(line)}[/]")
+        return
     loss_table = losses(recordings, lab) if tier == "public" else None
     paths = _write_recordings(recordings, format_name, output, lab)
     for line in withheld_lines(recordings, lab):
