@@ -2,8 +2,8 @@
 
 `python -m tools.dependencies` names packages that are missing or older than asked for, licences
 that do not fit ours, and, where pip-audit is installed, versions with known weaknesses; it ends
-with 1 where it found anything. `--bom FILE` writes the bill of materials of a release (CycloneDX
-1.5).
+with 1 where it found anything. `--licences` lists every package with its licence. `--bom FILE`
+writes the bill of materials of a release (CycloneDX 1.5).
 """
 
 import argparse
@@ -166,8 +166,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Audit, or write the bill; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--bom", type=Path, help="write the bill of materials to this file")
+    parser.add_argument("--licences", action="store_true", help="list packages and licences")
     chosen = parser.parse_args(arguments)
     packages, problems = packages_of()
+    if chosen.licences:
+        for package in packages:
+            _say(f"{package.name:28}{package.version:14}{package.licence or 'none stated'}")
+        return 0
     if chosen.bom is not None:
         text = json.dumps(bill_of_materials(packages), indent=1, ensure_ascii=False)
         chosen.bom.write_text(text + "\n", encoding="utf-8")

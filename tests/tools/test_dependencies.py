@@ -54,3 +54,11 @@ def test_the_bill_names_every_package_and_what_it_needs(tmp_path: Path) -> None:
     known = {c["bom-ref"] for c in (*bill["components"], bill["metadata"]["component"])}
     assert all(set(d["dependsOn"]) <= known for d in bill["dependencies"])
     assert any("numpy" in ref for d in bill["dependencies"] for ref in d["dependsOn"])
+
+
+def test_licences_are_listed_a_package_a_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert 0 == main(["--licences"])
+    lines = capsys.readouterr().out.splitlines()
+    packages, _ = packages_of()
+    assert [p.name for p in packages] == [line.split()[0] for line in lines]
+    assert all(len(line.split()) >= 3 for line in lines)
