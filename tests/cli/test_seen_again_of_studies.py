@@ -33,7 +33,7 @@ SHORT: dict[str, dict[str, Any]] = {
     **SMALL,
     "crowd": {**SMALL["crowd"], "limit_s": 1.5},
     # Few warps, which take long to plan.
-    "waving": {**SMALL["waving"], "technique": ["orientation"], "participant_place": ["place_3"]},
+    "waving": {**SMALL["waving"], "technique": ["orientation"]},
 }
 LATER_NS = 600_000_000
 """From a trial's beginning to when its scene is lit in all of them."""

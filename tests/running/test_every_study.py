@@ -74,8 +74,8 @@ SMALL: dict[str, dict[str, Any]] = {
     },
     "crowd": {"configuration": [1], "intertrial_s": 0.5, "limit_s": 3.0},
     "waving": {
-        "clerk": ["clerk_left"], "increment": 0.1, "before_s": 0.3, "wave_s": 0.6, "after_s": 0.1,
-        "intertrial_s": 0.1, "blocks": 1,
+        "clerk": ["clerk_left"], "participant_place": ["place_3"], "increment": 0.1,
+        "before_s": 0.3, "wave_s": 0.6, "after_s": 0.1, "intertrial_s": 0.1, "blocks": 1,
     },
     "adjectives": {"emotion": ["depression", "pleasure"]},
     "duel": {"repetitions": 1, "practice": 1},

@@ -29,8 +29,8 @@ SHORT: dict[str, dict[str, Any]] = {
     "stare": {"repetitions": 1, "trial_s": 0.5, "intertrial_s": 0.1, "practice_s": 0.5},
     "crowd": {"configurations": 1, "intertrial_s": 0.5, "limit_s": 3.0},
     "waving": {
-        "clerk": ["clerk_left"], "increment": 0.1, "before_s": 0.3, "wave_s": 0.6,
-        "after_s": 0.1, "intertrial_s": 0.1, "blocks": 1,
+        "clerk": ["clerk_left"], "participant_place": ["place_3"], "increment": 0.1,
+        "before_s": 0.3, "wave_s": 0.6, "after_s": 0.1, "intertrial_s": 0.1, "blocks": 1,
     },
 }  # fmt: skip
 

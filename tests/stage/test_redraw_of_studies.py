@@ -26,8 +26,8 @@ from visavis.stimuli.dressing.picture_of import picture_of
 
 CROWD = {"configurations": 1, "intertrial_s": 0.5, "limit_s": 3.0}
 WAVING = {
-    "clerk": ["clerk_left"], "increment": 0.1, "before_s": 0.3, "wave_s": 0.6, "after_s": 0.1,
-    "intertrial_s": 0.1, "blocks": 1,
+    "clerk": ["clerk_left"], "participant_place": ["place_3"], "increment": 0.1, "before_s": 0.3,
+    "wave_s": 0.6, "after_s": 0.1, "intertrial_s": 0.1, "blocks": 1,
 }  # fmt: skip
 DUEL = {"repetitions": 1, "practice": 0}
 

@@ -167,7 +167,8 @@ def test_a_band_that_goes_away_does_not_end_the_walk(tmp_path):
 
 
 def test_a_control_group_never_vibrates(tmp_path):
-    recording = session(tmp_path, group="control", groups=["haptics", "control"])
+    groups = ["haptics", "control"]
+    recording = session(tmp_path, group="control", groups=groups, limit_s=12.0)
     assert not recording.trials()["vibrates"].any()
     for role in BAND_ROLES:
         assert 1 not in recording.stream_arrays(f"haptics_{role}")["kind"]

@@ -106,19 +106,24 @@ def test_a_study_with_everybody_left_out_says_so():
         analysed(tables(walked))
 
 
-def test_real_walks_are_not_marked_as_simulated(tmp_path):
+@pytest.fixture(scope="module")
+def of_three(tmp_path_factory):
+    """Return the report on three people who took part, one of whose recordings is not whole."""
     walked = walks(3)
     for walk in walked:
         walk.row["is_simulated"] = False
-    report = written(tmp_path, walked)
-    assert "SIMULATED" not in report.read_text(encoding="utf-8")
-    assert {False} == set(pd.read_csv(tmp_path / "statistics.csv")["is_simulated"])
-
-
-def test_recordings_that_are_not_whole_are_named(tmp_path):
     broken = SessionSource("S00", "ses-001", "2026-01-01", "crashed", "0" * 64, "abc")
-    report = written(tmp_path, walks(3), replace(PROVENANCE, sessions=(broken,)))
-    assert "crashed" in report.read_text(encoding="utf-8").partition('id="provenance"')[2]
+    provenance = replace(PROVENANCE, sessions=(broken,))
+    return written(tmp_path_factory.mktemp("three"), walked, provenance)
+
+
+def test_real_walks_are_not_marked_as_simulated(of_three):
+    assert "SIMULATED" not in of_three.read_text(encoding="utf-8")
+    assert {False} == set(pd.read_csv(of_three.parent / "statistics.csv")["is_simulated"])
+
+
+def test_recordings_that_are_not_whole_are_named(of_three):
+    assert "crashed" in of_three.read_text(encoding="utf-8").partition('id="provenance"')[2]
 
 
 def test_the_control_group_is_counted_tested_apart_and_compared(tmp_path):
