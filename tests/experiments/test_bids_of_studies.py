@@ -10,6 +10,7 @@ from tests.experiments.crowd.sessions import session as crowd_session
 from tests.experiments.small_studies import SESSIONS, simulated
 from tests.faults.sessions import lab, perform
 from tests.recording.test_export import ABOUT, issues_of
+from tests.running.test_every_study import SMALL
 from visavis.cli.sharing import shared_recording
 from visavis.devices.registry import OPTION_MODELS
 from visavis.lab.config import load_config
@@ -32,10 +33,9 @@ def recording_of(study: str, root: Path) -> Recording:
     name, _, screen = study.partition(" ")
     found = find_study(name)
     config = load_config(SCREEN_EXAMPLE if screen else EXAMPLE, OPTION_MODELS)
-    parameters = SESSIONS[name].parameters if name in SESSIONS else {}
     request = simulated_request(
         found,
-        found.experiment(parameters),
+        found.experiment(SMALL.get(name, {})),
         config.model_copy(update={"data_root": root}),
         label="S01",
         index=0,
