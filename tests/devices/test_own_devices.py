@@ -43,6 +43,8 @@ def here(package):
         "sim",
         "--set",
         "repetitions=1",
+        "--set",
+        "practice=0",
     )
     return package
 
