@@ -365,15 +365,23 @@ def trial(t: TrialScript) -> Generator[Any, Any, None]:
         yield t.mark("wave", **wave_record(wave, t.increment))
         plan_columns = warp_columns(wave.plan_result)
         t.row |= {"wave_sha256": wave.sha256, **plan_columns}
-    while view.t_ns < start_ns + round(scene_s * NS_PER_S):
+    end_ns = start_ns + round(scene_s * NS_PER_S)
+
+    def picture(view: FrameView) -> SceneFrame:
+        nonlocal frames
+        frames += 1
         if view.head_valid:
             heights.append(float(view.head.position_m[1]))
+        return office.frame(view, view.t_ns - start_ns)
+
+    # a wave that is warped for where the participant is may be marked in any frame
+    step = NextFrame(0 if office.loop is not None else end_ns, picture)
+    while view.t_ns < end_ns:
         key = office.correct(view.t_ns)
         if key is not None:
             yield t.mark("warp", **key)
-        yield Show(office.frame(view, view.t_ns - start_ns))
-        view = yield NextFrame()
-        frames += 1
+        yield Show(picture(view))
+        view = yield step
     loop = office.loop
     loop_result = None if loop is None else loop.came_to(partial(reached_in, about_of(t)))
     t.row |= {

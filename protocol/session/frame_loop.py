@@ -229,7 +229,7 @@ class FrameLoop:
     ) -> FrameView:
         """Draw the present view, wait for the next frame and return what it brought.
 
-        On a virtual clock frames before `quiet_until_ns` are passed while no device has anything
+        On a virtual clock, frames before `quiet_until_ns` are passed while no device has anything
         to do but what can wait; each is recorded as if it had been returned, and `update` says
         what to show after it.
         """
@@ -266,14 +266,12 @@ class FrameLoop:
             self._take_poses(self._at_once, frame)
         self._rig.hear_from(self.head)
         controls, pressed_ns = self._take_presses() if self._press_inbox else ((), ())
-        gaze: GazeView
         if is_put_off or self._waiting:
             gaze = self._defer_gaze(frame)
             if not is_put_off:
                 self.catch_up()
         else:
-            gaze = self.observer.observe(frame.index, frame.t_ns)
-            self._frames.add((*self._frame_row(frame), gaze.t_ns.shape[0]), frame.t_ns)
+            gaze = self._evaluate_gaze(frame)
         return FrameView(
             frame.index,
             frame.t_ns,
@@ -298,9 +296,16 @@ class FrameLoop:
             frame.t_ns,
             self.head,
             self.head_valid,
-            self._defer_gaze(frame),
+            self._evaluate_gaze(frame)
+            if self._rig.eye_tracker is None
+            else self._defer_gaze(frame),
             pointers=self._pointers(),
         )
+
+    def _evaluate_gaze(self, frame: FrameInfo) -> GazeView:
+        gaze = self.observer.observe(frame.index, frame.t_ns)
+        self._frames.add((*self._frame_row(frame), gaze.sample_count), frame.t_ns)
+        return gaze
 
     def _defer_gaze(self, frame: FrameInfo) -> GazeView:
         """Let the gaze of a frame wait; evaluate it when it is read, or no more may wait."""

@@ -305,9 +305,12 @@ class RunningRig:
 
         It holds until the next command to a device.
         """
-        if self._gaze_pump is None or self._bands or self._rig.on_step is not None:
+        if self._bands or self._rig.on_step is not None:
             return 0
-        return min(self._display_pump.put_off_until_ns(), self._gaze_pump.put_off_until_ns())
+        until_ns = self._display_pump.put_off_until_ns()
+        if self._gaze_pump is None:
+            return until_ns
+        return min(until_ns, self._gaze_pump.put_off_until_ns())
 
     def is_idle(self, t_ns: int) -> bool:
         """Tell whether no device has anything to do up to this time, which is before
