@@ -14,7 +14,13 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.analysis.session_verdict import Level
-from visavis.analysis.xdf_times import ClockSegment, on_common_clock, read_xdf
+from visavis.analysis.xdf_times import (
+    MAX_CLOCK_S,
+    ClockSegment,
+    on_common_clock,
+    read_xdf,
+    whole_ns,
+)
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DataError
 from visavis.lab.foreign_text import decode_text
@@ -88,7 +94,13 @@ def _verdict(stream: ForeignStream, streams: Sequence[ForeignStream]) -> StreamV
         *((Level.AMBER, what, remedy) for what, remedy in stream.notes),
         *_of_clock(stream, streams),
     ]
-    stamps = stream.stamps_s[np.isfinite(stream.stamps_s)]
+    with np.errstate(invalid="ignore"):
+        is_time = np.abs(stream.stamps_s) < MAX_CLOCK_S
+    stamps = stream.stamps_s[is_time]
+    odd = int((~is_time & ~np.isnan(stream.stamps_s)).sum())
+    if odd:
+        what = f"{odd} stamps that no clock shows"
+        findings.append((Level.RED, what, "the file is damaged, or the sender stamps wrongly"))
     if not len(stamps):
         findings.append(
             (Level.RED, "no sample", "see whether the program that sends it was running")
@@ -171,7 +183,7 @@ def _of_times(
     """Return the measured rate and what is wrong with stamps: order, gaps, rate."""
     findings: list[tuple[Level, str, str]] = []
     rate_hz, resets = stream.rate_hz, {s.first for s in stream.segments or ()}
-    t_ns = np.rint((stamps - stamps[:1]) * NS_PER_S).astype(np.int64)
+    t_ns = whole_ns(stamps)
     returns = time_returns(t_ns)
     back = sorted({*returns.restarts, *returns.disorder} - resets)
     if back:

@@ -30,6 +30,8 @@ MAX_AWAY_S = 60.0
 RESET_S = 1.0
 """Offsets of one clock never jump by so much from one exchange to the next, drift aside."""
 MAX_DRIFT = 1e-3
+MAX_CLOCK_S = 4e9
+"""No clock shows more: 126 years."""
 OUTLYING_SPREADS, MIN_OUTLYING_S = 8.0, 0.002
 _HEADER, _SAMPLES, _OFFSET, _BOUNDARY, _FOOTER = 2, 3, 4, 5, 6
 _SIZES = {"int8": 1, "int16": 2, "int32": 4, "float32": 4, "int64": 8, "double64": 8}
@@ -353,9 +355,16 @@ def _fit(exchanges: Times) -> _Fit:
     )
 
 
+def whole_ns(times_s: Times) -> npt.NDArray[np.int64]:
+    """Return times in whole nanoseconds; what lies beyond int64, or is none, at its bounds."""
+    bounded = np.clip(np.nan_to_num(times_s), -MAX_CLOCK_S, MAX_CLOCK_S)
+    out: npt.NDArray[np.int64] = np.rint(bounded * NS_PER_S).astype(np.int64)
+    return out
+
+
 def _sample_parts(own_s: Times) -> list[tuple[int, int]]:
     """Return first row and row after each part between restarts of the sender's clock."""
     if not len(own_s):
         return []
-    edges = [0, *time_returns(np.rint(own_s * NS_PER_S).astype(np.int64)).restarts, len(own_s)]
+    edges = [0, *time_returns(whole_ns(own_s)).restarts, len(own_s)]
     return list(pairwise(edges))

@@ -130,7 +130,10 @@ def _refuse_other_screen(path: Path, line: str, screen: FlatScreen) -> None:
     match = _COORDS.search(line)
     if match is None:
         return
-    numbers = [float(word) for word in match[1].replace(",", " ").split()[:4]]
+    try:
+        numbers = [float(word) for word in match[1].replace(",", " ").split()[:4]]
+    except ValueError:
+        return  # a message of the study's that only looks like it
     if len(numbers) < 4:
         return
     size = (round(numbers[2] - numbers[0]), round(numbers[3] - numbers[1]))

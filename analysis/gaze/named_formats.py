@@ -150,7 +150,7 @@ def read_smi(path: Path, screen: FlatScreen | None) -> GazeRecording:
         "time": {"column": "Time", "unit": "us"},
         "space": "head",
         "screen": vars(screen),
-        "rate_hz": float(rate) if rate.isdigit() else None,
+        "rate_hz": float(rate) if re.fullmatch(r"[1-9][0-9]{0,4}", rate) else None,
         **eyes,
     }
     recording = recording_of_table(table, mapping_of(content, source=f"{path}: SMI"))
@@ -226,17 +226,22 @@ def read_glasses3(path: Path) -> GazeRecording:
         name=_name_of(path.with_suffix("") if path.suffix == ".gz" else path),
         t_ns=np.rint(np.array([t_s for t_s, _ in entries]) * NS_PER_S).astype(np.int64),
         space="head",
-        left=_glasses_eye([data.get("eyeleft") for _, data in entries]),
-        right=_glasses_eye([data.get("eyeright") for _, data in entries]),
+        left=_glasses_eye(path, [data.get("eyeleft") for _, data in entries]),
+        right=_glasses_eye(path, [data.get("eyeright") for _, data in entries]),
         notes={"format": "Tobii Pro Glasses 3"},
         remarks=remarks,
         time_unit="s",
     )
 
 
-def _glasses_eye(entries: list[Any]) -> EyeSamples:
+def _glasses_eye(path: Path, entries: list[Any]) -> EyeSamples:
     nothing = [np.nan] * 3
     eyes = [entry if isinstance(entry, dict) else {} for entry in entries]
-    rays: Vector = np.array([eye.get("gazedirection") or nothing for eye in eyes], np.float64)
-    pupils = np.array([eye.get("pupildiameter") or np.nan for eye in eyes], np.float64)
+    try:
+        rays: Vector = np.array([eye.get("gazedirection") or nothing for eye in eyes], np.float64)
+        pupils = np.array([eye.get("pupildiameter") or np.nan for eye in eyes], np.float64)
+    except (TypeError, ValueError) as error:
+        raise DataError(f"{path}: a direction or pupil that is none ({error})") from error
+    if rays.shape != (len(eyes), 3) or pupils.shape != (len(eyes),):
+        raise DataError(f"{path}: a direction is no list of three numbers, or a pupil is no number")
     return eye_samples(unit(rays @ _GLASSES_AXES.T), pupil_mm=pupils)

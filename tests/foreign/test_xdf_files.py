@@ -183,3 +183,12 @@ def test_a_reset_that_no_exchange_maps_is_red(tmp_path: Path) -> None:
     (verdict,) = judged(tmp_path / "a.xdf", content)
     assert Level.RED is verdict.level
     assert "no exchange maps one of the parts" in words(verdict)
+
+
+@pytest.mark.parametrize("wild", [1e300, -1e12, float("inf")])
+def test_stamps_that_no_clock_shows_are_told(wild: float, tmp_path: Path) -> None:
+    own_s = 1000 + np.arange(500) / 50
+    own_s[100] = wild
+    (verdict,) = judged(tmp_path / "a.xdf", file_of(("gaze", own_s, [])))
+    assert Level.RED is verdict.level
+    assert "1 stamps that no clock shows" in words(verdict)
