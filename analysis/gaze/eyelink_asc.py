@@ -51,7 +51,7 @@ def read_eyelink(path: Path, screen: FlatScreen | None) -> GazeRecording:
             rate_hz = _rate(words) or rate_hz
         elif words[0] == "START":
             eyes = "".join(side[0] for side in ("LEFT", "RIGHT") if side in words)
-        elif words[0] == "EBLINK" and len(words) > 3 and words[1] in blinks:
+        elif words[0] == "EBLINK" and _is_blink(words):
             blinks[words[1]].append((_value(words[2]), _value(words[3])))
         elif words[0] == "MSG":
             _refuse_other_screen(path, line, screen)
@@ -113,9 +113,15 @@ def _value(cell: str) -> float:
     return np.nan if cell == "." else float(cell.replace(",", "."))
 
 
+def _is_blink(words: list[str]) -> bool:
+    """Say whether a line EBLINK names an eye and two times, as all do but damaged ones."""
+    return len(words) > 3 and words[1] in "LR" and all(map(_NUMBER.fullmatch, words[2:4]))
+
+
 def _rate(words: list[str]) -> float | None:
     at = words.index("RATE") if "RATE" in words else -1
-    return _value(words[at + 1]) if 0 <= at < len(words) - 1 else None
+    text = words[at + 1] if 0 <= at < len(words) - 1 else ""
+    return _value(text) if _NUMBER.fullmatch(text) else None
 
 
 def _refuse_other_samples(path: Path, number: int, words: list[str]) -> None:

@@ -22,6 +22,8 @@ from visavis.lab.yaml_lines import read_document
 
 MAPPED: Final = ("tobii", "neon", "gazepoint", "varjo", "gazebase")
 """Programs whose tables a mapping in `formats` describes."""
+MAX_CLOCK_S: Final = 4e9
+"""No clock shows more: 126 years."""
 FORMATS_FOLDER = Path(__file__).with_name("formats")
 _GLASSES_AXES = axes_matrix("-x", "+y", "+z")
 _SMI_HEADER = re.compile(r"##\s*([^:\t]+):\s*(.+)")
@@ -214,7 +216,10 @@ def read_glasses3(path: Path) -> GazeRecording:
     for number, line in lines:
         try:
             entry = parse_json(line)
-            entries.append((float(entry["timestamp"]), dict(entry.get("data") or {})))
+            t_s = float(entry["timestamp"])
+            if not abs(t_s) < MAX_CLOCK_S:
+                raise ValueError(f"{t_s} is no time")
+            entries.append((t_s, dict(entry.get("data") or {})))
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             if number == lines[-1][0] and entries:
                 remarks = (*remarks, f"line {number}, the last, is cut off; it was left out")

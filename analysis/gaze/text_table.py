@@ -107,6 +107,9 @@ class TextTable:
                 out[i] = np.nan if word.lower() in MISSING_WORDS else float(style.plain(word))
             except ValueError as error:
                 raise DataError(self._complaint(i, name, cell, "not a number")) from error
+        if np.isinf(out).any():
+            row = int(np.flatnonzero(np.isinf(out))[0])
+            raise DataError(self._complaint(row, name, text[row], "an infinite number"))
         return out
 
     def _style(self, name: str) -> NumberStyle:
