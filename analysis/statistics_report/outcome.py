@@ -215,6 +215,12 @@ class Question:
                 f"a Bayes factor stands beside the tests {', '.join(WITH_BAYES)}, not {self.test}; "
                 "take one of them, or leave --bayes out"
             )
+        n_factors = len(self.within) + len(self.between)
+        if model.bayes and self.test != "t" and (n_factors != 1 or model.covariates):
+            raise UsageError(
+                f"the Bayes factor of the test {self.test} is that of one factor without "
+                "covariates; take one, leave --bayes out, or take the test t for two conditions"
+            )
         if (simple := self.decision.simple) and (
             self.test not in TESTS_OF_FACTORS or simple not in (*self.within, *self.between)
         ):

@@ -125,6 +125,30 @@ def test_no_shipped_study_has_slips(name: str) -> None:
     assert find_study(name).experiment({}).read
 
 
+IMPOSSIBLE = [
+    (
+        'model="lmm", options=[("covariates", ("part",))]',
+        "covariates goes with rm, anova, not with",
+    ),
+    (
+        'test="art", options=[("bayes", True)]',
+        "a Bayes factor stands beside the tests t, rm, anova",
+    ),
+    ('test="rm", options=[("bayes", True), ("covariates", ("part",))]', "without covariates"),
+]
+
+
+@pytest.mark.parametrize(("choice", "said"), IMPOSSIBLE, ids=["lmm", "art", "rm"])
+def test_a_choice_that_a_comparison_s_test_does_not_have_is_refused_before_anybody_takes_part(
+    tmp_path: Path, choice: str, said: str
+) -> None:
+    path = tmp_path / "mood.py"
+    path.write_text(STUDY.replace('within="eyes"', f'within="eyes", {choice}'), "utf-8")
+
+    with pytest.raises(DesignError, match=rf"mood\.py, line \d+: the comparison .*{said}"):
+        find_study(str(path)).experiment_to_run({})
+
+
 def test_a_motion_s_own_settings_are_taken_by_its_scene(tmp_path: Path) -> None:
     path = tmp_path / "mood.py"
     path.write_text(STUDY.replace('"person"', '"person", motion="idle", lively=0.5'), "utf-8")

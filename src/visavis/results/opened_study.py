@@ -12,7 +12,7 @@ import pandas as pd
 from visavis.analysis.report.sources import provenance_of_sessions
 from visavis.analysis.statistics_report.choices import PAIR_SIGN
 from visavis.lab.config import LabConfig
-from visavis.lab.errors import ConfigError, DataError, DesignError
+from visavis.lab.errors import ConfigError, DataError, DesignError, UsageError
 from visavis.lab.garbage import collecting_seldom
 from visavis.lab.yaml_lines import did_you_mean
 from visavis.people.person import StudyPerson
@@ -99,6 +99,7 @@ class OpenedStudy:
                 not be performed or not be analysed.
         """
         experiment = self.experiment(overrides)
+        self._refuse_impossible_tests(experiment)
         refuse_unusable_names(experiment, self.measures(experiment))
         return experiment
 
@@ -220,6 +221,24 @@ class OpenedStudy:
                     # An interaction, like a one-sided test, has one direction between two levels.
                     two_only = len(orders) == 2 or (compare.one_sided and text == compare.expects)
                     self._refuse_order(text, order, tuple(dict.fromkeys(names)), two_only)
+
+    def _refuse_impossible_tests(self, experiment: StudyExperiment) -> None:
+        """Refuse choices that a comparison's test does not have, before anybody takes part.
+
+        Raises:
+            DesignError: with the line of the study file and what the test has.
+        """
+        groups = {name: tuple(of) for name, of in self.study.analysis.groups.items()}
+        levels: dict[str, tuple[Any, ...]] = {**experiment.levels, **groups}
+        for compare in experiment.compare:
+            factors = (*compare.within, *compare.between)
+            if not set(factors) <= set(levels):
+                continue  # refused by name elsewhere, or a column that trials write
+            try:
+                compare.question({f: tuple(map(str, levels[f])) for f in factors})
+            except UsageError as problem:
+                place = line_saying(self.study.files.path, compare.dv) or f"study {self.study.name}"
+                raise DesignError(f"{place}: the comparison {compare.name}: {problem}") from problem
 
     def _refuse_order(self, text: str, order: Order, levels: Sequence[str], two_only: bool) -> None:
         """Refuse an order of other levels than these, or of more where there may be two only."""

@@ -11,7 +11,6 @@ from visavis.analysis.statistics.bayes import (
     jzs_anova_bayes_factor,
     jzs_bayes_factor,
 )
-from visavis.analysis.statistics.errors import UnknownMethod
 from visavis.analysis.statistics_report import Question, answer
 from visavis.lab.errors import UsageError
 
@@ -65,11 +64,10 @@ def test_a_report_gives_it_beside_the_test_of_one_factor() -> None:
     assert outcome.row("m")["BF10"] == pytest.approx(8.127e10, rel=1e-3)
     assert "BF₁₀ = 8.1e+10" in outcome.sentences[1]
     assert any("Cauchy priors of scale 0.5" in note for note in outcome.notes)
-    with pytest.raises(UnknownMethod, match="of one factor"):
-        answer(
-            people(),
-            Question("rm", dv="y", within=("m",), between=("g",), subject="who", bayes=True),
-        )
+    with pytest.raises(UsageError, match="of one factor without covariates"):
+        Question("rm", dv="y", within=("m",), between=("g",), subject="who", bayes=True)
+    with pytest.raises(UsageError, match="of one factor without covariates"):
+        Question("rm", dv="y", within=("m",), subject="who", bayes=True, covariates=("age",))
     with pytest.raises(UsageError, match="beside the tests t, rm, anova"):
         Question("art", dv="y", within=("m",), subject="who", bayes=True)
 
