@@ -255,6 +255,18 @@ def test_visitors_who_never_consent_take_no_place_and_are_soon_taken_for_gone(
     assert ["done", {"left": 5, "complete": 1}] == served(place, act)
 
 
+def test_where_too_many_pages_are_open_people_wait_and_are_not_sent_away(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("visavis.running.page.reception.MAX_OPEN", 1)
+
+    async def act(base: str, reception: Reception) -> Any:
+        await arrive(base, {})
+        return await posted(base, "/api/arrive", {"parameters": {}})
+
+    assert "busy" == served(place, act)["refused"]
+
+
 def test_a_page_cannot_say_that_there_is_no_place(place: Place) -> None:
     async def act(base: str, reception: Reception) -> tuple[int, str]:
         key = (await arrive(base, {})).partition("#")[2]

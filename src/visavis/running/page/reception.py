@@ -158,9 +158,11 @@ class Reception:
                     return {"refused": "begun", "text": words.get("begun_elsewhere", "")}
                 return {"key": key}
             is_open = sum(not session.page.closed.is_set() for session in self._open.values())
-            if is_open >= MAX_OPEN or self._is_full():
+            if self._is_full():
                 return {"refused": "full", "text": words.get("full", "")}
-            if not self._limits.lets_pass(address, self._base.clock.now_ns()):
+            if is_open >= MAX_OPEN or not self._limits.lets_pass(
+                address, self._base.clock.now_ns()
+            ):
                 return {"refused": "busy", "text": words.get("busy", "")}
             try:
                 session = await self._run(self._begin, arrival)
