@@ -312,3 +312,10 @@ def test_times_of_an_imported_session_tell_no_day(lab: Path) -> None:
     assert list(range(10)) == shared.stream("probe")["t_host_ns"].tolist()
     assert () == privacy_sheet([shared]).findings
     assert "tells the day" in " ".join(privacy_sheet([as_recorded]).findings)
+
+
+@pytest.mark.parametrize("event", ["session_end", "pause_start", "full", "films_loaded"])
+def test_what_nobody_declared_does_not_leave_with_an_event_of_ours(event: str) -> None:
+    """A browser says what it loaded, in its own words; the others have no fields at all."""
+    assert event in EVENT_CLASSES
+    assert class_of_field(event, "what_a_browser_wrote") in ("", "private")

@@ -51,8 +51,9 @@ def _read_classes() -> Mapping[str, Mapping[str, str]]:
     classes: dict[str, dict[str, str]] = {}
     with Path(__file__).with_name("event_classes.csv").open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
+            fields = classes.setdefault(row["event"], {})
             for field in row["fields"].split():
-                classes.setdefault(row["event"], {})[field] = row["class"]
+                fields[field] = row["class"]
     return classes
 
 
