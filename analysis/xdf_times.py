@@ -4,10 +4,8 @@ Source: the XDF 1.0 specification (sccn/xdf wiki). What cannot be read is passed
 boundary chunk, and told; a clock that was reset gives segments, each with a fit of its own.
 """
 
-import gzip
 import struct
 import xml.etree.ElementTree as ET
-import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from io import BytesIO
@@ -20,7 +18,7 @@ import numpy.typing as npt
 
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DataError
-from visavis.lab.plain_files import open_plain
+from visavis.lab.plain_files import open_plain, read_packed
 from visavis.lab.sampling import time_returns
 
 MAX_HEADER_BYTES = 16 * 1024 * 1024
@@ -92,23 +90,12 @@ def read_xdf(path: Path) -> tuple[tuple[XdfTimes, ...], tuple[str, ...]]:
     """
     try:
         with open_plain(path) as raw:
-            is_packed = raw.read(2) == b"\x1f\x8b"
+            if raw.read(2) == b"\x1f\x8b":  # what is left of a cut one ends within a chunk
+                return _read(path, BytesIO(read_packed(path, may_be_cut=True)))
             raw.seek(0)
-            return _read(path, _unpacked(gzip.GzipFile(fileobj=raw)) if is_packed else raw)
+            return _read(path, raw)
     except OSError as error:
         raise DataError(f"{path} cannot be read as XDF: {error}; copy it anew") from error
-
-
-def _unpacked(file: gzip.GzipFile) -> BytesIO:
-    """Return what a packed file holds, up to where it is cut."""
-    read = BytesIO()
-    try:
-        while piece := file.read(1 << 20):
-            read.write(piece)
-    except (EOFError, zlib.error):
-        pass  # what was unpacked ends within a chunk, which is then told
-    read.seek(0)
-    return read
 
 
 def _read(path: Path, file: BinaryIO) -> tuple[tuple[XdfTimes, ...], tuple[str, ...]]:

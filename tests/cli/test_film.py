@@ -42,6 +42,7 @@ from visavis.stimuli.motion.skeleton import forward
 from visavis.stimuli.surfaces import Surfaces
 from visavis.study.films import Film
 from visavis.study.parts import Posture
+from visavis.study.scenes import Scene
 
 HEIGHTS = ("hips", "left_lower_leg", "left_foot", "left_eye")
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
@@ -301,7 +302,7 @@ def test_questions_below_a_film_leave_room_for_the_line_that_says_what_it_is(n: 
         return np.full((round(film_share(n) * 540), 400, 3), low, np.uint8)
 
     question = Question("q", "Which?", (("a", "left"), ("b", "right")), None, None)
-    shown = Film(cast(Any, None), 1.0, (400, 300), 10)
+    shown = Film(Scene("person"), 1.0, (400, 300), 10)
     step = SeenStep(0, 10**9, 0, {"film": shown}, "", (question,) * n)
     films = cast(FilmPictures, SimpleNamespace(at=film))
     page = page_picture(step, 1, films, (960, 540))

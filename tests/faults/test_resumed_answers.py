@@ -5,7 +5,7 @@ from typing import cast
 
 import pytest
 
-from benchmarks.kill_resume import _fast_config, _ShortSessions
+from benchmarks.kill_resume import _ShortSessions, fast_config
 from visavis.experiments.crowd.participant.participant import CrowdParticipant
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy, find_study
@@ -29,7 +29,7 @@ def answers(recording: Recording) -> dict[tuple[str, str], object]:
 def test_answers_after_a_block_do_not_depend_on_a_resume(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    short = _ShortSessions(cast(OpenedStudy, find_study("crowd")), _fast_config())
+    short = _ShortSessions(cast(OpenedStudy, find_study("crowd")), fast_config())
     whole = answers(Recording(perform_new(short.request(tmp_path / "whole"))))
     of_blocks = {question for name, question in whole if "@" in name}
     answer, asked = CrowdParticipant.answer, []

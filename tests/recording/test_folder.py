@@ -25,9 +25,9 @@ def test_sessions_lie_where_the_layout_says(tmp_path: Path) -> None:
     assert {"manifest.json", "manifest.copy.json", "part-01"} == {p.name for p in path.iterdir()}
 
 
-def test_existing_session_is_refused_with_both_ways_out(tmp_path: Path) -> None:
+def test_a_finished_session_is_refused_with_its_way_out(tmp_path: Path) -> None:
     record_session(tmp_path)
-    with pytest.raises(UsageError, match=r"never overwritten; resume it.*or run session 2"):
+    with pytest.raises(UsageError, match=r"never overwritten; run a further one: add --session 2"):
         create_session(tmp_path, probe_manifest())
 
 

@@ -38,6 +38,7 @@ from visavis.running.sessions.perform import perform_new, perform_rest
 from visavis.running.sessions.session_request import Request, simulated_request
 from visavis.running.study_check import (
     first_view,
+    languages_of,
     performing_problems,
     plan_problems,
     rename_levels,
@@ -57,7 +58,6 @@ from visavis.study.information import (
     information_on_page,
 )
 from visavis.study.live import Slider
-from visavis.study.texts import languages_in
 
 STUDIES = Path(__file__).parents[1] / "studies"
 FOUND = tuple(str(path) for path in sorted(STUDIES.glob("*.py")))
@@ -287,7 +287,7 @@ def test_people_are_told_in_every_language_of_all_that_a_session_holds(
     facts = {STREAM_FACTS[s.name] for part in session.manifest.parts for s in part.streams}
     for name, payload in zip(events["name"], events["payload"], strict=True):
         facts |= facts_in_event(name, payload) if is_on_page else facts_in_lab_event(name)
-    for language in set.intersection(*map(set, map(languages_in, study.study.text_folders))):
+    for language in languages_of(study.study):
         experiment = study.experiment({**small(reference), "language": language})
         lab_there = config_for(study, tmp_path).model_copy(update={"language": language})
         questionnaires = study.questionnaires(lab_there)

@@ -12,6 +12,7 @@ import tokenize
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import lru_cache
 from io import BufferedReader, BytesIO
 from pathlib import Path
@@ -70,8 +71,10 @@ def read_plain(path: Path, *, max_bytes: int = MAX_TEXT_BYTES) -> bytes:
     return data
 
 
-def read_packed(path: Path, *, max_bytes: int = MAX_UNPACKED_BYTES) -> bytes:
-    """Return what a gzip file holds.
+def read_packed(
+    path: Path, *, max_bytes: int = MAX_UNPACKED_BYTES, may_be_cut: bool = False
+) -> bytes:
+    """Return what a gzip file holds; what comes before its damage where it `may_be_cut`.
 
     Raises OSError, also when it is cut or damaged, or unpacks to more than `max_bytes` or than
     text does.
@@ -80,7 +83,10 @@ def read_packed(path: Path, *, max_bytes: int = MAX_UNPACKED_BYTES) -> bytes:
         packed_bytes = os.fstat(file.fileno()).st_size
         max_bytes = min(max_bytes, max(MAX_TEXT_RATIO * packed_bytes, FREE_TEXT_BYTES))
         try:
-            data = _at_most(stream, max_bytes + 1, PIECE_BYTES)
+            if may_be_cut:
+                data = _before_damage(stream, max_bytes + 1)
+            else:
+                data = _at_most(stream, max_bytes + 1, PIECE_BYTES)
         except (EOFError, zlib.error) as error:
             raise OSError(
                 errno.EIO, f"it is not a complete gzip file ({error})", str(path)
@@ -88,6 +94,15 @@ def read_packed(path: Path, *, max_bytes: int = MAX_UNPACKED_BYTES) -> bytes:
     if len(data) > max_bytes:
         raise OSError(errno.EFBIG, f"it unpacks to more than {max_bytes} bytes", str(path))
     return data
+
+
+def _before_damage(file: gzip.GzipFile, most: int) -> bytes:
+    """Read a file up to its end or its damage, no more than `most` bytes."""
+    read = BytesIO()
+    with suppress(EOFError, zlib.error):
+        while data := file.read1(min(PIECE_BYTES, most - read.tell())):
+            read.write(data)
+    return read.getvalue()
 
 
 def _at_most(file: BufferedReader | gzip.GzipFile, most: int, piece: int) -> bytes:

@@ -208,7 +208,13 @@ def try_analysis(opened_study: OpenedStudy, experiment: StudyExperiment) -> None
 def analysis_problems(
     opened_study: OpenedStudy, experiment: StudyExperiment, rows: pd.DataFrame
 ) -> list[str]:
-    """Say why simulated trials could not be analysed, from their selection to the report."""
+    """Say why simulated trials could not be analysed, from their selection to the report.
+
+    Nothing is said of a study that measures its recordings piece by piece: its analysis needs
+    tables that only recordings give.
+    """
+    if opened_study.pieces is not None:
+        return []
     # Imported here: figures take a second to import, which plans and sessions need not.
     from visavis.results.outputs import write_study
 

@@ -36,6 +36,7 @@ EVENT_FACTS: Final[Mapping[str, tuple[str, ...]]] = {
     "block_end": (),
     "trial_start": (),
     "consent": ("agreement",),
+    "full": ("agreement",),
     "stopped": ("agreement",),
     "answered": ("answers",),
     "answer": ("questionnaires",),
@@ -63,6 +64,7 @@ LAB_EVENT_FACTS: Final[Mapping[str, tuple[str, ...]]] = {
             "device_back",
             "device_done_without",
             "device_lost",
+            "drift_check",
             "end_validation_missed",
             "fault",
             "fault_over",
@@ -185,6 +187,8 @@ def facts_in_event(name: str, payload: Mapping[str, Any]) -> frozenset[str]:
     Raises:
         KeyError: no fact covers it, or something in it.
     """
+    if name == "films_loaded" and not payload:  # a page without films says nothing of them
+        return frozenset()
     if name != "page_event":
         return frozenset(EVENT_FACTS[name])
     kind = payload["kind"]

@@ -6,6 +6,7 @@ written, the replies are fed to the study's own course, and its steps compared w
 
 import json
 import zipfile
+from codecs import BOM_UTF8, BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -125,7 +126,7 @@ def read_runs(paths: Iterable[Path]) -> tuple[list[Run], int]:
     unreadable = 0
     n_lines = 0
     for text in _texts(paths):
-        for line in filter(None, map(bytes.strip, BytesIO(text))):
+        for line in filter(None, map(bytes.strip, BytesIO(_in_utf8(text)))):
             n_lines += 1
             if n_lines > MAX_LINES:
                 raise DataError(
@@ -135,7 +136,7 @@ def read_runs(paths: Iterable[Path]) -> tuple[list[Run], int]:
             try:
                 if len(line) > MAX_LINE:
                     raise ValueError("no page writes such a line")
-                entry = with_whole_characters(parse_json(_text(line)))
+                entry = with_whole_characters(parse_json(line.decode("utf-8", errors="replace")))
                 key, its = str(entry["run"]), int(entry["line"])
             except (ValueError, TypeError, KeyError, OverflowError):
                 unreadable += 1
@@ -248,10 +249,11 @@ def _is_result(name: str) -> bool:
     return name.endswith(TEXTS) and not name.endswith("metadata.json")
 
 
-def _text(data: bytes) -> str:
+def _in_utf8(data: bytes) -> bytes:
     """Return a file's text; editors on Windows save what people send with a mark, or as UTF-16."""
-    is_utf16 = data.startswith((b"\xff\xfe", b"\xfe\xff"))
-    return data.decode("utf-16" if is_utf16 else "utf-8-sig", errors="replace")
+    if data.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+        return data.decode("utf-16", errors="replace").encode()
+    return data.removeprefix(BOM_UTF8)
 
 
 @dataclass(frozen=True, eq=False)
