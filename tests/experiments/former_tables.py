@@ -133,7 +133,7 @@ def _crowd_statistics(today: Path) -> list[dict[str, str]]:
             base[f"mean_{condition}"] = str(statistics.mean(values)) if values else ""
             base[f"sd_{condition}"] = str(statistics.stdev(values)) if values else ""
         marks = {k: v for k, v in row.items() if k.startswith(("measure_", "is_simulated"))}
-        if row["is_tested"] == "False":
+        if row["is_tested"] == "FALSE":
             why = row["why_not"]
             if not any(column in m for m in means):
                 why = "not measured"
@@ -191,12 +191,12 @@ def _labels() -> dict[tuple[str, str], str]:
 
 CROWD: Final = Former(
     {
-        "trials": (Part("trials", only={"is_practice": ("False",)}),),
+        "trials": (Part("trials", only={"is_practice": ("FALSE",)}),),
         "people": (Part("participants", {}, {"group": ""}),),
         "excluded": (
             Part(
                 "trials", {"reason": "left_out_because"}, {},
-                {"is_practice": ("False",), "is_analysed": ("False",)},
+                {"is_practice": ("FALSE",), "is_analysed": ("FALSE",)},
             ),
         ),
         **{name: (Part(name),) for name in ("blocks", "cells", "collisions", "crossings", "pulses",

@@ -70,9 +70,9 @@ def main(reference: str, root: Path, *, is_ready: bool) -> None:
     sys.addaudithook(first.audit)
     next_frame = FrameLoop.next
 
-    def heard(loop: FrameLoop) -> FrameView:
+    def heard(loop: FrameLoop, *quiet: Any, **also: Any) -> FrameView:
         first.in_trial = loop._states.state in PERFORMED
-        return next_frame(loop)
+        return next_frame(loop, *quiet, **also)
 
     FrameLoop.next = heard  # type: ignore[method-assign]
     try:

@@ -47,8 +47,12 @@ from visavis.study.cast import use_recorded_cast
 class StreamTable(pd.DataFrame):
     """A stream as a frame that knows its fields, too: `gaze["direction_world"]` is three columns.
 
-    What it has not raises a KeyError with the names it has.
+    What it has not raises a KeyError with the names it has. Rows that are selected know them, too.
     """
+
+    @property
+    def _constructor(self) -> type["StreamTable"]:
+        return StreamTable
 
     def __getitem__(self, key: Any) -> Any:
         """Return a column, or the columns of a field of several numbers."""

@@ -153,7 +153,7 @@ def test_a_browser_that_remembers_a_session_of_another_study_begins_anew(
 ASKING = """
 from visavis import Factor, Rating, Study
 
-study = Study("asked", factors=[Factor("number", [1, 2])], on="browser", uses=(), calibrate=False)
+study = Study("asked", factors=[Factor("place", [1, 2])], on="browser", uses=(), calibrate=False)
 
 
 @study.trial
