@@ -164,7 +164,7 @@ def _crowd_statistics(today: Path) -> list[dict[str, str]]:
             agrees = one["agrees_with_published"]
             if group == "control" and column in published.TESTS:  # held against the source then
                 ours, theirs = one["is_significant"], pair in published.DIFFERENT.get(column, {})
-                agrees = str(ours == str(theirs))
+                agrees = str(ours == str(theirs).upper()).upper()
             found.append(
                 {
                     **base,

@@ -36,6 +36,7 @@ from visavis.experiments.crowd.sections import similarity_rows
 from visavis.experiments.stare.study import experiment_of as stare_experiment
 from visavis.experiments.stare.study import study as stare
 from visavis.lab.config_files import EXAMPLE
+from visavis.recording.csv_file import write_csv
 from visavis.recording.folder import SIMULATED_ROOT
 from visavis.results.opened_study import OpenedStudy
 from visavis.results.outputs import contrast_rows, statistics_rows
@@ -182,7 +183,7 @@ def fingerprint(name: str, root: Path) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for table, frame in QUICK[name]().items():
         path = root / f"{table}.csv"
-        frame.to_csv(path, index=False, encoding="utf-8", lineterminator="\n")
+        write_csv(frame, path)
         found.update(fingerprint_of_table(path))
     return as_pinned(name, root, root) if name in FORMER else found
 
