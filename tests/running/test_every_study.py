@@ -51,6 +51,7 @@ from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.study.catalogue import SHIPPED_STUDIES
 from visavis.study.experiment import StudyExperiment
 from visavis.study.information import (
+    ARMBAND,
     STREAM_FACTS,
     facts_in_event,
     facts_in_lab_event,
@@ -284,7 +285,9 @@ def test_people_are_told_in_every_language_of_all_that_a_session_holds(
     session = Recording(recorded(study, reference, tmp_path, 0))
     events = session.events()
     is_on_page = study.study.procedure.on == "browser"
-    facts = {STREAM_FACTS[s.name] for part in session.manifest.parts for s in part.streams}
+    streams = {s.name for part in session.manifest.parts for s in part.streams}
+    kinds = {name.partition(f"_{ARMBAND}")[0] for name in streams}  # each armband has its own
+    facts = {STREAM_FACTS[kind] for kind in kinds}
     for name, payload in zip(events["name"], events["payload"], strict=True):
         facts |= facts_in_event(name, payload) if is_on_page else facts_in_lab_event(name)
     for language in languages_of(study.study):
