@@ -173,6 +173,22 @@ def test_a_bill_of_lading_says_what_a_copy_on_another_computer_lacks(
     for baseline in (str(bill), digits, digits[:16]):
         assert 0 == run("check", str(copy), "--against", baseline)[0]
 
+    stream = next((copy / "sub-S01B/ses-001/part-01").glob("*.arrows"))
+    content = stream.read_bytes()
+    stream.unlink()
+    assert f"not {digits}" in run("check", str(copy), "--against", digits)[1]
+    stream.write_bytes(content)
+    remark = copy / "sub-S01B/remarks.jsonl"
+    remark.write_text("{}", "utf-8")
+    assert f"not {digits}" in run("check", str(copy), "--against", digits)[1]
+    remark.unlink()
+    for said in (("--baseline", str(bill)), ("--against", digits)):
+        session = copy / "sub-S01B/ses-001"
+        assert "are of a whole study" in run("check", str(session), *said)[1]
+    written = bill.read_bytes()
+    assert "exists already" in run("check", str(copy), "--baseline", str(bill))[1]
+    assert written == bill.read_bytes()
+
     shutil.rmtree(copy / "sub-S02C")
     for path in copy.glob("*sessions*"):
         path.unlink()  # so that only the bill knows

@@ -65,6 +65,13 @@ def test_people_that_differ_by_case_zeros_and_blanks_are_named() -> None:
         assert pair in str(raised.value)
 
 
+@pytest.mark.parametrize(("delimiter", "of_file"), [("\t", ""), (";", ".")])
+def test_thousands_beside_whole_hundreds_are_no_decimals(delimiter: str, of_file: str) -> None:
+    with pytest.raises(ValueError, match=r"holds 1\.047 in row 1 and 978 in row 0: a decimal"):
+        style_of_numbers(["978", "1.047", "1.831"], delimiter=delimiter, of_file=of_file)
+    assert "." == style_of_numbers(["9.78", "1.047", "978"], delimiter=delimiter).decimal
+
+
 def test_german_thousands_are_thousands_by_the_other_columns() -> None:
     outcome = answer(read_table(FILES / "german_thousands.csv"), PAIRED)
     frame = pd.read_csv(FILES / "german_thousands.csv", sep=";", decimal=",", thousands=".")

@@ -119,3 +119,16 @@ def test_session_without_a_trial_binds_no_design(tmp_path: Path) -> None:
     # From the first trial on the design is what it was.
     written(tmp_path, '["idle", "wave"]', '["idle", "walk"]')
     assert "were made with another design" in run(tmp_path, "--participant", "2")
+
+
+def test_two_questions_of_one_name_are_refused(tmp_path: Path) -> None:
+    again = 'Rating("nice", 1, 7))\n    yield t.ask(Rating("nice", 1, 5))'
+    path = written(tmp_path, 'Rating("nice", 1, 7))', again)
+    with pytest.raises(DesignError, match="asks two questions called 'nice', of which only the"):
+        find_study(str(path)).experiment({})
+
+
+def test_an_answer_called_as_a_measure_is_refused(tmp_path: Path) -> None:
+    path = written(tmp_path, 'Measure("half",', 'Measure("nice",')
+    with pytest.raises(DesignError, match="the answer nice has the column 'nice', which is a meas"):
+        find_study(str(path)).experiment_to_run({})

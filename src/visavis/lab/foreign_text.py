@@ -296,7 +296,7 @@ def style_of_numbers(
     """
     words = [text.strip() for text in texts]
     signs = set("".join(words))
-    points_are_clear = "." not in signs or (delimiter != ";" and of_file != ",")
+    points_are_clear = "." not in signs or (delimiter == "," and of_file != ",")
     if not signs & _GROUPING_SIGNS and points_are_clear:
         return NumberStyle()  # nearly every column; what follows looks at each cell
     rows = {sign: [i for i, w in enumerate(words) if sign in w and _is_number(w)] for sign in ",."}
@@ -313,6 +313,8 @@ def style_of_numbers(
     decimal = next(iter(certain), "") or of_file
     if not decimal:
         decimal = _decimal_without_evidence(words, rows, delimiter, place)
+    if decimal == "." and not certain and delimiter != ",":
+        _refuse_both_grouped_and_not(words, rows["."], place)
     grouped = rows["." if decimal == "," else ","] or spaced
     if not grouped:
         return NumberStyle(decimal)
@@ -327,6 +329,20 @@ def style_of_numbers(
     style = NumberStyle(decimal, ("." if decimal == "," else ",") if not spaced else " ")
     plain = style.plain(words[example])
     return replace(style, remark=f"{words[example]} is read as {plain}: its thousands are parted")
+
+
+def _refuse_both_grouped_and_not(
+    words: Sequence[str], with_point: Sequence[int], place: Callable[[int], str]
+) -> None:
+    """Refuse 1.047 beside 978: thousands of a program that writes commas, or three decimals."""
+    if not with_point or not all(_POINT_THOUSANDS.fullmatch(words[i]) for i in with_point):
+        return
+    whole = next((i for i, w in enumerate(words) if w.isdecimal() and len(w) == 3), None)
+    if whole is not None:
+        raise ValueError(
+            f"holds {words[with_point[0]]} in {place(with_point[0])} and {words[whole]} in "
+            f"{place(whole)}: a decimal point or thousands? Write numbers without grouping"
+        )
 
 
 def _decimal_without_evidence(

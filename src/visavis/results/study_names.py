@@ -102,8 +102,15 @@ def _columns_twice(
     kit_columns = TRIAL_COLUMNS - {"t_start_ns", "t_end_ns"} | {UNUSED_COLUMN, GROUP_COLUMN}
     for name in sorted({n for t in read for n in t.row_columns} & kit_columns):
         yield name, f"the trial writes {name!r}, a column of every trial; name it otherwise"
+    measured = {m.column for m in study.analysis.measures if m.of is not None}
     for response in experiment.responses.values():
         for column in _columns(response):
+            if column.name in measured:
+                yield (
+                    response.name,
+                    f"the answer {response.name} has the column {column.name!r}, which is a "
+                    "measure; name one of them otherwise",
+                )
             if column.name in kit_columns:
                 yield (
                     response.name,

@@ -165,6 +165,11 @@ def read_trial(
                     )
                 answers = {}
                 for response in step.responses:
+                    if any(r.name == response.name and r != response for r in responses):
+                        raise DesignError(
+                            f"it asks two questions called {response.name!r}, of which only the "
+                            "last would be recorded as the answer; name one otherwise"
+                        )
                     responses.append(response)
                     script.words_of(response)
                     seconds += ANSWER_S

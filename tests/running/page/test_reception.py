@@ -610,7 +610,9 @@ def test_one_address_cannot_hold_everybody_else_up_and_is_forgotten() -> None:
         ("127.0.0.1", None, ""),
         ("127.0.0.1", "9.9.9.9, 1.1.1.1", "1.1.1.1"),  # the last one is the proxy's word
         ("10.0.0.5", None, "10.0.0.5"),
-        ("127.0.0.1", "nonsense", ""),
+        ("127.0.0.1", "nonsense", "nonsense"),  # one limit for all of them
+        ("192.168.1.7", "8.8.8.8", "192.168.1.7"),  # of the lab's network, not a proxy's
+        ("::ffff:1.2.3.4", None, "1.2.3.4"),
         ("2a02:8109:9c40:1::7", None, "2a02:8109:9c40:1::/64"),
         ("2a02:8109:9c40:1:9::8", None, "2a02:8109:9c40:1::/64"),
         ("", None, ""),

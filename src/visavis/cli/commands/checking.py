@@ -21,13 +21,14 @@ from visavis.cli.app import (
     SessionArgument,
     app,
     console,
+    new_file,
     say,
     say_json,
     say_plainly,
     verbatim,
 )
 from visavis.cli.studies import folder_of, require_session, session_of
-from visavis.lab.errors import LedgerError, RecordingError
+from visavis.lab.errors import LedgerError, RecordingError, UsageError
 from visavis.recording.reader import Recording
 from visavis.recording.recovery import recover as recover_session
 from visavis.running.sessions.bill_of_lading import (
@@ -99,6 +100,8 @@ def check(
             say_plainly(f"signed off, no part of the study any more: {name}")
         _check_study(session_path, baseline, against, as_json=as_json, list_trials=trials)
         return
+    if against or baseline is not None:
+        raise UsageError("--baseline and --against are of a whole study; give its folder")
     require_session(session_path)
     verdict = check_session(Recording(session_path))
     if as_json:
@@ -132,13 +135,18 @@ def _check_foreign(path: Path, *, as_json: bool) -> None:
 def _check_study(
     folder: Path, baseline: Path | None, against: str, *, as_json: bool, list_trials: bool = False
 ) -> None:
+    if baseline is not None:
+        new_file(baseline)
     problems = study_problems(folder)
     bill = None
     with suppress(LedgerError, RecordingError):  # already listed among the problems
         bill = bill_of_lading(folder)
         problems += compare_bill(bill, against) if against else ()
     if baseline is not None and bill is not None:
-        write_bill(bill, baseline)
+        if problems:
+            problems += (f"{baseline} was not written: mend what is named above first",)
+        else:
+            write_bill(bill, baseline)
     sessions = session_folders(folder)
     count = len(sessions)
     unfinished_sessions = _unfinished(sessions)

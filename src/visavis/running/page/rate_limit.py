@@ -70,19 +70,24 @@ class ArrivalLimits:
 def visitor_address(peer: str, headers: Mapping[str, str]) -> str:
     """Return the address that a request came from, "" where a proxy here does not say it.
 
-    A proxy before the server is on this computer or its network, and adds the visitor's address at
-    the end of `X-Forwarded-For`; what others say there is not believed. Of an IPv6 address the
-    first half stands for the site.
+    A proxy before the server runs on this computer and adds the visitor's address at the end of
+    `X-Forwarded-For`; what others say there is not believed. Of an IPv6 address the first half
+    stands for the site.
     """
-    forwarded = headers.get("X-Forwarded-For", "").rpartition(",")[2].strip()
     try:
         address = ip_address(peer)
-        if address.is_private:  # of this computer, too
-            if not forwarded:
-                return "" if address.is_loopback else str(address)
-            address = ip_address(forwarded)
     except ValueError:
         return ""
+    if address.is_loopback:
+        forwarded = headers.get("X-Forwarded-For", "").rpartition(",")[2].strip()
+        if not forwarded:
+            return ""
+        try:
+            address = ip_address(forwarded)
+        except ValueError:  # one limit for all whom the proxy names badly
+            return forwarded[:45]
     if isinstance(address, IPv6Address):
+        if address.ipv4_mapped is not None:
+            return str(address.ipv4_mapped)
         return f"{IPv6Address(int(address) >> IPV6_SITE_BITS << IPV6_SITE_BITS)}/64"
     return str(address)

@@ -138,6 +138,7 @@ def _line_of(path: Path, label: str, session: str, seen: str) -> BillLine:
     except RecordingError:
         return BillLine(label, session, MISSING, last_seen=seen)
     hashes = [[part.folder, *_hashes(path / part.folder, part)] for part in manifest.parts]
+    remarks = [[f.name, sha256_of(f)] for f in sorted(path.parent.glob("remarks*")) if f.is_file()]
     trials = 0
     with suppress(LabError, KeyError):
         rows = Recording(path).trials()
@@ -151,12 +152,15 @@ def _line_of(path: Path, label: str, session: str, seen: str) -> BillLine:
         size_bytes=sum(f.stat().st_size for f in path.rglob("*") if f.is_file()),
         trials=trials,
         last_seen=seen or (manifest.parts[-1].ended_wall_iso or "" if manifest.parts else ""),
-        sha256=hashlib.sha256(json.dumps(hashes).encode()).hexdigest(),
+        sha256=hashlib.sha256(json.dumps([*hashes, *remarks]).encode()).hexdigest(),
     )
 
 
 def _hashes(folder: Path, part: Part) -> list[list[str]]:
-    """Return the files of a part with the hashes that the manifest has, or else their own."""
+    """Return the files of a part with the hashes that the manifest has, or else their own.
+
+    Of a file that is not there it says "gone".
+    """
     hashes = {summary.file: summary.sha256 for summary in part.streams}
     hashes |= {summary.file: summary.sha256 for summary in part.others}
     if part.journal is not None:
@@ -164,7 +168,10 @@ def _hashes(folder: Path, part: Part) -> list[list[str]]:
     for path in sorted(folder.glob("*")) if folder.is_dir() else ():
         if path.is_file() and not hashes.get(path.name):
             hashes[path.name] = sha256_of(path)
-    return [[name, digest] for name, digest in sorted(hashes.items())]
+    return [
+        [name, digest if (folder / name).is_file() else "gone"]
+        for name, digest in sorted(hashes.items())
+    ]
 
 
 def _read_bill(path: Path) -> BillOfLading:
