@@ -83,7 +83,7 @@ def test_a_page_to_play_with_has_a_slider_for_every_parameter(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     shown: list[Play] = []
-    monkeypatch.setattr("visavis.cli.commands.blend.show_page", shown.append)
+    monkeypatch.setattr("visavis.cli.blend_page.show_page", shown.append)
     for arguments in (
         (),
         ("--adjectives", "activeness=.8"),

@@ -10,14 +10,12 @@ import pandas as pd
 import typer
 
 from visavis.cli.app import JsonOption, app, errors, new_file, say, say_json, say_written, verbatim
-from visavis.cli.blend_page import show_page
 from visavis.cli.reach_map import write_reach_map
 from visavis.cli.walk_film import write_walk_film
 from visavis.experiments.adjectives.pairs import FACTORS
 from visavis.experiments.adjectives.raters import expected_impressions
-from visavis.lab.errors import UsageError
+from visavis.lab.errors import ConfigError, UsageError
 from visavis.lab.geometry import Vector
-from visavis.running.page.playground import Play
 from visavis.stimuli.characters.cast import load_character
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.characters.gltf.exporting import glb_of_character, write_glb
@@ -116,7 +114,7 @@ def blend(
         given = _Given(adjectives, features, weights)
         space = _space(walks, impressions, given, most_weight=1.0)
         on_body = _examples_on(examples, load_character(character), unit_m)
-        show_page(_play(space, on_body, character, examples))
+        _show_page(space, on_body, character, examples)
         return
     if not (adjectives or features or weights):
         _list(walks, impressions, as_json, is_simulated=folder is None and ratings is None)
@@ -278,14 +276,24 @@ def _space(
     return _Space("--adjectives", names, points, values)
 
 
-def _play(space: _Space, on_body: Examples, character: str, examples: str) -> Play:
-    """Return what stands on the page to play with."""
+def _show_page(space: _Space, on_body: Examples, character: str, examples: str) -> None:
+    """Show the page on which sliders blend, until Ctrl-C."""
+    try:
+        # Late: aiohttp comes with visavis[browser], which blends into files do not need.
+        from visavis.cli.blend_page import show_page
+        from visavis.running.page.playground import Play
+    except ModuleNotFoundError as error:
+        raise ConfigError(
+            f"--page needs {error.name}, which is not installed; run: pip install "
+            "'visavis[browser]'"
+        ) from error
     points = space.points
     at = None if points is None else dict(zip(on_body.names, points, strict=True))
     live = Live(on_body, at=at, character=character)
     sliders = [Slider(name, start=space.start(name)) for name in space.names]
     command = f"visavis blend --examples {examples}"
-    return Play(live, sliders, f"Blend of {len(on_body)} motions", command, space.option)
+    title = f"Blend of {len(on_body)} motions"
+    show_page(Play(live, sliders, title, command, space.option))
 
 
 def _fit(points: Vector, dimensions: int) -> StyleWeights:
