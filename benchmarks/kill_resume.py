@@ -98,6 +98,8 @@ ROUNDING_NS = 2
 
 LABEL, INDEX, SEED = "S01", 0, 1
 STATES = tuple(SessionState)
+BEGUN_01 = 0.75
+"""Share of the lives whose time to live counts from when their session has begun."""
 LOOK_NS = 2_000_000
 
 
@@ -245,7 +247,8 @@ def _one_session(
         is_spared = life == MAX_LIVES or outcome.kills >= kills
         wait_s = None if is_spared else float(rng.uniform(0.0, left_s))
         outcome.resumes += session.exists() and life > 0
-        ended = _live(short, folder, session, wait_s)
+        # A process that starts on a busy computer would mostly be killed before its session begins.
+        ended = _live(short, folder, session, wait_s, once_begun=rng.random() < BEGUN_01)
         finished |= ended.acknowledged
         planned = max(planned, ended.planned)
         if not ended.was_killed:
@@ -277,8 +280,13 @@ class _End:
     complaint: str
 
 
-def _live(short: _ShortSessions, folder: Path, session: Path, wait_s: float | None) -> _End:
-    """Fork a process that performs what is left; kill it after `wait_s`, None for never."""
+def _live(
+    short: _ShortSessions, folder: Path, session: Path, wait_s: float | None, *, once_begun: bool
+) -> _End:
+    """Fork a process that performs what is left; kill it after `wait_s`, None for never.
+
+    `once_begun` counts from when its session is there.
+    """
     clock = SystemClock()
     shared = mmap.mmap(-1, 1)
     shared[0] = len(STATES)
@@ -290,7 +298,9 @@ def _live(short: _ShortSessions, folder: Path, session: Path, wait_s: float | No
     os.close(writing)
     begun_ns = clock.now_ns()
     if wait_s is not None:
-        end_ns = begun_ns + round(wait_s * NS_PER_S)
+        while once_begun and not session.exists() and not _has_ended(pid):
+            clock.sleep_until_ns(clock.now_ns() + LOOK_NS)
+        end_ns = (clock.now_ns() if once_begun else begun_ns) + round(wait_s * NS_PER_S)
         while (now_ns := clock.now_ns()) < end_ns and not _has_ended(pid):
             clock.sleep_until_ns(min(end_ns, now_ns + LOOK_NS))
         os.kill(pid, signal.SIGKILL)

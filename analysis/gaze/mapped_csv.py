@@ -1,6 +1,7 @@
 """Read any table of gaze by a mapping that says which column is what, in which unit."""
 
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -174,6 +175,8 @@ class HeadColumns(_Strict):
 
 
 MIN_ROWS_JUDGED = 30
+MAX_LENGTH_ERROR = 0.01
+"""Directions are this close to 1 long; others would be dropped as damaged."""
 """Fewer rows say nothing about a mistake of unit or of meaning."""
 MIN_SPREAD_RAD = 0.02
 """Angles of a person who looks about spread at least so far in rad; of one who does not, less."""
@@ -322,6 +325,7 @@ def _eye(
         ray = _ray_of_pixels(table, columns.pixels, screen)
     else:
         ray = without_zeros(table.vectors(columns.direction or []) @ matrix.T)
+        _refuse_other_lengths(table, columns.direction or (), ray)
     pupil = None
     if columns.pupil is not None:
         pupil = table.numbers(columns.pupil.column) * (1e3 if columns.pupil.unit == "m" else 1.0)
@@ -333,6 +337,20 @@ def _eye(
         openness_01=table.numbers(columns.openness) if columns.openness else None,
         confidence_01=table.numbers(columns.confidence) if columns.confidence else None,
     )
+
+
+def _refuse_other_lengths(table: TextTable, names: Sequence[str], ray: Vector) -> None:
+    """Refuse vectors that are no directions: each of them would be dropped as damaged."""
+    lengths = np.linalg.norm(ray, axis=1)
+    lengths = lengths[np.isfinite(lengths)]
+    if len(lengths) < MIN_ROWS_JUDGED:
+        return
+    middle = float(np.median(lengths))
+    if abs(middle - 1.0) > MAX_LENGTH_ERROR:
+        raise DataError(
+            f"{table.path}: {', '.join(names)} are {middle:.4g} long in the middle, and a "
+            "direction is 1 long; are they points or angles? Divide directions by their length"
+        )
 
 
 def _ray_of_angles(table: TextTable, convention: Angles) -> Vector:
@@ -362,6 +380,13 @@ def _ray_of_angles(table: TextTable, convention: Angles) -> Vector:
 def _ray_of_pixels(table: TextTable, pixels: Pixels, screen: FlatScreen) -> Vector:
     points = table.vectors([pixels.x, pixels.y])
     size = np.array([screen.width_px, screen.height_px], np.float64)
+    if pixels.unit == "px" and pixels.origin != "middle" and len(points) >= MIN_ROWS_JUDGED:
+        farthest = float(np.nanmax(np.abs(points), initial=0.0))
+        if 0.0 < farthest <= MAX_SHARE:
+            raise DataError(
+                f"{table.path}: {pixels.x} and {pixels.y} never exceed {farthest:.4g} px; are they "
+                "shares of the screen (unit: share)?"
+            )
     if pixels.unit == "share":
         farthest = float(np.nanmedian(np.abs(points))) if np.isfinite(points).any() else 0.0
         if farthest > MAX_SHARE:

@@ -299,6 +299,39 @@ def test_euler_angles_turn_in_the_order_that_is_said(
     assert np.allclose(turned, whole)
 
 
+def test_vectors_that_are_no_directions_are_refused_and_not_dropped(tmp_path: Path) -> None:
+    az, el = np.radians(looking()).T
+    columns = {"t": range(0, 8 * len(az), 8), "x": np.sin(az), "y": np.sin(el)}
+    columns["z"] = np.full(len(az), -0.7)
+    path = written(tmp_path / "a.csv", columns)
+    mapping = mapping_of(
+        {
+            "time": {"column": "t", "unit": "ms"},
+            "space": "head",
+            "combined": {"direction": ["x", "y", "z"]},
+        }
+    )
+    with pytest.raises(DataError, match=r"x, y, z are 0\.7\d* long in the middle, and a direction"):
+        read_gaze(path, "csv", mapping)
+
+
+def test_shares_called_pixels_are_refused(tmp_path: Path) -> None:
+    az, el = looking().T
+    columns = {"t": range(0, 8 * len(az), 8), "x": 0.5 + az / 40, "y": 0.5 + el / 40}
+    path = written(tmp_path / "a.csv", columns)
+    sizes = {"width_px": 1920, "height_px": 1080, "width_m": 0.53, "height_m": 0.30}
+    mapping = mapping_of(
+        {
+            "time": {"column": "t", "unit": "ms"},
+            "space": "head",
+            "screen": {**sizes, "distance_m": 0.65},
+            "combined": {"pixels": {"x": "x", "y": "y"}},
+        }
+    )
+    with pytest.raises(DataError, match=r"x and y never exceed .* px; are they shares of the"):
+        read_gaze(path, "csv", mapping)
+
+
 def test_pixels_are_directions_by_the_screens_geometry(tmp_path: Path) -> None:
     screen = FlatScreen(0.53, 0.30, 1920, 1080, 0.65)
     path = written(tmp_path / "a.csv", {"t": [0, 8, 16], "x": [960, 1920, 0], "y": [540, 540, 0]})
