@@ -1,7 +1,7 @@
 """Bound how late an eye tracker's stamps are: the light of a target against the sample that shows
 the saccade to it.
 
-No eye leaves for a target sooner than `LEAST_LATENCY_MS` after its light, so the stamp of the first
+No eye leaves for a target sooner than `MIN_LATENCY_MS` after its light, so the stamp of the first
 sample that shows it gone is at most that much later than the light, and the tracker's delay on top.
 Sources: express saccades begin 80 to 120 ms after a target (Fischer and Ramsperger 1984); what
 comes sooner was begun in anticipation and is left out.
@@ -16,7 +16,7 @@ import numpy.typing as npt
 from visavis.lab.clock import NS_PER_MS
 from visavis.lab.geometry import Vector, angle_deg, unit
 
-LEAST_LATENCY_MS = 80.0
+MIN_LATENCY_MS = 80.0
 LATEST_MS = 700.0
 GONE_DEG = 2.0
 """Gaze this far from where it rested shows a saccade; two samples in a row must."""
@@ -33,21 +33,21 @@ class GazeDelayBound:
     """What saccades to targets say of a tracker's delay; NaN where too few were seen.
 
     `at_most_ms` is the bound: the 5th percentile of the latencies, less the least that an eye
-    needs. `least_latency_ms` is 0 for an artificial eye that moves with the light.
+    needs. `min_latency_ms` is 0 for an artificial eye that moves with the light.
     """
 
     role: str
-    asked: int
-    answered: int
+    target_count: int
+    answer_count: int
     latency_ms: float
     early_latency_ms: float
-    least_latency_ms: float
+    min_latency_ms: float
     at_most_ms: float
 
     @property
     def is_known(self) -> bool:
         """Tell whether enough saccades were seen."""
-        return self.answered >= MIN_ANSWERED
+        return self.answer_count >= MIN_ANSWERED
 
     def as_record(self) -> dict[str, str | int | float | None]:
         """Return plain values; what is not known is None."""
@@ -85,21 +85,21 @@ def gaze_delay_bound(
     role: str,
     latencies_ms: npt.NDArray[np.float64],
     *,
-    least_latency_ms: float = LEAST_LATENCY_MS,
+    min_latency_ms: float = MIN_LATENCY_MS,
 ) -> GazeDelayBound:
     """Return the bound on a tracker's delay from saccades' latencies."""
-    latencies = latencies_ms[np.isfinite(latencies_ms) & (latencies_ms >= least_latency_ms)]
+    latencies = latencies_ms[np.isfinite(latencies_ms) & (latencies_ms >= min_latency_ms)]
     nan = float("nan")
     latency = early = at_most = nan
     if latencies.size >= MIN_ANSWERED:
         early, latency = (float(v) for v in np.percentile(latencies, (EARLY_PERCENTILE, 50)))
-        at_most = early - least_latency_ms
+        at_most = early - min_latency_ms
     return GazeDelayBound(
         role=role,
-        asked=int(latencies_ms.size),
-        answered=int(latencies.size),
+        target_count=int(latencies_ms.size),
+        answer_count=int(latencies.size),
         latency_ms=latency,
         early_latency_ms=early,
-        least_latency_ms=least_latency_ms,
+        min_latency_ms=min_latency_ms,
         at_most_ms=at_most,
     )

@@ -116,7 +116,7 @@ def fill_up(place: str, at: int, failure: str, root: Path, outcome: Outcome) -> 
     except LabError:
         pass
     path = session_dir(data_root, STUDY_OF[place], "S01", 1, is_simulated=True)
-    kept = set(acknowledged)
+    finished_trials = set(acknowledged)
     try:
         if not path.exists():
             new(request_of(place, data_root, note))
@@ -129,7 +129,7 @@ def fill_up(place: str, at: int, failure: str, root: Path, outcome: Outcome) -> 
         return str(error)
     recording = Recording(path)
     trials = recording.trials()
-    lost = kept - set(map(str, trials["trial_id"]))
+    lost = finished_trials - set(map(str, trials["trial_id"]))
     findings = check_session(recording).findings
     red = [f.message for f in findings if f.level is Level.RED]
     red += [f.message for f in findings if f.subject == "recording" and f.level is not Level.GREEN]

@@ -113,9 +113,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--studies", type=int, default=100)
     parser.add_argument("--json", action="store_true")
-    given = parser.parse_args()
-    found = asdict(figures(given.studies))
-    if given.json:
+    arguments = parser.parse_args()
+    found = asdict(figures(arguments.studies))
+    if arguments.json:
         print(json.dumps(found, indent=2))
         return 0
     for name, value in found.items():

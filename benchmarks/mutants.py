@@ -45,12 +45,23 @@ SKIPPED: Final = ("figure", "page", "report", "errors", "panels", "words", "text
 SLOW_TO_START: Final = ("tests/packaging/", "tests/genuine/", "tests/tools/")
 """Tests of the whole product, which know no module of their own."""
 OTHER: Final[Mapping[type[ast.cmpop], str]] = {
-    ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">", ast.Eq: "!=", ast.NotEq: "==",
-    ast.Is: "is not", ast.IsNot: "is", ast.In: "not in", ast.NotIn: "in",
-}  # fmt: skip
+    ast.Lt: "<=",
+    ast.LtE: "<",
+    ast.Gt: ">=",
+    ast.GtE: ">",
+    ast.Eq: "!=",
+    ast.NotEq: "==",
+    ast.Is: "is not",
+    ast.IsNot: "is",
+    ast.In: "not in",
+    ast.NotIn: "in",
+}
 REVERSE: Final[Mapping[type[ast.operator], str]] = {
-    ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*",
-}  # fmt: skip
+    ast.Add: "-",
+    ast.Sub: "+",
+    ast.Mult: "/",
+    ast.Div: "*",
+}
 
 
 @dataclass(frozen=True)
@@ -193,7 +204,7 @@ def _words(name: str) -> set[str]:
     return {word.rstrip("s") for word in name.replace("_", ".").split(".")}
 
 
-def kept_in(folder: Path, source: Path) -> Path:
+def caches_of(folder: Path, source: Path) -> Path:
     """Return where numba keeps machine code of a folder of sources."""
     of: Any = UserProvidedCacheLocator  # which has no types
     return folder / str(of.get_suitable_cache_subpath(str(source / "any.py")))
@@ -234,10 +245,13 @@ class Copy:
         for source in product_files():
             inner = source.parent.relative_to(ROOT)
             inner = inner.relative_to("src/visavis") if inner.parts[0] == "src" else inner
-            lent, kept = kept_in(self._kernels, package / inner), kept_in(there, PACKAGE / inner)
-            if kept.is_dir() and not lent.exists():
+            lent, source = (
+                caches_of(self._kernels, package / inner),
+                caches_of(there, PACKAGE / inner),
+            )
+            if source.is_dir() and not lent.exists():
                 # a mutant's code is written beside these files, never into them
-                shutil.copytree(kept, lent, copy_function=os.link)
+                shutil.copytree(source, lent, copy_function=os.link)
 
     def run(self, words: Sequence[str]) -> str:
         """Run tests until one fails; return its name, nothing: all passed."""

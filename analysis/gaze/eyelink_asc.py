@@ -143,11 +143,11 @@ def _refuse_other_screen(path: Path, line: str, screen: FlatScreen) -> None:
     if len(numbers) < 4:
         return
     size = (round(numbers[2] - numbers[0]), round(numbers[3] - numbers[1]))
-    given = (screen.width_px, screen.height_px)
-    if any(abs(a - b) > 1 for a, b in zip(size, given, strict=True)):
+    screen_px = (screen.width_px, screen.height_px)
+    if any(abs(a - b) > 1 for a, b in zip(size, screen_px, strict=True)):
         raise DataError(
             f"{path}: its screen has {size[0] + 1} by {size[1] + 1} pixels, --screen says "
-            f"{given[0]} by {given[1]}"
+            f"{screen_px[0]} by {screen_px[1]}"
         )
 
 

@@ -474,8 +474,8 @@ def read_recordings(
             recordings += parts
     if problems:
         raise DataError("\n".join((f"{len(problems)} of {len(files)} files:", *problems)))
-    given = [r.name for r in recordings]
-    if twice := next((name for name in given if given.count(name) > 1), ""):
+    own_names = [r.name for r in recordings]
+    if twice := next((name for name in own_names if own_names.count(name) > 1), ""):
         raise UsageError(f"two recordings are named {twice}; import them into folders of their own")
     return tuple(recordings)
 

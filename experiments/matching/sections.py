@@ -241,9 +241,11 @@ def _curves(data: SurvivalTimes, interfaces: tuple[str, ...], limit_s: float) ->
         axes.step(times, share, where="post", color=COLOURS.get(interface), label=interface)
         axes.plot([limit_s], [at_limit], "|", color=COLOURS.get(interface), markersize=10)
     axes.set(
-        xlabel="time of adjusting, s", ylabel="share not matched yet", ylim=(0, 1.03),
+        xlabel="time of adjusting, s",
+        ylabel="share not matched yet",
+        ylim=(0, 1.03),
         xlim=(0, limit_s * 1.02),
-    )  # fmt: skip
+    )
     axes.legend(frameon=False)
     return figure
 

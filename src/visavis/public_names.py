@@ -19,9 +19,7 @@ def _homes() -> dict[str, tuple[str, str]]:
 
 HOMES: Final = _homes()
 """The module and the name in it of every public name."""
-STUDY_ROOMS: Final = (
-    "visavis.study.", "visavis.protocol.", "visavis.people.", "visavis.stimuli."
-)  # fmt: skip
+STUDY_ROOMS: Final = ("visavis.study.", "visavis.protocol.", "visavis.people.", "visavis.stimuli.")
 """Where the names stand that study files need; scripts import others by their names."""
 
 

@@ -38,17 +38,17 @@ def test_an_unmeasured_light_is_not_in_the_age_and_is_not_zero_in_the_record():
 
 
 def test_a_halved_rate_is_told_and_dropped_frames_are_not_one():
-    kept = FRAME_NS * np.arange(300)
-    halved = kept[-1] + 2 * FRAME_NS * np.arange(1, 101)
-    pace = runtime_pace(np.concatenate([kept, halved]), FRAME_NS)
+    regular_ns = FRAME_NS * np.arange(300)
+    halved = regular_ns[-1] + 2 * FRAME_NS * np.arange(1, 101)
+    pace = runtime_pace(np.concatenate([regular_ns, halved]), FRAME_NS)
     assert pace.halved_01 == pytest.approx(100 / 399)
     (sentence,) = pace.sentences
     assert "halved its rate in 25% of frames" in sentence
 
-    dropped = np.delete(kept, np.arange(5, 290, 10))
+    dropped = np.delete(regular_ns, np.arange(5, 290, 10))
     assert runtime_pace(dropped, FRAME_NS).sentences == ()
-    assert runtime_pace(kept, FRAME_NS).sentences == ()
-    assert math.isnan(runtime_pace(kept, FRAME_NS).reprojected_01)
+    assert runtime_pace(regular_ns, FRAME_NS).sentences == ()
+    assert math.isnan(runtime_pace(regular_ns, FRAME_NS).reprojected_01)
 
 
 def timing(flags, presents):

@@ -30,13 +30,13 @@ def test_the_bound_holds_for_any_delay_and_is_no_more_than_an_eyes_own_latency_b
     found = saccade_latencies_ms(*looking(latency_ms, delay_ms), LIGHT_NS.tolist())
     bound = gaze_delay_bound("eyes", found)
 
-    assert bound.answered == LIGHT_NS.size
+    assert bound.answer_count == LIGHT_NS.size
     assert delay_ms <= bound.at_most_ms <= delay_ms + 35
 
 
 def test_an_artificial_eye_that_moves_with_the_light_gives_the_delay_itself():
     found = saccade_latencies_ms(*looking(0.0, 12.0), LIGHT_NS.tolist())
-    bound = gaze_delay_bound("eyes", found, least_latency_ms=0.0)
+    bound = gaze_delay_bound("eyes", found, min_latency_ms=0.0)
     assert bound.at_most_ms == pytest.approx(12.0, abs=SAMPLE_NS / NS_PER_MS)
 
 
@@ -44,7 +44,7 @@ def test_saccades_begun_before_the_light_could_be_seen_are_left_out():
     latency_ms = np.where(np.arange(LIGHT_NS.size) % 4 == 0, 30.0, 150.0)
     found = saccade_latencies_ms(*looking(latency_ms), LIGHT_NS.tolist())
     bound = gaze_delay_bound("eyes", found)
-    assert bound.answered == 30
+    assert bound.answer_count == 30
     assert bound.at_most_ms == pytest.approx(70.0, abs=SAMPLE_NS / NS_PER_MS)
 
 

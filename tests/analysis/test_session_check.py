@@ -193,9 +193,9 @@ FRAME_NS = NS_PER_S // 90
 def test_a_runtime_that_halved_its_rate_or_reprojected_is_told_of_a_session(
     tmp_path: Path,
 ) -> None:
-    kept = FRAME_NS * np.arange(300)
-    assert [] == frames_of(tmp_path / "kept", kept)
-    (halved,) = frames_of(tmp_path / "halved", 2 * kept)
+    regular_ns = FRAME_NS * np.arange(300)
+    assert [] == frames_of(tmp_path / "kept", regular_ns)
+    (halved,) = frames_of(tmp_path / "halved", 2 * regular_ns)
     assert "halved its rate in 100% of frames: a mark's light is up to a frame later" in halved
-    (again,) = frames_of(tmp_path / "again", kept, flags=0b10)
+    (again,) = frames_of(tmp_path / "again", regular_ns, flags=0b10)
     assert "showed 100% of frames again" in again

@@ -71,9 +71,20 @@ def problem_of(words: list[str]) -> str:
 
 
 TAKE_A_STUDY = (
-    "run", "plan", "simulate", "serve", "board", "lock", "prepare", "power", "fidelity",
-    "participant add", "participant list", "participant withdraw", "participant information",
-)  # fmt: skip
+    "run",
+    "plan",
+    "simulate",
+    "serve",
+    "board",
+    "lock",
+    "prepare",
+    "power",
+    "fidelity",
+    "participant add",
+    "participant list",
+    "participant withdraw",
+    "participant information",
+)
 
 
 def test_every_command_that_takes_a_study_names_one_that_can_be_found() -> None:

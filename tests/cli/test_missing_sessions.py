@@ -73,7 +73,7 @@ LOSSES: dict[str, tuple[Callable[[Path], None], str]] = {
     "the settings": (lambda s: both(s / "study.json", Path.unlink), "study.json and its copy"),
     "a part that is there twice": (
         lambda s: void(shutil.copytree(s / "sub-S02C/ses-001/part-01", s / PART_2)),
-        "part-02 is no part of this session",
+        "part-02 does not belong to this recording",
     ),
     "a stream that is there twice": (
         lambda s: void(shutil.copyfile(s / HEAD, (s / HEAD).with_name("other.arrows"))),

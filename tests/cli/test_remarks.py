@@ -45,8 +45,17 @@ def test_trial_and_person_are_left_out_by_hand_with_reason_and_author(folder: Pa
     before = trials(folder)
     (first, *_), *_ = before.index.to_list()
     trial = before.loc[first].index[0]
-    printed = said("exclude", str(folder), "1", "--trial", trial, "--reason", "a phone rang",
-                   "--by", "A. Meier")  # fmt: skip
+    printed = said(
+        "exclude",
+        str(folder),
+        "1",
+        "--trial",
+        trial,
+        "--reason",
+        "a phone rang",
+        "--by",
+        "A. Meier",
+    )
     assert f"visavis analyse {folder}" in printed
     said("exclude", str(folder), "S02C", "--reason", "had taken part before", "--by", "A. Meier")
     after = trials(folder)
@@ -62,8 +71,13 @@ def test_report_tells_of_notes_and_exclusions_by_hand(folder: Path) -> None:
     said("exclude", str(folder), "2", "--reason", "had taken part before", "--by", "A. Meier")
     with pytest.warns(UserWarning, match="left out: participant S02C, by hand: had taken part"):
         report = visavis.analyse(folder, processes=1).read_text("utf-8")
-    for words in ("Notes and exclusions by hand", "asked whether they were real", "B. Chen",
-                  "had taken part before", "by hand, after the session"):  # fmt: skip
+    for words in (
+        "Notes and exclusions by hand",
+        "asked whether they were real",
+        "B. Chen",
+        "had taken part before",
+        "by hand, after the session",
+    ):
         assert words in report
     table = pd.read_csv(folder / "derived" / "participants.csv").set_index("participant")
     assert not table.loc["S02C", "is_analysed"]

@@ -135,7 +135,7 @@ def test_pose_age_and_gaze_delay_are_bounded_in_the_same_room():
     assert 9.0 == pytest.approx(age.at_least_ms, abs=0.3)
     assert 9.0 + age.look_ahead_ms == pytest.approx(age.at_most_ms, abs=0.3)
     assert age.look_ahead_ms > 10
-    assert (12, True) == (bound.asked, bound.is_known)
+    assert (12, True) == (bound.target_count, bound.is_known)
     assert 12.0 <= bound.at_most_ms <= 12.0 + 60
     assert () == pace_of(asked).sentences
 

@@ -38,9 +38,12 @@ def test_a_frame_is_the_call_whose_message_the_package_sent():
     assert json.loads(message) == {
         "call": "play_dot",
         "arguments": [
-            sent["position"], sent["durationMillis"], sent["motorValues"], sent["deviceIndex"],
+            sent["position"],
+            sent["durationMillis"],
+            sent["motorValues"],
+            sent["deviceIndex"],
         ],
-    }  # fmt: skip
+    }
 
 
 def test_a_unit_is_read_as_the_package_tells_it():

@@ -254,10 +254,16 @@ HEADER_CODES = {  # Fove_ErrorCode, by the header's names
 }
 HEADER_CAPABILITIES = {"EyeTracking": 1 << 3, "UserPresence": 1 << 5, "PupilRadius": 1 << 14}
 HEADER_STATES = (  # Fove_CalibrationState, in order from 0
-    "NotStarted", "HeadsetAdjustment", "WaitingForUser", "CollectingData", "ProcessingData",
-    "Successful_HighQuality", "Successful_MediumQuality", "Successful_LowQuality",
+    "NotStarted",
+    "HeadsetAdjustment",
+    "WaitingForUser",
+    "CollectingData",
+    "ProcessingData",
+    "Successful_HighQuality",
+    "Successful_MediumQuality",
+    "Successful_LowQuality",
     "Failed_Unknown",
-)  # fmt: skip
+)
 
 
 def test_codes_states_and_capabilities_are_those_of_the_vendors_header():

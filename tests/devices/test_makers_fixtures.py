@@ -108,9 +108,19 @@ def test_joystick_of_the_usb_forums_own_example():
     layout = layout_of(JOYSTICK)
     assert layout.is_numbered
     assert layout.buttons() == (
-        "x-", "x+", "y-", "y+", "up", "right", "down", "left",
-        "button_1", "button_2", "button_3", "button_4",
-    )  # fmt: skip
+        "x-",
+        "x+",
+        "y-",
+        "y+",
+        "up",
+        "right",
+        "down",
+        "left",
+        "button_1",
+        "button_2",
+        "button_3",
+        "button_4",
+    )
     reader = ReportReader(layout)
     pressed = reader.feed(bytes((1, 0, 127, 0x81, 0x21)))  # hat 1: a quarter turn; second button
     down = {press.button: press.value_01 for press in pressed if press.value_01 > 0}

@@ -48,8 +48,10 @@ def tobii(folder: Path, decimal: str = ".", microseconds: bool = True) -> Path:
 
 
 def neon(folder: Path) -> Path:
-    lines = ["section id,recording id,timestamp [ns],gaze x [px],gaze y [px],worn,"
-             "fixation id,blink id,azimuth [deg],elevation [deg]"]  # fmt: skip
+    lines = [
+        "section id,recording id,timestamp [ns],gaze x [px],gaze y [px],worn,"
+        "fixation id,blink id,azimuth [deg],elevation [deg]"
+    ]
     for k, t_ns in enumerate(stamps(N).tolist()):
         az, el = DEGREES[k]
         lines.append(f"a,b,{1_700_000_000_000_000_000 + t_ns},1,1,{int(not LOST[k])},,,{az},{el}")
@@ -87,10 +89,13 @@ def gazebase(folder: Path) -> Path:
 
 def smi(folder: Path) -> Path:
     lines = [
-        "## [iView]", "## Sample Rate:\t120", "## Calibration Area:\t1920\t1080",
-        "## Stimulus Dimension [mm]:\t530\t300", "## Head Distance [mm]:\t650",
+        "## [iView]",
+        "## Sample Rate:\t120",
+        "## Calibration Area:\t1920\t1080",
+        "## Stimulus Dimension [mm]:\t530\t300",
+        "## Head Distance [mm]:\t650",
         "Time\tType\tTrial\tL POR X [px]\tL POR Y [px]\tR POR X [px]\tR POR Y [px]",
-    ]  # fmt: skip
+    ]
     for k, t_ns in enumerate(stamps(N).tolist()):
         x, y = (0.0, 0.0) if LOST[k] else PIXELS[k]
         lines.append(f"{8_000_000 + t_ns // 1000}\tSMP\t1\t{x}\t{y}\t{x}\t{y}")
@@ -114,15 +119,24 @@ def glasses3(folder: Path) -> Path:
 def eyelink(folder: Path, eyes: str = "LR", decimal: str = ".", rate_hz: int = 500) -> Path:
     sides = " ".join({"L": "LEFT", "R": "RIGHT"}[eye] for eye in eyes)
     lines = [
-        "** CONVERTED FROM a.edf using edfapi 4.2.1", "** DATE: Tue Jan  2 03:04:05 2024",
-        "** TYPE: EDF_FILE BINARY EVENT SAMPLE TAGGED", "** VERSION: EYELINK II 1",
-        "** SOURCE: EYELINK CL", "** EYELINK II CL v6.14 Mar  6 2020 (EyeLink Portable Duo)",
-        "** CAMERA: EyeLink USBCAM Version 1.01", "** SERIAL NUMBER: CLU-DAB50", "**", "",
+        "** CONVERTED FROM a.edf using edfapi 4.2.1",
+        "** DATE: Tue Jan  2 03:04:05 2024",
+        "** TYPE: EDF_FILE BINARY EVENT SAMPLE TAGGED",
+        "** VERSION: EYELINK II 1",
+        "** SOURCE: EYELINK CL",
+        "** EYELINK II CL v6.14 Mar  6 2020 (EyeLink Portable Duo)",
+        "** CAMERA: EyeLink USBCAM Version 1.01",
+        "** SERIAL NUMBER: CLU-DAB50",
+        "**",
+        "",
         "MSG\t1000 DISPLAY_COORDS 0 0 1919 1079",
-        f"START\t1000 \t{sides}\tSAMPLES\tEVENTS", "PRESCALER\t1", "VPRESCALER\t1", "PUPIL\tAREA",
+        f"START\t1000 \t{sides}\tSAMPLES\tEVENTS",
+        "PRESCALER\t1",
+        "VPRESCALER\t1",
+        "PUPIL\tAREA",
         f"EVENTS\tGAZE\t{sides}\tRATE\t {rate_hz}.00\tTRACKING\tCR\tFILTER\t2",
         f"SAMPLES\tGAZE\t{sides}\tRATE\t {rate_hz}.00\tTRACKING\tCR\tFILTER\t2",
-    ]  # fmt: skip
+    ]
     step = 1000 // rate_hz
     for k in range(N):
         t = 1000 + step * k

@@ -19,17 +19,25 @@ from visavis.stimuli.motion.skeleton import Skeleton
 
 FILES = Path(__file__).parent / "files" / "bvh"
 KINECT = {
-    "hips": "PELVIS", "spine": "SPINE_NAVEL", "upper_chest": "SPINE_CHEST", "neck": "NECK",
+    "hips": "PELVIS",
+    "spine": "SPINE_NAVEL",
+    "upper_chest": "SPINE_CHEST",
+    "neck": "NECK",
     "head": "HEAD",
     **{
         f"{side}_{ours}": f"{theirs}_{side.upper()}"
         for side in ("left", "right")
         for ours, theirs in {
-            "shoulder": "CLAVICLE", "upper_arm": "SHOULDER", "lower_arm": "ELBOW", "hand": "WRIST",
-            "upper_leg": "HIP", "lower_leg": "KNEE", "foot": "ANKLE",
+            "shoulder": "CLAVICLE",
+            "upper_arm": "SHOULDER",
+            "lower_arm": "ELBOW",
+            "hand": "WRIST",
+            "upper_leg": "HIP",
+            "lower_leg": "KNEE",
+            "foot": "ANKLE",
         }.items()
     },
-}  # fmt: skip
+}
 
 
 def walk() -> Clip:

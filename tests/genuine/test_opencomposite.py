@@ -26,10 +26,10 @@ pytestmark = [
 @pytest.fixture
 def service(tmp_path: Path) -> Iterator[Service]:
     made = Service(tmp_path)
-    registry = tmp_path / "config" / "openvr"
-    registry.mkdir()
+    openvr_settings = tmp_path / "config" / "openvr"
+    openvr_settings.mkdir()
     paths = {"jsonid": "vrpathreg", "version": 1, "runtime": [BUILT]}
-    (registry / "openvrpaths.vrpath").write_text(json.dumps(paths))
+    (openvr_settings / "openvrpaths.vrpath").write_text(json.dumps(paths))
     made.environment["VR_OVERRIDE"] = BUILT
     with screen(made.environment):
         made.start()

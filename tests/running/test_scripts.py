@@ -79,8 +79,10 @@ def test_a_column_has_one_name_in_measures_and_in_scripts(data: visavis.StudyDat
     columns = record.stream("gaze_targets", 0, 2**62)
     for name in ("direction_world", "direction_world_x", "hit"):
         assert np.array_equal(columns[name], table[name].to_numpy(), equal_nan=name != "hit")
-    kept = table[table["valid"]]
-    assert len(kept) == len(kept["direction_world"])  # what is selected knows its fields, too
+    valid_rows = table[table["valid"]]
+    assert len(valid_rows) == len(
+        valid_rows["direction_world"]
+    )  # what is selected knows its fields, too
     for of in (columns, table):
         with pytest.raises(KeyError, match=r"no 'direction'; there are .*gaze_seq"):
             _ = of["direction"]

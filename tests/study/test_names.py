@@ -125,11 +125,29 @@ def test_trial_and_answer_cannot_write_columns_of_every_trial(tmp_path: Path) ->
 
 @pytest.mark.parametrize(
     "levels",
-    ['["", "a"]', '[float("nan"), 1.0]', '[1, "1"]', '[True, "True"]', '["NA", "a"]',
-     '["None", "a"]', '["nan", "a"]', '["TRUE", "a"]', '["T", "C"]', '["01", "b"]', '["1e3", "b"]',
-     '["=a", "b"]', '[" a", "b"]', '["a\\n", "b"]', '["Inf", "b"]', '["0x1A", "b"]', '["1i", "b"]',
-     '["Control", "control"]', '["1", "2.5"]', '[("a", 1), "b"]'],
-)  # fmt: skip
+    [
+        '["", "a"]',
+        '[float("nan"), 1.0]',
+        '[1, "1"]',
+        '[True, "True"]',
+        '["NA", "a"]',
+        '["None", "a"]',
+        '["nan", "a"]',
+        '["TRUE", "a"]',
+        '["T", "C"]',
+        '["01", "b"]',
+        '["1e3", "b"]',
+        '["=a", "b"]',
+        '[" a", "b"]',
+        '["a\\n", "b"]',
+        '["Inf", "b"]',
+        '["0x1A", "b"]',
+        '["1i", "b"]',
+        '["Control", "control"]',
+        '["1", "2.5"]',
+        '[("a", 1), "b"]',
+    ],
+)
 def test_level_that_no_table_brings_back_is_refused(tmp_path: Path, levels: str) -> None:
     assert "factor 'cue' has " in problem_of(tmp_path, f'factors=[Factor("cue", {levels})]')
 
@@ -155,9 +173,12 @@ def test_levels_that_are_accepted_come_back_from_our_tables_in_pandas_and_r(tmp_
         'cat(as.character(read.csv(f, encoding = "UTF-8")$cue), "\\n", sep = "")'
     )
     r = subprocess.run(
-        [R, "--encoding=UTF-8", "-e", code], cwd=tmp_path, capture_output=True, check=True,
+        [R, "--encoding=UTF-8", "-e", code],
+        cwd=tmp_path,
+        capture_output=True,
+        check=True,
         env={"LC_ALL": "C.UTF-8", "PATH": "/usr/bin:/bin:/usr/local/bin"},
-    )  # fmt: skip
+    )
     assert accepted == r.stdout.decode().splitlines()
 
 

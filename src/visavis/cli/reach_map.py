@@ -30,9 +30,11 @@ def write_reach_map(path: Path, reach: Reach, examples: Vector) -> None:
             )
         ax.plot(examples[:, i], examples[:, j], ".", color="black", markersize=3)
         ax.set(
-            xlim=(0, 1), ylim=(0, 1), xlabel=reach.names[i].replace("_", " "),
+            xlim=(0, 1),
+            ylim=(0, 1),
+            xlabel=reach.names[i].replace("_", " "),
             ylabel=reach.names[j].replace("_", " "),
-        )  # fmt: skip
+        )
     for k in range(len(planes), rows * columns):
         axes[k // columns][k % columns].set_visible(False)
     figure.savefig(path, dpi=150)

@@ -16,7 +16,7 @@ from visavis.analysis.frame_times import (
     runtime_pace,
 )
 from visavis.analysis.gaze_delay import (
-    LEAST_LATENCY_MS,
+    MIN_LATENCY_MS,
     GazeDelayBound,
     gaze_delay_bound,
     saccade_latencies_ms,
@@ -165,16 +165,14 @@ def gaze_bound_of(
     results: Sequence[Delays],
     role: str,
     *,
-    least_latency_ms: float = LEAST_LATENCY_MS,
+    min_latency_ms: float = MIN_LATENCY_MS,
 ) -> GazeDelayBound:
     """Return the bound on a tracker's delay from the saccades to the test's spots."""
     batches = [batch for batch in commands.gaze_batches if batch.schema.name == "gaze"]
     late_ns = 0.0 if np.isnan(d := _picture_delay_ms(results)) else d * NS_PER_MS
     light_ns = [round(at_ns + late_ns) for at_ns in commands.gaze_ns]
     if not batches:
-        return gaze_delay_bound(
-            role, np.full(len(light_ns), np.nan), least_latency_ms=least_latency_ms
-        )
+        return gaze_delay_bound(role, np.full(len(light_ns), np.nan), min_latency_ms=min_latency_ms)
     device_ns = np.concatenate([batch.t_device_ns for batch in batches])
     host_ns = np.concatenate([batch.t_host_ns for batch in batches])
     values = np.concatenate([batch.values for batch in batches])
@@ -185,7 +183,7 @@ def gaze_bound_of(
     order = np.argsort(t_ns, kind="stable")
     gaze = values["direction_head"].astype(np.float64)
     latencies = saccade_latencies_ms(t_ns[order], gaze[order], values["valid"][order], light_ns)
-    return gaze_delay_bound(role, latencies, least_latency_ms=least_latency_ms)
+    return gaze_delay_bound(role, latencies, min_latency_ms=min_latency_ms)
 
 
 def _picture_delay_ms(results: Sequence[Delays]) -> float:

@@ -16,7 +16,7 @@ import numpy as np
 from visavis.lab.geometry import Vector
 
 FIRST_STEP_01: Final = 0.3
-LEAST_STEP_01: Final = 0.05
+MIN_STEP_01: Final = 0.05
 """Steps of a slider as shares of its range."""
 LOOK_S: Final = 1.5
 """To judge a walk: somewhat more than a cycle."""
@@ -179,7 +179,7 @@ def _search(
                 if has_helped:
                     break
         if not is_better:
-            step_01, best = max(step_01 / 2, LEAST_STEP_01), perceived(values)
+            step_01, best = max(step_01 / 2, MIN_STEP_01), perceived(values)
 
 
 def _set_to(task: Task, goal: Vector, begin_s: float, limit_s: float, pace: float) -> Outcome:

@@ -238,7 +238,7 @@ def _place_problems(recording: Recording) -> Iterator[str]:
     folders = {part.folder for part in manifest.parts}
     for folder in sorted(path.glob("part-*")):
         if folder.name not in folders:
-            yield f"{folder} is no part of this session: {MANIFEST_NAME} does not list it"
+            yield f"{folder} does not belong to this recording: {MANIFEST_NAME} does not list it"
 
 
 def _notes(recording: Recording) -> Iterator[str]:

@@ -117,9 +117,9 @@ def users_mistake(error: BaseException) -> DesignError | None:
         return None
     code, module = frame.f_code, "<module>"
     names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
-    given = ", ".join(f"{n}={_short(frame.f_locals[n])}" for n in names if n in frame.f_locals)
+    arguments = ", ".join(f"{n}={_short(frame.f_locals[n])}" for n in names if n in frame.f_locals)
     where = f"{code.co_filename}, line {line}"
-    where += "" if code.co_name == module else f" in {code.co_name}({given})"
+    where += "" if code.co_name == module else f" in {code.co_name}({arguments})"
     inner, inner_line = _innermost(error)
     is_inside = inner is not None and _is_ours(inner)
     at = f" (raised in {inner.f_globals.get('__name__')}, line {inner_line})" if is_inside else ""  # type: ignore[union-attr]  # is_inside says that it is there

@@ -75,8 +75,8 @@ def test_a_page_blends_as_python_does_over_a_thousand_settings(browser: Any) -> 
     page = browser.new_page()
     code = encoded((SITE / "blend.js").read_bytes())
     file = encoded(packed_examples(examples, weights))
-    given = [code, file, values.tolist(), phases.tolist(), times.tolist()]
-    drawn = page.evaluate(POSES, given)
+    files = [code, file, values.tolist(), phases.tolist(), times.tolist()]
+    drawn = page.evaluate(POSES, files)
     expected_weights = weights.at(values)
     frames = blend_at(examples, expected_weights, phases)
     turns = np.array([d["turns"] for d in drawn]).reshape(frames.orientation_wxyz.shape)
@@ -230,9 +230,9 @@ def test_a_page_blends_gestures_as_python_does(browser: Any) -> None:
     examples = gesture_examples("waves", load_character("anna").skeleton)
     rng = np.random.default_rng(8)
     values, phases = rng.uniform(0.0, 1.0, (100, 5)), rng.uniform(0.0, 2.0, 100)
-    given = [encoded((SITE / "blend.js").read_bytes()), encoded(packed_examples(examples))]
+    files = [encoded((SITE / "blend.js").read_bytes()), encoded(packed_examples(examples))]
     page = browser.new_page()
-    drawn = page.evaluate(POSES, [*given, values.tolist(), phases.tolist(), phases.tolist()])
+    drawn = page.evaluate(POSES, [*files, values.tolist(), phases.tolist(), phases.tolist()])
     shares = values / values.sum(axis=1, keepdims=True)
     frames = blend_at(examples, shares, phases)
     turns = np.array([d["turns"] for d in drawn]).reshape(frames.orientation_wxyz.shape)

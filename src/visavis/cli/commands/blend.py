@@ -111,15 +111,15 @@ def blend(
         _map_reach(new_file(reach), walks, as_json)
         return
     if page:
-        given = _Given(adjectives, features, weights)
-        space = _space(walks, impressions, given, most_weight=1.0)
+        options = _Options(adjectives, features, weights)
+        space = _space(walks, impressions, options, most_weight=1.0)
         on_body = _examples_on(examples, load_character(character), unit_m)
         _show_page(space, on_body, character, examples)
         return
     if not (adjectives or features or weights):
         _list(walks, impressions, as_json, is_simulated=folder is None and ratings is None)
         return
-    shares = _space(walks, impressions, _Given(adjectives, features, weights)).shares()
+    shares = _space(walks, impressions, _Options(adjectives, features, weights)).shares()
     blend_of_walks = Blend(walks, shares)
     if output is not None and output.suffix.lower() in (*FILMS, ".glb"):
         who = load_character(character)
@@ -209,7 +209,7 @@ def _impressions_of(
 
 
 @dataclass(frozen=True)
-class _Given:
+class _Options:
     """The options that say what to blend, as they were given; one of them at most."""
 
     adjectives: str
@@ -242,19 +242,19 @@ class _Space:
 
 
 def _space(
-    walks: Examples, impressions: _Impressions, given: _Given, most_weight: float = np.inf
+    walks: Examples, impressions: _Impressions, options: _Options, most_weight: float = np.inf
 ) -> _Space:
     """Return the parameters of whichever option is given, else the adjectives.
 
     Raises:
         UsageError: a name or a value cannot be, or there are no adjectives.
     """
-    if given.weights:
-        values = values_of(given.weights, walks.names, "--weights", most_weight)
+    if options.weights:
+        values = values_of(options.weights, walks.names, "--weights", most_weight)
         return _Space("--weights", walks.names, None, values)
-    if given.features:
+    if options.features:
         table = feature_table(walks)
-        values = values_of(given.features, (*GROUPS, *FEATURES), "--features")
+        values = values_of(options.features, (*GROUPS, *FEATURES), "--features")
         # The four groups, and every single feature that is asked for besides.
         single = [name for name in values if name in FEATURES]
         columns = [table.scaled_01[:, FEATURES.index(name)] for name in single]
@@ -266,7 +266,9 @@ def _space(
             "numbers from 0 to 1, or use --ratings, --features or --weights"
         )
     values = (
-        values_of(given.adjectives, impressions.names, "--adjectives") if given.adjectives else {}
+        values_of(options.adjectives, impressions.names, "--adjectives")
+        if options.adjectives
+        else {}
     )
     # The four primary parameters where there are such, and every pair asked for besides.
     names = tuple(

@@ -10,7 +10,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from visavis.analysis.frame_times import PoseAge
-from visavis.analysis.gaze_delay import LEAST_LATENCY_MS, GazeDelayBound
+from visavis.analysis.gaze_delay import MIN_LATENCY_MS, GazeDelayBound
 from visavis.analysis.sync_test import Delays, offsets_ms
 from visavis.cli.app import ConfigOption, JsonOption, app, console, load_lab, say_json, verbatim
 from visavis.cli.sync_chain import (
@@ -102,8 +102,8 @@ def sync_test(
                 eyes_role=eyes,
             )
     age, pace = pose_age_of(stimuli, delays), pace_of(stimuli)
-    least_ms = 0.0 if artificial_eye else LEAST_LATENCY_MS
-    bound = gaze_bound_of(stimuli, delays, eyes, least_latency_ms=least_ms) if eyes else None
+    least_ms = 0.0 if artificial_eye else MIN_LATENCY_MS
+    bound = gaze_bound_of(stimuli, delays, eyes, min_latency_ms=least_ms) if eyes else None
     # The record goes to one file: the doctor reads its age, and analyse its offsets.
     record = {
         "made": clock.wall_iso(),
@@ -150,14 +150,15 @@ def _tell_gaze(bound: GazeDelayBound, lab: LabConfig) -> None:
     stated = "not given, so 0 is assumed" if configured_ms is None else f"{configured_ms:g} ms"
     if not bound.is_known:
         console.print(
-            f"[yellow]No bound on {verbatim(bound.role)}'s delay: {bound.answered} of "
-            f"{bound.asked} saccades were seen. Look at each spot as soon as it appears, after a "
+            f"[yellow]No bound on {verbatim(bound.role)}'s delay: {bound.answer_count} of "
+            f"{bound.target_count} saccades were seen. Look at each spot as soon as it appears, "
+            "after a "
             "calibration.[/]"
         )
         return
     console.print(
         f"gaze delay of {verbatim(bound.role)}: at most {bound.at_most_ms:.1f} ms, by "
-        f"{bound.answered} saccades; gaze_delay_ms as configured: {stated}"
+        f"{bound.answer_count} saccades; gaze_delay_ms as configured: {stated}"
     )
     if configured_ms is not None and configured_ms > bound.at_most_ms:
         console.print("[yellow]What is configured is more than saccades allow: check it.[/]")
