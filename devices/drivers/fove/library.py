@@ -8,10 +8,9 @@ to a `.wire` log and replayed without the library.
 import ctypes
 import struct
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
-from visavis.devices.arrivals import Arrivals
 from visavis.devices.drivers.fove.codec import (
     DISCONNECTED_WITH,
     EYE_FRAME,
@@ -20,7 +19,8 @@ from visavis.devices.drivers.fove.codec import (
     TIMED_OUT,
     error_text,
 )
-from visavis.devices.transports import Exchange, Frames, Message, OnlyListening
+from visavis.devices.library_wire import LibraryWire
+from visavis.devices.transports import Exchange, Frames, Message
 from visavis.lab.clock import Clock
 from visavis.lab.errors import DeviceNotFound, ProtocolViolation
 
@@ -33,7 +33,6 @@ LIBRARY_REMEDY = (
     "`library_path`"
 )
 ANSWER = struct.Struct("<ii")
-JOIN_S = 3.0
 HASH_BYTES = 64
 
 
@@ -71,24 +70,13 @@ class _Versions(ctypes.Structure):
     ]
 
 
-class FoveLibrary(OnlyListening):
+class FoveLibrary(LibraryWire):
     """Offer one headset of a loaded FoveClient as a message transport."""
 
     def __init__(self, library_path: str, clock: Clock, *, is_simulated: bool = False) -> None:
-        self.is_simulated = is_simulated
-        self._path = library_path
-        self._clock = clock
-        self._library: Any = None
+        super().__init__(library_path, clock, remedy=SERVICE_REMEDY, is_simulated=is_simulated)
         self._headset = ctypes.c_void_p()
         self._calls = threading.Lock()
-        self._arrivals = Arrivals()
-        self._stopping = threading.Event()
-        self._thread: threading.Thread | None = None
-
-    @property
-    def kind(self) -> str:
-        """Name the library."""
-        return f"library {self._path}"
 
     def open(self, deadline_s: float) -> None:
         """Load the library, make a headset, check versions, begin to wait for frames."""
@@ -110,10 +98,7 @@ class FoveLibrary(OnlyListening):
         self._must(create(CAPABILITIES, ctypes.byref(headset)))
         self._headset = headset
         self._must(self._call("registerCapabilities", ctypes.c_int(CAPABILITIES)))
-        self._arrivals = Arrivals()
-        self._stopping.clear()
-        self._thread = threading.Thread(target=self._wait, name="fove-frames", daemon=True)
-        self._thread.start()
+        self._begin_to_fetch("fove-frames")
 
     def request(self, frames: Frames, timeout_s: float) -> Exchange:
         """Call what the first frame names; the answer is that name, code and value, text."""
@@ -121,27 +106,15 @@ class FoveLibrary(OnlyListening):
         answer = (frames[0], *self._answers[frames[0]](self))
         return Exchange(answer, sent_ns, self._clock.now_ns())
 
-    def post(self, frames: Frames) -> None:
-        """Call now and hand the answer over with the next frames."""
-        exchange = self.request(frames, 0.0)
-        self._arrivals.add(Message(exchange.t_receive_ns, exchange.frames, exchange.t_send_ns))
-
-    def receive(self, timeout_s: float) -> Sequence[Message]:
-        """Return what the waiting thread fetched; raises DeviceDisconnected when it cannot."""
-        return self._arrivals.take(timeout_s, SERVICE_REMEDY)
-
     def close(self) -> None:
         """End the thread and destroy the headset; idempotent."""
-        self._stopping.set()
-        if self._thread is not None:
-            self._thread.join(JOIN_S)
-            self._thread = None
+        self._stop_fetching()
         if self._headset:
             self._call("destroy")
             self._headset = ctypes.c_void_p()
         self._library = None
 
-    def _wait(self) -> None:
+    def _fetch(self) -> None:
         wait = self._library.fove_Headset_waitForProcessedEyeFrame
         while not self._stopping.is_set():
             code = wait(self._headset)  # blocks, without the lock and without Python's
@@ -151,7 +124,7 @@ class FoveLibrary(OnlyListening):
             frame = None
             if code == OK:
                 with self._calls:
-                    code, frame = self._fetch()
+                    code, frame = self._eye_frame()
             if frame is not None:
                 self._arrivals.add(Message(now_ns, (frame,)))
             elif code in DISCONNECTED_WITH:
@@ -161,7 +134,7 @@ class FoveLibrary(OnlyListening):
                 self._arrivals.add()
                 self._stopping.wait(0.005)
 
-    def _fetch(self) -> tuple[int, bytes | None]:
+    def _eye_frame(self) -> tuple[int, bytes | None]:
         stamp = _FrameTimestamp()
         code = self._call("fetchEyeTrackingData", ctypes.byref(stamp))
         if code != OK:

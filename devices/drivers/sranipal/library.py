@@ -6,13 +6,10 @@ headset is a Vive Pro Eye.
 """
 
 import ctypes
-import threading
-from collections.abc import Sequence
-from typing import Any
 
-from visavis.devices.arrivals import Arrivals
 from visavis.devices.drivers.sranipal.codec import EYE_DATA
-from visavis.devices.transports import Exchange, Frames, Message, OnlyListening
+from visavis.devices.library_wire import LibraryWire
+from visavis.devices.transports import Exchange, Frames, Message
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.lab.errors import DeviceNotFound
 
@@ -20,7 +17,6 @@ EYE_V2 = 2
 """The kind of module: eyes, second version of the data."""
 WORK = 0
 ASK_EVERY_NS = NS_PER_S // 500
-JOIN_S = 1.0
 HELD_FRAMES = 10_000
 NUMBER = slice(4, 8)
 """Bytes of the frame number."""
@@ -30,23 +26,14 @@ LIBRARY_REMEDY = "install SR_Runtime and write the full path of SRanipal.dll und
 RUNTIME_REMEDY = "start SR_Runtime as administrator, and SteamVR with the headset connected"
 
 
-class SranipalLibrary(OnlyListening):
+class SranipalLibrary(LibraryWire):
     """Offer the eye tracker of a loaded SRanipal as a message transport."""
 
     def __init__(self, library_path: str, clock: Clock, *, is_simulated: bool = False) -> None:
-        self.is_simulated = is_simulated
-        self._path = library_path
-        self._clock = clock
-        self._library: Any = None
+        super().__init__(
+            library_path, clock, remedy=RUNTIME_REMEDY, most=HELD_FRAMES, is_simulated=is_simulated
+        )
         self._data = ctypes.create_string_buffer(EYE_DATA.size + SPARE_BYTES)
-        self._arrivals = Arrivals(HELD_FRAMES)
-        self._stopping = threading.Event()
-        self._thread: threading.Thread | None = None
-
-    @property
-    def kind(self) -> str:
-        """Name the library."""
-        return f"library {self._path}"
 
     def open(self, deadline_s: float) -> None:
         """Load the library and start its eye module; raises DeviceNotFound with a remedy."""
@@ -66,10 +53,7 @@ class SranipalLibrary(OnlyListening):
             text = f"SRanipal does not start its eye module (error {error})"
             raise DeviceNotFound(text, remedy=RUNTIME_REMEDY)
         self._library = library
-        self._arrivals = Arrivals(HELD_FRAMES)
-        self._stopping.clear()
-        self._thread = threading.Thread(target=self._watch, name="sranipal", daemon=True)
-        self._thread.start()
+        self._begin_to_fetch("sranipal")
 
     def request(self, frames: Frames, timeout_s: float) -> Exchange:
         """Say whether the headset is a Vive Pro Eye."""
@@ -80,21 +64,14 @@ class SranipalLibrary(OnlyListening):
     def post(self, frames: Frames) -> None:
         """Do nothing: every question waits for its answer."""
 
-    def receive(self, timeout_s: float) -> Sequence[Message]:
-        """Return the frames that came; raises DeviceDisconnected while the library gives none."""
-        return self._arrivals.take(timeout_s, RUNTIME_REMEDY)
-
     def close(self) -> None:
         """End the thread and release the eye module; idempotent."""
-        self._stopping.set()
-        if self._thread is not None:
-            self._thread.join(JOIN_S)
-            self._thread = None
+        self._stop_fetching()
         library, self._library = self._library, None
         if library is not None:
             library.Release(ctypes.c_int(EYE_V2))
 
-    def _watch(self) -> None:
+    def _fetch(self) -> None:
         last, before = b"", WORK
         while not self._stopping.is_set():
             error = self._library.GetEyeData_v2(self._data)

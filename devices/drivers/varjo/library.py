@@ -8,19 +8,18 @@ lock. Questions: `start`, `time` (`varjo_GetCurrentTime`), `state`, `calibrate`.
 import ctypes
 import struct
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
-from visavis.devices.arrivals import Arrivals
 from visavis.devices.drivers.varjo.codec import GAZE, MEASUREMENTS, STATE
-from visavis.devices.transports import Exchange, Frames, Message, OnlyListening
+from visavis.devices.library_wire import LibraryWire
+from visavis.devices.transports import Exchange, Frames, Message
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.lab.errors import DeviceNotFound
 
 FETCH_EVERY_NS = NS_PER_S // 500
 AT_ONCE = 16
 HELD_DATA = 10_000
-JOIN_S = 1.0
 TIME = struct.Struct("<q")
 
 CALIBRATING, CALIBRATED, ALLOWED = 0xA000, 0xA001, 0xA003
@@ -40,7 +39,7 @@ class _Parameter(ctypes.Structure):
     _fields_ = [("key", ctypes.c_char_p), ("value", ctypes.c_char_p)]
 
 
-class VarjoLibrary(OnlyListening):
+class VarjoLibrary(LibraryWire):
     """Offer the eye tracker of a loaded VarjoLib as a message transport.
 
     `is_smoothed` asks for the vendor's filter; without it gaze comes as it was measured.
@@ -54,23 +53,14 @@ class VarjoLibrary(OnlyListening):
         is_smoothed: bool = False,
         is_simulated: bool = False,
     ) -> None:
-        self.is_simulated = is_simulated
-        self._path = library_path
-        self._clock = clock
+        super().__init__(
+            library_path, clock, remedy=RUNTIME_REMEDY, most=HELD_DATA, is_simulated=is_simulated
+        )
         self._filter = b"Standard" if is_smoothed else b"None"
-        self._library: Any = None
         self._session = ctypes.c_void_p()
         self._calls = threading.Lock()
         self._gaze = ctypes.create_string_buffer(GAZE.size * AT_ONCE)
         self._measurements = ctypes.create_string_buffer(MEASUREMENTS.size * AT_ONCE)
-        self._arrivals = Arrivals(HELD_DATA)
-        self._stopping = threading.Event()
-        self._thread: threading.Thread | None = None
-
-    @property
-    def kind(self) -> str:
-        """Name the library."""
-        return f"library {self._path}"
 
     def open(self, deadline_s: float) -> None:
         """Load the library, begin a session and its eye tracking; raises DeviceNotFound."""
@@ -87,10 +77,7 @@ class VarjoLibrary(OnlyListening):
         except DeviceNotFound:
             self.close()
             raise
-        self._arrivals = Arrivals(HELD_DATA)
-        self._stopping.clear()
-        self._thread = threading.Thread(target=self._fetch, name="varjo-gaze", daemon=True)
-        self._thread.start()
+        self._begin_to_fetch("varjo-gaze")
 
     def request(self, frames: Frames, timeout_s: float) -> Exchange:
         """Call what the first frame names; the answer is that name and what was returned."""
@@ -100,21 +87,9 @@ class VarjoLibrary(OnlyListening):
             received_ns = self._clock.now_ns()
         return Exchange((frames[0], answer), sent_ns, received_ns)
 
-    def post(self, frames: Frames) -> None:
-        """Call now and hand the answer over with the next data."""
-        exchange = self.request(frames, 0.0)
-        self._arrivals.add(Message(exchange.t_receive_ns, exchange.frames, exchange.t_send_ns))
-
-    def receive(self, timeout_s: float) -> Sequence[Message]:
-        """Return what was fetched; raises DeviceDisconnected while the library gives none."""
-        return self._arrivals.take(timeout_s, RUNTIME_REMEDY)
-
     def close(self) -> None:
         """End the thread and the session; idempotent."""
-        self._stopping.set()
-        if self._thread is not None:
-            self._thread.join(JOIN_S)
-            self._thread = None
+        self._stop_fetching()
         library, self._library = self._library, None
         if library is not None:
             library.varjo_SessionShutDown(self._session)
