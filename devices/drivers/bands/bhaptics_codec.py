@@ -31,16 +31,14 @@ def submit_frame(
     return json.dumps(request, separators=(",", ":")).encode("utf-8")
 
 
-class BhapticsLanguage:
-    """Speak to the Player about one forearm unit; see `BandLanguage`."""
+class BhapticsUnit:
+    """What a unit is, over whichever interface its Player is reached; see `BandLanguage`."""
 
     answers = True
     rate_range_hz = (math.nan, math.nan)
 
-    def __init__(self, position: str = "ForearmL", points: Sequence[int] = (0, 2, 3, 5)) -> None:
-        self._position = position
+    def __init__(self, points: Sequence[int]) -> None:
         self._points = tuple(points)
-        self._key = f"visavis {position}"
         self._reader = JsonReader()
         self.motor_count = len(self._points)
 
@@ -52,6 +50,15 @@ class BhapticsLanguage:
     def lasts_ms(self, ttl_ms: int) -> int | None:
         """Return the length of a frame, or less."""
         return min(FRAME_MS, ttl_ms)
+
+
+class BhapticsLanguage(BhapticsUnit):
+    """Speak to the Player about one forearm unit; see `BandLanguage`."""
+
+    def __init__(self, position: str = "ForearmL", points: Sequence[int] = (0, 2, 3, 5)) -> None:
+        super().__init__(points)
+        self._position = position
+        self._key = f"visavis {position}"
 
     def opening(self) -> Sequence[bytes]:
         """Play nothing, so that the Player answers with what is connected."""

@@ -7,20 +7,18 @@ A frame ends by itself after 100 ms, so nothing vibrates longer when the compute
 """
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from visavis.devices.drivers.bands.bhaptics_codec import FRAME_MS, BhapticsUnit
 from visavis.devices.drivers.bands.language import (
     Condition,
-    JsonReader,
     Notice,
     Ready,
     Refusal,
     level,
 )
 
-FRAME_MS = 100
 FULL = 100
 UNIT_POINTS = 6
 EVERY_UNIT = -1
@@ -52,29 +50,15 @@ def answer(name: str, result: object) -> bytes:
     return json.dumps({"call": name, "result": result}, separators=(",", ":")).encode("utf-8")
 
 
-class BhapticsSdkLanguage:
+class BhapticsSdkLanguage(BhapticsUnit):
     """Speak to the SDK about one unit; see `BandLanguage`.
 
     A stop without an argument is for the frame that was played last: the link knows its number.
     """
 
-    answers = True
-    rate_range_hz = (math.nan, math.nan)
-
     def __init__(self, position: str = "ForearmL", points: Sequence[int] = (0, 2, 3, 5)) -> None:
+        super().__init__(points)
         self._position = POSITIONS[position]
-        self._points = tuple(points)
-        self._reader = JsonReader()
-        self.motor_count = len(self._points)
-
-    @property
-    def unreadable_count(self) -> int:
-        """Answers that could not be read."""
-        return self._reader.unreadable_count
-
-    def lasts_ms(self, ttl_ms: int) -> int | None:
-        """Return the length of a frame, or less."""
-        return min(FRAME_MS, ttl_ms)
 
     def opening(self) -> Sequence[bytes]:
         """Ask which units the Player sees."""
