@@ -25,13 +25,17 @@ _DRAWN: Final[WeakKeyDictionary[Figure, str]] = WeakKeyDictionary()
 
 @dataclass(frozen=True)
 class ReportFigure:
-    """A finished figure. `name` is its file stem; the texts go below it and to screen readers."""
+    """A finished figure. `name` is its file stem; the texts go below it and to screen readers.
+
+    `data` is what it shows as the text of a CSV file, where that is a table.
+    """
 
     name: str
     title: str
     caption: str
     alternative: str
     figure: Figure
+    data: str = ""
 
 
 def draw(
@@ -42,6 +46,7 @@ def draw(
     caption: str,
     alternative: str,
     is_simulated: bool,
+    data: str = "",
 ) -> ReportFigure:
     """Make a figure in the house style; simulated data are marked, without a way around it."""
     with figure_style():
@@ -49,7 +54,7 @@ def draw(
         if is_simulated:
             mark_simulated(figure)
         _lay_out(figure)
-    return ReportFigure(name, title, caption, alternative, figure)
+    return ReportFigure(name, title, caption, alternative, figure, data)
 
 
 def _lay_out(figure: Figure) -> None:

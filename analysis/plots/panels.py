@@ -19,6 +19,8 @@ OUT: Final = "out."
 """The same for a participant who was left out."""
 ALL: Final = "all."
 """The same for the values a participant would have with the trials that were left out."""
+MIN_WITH_INTERVAL: Final = 3
+"""Values from which on a mean is drawn with its interval."""
 _LOOK_UNTIL_SHOWN: Final = {OUT: ("x--", 5.0), ALL: ("o:", 3.5)}
 """Line and size of what is hidden until a page shows it."""
 
@@ -104,7 +106,7 @@ def draw_mean(
     mean, low, high = mean_interval(values, level)
     if not np.isfinite(mean):
         return
-    if np.isfinite(values).sum() >= 3:
+    if np.isfinite(values).sum() >= MIN_WITH_INTERVAL:
         along, across = [low, high], [x, x]
         xs, ys = (along, across) if horizontal else (across, along)
         axes.plot(xs, ys, color=BLACK, linewidth=2.2, solid_capstyle="butt", zorder=4)

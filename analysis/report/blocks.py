@@ -53,10 +53,23 @@ class Table:
 
 @dataclass(frozen=True)
 class Picture:
-    """An SVG figure, with the words a reader gets who cannot see it."""
+    """An SVG figure, with the words a reader gets who cannot see it.
+
+    `data` is what it shows as the text of a CSV file, to be taken along with the figure.
+    """
 
     svg: str
     title: str
+    caption: str
+    alternative: str
+    data: str = ""
+
+
+@dataclass(frozen=True)
+class Photo:
+    """A JPEG picture: the place as a participant saw it."""
+
+    jpeg: bytes
     caption: str
     alternative: str
 
@@ -99,6 +112,15 @@ class Verdicts:
 
 
 @dataclass(frozen=True)
+class Opening:
+    """The first screen: the answer to the study's question, beside the figure that shows it."""
+
+    answer: Verdict
+    picture: Picture | None = None
+    place: Photo | None = None
+
+
+@dataclass(frozen=True)
 class Code:
     """Lines to be copied: commands, hashes."""
 
@@ -107,13 +129,15 @@ class Code:
 
 @dataclass(frozen=True)
 class Fold:
-    """Blocks behind a line that opens them; printed open."""
+    """Blocks behind a line that opens them; printed as they stand, open or closed."""
 
     summary: str
     blocks: "tuple[Block, ...]"
 
 
-Block: TypeAlias = Paragraph | Bullets | Facts | Verdicts | Table | Picture | Code | Fold
+Block: TypeAlias = (
+    Paragraph | Bullets | Facts | Opening | Verdicts | Table | Picture | Photo | Code | Fold
+)
 
 
 @dataclass(frozen=True)

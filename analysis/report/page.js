@@ -1,4 +1,4 @@
-// Copies and downloads of a report's tables and answers; without JavaScript the page lacks nothing else.
+// Copies and downloads of a report's tables, figures and answers; without JavaScript the page lacks nothing else.
 (() => {
   const isSimulated = document.body.classList.contains("simulated");
   const MARK = "Simulated data: no human took part.";
@@ -31,6 +31,15 @@
     document.addEventListener("copy", fill);
     document.execCommand("copy");
     document.removeEventListener("copy", fill);
+  }
+
+  function download(content, type, number, title, ending) {
+    const link = document.createElement("a");
+    link.href = URL.createObjectURL(new Blob([content], { type }));
+    const name = title.toLowerCase().replace(/[^\p{L}\p{N}]+/gu, "_").slice(0, 60);
+    link.download = `${isSimulated ? "simulated_" : ""}${number}_${name}.${ending}`;
+    link.click();
+    URL.revokeObjectURL(link.href);
   }
 
   const safe = (text) => text.replace(/&/g, "&amp;").replace(/</g, "&lt;");
@@ -68,7 +77,7 @@
       (below ? `<p><i>Note.</i> ${safe(below)}</p>` : "");
   }
 
-  document.querySelectorAll("div.table").forEach((place, i) => {
+  document.querySelectorAll(".table").forEach((place, i) => {
     const table = place.querySelector("table");
     const title = text(place.querySelector(".caption"));
     const note = place.querySelector(".note") ? text(place.querySelector(".note")) : "";
@@ -76,15 +85,24 @@
     const plain = `Table ${i + 1}\n${title}\n${grid(table).map((row) => row.join("\t")).join("\n")}\n${below ? `Note. ${below}\n` : ""}`;
     place.append(tools(
       button("Copy as APA", () => copy(plain, asApa(table, i + 1, title, note))),
-      button("Download CSV", () => {
-        const link = document.createElement("a");
-        link.href = URL.createObjectURL(new Blob(["\ufeff" + csv(table)], { type: "text/csv" }));
-        const name = title.toLowerCase().replace(/[^\p{L}\p{N}]+/gu, "_").slice(0, 60);
-        link.download = `${isSimulated ? "simulated_" : ""}table_${i + 1}_${name}.csv`;
-        link.click();
-        URL.revokeObjectURL(link.href);
-      }),
+      button("Download CSV", () => download("\ufeff" + csv(table), "text/csv", `table_${i + 1}`, title, "csv")),
     ));
+  });
+
+  // ---- figures as files, without what is hidden and whose a line is -------------------------------
+
+  document.querySelectorAll("figure").forEach((place, i) => {
+    const drawn = place.querySelector(".plot svg");
+    if (!drawn) return;
+    const title = text(place.querySelector("figcaption strong")).replace(/\.$/, "");
+    const both = [button("Download SVG", () => {
+      const taken = drawn.cloneNode(true);
+      taken.querySelectorAll(".out, .all, [data-who] > title").forEach((hidden) => hidden.remove());
+      taken.querySelectorAll("[data-who]").forEach((one) => one.removeAttribute("data-who"));
+      download(new XMLSerializer().serializeToString(taken), "image/svg+xml", `figure_${i + 1}`, title, "svg");
+    })];
+    if (place.dataset.csv) both.push(button("Its data", () => download("\ufeff" + place.dataset.csv, "text/csv", `figure_${i + 1}`, title, "csv")));
+    place.append(tools(...both));
   });
 
   // ---- trials whose pages are elsewhere: their command is copied ---------------------------------
@@ -104,6 +122,9 @@
         lost: "Mit ausgelassenen Durchgängen zeigen, gepunktet", dotted: "Gepunktet: dieselbe Person mit allen beendeten Durchgängen.", look: ["Durchgang zum Ansehen", "Durchgänge zum Ansehen"] }
     : { label: "Highlight a participant", all: "everybody", out: "Show who was left out", note: "Means stay those of who counts.",
         lost: "Show with trials left out, dotted", dotted: "Dotted: the same person with every finished trial.", look: ["trial to look at", "trials to look at"] };
+  const FOLDS = document.documentElement.lang.startsWith("de")
+    ? { open: "Alle Tabellen öffnen", close: "Alle schließen" }
+    : { open: "Open all tables", close: "Close all" };
   const drawn = [...document.querySelectorAll("svg [data-who]")];
   const people = [...new Set(drawn.map((group) => group.dataset.who))].sort();
   const of = (who) => drawn.filter((group) => group.dataset.who === who);
@@ -135,7 +156,7 @@
     look.className = "look";
     look.addEventListener("click", () => {
       const mine = trials.find((row) => text(row.cells[0]) === chosen);
-      mine.closest("details").open = true;
+      for (let fold = mine.closest("details"); fold; fold = fold.parentElement.closest("details")) fold.open = true;
       mine.scrollIntoView({ block: "center" });
       mine.querySelector("button, a").focus({ preventScroll: true });
     });
@@ -174,7 +195,7 @@
       place.append(trialsToo);
     }
     place.append(look);
-    document.querySelector("nav").after(place);
+    document.querySelector("main").prepend(place);
     const at = (event) => (event.target instanceof Element ? event.target.closest("[data-who]") : null);
     document.addEventListener("pointerover", (event) => {
       const group = at(event);
@@ -186,6 +207,21 @@
       if (group) pick(group.dataset.who === chosen ? "" : group.dataset.who);
     });
     document.addEventListener("keydown", (event) => { if (event.key === "Escape" && chosen) pick(""); });
+  }
+
+  // ---- all tables at once: to search the page, or to print them ------------------------------------
+
+  const folds = [...document.querySelectorAll("main details")];
+  if (folds.length) {
+    const open = document.createElement("button");
+    open.type = "button";
+    open.textContent = FOLDS.open;
+    open.addEventListener("click", () => {
+      const opens = folds.some((fold) => !fold.open);
+      folds.forEach((fold) => { fold.open = opens; });
+      open.textContent = opens ? FOLDS.close : FOLDS.open;
+    });
+    document.querySelector("nav").append(open);
   }
 
   document.querySelectorAll(".verdict").forEach((place) => {

@@ -1,6 +1,8 @@
 """Render a page into one HTML file that asks nothing of the network."""
 
+import math
 import re
+from base64 import b64encode
 from html import escape
 from itertools import groupby
 from pathlib import Path
@@ -13,14 +15,17 @@ from visavis.analysis.report.blocks import (
     Column,
     Facts,
     Fold,
+    Opening,
     Page,
     Paragraph,
+    Photo,
     Picture,
     Section,
     Table,
     Verdict,
     Verdicts,
 )
+from visavis.analysis.report.notation import count_of
 from visavis.lab.errors import UsageError
 
 SIMULATED_BANNER = "SIMULATED DATA – no human took part; do not report as results"
@@ -34,8 +39,14 @@ _ANSWER = {
 }
 _STYLE = Path(__file__).with_name("page.css")
 _SCRIPT = Path(__file__).with_name("page.js")
+_PAPER = (
+    '<p class="paper">Tables that were closed on the screen are not printed; "Open all tables" '
+    "opens them.</p>\n"
+)
 WIDE_PT = 480.0
 """Figures wider than this keep their size on a phone and scroll sideways."""
+SHORT_ROWS = 12
+"""Tables of up to so many rows stand open in the first section; all others are closed."""
 
 
 _VIEW_BOX = re.compile(r'<svg[^>]*\bviewBox="\S+ \S+ ([\d.]+) ')
@@ -52,7 +63,7 @@ def render_page(page: Page) -> str:
     links = "".join(
         f'<a href="#{escape(s.anchor, quote=True)}">{escape(s.title)}</a>' for s in page.sections
     )
-    sections = "\n".join(_section(s) for s in page.sections)
+    sections = "\n".join(_section(s, 0 if i else SHORT_ROWS) for i, s in enumerate(page.sections))
     kind = "simulated" if page.is_simulated else "real"
     return (
         f'<!DOCTYPE html>\n<html lang="{escape(page.language)}">\n<head>\n'
@@ -62,7 +73,8 @@ def render_page(page: Page) -> str:
         f"<style>\n{_STYLE.read_text(encoding='utf-8')}</style>\n</head>\n"
         f'<body class="{kind}">\n{banner}<header>\n<h1>{escape(page.title)}</h1>\n'
         f'<p class="subtitle">{escape(page.subtitle)}</p>\n{_facts(page.facts)}</header>\n'
-        f'<nav aria-label="Sections">{links}</nav>\n<main>\n{sections}\n</main>\n'
+        f'<div class="columns">\n<nav aria-label="Sections">{links}</nav>\n'
+        f"<main>\n{sections}\n{_PAPER}</main>\n</div>\n"
         f"<footer>{escape(page.footer)}</footer>\n"
         f"<script>\n{_SCRIPT.read_text(encoding='utf-8')}</script>\n</body>\n</html>\n"
     )
@@ -83,13 +95,14 @@ def write_page(page: Page, path: Path) -> Path:
     return path
 
 
-def _section(section: Section) -> str:
-    blocks = "\n".join(_block(b) for b in section.blocks)
+def _section(section: Section, open_rows: int) -> str:
+    blocks = "\n".join(_block(b, open_rows) for b in section.blocks)
     anchor = escape(section.anchor, quote=True)
     return f'<section id="{anchor}">\n<h2>{escape(section.title)}</h2>\n{blocks}\n</section>'
 
 
-def _block(block: Block) -> str:
+def _block(block: Block, open_rows: float = math.inf) -> str:
+    """Return a block; tables of more rows than `open_rows` are closed."""
     match block:
         case Paragraph(text):
             return f"<p>{_running(text)}</p>"
@@ -97,12 +110,16 @@ def _block(block: Block) -> str:
             return "<ul>" + "".join(f"<li>{_running(i)}</li>" for i in items) + "</ul>"
         case Facts():
             return _facts(block)
+        case Opening():
+            return _opening(block)
         case Verdicts(items):
             return '<div class="verdicts">' + "".join(map(_verdict, items)) + "</div>"
         case Table():
-            return _table(block)
+            return _table(block, is_open=len(block.rows) <= open_rows)
         case Picture():
             return _picture(block)
+        case Photo():
+            return _photo(block)
         case Code(lines):
             return "<pre><code>" + escape("\n".join(lines)) + "</code></pre>"
         case Fold(summary, blocks):
@@ -123,11 +140,26 @@ def _facts(facts: Facts) -> str:
     return f'<dl class="facts">{pairs}</dl>\n'
 
 
-def _verdict(verdict: Verdict) -> str:
+def _verdict(verdict: Verdict, shown: str = "") -> str:
+    opens = " opening" if shown else ""
     return (
-        f'<div class="verdict {verdict.status}"><h3><span class="answer" aria-hidden="true">'
+        f'<div class="verdict {verdict.status}{opens}"><h3><span class="answer" aria-hidden="true">'
         f"{_ANSWER[verdict.status]}</span>{escape(verdict.headline)}</h3>"
-        f"<p>{_running(verdict.detail)}</p></div>"
+        f"{shown}<p>{_running(verdict.detail)}</p></div>"
+    )
+
+
+def _opening(opening: Opening) -> str:
+    shown = "" if opening.picture is None else _picture(opening.picture)
+    shown += "" if opening.place is None else _photo(opening.place)
+    return _verdict(opening.answer, f'<div class="shown">{shown}</div>' if shown else "")
+
+
+def _photo(photo: Photo) -> str:
+    return (
+        f'<figure class="photo"><img src="data:image/jpeg;base64,{b64encode(photo.jpeg).decode()}" '
+        f'alt="{escape(photo.alternative, quote=True)}"><figcaption>{escape(photo.caption)}'
+        "</figcaption></figure>"
     )
 
 
@@ -136,22 +168,27 @@ def _picture(picture: Picture) -> str:
     box = _VIEW_BOX.search(picture.svg)
     wide = box is not None and float(box[1]) > WIDE_PT
     shape = 'class="plot wide" tabindex="0"' if wide else 'class="plot"'
+    data = f' data-csv="{escape(picture.data, quote=True)}"' if picture.data else ""
     return (
-        f'<figure><div {shape} role="img" aria-label="{label}">{picture.svg}</div>'
+        f'<figure{data}><div {shape} role="img" aria-label="{label}">{picture.svg}</div>'
         f"<figcaption><strong>{escape(picture.title)}.</strong> "
         f"{escape(picture.caption)}</figcaption></figure>"
     )
 
 
-def _table(table: Table) -> str:
+def _table(table: Table, *, is_open: bool) -> str:
     body = "\n".join(_row(row, table.columns) for row in table.rows)
     note = f'<p class="note">{escape(table.note)}</p>' if table.note else ""
+    caption = f'<span class="caption">{escape(table.caption)}</span>'
+    head, end = f'<div class="table"><p>{caption}</p>', "</div>"
+    if not is_open:
+        count = f'<span class="count">{count_of(len(table.rows), "row")}</span>'
+        head, end = f'<details class="table"><summary>{caption} {count}</summary>', "</details>"
     return (
-        f'<div class="table"><p class="caption">{escape(table.caption)}</p>'
-        f'<div class="scroll" tabindex="0" role="region" '
+        f'{head}<div class="scroll" tabindex="0" role="region" '
         f'aria-label="{escape(table.caption, quote=True)}">'
         f"<table>\n<thead>\n{_head(table.columns)}</thead>\n<tbody>\n{body}\n</tbody>\n</table>"
-        f"</div>{note}</div>"
+        f"</div>{note}{end}"
     )
 
 

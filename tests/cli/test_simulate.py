@@ -107,7 +107,7 @@ def test_analysis_writes_a_row_per_trial_in_two_formats_and_a_report(study: Path
     page = (study / "derived" / "report.html").read_text()
     assert "SIMULATED" in page
     assert "http://" not in page.replace("http://www.w3.org", "")
-    captions = re.findall(r'<p class="caption">([^<]+)</p>', page)
+    captions = re.findall(r'<span class="caption">([^<]+)</span>', page)
     assert page.count("<table>") == len(captions) > 10
     tables = told_of("Tables of a study")
     assert {"trials.csv", "participants.csv", "statistics.csv"} < tables

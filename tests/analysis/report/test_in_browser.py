@@ -17,6 +17,7 @@ from visavis.analysis.report.blocks import (
     Column,
     Facts,
     Fold,
+    Opening,
     Page,
     Picture,
     Section,
@@ -235,3 +236,65 @@ def test_a_figures_own_file_names_nobody_and_hides_who_was_left_out() -> None:
     assert {"07K", "09X"} == set(re.findall(r'data-who="(\w+)"', svg_for_page(drawn)))
     for name in ("07K", "09X"):
         assert name not in svg_text(drawn)
+
+
+def opened_report(folder: Path) -> Path:
+    drawn = figure("one", [1.0, 2.0])
+    answer = Verdict("found", "People look longer at who looks at them", "t(19) = 4.2. " * 30)
+    opening = Opening(answer, Picture(drawn.svg, "One", "C", "A", "who,a\n07K,1\n"))
+    tables = tuple(Table((Column("N"),), (("1",),) * 40, f"Table of {i}") for i in range(9))
+    sections = (Section("one", "One", (opening,)), Section("two", "Two", tables))
+    return write_page(Page("A study", "?", Facts(()), True, sections), folder / "opened.html")
+
+
+@pytest.mark.parametrize(("width", "height"), [(1366, 768), (390, 844)])
+def test_the_answer_and_its_figure_stand_on_the_first_screen(
+    width: int, height: int, browser: Any, tmp_path: Path
+) -> None:
+    page = browser.new_page(viewport={"width": width, "height": height})
+    page.goto(opened_report(tmp_path).as_uri())
+    for part in ("h3", ".opening svg"):
+        box = page.locator(part).first.bounding_box()
+        assert box["y"] + box["height"] <= height
+
+
+def test_a_dark_screen_gets_dark_paper_and_figures_stay_readable(
+    browser: Any, tmp_path: Path
+) -> None:
+    page = browser.new_page(color_scheme="dark")
+    page.goto(opened_report(tmp_path).as_uri())
+    colour = "part => getComputedStyle(document.querySelector(part)).backgroundColor"
+    assert "rgb(20, 24, 30)" == page.evaluate(colour, "body")
+    assert "rgb(247, 247, 245)" == page.evaluate(colour, ".plot svg")
+
+
+def test_tables_are_opened_together_and_closed_ones_are_not_printed(
+    browser: Any, tmp_path: Path
+) -> None:
+    page = browser.new_page()
+    page.goto(opened_report(tmp_path).as_uri())
+    page.emulate_media(media="print")
+    assert 0 == page.locator("details.table:visible").count()
+    assert page.locator(".paper").is_visible()
+    page.emulate_media(media="screen")
+    page.get_by_role("button", name="Open all tables").click()
+    assert 9 == page.locator("details.table[open]").count()
+    page.emulate_media(media="print")
+    assert 9 == page.locator("details.table:visible").count()
+
+
+def test_a_figure_is_downloaded_without_names_and_with_its_data(
+    browser: Any, tmp_path: Path
+) -> None:
+    page = browser.new_page()
+    page.goto(opened_report(tmp_path).as_uri())
+    texts = []
+    for name in ("Download SVG", "Its data"):
+        with page.expect_download() as waited:
+            page.get_by_role("button", name=name).click()
+        assert waited.value.suggested_filename.startswith("simulated_figure_1_one")
+        texts.append(Path(waited.value.path()).read_text(encoding="utf-8-sig"))
+    assert texts[0].startswith("<svg")
+    assert "07K" not in texts[0]
+    assert "09X" not in texts[0]
+    assert "who,a\n07K,1\n" == texts[1]

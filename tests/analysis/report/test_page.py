@@ -1,3 +1,4 @@
+import re
 from html.parser import HTMLParser
 
 import pytest
@@ -9,8 +10,10 @@ from visavis.analysis.report import (
     Column,
     Facts,
     Fold,
+    Opening,
     Page,
     Paragraph,
+    Photo,
     Picture,
     Section,
     Table,
@@ -45,6 +48,11 @@ EVERY_BLOCK = (
     Paragraph("p = .03 & more"),
     Bullets(("one", "two")),
     Facts((("n", "30"),)),
+    Opening(
+        Verdict("found", "Yes", "because"),
+        Picture('<svg viewBox="0 0 1 1"></svg>', "Title", "Caption", "Alternative", "a,b\n1,2\n"),
+        Photo(b"\xff\xd8\xff", "The place", "A room"),
+    ),
     Verdicts((Verdict("found", "Found", "detail"),)),
     Table(
         (Column("Measure"), Column("p", "right", "Here"), Column("p", "right", "There")),
@@ -84,7 +92,8 @@ def test_text_is_escaped_everywhere():
         Facts(((evil, evil),)),
         Verdicts((Verdict("found", evil, evil),)),
         Table((Column(evil),), ((Cell(evil, hint=evil),),), evil, evil),
-        Picture("<svg></svg>", evil, evil, evil),
+        Picture("<svg></svg>", evil, evil, evil, evil),
+        Opening(Verdict("found", evil, evil), place=Photo(b"", evil, evil)),
         Code((evil,)),
         Fold(evil, ()),
     )
@@ -105,7 +114,7 @@ def test_simulated_page_has_banner_and_printed_watermark_and_real_has_none():
 
 
 def test_page_asks_nothing_of_the_network():
-    text = render_page(page(blocks=EVERY_BLOCK))
+    text = render_page(page(blocks=EVERY_BLOCK)).replace('src="data:', "")
 
     for word in (
         "http://",
@@ -149,3 +158,32 @@ def test_folder_that_is_a_file_gives_a_clear_error(tmp_path):
 
     with pytest.raises(UsageError, match="choose a folder"):
         write_page(page(), tmp_path / "taken" / "report.html")
+
+
+def table(rows: int) -> Table:
+    return Table((Column("What"),), (("x",),) * rows, f"{rows} rows")
+
+
+def test_tables_are_closed_but_for_short_ones_of_the_first_section():
+    first, later = Section("a", "A", (table(12), table(13))), Section("b", "B", (table(1),))
+    made = Page("A study", "?", Facts(()), False, (first, later))
+
+    html = render_page(made)
+
+    assert [
+        '<div class="table">',
+        '<details class="table">',
+        '<details class="table">',
+    ] == re.findall(r'<(?:div|details) class="table">', html)
+    assert "open them" in html or "opens them" in html  # on paper it says what is not there
+
+
+def test_first_screen_has_the_answer_its_figure_and_the_place():
+    html = render_page(page())
+
+    opening = html[html.index("opening") : html.index("because")]
+    assert ["Yes", "data-csv=", "<svg", "data:image/jpeg;base64,/9j/", "The place"] == [
+        part
+        for part in ("Yes", "data-csv=", "<svg", "data:image/jpeg;base64,/9j/", "The place")
+        if part in opening
+    ]

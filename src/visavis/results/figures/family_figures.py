@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from visavis.analysis.plots import BLUE, ReportFigure, draw, new_figure
 from visavis.analysis.plots.panels import (
     ALL,
+    MIN_WITH_INTERVAL,
     Values,
     differences,
     dots,
@@ -26,6 +27,7 @@ from visavis.results.analysis import StudyAnalysis
 from visavis.results.family_tests import scores_of
 from visavis.results.figures.study_figures import (
     COLOURS,
+    data_of_cells,
     trials_of_who_is_out,
     trials_with_left_out,
 )
@@ -35,6 +37,7 @@ from visavis.study.texts import Texts, label_of
 
 COLUMNS = 3
 """Largest number of panels in one row."""
+PUBLISHED_MARKS = " Open diamonds with dashed bars: published mean ± SD."
 
 
 def figure_names(family: str) -> tuple[str, str]:
@@ -43,14 +46,63 @@ def figure_names(family: str) -> tuple[str, str]:
     return stem, f"{stem}_differences"
 
 
+def opening_name(family: str) -> str:
+    """Return the file stem of the figure of a family's first measure alone."""
+    return f"{figure_names(family)[0]}_opening"
+
+
 def family_figures(analysis: StudyAnalysis, texts: Texts) -> Iterator[ReportFigure]:
-    """Yield the figures of every family, each drawn on request; families with `each` have none."""
+    """Yield the figures of every family, each drawn on request; families with `each` have none.
+
+    Of the first with pairs, the first measure comes alone, too: a report begins with it.
+    """
+    has_opening = bool(analysis.findings)
     for family in analysis.families():
         of = next(r.of for r in analysis.results if r.of.family == family)
         if isinstance(of, Correlate):
             yield _scores(analysis, of, texts)
         elif not of.each:
+            if not has_opening:
+                yield _levels_of_one(analysis, family, of, texts)
+                has_opening = True
             yield from _pairs(analysis, family, of, texts)
+
+
+def _levels_of_one(analysis: StudyAnalysis, family: str, of: Pairs, texts: Texts) -> ReportFigure:
+    measure = analysis.pairs_of(family)[0].measure
+    factor = label_of(texts, of.factor)
+    n = count_of(analysis.n_participants, "participant")
+    levels = [str(v) for v in analysis.levels[of.factor]]
+    source = analysis.study.report.source
+    has_published = source is not None and measure.column in source.cells
+
+    def panel(axes: Axes, one: Measure, _: int) -> None:
+        _levels(axes, analysis, of, one)
+        axes.set_xticks(range(len(levels)), [in_lines(of.level_words(v), 14) for v in levels])
+
+    return draw(
+        opening_name(family),
+        lambda: _grid([measure], 3.4, panel, width=5.2),
+        title=f"{measure.words} by {factor}",
+        caption=f"Each line is one participant ({n}); discs are means"
+        + _interval_words(analysis)
+        + ("." + PUBLISHED_MARKS if has_published else "."),
+        alternative=f"{measure.words} of every participant by {factor}.",
+        is_simulated=analysis.is_simulated,
+        data=_data(analysis, of, [measure]),
+    )
+
+
+def _data(analysis: StudyAnalysis, of: Pairs, measures: Sequence[Measure]) -> str:
+    counted, is_simulated = analysis.selection.counted, analysis.is_simulated
+    return data_of_cells(counted, measures, [of.factor], is_simulated=is_simulated)
+
+
+def _interval_words(analysis: StudyAnalysis) -> str:
+    """Return how intervals are named beneath a figure; nothing where there are too few people."""
+    if analysis.n_participants < MIN_WITH_INTERVAL:
+        return ""
+    return f" with {100 * analysis.rules.interval_level:.0f} % confidence intervals"
 
 
 def _pairs(analysis: StudyAnalysis, family: str, of: Pairs, texts: Texts) -> Iterator[ReportFigure]:
@@ -58,7 +110,6 @@ def _pairs(analysis: StudyAnalysis, family: str, of: Pairs, texts: Texts) -> Ite
     measures = list(dict.fromkeys(t.measure for t in tests))
     factor = label_of(texts, of.factor)
     n = count_of(analysis.n_participants, "participant")
-    percent = f"{100 * analysis.rules.interval_level:.0f} %"
     cells = {} if analysis.study.report.source is None else analysis.study.report.source.cells
     has_published = any(m.column in cells for m in measures)
     level_names = ", ".join(f"{v} {of.level_words(str(v))}" for v in analysis.levels[of.factor])
@@ -68,18 +119,18 @@ def _pairs(analysis: StudyAnalysis, family: str, of: Pairs, texts: Texts) -> Ite
         names[0],
         lambda: _grid(measures, 3.3, lambda axes, m, _: _levels(axes, analysis, of, m)),
         title=f"Measures by {factor}",
-        caption=f"Each line is one participant ({n}); discs are means with {percent} "
-        f"confidence intervals. {level_names}."
-        + (" Open diamonds with dashed bars: published mean ± SD." if has_published else ""),
+        caption=f"Each line is one participant ({n}); discs are means{_interval_words(analysis)}. "
+        f"{level_names}." + (PUBLISHED_MARKS if has_published else ""),
         alternative=f"A panel for each measure, with every participant by {factor}.",
         is_simulated=analysis.is_simulated,
+        data=_data(analysis, of, measures),
     )
     yield draw(
         names[1],
         lambda: _grid(measures, 3.0, lambda axes, m, i: _offs(axes, analysis, family, m, i)),
         title=f"Differences by {factor}",
         caption="Each dot is one participant's difference, the first level minus the second as "
-        f"in the tables. Discs are means with {percent} confidence intervals. {level_names}. "
+        f"in the tables. Discs are means{_interval_words(analysis)}. {level_names}. "
         f"Stars: significant after Bonferroni ({stars})."
         + (" Open diamonds: the published difference of means." if has_published else ""),
         alternative="A panel for each measure, with participants' differences by comparison.",
@@ -88,12 +139,15 @@ def _pairs(analysis: StudyAnalysis, family: str, of: Pairs, texts: Texts) -> Ite
 
 
 def _grid(
-    measures: Sequence[Measure], height: float, panel: Callable[[Axes, Measure, int], None]
+    measures: Sequence[Measure],
+    height: float,
+    panel: Callable[[Axes, Measure, int], None],
+    width: float = 3.2,
 ) -> Figure:
     """Draw a panel for each measure."""
     across = min(COLUMNS, len(measures))
     down = ceil(len(measures) / across)
-    figure = new_figure(3.2 * across, height * down)
+    figure = new_figure(width * across, height * down)
     every = figure.subplots(down, across, squeeze=False).flat
     for i, (axes, measure) in enumerate(zip(every, measures, strict=False)):
         panel(axes, measure, i)

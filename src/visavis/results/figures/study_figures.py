@@ -23,6 +23,7 @@ from visavis.analysis.plots import (
 from visavis.analysis.plots.flow import Stage, flow_chart
 from visavis.analysis.plots.panels import (
     ALL,
+    MIN_WITH_INTERVAL,
     Values,
     dots,
     dots_with_limit,
@@ -40,7 +41,7 @@ from visavis.results.findings import Finding
 from visavis.results.quality import QUALITY_COLUMNS, Quality
 from visavis.results.selection import IS_ANALYSED, Selection, rule_words
 from visavis.study.exclusions import Exclusion
-from visavis.study.measures import aggregate_cells
+from visavis.study.measures import Measure, aggregate_cells
 from visavis.study.texts import Texts, label_of
 
 SCALE_MARGIN_01: Final = 0.04
@@ -82,16 +83,36 @@ def _comparison(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> Repo
         figure_name(finding),
         lambda: _panels(analysis, finding, texts),
         title=f"{finding.measure.words} by {names}",
-        caption=f"{lines}Discs are means over {n} with 95 % confidence intervals.{notes}",
+        caption=f"{lines}Discs are means over {count_of(n, 'participant')}"
+        f"{' with 95 % confidence intervals' if n >= MIN_WITH_INTERVAL else ''}.{notes}",
         alternative=f"{finding.measure.words} of every participant by {names}.",
         is_simulated=analysis.is_simulated,
+        data=data_of_cells(
+            analysis.rows_of(finding.compare, analysis.selection.counted),
+            [finding.measure],
+            factors[:2],
+            is_simulated=analysis.is_simulated,
+        ),
     )
 
 
-def _people_count(analysis: StudyAnalysis, finding: Finding) -> str:
-    """Return in words how many participants a comparison is about."""
+def data_of_cells(
+    trials: pd.DataFrame,
+    measures: Sequence[Measure],
+    factors: Sequence[str],
+    *,
+    is_simulated: bool,
+) -> str:
+    """Return a CSV file of what a figure shows: a row per participant and cell, means of trials."""
+    cells = aggregate_cells(trials, measures, factors)
+    columns = ["participant", *factors, *(m.column for m in measures if m.column in cells)]
+    return str(cells[columns].assign(is_simulated=is_simulated).to_csv(index=False))
+
+
+def _people_count(analysis: StudyAnalysis, finding: Finding) -> int:
+    """Return how many participants a comparison is about."""
     rows = analysis.rows_of(finding.compare, analysis.selection.counted)
-    return count_of(int(rows["participant"].nunique()), "participant")
+    return int(rows["participant"].nunique())
 
 
 def _panels(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> Figure:

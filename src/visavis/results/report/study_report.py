@@ -44,6 +44,7 @@ from visavis.results.report.family_report import (
 )
 from visavis.results.report.headlines import lower, p_words, verdicts_of
 from visavis.results.report.methods import comparison_words, method_paragraphs
+from visavis.results.report.opening import opening_of
 from visavis.results.report.reporting_list import ExclusionCounts, reporting_table
 from visavis.results.report.reworded import with_caveats
 from visavis.results.selection import rule_words
@@ -78,6 +79,8 @@ def build_report(
         [] if quality is None else [_quality(analysis, experiment, quality, provenance, pictures)]
     )
     study, source = analysis.study, analysis.study.report.source
+    summary, at_the_top = _summary(analysis, experiment, pictures)
+    further = {name: picture for name, picture in pictures.items() if name != at_the_top}
     page = Page(
         title=study.title,
         subtitle=study.question,
@@ -99,8 +102,8 @@ def build_report(
         is_simulated=analysis.is_simulated,
         sections=with_caveats(
             (
-                _summary(analysis, experiment),
-                *_measures(analysis, experiment, pictures),
+                summary,
+                *_measures(analysis, experiment, further),
                 *family_sections(analysis, pictures),
                 *sections,
                 *fidelity_section(analysis, experiment),
@@ -130,17 +133,23 @@ def _by_group(analysis: StudyAnalysis) -> str:
 
 def picture_of(figure: ReportFigure) -> Picture:
     """Return a figure as a block of a report."""
-    return Picture(svg_for_page(figure), figure.title, figure.caption, figure.alternative)
+    svg = svg_for_page(figure)
+    return Picture(svg, figure.title, figure.caption, figure.alternative, figure.data)
 
 
-def _summary(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
+def _summary(
+    analysis: StudyAnalysis, experiment: StudyExperiment, pictures: Pictures
+) -> tuple[Section, str]:
+    """Return the first section, and the name of the figure that it shows."""
     # A study's own conclusions, see `family_verdicts`, replace the verdicts on its comparisons.
     concludes = analysis.study.analysis.conclude_of is not None
     verdicts = [] if concludes else verdicts_of(analysis, experiment)
     verdicts += family_verdicts(analysis)
     blocks: list[Block] = []
+    at_the_top = ""
     if verdicts:
-        blocks.append(Verdicts(tuple(verdicts)))
+        opening, at_the_top = opening_of(verdicts[0], analysis, pictures)
+        blocks += [opening, Verdicts(tuple(verdicts[1:]))] if verdicts[1:] else [opening]
     else:
         blocks.append(Paragraph("The study plans no comparison; its measures are described below."))
     beside = _beside_published(analysis, experiment.texts)
@@ -156,7 +165,7 @@ def _summary(analysis: StudyAnalysis, experiment: StudyExperiment) -> Section:
                 "that there is no effect."
             )
         )
-    return Section("summary", "Result", tuple(blocks))
+    return Section("summary", "Result", tuple(blocks)), at_the_top
 
 
 def _beside_published(analysis: StudyAnalysis, texts: Texts) -> Table | None:
