@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from visavis.analysis.gaze.foreign import EyeSamples, GazeRecording, eye_samples
+from visavis.analysis.gaze.implausible import without_lost_points
 from visavis.analysis.gaze.stamps import typical_step_ns
 from visavis.analysis.gaze.text_table import NS_PER_UNIT, TextTable, read_text_table
 from visavis.lab.clock import NS_PER_S
@@ -164,7 +165,7 @@ def read_bids(path: Path, screen: FlatScreen | None = None) -> GazeRecording:
                 "one by one from separate folders"
             )
         name = _eye_name(each, sidecar)
-        eyes[name] = _read_eye(each, table, sidecar, screen)
+        eyes[name] = _read_eye(each, table, sidecar, screen, remarks)
         if table.has("pupil_size") and _pupil_scale(sidecar) is None:
             units = sidecar.get("pupil_size", {}).get("Units", "no unit")
             remarks.append(f"pupil size of {name} is in {units}, not in mm: it was left out")
@@ -243,12 +244,16 @@ def _pupil_scale(sidecar: Mapping[str, Any]) -> float | None:
 
 
 def _read_eye(
-    path: Path, table: TextTable, sidecar: Mapping[str, Any], screen: FlatScreen | None
+    path: Path,
+    table: TextTable,
+    sidecar: Mapping[str, Any],
+    screen: FlatScreen | None,
+    remarks: list[str],
 ) -> EyeSamples:
     if table.has(*_GAZE):
         direction = table.vectors(_GAZE)
     else:
-        direction = _direction_of_coordinates(path, table, sidecar, screen)
+        direction = _direction_of_coordinates(path, table, sidecar, screen, remarks)
 
     def optional(name: str) -> Vector | None:
         return table.numbers(name) if table.has(name) else None
@@ -264,7 +269,11 @@ def _read_eye(
 
 
 def _direction_of_coordinates(
-    path: Path, table: TextTable, sidecar: Mapping[str, Any], screen: FlatScreen | None
+    path: Path,
+    table: TextTable,
+    sidecar: Mapping[str, Any],
+    screen: FlatScreen | None,
+    remarks: list[str],
 ) -> Vector:
     system = sidecar["SampleCoordinateSystem"]
     unit = str(sidecar.get("x_coordinate", {}).get("Units", "deg")).strip().lower()
@@ -278,6 +287,8 @@ def _direction_of_coordinates(
             f"{path}: gaze is {system} in {unit}; eye-in-head and gaze-in-world in deg or rad, and "
             "gaze-on-screen in pixel can be placed in 3-D; convert it to angles first"
         )
+    points, lost_remarks = without_lost_points(points)
+    remarks += lost_remarks
     from_right, from_bottom = False, False
     if screen is None:
         described = screen_in_set(path)

@@ -105,7 +105,11 @@ def _lines(path: Path) -> tuple[list[str], tuple[str, ...]]:
         raise UsageError(f"{path}: no such file; check the path") from error
     except (OSError, ValueError) as error:
         raise DataError(f"{path}: cannot be read as text ({error})") from error
-    return text.splitlines(), remarks
+    lines = text.splitlines()
+    if lines and lines[-1][:1].isdigit() and not text.endswith(("\n", "\r")):
+        # A sample may be cut within its last number.
+        return lines[:-1], (*remarks, f"line {len(lines)}, the last, has no end: it was left out")
+    return lines, remarks
 
 
 def _value(cell: str) -> float:

@@ -29,6 +29,7 @@ from visavis.analysis.gaze.foreign_times import (
     recordings_of,
     sampling_remarks,
 )
+from visavis.analysis.gaze.implausible import plausible_samples
 from visavis.analysis.gaze.import_figure import draw_import
 from visavis.analysis.gaze.loss import (
     DEFAULT_LOSS,
@@ -160,13 +161,14 @@ def prepare(
     report counts them; samples that share stamps by the dozen are spread over them.
 
     Raises:
-        DataError: no sample or eye, stamps that show no time, a rate that no tracker has, or time
-            that begins anew.
+        DataError: no sample or eye, most gaze behind the head, stamps that show no time, a rate
+            that no tracker has, or time that begins anew.
     """
     if not len(recording):
         raise DataError(f"{recording.name}: no samples")
     if not recording.eyes:
         raise DataError(f"{recording.name}: no eye; map at least one")
+    recording, value_remarks = plausible_samples(recording)
     values = np.column_stack([eye.direction for eye in recording.eyes.values()])
     stamps, remarks = checked_times(recording, values)
     order = order_of(stamps, values, backward=backward, conflicts=conflicts, what=recording.name)
@@ -206,7 +208,7 @@ def prepare(
         direction,
         eyes_used,
         sampling,
-        (*recording.remarks, *remarks),
+        (*recording.remarks, *value_remarks, *remarks),
     )
 
 

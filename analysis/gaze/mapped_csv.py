@@ -18,6 +18,7 @@ from visavis.analysis.gaze.foreign import (
     quaternions_of_euler,
     without_zeros,
 )
+from visavis.analysis.gaze.implausible import without_lost_points
 from visavis.analysis.gaze.stamps import Times
 from visavis.analysis.gaze.text_table import TextTable, plain_value, read_text_table
 from visavis.lab.errors import ConfigError, DataError
@@ -259,13 +260,17 @@ def recording_of_table(table: TextTable, mapping: GazeMapping) -> GazeRecording:
         position = scale * table.vectors(mapping.head.position) @ head_matrix.T
         orientation = orientations_in_our_axes(_orientation(table, mapping.head), head_matrix)
     screen = None if mapping.screen is None else mapping.screen.flat
+    eyes = {}
+    for name in ("left", "right", "combined"):
+        eyes[name], eye_remarks = _eye(table, getattr(mapping, name), matrix, screen)
+        remarks = (*remarks, *(f"{name}: {text}" for text in eye_remarks))
     return GazeRecording(
         name=table.path.stem,
         t_ns=_stamps(table, mapping.time),
         space=mapping.space,
-        left=_eye(table, mapping.left, matrix, screen),
-        right=_eye(table, mapping.right, matrix, screen),
-        combined=_eye(table, mapping.combined, matrix, screen),
+        left=eyes["left"],
+        right=eyes["right"],
+        combined=eyes["combined"],
         head_position_m=position,
         head_orientation_wxyz=orientation,
         rate_hz=mapping.rate_hz,
@@ -316,13 +321,14 @@ def _orientation(table: TextTable, head: HeadColumns) -> Vector:
 
 def _eye(
     table: TextTable, columns: EyeColumns | None, matrix: Vector, screen: FlatScreen | None
-) -> EyeSamples | None:
+) -> tuple[EyeSamples | None, tuple[str, ...]]:
     if columns is None:
-        return None
+        return None, ()
+    remarks: tuple[str, ...] = ()
     if columns.angles is not None:
         ray = _ray_of_angles(table, columns.angles)
     elif columns.pixels is not None and screen is not None:
-        ray = _ray_of_pixels(table, columns.pixels, screen)
+        ray, remarks = _ray_of_pixels(table, columns.pixels, screen)
     else:
         ray = without_zeros(table.vectors(columns.direction or []) @ matrix.T)
         _refuse_other_lengths(table, columns.direction or (), ray)
@@ -330,13 +336,14 @@ def _eye(
     if columns.pupil is not None:
         pupil = table.numbers(columns.pupil.column) * (1e3 if columns.pupil.unit == "m" else 1.0)
         pupil = np.where(pupil > 0, pupil, np.nan)
-    return eye_samples(
+    eye = eye_samples(
         ray,
         valid=_valid(table, columns.valid, ray),
         pupil_mm=pupil,
         openness_01=table.numbers(columns.openness) if columns.openness else None,
         confidence_01=table.numbers(columns.confidence) if columns.confidence else None,
     )
+    return eye, remarks
 
 
 def _refuse_other_lengths(table: TextTable, names: Sequence[str], ray: Vector) -> None:
@@ -377,8 +384,13 @@ def _ray_of_angles(table: TextTable, convention: Angles) -> Vector:
     return direction_from_yaw_pitch_deg(yaw, pitch)
 
 
-def _ray_of_pixels(table: TextTable, pixels: Pixels, screen: FlatScreen) -> Vector:
+def _ray_of_pixels(
+    table: TextTable, pixels: Pixels, screen: FlatScreen
+) -> tuple[Vector, tuple[str, ...]]:
     points = table.vectors([pixels.x, pixels.y])
+    remarks: tuple[str, ...] = ()
+    if pixels.origin != "middle":
+        points, remarks = without_lost_points(points)
     size = np.array([screen.width_px, screen.height_px], np.float64)
     if pixels.unit == "px" and pixels.origin != "middle" and len(points) >= MIN_ROWS_JUDGED:
         farthest = float(np.nanmax(np.abs(points), initial=0.0))
@@ -399,7 +411,7 @@ def _ray_of_pixels(table: TextTable, pixels: Pixels, screen: FlatScreen) -> Vect
         points = points + size / 2
     elif pixels.origin == "bottom left":
         points = np.column_stack([points[:, 0], size[1] - points[:, 1]])
-    return screen.directions_of(points)
+    return screen.directions_of(points), remarks
 
 
 def _valid(

@@ -131,7 +131,8 @@ def read_smi(path: Path, screen: FlatScreen | None) -> GazeRecording:
     head = {m[1]: m[2] for line in lines if (m := _SMI_HEADER.match(line))}
     # Messages stand between samples, with cells of their own.
     rows = [line for line in lines if not line.startswith("##") and "\tMSG\t" not in line]
-    table = read_text_table(path, delimiter="\t", text="\n".join(rows))
+    end = "\n" if text.endswith(("\n", "\r")) else ""
+    table = read_text_table(path, delimiter="\t", text="\n".join(rows) + end)
     screen = screen or _smi_screen(head)
     if screen is None:
         raise UsageError(f"{path}: it does not describe its screen; give --screen")

@@ -210,8 +210,7 @@ def read_text_table(
     read = read_rows(text, what=str(path), delimiter=delimiter, names=names)
     columns = zip(*read.rows, strict=True) if read.rows else iter(() for _ in read.names)
     cells = dict(zip(read.names, columns, strict=True))
-    # Only where commas can stand within numbers is it worth looking at every cell.
-    decimal = file_decimal(cells) if read.delimiter != "," and "," in text else ""
+    decimal = "" if read.delimiter == "," else file_decimal(cells)
     return TextTable(path, cells, read.lines, (*remarks, *read.remarks), read.delimiter, decimal)
 
 

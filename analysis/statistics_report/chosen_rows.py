@@ -10,6 +10,11 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from visavis.analysis.statistics_report.spelling import (
+    plain_name,
+    refuse_spellings,
+    spellings_of,
+)
 from visavis.analysis.statistics_report.table_file import DataTable, natural_order, truth_of
 from visavis.lab.errors import DataError, UsageError
 
@@ -62,6 +67,7 @@ def rows_where(table: DataTable, conditions: Sequence[str]) -> DataTable:
     <, <=, > or >=. Rows without a value fulfil != alone.
 
     Raises:
+        OneNameSpeltTwice: a condition names a level that is spelt in several ways.
         UsageError: a condition has another form, or names a level that is not there.
         DataError: no row is left.
         StatisticsError: there is no such column, or it holds no numbers.
@@ -103,6 +109,9 @@ def _of_levels(table: DataTable, column: str, value: str) -> npt.NDArray[np.bool
         raise UsageError(
             f"{table.name} holds no {column} {absent[0]!r}; there are {level_list}{more}"
         )
+    spelt_twice = spellings_of([str(v) for v in cells if v])
+    if any(plain_name(v) in spelt_twice for v in names):
+        refuse_spellings(table, column)
     return np.isin(cells.astype(str), names)
 
 

@@ -54,7 +54,9 @@ def prepare(table: DataTable, question: Question, *, average: bool = True) -> Ti
     y = table.numbers(q.dv, _where(labels, q)) if keys else table.numbers(q.dv)
     frame = pd.DataFrame({**labels, **_covariates(table, q), q.dv: y})
     levels = {f: _levels(table, q, f, labels[f]) for f in (*q.between, *q.within)}
-    notes = [*table.notes, *(table.remarks(q.dv) if any(table.lines) else ())]
+    notes = list(table.notes)
+    for name in (q.dv, *q.model.covariates) if any(table.lines) else ():
+        notes += table.remarks(name)
     frame, covariate_notes = _with_known_covariates(table, frame, q)
     notes += covariate_notes
     keys += q.model.covariates

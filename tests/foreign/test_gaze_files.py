@@ -353,3 +353,99 @@ def test_pixels_are_directions_by_the_screens_geometry(tmp_path: Path) -> None:
     assert pitch[2] > 0
     met = screen.meets_m(np.zeros((3, 3)), recording.combined.direction)
     assert np.allclose([[960, 540], [1920, 540], [0, 0]], screen.pixels_of(met))
+
+
+# ---- gaze and pupils that no eye has -------------------------------------------------------------
+
+SCREEN = {"width_px": 1920, "height_px": 1080, "width_m": 0.53, "height_m": 0.3, "distance_m": 0.65}
+
+
+def headset_file(folder: Path, rays: npt.NDArray[np.float64], pupil_mm: npt.ArrayLike) -> Path:
+    pupils = np.broadcast_to(np.asarray(pupil_mm, float), len(rays))
+    rows = [
+        f"{8.333333 * k:.6f},{x!r},{y!r},{z!r},{p!r}"
+        for k, ((x, y, z), p) in enumerate(zip(rays.tolist(), pupils.tolist(), strict=True))
+    ]
+    path = folder / "gaze.csv"
+    path.write_text("\n".join(["t,x,y,z,pupil", *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+def headset(path: Path) -> GazeRecording:
+    eye = {"direction": ["x", "y", "z"], "pupil": {"column": "pupil", "unit": "mm"}}
+    content = {"time": {"column": "t", "unit": "ms"}, "space": "head", "combined": eye}
+    return read_gaze(path, "csv", mapping_of(content))
+
+
+def wandering(n: int = 600) -> npt.NDArray[np.float64]:
+    t = np.arange(n) / 120
+    return direction_from_yaw_pitch_deg(12 * np.sin(t) + 0.1, 7 * np.cos(1.7 * t) + 0.1)
+
+
+def test_gaze_that_is_mostly_behind_the_head_is_an_axis_the_other_way(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="600 of 600 samples of the combined gaze look behind"):
+        prepare(headset(headset_file(tmp_path, wandering() * [1, 1, -1], 3.2)))
+
+
+@settings(max_examples=10, deadline=None)
+@given(n=st.integers(1, 200), first=st.integers(0, 300))
+def test_single_gaze_behind_the_head_is_lost_and_told(
+    n: int, first: int, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    rays = wandering()
+    rays[first : first + n, 2] *= -1
+    gaze = prepare(headset(headset_file(tmp_path_factory.mktemp("g"), rays, 3.2)))
+    assert not gaze.usable["combined"][first : first + n].any()
+    assert any(f"{n} of 600 samples" in remark for remark in gaze.remarks)
+
+
+def test_gaze_that_is_exactly_straight_ahead_again_and_again_is_told(tmp_path: Path) -> None:
+    rays = wandering()
+    assert not any(
+        "straight" in r for r in prepare(headset(headset_file(tmp_path, rays, 3))).remarks
+    )
+    rays[100:130] = [0, 0, -1]
+    gaze = prepare(headset(headset_file(tmp_path, rays, 3)))
+    assert any("30 of 600 samples" in remark for remark in gaze.remarks)
+
+
+@pytest.mark.parametrize(
+    ("size", "unit"),
+    [(3200.0, "is the unit µm"), (0.0032, "is the unit m"), (40.0, "another unit")],
+)
+def test_pupils_of_another_unit_are_left_out_and_told(
+    size: float, unit: str, tmp_path: Path
+) -> None:
+    gaze = prepare(headset(headset_file(tmp_path, wandering(), size)))
+    assert np.isnan(gaze.eyes["combined"].pupil_mm).all()
+    assert any("left out" in remark and unit in remark for remark in gaze.remarks)
+
+
+def test_single_pupils_of_no_human_are_counted(tmp_path: Path) -> None:
+    sizes = np.full(600, 3.2)
+    sizes[50:60] = 0.2
+    gaze = prepare(headset(headset_file(tmp_path, wandering(), sizes)))
+    assert any("10 of 600 pupil sizes" in remark for remark in gaze.remarks)
+    assert 3.2 == gaze.eyes["combined"].pupil_mm[0]
+
+
+@pytest.mark.parametrize("mark", [0, -1, -32768, 1e8])
+@pytest.mark.parametrize(("rows", "is_lost"), [(40, True), (1, False)])
+def test_points_that_mean_lost_gaze_are_lost_though_they_are_called_valid(
+    mark: float, rows: int, is_lost: bool, tmp_path: Path
+) -> None:
+    points = 960 + 200 * np.sin(np.arange(600) / 40)[:, None] * [1, 0.5]
+    points[100 : 100 + rows] = mark
+    lines = [f"{8.333333 * k:.6f},{x},{y},1" for k, (x, y) in enumerate(points.tolist())]
+    path = tmp_path / "g.csv"
+    path.write_text("\n".join(["t,x,y,ok", *lines]) + "\n", encoding="utf-8")
+    content = {
+        "time": {"column": "t", "unit": "ms"},
+        "space": "head",
+        "screen": SCREEN,
+        "combined": {"pixels": {"x": "x", "y": "y"}, "valid": "ok"},
+    }
+    recording = read_gaze(path, "csv", mapping_of(content))
+    assert recording.combined is not None
+    assert is_lost == np.isnan(recording.combined.direction[100, 0])
+    assert is_lost == any("lost the eye" in remark for remark in recording.remarks)

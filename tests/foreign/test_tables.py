@@ -269,6 +269,147 @@ def test_numbers_that_reach_that_far_are_no_codes() -> None:
     assert "" == remark_on_codes("change", [-3.0, -2.0, -1.0, 0.0, 2.0, 5.0])
 
 
+@pytest.mark.parametrize(
+    ("values", "code", "n"),
+    [
+        (range(18, 66), 99, 1),  # ages
+        (range(18, 66), 999, 2),
+        (range(1, 8), 9, 2),  # answers
+        (range(1, 6), 8, 3),
+        (range(1, 6), 99, 1),
+        ([300 + 7.3 * k for k in range(80)], 999, 5),  # reaction times up to 877
+        ([300.25 + 7 * k for k in range(80)], 9999.99, 1),
+        ([-0.5 + 0.05 * k for k in range(30)], -9, 1),
+    ],
+)
+def test_usual_codes_are_told_beside_usual_values(values: Any, code: float, n: int) -> None:
+    numbers = [*map(float, values), *map(float, values)]
+    assert "" == remark_on_codes("y", numbers)
+    assert f"{code:g} in {n} row" in remark_on_codes("y", [*numbers, *[float(code)] * n])
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    values=st.lists(st.floats(1, 30), min_size=8, max_size=40, unique=True),
+    code=st.sampled_from([-1, -9, -99, 99, 999, 9999, 888, 77]),
+)
+def test_any_code_far_from_any_values_is_told(values: list[float], code: int) -> None:
+    assert f"{code} in 1 row" in remark_on_codes("y", [*values, float(code)])
+
+
+def test_codes_of_covariates_are_told(tmp_path: Path) -> None:
+    rows = [f"{k},{'ab'[k % 2]},{20 + k if k != 5 else 99},{500 + 13 * (k % 7)}" for k in range(20)]
+    (tmp_path / "t.csv").write_text("who,group,age,rt\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    question = Question("anova", dv="rt", between=("group",), subject="who", covariates=("age",))
+    notes = answer(read_table(tmp_path / "t.csv"), question).notes
+    assert any("age holds 99 in 1 row" in note for note in notes)
+
+
+# ---- older encodings, blanks, cuts ---------------------------------------------------------------
+
+WORDS = ["für", "größer", "Mädchen", "crème brûlée", "naïf", "Öl übrig", "España ñandú", "garçon"]
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    words=st.lists(st.sampled_from(WORDS), min_size=1, max_size=5),
+    encoding=st.sampled_from(["mac_roman", "cp1252"]),
+)
+def test_macs_and_windows_are_told_apart_by_letters_within_words(
+    words: list[str], encoding: str
+) -> None:
+    text = "word,n\n" + "".join(f"{word} {k},{k}\n" for k, word in enumerate(["Käse für", *words]))
+    read, (remark,) = decode_text(text.encode(encoding))
+    assert text == read
+    assert ("Mac OS Roman" if encoding == "mac_roman" else "Windows-1252") in remark
+
+
+def test_letters_of_both_are_read_as_windows_and_the_other_reading_is_told() -> None:
+    _, (remark,) = decode_text("schön\n".encode("mac_roman"))
+    assert "Windows-1252" in remark
+    assert "if hšn should be hön, save it as UTF-8" in remark
+    assert ("don’t", "read as Windows-1252, it is not UTF-8") == (
+        decode_text("don’t".encode("cp1252"))[0],
+        decode_text("don’t".encode("cp1252"))[1][0],
+    )
+
+
+aligned_cells = st.from_regex(r"[a-z]{1,6}|[1-9]{1,4}(\.[0-9]{1,3})?", fullmatch=True)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    rows=st.lists(st.lists(aligned_cells, min_size=3, max_size=3), min_size=2, max_size=8),
+    right=st.booleans(),
+    has_row_names=st.booleans(),
+)
+def test_columns_that_blanks_align_are_read(
+    rows: list[list[str]], right: bool, has_row_names: bool
+) -> None:
+    lines = [["one", "two", "three"], *rows]
+    widths = [max(len(line[k]) for line in lines) + 1 for k in range(3)]
+    texts = []
+    for number, line in enumerate(lines):
+        cells = [c.rjust(w) if right else c.ljust(w) for c, w in zip(line, widths, strict=True)]
+        texts.append((f"{number or ''}".ljust(3) if has_row_names else "") + "".join(cells))
+    read = read_rows("\n".join(texts) + "\n", what="t")
+    assert (("one", "two", "three"), rows) == (read.names, [list(row) for row in read.rows])
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    values=st.lists(st.integers(10_000, 99_999), min_size=8, max_size=12),
+    decimals=st.integers(1, 4),
+    cut=st.integers(1, 4),
+    delimiter=st.sampled_from([",", ";", "\t"]),
+)
+def test_a_file_that_ends_within_its_last_number_is_read_without_it(
+    values: list[int], decimals: int, cut: int, delimiter: str
+) -> None:
+    lines = [
+        f"n{delimiter}y",
+        *(f"{k}{delimiter}{v / 10**decimals:.{decimals}f}" for k, v in enumerate(values)),
+    ]
+    whole = "\n".join(lines)
+    assert ((), len(values)) == ((r := read_rows(whole, what="t")).remarks, len(r.rows))
+    read = read_rows(whole[:-cut], what="t")
+    assert len(values) - 1 == len(read.rows)
+    assert "cut off" in read.remarks[0]
+    assert len(values) == len(read_rows(whole[:-cut] + "\n", what="t").rows)
+
+
+@pytest.mark.parametrize("cells", [["Control", "Treated"], ["512", "498"]])
+def test_a_last_word_or_whole_number_that_may_be_cut_is_told(cells: list[str]) -> None:
+    text = "\n".join(["n,y", *(f"{k},{cells[k % 2]}" for k in range(8))])
+    assert () == read_rows(text, what="t").remarks
+    read = read_rows(text[:-2], what="t")
+    assert (8, True) == (len(read.rows), "was the file cut off there?" in read.remarks[0])
+    assert () == read_rows(text[:-2] + "\n", what="t").remarks
+
+
+def test_thousands_between_tabs_that_no_other_column_explains_are_refused(tmp_path: Path) -> None:
+    lines = ["who\trt", *(f"p{k}\t{german(1012 + 37 * k, 0)}" for k in range(8))]
+    path = tmp_path / "t.tsv"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    with pytest.raises(NotNumeric, match=r"1\.012 .*may be a decimal point or thousands"):
+        read_table(path).numbers("rt")
+    lines = [f"{line}\t{'share' if k == 0 else '0.5'}" for k, line in enumerate(lines)]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    assert 1.012 == read_table(path).numbers("rt")[0]
+
+
+def test_a_condition_on_names_spelt_twice_is_refused_before_it_loses_half(tmp_path: Path) -> None:
+    groups = ["Control", "control", "Treated", "Treated"]
+    rows = [f"{k},{groups[k % 4]},{'xy'[k % 2]},{500 + 31 * (k % 5)}" for k in range(24)]
+    file = tmp_path / "t.csv"
+    file.write_text("who,group,half,rt\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    said = ["--test", "t", "--between", "half", "--subject", "who", "--where", "group=Control"]
+    result = CliRunner().invoke(app, ["stats", str(file), "--dv", "rt", *said])
+    assert isinstance(result.exception, OneNameSpeltTwice)
+    read = ran(file, tmp_path / "out", *said, "--spelling", "same")
+    assert 12 == sum(cell["n"] for cell in read["cells"])
+
+
 def test_a_wide_table_gives_what_the_long_one_gives(tmp_path: Path) -> None:
     rng = np.random.default_rng(4)
     wide = pd.DataFrame({"who": range(12), **{c: rng.normal(size=12) for c in ("near", "far")}})

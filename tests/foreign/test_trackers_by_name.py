@@ -256,9 +256,21 @@ def test_a_last_line_that_is_cut_is_left_out(tmp_path: Path) -> None:
     lines = asc.read_text().splitlines()[:-1]
     asc.write_text("\n".join([*lines, "1480\t900.1\t5"]))
     cut = read_gaze(asc, "eyelink", screen=SCREEN)
-    assert (N, True) == (len(cut), "the last, is cut off" in cut.remarks[0])
+    assert (N, True) == (len(cut), "the last, has no end" in cut.remarks[0])
 
 
 def test_a_file_of_another_program_is_named(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="not of neon"):
         read_gaze(varjo(tmp_path), "neon")
+
+
+def test_a_sample_of_eyelink_that_is_cut_within_its_last_number_is_left_out(tmp_path: Path) -> None:
+    whole = eyelink(tmp_path)
+    text = whole.read_text(encoding="utf-8").rstrip("\n")
+    lines = text.splitlines()
+    last = max(k for k, line in enumerate(lines) if line[:1].isdigit())
+    cut = tmp_path / "cut.asc"
+    cut.write_text("\n".join(lines[: last + 1])[:-1], encoding="utf-8")
+    recording = read_gaze(cut, "eyelink", None, SCREEN)
+    assert len(read_gaze(whole, "eyelink", None, SCREEN)) - 1 == len(recording)
+    assert "has no end: it was left out" in recording.remarks[0]

@@ -5,6 +5,7 @@ What is read otherwise than it stands is told in remarks; what may mean two thin
 
 import csv
 import io
+import itertools
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -27,15 +28,26 @@ _BETWEEN_THOUSANDS = re.compile("['’\u00a0\u202f ]")
 MAX_CELLS_JUDGED = 2000
 """So many cells of a column say what its file's decimal sign is."""
 MAX_CODE_ROWS_01 = 0.5
-FAR_OUT = 8.0
-_CODE = re.compile(r"-?(9{2,}|8{2,}|7{2,})|-(1|9)")
+_CODE = re.compile(r"-?(9{2,}(\.9+)?|8{2,}|7{2,})|-(1|9)")
+_SCALE_CODES = frozenset({8.0, 9.0})
+"""Codes for missing beside answers from 1 to 7."""
+MIN_CODE_GAPS = 3.0
+"""A code lies apart from so many times the largest gap between other values."""
+MIN_PILED_CODES = 3
+MIN_ROWS_BEFORE_CUT = 4
+"""So many rows show how long a number is before the last one can be judged cut."""
+_WITHIN_WORD = re.compile(rb"[A-Za-z][\x80-\xff]+[A-Za-z]")
+MAX_WORDS_JUDGED = 2000
+_LETTERS_OR_SIGNS_OF_WORDS = frozenset(b"\x83\x8a\x8c\x8e\x9a\x9c\x9e\x9f\x85\x92\x96\x97")
+"""Bytes of Windows-1252 below 0xA0 that stand within words: letters, and ’ – — …"""
 
 
 def decode_text(raw: bytes) -> tuple[str, tuple[str, ...]]:
     """Return a file's text and remarks on how it was read.
 
-    UTF-8 and UTF-16 with or without a byte order mark, else Windows-1252. Of UTF-16 that is cut
-    within a character the rest is read. Raises ValueError for what is no text.
+    UTF-8 and UTF-16 with or without a byte order mark, else Windows-1252, or Mac OS Roman by the
+    letters within words. Of UTF-16 that is cut within a character the rest is read. Raises
+    ValueError for what is no text.
     """
     for mark, encoding in _BOMS:
         if raw.startswith(mark):
@@ -51,7 +63,35 @@ def decode_text(raw: bytes) -> tuple[str, tuple[str, ...]]:
     except UnicodeDecodeError as error:
         if error.end >= len(raw) and error.reason == "unexpected end of data":
             return _without_last_line(raw[: error.start].decode("utf-8-sig"))
-        return raw.decode("cp1252", errors="replace"), ("read as Windows-1252, it is not UTF-8",)
+        return _one_byte_text(raw)
+
+
+def _one_byte_text(raw: bytes) -> tuple[str, tuple[str, ...]]:
+    """Return a text of one byte a letter as Windows or as older Macs wrote it, and which."""
+    of_mac, of_windows, doubtful = b"", b"", b""
+    for match in itertools.islice(_WITHIN_WORD.finditer(raw), MAX_WORDS_JUDGED):
+        word, high = match[0], match[0][1:-1]
+        # § within a word is ß of a Mac, and so is a capital after a letter: fŸr is für.
+        is_capital_within = any(b in b"\x8a\x8c\x8e\x9f" for b in high) and word[-1:].islower()
+        if all(b >= 0xC0 for b in high):
+            of_windows = of_windows or word
+        elif (
+            is_capital_within
+            or 0xA7 in high
+            or any(0x80 <= b < 0xA0 and b not in _LETTERS_OR_SIGNS_OF_WORDS for b in high)
+        ):
+            of_mac = of_mac or word
+        elif any(b in b"\x9a\x9c\x9e" for b in high):
+            doubtful = doubtful or word
+    if of_mac and not of_windows:
+        text = raw.decode("mac_roman")
+        example = of_mac.decode("mac_roman")
+        return text, (f"read as Mac OS Roman, it is neither UTF-8 nor Windows-1252 ({example})",)
+    remark = "read as Windows-1252, it is not UTF-8"
+    if doubtful and not of_windows:
+        as_read, other = doubtful.decode("cp1252"), doubtful.decode("mac_roman")
+        remark += f"; if {as_read} should be {other}, save it as UTF-8"
+    return raw.decode("cp1252", errors="replace"), (remark,)
 
 
 def _utf16(raw: bytes, encoding: str) -> tuple[str, tuple[str, ...]]:
@@ -89,8 +129,9 @@ def read_rows(
     """Return the rows of a table below its header; empty lines are passed over.
 
     `what` names the table in messages. The delimiter is found in the header when left out; a first
-    line `sep=;` says it. `names` stands for a header that the file lacks. Names of rows as R writes
-    them and columns without a name or value are left out, a last line that is cut as well.
+    line `sep=;` says it; columns that are aligned by blanks may have several between them. `names`
+    stands for a header that the file lacks. Names of rows as R writes them and columns without a
+    name or value are left out, a last line that is cut as well.
 
     Raises:
         DataError: rows of different lengths, a column named twice, no header or no row.
@@ -114,9 +155,11 @@ def read_rows(
             "leave the file out"
         )
     header = list(names)
-    if _has_row_names(header, numbered, text):
+    if _has_row_names(header, numbered, text, delimiter):
         header.insert(0, "")
     header, numbered = _whole_rows(header, numbered, delimiter, what, remarks)
+    if not text.endswith(("\n", "\r", '"')):
+        numbered = _without_cut_number(numbered, remarks)
     header, rows = _without_nameless(header, [row for _, row in numbered], what, remarks)
     twice = sorted({n for n in header if header.count(n) > 1})
     if twice:
@@ -138,9 +181,16 @@ def _delimiter(text: str) -> str:
 def _numbered_rows(
     text: str, delimiter: str, what: str, skipped: int
 ) -> list[tuple[int, list[str]]]:
+    if delimiter == " ":
+        text = "\n".join(line.rstrip(" ") for line in text.splitlines())
+
     def read(quoting: Literal[0, 3]) -> list[tuple[int, list[str]]]:
         reader = csv.reader(
-            io.StringIO(text, newline=""), delimiter=delimiter, strict=True, quoting=quoting
+            io.StringIO(text, newline=""),
+            delimiter=delimiter,
+            strict=True,
+            quoting=quoting,
+            skipinitialspace=delimiter == " ",
         )
         try:
             rows = [(reader.line_num + skipped, row) for row in reader]
@@ -160,11 +210,16 @@ def _numbered_rows(
 
 
 def _has_row_names(
-    header: Sequence[str], numbered: Sequence[tuple[int, list[str]]], text: str
+    header: Sequence[str], numbered: Sequence[tuple[int, list[str]]], text: str, delimiter: str
 ) -> bool:
-    """Say whether every row begins with a quoted name that the header has no column for (R)."""
+    """Say whether every row begins with a name that the header has no column for (R).
+
+    R quotes it in files, and prints it bare in front of columns that blanks align.
+    """
     if any(len(row) != len(header) + 1 or not row[-1] for _, row in numbered):
         return False
+    if delimiter == " ":
+        return len({row[0] for _, row in numbered}) == len(numbered)
     return all(line.lstrip().startswith('"') for line in text.splitlines() if line.strip())
 
 
@@ -196,6 +251,44 @@ def _whole_rows(
             raise DataError(f"{what}: line {line} has {len(row)} cells, the header has {n}{hint}")
         whole.append((line, row))
     return header, whole
+
+
+def _without_cut_number(
+    numbered: list[tuple[int, list[str]]], remarks: list[str]
+) -> list[tuple[int, list[str]]]:
+    """Return the rows of a file without a line end at its end, whose last cell may be cut.
+
+    A last number with fewer decimals than all above it is: its row is left out. A whole number or a
+    word may be what it is: it is read, and the doubt is told.
+    """
+    cells = [row[-1].strip() for _, row in numbered[-MAX_CELLS_JUDGED:]]
+    last, others = cells[-1], [c for c in cells[:-1] if c.lower() not in MISSING_WORDS]
+    if not last or len(others) < MIN_ROWS_BEFORE_CUT:
+        return numbered
+    line = numbered[-1][0]
+    are_numbers = all(map(_is_number, others))
+    decimals = min(map(_digits_after_sign, others)) if are_numbers else 0
+    if are_numbers and (last in ("-", "+") or _digits_after_sign(last) < decimals):
+        remarks.append(
+            f"line {line}, the last, has no end and its {last} fewer digits than all numbers above "
+            "it: the file is cut off there; the line was left out"
+        )
+        return numbered[:-1]
+    n_digits = [sum(map(str.isdigit, c)) for c in (last, *others)]
+    if (are_numbers and n_digits[0] < min(n_digits[1:])) or (
+        not are_numbers and last not in others and any(c.startswith(last) for c in others)
+    ):
+        remarks.append(
+            f"line {line}, the last, has no end and its {last} is shorter than all above it: was "
+            "the file cut off there? It is read as it stands"
+        )
+    return numbered
+
+
+def _digits_after_sign(number: str) -> int:
+    """Return how many digits stand after the last point or comma of a number; 0 without one."""
+    at = max(number.rfind("."), number.rfind(","))
+    return len(number) - at - 1 if at >= 0 else 0
 
 
 def _without_nameless(
@@ -345,6 +438,9 @@ def _refuse_both_grouped_and_not(
         )
 
 
+_WAY_OUT = "write numbers without grouping, or part the columns by commas if it is decimal"
+
+
 def _decimal_without_evidence(
     words: Sequence[str],
     rows: Mapping[str, Sequence[int]],
@@ -354,31 +450,55 @@ def _decimal_without_evidence(
     """Return the decimal sign of a column in which every sign has three digits after it."""
     for sign, grouped in ((",", _COMMA_THOUSANDS), (".", _POINT_THOUSANDS)):
         doubtful = [i for i in rows[sign] if grouped.fullmatch(words[i])]
-        # Points between commas or tabs are English decimals; 1.012.345 are thousands.
-        if not doubtful or (sign == "." and delimiter != ";"):
+        # Points between commas are English decimals, and between tabs where numbers without stand
+        # beside them; 1.012.345 are thousands.
+        is_english = delimiter == "," or (
+            delimiter != ";" and len(doubtful) < sum(map(_is_number, words))
+        )
+        if not doubtful or (sign == "." and is_english):
             continue
         row = doubtful[0]
         name = "comma" if sign == "," else "point"
         raise ValueError(
             f"holds {words[row]} in {place(row)}, which may be a decimal {name} or thousands; "
-            "write numbers without grouping"
+            + ("write numbers without grouping" if sign == "," or delimiter == ";" else _WAY_OUT)
         )
     return "."
 
 
-def codes_for_missing(values: Mapping[float, int], low: float, high: float) -> dict[float, int]:
+def codes_for_missing(values: Mapping[float, int]) -> dict[float, int]:
     """Return the values that look like codes for missing, with how often each stands there.
 
-    `values` counts each value of a column; `low` and `high` bound the others. 99, 999, -9 and the
-    like count when they lie far from all that is no code.
+    `values` counts each value of a column. 99, 999, -9 and the like count when they lie beyond all
+    that is no code, and far from it: by more than the others reach, by several times the largest
+    gap between them, or piled up as none of them is; 8 and 9 beside whole numbers up to 7 as well.
     """
+    others = sorted(v for v in values if not _CODE.fullmatch(f"{v:g}"))
+    is_scale = (
+        len(others) > 2
+        and {v for v in others if v not in _SCALE_CODES} <= set(range(8))
+        and bool(_SCALE_CODES & set(others))
+    )
+    if is_scale:
+        others = [v for v in others if v not in _SCALE_CODES]
+    if len(others) < 3:
+        return {}
+    low, high = others[0], others[-1]
     span = max(high - low, abs(high), abs(low), 1e-12)
-    return {
-        value: count
-        for value, count in values.items()
-        if _CODE.fullmatch(f"{value:g}")
-        and (value > high + span or (value < low - span) or (value < 0 <= low))
-    }
+    gap = max(b - a for a, b in itertools.pairwise(others))
+    piled = max(values[v] for v in others)
+    codes = {}
+    for value, count in values.items():
+        away = max(value - high, low - value)
+        if value in others or away <= 0:
+            continue
+        is_far = away > span or (value < 0 <= low) or away > MIN_CODE_GAPS * gap
+        is_piled = count >= MIN_PILED_CODES and count > piled
+        if value in _SCALE_CODES:
+            is_far, is_piled = away > 1 and count > 1, False
+        if is_far or is_piled:
+            codes[value] = count
+    return codes
 
 
 def remark_on_codes(name: str, numbers: Sequence[float]) -> str:
@@ -387,14 +507,12 @@ def remark_on_codes(name: str, numbers: Sequence[float]) -> str:
     for value in numbers:
         if value == value:  # missing is NaN
             counts[value] = counts.get(value, 0) + 1
-    others = [v for v in counts if not _CODE.fullmatch(f"{v:g}")]
-    if len(others) < 3:
-        return ""
-    codes = codes_for_missing(counts, min(others), max(others))
+    codes = codes_for_missing(counts)
     if not codes or sum(codes.values()) > MAX_CODE_ROWS_01 * sum(counts.values()):
         return ""
+    others = [v for v in counts if v not in codes]
     rows = ", ".join(f"{v:g} in {n} row{'s' if n > 1 else ''}" for v, n in sorted(codes.items()))
     return (
-        f"{name} holds {rows}, far from all others ({min(others):g} to {max(others):g}): a code "
+        f"{name} holds {rows}, apart from all others ({min(others):g} to {max(others):g}): a code "
         "for missing? If so, empty these cells"
     )

@@ -88,13 +88,13 @@ def test_vive_times_are_exact_and_the_device_counter_unwraps(tmp_path):
 
 
 def test_vive_gaze_held_in_world_while_the_head_turns_is_one_fixation(tmp_path):
-    r = read_gaze(vive_file(tmp_path, head_yaw_deg_s=60.0), "vive")
+    r = read_gaze(vive_file(tmp_path, head_yaw_deg_s=30.0), "vive")
     g = prepare(r)
     assert angle_deg(g.direction["world"], np.array([0.0, 0.0, -1.0])).max() < 1e-4
     yaw, _ = yaw_pitch_deg_of(g.direction["head"][120])
-    assert pytest.approx(60.0, abs=1e-4) == yaw
+    assert pytest.approx(30.0, abs=1e-4) == yaw
     yaw, _ = yaw_pitch_deg_of(rotate(r.head_orientation_wxyz[120], np.array([0.0, 0.0, -1.0])))
-    assert pytest.approx(-60.0, abs=1e-4) == yaw
+    assert pytest.approx(-30.0, abs=1e-4) == yaw
     assert [0.0, 0.0, -2.5] == r.head_position_m[0].tolist()
 
 

@@ -25,6 +25,7 @@ from visavis.analysis.statistics_report import (
     with_numbers_for_words,
     with_one_spelling,
 )
+from visavis.analysis.statistics_report.chosen_rows import condition_parts
 from visavis.analysis.statistics_report.outcome_files import outcome_data, write_outcome
 from visavis.cli.app import JsonOption, app, console, say, say_json, say_plainly, verbatim
 from visavis.lab.errors import LabError, UsageError
@@ -295,16 +296,16 @@ def stats(
     # Rows are chosen before the test, so that its notes can say how many were left out.
     if spelling not in SPELLINGS:
         raise UsageError(f"--spelling takes same or apart, not {spelling!r}")
-    table = read_table(file)
+    table = replace(read_table(file), spellings_differ=spelling == "apart")
+    conditions = [parts[0] for text in where or [] if (parts := condition_parts(text))]
+    names = (subject, *question.between, *question.within, *conditions)
+    if spelling == "same":  # before rows are chosen: a condition names one spelling
+        table = with_one_spelling(table, [name for name in names if name in table.cells])
     table = rows_where(table if all_rows else counted_rows(table), where or [])
     if wide:
         table = long_table(table, wide, dv=question.dv, factors=question.within)
     if words:
         table = with_numbers_for_words(table, question.dv, words)
-    names = (subject, *question.between, *question.within)
-    if spelling == "same":
-        table = with_one_spelling(table, [name for name in names if name in table.cells])
-    table = replace(table, spellings_differ=spelling == "apart")
     try:
         outcome = answer(table, question)
     except LabError:
