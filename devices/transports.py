@@ -197,17 +197,26 @@ class MemoryTransport:
     def put_off(self) -> bool:
         """Tell whether the messages so far may wait for a later `receive`.
 
-        They may not while the answer to a `post` is on its way, which is read when it arrives.
+        Answers to a `post` may not: `answers` returns them when they have arrived.
         """
         patient = self._patient
-        if patient is None or self._replies:
-            return False
-        return patient.may_wait(self._clock.now_ns())
+        return patient is not None and patient.may_wait(self._clock.now_ns())
 
     def put_off_until_ns(self) -> int:
-        """Return a session time before which `put_off` has nothing to do and returns True."""
-        patient = self._patient
-        return 0 if patient is None or self._replies else patient.waits_until_ns()
+        """Return a session time before which `put_off` and `answers` have nothing to do, and
+        `put_off` returns True.
+        """
+        if self._patient is None:
+            return 0
+        until_ns = self._patient.waits_until_ns()
+        return min(until_ns, self._replies[0].t_host_ns) if self._replies else until_ns
+
+    def answers(self) -> Sequence[Message]:
+        """Return the answers to `post` that have arrived, without other messages."""
+        now_ns, messages = self._clock.now_ns(), []
+        while self._replies and self._replies[0].t_host_ns <= now_ns:
+            messages.append(self._replies.popleft())
+        return messages
 
     def send(self, port: int, frames: Frames) -> None:
         """Hand the message to the peer."""
@@ -232,8 +241,7 @@ class MemoryTransport:
         topics = self._topics
         messages = [m for m in all_messages if m.frames[0].startswith(topics)] if topics else []
         if self._replies and self._replies[0].t_host_ns <= now_ns:
-            while self._replies and self._replies[0].t_host_ns <= now_ns:
-                messages.append(self._replies.popleft())
+            messages += self.answers()
             messages.sort(key=lambda message: message.t_host_ns)
         return messages
 

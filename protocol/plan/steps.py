@@ -195,6 +195,11 @@ class FrameView(NamedTuple):
     pressed_ns: tuple[int, ...] = ()
     sound_onsets: tuple[SoundOnset, ...] = ()
 
+    @property
+    def has_news(self) -> bool:
+        """Whether the frame brought more than head and gaze."""
+        return bool(self.pressed or self.body or self.sound_onsets or self.went_on)
+
 
 @dataclass(frozen=True, slots=True)
 class AskReply:

@@ -229,19 +229,23 @@ class FrameLoop:
     ) -> FrameView:
         """Draw the present view, wait for the next frame and return what it brought.
 
-        On a virtual clock, frames before `quiet_until_ns` are passed while no device has anything
-        to do but what can wait; each is recorded as if it had been returned, and `update` says
-        what to show after it.
+        On a virtual clock, frames before `quiet_until_ns` are passed that bring nothing but head
+        and gaze that can wait; each is recorded as if it had been returned, and `update` says what
+        to show after it.
         """
+        may_pass = self._at_once is not None and self._gaze_may_wait and bool(quiet_until_ns)
         idle_until_ns = 0
-        has_news = self._press_inbox or self._sound_onsets
-        if quiet_until_ns and self._at_once and self._gaze_may_wait and not has_news:
+        if may_pass and not (self._press_inbox or self._sound_onsets):
             idle_until_ns = min(quiet_until_ns, self._rig.idle_until_ns())
         while True:
             frame = self._begin_frame()
-            if frame.t_ns >= idle_until_ns or not self._rig.is_idle(frame.t_ns):
-                return self._frame_view(frame)
-            view = self._idle_frame_view(frame)
+            if frame.t_ns < idle_until_ns and self._rig.is_idle(frame.t_ns):
+                view = self._idle_frame_view(frame)
+            else:
+                view = self._frame_view(frame)
+                if not may_pass or frame.t_ns >= quiet_until_ns or view.has_news:
+                    return view
+                idle_until_ns = min(quiet_until_ns, self._rig.idle_until_ns())
             shown = None if update is None else update(view)
             if shown is not None:
                 self._view = shown

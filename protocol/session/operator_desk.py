@@ -143,33 +143,40 @@ class OperatorDesk:
     ) -> FrameView:
         """Return the next frame after acting on requests and faults.
 
-        Where nobody watches, quiet frames up to the next look for faults are passed (`NextFrame`).
+        Where nobody watches, quiet frames are passed (`NextFrame`).
 
         Raises:
             SessionAborted: the operator ended the session.
         """
         loop = self._loop
-        if quiet_until_ns and self._is_unattended:
-            frames_before = loop.frames_done
-            view = loop.next(min(quiet_until_ns, self._next_check_ns), update)
-            self._stalls.skip(loop.frames_done - frames_before - 1, loop.before_ns)
-        else:
-            view = loop.next()
-        stood_ns = self._stalls.stood_ns(view.t_ns)
-        if stood_ns and self._in_trial:
-            self._note_stall(stood_ns)
-        for command in self._operator.poll():
-            self._act(command)
-        if view.t_ns >= self._next_check_ns:
-            self._next_check_ns = view.t_ns + FAULT_CHECK_NS
-            self._look_for_faults()
-        period_ns = self._operator.status_period_ns
-        if period_ns and view.t_ns >= self._next_status_ns:
-            self._next_status_ns = view.t_ns + period_ns
-            self._operator.show(self._status(view))
-        if self._advance and self._in_trial and self._prompt:
-            return view._replace(went_on=self.take_advance())
-        return view
+        is_passing = quiet_until_ns > 0 and self._is_unattended
+        while True:
+            if is_passing:
+                frames_before = loop.frames_done
+                view = loop.next(min(quiet_until_ns, self._next_check_ns), update)
+                self._stalls.skip(loop.frames_done - frames_before - 1, loop.before_ns)
+            else:
+                view = loop.next()
+            stood_ns = self._stalls.stood_ns(view.t_ns)
+            if stood_ns and self._in_trial:
+                self._note_stall(stood_ns)
+            for command in self._operator.poll():
+                self._act(command)
+            if view.t_ns >= self._next_check_ns:
+                self._next_check_ns = view.t_ns + FAULT_CHECK_NS
+                self._look_for_faults()
+            period_ns = self._operator.status_period_ns
+            if period_ns and view.t_ns >= self._next_status_ns:
+                self._next_status_ns = view.t_ns + period_ns
+                self._operator.show(self._status(view))
+            if self._advance and self._in_trial and self._prompt:
+                return view._replace(went_on=self.take_advance())
+            is_quiet = is_passing and view.t_ns < quiet_until_ns and not view.has_news
+            if not is_quiet or self.interrupt_reason is not None:
+                return view
+            shown = None if update is None else update(view)
+            if shown is not None:
+                loop.show(shown)
 
     def prompt(self, text: str) -> bool:
         """Show what a trial waits for, or nothing; return whether there is no operator to go on."""

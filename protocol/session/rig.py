@@ -434,8 +434,7 @@ class RunningRig:
         return band
 
     def faults(self) -> tuple[Fault, ...]:
-        """Return the faults that hold now."""
-        self.catch_up()
+        """Return the faults that hold now; those of deferred gaze are seen when it is delivered."""
         return tuple(f for pump in self._in_order for f in pump.faults())
 
     def health(self) -> dict[str, Health]:

@@ -54,6 +54,23 @@ def test_pyarrow_alone_reads_the_file_and_finds_units(tmp_path: Path) -> None:
     assert table.schema.metadata[b"is_simulated"] == b"true"
 
 
+def test_files_depend_on_samples_and_not_on_how_they_were_delivered(tmp_path: Path) -> None:
+    def file_of(steps: list[int]) -> bytes:
+        name = "-".join(map(str, steps))
+        recorder = recorder_in(tmp_path / name)
+        first = 0
+        while first < 450:
+            n = min(steps[first % len(steps)], 450 - first)
+            recorder.append(probe_batch(first, n))
+            first += n
+        recorder.close("complete")
+        return (tmp_path / name / "probe.arrows").read_bytes()
+
+    one_by_one = file_of([1])
+
+    assert [one_by_one] * 3 == [file_of(steps) for steps in ([7], [3, 40, 1], [400])]
+
+
 def test_trial_returns_after_its_samples_and_row_are_in_the_files(tmp_path: Path) -> None:
     recorder = recorder_in(tmp_path / "part-01")
     recorder.append(probe_batch(0, 5))

@@ -106,12 +106,19 @@ class GazeDevice(StreamDevice[Sample]):
         return super().poll(timeout_s)
 
     def put_off(self) -> bool:
-        """Tell whether delivery can wait for a later poll (`visavis.devices.pump.Postponing`)."""
+        """Tell whether delivery can wait for a later poll (`visavis.devices.pump.Postponing`).
+
+        Time exchanges go on meanwhile: they are asked for and their answers are read.
+        """
         if self._memory is None or self._life.state is not DeviceState.STREAMING:
             return False
-        if self._interval_ns is not None and self._clock.now_ns() >= self._next_exchange_ns:
+        if not self._memory.put_off():
             return False
-        return self._memory.put_off()
+        answers = self._memory.answers()
+        if answers:
+            self._take(answers)
+        self._tick(self._clock.now_ns())
+        return True
 
     def put_off_until_ns(self) -> int:
         """Return a session time before which `put_off` has nothing to do and returns True."""

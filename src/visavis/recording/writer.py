@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.lab.errors import RecordingError
 from visavis.lab.schema import SampleBatch, StreamSchema
@@ -257,11 +259,23 @@ class Recorder:
         )
 
     def _hold(self, stream: OpenStream, batch: SampleBatch, n: int, latest_ns: int) -> None:
-        """Keep a batch; write what is held once it spans long enough, or is too much."""
+        """Keep a batch; write what is held once it spans long enough, or is too much.
+
+        What is written together ends with the same row however samples were delivered.
+        """
         if stream.waiting_batches and stream.held_rows + n > stream.rows.capacity:
             self._guard(self._write_held, stream)
+        arrivals_ns, max_batch_ns = batch.t_host_ns, self._max_batch_ns
+        if n > 1:
+            is_held = bool(stream.waiting_batches)
+            due_ns = (stream.oldest_t_host_ns if is_held else int(arrivals_ns[0])) + max_batch_ns
+            end = int(np.argmax(arrivals_ns >= due_ns)) + 1 if arrivals_ns.max() >= due_ns else n
+            if end < n:
+                self._hold(stream, _part_of(batch, 0, end), end, int(arrivals_ns[end - 1]))
+                self._hold(stream, _part_of(batch, end, n), n - end, latest_ns)
+                return
         stream.hold(batch, n, latest_ns)
-        if latest_ns - stream.oldest_t_host_ns >= self._max_batch_ns:
+        if latest_ns - stream.oldest_t_host_ns >= max_batch_ns:
             self._guard(self._write_held, stream)
 
     def _write_held(self, stream: OpenStream) -> None:
@@ -387,3 +401,14 @@ class Recorder:
                 self._stopping = True
                 self._wake.notify_all()
             self._thread.join()
+
+
+def _part_of(batch: SampleBatch, first: int, end: int) -> SampleBatch:
+    """Return the rows `first` to `end` of a batch."""
+    return SampleBatch(
+        batch.schema,
+        batch.seq[first:end],
+        batch.t_device_ns[first:end],
+        batch.t_host_ns[first:end],
+        batch.values[first:end],
+    )
