@@ -21,7 +21,7 @@ from visavis.lab.errors import DataError, LedgerError, SessionAborted
 from visavis.protocol.people.exports_register import ANALYSIS, register_export
 from visavis.protocol.people.ledger import Ledger, Participant, UnknownParticipant
 from visavis.recording.durable import make_folder, protect
-from visavis.recording.folder import SIMULATED_ROOT
+from visavis.recording.folder import SIMULATED_ROOT, session_dir
 from visavis.recording.manifest import Manifest, read_manifest
 from visavis.recording.reader import Recording
 from visavis.results.intake import SessionIntake
@@ -73,8 +73,10 @@ from visavis.running.sessions.study_folder import (
     settle,
     study_of_folder,
 )
+from visavis.running.sessions.trial_counter import TrialCounter, repeated
 from visavis.study.cast import use_recorded_cast
 from visavis.study.catalogue import reference_of
+from visavis.study.experiment import StudyExperiment
 from visavis.study.pieces import Pieces
 
 
@@ -170,7 +172,13 @@ def simulate_study(
     if len(sessions) > len(present):
         notifier.say(f"{len(sessions) - len(present)} were interrupted; their rest is simulated")
     watch = StopWatch()
-    work = _Work(simulate_one, tasks, kernels_of(experiment, SIMULATING), "simulating")
+    work = _Work(
+        simulate_one,
+        tasks,
+        kernels_of(experiment, SIMULATING),
+        f"simulating {count_of(len(tasks), 'participant')}, trials",
+        _progress_in_trials(tasks, experiment),
+    )
     try:
         _do(work, processes, scheduler, notifier)
     except (KeyboardInterrupt, SessionAborted) as stop:
@@ -404,12 +412,30 @@ def _measure_sessions(
 
 @dataclass(frozen=True)
 class _Work:
-    """Something to be done with each of many sessions, and the kernels that it calls."""
+    """Something to be done with each of many sessions, and the kernels that it calls.
+
+    `progress` returns how much is done and how much there is; without it, jobs are counted.
+    """
 
     function: Callable[[Any], Any]
     jobs: Sequence[Any]
     kernels: Sequence[str]
     name: str
+    progress: Callable[[], tuple[int, int]] | None = None
+
+
+def _progress_in_trials(
+    tasks: Sequence[SimulationTask], experiment: StudyExperiment
+) -> Callable[[], tuple[int, int]]:
+    """Return what tells how many trials of all simulated sessions are finished, and how many."""
+    counter = TrialCounter(
+        [
+            session_dir(t.config.data_root, experiment.name, t.label, 1, is_simulated=True)
+            for t in tasks
+        ]
+    )
+    total = sum(len(experiment.plan(t.index, t.seed, t.group).trials) for t in tasks)
+    return lambda: (min(counter.count(), total), total)
 
 
 def _do(work: _Work, processes: int | None, scheduler: str | None, notifier: Notifier) -> list[Any]:
@@ -432,11 +458,11 @@ def _do(work: _Work, processes: int | None, scheduler: str | None, notifier: Not
                 if number < len(kernels):  # a session may be finished before the last kernel
                     ready_count += 1
                     report_progress(ready_count, len(kernels))
+    done = work.progress or (lambda: (len(results) - len(kernels), len(work.jobs)))
     with notifier.progress(work.name) as report_progress:
-        report_progress(len(results) - len(kernels), len(work.jobs))
-        for number, result in finished:
-            results[number] = result
-            report_progress(len(results) - len(kernels), len(work.jobs))
+        report_progress(*done())
+        with repeated(lambda: report_progress(*done())):
+            results.update(finished)
     return [results[i] for i in range(len(kernels), len(jobs))]
 
 
