@@ -30,6 +30,7 @@ from visavis.results.picture_delay import LATE, LatePictures, answer_times_from_
 from visavis.results.reevaluation import ahead_ms, paired_by_arrival
 from visavis.results.selection import HAND_PERSON, HAND_TRIAL
 from visavis.study.exclusions import ANSWERED_COLUMN
+from visavis.study.look_course import look_course
 from visavis.study.look_measures import LOOK_COLUMNS, LooksOn
 from visavis.study.measures import CLOCK_JUMP, Measure, SessionGaze, TrialRecord, value_of
 
@@ -57,11 +58,13 @@ class SessionIntake:
     tables: Mapping[str, pd.DataFrame] = field(repr=False, default_factory=dict)
     remarks: tuple[Remark, ...] = ()
     """What was noted or excluded by hand after the session."""
+    course: pd.DataFrame = field(repr=False, default_factory=pd.DataFrame)
+    """Looks over time, a row for each trial and step of time."""
 
     def without_tables(self) -> "SessionIntake":
         """Return the intake without its tables, once they are joined with those of others."""
         empty = pd.DataFrame()
-        return replace(self, rows=empty, sensitivity=empty, blocks=empty, tables={})
+        return replace(self, rows=empty, sensitivity=empty, blocks=empty, course=empty, tables={})
 
     @property
     def planned_count(self) -> int:
@@ -128,6 +131,7 @@ def take_in(
     jumps_ms: list[float | None] = []
     look_rows: list[dict[str, Any]] = []
     sensitivity_rows: list[dict[str, Any]] = []
+    course_rows: list[dict[str, Any]] = []
     rules = [(on, on.rules(recording.manifest.plan)) for on in looks]
     unreadable = {
         (t.part, t.trial_id, t.attempt): frozenset(t.streams) for t in damage_of(recording).trials
@@ -154,13 +158,16 @@ def take_in(
         for measure in trial_measures:
             values[measure.column].append(value_of(measure, record) if is_complete else None)
         look_rows.append({})
-        for on, params in rules if is_complete else ():
+        for number, (on, params) in enumerate(rules if is_complete else ()):
             frozen = np.zeros(0, np.bool_) if part is None else part.frozen
             columns, settings = on.measure(record, frozen, params)
             look_rows[-1] |= columns
             if not row["is_practice"]:
                 key = {k: row[k] for k in ("participant", "session", "trial_id", "attempt")}
                 sensitivity_rows += [{**key, **setting} for setting in settings]
+                if number == 0 and record.gaze is not None:
+                    steps = look_course(record.gaze, on.row_of(record), params=params)
+                    course_rows += [{**key, **step} for step in steps]
     new_columns = pd.DataFrame(values, index=rows.index)
     if looks or any(m.needs_gaze for m in measures):
         new_columns[CLOCK_JUMP.name] = jumps_ms
@@ -188,6 +195,7 @@ def take_in(
         gaze_facts(recording, rows),
         own_streams(recording),
         blocks,
+        course=pd.DataFrame(course_rows),
     )
 
 

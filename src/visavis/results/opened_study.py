@@ -37,6 +37,7 @@ from visavis.results.reevaluation import pair_by_own_time
 from visavis.results.selection import Selection, left_out_lines, select
 from visavis.results.study_names import refuse_unusable_names
 from visavis.results.tables.dictionary import PEOPLE, of_shown, people_columns, trial_columns
+from visavis.results.time_course import TIME_COURSE, with_time_course
 from visavis.results.unusual import MAX_LISTED, UnusualTrial, unusual_trials
 from visavis.results.validation import judge_validation
 from visavis.stimuli.scene import SceneFrame
@@ -473,12 +474,13 @@ class OpenedStudy:
 
     def _tables(self, sessions: Sequence[SessionIntake]) -> dict[str, pd.DataFrame]:
         """Return the further tables of all sessions: answers after blocks, and the study's own."""
-        every = [{"blocks": s.blocks, **s.tables} for s in sessions]
+        every = [{"blocks": s.blocks, TIME_COURSE: s.course, **s.tables} for s in sessions]
         tables = {
             name: pd.concat([t[name] for t in every], ignore_index=True)
             for name in dict.fromkeys(name for t in every for name in t)
         }
-        return {name: t for name, t in tables.items() if len(t.columns) or name != "blocks"}
+        optional = ("blocks", TIME_COURSE)
+        return {name: t for name, t in tables.items() if len(t.columns) or name not in optional}
 
     def analysis_of_rows(
         self,
@@ -528,7 +530,7 @@ class OpenedStudy:
             in_force,
             is_simulated=bool(rows["is_simulated"].any()),
             sensitivity_rows=sensitivity_rows,
-            tables=tables,
+            tables=with_time_course(tables or {}, selection, in_force.cells),
         )
 
     def selection_of(

@@ -25,6 +25,7 @@ from visavis.results.confusion import confusion_section
 from visavis.results.family_tests import columns_of_tests, published_cells
 from visavis.results.figures.family_figures import family_figures
 from visavis.results.figures.study_figures import figure_of_quality, study_figures
+from visavis.results.figures.time_course_figure import time_course_figure
 from visavis.results.findings import Finding
 from visavis.results.intake import questionnaire
 from visavis.results.locked_plan.review import PlanReview, review_section
@@ -42,6 +43,7 @@ from visavis.results.tables.dictionary import (
     trial_columns,
     write_table,
 )
+from visavis.results.time_course import TIME_COURSE, TIME_COURSE_COLUMNS
 from visavis.study.experiment import StudyExperiment
 from visavis.study.measures import count_column
 from visavis.study.sections import Confusion, Extra, SectionOf, import_object
@@ -129,6 +131,9 @@ def _figures(
             yield figure
     while own:
         yield own.pop(next(iter(own)))
+    course = time_course_figure(analysis, texts)
+    if course is not None:
+        yield course
     if quality is not None:
         yield figure_of_quality(analysis, quality)
 
@@ -184,6 +189,7 @@ def write_tables(
             else dictionary
         )
         own = () if pieces is None else pieces.tables.get(name, ())
+        own = TIME_COURSE_COLUMNS if name == TIME_COURSE else own
         columns = {**columns, **{c.name: c for c in own}}
         write_table(table.assign(**marks), columns, out_dir / f"{name}.csv")
         table.assign(**marks).to_parquet(out_dir / f"{name}.parquet", index=False)

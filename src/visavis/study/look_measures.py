@@ -140,7 +140,7 @@ DEFAULT_MEASURE_PARAMETERS: Final = MeasureParameters()
 
 
 @dataclass(frozen=True)
-class _Span:
+class TrialSpan:
     """The part of a trial's row that the measures need."""
 
     active: int
@@ -149,7 +149,8 @@ class _Span:
     switch_ns: int | None
 
 
-def _span(row: Row) -> _Span:
+def span_of_row(row: Row) -> TrialSpan:
+    """Return what the measures need of a row; raises DataError where it is missing."""
     numbers: dict[str, int | None] = {}
     for name in ("active_index", "t_start_ns", "t_end_ns", "switch_ns"):
         value = row.get(name)
@@ -165,7 +166,7 @@ def _span(row: Row) -> _Span:
             f"trial {row.get('trial_id')}: active_index, t_start_ns or t_end_ns is missing; only "
             "trials that were carried through can be measured"
         )
-    return _Span(active, start, end, switch)
+    return TrialSpan(active, start, end, switch)
 
 
 def trial_measures(
@@ -178,7 +179,7 @@ def trial_measures(
     fixation times count from the part's own start and looks are cut at the change. Raises
     DataError for a row without those or samples that contradict themselves.
     """
-    span = _span(row)
+    span = span_of_row(row)
     samples = targets.between(span.start_ns, span.end_ns)
     aoi = samples.areas(params.pad_deg)
     whole = _looks_within(samples, aoi, span, params.looks, span.switch_ns)
@@ -205,7 +206,7 @@ def trial_measures(
 def _looks_within(
     samples: GazeTargets,
     aoi: npt.NDArray[np.integer[Any]],
-    span: _Span,
+    span: TrialSpan,
     params: LookParameters,
     switch_ns: int | None,
 ) -> LookMeasures:
@@ -228,7 +229,7 @@ def second_view(
     A fixation counts as on the active agent when more than half its samples are, by the padded
     rule.
     """
-    span = _span(row)
+    span = span_of_row(row)
     samples = targets.between(span.start_ns, span.end_ns)
     order = order_of(
         samples.t_ns,
@@ -284,7 +285,7 @@ def sensitivity_rows(
     params: MeasureParameters = DEFAULT_MEASURE_PARAMETERS,
 ) -> Iterator[dict[str, Scalar | None]]:
     """Yield the six measures for every padding and minimum fixation duration."""
-    span = _span(row)
+    span = span_of_row(row)
     samples = targets.between(span.start_ns, span.end_ns)
     areas = aoi_by_pad(
         samples.angle_deg,
@@ -341,9 +342,10 @@ class LooksOn:
         if record.gaze is None:
             return {c.name: None for c in LOOK_COLUMNS}, []
         columns = self.columns(record, frozen, params)
-        return columns, list(sensitivity_rows(record.gaze, self._row(record), params=params))
+        return columns, list(sensitivity_rows(record.gaze, self.row_of(record), params=params))
 
-    def _row(self, record: TrialRecord) -> Row:
+    def row_of(self, record: TrialRecord) -> Row:
+        """Return a trial's row with the names that `trial_measures` knows."""
         return {
             "trial_id": record.row.get("trial_id"),
             "active_index": record.row.get(self.agent),
@@ -358,8 +360,8 @@ class LooksOn:
         """Return a trial's columns alone."""
         if record.gaze is None:
             return {c.name: None for c in LOOK_COLUMNS}
-        row = self._row(record)
-        span = _span(row)
+        row = self.row_of(record)
+        span = span_of_row(row)
         within = (record.gaze.t_ns >= span.start_ns) & (record.gaze.t_ns < span.end_ns)
         columns = trial_measures(record.gaze, row, params=params)
         columns |= {"frozen_samples": int(frozen[within].sum())}

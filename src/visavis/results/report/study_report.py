@@ -48,6 +48,7 @@ from visavis.results.report.opening import opening_of
 from visavis.results.report.reporting_list import ExclusionCounts, reporting_table
 from visavis.results.report.reworded import with_caveats
 from visavis.results.selection import rule_words
+from visavis.results.time_course import TIME_COURSE
 from visavis.results.unusual import VIEWS, looks_table, unusual_trials
 from visavis.study.comparisons import trials_of
 from visavis.study.experiment import StudyExperiment
@@ -105,6 +106,7 @@ def build_report(
                 summary,
                 *_measures(analysis, experiment, further),
                 *family_sections(analysis, pictures),
+                *_over_time(pictures),
                 *sections,
                 *fidelity_section(analysis, experiment),
                 *quality_sections,
@@ -280,6 +282,11 @@ def _measures(
         title = "Means of further measures" if compared_columns else "Means"
         sections.append(Section("others", title, tuple(others)))
     return sections
+
+
+def _over_time(pictures: Pictures) -> list[Section]:
+    picture = pictures.get(TIME_COURSE)
+    return [] if picture is None else [Section("over_time", "Looks over time", (picture,))]
 
 
 def _nobody_has(measures: Sequence[str]) -> Paragraph:
