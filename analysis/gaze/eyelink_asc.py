@@ -41,6 +41,7 @@ def read_eyelink(path: Path, screen: FlatScreen | None) -> GazeRecording:
     times: list[float] = []
     rows: list[list[float]] = []
     recorded: list[str] = []
+    resumed_at: list[int] = []  # the number of samples before each pause
     blinks: dict[str, list[tuple[float, float]]] = {"L": [], "R": []}
     for number, line in enumerate(lines, start=1):
         words = line.split()
@@ -51,6 +52,7 @@ def read_eyelink(path: Path, screen: FlatScreen | None) -> GazeRecording:
             rate_hz = _rate(words) or rate_hz
         elif words[0] == "START":
             eyes = "".join(side[0] for side in ("LEFT", "RIGHT") if side in words)
+            resumed_at.append(len(times))
         elif words[0] == "EBLINK" and _is_blink(words):
             blinks[words[1]].append((_value(words[2]), _value(words[3])))
         elif words[0] == "MSG":
@@ -76,6 +78,10 @@ def read_eyelink(path: Path, screen: FlatScreen | None) -> GazeRecording:
     if not has_rows or not rows:
         raise DataError(f"{path}: no samples; convert the EDF file anew with samples (edf2asc)")
     t_ms, values_px = np.array(times), np.array(rows)
+    t_ns = np.rint(t_ms * NS_PER_MS).astype(np.int64)
+    resumed_ns = tuple(int(t_ns[k]) for k in dict.fromkeys(resumed_at) if 0 < k < len(times))
+    if resumed_ns:
+        remarks = (*remarks, f"the recorder was paused {len(resumed_ns)} times; pauses are no loss")
     left, right = (
         _eye(t_ms, values_px[:, 3 * k : 3 * k + 3], blinks[eye], screen)
         if eye in recorded
@@ -84,7 +90,7 @@ def read_eyelink(path: Path, screen: FlatScreen | None) -> GazeRecording:
     )
     return GazeRecording(
         name=path.stem,
-        t_ns=np.rint(t_ms * NS_PER_MS).astype(np.int64),
+        t_ns=t_ns,
         space="head",
         left=left,
         right=right,
@@ -95,6 +101,7 @@ def read_eyelink(path: Path, screen: FlatScreen | None) -> GazeRecording:
             "pupils are in EyeLink's arbitrary units, not in mm: they were left out",
         ),
         time_unit="ms",
+        resumed_ns=resumed_ns,
     )
 
 

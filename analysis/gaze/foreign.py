@@ -40,7 +40,8 @@ class GazeRecording:
     `head_orientation_wxyz` (n, 4) are in world, NaN when untracked, None when the file has none.
     `rate_hz` is what the file or its maker states; None when nobody does. `notes` keeps what
     else the file said, `remarks` what was read otherwise than it stands, `time_unit` the unit of
-    the file's stamps ("" when unknown).
+    the file's stamps ("" when unknown). `resumed_ns` (k,) are the stamps at which the recorder went
+    on after pauses that its user made, in which nothing was lost.
     """
 
     name: str
@@ -56,6 +57,7 @@ class GazeRecording:
     notes: Mapping[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
     time_unit: str = ""
+    resumed_ns: tuple[int, ...] = ()
 
     def __len__(self) -> int:
         return int(self.t_ns.shape[0])

@@ -3,6 +3,7 @@
 What cannot be a tracker's time is refused with the likely reason; what is odd is told.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -35,10 +36,15 @@ def recordings_of(recording: GazeRecording) -> tuple[GazeRecording, ...]:
     if not returns.restarts:
         return (recording,)
     edges = (0, *returns.restarts, len(recording))
-    reasons = " and ".join(
-        f"a {reason} from row {row + 1} on"
-        for row, reason in zip(returns.restarts, returns.reasons, strict=True)
-    )
+    rows = {
+        reason: ", ".join(
+            str(row + 1)
+            for row, why in zip(returns.restarts, returns.reasons, strict=True)
+            if why == reason
+        )
+        for reason in returns.reasons
+    }
+    reasons = " and ".join(f"a {reason} from row {at} on" for reason, at in rows.items())
     remark = f"{len(edges) - 1} recordings in one file: {reasons}"
     return tuple(
         replace(
@@ -84,6 +90,21 @@ def checked_times(
     if len(distinct) > 2:
         _refuse_implausible_rate(recording, NS_PER_S / typical_step_ns(distinct))
     return t_ns, remarks
+
+
+def recorded_times(t_ns: Times, resumed_ns: Sequence[int]) -> Times:
+    """Return increasing stamps (n,) as if the recorder had not paused: a usual step for each pause.
+
+    `resumed_ns` are the stamps at which it went on.
+    """
+    rows = np.unique(np.searchsorted(t_ns, np.array(resumed_ns, np.int64)))
+    rows = rows[(rows > 0) & (rows < len(t_ns))]
+    if not len(rows):
+        return t_ns
+    steps = np.diff(t_ns, prepend=t_ns[:1])
+    steps[rows] = np.minimum(steps[rows], typical_step_ns(np.unique(t_ns)))
+    out: Times = t_ns[0] + np.cumsum(steps)
+    return out
 
 
 def _spread(t_ns: Times, shares: npt.NDArray[np.bool_]) -> Times:

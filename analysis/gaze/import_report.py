@@ -26,6 +26,7 @@ from visavis.analysis.gaze.eyelink_asc import read_eyelink
 from visavis.analysis.gaze.foreign import EyeSamples, GazeRecording, rows_of_eye
 from visavis.analysis.gaze.foreign_times import (
     checked_times,
+    recorded_times,
     recordings_of,
     sampling_remarks,
 )
@@ -42,10 +43,11 @@ from visavis.analysis.gaze.mapped_csv import GazeMapping, read_csv
 from visavis.analysis.gaze.movements.detect import DETECTOR_NAMES, detect_movements
 from visavis.analysis.gaze.movements.kinds import Movement, Movements, fixations_of
 from visavis.analysis.gaze.movements.parameters import AUTO
-from visavis.analysis.gaze.named_formats import MAPPED, read_glasses3, read_named, read_smi
+from visavis.analysis.gaze.named_formats import MAPPED, read_named, read_smi
 from visavis.analysis.gaze.quality import moving_precision_deg
 from visavis.analysis.gaze.readers import read_pupil, read_vive
 from visavis.analysis.gaze.stamps import Order, Times, order_of, typical_step_ns
+from visavis.analysis.gaze.tobii_glasses import read_glasses2, read_glasses3
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import DataError, UsageError
 from visavis.lab.geometry import Vector, rotate, unit, yaw_pitch_deg_of
@@ -61,6 +63,7 @@ Format = Literal[
     "csv",
     "eyelink",
     "tobii",
+    "glasses2",
     "glasses3",
     "neon",
     "smi",
@@ -87,6 +90,7 @@ class PreparedGaze:
     """A recording in time order, one row per stamp, with what may be used of it.
 
     `sampling` is how its rows lie in time (None below three), `remarks` what is odd about them.
+    `t_recorded_ns` are its stamps with the recorder's pauses closed up, by which loss is counted.
     `direction` maps "head" and "world" to (n, 3) combined gaze, NaN when lost; `usable` maps an
     eye to (n,); `eyes_used` (n,) has bit 0 left, bit 1 right (all bits for a combined ray).
     """
@@ -94,6 +98,7 @@ class PreparedGaze:
     recording: GazeRecording
     order: Order
     t_ns: Times
+    t_recorded_ns: Times
     rate_hz: float
     eyes: Mapping[str, EyeSamples]
     usable: Mapping[str, npt.NDArray[np.bool_]]
@@ -142,7 +147,12 @@ def read_gaze(
     with_screen = {"bids": read_bids, "eyelink": read_eyelink, "smi": read_smi}
     if format_ in with_screen:
         return with_screen[format_](path, screen)
-    readers = {"vive": read_vive, "pupil": read_pupil, "glasses3": read_glasses3}
+    readers = {
+        "vive": read_vive,
+        "pupil": read_pupil,
+        "glasses2": read_glasses2,
+        "glasses3": read_glasses3,
+    }
     if format_ not in readers:
         raise UsageError(f"format {format_!r} is unknown; choose one of {', '.join(FORMATS)}")
     return readers[format_](path)
@@ -192,8 +202,9 @@ def prepare(
     pose = recording.head_orientation_wxyz
     if recording.space == "head" and pose is not None:
         direction["world"] = rotate(pose[rows], gaze)
-    rate_hz = recording.rate_hz or NS_PER_S / typical_step_ns(t_ns)
-    sampling = sampling_of(t_ns) if len(t_ns) > 2 else None
+    t_recorded_ns = recorded_times(t_ns, recording.resumed_ns)
+    rate_hz = recording.rate_hz or NS_PER_S / typical_step_ns(t_recorded_ns)
+    sampling = sampling_of(t_recorded_ns) if len(t_ns) > 2 else None
     if order.backward:
         remarks = (*remarks, f"{order.backward} rows came late and were sorted in")
     if sampling is not None:
@@ -202,6 +213,7 @@ def prepare(
         recording,
         order,
         t_ns,
+        t_recorded_ns,
         rate_hz,
         eyes,
         usable,
@@ -242,7 +254,7 @@ def quality_table(gaze: PreparedGaze, params: LossParameters = DEFAULT_LOSS) -> 
     for name, ray in rays.items():
         is_usable = gaze.usable[name]
         losses = loss(
-            gaze.t_ns,
+            gaze.t_recorded_ns,
             ray,
             is_usable,
             nominal_rate_hz=gaze.rate_hz,
@@ -377,7 +389,8 @@ def report(
     fixations = detect_fixations(gaze) | {
         (ADAPTIVE, space): fixations_of(m) for space, m in movements.items()
     }
-    recording_ns = int(gaze.t_ns[-1] - gaze.t_ns[0]) + typical_step_ns(gaze.t_ns)
+    t_ns = gaze.t_recorded_ns
+    recording_ns = int(t_ns[-1] - t_ns[0]) + typical_step_ns(t_ns)
     summary = pd.DataFrame(
         [
             {

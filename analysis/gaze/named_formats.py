@@ -1,4 +1,4 @@
-"""Read gaze of trackers by name: tables by the mapping of their program, and files of their own."""
+"""Read gaze of trackers by name: tables by the mapping of their program, and SMI's."""
 
 import re
 from dataclasses import replace
@@ -7,25 +7,21 @@ from typing import Any, Final
 
 import numpy as np
 
-from visavis.analysis.gaze.foreign import EyeSamples, GazeRecording, axes_matrix, eye_samples
+from visavis.analysis.gaze.foreign import GazeRecording
 from visavis.analysis.gaze.foreign_times import LIKELY_HZ
 from visavis.analysis.gaze.mapped_csv import GazeMapping, mapping_of, recording_of_table
 from visavis.analysis.gaze.text_table import NS_PER_UNIT, TextTable, read_text_table
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DataError, UsageError
 from visavis.lab.foreign_text import decode_text
-from visavis.lab.geometry import Vector, unit
-from visavis.lab.plain_files import parse_json, read_packed, read_plain
+from visavis.lab.plain_files import read_plain
 from visavis.lab.sampling import step_ns_of
 from visavis.lab.screen import FlatScreen
 from visavis.lab.yaml_lines import read_document
 
 MAPPED: Final = ("tobii", "neon", "gazepoint", "varjo", "gazebase")
 """Programs whose tables a mapping in `formats` describes."""
-MAX_CLOCK_S: Final = 4e9
-"""No clock shows more: 126 years."""
 FORMATS_FOLDER = Path(__file__).with_name("formats")
-_GLASSES_AXES = axes_matrix("-x", "+y", "+z")
 _SMI_HEADER = re.compile(r"##\s*([^:\t]+):\s*(.+)")
 _SMI_COLUMNS = {"left": "L", "right": "R"}
 
@@ -37,22 +33,48 @@ def read_named(path: Path, name: str, screen: FlatScreen | None) -> GazeRecordin
         UsageError: no file, or gaze on a screen of which nothing is known.
         DataError: a column that the program writes is missing, or a line is wrong.
     """
-    table = read_text_table(path, delimiter=None)
+    text, remarks = _text(path)
+    if name == "tobii":
+        text = _without_preamble(text)
+    table = replace(read_text_table(path, delimiter=None, text=text), remarks=remarks)
     mapping = _mapping_for(table, name, screen)
     recording = recording_of_table(table, mapping)
     notes: dict[str, str] = {"format": name}
-    return replace(recording, name=_name_of(path), notes=notes)
+    return replace(recording, name=name_of_file(path), notes=notes)
 
 
-def _name_of(path: Path) -> str:
+def _text(path: Path) -> tuple[str, tuple[str, ...]]:
+    try:
+        return decode_text(read_plain(path))
+    except FileNotFoundError as error:
+        raise UsageError(f"{path}: no such file; check the path") from error
+    except (OSError, ValueError) as error:
+        raise DataError(f"{path}: cannot be read as text ({error})") from error
+
+
+def _without_preamble(text: str) -> str:
+    """Return a text whose lines before the table, as Tobii Studio 2 writes them, are empty."""
+    head, mark, table = text.partition("\nTimestamp\t")
+    if not mark or not head.startswith("System Properties"):
+        return text
+    return "\n" * head.count("\n") + mark + table
+
+
+def name_of_file(path: Path) -> str:
     """Return a name that tells recordings apart where a program calls all files alike."""
-    return f"{path.parent.name}_{path.stem}" if path.stem in ("gaze", "gazedata") else path.stem
+    is_alike = path.stem in ("gaze", "gazedata", "livedata")
+    return f"{path.parent.name}_{path.stem}" if is_alike else path.stem
 
 
 def _mapping_for(table: TextTable, name: str, screen: FlatScreen | None) -> GazeMapping:
-    content: dict[str, Any] = dict(read_document(FORMATS_FOLDER / f"{name}.yaml").data)
-    if not table.has(content["time"]["column"]):
-        raise DataError(f"{table.path}: no column {content['time']['column']!r}: not of {name}")
+    # Of a program that named its columns otherwise once there is a second file: tobii_studio.
+    contents = [dict(read_document(p).data) for p in sorted(FORMATS_FOLDER.glob(f"{name}*.yaml"))]
+    times = [c["time"]["column"] for c in contents]
+    content: dict[str, Any] | None = next(
+        (c for c, time in zip(contents, times, strict=True) if table.has(time)), None
+    )
+    if content is None:
+        raise DataError(f"{table.path}: no column {' or '.join(map(repr, times))}: not of {name}")
     content["where"] = [each for each in content.get("where", []) if table.has(each["column"])]
     eyes = {}
     for eye in ("left", "right", "combined"):
@@ -74,7 +96,7 @@ def _mapping_for(table: TextTable, name: str, screen: FlatScreen | None) -> Gaze
             )
         content["screen"] = vars(screen)
     mapping = mapping_of({**content, **eyes}, source=name)
-    return _with_likely_unit(table, mapping) if name == "tobii" else mapping
+    return _with_likely_unit(table, mapping) if name == "tobii" and mapping.where else mapping
 
 
 def _gaze_columns(eye: dict[str, Any]) -> list[str]:
@@ -121,16 +143,16 @@ def read_smi(path: Path, screen: FlatScreen | None) -> GazeRecording:
         UsageError: no file, or the screen is neither in the file nor given.
         DataError: no samples (SMP), or a line is wrong.
     """
-    try:
-        text, remarks = decode_text(read_plain(path))
-    except FileNotFoundError as error:
-        raise UsageError(f"{path}: no such file; check the path") from error
-    except (OSError, ValueError) as error:
-        raise DataError(f"{path}: cannot be read as text ({error})") from error
+    text, remarks = _text(path)
     lines = text.splitlines()
     head = {m[1]: m[2] for line in lines if (m := _SMI_HEADER.match(line))}
     # Messages stand between samples, with cells of their own.
     rows = [line for line in lines if not line.startswith("##") and "\tMSG\t" not in line]
+    if not any(line.startswith("Time\t") for line in rows):
+        raise DataError(
+            f"{path}: no samples of SMI (a line Time, Type, Trial, …); events alone are no gaze: "
+            "convert the recording with samples"
+        )
     end = "\n" if text.endswith(("\n", "\r")) else ""
     table = read_text_table(path, delimiter="\t", text="\n".join(rows) + end)
     screen = screen or _smi_screen(head)
@@ -188,66 +210,3 @@ def _smi_screen(head: dict[str, str]) -> FlatScreen | None:
     except (KeyError, ValueError, IndexError):
         return None
     return FlatScreen(width_mm / 1e3, height_mm / 1e3, width_px, height_px, distance_mm / 1e3)
-
-
-# ---- Tobii Pro Glasses 3 -------------------------------------------------------------------------
-
-
-def read_glasses3(path: Path) -> GazeRecording:
-    """Read `gazedata` or `gazedata.gz` of Tobii Pro Glasses 3: one JSON object a line.
-
-    The glasses stand for the head: x to the wearer's left, y up, z forward. A last line that is cut
-    is left out, and told.
-
-    Raises:
-        UsageError: no file.
-        DataError: a line is no gaze, or there is none.
-    """
-    try:
-        data = read_plain(path)
-        if data.startswith(b"\x1f\x8b"):
-            data = read_packed(path)
-        text, remarks = decode_text(data)
-    except FileNotFoundError as error:
-        raise UsageError(f"{path}: no such file; check the path") from error
-    except (OSError, ValueError) as error:
-        raise DataError(f"{path}: cannot be read ({error}); copy it again") from error
-    lines = [(n, line) for n, line in enumerate(text.splitlines(), start=1) if line.strip()]
-    entries = []
-    for number, line in lines:
-        try:
-            entry = parse_json(line)
-            t_s = float(entry["timestamp"])
-            if not abs(t_s) < MAX_CLOCK_S:
-                raise ValueError(f"{t_s} is no time")
-            entries.append((t_s, dict(entry.get("data") or {})))
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
-            if number == lines[-1][0] and entries:
-                remarks = (*remarks, f"line {number}, the last, is cut off; it was left out")
-                break
-            raise DataError(f"{path}: line {number} is no gaze of Glasses 3 ({error})") from error
-    if not entries:
-        raise DataError(f"{path}: no gaze; the recording never started, leave the file out")
-    return GazeRecording(
-        name=_name_of(path.with_suffix("") if path.suffix == ".gz" else path),
-        t_ns=np.rint(np.array([t_s for t_s, _ in entries]) * NS_PER_S).astype(np.int64),
-        space="head",
-        left=_glasses_eye(path, [data.get("eyeleft") for _, data in entries]),
-        right=_glasses_eye(path, [data.get("eyeright") for _, data in entries]),
-        notes={"format": "Tobii Pro Glasses 3"},
-        remarks=remarks,
-        time_unit="s",
-    )
-
-
-def _glasses_eye(path: Path, entries: list[Any]) -> EyeSamples:
-    nothing = [np.nan] * 3
-    eyes = [entry if isinstance(entry, dict) else {} for entry in entries]
-    try:
-        rays: Vector = np.array([eye.get("gazedirection") or nothing for eye in eyes], np.float64)
-        pupils = np.array([eye.get("pupildiameter") or np.nan for eye in eyes], np.float64)
-    except (TypeError, ValueError) as error:
-        raise DataError(f"{path}: a direction or pupil that is none ({error})") from error
-    if rays.shape != (len(eyes), 3) or pupils.shape != (len(eyes),):
-        raise DataError(f"{path}: a direction is no list of three numbers, or a pupil is no number")
-    return eye_samples(unit(rays @ _GLASSES_AXES.T), pupil_mm=pupils)

@@ -61,7 +61,7 @@ class TextTable:
         """Return a column's text. Raises DataError when there is none of that name.
 
         A name that ends in * is that of a column with a unit behind it, or without: "TIME*" is
-        TIME, TIME(…) or TIME […].
+        TIME, TIME(…), TIME (…) or TIME […].
         """
         own_name = self._name_of(name)
         if own_name is None:
@@ -72,8 +72,10 @@ class TextTable:
         if name in self.cells or not name.endswith("*"):
             return name if name in self.cells else None
         base = name.removesuffix("*")
-        fitting = [c for c in self.cells if c == base or c.startswith((f"{base} [", f"{base}("))]
-        pixels = [c for c in fitting if "DACS px" in c]  # Tobii writes the same in mm, too
+        units = (f"{base} [", f"{base}(", f"{base} (")
+        fitting = [c for c in self.cells if c == base or c.startswith(units)]
+        # Tobii writes the same in mm, too.
+        pixels = [c for c in fitting if "DACS px" in c or "ADCSpx" in c]
         return next(iter(pixels or fitting), None)
 
     def rows(self, rows: npt.NDArray[np.int64]) -> "TextTable":

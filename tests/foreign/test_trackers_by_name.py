@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from hypothesis import strategies as st
 
 from tests.analysis.gaze.streams import stamps
 from tests.foreign.test_gaze_files import looking
-from visavis.analysis.gaze.import_report import FORMATS, Format, prepare, read_gaze
+from visavis.analysis.gaze.import_report import FORMATS, Format, prepare, quality_table, read_gaze
 from visavis.lab.errors import DataError, UsageError
 from visavis.lab.geometry import Vector, angle_deg, direction_from_yaw_pitch_deg
 from visavis.lab.screen import FlatScreen
@@ -116,6 +117,38 @@ def glasses3(folder: Path) -> Path:
     return path
 
 
+def glasses2(folder: Path) -> Path:
+    lines = ['{"ts":5,"s":0,"ac":[0.1,-9.8,0.2]}', '{"ts":6,"s":0,"pts":1,"pv":4}']
+    for k, t_ns in enumerate(stamps(N).tolist()):
+        x, y, z = (GAZE[k] * [-1, 1, -1]).tolist()  # x to the wearer's left, z forward
+        head = f'{{"ts":{1000 + t_ns // 1000},"s":{int(LOST[k])},"gidx":{k}'
+        direction = "0.0,0.0,0.0" if LOST[k] else f"{x!r},{y!r},{z!r}"
+        for eye in ("left", "right"):
+            lines.append(f'{head},"pd":{0 if LOST[k] else 3.1},"eye":"{eye}"}}')
+            lines.append(f'{head},"gd":[{direction}],"eye":"{eye}"}}')
+        lines.append(f'{head},"l":1,"gp":[0.5,0.5]}}')
+    return text_file(folder / "livedata.json", lines)
+
+
+def tobii_studio(folder: Path, version: int = 3) -> Path:
+    points = {
+        3: ["GazePointLeftX (ADCSpx)", "GazePointLeftY (ADCSpx)"],
+        2: ["GazePointXLeft", "GazePointYLeft"],
+    }[version]
+    points += [name.replace("Left", "Right") for name in points]
+    time = {3: "RecordingTimestamp", 2: "Timestamp"}[version]
+    names = [time, "DateTimeStamp", *points, "PupilLeft", "PupilRight"]
+    lines = ["\t".join([*names, "ValidityLeft", "ValidityRight", "MouseEvent"])]
+    if version == 2:
+        about = ["System Properties:", "Machine Name:\t PISA", "", "Data properties:", ""]
+        lines = [*about, *lines]
+    for k, t_ns in enumerate(stamps(N).tolist()):
+        point = ["-1920", "-1080"] * 2 if LOST[k] else [f"{v:.4f}" for v in PIXELS[k]] * 2
+        end = ["-1", "-1", "4", "4"] if LOST[k] else ["3.1", "3.2", "0", "0"]
+        lines.append("\t".join([f"{t_ns / 1e6:.3f}", "17:15", *point, *end, ""]))
+    return text_file(folder / "data.tsv", lines)
+
+
 def eyelink(folder: Path, eyes: str = "LR", decimal: str = ".", rate_hz: int = 500) -> Path:
     sides = " ".join({"L": "LEFT", "R": "RIGHT"}[eye] for eye in eyes)
     lines = [
@@ -166,6 +199,7 @@ WRITERS: dict[Format, tuple[Writer, float]] = {
     "varjo": (varjo, 120),
     "gazebase": (gazebase, 1000),
     "smi": (smi, 120),
+    "glasses2": (glasses2, 120),
     "glasses3": (glasses3, 120),
     "eyelink": (eyelink, 500),
 }
@@ -186,6 +220,45 @@ def test_the_same_gaze_is_read_from_every_tracker(name: Format, tmp_path: Path) 
         is_there = eye.valid & np.isfinite(eye.direction[:, 0])
         assert away_deg(eye.direction, is_there) < 0.01
     assert pytest.approx(LOST.mean(), abs=0.01) == 1 - gaze.usable["combined"].mean()
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_tobii_studio_is_read_as_tobii(version: int, tmp_path: Path) -> None:
+    recording = read_gaze(tobii_studio(tmp_path, version), "tobii", screen=SCREEN)
+    assert ["left", "right"] == list(recording.eyes)
+    for eye in recording.eyes.values():
+        assert away_deg(eye.direction, eye.valid) < 0.01
+        assert np.isnan(eye.pupil_mm[LOST]).all()
+
+
+def test_pauses_of_eyelink_are_no_loss(tmp_path: Path) -> None:
+    lines = eyelink(tmp_path).read_text(encoding="utf-8").splitlines()
+    end = next(k for k, line in enumerate(lines) if line.startswith("END"))
+    start = next(k for k, line in enumerate(lines) if line.startswith("START"))
+    later = [
+        re.sub(
+            r"^(|START\t|END\t|[ES]BLINK [LR] )(\d{4})",
+            lambda m: m[1] + str(int(m[2]) + 8000),
+            line,
+        )
+        for line in lines[start : end + 1]
+    ]
+    path = text_file(tmp_path / "two.asc", [*lines, *later])
+    once = quality_table(prepare(read_gaze(tmp_path / "a.asc", "eyelink", screen=SCREEN))).iloc[-1]
+    gaze = prepare(read_gaze(path, "eyelink", screen=SCREEN))
+    twice = quality_table(gaze).iloc[-1]
+    assert 2 * N == len(gaze.t_ns)
+    assert pytest.approx(once["lost_01"], abs=0.002) == twice["lost_01"]
+    assert pytest.approx(500, rel=0.001) == twice["rate_hz"]
+    assert "the recorder was paused 1 times; pauses are no loss" in gaze.remarks
+
+
+def test_events_of_smi_alone_are_named(tmp_path: Path) -> None:
+    path = text_file(
+        tmp_path / "events.txt", ["[BeGaze]", "Converted from:\tx.idf", "Event Type\tTrial"]
+    )
+    with pytest.raises(DataError, match="events alone are no gaze"):
+        read_gaze(path, "smi", screen=SCREEN)
 
 
 def test_every_named_format_has_a_test() -> None:

@@ -32,8 +32,8 @@ def import_gaze_files(
         str,
         typer.Option(
             "--format",
-            help="vive, bids, pupil, eyelink, tobii, glasses3, neon, smi, gazepoint, varjo, "
-            "gazebase, or csv (csv needs --mapping).",
+            help="vive, bids, pupil, eyelink, tobii, glasses2, glasses3, neon, smi, gazepoint, "
+            "varjo, gazebase, or csv (csv needs --mapping).",
         ),
     ] = "vive",
     mapping: Annotated[
