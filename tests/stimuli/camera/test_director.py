@@ -21,7 +21,7 @@ from visavis.stimuli.camera.director import (
     Style,
     prepare,
 )
-from visavis.stimuli.camera.obstacles import NOBODY
+from visavis.stimuli.camera.obstacles import NOBODY, sees
 from visavis.stimuli.camera.shots import LogNormalLengths, ShotSize, view_angle_deg
 
 RING = [[0, 0], [16, 0], [16, 12], [0, 12]]
@@ -157,6 +157,34 @@ def test_a_hidden_subject_breaks_the_shortest_shot(place: FilmedPlace) -> None:
     assert ["start", "hidden"] == [c.reason for c in director.cuts]
     assert 0.3 <= director.cuts[1].t_ns / NS_PER_S <= 0.4
     assert [] == director.hidden
+
+
+def test_no_cut_goes_to_a_place_from_which_the_subject_will_be_hidden_within_a_second(
+    place: FilmedPlace,
+) -> None:
+    style = replace(FULL_CUTS, moves=False, lengths=LogNormalLengths(2.0, 0.0))
+    velocity = np.array([SPEED_MPS, 0.0, 0.0])
+
+    def second_cut(people: Vector) -> tuple[Cut, Vector]:
+        """Return the cut after the first shot, and where the head is then."""
+
+        def walks_by(t_ns: int) -> Moment:
+            return Moment(np.array([4.0, 0.0, 2.0]) + velocity * t_ns / NS_PER_S, 1.75, people)
+
+        director = Director(place, style, walks_by, seed=1)
+        director.view_at(3 * NS_PER_S)
+        cut = director.cuts[1]
+        return cut, above(walks_by(cut.t_ns).subject_m, 0.93 * 1.75)
+
+    usual, head = second_cut(NOBODY)
+    near_the_later_head = 0.1 * usual.to_m + 0.9 * (head + velocity)
+    stands = np.array([[*above(near_the_later_head, -0.1), *near_the_later_head, 0.15]])
+    chosen, _ = second_cut(stands)
+    assert usual.t_ns == chosen.t_ns
+    surfaces = place.obstacles.arrays
+    assert sees(usual.to_m, head, stands, *surfaces)
+    assert not sees(usual.to_m, head + velocity, stands, *surfaces)
+    assert sees(chosen.to_m, head + velocity, stands, *surfaces)
 
 
 def test_a_subject_who_stays_hidden_is_in_the_log_with_the_reason(place: FilmedPlace) -> None:
