@@ -1,13 +1,31 @@
 """Boards in the scene: what a ray meets, where choices are, where a board hangs."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import ImageFont
 
+import visavis
 from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg, rotate
-from visavis.stimuli.panels import DISTANCE_M, SIZE_M, board_pose, choice_centre_m, choice_met
+from visavis.stage.panel_image import panel_image
+from visavis.stimuli.panels import (
+    DISTANCE_M,
+    SIZE_M,
+    board_pose,
+    choice_boxes_01,
+    choice_centre_m,
+    choice_met,
+    place_m,
+    place_met_01,
+    row_boxes_01,
+    track_01,
+)
 from visavis.stimuli.picture import Panel
+from visavis.stimuli.text_font import font_for
 
 FORWARD = np.array([0.0, 0.0, -1.0])
 
@@ -49,3 +67,31 @@ def test_board_hangs_upright_at_eye_height_straight_ahead(yaw_deg: float) -> Non
     )
     front = rotate(panel.pose.orientation_wxyz, -FORWARD)
     assert front == pytest.approx(-away / DISTANCE_M, abs=1e-9)
+
+
+def test_words_of_every_language_are_drawn_with_their_own_characters() -> None:
+    text = "„Größe“ – déjà vu, « œuvre » …’ ÄÖÜß"
+    font, box = font_for(text, 24), bytes(font_for(text, 24).getmask("\uffff"))
+    lacking = [c for c in text if not c.isspace() and bytes(font.getmask(c)) == box]
+    assert [] == lacking
+    assert font_for("How lively?", 24).getname() == ImageFont.load_default(24).getname()
+
+
+def test_no_other_module_chooses_a_font() -> None:
+    root = Path(visavis.__file__).parent
+    users = {p.stem for p in root.rglob("*.py") if "load_default(" in p.read_text("utf-8")}
+    assert {"text_font"} == users
+
+
+def test_a_board_has_a_row_for_every_name_with_its_track_and_a_ray_finds_it() -> None:
+    panel = replace(board(n=1), rows=("active", "large"), size_m=(0.3, 0.64))
+    boxes = row_boxes_01(panel)
+    assert boxes[0, 3] == pytest.approx(boxes[1, 1])
+    assert boxes[1, 3] < choice_boxes_01(panel)[0, 1]
+    begin, end, down = track_01(panel, 1)
+    eye = np.array([0.1, 1.3, 0.0])
+    place = place_m(panel, 0.5 * (begin + end), down)
+    assert place_met_01(panel, eye, place - eye) == pytest.approx((0.5 * (begin + end), down))
+    assert place_met_01(panel, eye, eye - place) is None
+    without = panel_image(replace(panel, rows=()))
+    assert not np.array_equal(panel_image(panel), without)

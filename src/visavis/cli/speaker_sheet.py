@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 
 from visavis.analysis.statistics.power_estimates import proportion_interval
 from visavis.cli.warp_sheet import DAYLIGHT
@@ -26,6 +26,7 @@ from visavis.stimuli.motion.synthesis.phrase_posture import CLASSES, Part
 from visavis.stimuli.picture import Picture, PosedPeople, Room
 from visavis.stimuli.rooms import surfaces
 from visavis.stimuli.rooms.furniture import level
+from visavis.stimuli.text_font import font_for
 from visavis.study.films import Lens
 
 FILM_LENS: Final = Lens(eye_m=(0.45, 1.25, -3.4), aim_m=(0.0, 0.98, 0.0), half_height_01=0.34)
@@ -204,7 +205,7 @@ def draw_lexemes(path: Path, who: Character, seed: int) -> None:
                 (i % COLUMNS) * len(MOMENTS_S) * TILE_PX,
                 (i // COLUMNS) * (TILE_PX + LABEL_PX),
             )
-            draw.text((left + 4, top + 4), lexeme, (30, 30, 30), ImageFont.load_default(14))
+            draw.text((left + 4, top + 4), lexeme, (30, 30, 30), font_for(lexeme, 14))
             for k, moment_s in enumerate(MOMENTS_S):
                 tile = stills.image(_picture(room, who, clip, moment_s), camera, (TILE_PX, TILE_PX))
                 sheet.paste(Image.fromarray(tile), (left + k * TILE_PX, top + LABEL_PX))

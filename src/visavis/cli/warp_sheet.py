@@ -7,7 +7,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 
 from visavis.lab.geometry import Vector
 from visavis.stage.errors import StageError
@@ -22,6 +22,7 @@ from visavis.stimuli.motion.warping.raster_kernels import BOTH_SIDES
 from visavis.stimuli.picture import Light, Picture, PosedPeople, Prop, Room, StaticMesh
 from visavis.stimuli.rooms import surfaces
 from visavis.stimuli.rooms.furniture import level, place_prop
+from visavis.stimuli.text_font import font_for
 
 COLUMNS = 6
 TILE_PX = 300
@@ -59,7 +60,7 @@ def write_sheet(
             picture = Image.fromarray(tile).resize((TILE_PX, TILE_PX), Image.Resampling.NEAREST)
             sheet.paste(picture, (c * TILE_PX, top + LABEL_PX))
             text = f"{label}, {t:.2f} s" if c == 0 else f"{t:.2f} s"
-            draw.text((c * TILE_PX + 8, top + 7), text, (30, 30, 30), ImageFont.load_default(18))
+            draw.text((c * TILE_PX + 8, top + 7), text, (30, 30, 30), font_for(text, 18))
     sheet.save(path)
     return shows_people
 

@@ -1,17 +1,18 @@
 """Draw a panel of text with its choices, crisp at reading distance."""
 
-from functools import lru_cache
-
 import numpy as np
 import numpy.typing as npt
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 
-from visavis.stimuli.panels import MARGIN_01, choice_boxes_01
+from visavis.stimuli.panels import MARGIN_01, TEXT_01, choice_boxes_01, row_boxes_01, track_01
 from visavis.stimuli.picture import Panel
+from visavis.stimuli.text_font import font_for
 
 __all__ = ["choice_boxes_01", "panel_image"]
 
 WIDTH_PX = 1400
+SMALL_M, SMALL_PX = 0.1, 96
+"""A board so small is a mark on another."""
 BOARD = (28, 31, 36, 245)
 EDGE = (96, 102, 112, 255)
 TEXT = (238, 240, 242, 255)
@@ -20,26 +21,27 @@ LIT = (54, 110, 190, 255)
 CHOSEN = (232, 170, 60, 255)
 
 
-@lru_cache(maxsize=64)
-def _font(size_px: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    return ImageFont.load_default(size_px)
-
-
 def panel_image(panel: Panel) -> npt.NDArray[np.uint8]:
     """Return the board as (h, w, 4) bytes, top row first."""
-    width = WIDTH_PX
+    width = WIDTH_PX if panel.size_m[0] > SMALL_M else SMALL_PX
     height = max(64, round(width * panel.size_m[1] / panel.size_m[0]))
     image = Image.new("RGBA", (width, height), (0, 0, 0, 0))
     draw = ImageDraw.Draw(image)
     radius = min(width, height) // 24
-    draw.rounded_rectangle((2, 2, width - 3, height - 3), radius, BOARD, EDGE, 3)
+    fill = BOARD
+    if width == SMALL_PX:
+        fill = TEXT if panel.highlighted is None else LIT
+    draw.rounded_rectangle((2, 2, width - 3, height - 3), radius, fill, EDGE, 3)
     bottom = 1.0 - MARGIN_01
     boxes = choice_boxes_01(panel)
     if len(boxes):
         bottom = float(boxes[0, 1]) - MARGIN_01 / 2
+    if panel.rows:
+        bottom = TEXT_01
     margin = round(MARGIN_01 * min(width, height)) + radius // 2
     largest = height // 9 if 3 * height > width else height // 2
     _fit(draw, panel.text, (margin, margin, width - margin, round(bottom * height)), largest)
+    _draw_rows(draw, panel, width, height)
     common = min(
         (
             _largest(draw, choice, _pixels(box, width, height, 12), height // 10)
@@ -54,6 +56,20 @@ def panel_image(panel: Panel) -> npt.NDArray[np.uint8]:
         draw.rounded_rectangle(place, radius // 2, fill, edge, thick)
         _fit(draw, choice, _pixels(box, width, height, 12), common)
     return np.array(image)
+
+
+def _draw_rows(draw: ImageDraw.ImageDraw, panel: Panel, width: int, height: int) -> None:
+    """Draw every row's name, all of one size, and its track."""
+    places = []
+    for row, (left, top, _, bottom) in enumerate(row_boxes_01(panel)):
+        begin, end, down = track_01(panel, row)
+        places.append(_pixels(np.array([left, top, begin, bottom]), width, height, 6))
+        track = (round(begin * width), round(down * height) - 4, round(end * width))
+        draw.rounded_rectangle((*track, track[1] + 8), 4, EDGE)
+    names = list(zip(panel.rows, places, strict=True))
+    common = min((_largest(draw, name, at, height // 10) for name, at in names), default=12)
+    for name, at in names:
+        _fit(draw, name, at, common)
 
 
 def _pixels(
@@ -75,13 +91,15 @@ def _largest(
 def _fits(
     draw: ImageDraw.ImageDraw, text: str, box: tuple[int, int, int, int], size_px: int
 ) -> bool:
-    left, top, right, bottom = draw.multiline_textbbox((0, 0), text, _font(size_px), spacing=6)
+    left, top, right, bottom = draw.multiline_textbbox(
+        (0, 0), text, font_for(text, size_px), spacing=6
+    )
     return right - left <= box[2] - box[0] and bottom - top <= box[3] - box[1]
 
 
 def _wrap(draw: ImageDraw.ImageDraw, text: str, width_px: int, size_px: int) -> str:
     """Break lines between words where they would be wider than the box."""
-    font, lines = _font(size_px), []
+    font, lines = font_for(text, size_px), []
     for paragraph in text.split("\n"):
         line = ""
         for word in paragraph.split():
@@ -103,7 +121,7 @@ def _fit(
         middle,
         _wrap(draw, text, box[2] - box[0], size),
         TEXT,
-        _font(size),
+        font_for(text, size),
         anchor="mm",
         align="center",
         spacing=6,

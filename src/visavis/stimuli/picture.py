@@ -116,7 +116,8 @@ class Panel:
 
     `choices` are drawn in a row below the text, the one at `highlighted` is lit, the one at
     `chosen` is marked. `pose` is the board's centre, its front towards +z of the pose; `size_m`
-    is width and height.
+    is width and height. `rows` are names between text and choices, one below the other, each with
+    a track beside it.
     """
 
     text: str
@@ -125,6 +126,7 @@ class Panel:
     size_m: tuple[float, float]
     highlighted: int | None = None
     chosen: int | None = None
+    rows: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 
 from visavis.cli.film.cameras import (
     CameraKind,
@@ -51,6 +51,7 @@ from visavis.stimuli.camera.shots import ShotSize
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.picture import Camera, Picture
 from visavis.stimuli.surfaces import Surfaces
+from visavis.stimuli.text_font import font_for
 from visavis.study.parts import Posture
 
 RING_PX: Final = 16
@@ -320,8 +321,8 @@ def _with_lanes(image: npt.NDArray[np.uint8], lanes: Sequence[Any]) -> npt.NDArr
     canvas = Image.fromarray(image)
     pen = ImageDraw.Draw(canvas, "RGBA")
     size_px = max(11, canvas.height // 40)
-    font = ImageFont.load_default(size_px)
     for k, lane in enumerate(lanes):
+        font = font_for(lane.name, size_px)
         y = 8 + k * (size_px + 8)
         _, _, right, bottom = pen.textbbox((12, y), lane.name, font=font)
         pen.rectangle((6, y - 2, right + 6, bottom + 3), fill=(0, 0, 0, 140))

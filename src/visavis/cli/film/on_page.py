@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 
 from visavis.cli.film.renderer import film_renderer
 from visavis.cli.preview.pictures import SIMULATED, add_label
@@ -18,6 +18,7 @@ from visavis.running.film_store import FilmStore
 from visavis.running.page.seen_trial import Question, SeenStep, seen_trial
 from visavis.stage.movie import open_movie, picture_times_ns
 from visavis.stimuli.picture import Picture
+from visavis.stimuli.text_font import font_for
 from visavis.study.films import Film
 
 Pixels = npt.NDArray[np.uint8]
@@ -156,7 +157,8 @@ def page_picture(
     if step is None:
         return np.asarray(page)
     pen = ImageDraw.Draw(page)
-    font = ImageFont.load_default(max(11, height // 28))
+    size = max(11, height // 28)
+    font = font_for(step.caption, size)
     pen.text((width / 2, 0.045 * height), step.caption, INK, font, anchor="mm")
     images = [
         films.at(film, step.film_time_s(film, t_ns))
@@ -171,22 +173,22 @@ def page_picture(
     tall = max((image.shape[0] for image in images), default=0)
     y = 0.13 * height + tall if step.films else 0.3 * height
     for question in step.questions:
-        y = _draw_question(pen, font, question, t_ns, y, width)
+        y = _draw_question(pen, size, question, t_ns, y, width)
     return np.asarray(page)
 
 
 def _draw_question(
-    pen: ImageDraw.ImageDraw, font: Any, question: Question, t_ns: int, y: float, width: int
+    pen: ImageDraw.ImageDraw, size: int, question: Question, t_ns: int, y: float, width: int
 ) -> float:
     """Write a question and its options; return where the next one begins."""
-    line = 1.35 * float(font.size)
-    pen.text((width / 2, y), question.prompt, INK, font, anchor="mm")
+    line = 1.35 * size
+    pen.text((width / 2, y), question.prompt, INK, font_for(question.prompt, size), anchor="mm")
     is_given = question.answered_ns is not None and t_ns >= question.answered_ns - MARK_NS
     labels = [label for _, label in question.options]
     is_chosen = [value == question.answer and is_given for value, _ in question.options]
     if not labels:
         labels, is_chosen = [question.answer or "" if is_given else PLACEHOLDER], [is_given]
-    small = _fitting(pen, labels, width, font)
+    small = _fitting(pen, labels, width, size)
     widths = [pen.textlength(label, small) + 1.6 * small.size for label in labels]
     x = (width - sum(widths)) / 2
     for label, wide, is_filled in zip(labels, widths, is_chosen, strict=True):
@@ -203,12 +205,12 @@ MARK_NS: Final = NS_PER_S // 2
 """A page goes on with the answer, so the answer is marked this much earlier to be visible."""
 
 
-def _fitting(pen: ImageDraw.ImageDraw, labels: Sequence[str], width: int, font: Any) -> Any:
+def _fitting(pen: ImageDraw.ImageDraw, labels: Sequence[str], width: int, size: int) -> Any:
     """Return a font in which labels stand side by side."""
-    size = font.size
+    text = "".join(labels)
     while size > 7:
-        small = ImageFont.load_default(size)
+        small = font_for(text, size)
         if sum(pen.textlength(t, small) + 1.6 * size for t in labels) < 0.96 * width:
             return small
         size -= 1
-    return ImageFont.load_default(size)
+    return font_for(text, size)

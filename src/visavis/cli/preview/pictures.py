@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import (
@@ -19,6 +19,7 @@ from visavis.lab.geometry import (
     yaw_pitch_deg_of,
 )
 from visavis.stimuli.picture import Camera, Panel, Picture
+from visavis.stimuli.text_font import font_for
 
 EYES_TANGENT = 0.84
 """Half of 80° from top to bottom, for a picture seen on a screen."""
@@ -91,7 +92,7 @@ def add_label(image: npt.NDArray[np.uint8], text: str) -> Image.Image:
     draw = ImageDraw.Draw(picture, "RGBA")
     size_px = max(11, picture.height // 44)
     while True:
-        font = ImageFont.load_default(size_px)
+        font = font_for(text, size_px)
         _, top, right, bottom = draw.textbbox((0, 0), text, font=font)
         if right + 16 <= picture.width or size_px <= 7:
             break
@@ -107,7 +108,7 @@ def write_below(image: npt.NDArray[np.uint8], text: str) -> Image.Image:
     height, width = image.shape[:2]
     picture = Image.new("RGB", (width, height + TITLE_PX), (250, 250, 250))
     picture.paste(Image.fromarray(image), (0, 0))
-    ImageDraw.Draw(picture).text((10, height + 9), text, (20, 20, 20), ImageFont.load_default(20))
+    ImageDraw.Draw(picture).text((10, height + 9), text, (20, 20, 20), font_for(text, 20))
     return picture
 
 
@@ -116,7 +117,7 @@ def contact_sheet(tiles: Sequence[Image.Image], title: str, columns: int) -> Ima
     width, height = tiles[0].size
     columns = min(columns, len(tiles))
     rows = -(-len(tiles) // columns)
-    font = ImageFont.load_default(20)
+    font = font_for(title, 20)
     sheet_px = max(columns * width, round(font.getlength(title)) + 2 * TITLE_LEFT_PX)
     sheet = Image.new("RGB", (sheet_px, rows * height + TITLE_PX), (250, 250, 250))
     ImageDraw.Draw(sheet).text((TITLE_LEFT_PX, 9), title, (20, 20, 20), font)

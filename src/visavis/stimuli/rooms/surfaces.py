@@ -7,10 +7,11 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageDraw
 
 from visavis.lab.geometry import Vector
 from visavis.stimuli.characters.character import Material, MaterialKind
+from visavis.stimuli.text_font import font_for
 
 SIZE: Final = 256
 """Pixels along a tiling texture."""
@@ -164,6 +165,6 @@ def lettering(
     draw = ImageDraw.Draw(image)
     y = margin_px
     for text, height, colour in lines:
-        draw.text((margin_px, y), text, fill=colour, font=ImageFont.load_default(height))
+        draw.text((margin_px, y), text, fill=colour, font=font_for(text, height))
         y += round(1.35 * height)
     return np.asarray(image, dtype=np.uint8)
