@@ -34,11 +34,25 @@ def is_study(folder: Path) -> bool:
     return any((folder / n).exists() or copy_path(folder / n).exists() for n in names)
 
 
-def study_problems(folder: Path, sessions: Sequence[Path] | None = None) -> tuple[str, ...]:
+def session_problems(session: Path) -> tuple[str, ...]:
+    """Return everything wrong with the files of a session, copies included."""
+    try:
+        report = damage_of(Recording(session))
+    except RecordingError as error:
+        return (str(error),)
+    return (*report.problems, *report.notes)
+
+
+def study_problems(
+    folder: Path,
+    sessions: Sequence[Path] | None = None,
+    problems_of: Callable[[Path], tuple[str, ...]] = session_problems,
+) -> tuple[str, ...]:
     """Return everything wrong with any file of a study: settings, ledger, every session.
 
     With `sessions`, only these of its sessions are looked at. Copies that differ are named, too,
-    though nothing reads them while the original is intact.
+    though nothing reads them while the original is intact. `problems_of` reads one session's files:
+    who checks a study again and again may remember those of which nothing changed.
     """
     problems = [*_settings_problems(folder), *_ledger_problems(folder), *_export_problems(folder)]
     problems += _lock_problems(folder)
@@ -47,7 +61,7 @@ def study_problems(folder: Path, sessions: Sequence[Path] | None = None) -> tupl
     if sessions is None:
         problems += [*list_problems(folder), *_unknown_people(folder)]
     for session in session_folders(folder) if sessions is None else sessions:
-        problems += session_problems(session)
+        problems += problems_of(session)
     return tuple(problems)
 
 
@@ -72,15 +86,6 @@ def _unknown_people(folder: Path) -> list[str]:
             "backup; nobody is added to the study before"
         )
     return problems
-
-
-def session_problems(session: Path) -> tuple[str, ...]:
-    """Return everything wrong with the files of a session, copies included."""
-    try:
-        report = damage_of(Recording(session))
-    except RecordingError as error:
-        return (str(error),)
-    return (*report.problems, *report.notes)
 
 
 def repair_study(folder: Path) -> tuple[str, ...]:
