@@ -46,3 +46,20 @@ class Learner(Protocol):
     def remember(self, memory: Mapping[str, float]) -> None:
         """Take up what was learned before; to be called ahead of `prepare`."""
         ...
+
+
+@runtime_checkable
+class KeyPresser(Protocol):
+    """A simulated participant who can answer boards by keys, where nothing points and no gaze is
+    calibrated.
+    """
+
+    def answer_by_keys(self, controls: Sequence[str]) -> None:
+        """Answer boards with these controls of the response device from now on."""
+        ...
+
+    def choose(self, choice: int | None, t_ns: int) -> None:
+        """Press the key of a board's choice, counted from 0, after some thought; None leaves the
+        question out.
+        """
+        ...

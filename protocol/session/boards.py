@@ -4,7 +4,7 @@ One generator asks for both callers: a trial that yields its steps to the sessio
 itself between trials. What may answer is data (`Ways`).
 """
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
 
@@ -218,6 +218,21 @@ def _step(at: int | None, control: str, n: int) -> int | None:
     if control in BACK:
         return n - 1 if at is None else max(at - 1, 0)
     return at
+
+
+def keys_of_choice(choice: int | None, controls: Sequence[str]) -> tuple[str, ...]:
+    """Return what to press for a choice, counted from 0, with these controls; () if none does.
+
+    None leaves a question out.
+    """
+    if choice is None:
+        return (LEAVE_OUT_KEY,) if LEAVE_OUT_KEY in controls else ()
+    digit = str(choice + 1)
+    if len(digit) == 1 and digit in controls:
+        return (digit,)
+    on = next((c for c in ON if c in controls), None)
+    confirm = next((c for c in CONFIRM if c in controls), None)
+    return () if on is None or confirm is None else (*[on] * (choice + 1), confirm)
 
 
 def _of_digit(key: str, n: int, can_leave_out: bool) -> int | None:

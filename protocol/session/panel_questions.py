@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from visavis.protocol.people.simulated_participant import SimulatedParticipant
+from visavis.protocol.people.simulated_participant import KeyPresser, SimulatedParticipant
 from visavis.protocol.plan.experiment import Respondent
 from visavis.protocol.plan.steps import FrameView, Show
 from visavis.protocol.session.boards import QUESTIONNAIRE, BoardAnswer, DwellRule, ask_on_board
@@ -67,6 +67,7 @@ class PanelRespondent:
             label = self._otherwise.answer(question_id, prompt, options)
             looked_at = choices.index(label) if label in options else len(options)
             self._participant.look_at(choice_centre_m(panel, looked_at).tolist(), self._loop.t_ns)
+            self._choose(looked_at if looked_at < len(options) else None)
         choice, by = self._ask(question_id, panel)
         if self._participant is not None:
             self._participant.look_at(None, self._loop.t_ns)
@@ -77,6 +78,12 @@ class PanelRespondent:
         return None if choice == len(options) else options[choice]
 
     # ---- private --------------------------------------------------------------------------
+
+    def _choose(self, choice: int | None) -> None:
+        """Let a simulated participant who answers by keys press that of a choice."""
+        participant: object = self._participant
+        if isinstance(participant, KeyPresser):
+            participant.choose(choice, self._loop.t_ns)
 
     def _ask(self, question_id: str, panel: Panel) -> tuple[int | None, str]:
         """Show the board until something is chosen; return the choice and what chose it."""

@@ -21,7 +21,7 @@ from visavis.people.moulder import Outcome, Task, guess, guess_by_any, match, ma
 from visavis.people.observer import DEFAULT_POPULATION, Observer, Population
 from visavis.people.observer.observer import Layout
 from visavis.people.observer.state import HEAD, ROOM, SPEAKER_SIDE
-from visavis.protocol.session.boards import HAND
+from visavis.protocol.session.boards import HAND, keys_of_choice
 from visavis.stimuli.panels import PanelFrame, choice_centre_m
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import SceneFrame
@@ -47,6 +47,8 @@ HAND_AT_M: Final = (0.26, -0.42, -0.30)
 HAND_REST: Final = (0.30, -0.85, -1.0)
 """Point that the hand points to before a question, relative to the eyes."""
 PRESS_S: Final = 0.1
+STEP_S: Final = 0.25
+"""Time between two presses on the way to a choice."""
 THINKING_S: Final = 1.1
 THINKING_LOG_SD: Final = 0.3
 PACE_LOG_SD: Final = 0.2
@@ -82,6 +84,7 @@ class StudyPerson(Observer):
         self._responses = responses
         self._answer_of = answer_of or neutral_answer
         self._leaning = float(generator((seed, index), _LEANING_STREAM).standard_normal())
+        self._board_controls: tuple[str, ...] = ()
         self._forget()
         super().__init__(index, seed, effect, population=population)
 
@@ -166,6 +169,18 @@ class StudyPerson(Observer):
         """Feel a vibration, on which answers may depend."""
         if any(a > 0 for a in amplitudes_01) and role not in self._vibrating_roles:
             self._vibrating_roles.append(role)
+
+    # ---- KeyPresser ----
+
+    def answer_by_keys(self, controls: Sequence[str]) -> None:
+        """Answer boards with these controls of the response device from now on."""
+        self._board_controls = tuple(controls)
+
+    def choose(self, choice: int | None, t_ns: int) -> None:
+        """Press the key of a board's choice, counted from 0, after some thought; None leaves the
+        question out.
+        """
+        self._press_choice(choice, t_ns, self.takes_s(None))
 
     # ---- within ----
 
@@ -259,11 +274,24 @@ class StudyPerson(Observer):
         if reply is None:
             return
         takes_s = max(self.takes_s(response), POINT_S + 0.15)
-        middle = choice_centre_m(panel, list(map(str, response.options)).index(reply))
+        choice = list(map(str, response.options)).index(reply)
+        middle = choice_centre_m(panel, choice)
+        if self._board_controls:
+            self._press_choice(choice, t_ns, takes_s)
+            self.look_at(middle.tolist(), t_ns)
+            return
         since_s = (t_ns - self._origin_ns) / NS_PER_S
         self._hand.point(since_s + takes_s - POINT_S, middle - self._seat)
         self._hand.press(t_ns + round((takes_s + PRESS_S) * NS_PER_S), "trigger")
         self.look_at(middle.tolist(), t_ns)
+
+    def _press_choice(self, choice: int | None, t_ns: int, takes_s: float) -> None:
+        """Press what takes a choice: its digit or, without digits, arrows and then a confirmation.
+
+        Somebody who has neither presses nothing, and the operator answers for them.
+        """
+        for number, control in enumerate(keys_of_choice(choice, self._board_controls)):
+            self._hand.press(t_ns + round((takes_s + number * STEP_S) * NS_PER_S), control)
 
     def _press_when_noticed(self, t_ns: int) -> None:
         """Press if the study asks for keys, which a person only knows from the instruction."""

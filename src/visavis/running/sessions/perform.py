@@ -11,14 +11,21 @@ from types import ModuleType
 from typing import Any
 from weakref import WeakSet
 
-from visavis.devices.contracts import Armband, DeviceInfo, OwnRecording, SessionName
+from visavis.devices.contracts import (
+    Armband,
+    DeviceInfo,
+    OnScreen,
+    OwnRecording,
+    ResponseInput,
+    SessionName,
+)
 from visavis.devices.haptic_safety import HapticGuard
 from visavis.devices.shared_body import SharedBody
 from visavis.lab.clock import Clock, require_fine_clock
 from visavis.lab.compiled import forget_old_kernels
 from visavis.lab.config import INCIDENTS, LabConfig, with_devices
 from visavis.lab.errors import ConfigError, LabError, SessionAborted
-from visavis.protocol.people.simulated_participant import SimulatedParticipant
+from visavis.protocol.people.simulated_participant import KeyPresser, SimulatedParticipant
 from visavis.protocol.plan.experiment import Experiment, Respondent, no_progress
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.protocol.session.progress import Progress, progress_of_recording
@@ -281,7 +288,23 @@ def _equip(request: Request, stack: ExitStack) -> _Devices:
         get_ready(request.study, request.experiment, request.config)
         stack.enter_context(request.experiment.settings.beside.in_process())
     rig = build_rig(request.config, request.clock, participant, seed, stack, request.without)
+    _say_what_answers(request, rig, participant)
     return _Devices(rig, participant, respondent)
+
+
+def _say_what_answers(request: Request, rig: Rig, participant: object) -> None:
+    """Let a simulated person who has neither a hand nor a gaze that is tracked answer by keys."""
+    points = not isinstance(rig.headset, OnScreen) or "body_tracker" in rig.others
+    experiment = request.experiment
+    gaze_answers = (
+        rig.eye_tracker is not None
+        and experiment.study.devices.calibrate
+        and experiment.settings.ways.dwell is not None
+    )
+    keys = rig.others.get("responses")
+    if isinstance(participant, KeyPresser) and isinstance(keys, ResponseInput):
+        if not (points or gaze_answers):
+            participant.answer_by_keys(keys.controls)
 
 
 def _perform_part(
