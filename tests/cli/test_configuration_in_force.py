@@ -114,6 +114,7 @@ SAYS_IT = {
     "demo": "",
     "view": "nothing",
     "film": "nothing --trial T01 -o a.avi",
+    "gaze-map": "nothing --by a",
     "replay": "nothing --verify",
     "analyse": "nothing",
     "report": "nothing",

@@ -95,6 +95,10 @@ COMMANDS: Mapping[str, Entry] = {
         "film",
         "Film a recorded trial of any study by a camera of your choice, whatever was drawn in it.",
     ),
+    "gaze-map": Entry(
+        "gaze_map",
+        "Draw how long people looked where on the scene, by condition, and where two differ.",
+    ),
     "replay": Entry(
         "replay",
         "Perform a recorded session again, and say where the two first differ.",

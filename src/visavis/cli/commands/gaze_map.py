@@ -1,0 +1,49 @@
+"""gaze-map: where people looked on the scene, by condition."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from visavis.cli.app import AcceptDamage, ConfigOption, app, say, verbatim
+from visavis.cli.commands.study import PeekOption, StudyFolder
+from visavis.cli.notifier import NOTIFIER
+from visavis.cli.personal_copies import protect_and_register
+from visavis.cli.studies import folder_of
+from visavis.running.scripts import open_study
+from visavis.running.sessions.study_folder import DERIVED_FOLDER
+
+
+@app.command("gaze-map")
+def gaze_map(
+    folder: StudyFolder,
+    by: Annotated[str, typer.Option("--by", help="The factor whose levels get a picture each.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Folder; derived/figures when left out.")
+    ] = None,
+    accept_damage: AcceptDamage = False,
+    peek: PeekOption = None,
+    config: ConfigOption = None,
+) -> None:
+    """Draw how long people looked where on the scene, by condition, and where two differ.
+
+    Gaze ends on what was drawn: people, things, walls. The scene is that of one trial, from the
+    middle of all eyes; studies in which people walk have no such place and are refused.
+
+    Example: visavis gaze-map data/simulated/stare --by condition
+    """
+    # Late: drawing and figures take a second to import, and a wrong option needs none.
+    from visavis.cli.gaze_map import difference_words, gaze_maps, write_maps
+
+    where = folder_of(folder, config, "gaze-map")
+    data = open_study(where, accept_damage=accept_damage)
+    with NOTIFIER.progress("gaze on the scene, trials") as on_trial:
+        made = gaze_maps(data, by, peek=peek, on_trial=on_trial)
+    is_simulated = any(session.is_simulated for session in data)
+    out = where / DERIVED_FOLDER / "figures" if output is None else output
+    out.mkdir(parents=True, exist_ok=True)
+    paths = write_maps(made, data.study, out, is_simulated=is_simulated)
+    say(difference_words(made, data.study))
+    for path in paths:
+        say(f"written [b]{verbatim(path)}[/]")
+    protect_and_register("gaze map", [session.path for session in data], out, paths)

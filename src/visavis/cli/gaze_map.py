@@ -1,0 +1,349 @@
+"""Maps of gaze on the scene: how long people looked where, by condition, on what was drawn."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from visavis.analysis.gaze.maps import (
+    MIN_PEOPLE,
+    Cluster,
+    Grid,
+    Values,
+    clusters_of_difference,
+    dwell_map,
+)
+from visavis.analysis.plots import ReportFigure, draw, new_figure, write_figure
+from visavis.analysis.report.notation import count_of
+from visavis.cli.film.film import FILM_ON_PROCESSOR, pictures_of
+from visavis.cli.film.renderer import film_renderer
+from visavis.cli.preview.pictures import symmetric_camera
+from visavis.cli.recorded_trial import RecordedTrial, recorded_trial
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.errors import UsageError
+from visavis.lab.geometry import Pose, Vector, quat_conjugate, quat_from_yaw_pitch_deg, rotate
+from visavis.recording.cached import CachedRecording
+from visavis.results.opened_study import OpenedStudy
+from visavis.running.scripts import StudyData
+from visavis.stimuli.surfaces import Surfaces
+from visavis.study.texts import label_of
+
+PICTURE_EVERY_NS: Final = 4 * NS_PER_S
+"""How often people and things are put where they were, for gaze to end on them."""
+MAX_RAYS_HZ: Final = 30
+COARSE: Final = 9
+"""Level of detail of the people on whom gaze ends: the lightest there is."""
+MAX_APART_M: Final = 0.35
+"""From eyes farther apart than this one does not see the same picture."""
+SIZE_PX: Final = (960, 600)
+CELLS: Final = (160, 100)
+MIN_TANGENT, MAX_TANGENT, WITHIN_01 = 0.3, 0.84, 0.98
+ALPHA: Final = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class TrialGaze:
+    """A trial's usable gaze: eyes (n, 3), ends on what was drawn (n, 3), seconds of each sample."""
+
+    participant: str
+    level: str
+    eyes_m: Vector
+    ends_m: Vector
+    seconds: Values
+
+
+@dataclass(frozen=True, eq=False)
+class GazeMaps:
+    """Maps by level (participants, rows, columns) in s per square degree and trial, on a picture.
+
+    `clusters` are those in which the first two levels differ; None where they were not compared,
+    `why_not` says why.
+    """
+
+    factor: str
+    levels: tuple[str, ...]
+    people: Mapping[str, tuple[str, ...]]
+    maps: Mapping[str, Values]
+    grid: Grid
+    image: "np.ndarray[Any, np.dtype[np.uint8]]"
+    clusters: tuple[Cluster, ...] | None
+    why_not: str
+
+
+def gaze_maps(
+    data: StudyData, factor: str, *, peek: str | None, on_trial: Callable[[int, int], None]
+) -> GazeMaps:
+    """Return the maps of a study's trials that count, and where its first two levels differ.
+
+    Raises:
+        UsageError: there is no such factor, no gaze, or people looked from places too far apart.
+        StageError: nothing draws here.
+    """
+    analysis = data.analysis(peek=peek)
+    if factor not in analysis.levels:
+        names = ", ".join(analysis.levels)
+        raise UsageError(f"--by {factor}: {data.study.name} has the factors {names}")
+    counted = analysis.selection.counted
+    levels = tuple(str(v) for v in analysis.levels[factor] if (counted[factor] == v).any())
+    looks, first = _looks(data, counted, factor, on_trial)
+    eyes_m = np.concatenate([one.eyes_m for one in looks])
+    middle_m = np.median(eyes_m, axis=0)
+    apart_m = float(np.percentile(np.linalg.norm(eyes_m - middle_m, axis=1), 95))
+    if apart_m > MAX_APART_M:
+        raise UsageError(
+            f"people looked from places up to {apart_m:.1f} m apart: no one picture shows "
+            "what they saw; visavis view shows a session as it was"
+        )
+    image, seen_from, grid = _scene(data.study, first, middle_m, looks)
+    maps, people = {}, {}
+    for level in levels:
+        of_people = maps_of_people([one for one in looks if one.level == level], seen_from, grid)
+        people[level], maps[level] = tuple(of_people), np.array(list(of_people.values()))
+    clusters, why_not = _compare(levels, people, maps)
+    return GazeMaps(factor, levels, people, maps, grid, image, clusters, why_not)
+
+
+def _looks(
+    data: StudyData, counted: pd.DataFrame, factor: str, on_trial: Callable[[int, int], None]
+) -> tuple[list[TrialGaze], RecordedTrial]:
+    """Return the gaze of every trial that counts, and the first of these trials."""
+    looks: list[TrialGaze] = []
+    first: RecordedTrial | None = None
+    surfaces, done = Surfaces(COARSE), 0
+    for session in data.sessions:
+        manifest = session.recording.manifest
+        mine = counted[
+            (counted["participant"].astype(str) == manifest.participant)
+            & (counted["session"].astype(int) == manifest.session)
+        ]
+        recording = CachedRecording(session.path)
+        for trial_id, level in zip(mine["trial_id"], mine[factor], strict=True):
+            trial = recorded_trial(recording, str(trial_id))
+            ends = _ends(data.study, trial, surfaces)
+            if ends is not None:
+                first = first or trial
+                looks.append(TrialGaze(manifest.participant, str(level), *ends))
+            done += 1
+            on_trial(done, len(counted))
+    if first is None:
+        raise UsageError(f"{data.path}: no trial that counts has usable gaze on a scene")
+    return looks, first
+
+
+def _ends(
+    study: OpenedStudy, trial: RecordedTrial, surfaces: Surfaces
+) -> tuple[Vector, Vector, Values] | None:
+    """Return eyes, ends and seconds of a trial's gaze; None without any on a scene."""
+    if trial.gaze is None:
+        return None
+    start_ns, end_ns = trial.span_ns
+    stamps = trial.gaze["t_sample_ns"]
+    inside = (stamps >= start_ns) & (stamps < end_ns)
+    if np.count_nonzero(inside) < 2:
+        return None
+    # A ray costs as much as the scene has triangles: thirty a second are enough for 1°.
+    period_s = float(np.median(np.diff(stamps[inside]))) / NS_PER_S
+    every = max(1, round(1 / (MAX_RAYS_HZ * period_s)))
+    rows = np.flatnonzero(inside)[::every]
+    rows, seconds = rows[trial.gaze["valid"][rows]], every * period_s
+    shown_at = pictures_of(study, trial)
+    pieces = []
+    step = (stamps[rows] - start_ns) // PICTURE_EVERY_NS
+    for k in np.unique(step):
+        here = rows[step == k]
+        picture = shown_at(int(stamps[here[len(here) // 2]]))
+        if picture.brightness_01 <= 0:
+            continue
+        eyes_m = trial.gaze["origin_world_m"][here].astype(np.float64)
+        direction = trial.gaze["direction_world"][here].astype(np.float64)
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        far_m = np.minimum(surfaces.ends(picture, eyes_m, direction).distance_m, 50.0)
+        pieces.append((eyes_m, eyes_m + far_m[:, None] * direction))
+    if not pieces:
+        return None
+    eyes, ends = (np.concatenate([piece[i] for piece in pieces]) for i in (0, 1))
+    return eyes, ends, np.full(len(eyes), seconds)
+
+
+def _tangents(seen_from: Pose, places_m: Vector) -> tuple[Values, Values, "np.ndarray[Any, Any]"]:
+    """Return tangents x, y of places from an eye, and which lie before it."""
+    back = quat_conjugate(seen_from.orientation_wxyz)
+    turn = np.stack([rotate(back, axis) for axis in np.eye(3)])
+    own = (places_m - seen_from.position_m) @ turn
+    before = own[:, 2] < -0.05
+    depth = np.where(before, -own[:, 2], 1.0)
+    return own[:, 0] / depth, own[:, 1] / depth, before
+
+
+def _scene(
+    study: OpenedStudy, first: RecordedTrial, eye_m: Vector, looks: Sequence[TrialGaze]
+) -> tuple[Any, Pose, Grid]:
+    """Draw the first trial's scene from the middle of all eyes, towards the middle of all gaze."""
+    ends_m = np.concatenate([one.ends_m for one in looks])
+    toward = ends_m - eye_m
+    toward = (toward / np.linalg.norm(toward, axis=1, keepdims=True)).mean(axis=0)
+    yaw_deg = float(np.degrees(np.arctan2(-toward[0], -toward[2])))
+    pitch_deg = float(np.degrees(np.arctan2(toward[1], np.hypot(toward[0], toward[2]))))
+    seen_from = Pose(eye_m, quat_from_yaw_pitch_deg(yaw_deg, pitch_deg))
+    x, y, before = _tangents(seen_from, ends_m)
+    aspect = SIZE_PX[0] / SIZE_PX[1]
+    needed = np.maximum(np.abs(x[before]) / aspect, np.abs(y[before]))
+    top = float(np.clip(1.1 * np.quantile(needed, WITHIN_01), MIN_TANGENT, MAX_TANGENT))
+    start_ns, end_ns = first.span_ns
+    times = np.linspace(start_ns, end_ns, 9)[1:-1].astype(np.int64)
+    shown_at = pictures_of(study, first)
+    picture = next((p for t in times if (p := shown_at(int(t))).brightness_01 > 0), None)
+    if picture is None:
+        raise UsageError(f"{first.recording.path}: its first trial shows no scene to draw gaze on")
+    with film_renderer(FILM_ON_PROCESSOR) as renderer:
+        image = np.array(renderer.image(picture, symmetric_camera(seen_from, top, aspect), SIZE_PX))
+    return image, seen_from, Grid(top * aspect, top, *CELLS)
+
+
+def maps_of_people(looks: Sequence[TrialGaze], seen_from: Pose, grid: Grid) -> dict[str, Values]:
+    """Return each participant's map in s per square degree and trial, by label."""
+    maps = {}
+    for who in sorted({one.participant for one in looks}):
+        mine = [one for one in looks if one.participant == who]
+        x, y, before = _tangents(seen_from, np.concatenate([one.ends_m for one in mine]))
+        seconds = np.concatenate([one.seconds for one in mine])
+        maps[who] = dwell_map(grid, x[before], y[before], seconds[before]) / len(mine)
+    return maps
+
+
+def _compare(
+    levels: Sequence[str], people: Mapping[str, Sequence[str]], maps: Mapping[str, Values]
+) -> tuple[tuple[Cluster, ...] | None, str]:
+    """Return where the first two levels differ; or why they were not compared."""
+    if len(levels) < 2:
+        return None, "there is one level"
+    first, second = levels[:2]
+    both = [who for who in people[first] if who in people[second]]
+    if len(both) < MIN_PEOPLE:
+        had = count_of(len(both), "participant")
+        return None, f"{had} had both; a test of maps needs {MIN_PEOPLE}"
+    rows = [[people[level].index(who) for who in both] for level in (first, second)]
+    differences = maps[first][rows[0]] - maps[second][rows[1]]
+    return tuple(c for c in clusters_of_difference(differences) if c.p < ALPHA), ""
+
+
+def figure_of_maps(made: GazeMaps, study: OpenedStudy, *, is_simulated: bool) -> ReportFigure:
+    """Return the figure: a panel for each level, and the difference of the first two."""
+    texts = study.experiment({}).texts
+    names = {level: label_of(texts, level) for level in made.levels}
+    factor = label_of(texts, made.factor)
+    n = count_of(len({who for of in made.people.values() for who in of}), "participant")
+    return draw(
+        f"gaze_map_by_{made.factor}",
+        lambda: _figure(made, names),
+        title=f"Where people looked, by {factor}",
+        caption=f"Mean over {n} of the time of gaze on what was drawn, in ms per square degree and "
+        f"trial, smoothed by 1°. {difference_words(made, study)} The scene is that of one trial, "
+        "seen from the middle of all eyes.",
+        alternative=f"The scene with the time of gaze on it, a picture for each {factor}.",
+        is_simulated=is_simulated,
+    )
+
+
+def difference_words(made: GazeMaps, study: OpenedStudy) -> str:
+    """Return in a sentence where the first two levels differ, or why they were not compared."""
+    texts = study.experiment({}).texts
+    names = {level: label_of(texts, level) for level in made.levels}
+    if made.clusters is None:
+        return f"Not compared: {made.why_not}."
+    first, second = (names[level] for level in made.levels[:2])
+    which = f"{first} minus {second}"
+    if not made.clusters:
+        return f"{which}: no cluster of cells differs (permutation test, p < .05)."
+    ps = ", ".join(f"p = {c.p:.3f}".replace("0.", ".") for c in made.clusters)
+    return f"{which}: outlined clusters differ (permutation of signs, {ps})."
+
+
+def _figure(made: GazeMaps, names: Mapping[str, str]) -> Figure:
+    means = {level: 1000 * of.mean(axis=0) for level, of in made.maps.items()}
+    top = max(float(np.quantile(mean, 0.999)) for mean in means.values())
+    has_difference = len(made.levels) > 1
+    count = len(made.levels) + has_difference
+    across = 2 if count > 1 else 1
+    figure = new_figure(4.4 * across, 2.5 * ((count + across - 1) // across))
+    every = list(figure.subplots(-(-count // across), across, squeeze=False).flat)
+    grey = made.image.mean(axis=2)
+    width, height = made.grid.half_width, made.grid.half_height
+    reach = (-width, width, -height, height)
+    for axes in every:
+        axes.set_axis_off()
+    for axes, level in zip(every, made.levels, strict=False):
+        axes.imshow(grey, cmap="gray", vmin=0, vmax=255, extent=reach, interpolation="bilinear")
+        mean = means[level]
+        shown = axes.imshow(
+            mean,
+            cmap="inferno",
+            vmin=0,
+            vmax=top,
+            alpha=np.clip(mean / top * 1.6, 0, 0.85),
+            extent=reach,
+            interpolation="bilinear",
+        )
+        axes.set_title(f"{names[level]} (n = {len(made.people[level])})", fontsize=9.5)
+    figure.colorbar(shown, ax=every[: len(made.levels)], shrink=0.7, label="ms per deg² and trial")
+    if has_difference:
+        axes = every[len(made.levels)]
+        first, second = made.levels[:2]
+        difference = means[first] - means[second]
+        most = float(np.quantile(np.abs(difference), 0.999)) or 1.0
+        axes.imshow(grey, cmap="gray", vmin=0, vmax=255, extent=reach, interpolation="bilinear")
+        shown = axes.imshow(
+            difference,
+            cmap="PuOr_r",
+            vmin=-most,
+            vmax=most,
+            alpha=np.clip(np.abs(difference) / most * 1.6, 0, 0.85),
+            extent=reach,
+            interpolation="bilinear",
+        )
+        x, y = made.grid.centres()
+        for cluster in made.clusters or ():
+            axes.contour(x, y, cluster.cells.astype(float), [0.5], colors="white", linewidths=1.4)
+        axes.set_title(f"{names[first]} minus {names[second]}", fontsize=9.5)
+        figure.colorbar(shown, ax=axes, shrink=0.7)
+    return figure
+
+
+def table_of_maps(made: GazeMaps, *, is_simulated: bool) -> pd.DataFrame:
+    """Return a row for each level and cell: its place in degrees, mean and SD over people."""
+    x, y = made.grid.centres()
+    right_deg, up_deg = np.meshgrid(np.degrees(np.arctan(x)), np.degrees(np.arctan(y)))
+    return pd.concat(
+        [
+            pd.DataFrame(
+                {
+                    made.factor: level,
+                    "right_deg": right_deg.ravel().round(3),
+                    "up_deg": up_deg.ravel().round(3),
+                    "dwell_ms_per_deg2": (1000 * of.mean(axis=0)).ravel().round(4),
+                    "sd_ms_per_deg2": (1000 * of.std(axis=0, ddof=1)).ravel().round(4)
+                    if len(of) > 1
+                    else np.nan,
+                    "participants": len(of),
+                    "is_simulated": is_simulated,
+                }
+            )
+            for level, of in made.maps.items()
+        ],
+        ignore_index=True,
+    )
+
+
+def write_maps(
+    made: GazeMaps, study: OpenedStudy, folder: Path, *, is_simulated: bool
+) -> list[Path]:
+    """Write the figure (SVG and PNG) and the table beside it; return their paths."""
+    figure = figure_of_maps(made, study, is_simulated=is_simulated)
+    paths = list(write_figure(figure, folder))
+    table = folder / f"{figure.name}.csv"
+    table_of_maps(made, is_simulated=is_simulated).to_csv(table, index=False)
+    return [*paths, table]

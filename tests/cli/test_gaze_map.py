@@ -1,0 +1,101 @@
+"""Maps of gaze on the scene: on whom they lie, from where they are seen, and what is refused."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from tests.sessions import opened, perform
+from visavis.analysis.gaze.maps import Grid
+from visavis.cli.app import app
+from visavis.cli.gaze_map import (
+    TrialGaze,
+    difference_words,
+    gaze_maps,
+    maps_of_people,
+    table_of_maps,
+)
+from visavis.lab.errors import UsageError
+from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
+from visavis.recording.folder import study_dir
+from visavis.running.scripts import open_study
+from visavis.running.sessions.study_folder import settle, wanted_settings
+from visavis.stage.errors import StageError
+from visavis.stage.renderer import LIGHTEST, Renderer
+
+GRID = Grid(0.8, 0.5, 160, 100)
+
+
+def looks(who: str, ends_m: list[list[float]], seconds: float = 0.1) -> TrialGaze:
+    ends = np.array(ends_m)
+    return TrialGaze(who, "A", np.zeros_like(ends), ends, np.full(len(ends), seconds))
+
+
+@pytest.mark.parametrize("yaw_deg", [0.0, 40.0, -120.0])
+def test_a_place_lies_where_the_eye_sees_it(yaw_deg: float) -> None:
+    turn = quat_from_yaw_pitch_deg(yaw_deg)
+    # 2 m ahead, .4 m to the right and .3 m up, as the turned eye has them.
+    angle, eye_m = np.radians(yaw_deg), np.array([1.0, 1.2, 3.0])
+    right = np.array([np.cos(angle), 0, -np.sin(angle)])
+    ahead = np.array([-np.sin(angle), 0, -np.cos(angle)])
+    place = eye_m + 2 * ahead + 0.4 * right + np.array([0, 0.3, 0])
+    made = maps_of_people([looks("07K", [place.tolist()])], Pose(eye_m, turn), GRID)
+    row, column = np.unravel_index(made["07K"].argmax(), GRID.shape)
+    x, y = GRID.centres()
+    assert (0.2, 0.15) == (pytest.approx(x[column], abs=0.006), pytest.approx(y[row], abs=0.006))
+
+
+def test_a_map_is_of_one_trial_and_what_is_behind_the_eye_is_nowhere() -> None:
+    eye = Pose(np.zeros(3), quat_from_yaw_pitch_deg(0))
+    once = maps_of_people([looks("07K", [[0, 0, -2]])], eye, GRID)["07K"]
+    twice = maps_of_people([looks("07K", [[0, 0, -2], [0, 0, 2]])] * 2, eye, GRID)["07K"]
+    np.testing.assert_allclose(once, twice)
+    assert (once * GRID.area_deg2()).sum() == pytest.approx(0.1, rel=1e-4)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    try:
+        Renderer(quality=LIGHTEST).close()
+    except StageError as problem:
+        pytest.skip(str(problem))
+    root = tmp_path_factory.mktemp("map")
+    study = opened("duel")
+    where = study_dir(root, study.name, is_simulated=True)
+    settle(where, wanted_settings(where, study, is_simulated=True), seed_given=False)
+    for index in range(2):
+        perform("duel", root, index, repetitions=1, practice=0)
+    return where
+
+
+def test_people_look_at_people_and_the_map_says_how_long(folder: Path) -> None:
+    data = open_study(folder)
+    made = gaze_maps(data, "gaze", peek=None, on_trial=lambda done, total: None)
+    counted = data.analysis().selection.counted
+    for level in made.levels:
+        seconds = (made.maps[level] * made.grid.area_deg2()).sum(axis=(1, 2))
+        lasted = counted[counted["gaze"] == level]
+        longest = (lasted["t_end_ns"] - lasted["t_start_ns"]).max() / 1e9
+        assert (seconds > 0.3).all()
+        assert (seconds <= longest).all()
+    table = table_of_maps(made, is_simulated=True)
+    assert len(made.levels) * made.grid.columns * made.grid.rows == len(table)
+    assert made.clusters is None
+    assert "2 participants had both; a test of maps needs 6" in difference_words(made, data.study)
+
+
+def test_a_factor_that_is_not_there_is_named_with_those_that_are(folder: Path) -> None:
+    with pytest.raises(UsageError, match=r"--by place: duel has the factors .*gaze"):
+        gaze_maps(open_study(folder), "place", peek=None, on_trial=lambda done, total: None)
+
+
+def test_the_verb_writes_pictures_and_a_table_and_says_what_differs(folder: Path) -> None:
+    result: Any = CliRunner().invoke(app, ["gaze-map", str(folder), "--by", "gaze"])
+    assert 0 == result.exit_code, result.output
+    figures = folder / "derived" / "figures"
+    for ending in ("svg", "png", "csv"):
+        assert (figures / f"gaze_map_by_gaze.{ending}").stat().st_size > 1000
+    assert "simulated-watermark" in (figures / "gaze_map_by_gaze.svg").read_text()
+    assert "Not compared" in result.output
