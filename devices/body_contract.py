@@ -66,6 +66,35 @@ class RecallingBody(Body, Protocol):
 
 
 @runtime_checkable
+class PlanningBody(Body, Protocol):
+    """A body whose head follows plans of its own, and can be asked for coming times."""
+
+    @property
+    def plan_number(self) -> int:
+        """A number that is another one as soon as something shown or said may change the plans."""
+        ...
+
+    def heads_ahead(
+        self, t_ns: npt.NDArray[np.int64]
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Return what `head` will return for coming times (n,): positions (n, 3) and orientations
+        (n, 4). It changes nothing, and holds while `plan_number` is the same.
+        """
+        ...
+
+
+def has_plans_of(kind: type) -> bool:
+    """Tell whether a class itself says what its head will do, and not only a base class whose
+    head, or whose ways to see and hear, it replaced.
+    """
+    first = {
+        name: next((i for i, c in enumerate(kind.__mro__) if name in vars(c)), len(kind.__mro__))
+        for name in ("heads_ahead", "head", "see", "look_at", "prepare")
+    }
+    return min(first.values()) == first["heads_ahead"]
+
+
+@runtime_checkable
 class ForeseeableHand(Body, Protocol):
     """A body that can tell until when it presses nothing."""
 

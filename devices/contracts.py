@@ -9,13 +9,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
-from typing import Literal, Protocol, runtime_checkable
+from typing import Literal, NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+import numpy.typing as npt
 
 from visavis.devices.body_contract import EYES_DTYPE as EYES_DTYPE
 from visavis.devices.body_contract import Body as Body
 from visavis.devices.body_contract import ForeseeableHand as ForeseeableHand
 from visavis.devices.body_contract import MovingBody as MovingBody
 from visavis.devices.body_contract import OneStretch as OneStretch
+from visavis.devices.body_contract import PlanningBody as PlanningBody
 from visavis.devices.body_contract import PressesNothing as PressesNothing
 from visavis.devices.body_contract import RecallingBody as RecallingBody
 from visavis.devices.streams import BAND as BAND
@@ -318,6 +322,40 @@ class PoseAtOnce(Protocol):
 
     def head_measured(self) -> Pose | None:
         """Return the head at the start of the last frame, as in its sample; None if lost."""
+        ...
+
+
+class FramesAhead(NamedTuple):
+    """Coming frames of a display whose head follows plans: for n frames `t_ns` when they begin,
+    `light_ns` when their light leaves, and `poses` (n, 2, 7), float32, of the head as measured and
+    as foreseen for the light: position, then orientation. `heads` are the body's own positions
+    (n, 3) and orientations (n, 4). All hold while `plan_number` is the body's.
+    """
+
+    t_ns: list[int]
+    light_ns: list[int]
+    poses: npt.NDArray[np.float32]
+    heads: tuple[Vector, Vector]
+    plan_number: int
+
+
+@runtime_checkable
+class FramesAtOnce(PoseAtOnce, Protocol):
+    """A simulated headset that can tell coming frames, and pass several of them at once."""
+
+    def frames_ahead(self, until_ns: int, most: int) -> FramesAhead | None:
+        """Return the coming frames before a time, `most` at most; None where they are not known.
+
+        It changes nothing.
+        """
+        ...
+
+    def holds(self, ahead: FramesAhead) -> bool:
+        """Tell whether nothing has changed the body's plans since frames were told."""
+        ...
+
+    def pass_frames(self, ahead: FramesAhead, n: int) -> FrameInfo:
+        """Wait for each of the first n frames, submit no images meanwhile, and return the last."""
         ...
 
 

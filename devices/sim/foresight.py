@@ -72,6 +72,33 @@ class Foresight:
             _foresee_both(*self._past, self._newest, self._count, now_ns, t_ns, poses)
         return poses
 
+    def ahead(
+        self,
+        times_ns: Times,
+        lights_ns: Times,
+        heads: tuple[Vector, Vector],
+    ) -> npt.NDArray[np.float32]:
+        """Return (n, 2, 7) what `at_once` will return at coming times, given the heads then."""
+        poses = np.empty((times_ns.shape[0], 2, 7), np.float32)
+        t_ns, place_m, turn_wxyz = self._past
+        past = _Past(t_ns.copy(), place_m.copy(), turn_wxyz.copy())
+        _foresee_run(*past, self._newest, self._count, times_ns, lights_ns, *heads, poses)
+        return poses
+
+    def pass_times(self, times_ns: Times, heads: tuple[Vector, Vector]) -> None:
+        """Measure at each of some times, at which the head is known."""
+        past = self._past
+        with self._lock:
+            n = times_ns.shape[0]
+            at = (self._newest + 1 + np.arange(n)) % MEASUREMENTS_KEPT
+            past.t_ns[at], (past.place_m[at], past.turn_wxyz[at]) = times_ns, heads
+            self._newest, self._newest_ns = int(at[-1]), int(times_ns[-1])
+            self._count = min(self._count + n, MEASUREMENTS_KEPT)
+
+    def is_before(self, t_ns: int) -> bool:
+        """Tell whether nothing was measured at this time or later."""
+        return not self._count or self._newest_ns < t_ns
+
     def _measure(self, now_ns: int) -> None:
         """Measure the head now, unless that or a later time was measured."""
         if self._count and now_ns <= self._newest_ns:
@@ -101,6 +128,33 @@ def _foresee_both(
         _foresee(past_ns, past_m, past_wxyz, newest, count, at_ns, pose)
         for k in range(7):
             poses[row, k] = pose[k]
+
+
+@compiled
+def _foresee_run(
+    past_ns: Times,
+    past_m: Vector,
+    past_wxyz: Vector,
+    newest: int,
+    count: int,
+    times_ns: Times,
+    lights_ns: Times,
+    heads_m: Vector,
+    heads_wxyz: Vector,
+    poses: npt.NDArray[np.float32],
+) -> None:
+    """Measure at several times in turn, and write the head at each and at its light."""
+    for i in range(times_ns.shape[0]):
+        newest = (newest + 1) % MEASUREMENTS_KEPT
+        count = min(count + 1, MEASUREMENTS_KEPT)
+        past_ns[newest] = times_ns[i]
+        for k in range(3):
+            past_m[newest, k] = heads_m[i, k]
+        for k in range(4):
+            past_wxyz[newest, k] = heads_wxyz[i, k]
+        _foresee_both(
+            past_ns, past_m, past_wxyz, newest, count, times_ns[i], lights_ns[i], poses[i]
+        )
 
 
 @compiled

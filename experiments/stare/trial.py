@@ -27,10 +27,9 @@ from visavis.protocol.plan.steps import (
     Scalar,
     Step,
 )
-from visavis.stimuli.scene import SceneFrame
 from visavis.study.asking import frame
 from visavis.study.frames import gaze_has_arrived, show_frame
-from visavis.study.scenes import WithEyes
+from visavis.study.scenes import PassingScene, WithEyes
 
 TRAINING_PROMPT: Final = (
     "Training: has the participant seen audience and speaker, and is ready? Then space"
@@ -82,14 +81,12 @@ def run_trial(trial: Trial, params: StareParameters) -> Plan:
     end_ns = None if trial.is_practice else start_ns + duration_ns
     quiet_until_ns = start_ns + duration_ns  # a training does not end before, either
     training = _Training(trial, params, start_ns)
-    gazes: list[GazeView] = []  # counted at the end: gaze nobody looks at costs a simulation less
+    # counted at the end: gaze nobody looks at costs a simulation less
+    gazes: list[GazeView] = []
+    passing = PassingScene(picture, start_ns, gazes)
     look_ns: int | None = None
     switch_ns: int | None = None
     cause: SwitchCause | None = None
-
-    def pass_frame(view: FrameView) -> SceneFrame | None:
-        gazes.append(view.gaze)
-        return picture.frame(view, view.t_ns - start_ns)
 
     while True:
         now_ns = view.t_ns
@@ -116,7 +113,7 @@ def run_trial(trial: Trial, params: StareParameters) -> Plan:
             picture.look(eyes.turning(active, elapsed_ns, to_observer=to_observer))
         yield from show_frame(picture.frame(view, elapsed_ns))
         waits_for_look = may_change and switch_ns is None
-        view = yield from frame(0 if turns_now or waits_for_look else quiet_until_ns, pass_frame)
+        view = yield from frame(0 if turns_now or waits_for_look else quiet_until_ns, passing)
         if turns_now:
             # As with the scene's onset, the change counts from when its light leaves.
             switch_ns = view.t_ns

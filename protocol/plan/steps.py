@@ -7,9 +7,10 @@ aborts a plan by throwing `TrialInterrupted` into it, so `finally` blocks still 
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -120,6 +121,59 @@ class NextFrame:
 
     quiet_until_ns: int = 0
     update: "Callable[[FrameView], SceneFrame | None] | None" = None
+
+
+class Pictures(Protocol):
+    """What is shown after each of n coming frames, as a plan would say frame by frame.
+
+    Where nothing new is shown after a frame, `is_new` (n,) is false and the rows of the others have
+    no meaning: `gaze_direction` (n, m, 3), `eye_openness_01` (n, m) and `gaze_distance_m` (n, m) of
+    m agents.
+    """
+
+    is_new: npt.NDArray[np.bool_]
+    gaze_direction: npt.NDArray[np.float64]
+    eye_openness_01: npt.NDArray[np.float64]
+    gaze_distance_m: npt.NDArray[np.float64]
+
+    def after(self, i: int) -> SceneFrame:
+        """Return what is new after frame i."""
+        ...
+
+
+class Unchanged:
+    """Pictures after frames that begin at `t_ns` (n,): nothing new is shown."""
+
+    def __init__(self, t_ns: Sequence[int]) -> None:
+        n = len(t_ns)
+        self.t_ns = t_ns
+        self.is_new = np.zeros(n, np.bool_)
+        self.gaze_direction = np.zeros((n, 0, 3))
+        self.eye_openness_01 = self.gaze_distance_m = np.zeros((n, 0))
+
+    def after(self, i: int) -> SceneFrame:
+        """Raise IndexError: nothing is new after any frame."""
+        raise IndexError(i)
+
+
+class UpdateAhead(ABC):
+    """An `update` of `NextFrame` that also tells what it will say of coming frames."""
+
+    @abstractmethod
+    def __call__(self, view: "FrameView") -> SceneFrame | None:
+        """Return what to show after a frame; None without a change."""
+
+    @abstractmethod
+    def ahead(self, t_ns: Sequence[int], heads_m: npt.NDArray[np.float64]) -> Pictures | None:
+        """Return what is shown after coming frames, given when each begins and where the head is
+        in it (n, 3), tracked in all; None where this is not known. It changes nothing.
+        """
+
+    @abstractmethod
+    def pass_frames(self, pictures: Any, gazes: "Sequence[GazeView]") -> None:
+        """Take the first of the frames whose `pictures` were told, as many as there are gazes, as
+        if it had been called with each.
+        """
 
 
 class GazeView(NamedTuple):

@@ -16,6 +16,8 @@ from visavis.devices.contracts import (
     POINTER,
     SOUND_EVENTS,
     Fault,
+    FramesAhead,
+    FramesAtOnce,
     OnScreen,
     PoseAtOnce,
 )
@@ -29,10 +31,12 @@ from visavis.protocol.plan.steps import (
     BodyView,
     FrameView,
     GazeView,
+    Pictures,
     Play,
     PlaySound,
     Silence,
     SoundOnset,
+    UpdateAhead,
 )
 from visavis.protocol.session.head_history import MAX_WAITING
 from visavis.protocol.session.observation import GazeObserver
@@ -42,7 +46,7 @@ from visavis.protocol.session.screen_gaze import gaze_through_screen
 from visavis.protocol.session.states import SessionState, StateMachine
 from visavis.protocol.session.streams import FRAMES, gaze_targets_schema, scene_states_schema
 from visavis.recording.writer import Recorder
-from visavis.stage.contracts import Glance, Stage
+from visavis.stage.contracts import GeometryStage, Glance, Stage
 from visavis.stimuli.scene import Scene, SceneFrame
 
 STATE_CODES = {state: code for code, state in enumerate(SessionState)}
@@ -143,6 +147,10 @@ class FrameLoop:
         self._at_once: PoseAtOnce | None = None
         if self._can_wait and isinstance(headset, PoseAtOnce):
             self._at_once = headset
+        # Sounds are heard from where the head is in every frame.
+        can_pass = self._at_once is not None and not rig.has_sound
+        self._ahead = headset if can_pass and isinstance(headset, FramesAtOnce) else None
+        self._geometry = stage if isinstance(stage, GeometryStage) else None
         self._waiting: list[tuple[tuple[object, ...], int]] = []
         self._gaze_may_wait = False
         self.trial_number = -1
@@ -238,6 +246,7 @@ class FrameLoop:
         if may_pass and not (self._press_inbox or self._sound_onsets):
             idle_until_ns = min(quiet_until_ns, self._rig.idle_until_ns())
         while True:
+            self._pass_together(idle_until_ns, update)
             frame = self._begin_frame()
             if frame.t_ns < idle_until_ns and self._rig.is_idle(frame.t_ns):
                 view = self._idle_frame_view(frame)
@@ -249,6 +258,136 @@ class FrameLoop:
             shown = None if update is None else update(view)
             if shown is not None:
                 self._view = shown
+
+    def _pass_together(
+        self, until_ns: int, update: Callable[[FrameView], SceneFrame | None] | None
+    ) -> None:
+        """Pass frames in which no device has anything to do all at once, where headset and plan can
+        tell them ahead; what is recorded is what each would have recorded.
+        """
+        headset, stage, view = self._ahead, self._geometry, self._view
+        if not until_ns or headset is None or stage is None or view is None:
+            return
+        logged = self._logged_view
+        if logged is None or logged.scene is not view.scene:
+            return
+        until_ns = min(until_ns, self._rig.others_idle_until_ns())
+        ahead = headset.frames_ahead(until_ns, MAX_WAITING - len(self._waiting))
+        if ahead is None:
+            return
+        pictures: Pictures | None = None
+        if isinstance(update, UpdateAhead):
+            pictures = update.ahead(ahead.t_ns, ahead.poses[:, 1, :3].astype(np.float64))
+        if pictures is None and update is not None:
+            return
+        n = self._see_together(headset, stage, ahead, pictures)
+        if not n:
+            return
+        before = self._frame
+        last = headset.pass_frames(ahead, n)
+        self._rig.is_idle(last.t_ns)
+        states = self._log_together(before.t_ns, ahead, pictures, n)
+        self.before_ns = ahead.t_ns[n - 2] if n > 1 else before.t_ns
+        self.frames_done += n
+        self._frame = last
+        foreseen = headset.head_foreseen()
+        assert foreseen is not None  # noqa: S101 - frames ahead are those of a tracked head
+        self.head, self.head_valid, self.head_seen = foreseen, True, True
+        extents = self.observer.heads.add_together(
+            ahead.t_ns[:n], ahead.light_ns[:n], ahead.poses[:n]
+        )
+        gazes = self._record_together(last.index + 1 - n, ahead, states, extents)
+        if pictures is not None and isinstance(update, UpdateAhead):
+            update.pass_frames(pictures, gazes)
+        if len(self._waiting) == MAX_WAITING:
+            self.catch_up()
+
+    def _see_together(
+        self,
+        headset: FramesAtOnce,
+        stage: GeometryStage,
+        ahead: FramesAhead,
+        pictures: Pictures | None,
+    ) -> int:
+        """Let viewers see what coming frames show; return how many follow as they were told.
+
+        A frame shows what was new after the one before. As soon as that changes where the head
+        goes, or what the hands do, the frames from then on are not those that were told.
+        """
+        view, light_ns = self._view, self._frame.predicted_display_ns
+        last = len(ahead.t_ns) - 1
+        is_new = [False] * (last + 1) if pictures is None else pictures.is_new.tolist()
+        must_tell = True
+        for i, t_ns in enumerate(ahead.t_ns):
+            if pictures is not None and i and is_new[i - 1]:
+                view = pictures.after(i - 1)
+                must_tell = True
+            if must_tell or i == last:
+                assert view is not None  # noqa: S101 - the caller looked
+                stage.tell(view, light_ns)
+                if not headset.holds(ahead) or self._rig.others_idle_until_ns() <= t_ns:
+                    return i
+            must_tell = False
+            light_ns = ahead.light_ns[i]
+        return last + 1
+
+    def _log_together(
+        self, before_ns: int, ahead: FramesAhead, pictures: Pictures | None, n: int
+    ) -> list[int]:
+        """Record what n frames show; return the number of the last state in each."""
+        view = self._view
+        if view is not None and view is not self._logged_view:
+            self._log_view(view)
+        first = self._scene_states.rows - 1
+        if pictures is None:
+            return [first] * n
+        # what is new after the last of the frames is recorded with the next
+        new = np.flatnonzero(pictures.is_new[: n - 1])
+        count = len(new)
+        if count:
+            i = self._scene_states.room(count)
+            columns, m = self._scene_states.columns, pictures.gaze_direction.shape[1]
+            columns["scene"][i : i + count] = self._scene_number
+            for name, values in (
+                ("gaze_direction", pictures.gaze_direction),
+                ("eye_openness_01", pictures.eye_openness_01),
+                ("gaze_distance_m", pictures.gaze_distance_m),
+            ):
+                rows = columns[name][i : i + count]
+                if m < self._agent_count:
+                    rows[...] = np.nan
+                rows[:, :m] = values[new]
+            self._scene_states.commit_stamped(np.array(ahead.t_ns)[new])
+            self._logged_view = pictures.after(int(new[-1]))
+            self._view = self._logged_view
+        if pictures.is_new[n - 1]:
+            self._view = pictures.after(n - 1)
+        states: list[int] = (
+            first + np.concatenate([[0], np.cumsum(pictures.is_new[: n - 1])])
+        ).tolist()
+        return states
+
+    def _record_together(
+        self,
+        index: int,
+        ahead: FramesAhead,
+        states: Sequence[int],
+        extents: Sequence[tuple[int, int, int, int]],
+    ) -> list[GazeView]:
+        """Record frames from this index on, and return the gaze that each brought."""
+        state, trial = STATE_CODES[self._states.state], self.trial_number
+        gazes: list[GazeView] = []
+        for i, (scene_state, extent) in enumerate(zip(states, extents, strict=True)):
+            t_ns = ahead.t_ns[i]
+            row = (index + i, ahead.light_ns[i], state, trial, scene_state, 0)
+            if self._rig.eye_tracker is None:
+                gazes.append(self.observer.observe(index + i, t_ns))
+                self._frames.add((*row, 0), t_ns)
+            else:
+                late = self.observer.wait_with(index + i, extent, t_ns, self.catch_up)
+                gazes.append(cast(GazeView, late))
+                self._waiting.append((row, t_ns))
+        return gazes
 
     def _begin_frame(self) -> FrameInfo:
         """Draw the present view and wait for the next frame."""
@@ -361,8 +500,14 @@ class FrameLoop:
         if self._waiting:
             self._rig.catch_up()
             waiting, self._waiting = self._waiting, []
-            for (row, t_ns), n in zip(waiting, self.observer.observe_waiting(), strict=True):
-                self._frames.add((*row, n), t_ns)
+            counts = self.observer.observe_waiting()
+            if len(waiting) == 1:
+                self._frames.add((*waiting[0][0], counts[0]), waiting[0][1])
+                return
+            self._frames.add_rows(
+                [(*row, n) for (row, _), n in zip(waiting, counts, strict=True)],
+                [t_ns for _, t_ns in waiting],
+            )
 
     def flush(self) -> None:
         """Hand every held row to the recorder."""

@@ -38,7 +38,7 @@ from visavis.lab.rotation_fit import fit_turn
 from visavis.lab.schema import SampleBatch
 from visavis.protocol.people.simulated_participant import SimulatedParticipant
 from visavis.protocol.plan.experiment import Experiment, ValidationPoint
-from visavis.protocol.plan.steps import FrameView
+from visavis.protocol.plan.steps import FrameView, GazeView, Unchanged, UpdateAhead
 from visavis.protocol.session.frame_loop import FrameLoop
 from visavis.protocol.session.head_history import heads_between
 from visavis.stimuli.motion.rotations import quat_between
@@ -140,9 +140,7 @@ DRIFT_SEEN_01 = 0.5
 class NextFrame(Protocol):
     """Waits for a frame, as `OperatorDesk.next_frame`."""
 
-    def __call__(
-        self, quiet_until_ns: int = 0, update: Callable[[FrameView], None] | None = None
-    ) -> FrameView:
+    def __call__(self, quiet_until_ns: int = 0, update: UpdateAhead | None = None) -> FrameView:
         """Return the next frame."""
         ...
 
@@ -227,10 +225,10 @@ class GazeSetup:
         self._clear_target()
         return outcome
 
-    def _add_reference(self, mark_m: Vector, view: FrameView) -> None:
-        head = self._loop.head_at(view.t_ns)
+    def _add_reference(self, mark_m: Vector, t_ns: int) -> None:
+        head = self._loop.head_at(t_ns)
         direction = rotate(quat_conjugate(head.orientation_wxyz), mark_m - head.position_m)
-        self._eye_tracker.add_reference(direction / np.linalg.norm(direction), view.t_ns)
+        self._eye_tracker.add_reference(direction / np.linalg.norm(direction), t_ns)
 
     def _fit_to_head(self, tracker: CameraOnHead) -> CalibrationOutcome:
         """Fit the rotation of the camera on the head, and rotate gaze by it."""
@@ -291,9 +289,9 @@ class GazeSetup:
         heads: list[Pose] = []
         batches: list[SampleBatch] = []
 
-        def keep_head(view: FrameView) -> None:
-            t_ns.append(view.t_ns)
-            heads.append(self._loop.head_at(view.t_ns))
+        def keep_head(frame_ns: int) -> None:
+            t_ns.append(frame_ns)
+            heads.append(self._loop.head_at(frame_ns))
 
         self._loop.gaze_tap = batches
         self._frames_for(duration_ms, keep_head)
@@ -321,13 +319,34 @@ class GazeSetup:
             self._participant.look_at(None, self._loop.t_ns)
 
     def _frames_for(
-        self, duration_ms: int, each: Callable[[FrameView], None] = lambda view: None
+        self, duration_ms: int, each: Callable[[int], None] = lambda t_ns: None
     ) -> None:
-        """Let frames pass, and do something with each."""
+        """Let frames pass, and do something at the time of each."""
         end_ns = self._loop.t_ns + duration_ms * NS_PER_MS
+        passing = _EachFrame(each)
         with self._loop.leaving_gaze():
             while self._loop.t_ns < end_ns:
-                each(self._next_frame(end_ns, each))
+                passing(self._next_frame(end_ns, passing))
+
+
+class _EachFrame(UpdateAhead):
+    """Calls a function with the time of each quiet frame; nothing new is shown."""
+
+    def __init__(self, each: Callable[[int], None]) -> None:
+        self._each = each
+
+    def __call__(self, view: FrameView) -> None:
+        """Call it for one frame."""
+        self._each(view.t_ns)
+
+    def ahead(self, t_ns: Sequence[int], heads_m: Vector) -> Unchanged:
+        """Return that nothing new is shown."""
+        return Unchanged(t_ns)
+
+    def pass_frames(self, pictures: Unchanged, gazes: Sequence[GazeView]) -> None:
+        """Call it for as many frames as there are gazes."""
+        for t_ns in pictures.t_ns[: len(gazes)]:
+            self._each(t_ns)
 
 
 class _GazeSamples(NamedTuple):

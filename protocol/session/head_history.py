@@ -31,6 +31,7 @@ NEVER_MEASURED = math.nan
 """What is beyond the last measured pose where there is none."""
 _NS_PER_MS = 1e6
 _CAPACITY = POSES_KEPT + MAX_WAITING
+_FOLLOWING = np.arange(1, _CAPACITY + 1)
 
 
 class HeadPoses(NamedTuple):
@@ -69,6 +70,25 @@ class HeadHistory:
     def add_foreseen(self, t_ns: int, pose: Pose) -> None:
         """Remember where the head was foreseen to be at a time."""
         self._add(FORESEEN, t_ns, pose)
+
+    def add_together(
+        self, measured_ns: Sequence[int], foreseen_ns: Sequence[int], poses: npt.NDArray[np.float32]
+    ) -> list[tuple[int, int, int, int]]:
+        """Remember n measured and n foreseen poses (n, 2, 7): position, then orientation. Return
+        the `extent` after each.
+        """
+        n = len(measured_ns)
+        columns: list[list[int]] = []
+        for kind, times_ns in ((MEASURED, measured_ns), (FORESEEN, foreseen_ns)):
+            at = (_FOLLOWING[:n] + self._newest[kind]) % _CAPACITY
+            t_kept_ns, position_m, orientation_wxyz = self._rows[kind]
+            t_kept_ns[at] = times_ns
+            position_m[at], orientation_wxyz[at] = poses[:, kind, :3], poses[:, kind, 3:]
+            counts = np.minimum(_FOLLOWING[:n] + self._counts[kind], POSES_KEPT)
+            columns += [at.tolist(), counts.tolist()]
+            self._newest[kind], self._counts[kind] = columns[-2][-1], columns[-1][-1]
+        a, b, c, d = columns
+        return list(zip(a, b, c, d, strict=True))
 
     def at(self, t_ns: int) -> tuple[Pose, float] | None:
         """Return the head at a time, and how many ms that is beyond the last measured pose.

@@ -330,7 +330,17 @@ class GazeObserver:
 
         `MAX_WAITING` frames may wait, in one scene and with one clock offset.
         """
-        gaze = LateGaze((frame_index, *self.heads.extent), t_frame_ns, catch_up)
+        return self.wait_with(frame_index, self.heads.extent, t_frame_ns, catch_up)
+
+    def wait_with(
+        self,
+        frame_index: int,
+        extent: tuple[int, int, int, int],
+        t_frame_ns: int,
+        catch_up: Callable[[], None],
+    ) -> LateGaze:
+        """Do what `wait` does for a frame in which the head's history had this extent."""
+        gaze = LateGaze((frame_index, *extent), t_frame_ns, catch_up)
         self._waiting.append(gaze)
         return gaze
 

@@ -31,6 +31,7 @@ from visavis.protocol.plan.experiment import Demands
 from visavis.protocol.plan.steps import Play, PlaySound, Vibrate
 
 OPEN_DEADLINE_S = 10.0
+NEVER_NS = 2**62
 
 
 def unmet(
@@ -311,6 +312,18 @@ class RunningRig:
         if self._gaze_pump is None:
             return until_ns
         return min(until_ns, self._gaze_pump.put_off_until_ns())
+
+    @property
+    def has_sound(self) -> bool:
+        """Tell whether a device plays sounds."""
+        return self._sound is not None
+
+    def others_idle_until_ns(self) -> int:
+        """Return until when no device but display and eye tracker has anything to do; 0 if unknown.
+
+        It holds until something else is shown.
+        """
+        return min((pump.idle_until_ns() for pump in self._others), default=NEVER_NS)
 
     def is_idle(self, t_ns: int) -> bool:
         """Tell whether no device has anything to do up to this time, which is before

@@ -1,6 +1,6 @@
 """Collect rows of a stream the session itself makes, and pass them on in batches."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -49,6 +49,12 @@ class RowBuffer:
         """Write and count one row of scalars, in the order of the schema's fields."""
         self._values[self.room(1)] = row
         self.commit(1, t_ns)
+
+    def add_rows(self, rows: Sequence[tuple[object, ...]], t_ns: Sequence[int]) -> None:
+        """Write and count rows of scalars, each stamped with its time, in ascending order."""
+        start = self.room(len(rows))
+        self._values[start : start + len(rows)] = rows
+        self.commit_stamped(np.array(t_ns))
 
     def commit(self, n: int, t_ns: int) -> None:
         """Count n written rows, all stamped `t_ns`."""

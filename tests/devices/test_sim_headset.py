@@ -12,6 +12,7 @@ from visavis.devices.sim.body.headset import SimulatedHeadset
 from visavis.devices.sim.body.responses import SimulatedResponses
 from visavis.lab.clock import SimClock
 from visavis.lab.errors import ConfigError, DeviceDisconnected, DeviceNotFound, ProtocolViolation
+from visavis.people.observer import Observer
 
 
 def started(start_ns=0, **options):
@@ -207,6 +208,59 @@ def test_poses_and_timing_left_for_later_are_those_of_every_frame(standby_s):
         assert heads["orientation_wxyz"][heads["valid"]].tolist() == [
             p.orientation_wxyz.tolist() for p in seen
         ]
+
+
+@pytest.mark.parametrize("look_ahead_ms", [None, 25.0])
+def test_frames_passed_together_are_those_waited_for_one_by_one(look_ahead_ms):
+    def performed(lengths):
+        clock, got = SimClock(), []
+        body = Observer(3, 5)
+        headset = SimulatedHeadset("headset", body, clock, look_ahead_ms=look_ahead_ms)
+        headset.open(1.0)
+        headset.start(got.append)
+        frames = [headset.wait_frame()]
+        for n in lengths:
+            ahead = headset.frames_ahead(10**15, 20)
+            if frames[-1].index == 149:
+                body.look_at([0.4, 1.3, -2.0], clock.now_ns())
+                assert not headset.holds(ahead)
+                ahead = headset.frames_ahead(10**15, 20)
+            if n:
+                frames.append(headset.pass_frames(ahead, n))
+                assert frames[-1].t_ns == clock.now_ns() == ahead.t_ns[n - 1]
+            else:
+                frames.append(headset.wait_frame())
+            headset.poll(0.0)
+        headset.stop()
+        return frames[-1], got, headset.head_foreseen(), headset.head_measured()
+
+    last, each, *poses = performed([0] * 297)
+    together = [20, 0, 3, 7, 0, 0, 20, 19, 1, 20, 20, 20, 15, 0, 20, 20, 20, 20, 20, 20, 20, 8]
+    last_together, got, *poses_together = performed(together)
+
+    assert 297 == sum(n or 1 for n in together)
+    assert last == last_together
+    assert [p.orientation_wxyz.tolist() for p in poses] == [
+        p.orientation_wxyz.tolist() for p in poses_together
+    ]
+    for stream in ("head", "head_measured", "frame_timing"):
+        assert rows(each, stream).tobytes() == rows(got, stream).tobytes()
+
+
+def test_a_person_who_replaced_how_they_see_is_waited_for_frame_by_frame():
+    class Own(Observer):
+        def see(self, view, t_display_ns):
+            self.look_at([0.0, 1.2, -2.0], t_display_ns)
+
+    def frames_ahead(body):
+        headset = SimulatedHeadset("headset", body, SimClock())
+        headset.open(1.0)
+        headset.start(lambda batch: None)
+        headset.wait_frame()
+        return headset.frames_ahead(10**9, 20)
+
+    assert [None, None] == [frames_ahead(FixatingBody()), frames_ahead(Own(0, 1))]
+    assert 20 == len(frames_ahead(Observer(0, 1)).t_ns)
 
 
 class ForeseeablePresser(FixatingBody):

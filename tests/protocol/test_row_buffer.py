@@ -49,3 +49,22 @@ def test_a_batch_handed_over_does_not_change_afterwards() -> None:
     batches = filled(0, 4, [2, 2])
 
     assert [0, 1] == batches[0].values["x"].tolist()
+
+
+def test_rows_added_together_are_those_added_one_by_one() -> None:
+    def added(together: bool) -> tuple[bytes, list[int]]:
+        batches: list[SampleBatch] = []
+        buffer = RowBuffer(SCHEMA, batches.append, hold_ns=25, capacity=8)
+        rows = [(i, (i, i / 2, -i)) for i in range(20)]
+        for first in (0, 6, 13):
+            some = rows[first : first + 7 if first else 6]
+            if together:
+                buffer.add_rows(some, [10 * row[0] for row in some])
+            else:
+                for row in some:
+                    buffer.add(row, 10 * row[0])
+        buffer.flush()
+        times = np.concatenate([b.t_host_ns for b in batches]).tolist()
+        return np.concatenate([b.values for b in batches]).tobytes(), times
+
+    assert added(False) == added(True)

@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from visavis.devices.body_contract import has_plans_of
 from visavis.devices.contracts import (
     FRAME_TIMING,
     HEAD,
@@ -22,7 +23,9 @@ from visavis.devices.contracts import (
     Body,
     DeviceState,
     Fault,
+    FramesAhead,
     Health,
+    PlanningBody,
     Sink,
 )
 from visavis.devices.faults import FaultSchedule
@@ -40,6 +43,9 @@ MILLI_HZ = 1000
 
 MAX_FRAMES_HELD = 64
 """Frames whose poses and timing may be put off."""
+
+MIN_FRAMES_TOGETHER = 3
+"""With fewer it is faster to wait for each."""
 
 _LOST_ROWS = np.full((2, 7), np.nan, np.float32)
 _POSE_BYTES = 28
@@ -75,6 +81,7 @@ class SimulatedHeadset(OnSessionClock):
         self.display_rate_hz = float(display_rate_hz)
         self._rate_milli_hz = round(display_rate_hz * MILLI_HZ)
         self._ahead_ns = None if look_ahead_ms is None else round(look_ahead_ms * NS_PER_MS)
+        self._body = body if isinstance(body, PlanningBody) and has_plans_of(type(body)) else None
         self._foresight = Foresight(body)
         self._clock = clock
         self._faults = faults if faults is not None else FaultSchedule()
@@ -169,6 +176,61 @@ class SimulatedHeadset(OnSessionClock):
         self._measure(index - self._first, t_ns, predicted_ns)
         self._frame = FrameInfo(index - self._first, t_ns, predicted_ns, dropped_count)
         return self._frame
+
+    def frames_ahead(self, until_ns: int, most: int) -> FramesAhead | None:
+        """Return the coming frames before a time, with the head in each; see
+        `visavis.devices.contracts.FramesAtOnce`. None where the body has no plans, and with faults.
+        """
+        body, last = self._body, self._last
+        most = min(most, MAX_FRAMES_HELD - len(self._pending))
+        if body is None or last is None or self._faults.faults or not self._clock.is_virtual:
+            return None
+        first_ns, end_ns = self._frame_ns(last + 1), self._frame_ns(last + 1 + most)
+        if self._clock.now_ns() > first_ns or not self._foresight.is_before(first_ns):
+            return None
+        if until_ns < end_ns:
+            # the least index whose frame begins at this time or later
+            most = -(-until_ns * self._rate_milli_hz // (NS_PER_S * MILLI_HZ)) - last - 1
+        if most < MIN_FRAMES_TOGETHER:
+            return None
+        scale, rate, ahead_ns = NS_PER_S * MILLI_HZ, self._rate_milli_hz, self._ahead_ns
+        starts = [index * scale // rate for index in range(last + 1, last + 2 + most)]
+        t_ns = starts[:-1]
+        light_ns = starts[1:] if ahead_ns is None else [start + ahead_ns for start in t_ns]
+        times = np.array(t_ns)
+        heads = body.heads_ahead(times)
+        poses = self._foresight.ahead(times, np.array(light_ns), heads)
+        return FramesAhead(t_ns, light_ns, poses, heads, body.plan_number)
+
+    def holds(self, ahead: FramesAhead) -> bool:
+        """Tell whether the body's plans are still those by which frames were told."""
+        return self._body is not None and self._body.plan_number == ahead.plan_number
+
+    def pass_frames(self, ahead: FramesAhead, n: int) -> FrameInfo:
+        """Do what `wait_frame` does for each of the first n frames; return the last."""
+        if self._last is None or self._first is None or self._body is None:
+            raise RuntimeError("frames can be passed only after the first, of a body with plans")
+        seq = self._last + 1 - self._first
+        frame = self._frame
+        for i, (t_ns, light_ns) in enumerate(
+            zip(ahead.t_ns[:n], ahead.light_ns[:n], strict=True), seq
+        ):
+            if frame is not None:
+                self._timing.append((frame, self._submitted_ns, 0))
+                self._timing_ns.append((frame.predicted_display_ns, t_ns))
+                self._submitted_ns = -1
+            frame = FrameInfo(i, t_ns, light_ns)
+            self._pending.append((i, t_ns, light_ns, ahead.poses[i - seq], True))
+        self._frame = frame
+        self._last += n
+        end_ns = ahead.t_ns[n - 1]
+        self._clock.sleep_until_ns(end_ns)
+        self._body.head(end_ns)
+        heads_m, heads_wxyz = ahead.heads
+        self._foresight.pass_times(np.array(ahead.t_ns[:n]), (heads_m[:n], heads_wxyz[:n]))
+        self._valid = True
+        self._measured, self._foreseen = _poses_of(ahead.poses[n - 1])
+        return FrameInfo(seq + n - 1, end_ns, ahead.light_ns[n - 1])
 
     def submit(self, frame: FrameInfo, images: Sequence[object]) -> None:
         """Count the images and store the time of their arrival; they are not looked at."""
@@ -271,15 +333,19 @@ class SimulatedHeadset(OnSessionClock):
         if self._valid:
             # Poses are what their rows in the recording say.
             rows = self._foresight.at_once(t_ns, light_ns)
-            numbers = rows.astype(np.float64)
-            self._measured = Pose(numbers[0, :3], numbers[0, 3:])
-            self._foreseen = Pose(numbers[1, :3], numbers[1, 3:])
+            self._measured, self._foreseen = _poses_of(rows)
         else:
             rows = _LOST_ROWS
             self._measured = self._foreseen = None
         self._pending.append((seq, t_ns, light_ns, rows, self._valid))
         if not self._clock.is_virtual:
             self._ready.set()
+
+
+def _poses_of(rows: npt.NDArray[np.float32]) -> tuple[Pose, Pose]:
+    """Return the poses of two rows (2, 7), as numbers of a recording."""
+    numbers = rows.astype(np.float64)
+    return Pose(numbers[0, :3], numbers[0, 3:]), Pose(numbers[1, :3], numbers[1, 3:])
 
 
 def _head_rows(

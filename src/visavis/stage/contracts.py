@@ -111,9 +111,13 @@ class GeometryStage:
 
     def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[object]:
         """Pass the geometry to every viewer."""
-        for viewer in self._viewers:
-            viewer.see(view, frame.predicted_display_ns)
+        self.tell(view, frame.predicted_display_ns)
         return ()
+
+    def tell(self, view: SceneFrame, t_display_ns: int) -> None:
+        """Pass the geometry to every viewer, who sees it from a time on."""
+        for viewer in self._viewers:
+            viewer.see(view, t_display_ns)
 
     def watch(self, role: str, batch: SampleBatch) -> None:
         """Ignore it."""

@@ -4,21 +4,22 @@ A study writes `Scene("two_people", active="left", eyes="directed")`; a maker tu
 `StagedScene`: geometry, roles, and the changes from frame to frame.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from inspect import signature
 from pathlib import Path
 from typing import Any, Final, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector
 from visavis.lab.yaml_lines import did_you_mean
-from visavis.protocol.plan.steps import FrameView
+from visavis.protocol.plan.steps import FrameView, GazeView, UpdateAhead
 from visavis.stimuli.dressing.casting import default_casting
 from visavis.stimuli.dressing.gathering import agents_of
-from visavis.stimuli.gaze.behaviour import EyeBehaviour
+from visavis.stimuli.gaze.behaviour import Course, EyeBehaviour
 from visavis.stimuli.gaze.blinks import draw_blinks
 from visavis.stimuli.motion.kinds import (
     Crouch,
@@ -132,6 +133,31 @@ class WithEyes:
         distance_m = self.eyes.distance_m(elapsed_ns, self.observer_m)
         return SceneFrame(self.scene, view.t_ns, gaze, openness, gaze_distance_m=distance_m)
 
+    def ahead(
+        self, t_ns: Sequence[int], elapsed_ns: npt.NDArray[np.int64], heads_m: Vector
+    ) -> "EyesAhead | None":
+        """Return what `frame` will return for coming frames in which the head is tracked, at
+        `heads_m` (n, 3); None for a scene in which more than eyes changes.
+        """
+        if type(self).frame is not WithEyes.frame or type(self).follow is not WithEyes.follow:
+            return None
+        course = self.eyes.course(
+            elapsed_ns,
+            heads_m,
+            self.observer_m,
+            self.step_m,
+            is_shown=self._is_shown,
+            was_moving=self._was_moving,
+        )
+        return EyesAhead(self.scene, t_ns, course)
+
+    def pass_frames(self, pictures: "EyesAhead", n: int) -> None:
+        """Take the first n of the frames that were told as if `frame` had returned them."""
+        course = pictures.course
+        self.observer_m = course.observer_m[n - 1].copy()
+        if course.is_new[:n].any():
+            self._was_moving, self._is_shown = bool(course.is_moving[n - 1]), True
+
     def follow(self, view: FrameView) -> bool:
         """Take the participant's head position; tell whether it moved by at least a step."""
         if not view.head_valid:
@@ -142,6 +168,69 @@ class WithEyes:
             return False
         self.observer_m = np.array(view.head.position_m, np.float64)
         return True
+
+
+class EyesAhead:
+    """Coming frames of a scene in which only eyes move (`visavis.protocol.plan.steps.Pictures`)."""
+
+    def __init__(self, scene: StageScene, t_ns: Sequence[int], course: Course) -> None:
+        n, m = course.state.shape[0], course.state.shape[1] // 5
+        self.course = course
+        self.is_new = course.is_new
+        self.gaze_direction = course.state[:, : 3 * m].reshape(n, m, 3)
+        self.eye_openness_01 = course.state[:, 3 * m : 4 * m]
+        self.gaze_distance_m = course.state[:, 4 * m :]
+        self._scene, self._t_ns = scene, t_ns
+        self._frames: dict[int, SceneFrame] = {}
+
+    def after(self, i: int) -> SceneFrame:
+        """Return what is new after frame i, the same object each time."""
+        frame = self._frames.get(i)
+        if frame is None:
+            frame = self._frames[i] = SceneFrame(
+                self._scene,
+                self._t_ns[i],
+                self.gaze_direction[i],
+                self.eye_openness_01[i],
+                gaze_distance_m=self.gaze_distance_m[i],
+            )
+        return frame
+
+
+@dataclass
+class PassingScene(UpdateAhead):
+    """The `update` of quiet frames that show a staged scene, which came on at `onset_ns`.
+
+    It counts `frames`, and collects their `gazes` unless that is None.
+    """
+
+    staged_scene: StagedScene
+    onset_ns: int
+    gazes: list[GazeView] | None = None
+    frames: int = 0
+
+    def __call__(self, view: FrameView) -> SceneFrame | None:
+        """Return what to show after a frame; None without a change."""
+        self._count((view.gaze,))
+        return self.staged_scene.frame(view, view.t_ns - self.onset_ns)
+
+    def ahead(self, t_ns: Sequence[int], heads_m: Vector) -> EyesAhead | None:
+        """Return what is shown after coming frames; None where that is not known."""
+        scene = self.staged_scene
+        if not isinstance(scene, WithEyes):
+            return None
+        return scene.ahead(t_ns, np.array(t_ns) - self.onset_ns, heads_m)
+
+    def pass_frames(self, pictures: EyesAhead, gazes: Sequence[GazeView]) -> None:
+        """Take as many frames as there are gazes."""
+        self._count(gazes)
+        if isinstance(self.staged_scene, WithEyes):
+            self.staged_scene.pass_frames(pictures, len(gazes))
+
+    def _count(self, gazes: Sequence[GazeView]) -> None:
+        self.frames += len(gazes)
+        if self.gazes is not None:
+            self.gazes += gazes
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,7 @@ from visavis.study.films import Stimulus, Viewing, scene_of, seconds_of
 from visavis.study.frames import dark_frame, dark_view, gaze_has_arrived, show_frame
 from visavis.study.live import Live, Moulding, Near, Slider
 from visavis.study.responses import Keys, Pointing, Rating, Response, labels_of
-from visavis.study.scenes import Scene, StagedScene, Staging, stage
+from visavis.study.scenes import PassingScene, Scene, StagedScene, Staging, stage
 from visavis.study.trial_settings import Settings, is_on_board
 
 SCENE_STREAM: Final = 100
@@ -339,11 +339,12 @@ class TrialScript:
         return self.view
 
     def _until(
-        self, until_ns: int, each_frame: Callable[[FrameView], SceneFrame | None]
+        self, until_ns: int, each_frame: Callable[[FrameView], SceneFrame | None] | None
     ) -> Performing:
         view = yield from self._now()
         while view.t_ns < until_ns:
-            yield from show_frame(each_frame(view))
+            if each_frame is not None:
+                yield from show_frame(each_frame(view))
             view = yield from self._frame(until_ns, each_frame)
         return view
 
@@ -351,7 +352,7 @@ class TrialScript:
         view = yield from self._now()
         self._staged_scene = None
         yield dark_view(view.t_ns)
-        yield from self._until(view.t_ns + round(seconds * NS_PER_S), _nothing)
+        yield from self._until(view.t_ns + round(seconds * NS_PER_S), None)
 
     def _show(
         self, scene: Scene, seconds: float, name: str, until: Callable[[FrameView], bool] | None
@@ -367,26 +368,20 @@ class TrialScript:
         self.row.setdefault("t_start_ns", on_ns)
         yield Mark("shown", _payload(self.trial, name, scene, staged_scene, before.t_ns))
         end_ns = on_ns + round(seconds * NS_PER_S)
-        frames, off_ns = 0, end_ns
-
-        def pass_frame(view: FrameView) -> SceneFrame | None:
-            nonlocal frames
-            frames += 1
-            return staged_scene.frame(view, view.t_ns - on_ns)
-
+        off_ns = end_ns
+        passing = PassingScene(staged_scene, on_ns)
         while True:
-            frames += 1
             if until is not None and until(view):
                 off_ns = view.t_ns
                 break
             if view.t_ns >= end_ns and gaze_has_arrived(view, end_ns):
                 break
-            yield from show_frame(staged_scene.frame(view, view.t_ns - on_ns))
-            view = yield from self._frame(end_ns if until is None else 0, pass_frame)
+            yield from show_frame(passing(view))
+            view = yield from self._frame(end_ns if until is None else 0, passing)
         self.row |= {
             f"{name}_on_ns": on_ns,
             f"{name}_off_ns": off_ns,
-            f"{name}_frames": frames,
+            f"{name}_frames": passing.frames + 1,
             **{
                 f"{name}_{role}": index
                 for role, index in staged_scene.roles.items()
@@ -539,7 +534,9 @@ class TrialScript:
 
     def _wait(self, seconds: float) -> Performing:
         view = yield from self._now()
-        yield from self._until(view.t_ns + round(seconds * NS_PER_S), self._scene_update)
+        scene = self._staged_scene
+        passing = None if scene is None else PassingScene(scene, self._onset_ns)
+        yield from self._until(view.t_ns + round(seconds * NS_PER_S), passing)
 
     def _vibrate(
         self, role: str, pattern: VibrationPattern, motors: tuple[int, ...], amplitude_01: float
@@ -637,10 +634,6 @@ STEPS: Final = frozenset(
 
 TrialPlan: TypeAlias = Callable[[TrialScript], Iterator[Action | Step]]
 """A study's trial: a generator over its script."""
-
-
-def _nothing(view: FrameView) -> SceneFrame | None:
-    return None
 
 
 def _payload(

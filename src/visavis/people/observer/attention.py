@@ -295,6 +295,24 @@ def advance_and_pose(
 
 
 @compiled
+def heads(
+    mind: Records,
+    person: Records,
+    segments: Records,
+    targets: Records,
+    scratch: npt.NDArray[np.float64],
+    t_ns: npt.NDArray[np.int64],
+    positions: npt.NDArray[np.float64],
+    orientations: npt.NDArray[np.float64],
+) -> None:
+    """Advance to each time in turn; fill head poses (n, 3) and (n, 4)."""
+    for i in range(t_ns.shape[0]):
+        advance_and_pose(
+            mind, person, segments, targets, scratch, t_ns[i], positions[i], orientations[i]
+        )
+
+
+@compiled
 def sense(
     mind: Records,
     person: Records,

@@ -34,8 +34,9 @@ def see_gaze(
     seat: npt.NDArray[np.float64],
     cos_tolerance: float,
     t_ns: int,
-) -> None:
-    """Compare the agents' gaze with the position of the observer's eyes; store changes.
+) -> bool:
+    """Compare the agents' gaze with the position of the observer's eyes; store changes, and tell
+    whether there are any.
 
     An agent whose lids are closed tells nothing, so it keeps what it showed before. At most 62
     agents, one bit each.
@@ -55,7 +56,7 @@ def see_gaze(
         else:
             contacts &= ~bit
     if contacts == m.last_seen_contacts:
-        return
+        return False
     m.last_seen_contacts = contacts
     if m.pending_count == N_PENDING:
         m.pending_first = (m.pending_first + 1) % N_PENDING
@@ -64,6 +65,7 @@ def see_gaze(
     m.pending_ns[k] = max(t_ns, m.now_ns)
     m.pending_contacts[k] = contacts
     m.pending_count += 1
+    return True
 
 
 @compiled

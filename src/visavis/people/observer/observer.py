@@ -89,6 +89,7 @@ class Observer(PressesNothing):
         self._stretch = 0
         self._fit = 0
         self._origin_ns = 0
+        self._plan_number = 0
         self.prepare(0, 0)
 
     # ---- SimulatedParticipant ----
@@ -98,6 +99,7 @@ class Observer(PressesNothing):
 
         Gaze then rests on the point of the instruction in force, else straight ahead.
         """
+        self._plan_number += 1
         self._stretch = stretch
         self._origin_ns = t_ns
         keys = self._sequence(N_BEHAVIOUR_STREAM, stretch).generate_state(4, np.uint64)
@@ -119,6 +121,7 @@ class Observer(PressesNothing):
 
     def look_at(self, target_world_m: Sequence[float] | None, t_ns: int) -> None:
         """Follow the instruction to look at a point (calibration, mark); None ends it."""
+        self._plan_number += 1
         if target_world_m is None:
             self._instructed_point = None
             attention_causes.release(self._mind, self._person, t_ns - self._origin_ns)
@@ -149,7 +152,7 @@ class Observer(PressesNothing):
             return
         self._gaze, self._openness = view.gaze_direction, view.eye_openness_01
         if self._effect and view.scene.brightness_01 > 0:
-            attention_causes.see_gaze(
+            self._plan_number += attention_causes.see_gaze(
                 self._mind,
                 self._agent_eyes,
                 self._gaze,
@@ -201,6 +204,31 @@ class Observer(PressesNothing):
         )
         return position, orientation
 
+    @property
+    def plan_number(self) -> int:
+        """Return a number that changes with whatever may change where the head goes."""
+        return self._plan_number
+
+    def heads_ahead(
+        self, t_ns: npt.NDArray[np.int64]
+    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """Return positions (n, 3) and orientations (n, 4) of the head at coming times; what was
+        decided for them is forgotten again.
+        """
+        n = t_ns.shape[0]
+        positions, orientations = np.empty((n, 3)), np.empty((n, 4))
+        attention.heads(
+            _copy_of(self._mind),
+            self._person,
+            _copy_of(self._segments),
+            _copy_of(self._targets),
+            self._scratch,
+            t_ns - self._origin_ns,
+            positions,
+            orientations,
+        )
+        return positions, orientations
+
     def stretch(self) -> int:
         """Return the number of the present stretch of behaviour."""
         return self._stretch
@@ -238,6 +266,7 @@ class Observer(PressesNothing):
 
     def _meet(self, scene: Scene, t_ns: int) -> None:
         """Receive a scene: its targets and their appeal."""
+        self._plan_number += 1
         self._scene = scene
         is_lit = scene.brightness_01 > 0 and len(scene.agents) > 0
         if is_lit:
@@ -279,6 +308,11 @@ class Observer(PressesNothing):
         )
         appeal: npt.NDArray[np.float64] = np.where(of_people, worth * place_factor, worth)
         return appeal
+
+
+def _copy_of(records: npt.NDArray[np.void]) -> npt.NDArray[np.void]:
+    """Return a copy of records; numpy's own goes field by field, which takes ten times as long."""
+    return np.frombuffer(bytearray(records.tobytes()), records.dtype)
 
 
 class Layout:

@@ -7,7 +7,7 @@ is 1.875 times the mean.
 """
 
 from dataclasses import dataclass, replace
-from typing import Final, Self
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -149,6 +149,72 @@ def _distances(
         distance_m[j] = np.sqrt(x * x + y * y + z * z)
 
 
+class Course(NamedTuple):
+    """What the eyes of m agents do at n times while they follow an observer in steps.
+
+    `is_new` (n,) whether anything differs from the time before, `is_moving` (n,) whether anything
+    moved when it last did; `observer_m` (n, 3) where the observer is for them; `state` (n, 5 m)
+    gaze directions, openness and distances of what they look at, where new.
+    """
+
+    is_new: npt.NDArray[np.bool_]
+    is_moving: npt.NDArray[np.bool_]
+    observer_m: npt.NDArray[np.float64]
+    state: npt.NDArray[np.float64]
+
+
+@compiled
+def _follow(
+    since_ns: npt.NDArray[np.int64],
+    heads_m: npt.NDArray[np.float64],
+    observer: npt.NDArray[np.float64],
+    step_m: float,
+    is_shown: bool,
+    was_moving: bool,
+    eyes: npt.NDArray[np.float64],
+    facing: npt.NDArray[np.float64],
+    targets: npt.NDArray[np.float64],
+    follows: npt.NDArray[np.bool_],
+    turn_ns: npt.NDArray[np.int64],
+    blink_agent: npt.NDArray[np.int64],
+    blink_start_ns: npt.NDArray[np.int64],
+    blink_end_ns: npt.NDArray[np.int64],
+    course: Course,
+) -> None:
+    """Write what eyes do at n times while they follow a head in steps: `EyeBehaviour.course`."""
+    m = eyes.shape[0]
+    for i in range(since_ns.shape[0]):
+        x = heads_m[i, 0] - observer[0]
+        y = heads_m[i, 1] - observer[1]
+        z = heads_m[i, 2] - observer[2]
+        if not x * x + y * y + z * z < step_m * step_m:
+            for k in range(3):
+                observer[k] = heads_m[i, k]
+            is_shown = False
+        is_moving = _eyes_at(
+            since_ns[i],
+            observer,
+            eyes,
+            facing,
+            targets,
+            follows,
+            turn_ns,
+            blink_agent,
+            blink_start_ns,
+            blink_end_ns,
+            course.state[i, : 4 * m],
+        )
+        is_new = is_moving or was_moving or not is_shown
+        if is_new:
+            _distances(
+                since_ns[i], observer, eyes, targets, follows, turn_ns, course.state[i, 4 * m :]
+            )
+            was_moving, is_shown = is_moving, True
+        course.is_new[i], course.is_moving[i] = is_new, was_moving
+        for k in range(3):
+            course.observer_m[i, k] = observer[k]
+
+
 @dataclass(frozen=True)
 class EyeBehaviour:
     """The behaviour of the eyes of m agents; every result is a function of time alone.
@@ -209,6 +275,45 @@ class EyeBehaviour:
             distance_m,
         )
         return distance_m
+
+    def course(
+        self,
+        since_ns: npt.NDArray[np.int64],
+        heads_m: Vector,
+        observer_eye_m: Vector,
+        step_m: float,
+        *,
+        is_shown: bool,
+        was_moving: bool,
+    ) -> Course:
+        """Return what the eyes do at times (n,) at which an observer's head is at `heads_m` (n, 3).
+
+        They look for the observer where they last did, `observer_eye_m` (3,), until the head is
+        `step_m` away from there. `is_shown` says whether their state before the first time was
+        shown, `was_moving` whether something moved then.
+        """
+        n, m = len(since_ns), len(self.turn_ns)
+        course = Course(
+            np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty((n, 3)), np.empty((n, 5 * m))
+        )
+        _follow(
+            since_ns,
+            heads_m,
+            observer_eye_m.copy(),
+            step_m,
+            is_shown,
+            was_moving,
+            self.eye_centre_m,
+            self.facing,
+            self.targets_m,
+            self.follows_observer,
+            self.turn_ns,
+            self.blinks.agent,
+            self.blinks.start_ns,
+            self.blinks.end_ns,
+            course,
+        )
+        return course
 
     def at(self, t_ns: int, observer_eye_m: Vector) -> EyeState:
         """Return gaze directions (m, 3), unit, world; openness (m,) 0..1; whether anything moves.
