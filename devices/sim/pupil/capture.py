@@ -190,9 +190,9 @@ class PupilCoreSimulator:
         for kind in ("late_start", "disconnect", "mute"):
             if self._faults.active(kind, since_ns) is not None:
                 return None
-        self._publish_queue()  # with the calibration in force when they were measured
         command = frames[0]
         if command.startswith(b"notify.") and len(frames) > 1:
+            self._publish_queue()  # with the calibration in force when they were measured
             self._take_notification(frames[1], t_ns)
             return (b"Notification received.",)
         return (self._reply(command, t_ns).encode(),)

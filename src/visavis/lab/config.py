@@ -26,9 +26,9 @@ ROLES = ("headset", "eye_tracker", "responses", "body_tracker", "sound")
 ARMBAND_ROLE = re.compile(r"armband_[a-z0-9_]+")
 TAKEN_STREAMS = frozenset(
     {
-        "gaze", "head", "body", "frames", "frame_timing", "pointer", "haptics", "band", "events",
-        "trials", "openness", "scene_states", "gaze_targets", "drawn", "drawn_gpu",
-        "drawn_views",
+        "gaze", "head", "head_measured", "body", "frames", "frame_timing", "pointer", "haptics",
+        "band", "events", "trials", "openness", "scene_states", "gaze_targets", "drawn",
+        "drawn_gpu", "drawn_views",
     }
 )  # fmt: skip
 """Names of Visavis' own streams and tables; a lab's own device needs another name."""

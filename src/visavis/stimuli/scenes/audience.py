@@ -114,6 +114,7 @@ def _facing(seat: Seat) -> Vector:
     return direction_from_yaw_pitch_deg(heading_deg, 0.0) * [-1.0, 1.0, -1.0]
 
 
+@lru_cache(maxsize=256)
 def _agent(index: int, place: str, character: str) -> Agent:
     seat = SEATS[place]
     head = _from_bearing(seat.bearing_deg, seat.distance_m, seat.head_height_m)
