@@ -98,6 +98,7 @@ class MemoryLink:
 
     def __init__(self, peer: BytePeer, clock: Clock) -> None:
         self._peer = peer
+        self._foreseen = peer if isinstance(peer, ForeseeingPeer) else None
         self._clock = clock
 
     def open(self, deadline_s: float) -> None:
@@ -123,8 +124,7 @@ class MemoryLink:
 
     def quiet_until_ns(self, now_ns: int) -> int:
         """Return until when nothing can arrive unless something is written."""
-        peer = self._peer
-        return peer.quiet_until_ns(now_ns) if isinstance(peer, ForeseeingPeer) else now_ns
+        return now_ns if self._foreseen is None else self._foreseen.quiet_until_ns(now_ns)
 
     def close(self) -> None:
         """Do nothing: the peer keeps its own time."""

@@ -16,6 +16,7 @@ from visavis.devices.contracts import Body
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
+from visavis.lab.rings import put_round
 from visavis.stimuli.motion.quaternion_kernels import times
 
 SPEED_OVER_NS = 2 * NS_PER_MS
@@ -89,10 +90,10 @@ class Foresight:
         """Measure at each of some times, at which the head is known."""
         past = self._past
         with self._lock:
-            n = times_ns.shape[0]
-            at = (self._newest + 1 + np.arange(n)) % MEASUREMENTS_KEPT
-            past.t_ns[at], (past.place_m[at], past.turn_wxyz[at]) = times_ns, heads
-            self._newest, self._newest_ns = int(at[-1]), int(times_ns[-1])
+            n, first = times_ns.shape[0], (self._newest + 1) % MEASUREMENTS_KEPT
+            for ring, rows in zip(past, (times_ns, *heads), strict=True):
+                put_round(ring, first, rows)
+            self._newest, self._newest_ns = (first + n - 1) % MEASUREMENTS_KEPT, int(times_ns[-1])
             self._count = min(self._count + n, MEASUREMENTS_KEPT)
 
     def is_before(self, t_ns: int) -> bool:

@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Pose, Vector
+from visavis.lab.rings import put_round
 
 POSES_KEPT = 32
 """Number of poses of each kind searched for a time: 0.3 s at 90 Hz."""
@@ -31,7 +32,6 @@ NEVER_MEASURED = math.nan
 """What is beyond the last measured pose where there is none."""
 _NS_PER_MS = 1e6
 _CAPACITY = POSES_KEPT + MAX_WAITING
-_FOLLOWING = np.arange(1, _CAPACITY + 1)
 
 
 class HeadPoses(NamedTuple):
@@ -80,12 +80,13 @@ class HeadHistory:
         n = len(measured_ns)
         columns: list[list[int]] = []
         for kind, times_ns in ((MEASURED, measured_ns), (FORESEEN, foreseen_ns)):
-            at = (_FOLLOWING[:n] + self._newest[kind]) % _CAPACITY
+            first, count = (self._newest[kind] + 1) % _CAPACITY, self._counts[kind]
             t_kept_ns, position_m, orientation_wxyz = self._rows[kind]
-            t_kept_ns[at] = times_ns
-            position_m[at], orientation_wxyz[at] = poses[:, kind, :3], poses[:, kind, 3:]
-            counts = np.minimum(_FOLLOWING[:n] + self._counts[kind], POSES_KEPT)
-            columns += [at.tolist(), counts.tolist()]
+            put_round(t_kept_ns, first, np.array(times_ns))
+            put_round(position_m, first, poses[:, kind, :3])
+            put_round(orientation_wxyz, first, poses[:, kind, 3:])
+            columns.append([i % _CAPACITY for i in range(first, first + n)])
+            columns.append([min(i, POSES_KEPT) for i in range(count + 1, count + n + 1)])
             self._newest[kind], self._counts[kind] = columns[-2][-1], columns[-1][-1]
         a, b, c, d = columns
         return list(zip(a, b, c, d, strict=True))
