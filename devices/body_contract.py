@@ -67,7 +67,7 @@ class RecallingBody(Body, Protocol):
 
 @runtime_checkable
 class PlanningBody(Body, Protocol):
-    """A body whose head follows plans of its own, and can be asked for coming times."""
+    """A body whose head and eyes follow plans of its own, and can be asked for coming times."""
 
     @property
     def plan_number(self) -> int:
@@ -82,14 +82,18 @@ class PlanningBody(Body, Protocol):
         """
         ...
 
+    def eyes_ahead(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.void]:
+        """Return what `eyes` will return for times (n,) of which the last are coming, likewise."""
+        ...
+
 
 def has_plans_of(kind: type) -> bool:
-    """Tell whether a class itself says what its head will do, and not only a base class whose
-    head, or whose ways to see and hear, it replaced.
+    """Tell whether a class itself says what its head and eyes will do, and not only a base class
+    whose head or eyes, or whose ways to see and hear, it replaced.
     """
     first = {
         name: next((i for i, c in enumerate(kind.__mro__) if name in vars(c)), len(kind.__mro__))
-        for name in ("heads_ahead", "head", "see", "look_at", "prepare")
+        for name in ("heads_ahead", "head", "eyes", "sense", "see", "look_at", "prepare")
     }
     return min(first.values()) == first["heads_ahead"]
 

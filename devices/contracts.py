@@ -340,6 +340,17 @@ class FramesAhead(NamedTuple):
 
 
 @runtime_checkable
+class GazeAhead(Protocol):
+    """An eye tracker that can tell samples that are coming, on a simulated wire."""
+
+    def gaze_ahead(self, until_ns: int) -> SampleBatch | None:
+        """Return the samples not delivered yet that will have arrived by a coming time, `seq` left
+        out (0), as long as the body's plans hold; None where that is not known. It changes nothing.
+        """
+        ...
+
+
+@runtime_checkable
 class FramesAtOnce(PoseAtOnce, Protocol):
     """A simulated headset that can tell coming frames, and pass several of them at once."""
 

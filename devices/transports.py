@@ -138,6 +138,12 @@ class PatientPeer(Protocol):
         """Return a session time before which `may_wait` has nothing to do and returns True."""
         ...
 
+    def arriving(self, until_ns: int) -> Sequence[Message] | None:
+        """Return the messages that will have arrived by a coming time, as long as what it measures
+        goes on as planned; None where that is not known. It changes nothing.
+        """
+        ...
+
 
 class MemoryTransport:
     """Connect a driver to a simulator in the same process, on any clock.
@@ -210,6 +216,14 @@ class MemoryTransport:
             return 0
         until_ns = self._patient.waits_until_ns()
         return min(until_ns, self._replies[0].t_host_ns) if self._replies else until_ns
+
+    def arriving(self, until_ns: int) -> Sequence[Message] | None:
+        """Return what `receive` will return by a coming time, without answers; None: not known."""
+        messages = None if self._patient is None else self._patient.arriving(until_ns)
+        if messages is None:
+            return None
+        topics = self._topics
+        return [m for m in messages if m.frames[0].startswith(topics)] if topics else []
 
     def answers(self) -> Sequence[Message]:
         """Return the answers to `post` that have arrived, without other messages."""

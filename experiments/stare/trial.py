@@ -6,7 +6,10 @@ display; that frame's time is `t_start_ns`.
 
 from collections.abc import Generator
 from dataclasses import dataclass
+from functools import partial
 from typing import Final, Literal, TypeAlias
+
+import numpy as np
 
 from visavis.analysis.gaze.aoi import aoi_of_samples
 from visavis.experiments.stare.design import (
@@ -38,17 +41,15 @@ TRAINING_PROMPT: Final = (
 SwitchCause: TypeAlias = Literal["look", "time"]
 
 
-def _first_look_ns(gaze: GazeView, agent: int, pad_deg: float, since_ns: int) -> int | None:
-    """Return the time of the first sample since then that is on the agent's padded head."""
+def _first_look(gaze: GazeView, agent: int, pad_deg: float, since_ns: int) -> int | None:
+    """Return the number of the first sample since then that is on the agent's padded head."""
     if not gaze.sample_count:
         return None
     aoi = aoi_of_samples(
         gaze.angle_deg, gaze.radius_deg, gaze.pad_limit_deg, gaze.hit, pad_deg=pad_deg
     )
-    for i in range(aoi.shape[0]):
-        if aoi[i] == agent and gaze.t_ns[i] >= since_ns:
-            return int(gaze.t_ns[i])
-    return None
+    looks = np.flatnonzero((aoi == agent) & (gaze.t_ns >= since_ns))
+    return int(looks[0]) if len(looks) else None
 
 
 def run_trial(trial: Trial, params: StareParameters) -> Plan:
@@ -84,6 +85,7 @@ def run_trial(trial: Trial, params: StareParameters) -> Plan:
     # counted at the end: gaze nobody looks at costs a simulation less
     gazes: list[GazeView] = []
     passing = PassingScene(picture, start_ns, gazes)
+    first_look = partial(_first_look, agent=active, pad_deg=params.pad_deg, since_ns=start_ns)
     look_ns: int | None = None
     switch_ns: int | None = None
     cause: SwitchCause | None = None
@@ -102,8 +104,9 @@ def run_trial(trial: Trial, params: StareParameters) -> Plan:
             break
         turns_now = False
         if may_change and switch_ns is None:
-            if look_ns is None:
-                look_ns = _first_look_ns(view.gaze, active, params.pad_deg, start_ns)
+            look = first_look(view.gaze) if look_ns is None else None
+            if look is not None:
+                look_ns = int(view.gaze.t_ns[look])
             if look_ns is not None and now_ns >= look_ns + wait_ns:
                 turns_now, cause = True, "look"
             elif elapsed_ns >= limit_ns:
@@ -112,8 +115,14 @@ def run_trial(trial: Trial, params: StareParameters) -> Plan:
             to_observer = condition == AVERTED_THEN_DIRECTED
             picture.look(eyes.turning(active, elapsed_ns, to_observer=to_observer))
         yield from show_frame(picture.frame(view, elapsed_ns))
+        # Until the change only a look, its time or the limit needs the plan.
         waits_for_look = may_change and switch_ns is None
-        view = yield from frame(0 if turns_now or waits_for_look else quiet_until_ns, passing)
+        passing.stop = first_look if waits_for_look and look_ns is None else None
+        until_ns = quiet_until_ns
+        if waits_for_look:
+            until_ns = min(until_ns, start_ns + limit_ns)
+            until_ns = until_ns if look_ns is None else min(until_ns, look_ns + wait_ns)
+        view = yield from frame(0 if turns_now else until_ns, passing)
         if turns_now:
             # As with the scene's onset, the change counts from when its light leaves.
             switch_ns = view.t_ns

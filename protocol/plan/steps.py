@@ -157,7 +157,17 @@ class Unchanged:
 
 
 class UpdateAhead(ABC):
-    """An `update` of `NextFrame` that also tells what it will say of coming frames."""
+    """An `update` of `NextFrame` that also tells what it will say of coming frames.
+
+    Where it has a `stop`, a frame comes back to the plan whose gaze (`GazeView`) has samples for
+    which `stop` tells the first that the plan has waited for; it returns None without one.
+    """
+
+    stop: "Callable[[GazeView], int | None] | None" = None
+
+    def comes_back(self, gaze: "GazeView") -> bool:
+        """Tell whether a frame must come back to the plan because of its gaze."""
+        return self.stop is not None and self.stop(gaze) is not None
 
     @abstractmethod
     def __call__(self, view: "FrameView") -> SceneFrame | None:
@@ -200,6 +210,11 @@ class GazeView(NamedTuple):
     def sample_count(self) -> int:
         """How many samples the frame brought."""
         return len(self.t_ns)
+
+
+def comes_back(view: "FrameView", update: object) -> bool:
+    """Tell whether a quiet frame must come back to the plan."""
+    return view.has_news or (isinstance(update, UpdateAhead) and update.comes_back(view.gaze))
 
 
 class BodyView(NamedTuple):

@@ -18,6 +18,7 @@ from visavis.devices.contracts import (
     Fault,
     FramesAhead,
     FramesAtOnce,
+    GazeAhead,
     OnScreen,
     PoseAtOnce,
 )
@@ -37,6 +38,7 @@ from visavis.protocol.plan.steps import (
     Silence,
     SoundOnset,
     UpdateAhead,
+    comes_back,
 )
 from visavis.protocol.session.head_history import MAX_WAITING
 from visavis.protocol.session.observation import GazeObserver
@@ -250,10 +252,13 @@ class FrameLoop:
             frame = self._begin_frame()
             if frame.t_ns < idle_until_ns and self._rig.is_idle(frame.t_ns):
                 view = self._idle_frame_view(frame)
+                is_over = False
             else:
                 view = self._frame_view(frame)
-                if not may_pass or frame.t_ns >= quiet_until_ns or view.has_news:
-                    return view
+                is_over = not may_pass or frame.t_ns >= quiet_until_ns
+            if is_over or comes_back(view, update):
+                return view
+            if frame.t_ns >= idle_until_ns:
                 idle_until_ns = min(quiet_until_ns, self._rig.idle_until_ns())
             shown = None if update is None else update(view)
             if shown is not None:
@@ -280,7 +285,11 @@ class FrameLoop:
             pictures = update.ahead(ahead.t_ns, ahead.poses[:, 1, :3].astype(np.float64))
         if pictures is None and update is not None:
             return
-        n = self._see_together(headset, stage, ahead, pictures)
+        n = len(ahead.t_ns)
+        if isinstance(update, UpdateAhead) and update.stop is not None:
+            n = self._frames_before_stop(ahead, update.stop)
+        if n:
+            n = self._see_together(headset, stage, ahead, pictures, n)
         if not n:
             return
         before = self._frame
@@ -302,23 +311,42 @@ class FrameLoop:
         if len(self._waiting) == MAX_WAITING:
             self.catch_up()
 
+    def _frames_before_stop(
+        self, ahead: FramesAhead, stop: Callable[[GazeView], int | None]
+    ) -> int:
+        """Return how many coming frames bring no gaze for which a plan waits; 0: not known."""
+        self.catch_up()
+        tracker: object = self._rig.eye_tracker
+        if not isinstance(tracker, GazeAhead):
+            return 0
+        batch = tracker.gaze_ahead(ahead.t_ns[-1])
+        if batch is None:
+            return 0
+        gaze_and_frames = self.observer.ahead(batch, ahead.t_ns, ahead.light_ns, ahead.poses)
+        if gaze_and_frames is None:
+            return 0
+        gaze, frame_of = gaze_and_frames
+        first = stop(gaze)
+        return len(ahead.t_ns) if first is None else int(frame_of[first])
+
     def _see_together(
         self,
         headset: FramesAtOnce,
         stage: GeometryStage,
         ahead: FramesAhead,
         pictures: Pictures | None,
+        n: int,
     ) -> int:
-        """Let viewers see what coming frames show; return how many follow as they were told.
+        """Let viewers see what n coming frames show; return how many follow as they were told.
 
         A frame shows what was new after the one before. As soon as that changes where the head
         goes, or what the hands do, the frames from then on are not those that were told.
         """
         view, light_ns = self._view, self._frame.predicted_display_ns
-        last = len(ahead.t_ns) - 1
-        is_new = [False] * (last + 1) if pictures is None else pictures.is_new.tolist()
+        last = n - 1
+        is_new = [False] * n if pictures is None else pictures.is_new.tolist()
         must_tell = True
-        for i, t_ns in enumerate(ahead.t_ns):
+        for i, t_ns in enumerate(ahead.t_ns[:n]):
             if pictures is not None and i and is_new[i - 1]:
                 view = pictures.after(i - 1)
                 must_tell = True
@@ -329,7 +357,7 @@ class FrameLoop:
                     return i
             must_tell = False
             light_ns = ahead.light_ns[i]
-        return last + 1
+        return n
 
     def _log_together(
         self, before_ns: int, ahead: FramesAhead, pictures: Pictures | None, n: int

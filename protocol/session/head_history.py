@@ -55,6 +55,14 @@ class HeadHistory:
         self._newest = [-1, -1]
         self._counts = [0, 0]
 
+    def copy(self) -> "HeadHistory":
+        """Return one with the same poses."""
+        other = HeadHistory()
+        for ring, own in zip(other.poses, self.poses, strict=True):
+            ring[:] = own
+        other._newest, other._counts = list(self._newest), list(self._counts)
+        return other
+
     @property
     def extent(self) -> tuple[int, int, int, int]:
         """The newest measured pose, how many there are to search, and the same of foreseen ones.

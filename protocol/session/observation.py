@@ -264,6 +264,7 @@ class GazeObserver:
         self._targets = targets
         self._source = targets.columns
         self._columns = _Columns.of(targets.columns)
+        self._spare: _Columns | None = None
         self._inbox: deque[SampleBatch] = deque()
         self._delays_ns: deque[int] = deque(maxlen=DELAYS_KEPT)
         self.heads = HeadHistory()
@@ -321,7 +322,7 @@ class GazeObserver:
             return self._empty
         n = batch.seq.shape[0]
         frames = np.array([(n, frame_index, *self.heads.extent)], np.int64)
-        gaze = self._evaluated(batch, self._geometry, frames)
+        gaze = self._recorded(batch, self._geometry, frames)
         self._targets.commit(n, t_frame_ns)
         return gaze
 
@@ -355,7 +356,7 @@ class GazeObserver:
         if len(waiting) == 1:
             one, n = waiting[0], batch.seq.shape[0]
             frames = np.array([(n, *one.frame)], np.int64)
-            one.set_samples(self._evaluated(batch, self._geometry, frames), 0, n)
+            one.set_samples(self._recorded(batch, self._geometry, frames), 0, n)
             self._targets.commit(n, one.frame_ns)
             return [n]
         # Messages arrive in order, and a frame takes those that have arrived by its time.
@@ -365,7 +366,7 @@ class GazeObserver:
         ends[-1] = batch.seq.shape[0]
         frames = np.empty((len(waiting), 6), np.int64)
         frames[:, 0], frames[:, 1:] = ends, [one.frame for one in waiting]
-        gaze = self._evaluated(batch, self._geometry, frames)
+        gaze = self._recorded(batch, self._geometry, frames)
         counts = np.diff(ends, prepend=0)
         self._targets.commit_stamped(np.repeat(frames_ns, counts))
         first = 0
@@ -375,16 +376,64 @@ class GazeObserver:
         sample_counts: list[int] = counts.tolist()
         return sample_counts
 
-    def _evaluated(
+    def ahead(
+        self,
+        batch: SampleBatch,
+        frames_ns: Sequence[int],
+        lights_ns: Sequence[int],
+        poses: npt.NDArray[np.float32],
+    ) -> tuple[GazeView, npt.NDArray[np.intp]] | None:
+        """Return what coming frames will make of samples, and in which frame each arrives.
+
+        `frames_ns`, `lights_ns` and `poses` are those of `FramesAhead`. None where this is not
+        known; nothing is recorded.
+        """
+        n = batch.seq.shape[0]
+        if self._geometry is None or self.clock_offset_ns is None or self._waiting or self._inbox:
+            return None
+        if self._spare is None:
+            self._spare = _Columns.of(self._targets.spare_columns())
+        if n > self._spare.hit.shape[0]:
+            return None
+        heads = self.heads.copy()
+        extents = heads.add_together(frames_ns, lights_ns, poses)
+        there_ns = np.maximum.accumulate(batch.t_host_ns)
+        frame_of = np.searchsorted(np.array(frames_ns), there_ns, side="left")
+        frames = np.empty((len(frames_ns), 6), np.int64)
+        frames[:, 0] = np.searchsorted(there_ns, np.array(frames_ns), side="right")
+        frames[:, 1], frames[:, 2:] = -1, extents
+        if not n or frames[-1, 0] < n:
+            return (self._empty, frame_of) if not n else None
+        gaze, _ = self._evaluated(batch, self._geometry, frames, heads, self._spare, 0)
+        return gaze, frame_of
+
+    def _recorded(
         self, batch: SampleBatch, geometry: SceneGeometry, frames: npt.NDArray[np.int64]
     ) -> GazeView:
+        """Evaluate samples and write their rows; the caller counts them."""
         n = batch.seq.shape[0]
-        assert self.clock_offset_ns is not None  # noqa: S101 - `take` saw this batch
         targets = self._targets
         at = targets.room(n)
         if targets.columns is not self._source:
             self._source = targets.columns
             self._columns = _Columns.of(targets.columns)
+        gaze, valid_count = self._evaluated(batch, geometry, frames, self.heads, self._columns, at)
+        self.received_count += n
+        self.valid_count += valid_count
+        return gaze
+
+    def _evaluated(
+        self,
+        batch: SampleBatch,
+        geometry: SceneGeometry,
+        frames: npt.NDArray[np.int64],
+        heads: HeadHistory,
+        columns: _Columns,
+        at: int,
+    ) -> tuple[GazeView, int]:
+        """Return the gaze of samples and how many are valid; write columns from row `at` on."""
+        n = batch.seq.shape[0]
+        assert self.clock_offset_ns is not None  # noqa: S101 - the callers looked
         gaze = _Gaze(
             np.empty(n, np.int64),
             np.empty(n, np.bool_),
@@ -396,20 +445,19 @@ class GazeObserver:
             _Samples(np.frombuffer(batch.values.tobytes(), np.uint8), batch.seq, batch.t_device_ns),
             self.clock_offset_ns - self._delay_ns,
             frames,
-            self.heads.poses,
+            heads.poses,
             geometry.heads,
             geometry.capsules,
             geometry.is_lit,
             gaze,
-            self._columns,
+            columns,
             at,
         )
-        self.received_count += n
-        self.valid_count += valid_count
         rays, per_head = gaze.rays, gaze.per_head
-        return GazeView(
+        view = GazeView(
             gaze.t_ns, gaze.valid, rays[0], rays[1], per_head[0], per_head[1], per_head[2], gaze.hit
         )
+        return view, valid_count
 
     def drain(self) -> list[SampleBatch]:
         """Return what arrived without evaluating it."""

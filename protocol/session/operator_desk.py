@@ -7,7 +7,7 @@ from visavis.devices.contracts import Armband, Fault
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import SessionAborted
 from visavis.protocol.plan.session_plan import Trial
-from visavis.protocol.plan.steps import FrameView
+from visavis.protocol.plan.steps import FrameView, comes_back
 from visavis.protocol.session.active_faults import ActiveFaults
 from visavis.protocol.session.calibration_record import CalibrationInForce
 from visavis.protocol.session.frame_loop import FrameLoop
@@ -171,8 +171,8 @@ class OperatorDesk:
                 self._operator.show(self._status(view))
             if self._advance and self._in_trial and self._prompt:
                 return view._replace(went_on=self.take_advance())
-            is_quiet = is_passing and view.t_ns < quiet_until_ns and not view.has_news
-            if not is_quiet or self.interrupt_reason is not None:
+            is_quiet = is_passing and view.t_ns < quiet_until_ns
+            if not is_quiet or self.interrupt_reason is not None or comes_back(view, update):
                 return view
             shown = None if update is None else update(view)
             if shown is not None:

@@ -1,6 +1,7 @@
 """Collect rows of a stream the session itself makes, and pass them on in batches."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -30,6 +31,11 @@ class RowBuffer:
         self._seq = 0
         self._first_ns = 0
         self._make(capacity)
+
+    def spare_columns(self) -> dict[str, npt.NDArray[Any]]:
+        """Return columns as this buffer has now, whose rows are not handed over."""
+        values = empty_values(self._schema, self._capacity)
+        return {f.name: values[f.name] for f in self._schema.fields}
 
     def _make(self, capacity: int) -> None:
         self._capacity = capacity

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
+from tests.devices.bodies import FixatingBody
 from tests.devices.rigs import Rig
 from visavis.devices.contracts import DeviceState, SessionName
 from visavis.devices.sim.gaze.tracker_error import TrackerErrorModel
 from visavis.lab.clock_fit import offset_ns
 from visavis.lab.geometry import angle_deg
+from visavis.people.observer import Observer
 
 PERFECT = TrackerErrorModel(
     offset_deg=0, eye_offset_deg=0, gain_sd_01=0, white_deg=0, slow_deg=0, latency_jitter_ms=0
@@ -158,6 +160,44 @@ def test_gaze_left_for_later_is_that_of_every_frame():
     rows = [np.concatenate([b.values for b in rig.batches]).tobytes() for rig in (each, seldom)]
     assert rows[0] == rows[1]
     assert each.driver.clock_pairs() == seldom.driver.clock_pairs()
+
+
+@pytest.mark.parametrize("put_off_s", [0.0, 0.1])
+def test_gaze_told_ahead_is_what_arrives(put_off_s):
+    rig = Rig(seed=3, body=Observer(2, 5)).start()
+    rig.run(0.4)
+    rig.run(put_off_s, may_wait=True)
+    before, until_ns = len(rig.batches), rig.clock.now_ns() + 200_000_000
+
+    told = rig.driver.gaze_ahead(until_ns)
+    again = rig.driver.gaze_ahead(until_ns)
+    rig.run(0.1)
+    rig.clock.sleep_until_ns(until_ns)
+    rig.pump.step()
+    delivered = rig.batches[before:]
+
+    assert 20 < len(told) == len(again) == sum(map(len, delivered))
+    for stamp in ("t_device_ns", "t_host_ns"):
+        arrived = np.concatenate([getattr(batch, stamp) for batch in delivered])
+        assert arrived.tolist() == getattr(told, stamp).tolist() == getattr(again, stamp).tolist()
+    assert told.values.tobytes() == b"".join(batch.values.tobytes() for batch in delivered)
+
+
+def test_gaze_is_not_told_ahead_where_it_may_come_otherwise():
+    def told(*faults, body):
+        rig = Rig(*faults, body=body).start()
+        rig.run(0.4)
+        return rig.driver.gaze_ahead(rig.clock.now_ns() + 10**8)
+
+    late = {"kind": "loss", "start_s": 100.0, "duration_s": 1.0, "amount": 0.5}
+    assert told(body=FixatingBody()) is None  # has no plans
+    assert told(late, body=Observer(0, 1)) is None
+    assert told(body=Observer(0, 1)) is not None
+
+    calibrating = Rig(body=Observer(0, 1)).start()
+    calibrating.run(0.4)
+    calibrating.driver.begin_calibration()
+    assert calibrating.driver.gaze_ahead(calibrating.clock.now_ns() + 10**8) is None
 
 
 def test_gaze_that_a_fault_may_befall_is_not_left_for_later():

@@ -33,6 +33,7 @@ from visavis.devices.transports import Message, MessageTransport
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.lab.errors import DeviceError, ProtocolViolation
 from visavis.lab.geometry import Vector
+from visavis.lab.schema import SampleBatch
 
 TOPICS = (codec.GAZE_TOPIC, codec.NOTIFY_TOPIC)
 COMMAND_TIMEOUT_S = 1.0
@@ -314,6 +315,19 @@ class PupilCore(GazeDevice):
         data = rows[: n * ROW_BYTES].tobytes()
         self._recent.add(n, *eyes_seen(data))
         return self._deliver(seqs, stamps[:n], arrivals, np.frombuffer(data, GAZE.dtype))
+
+    def gaze_ahead(self, until_ns: int) -> SampleBatch | None:
+        """Return coming samples (`visavis.devices.contracts.GazeAhead`)."""
+        messages = None if self._memory is None else self._memory.arriving(until_ns)
+        if messages is None or not all(_is_gaze(message) for message in messages):
+            return None
+        n = len(messages)
+        rows, stamps = np.empty(n * ROW_BYTES, np.uint8), np.empty(n, np.int64)
+        if self._decoder.decode_run([m.frames[1] for m in messages], rows, stamps) < n:
+            return None
+        arrivals = np.array([m.t_host_ns for m in messages], np.int64)
+        values = np.frombuffer(rows.tobytes(), GAZE.dtype)
+        return SampleBatch(self._schema, np.zeros(n, np.int64), stamps, arrivals, values)
 
     def _take_answer(self, message: Message) -> None:
         answer = message.frames[0]

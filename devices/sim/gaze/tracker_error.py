@@ -106,6 +106,12 @@ class StretchNoise:
         self._next = end
         return rows
 
+    def following(self, n: int) -> Floats:
+        """Return what `take` will return."""
+        rows = self.take(n)
+        self._next -= n
+        return rows
+
     def _block(self) -> Floats:
         rng = self._rng
         block = np.empty((BLOCK_SAMPLES, N_WHITE + N_SLOW + N_UNIFORM))

@@ -8,13 +8,15 @@ slow slippage of the headset, other plug-ins. The bytes are those of
 
 from collections import deque
 from collections.abc import Sequence
+from itertools import takewhile
 from typing import Any, NamedTuple
 
 import msgpack
 import numpy as np
 import numpy.typing as npt
 
-from visavis.devices.contracts import Body, RecallingBody
+from visavis.devices.body_contract import has_plans_of
+from visavis.devices.contracts import Body, PlanningBody, RecallingBody
 from visavis.devices.faults import FaultSchedule, WireFault
 from visavis.devices.sim.gaze.calibration import CalibrationJudge
 from visavis.devices.sim.gaze.tracker_error import (
@@ -99,6 +101,7 @@ class PupilCoreSimulator:
         self._captures_annotations = False
         self._body = body
         self._recalls_ns = body.recalls_ns if isinstance(body, RecallingBody) else 0
+        self._plans = body if isinstance(body, PlanningBody) and has_plans_of(type(body)) else None
         self._seed = seed
         self._rate_hz = rate_hz
         self._rate_milli_hz = round(rate_hz * MILLI_HZ)
@@ -149,6 +152,27 @@ class PupilCoreSimulator:
     def waits_until_ns(self) -> int:
         """Return a session time before which `may_wait` has nothing to do and returns True."""
         return 0 if self._faults.faults else self._advanced_ns + self._recalls_ns + 1
+
+    def arriving(self, until_ns: int) -> Sequence[Message] | None:
+        """Return the messages that will have arrived by a coming time, as long as the body's plans
+        hold; None while a calibration goes on, and where the body has no plans.
+        """
+        plans = self._plans
+        if plans is None or self._faults.faults or self._judge is not None:
+            return None
+        self._publish_queue()
+        stretch_and_fit = (self._body.stretch(), self._body.fit())
+        if self._noise is None or stretch_and_fit != self._queue_key:
+            return None
+        scale, rate = NS_PER_S * MILLI_HZ, self._rate_milli_hz
+        last = ((until_ns + 1) * rate - 1) // scale
+        t_list = [k * scale // rate for k in range(self._next_sample, last + 1)]
+        coming: Sequence[Message] = ()
+        if t_list:
+            eyes = self._turned(plans.eyes_ahead(np.array(t_list, np.int64)))
+            coming = self._messages(_as_rows(eyes), t_list, self._noise.following(len(t_list)))
+        messages = [*self._outbox, *coming]
+        return list(takewhile(lambda message: message.t_host_ns <= until_ns, messages))
 
     def advance(self, t_ns: int) -> None:
         """Take every sample due up to this session time."""
@@ -256,16 +280,19 @@ class PupilCoreSimulator:
             stamps_s = [self.device_ns(t_ns) / NS_PER_S for t_ns in t_list]
             left, right = eyes["left_direction_head"], eyes["right_direction_head"]
             self._judge.observe(stamps_s, left, right, eyes["openness_01"])
-        if self._turn is not None:
-            eyes = eyes.copy()
-            for side in ("left_direction_head", "right_direction_head"):
-                eyes[side] = eyes[side] @ self._turn.T
-        self._queued_eyes.append(
-            np.ndarray((len(t_list), 8), np.float64, np.ascontiguousarray(eyes))
-        )
+        self._queued_eyes.append(_as_rows(self._turned(eyes)))
         self._queued_ns += t_list
         if self._faults.faults:
             self._publish_queue()
+
+    def _turned(self, eyes: npt.NDArray[np.void]) -> npt.NDArray[np.void]:
+        """Return eyes as the last calibration turns them."""
+        if self._turn is None:
+            return eyes
+        eyes = eyes.copy()
+        for side in ("left_direction_head", "right_direction_head"):
+            eyes[side] = eyes[side] @ self._turn.T
+        return eyes
 
     def _publish_queue(self) -> None:
         """Measure the eyes sampled since the last call and send the results."""
@@ -284,13 +311,32 @@ class PupilCoreSimulator:
             self._systematic = draw_systematic(
                 self._error, self._seed, fit=fit_pair[0], calibrated_fit=fit_pair[1]
             )
+        noise = self._noise.take(len(t_list))
+        if self._faults.faults:
+            measurements = self._measured(eyes, t_list, noise)
+            delays: list[int] = measurements.delay_ns.tolist()
+            self._publish_faulty(t_list, delays, measurements.values, noise)
+            return
+        self._outbox.extend(self._messages(eyes, t_list, noise))
+
+    def _messages(self, eyes: Floats, t_list: list[int], noise: Floats) -> list[Message]:
+        """Return the messages of measured eyes, with the times of their arrival."""
+        measurements = self._measured(eyes, t_list, noise)
+        delays: list[int] = measurements.delay_ns.tolist()
+        frames = self._both.messages(measurements.datums)
+        return [
+            Message(t_ns + delay, of_one)
+            for t_ns, delay, of_one in zip(t_list, delays, frames, strict=True)
+        ]
+
+    def _measured(self, eyes: Floats, t_list: list[int], noise: Floats) -> _Measurements:
+        """Measure eyes (n, 8) at times with noise; the result is overwritten by the next."""
         n = len(t_list)
-        noise = self._noise.take(n)
         if self._drift or self._faults.faults:
             t_device, ahead_ns = np.array([self.device_ns(t_ns) for t_ns in t_list], np.int64), 0
         else:
             t_device, ahead_ns = np.array(t_list, np.int64), self._epoch_ns - self._origin_ns
-        template = self._both
+        assert self._systematic is not None  # noqa: S101 - drawn before the first is published
         if n > self._room.delay_ns.size:  # reused by every call, which copies its messages
             self._room = self._make_room(2 * n)
         measurements = self._room.first(n)
@@ -304,17 +350,10 @@ class PupilCoreSimulator:
             ahead_ns,
             self._error.latency_ms,
             self._error.latency_jitter_ms,
-            template.pattern,
+            self._both.pattern,
             measurements,
         )
-        delays: list[int] = measurements.delay_ns.tolist()
-        if self._faults.faults:
-            self._publish_faulty(t_list, delays, measurements.values, noise)
-            return
-        push = self._outbox.append
-        messages = template.messages(measurements.datums)
-        for t_ns, delay, frames in zip(t_list, delays, messages, strict=True):
-            push(Message(t_ns + delay, frames))
+        return measurements
 
     def _publish_faulty(
         self, t_list: list[int], delays: list[int], values: Floats, noise: Floats
@@ -387,6 +426,11 @@ class PupilCoreSimulator:
                 self._notify("calibration.successful", t_ns + VERDICT_AFTER_NS)
             else:
                 self._notify("calibration.failed", t_ns + VERDICT_AFTER_NS, reason=verdict.reason)
+
+
+def _as_rows(eyes: npt.NDArray[np.void]) -> Floats:
+    """Return eyes, records of `EYES_DTYPE`, as rows (n, 8)."""
+    return np.ndarray((len(eyes), 8), np.float64, np.ascontiguousarray(eyes))
 
 
 def _happens(active: dict[str, WireFault], kind: str, draw: float) -> bool:

@@ -229,6 +229,25 @@ class Observer(PressesNothing):
         )
         return positions, orientations
 
+    def eyes_ahead(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.void]:
+        """Return eye states (n,) at times of which the last are coming, likewise."""
+        n = t_ns.shape[0]
+        eyes = np.empty((n, 8))
+        if n:
+            attention.sense(
+                _copy_of(self._mind),
+                self._person,
+                _copy_of(self._segments),
+                _copy_of(self._targets),
+                self._scratch,
+                t_ns,
+                self._origin_ns,
+                eyes,
+                np.empty((n, 3)),
+                np.empty((n, 4)),
+            )
+        return np.ndarray((n,), EYES_DTYPE, eyes)
+
     def stretch(self) -> int:
         """Return the number of the present stretch of behaviour."""
         return self._stretch
