@@ -12,7 +12,8 @@ from visavis.analysis.gaze.looks import (
     LookParameters,
     measure_trial,
 )
-from visavis.analysis.gaze.stamps import Times
+from visavis.analysis.gaze.stamps import Times, typical_step_ns
+from visavis.lab.clock import NS_PER_S
 
 SENSITIVITY_MINIMA_MS: tuple[float, ...] = (100.0, 150.0, 200.0)
 
@@ -41,6 +42,9 @@ def sensitivity_of_trial(
 
     `aoi_by_pad_deg` is what `aoi_by_pad` returns; other arguments are those of `measure_trial`.
     """
+    if params.nominal_rate_hz is None and (np.diff(t_ns) > 0).all():
+        # the period of stamps in order is the same for every choice: found once
+        params = replace(params, nominal_rate_hz=NS_PER_S / typical_step_ns(t_ns))
     for pad_deg, aoi in aoi_by_pad_deg.items():
         for minimum_ms in minima_ms:
             with_minimum = replace(params, minimum_fixation_ms=minimum_ms)
