@@ -24,12 +24,12 @@ from visavis.analysis.statistics_report import (
 )
 from visavis.analysis.statistics_report.spelling import (
     OneNameSpeltTwice,
-    plain_name,
     refuse_spellings,
 )
 from visavis.cli.main import app
 from visavis.lab.errors import DataError, UsageError
 from visavis.lab.foreign_text import decode_text, read_rows, remark_on_codes, style_of_numbers
+from visavis.lab.spelling import plain_name
 
 FILES = Path(__file__).parent / "files" / "tables"
 PAIRED = Question("paired", dv="rt", within=("condition",), subject="participant")

@@ -8,6 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from visavis.analysis.statistics_report import table_of
+from visavis.analysis.statistics_report.spelling import OneNameSpeltTwice, refuse_spellings
 from visavis.lab.errors import DesignError, LabError
 from visavis.protocol.plan.columns import ANALYSED_COLUMNS, ENGINE_COLUMNS
 from visavis.protocol.plan.design import Factor
@@ -150,6 +152,19 @@ def test_trial_and_answer_cannot_write_columns_of_every_trial(tmp_path: Path) ->
 )
 def test_level_that_no_table_brings_back_is_refused(tmp_path: Path, levels: str) -> None:
     assert "factor 'cue' has " in problem_of(tmp_path, f'factors=[Factor("cue", {levels})]')
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [("Control", "control"), ("far away", "faraway"), ("walk 1", "walk 01"), ("é", "e\u0301")],
+)
+def test_a_study_and_statistics_take_the_same_names_for_one(one: str, other: str) -> None:
+    """A study refused case alone; statistics refused the others after all people had come."""
+    table = table_of(pd.DataFrame({"cue": [one, other], "y": [1.0, 2.0]}))
+    with pytest.raises(OneNameSpeltTwice):
+        refuse_spellings(table, "cue")
+    (problem,) = changed_levels("cue", [one, other])
+    assert "differ by spelling alone" in problem
 
 
 def random_level() -> str:

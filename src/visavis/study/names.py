@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import pandas as pd
 
+from visavis.lab.spelling import spellings_of
 from visavis.protocol.plan.columns import ANALYSED_COLUMNS, ENGINE_COLUMNS
 from visavis.protocol.plan.design import Factor
 from visavis.recording.csv_file import escape_formulas
@@ -71,11 +72,12 @@ def changed_levels(name: str, levels: Sequence[Any]) -> Iterator[str]:
         why = _why_changed(level)
         if why:
             yield f"factor {name!r} has the level {level!r}: {why}; name it otherwise"
-    alike = Counter(level.strip().casefold() for level in texts)
-    for level, count in alike.items():
-        if count > 1:
-            both = ", ".join(repr(t) for t in texts if t.strip().casefold() == level)
-            yield f"factor {name!r} has levels that differ by case alone: {both}"
+    labels = [str(level) for level in levels if not isinstance(level, bool) and level != ""]
+    for spelt in spellings_of(labels).values():
+        yield (
+            f"factor {name!r} has levels that differ by spelling alone (case, blanks, leading "
+            f"zeros), which statistics take for one: {', '.join(map(repr, spelt))}"
+        )
     numbers = [level for level in texts if _is_number(level)]
     if numbers and len(numbers) == len(levels) and _read_back(numbers) != numbers:
         yield (
