@@ -29,6 +29,8 @@ Measure = Callable[[Array], tuple[float, Interval | None]]
 """Values (people, conditions), or of groups as columns → the estimate and its interval."""
 PROMISE = 0.93
 TRUTH_N = 20_000
+DIVIDED_N = 200_000
+"""People for the truth of what is divided by an SD, which long tails make uncertain."""
 SIZES = (8, 16, 40)
 EFFECTS = (0.0, 0.5, 1.0, 2.0)
 SLOW = 0.2
@@ -58,18 +60,20 @@ class Promise:
 def draw(kind: str, promise: Promise, effect: float, n: int, rng: np.random.Generator) -> Array:
     """Return values whose first column lies an effect (in SD) above the last, others between."""
     k = promise.columns
-    if kind in ("trials", "choices", "single ratings", "votes"):
+    if kind in ("trials", "skewed trials", "choices", "single ratings", "votes"):
         half = np.arange(k) < (k + 1) // 2
         latent = rng.normal(size=(n, 1)) + (effect + 0.5 * rng.normal(size=(n, 1))) * half
         if kind == "trials":
             return latent + rng.normal(size=(n, k))
+        if kind == "skewed trials":
+            return latent + np.exp(0.8 * rng.normal(size=(n, k)))
         if kind == "choices":
             return (rng.logistic(size=(n, k)) < 0.5 * latent).astype(float)
         if kind == "single ratings":
             return np.clip(np.round(3 + latent + rng.normal(size=(n, k))), 1, 5)
         taste = effect + 0.7 * rng.normal(size=(n, 1))
         return np.where(rng.logistic(size=(n, k)) < taste, 1.0, -1.0)
-    shift = effect * np.linspace(1, 0, k)
+    shift = effect * np.linspace(1, 0, k) if k > 1 else np.array([effect])
     noise = rng.normal(size=(n, k))
     person = rng.normal(size=(n, 1)) * promise.people
     if kind == "skewed":
@@ -109,6 +113,12 @@ def grouped(what: str, v: Array) -> tuple[float, Interval | None]:
         return of_effect(statistics.mann_whitney(v[:, 0], v[:, 1], method="normal").effect)
     t = statistics.independent_t(v[:, 0], v[:, 1], equal_variances=what == "Student")
     return (t.estimate, t.interval) if what in ("Welch", "Student") else of_effect(t.effect)
+
+
+def alone(what: str, v: Array) -> tuple[float, Interval | None]:
+    """Return an interval of one group, tested against zero."""
+    t = statistics.one_sample_t(v[:, 0])
+    return (t.estimate, t.interval) if what == "mean" else of_effect(t.effect)
 
 
 def within(what: str, v: Array) -> tuple[float, Interval | None]:
@@ -220,10 +230,34 @@ def hit_share(v: Array) -> tuple[float, Interval | None]:
 
 
 PROMISES: Sequence[Promise] = (
-    *(Promise(f"paired: {w}", partial(paired, w)) for w in ("difference", "dz", "η²p", "r_rb")),
     *(
-        Promise(f"groups: {w}", partial(grouped, w), people=False)
-        for w in ("Welch", "Student", "d", "r_rb")
+        Promise(f"paired: {w}", partial(paired, w), truth_n=n)
+        for w, n in (
+            ("difference", TRUTH_N),
+            ("dz", DIVIDED_N),
+            ("η²p", DIVIDED_N),
+            ("r_rb", TRUTH_N),
+        )
+    ),
+    *(
+        Promise(f"groups: {w}", partial(grouped, w), people=False, truth_n=n)
+        for w, n in (
+            ("Welch", TRUTH_N),
+            ("Student", TRUTH_N),
+            ("d", DIVIDED_N),
+            ("r_rb", TRUTH_N),
+        )
+    ),
+    *(
+        Promise(
+            f"one group: {w}",
+            partial(alone, w),
+            people=False,
+            columns=1,
+            effects=(-2.0, 0.0, 1.0, 2.0) if w == "d" else (0.0,),
+            truth_n=DIVIDED_N if w == "d" else TRUTH_N,
+        )
+        for w in ("mean", "d")
     ),
     *(
         Promise(f"4 conditions: {w}", partial(within, w), columns=4, share=0.5)
@@ -239,7 +273,7 @@ PROMISES: Sequence[Promise] = (
     ),
     Promise("pearson", partial(correlated, "pearson"), effects=(0.5,), truth_n=200_000),
     Promise("spearman", partial(correlated, "spearman"), effects=(0.5,), truth_n=200_000),
-    Promise("ICC2, 4 raters", agreeing, columns=4, effects=(0.5,)),
+    Promise("ICC2, 4 raters", agreeing, columns=4, effects=(0.5, 2.0)),
     Promise("equivalence", equivalent),
     *(
         Promise(
@@ -263,7 +297,12 @@ PROMISES: Sequence[Promise] = (
     Promise("Cronbach's α, 4 items", reliable, columns=4, effects=(0.5,)),
     *(
         Promise(
-            f"trials: {w}", partial(modelled, w), ("trials",), share=SLOW, columns=8, truth_n=2000
+            f"trials: {w}",
+            partial(modelled, w),
+            ("trials", "skewed trials"),
+            share=SLOW,
+            columns=8,
+            truth_n=2000,
         )
         for w in ("lmm difference", "lmm d_total", "gee d_total")
     ),

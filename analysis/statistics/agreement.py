@@ -3,6 +3,7 @@
 All take a table with one row per thing rated and one column per rater.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
@@ -10,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import special
 
-from visavis.analysis.statistics.effects import jackknife_error
+from visavis.analysis.statistics.effects import at_least_jackknife, jackknife_error
 from visavis.analysis.statistics.errors import (
     ConstantResponse,
     MissingValue,
@@ -42,12 +43,13 @@ class Icc(Result):
 
     ICC1: every thing has raters of its own; ICC2: the raters stand for others, and their levels
     count as disagreement; ICC3: these raters alone, without their levels. With k: of the raters'
-    mean.
+    mean. `by_f` is the interval of normal ratings, `interval` wider where the jackknife says so.
     """
 
     kind: str
     value: float
     interval: Interval
+    by_f: Interval
     F: float
     df1: int
     df2: int
@@ -84,9 +86,10 @@ class Icc(Result):
 def icc(ratings: npt.ArrayLike, *, level: float = 0.95, above: float = 0.0) -> tuple[Icc, ...]:
     """Return ICC1, ICC2, ICC3 and ICC1k, ICC2k, ICC3k of complete ratings (things, raters).
 
-    Estimates, F tests and intervals are those of Shrout and Fleiss (1979) and McGraw and Wong
-    (1996), as is `p_above`, the p of a correlation of at most `above`. Raises a `StatisticsError`
-    where a rating is missing or nothing varies.
+    Estimates, F tests and the intervals `by_f` are those of Shrout and Fleiss (1979) and McGraw and
+    Wong (1996), as is `p_above`, the p of a correlation of at most `above`; the `interval` is at
+    least that of the jackknife over things, as ratings need not be normal. Raises a
+    `StatisticsError` where a rating is missing or nothing varies.
     """
     _refuse_bound(above)
     table = _table(ratings)
@@ -97,16 +100,12 @@ def icc(ratings: npt.ArrayLike, *, level: float = 0.95, above: float = 0.0) -> t
             "Krippendorff's alpha"
         )
     n, k = table.shape
-    mean = table.mean()
-    ss_things = k * ((table.mean(axis=1) - mean) ** 2).sum()
-    ss_raters = n * ((table.mean(axis=0) - mean) ** 2).sum()
-    ss_all = ((table - mean) ** 2).sum()
-    if np.isclose(ss_all, 0):
+    if np.isclose(((table - table.mean()) ** 2).sum(), 0):
         raise ConstantResponse("all ratings are the same; there is nothing to agree about")
-    between = float(ss_things / (n - 1))
-    raters = float(ss_raters / (k - 1))
-    inside = float((ss_all - ss_things) / (n * (k - 1)))
-    error = float((ss_all - ss_things - ss_raters) / ((n - 1) * (k - 1)))
+    ss_all, ss_things, ss_raters = _sums_of_squares(table)
+    between, raters = ss_things / (n - 1), ss_raters / (k - 1)
+    inside = (ss_all - ss_things) / (n * (k - 1))
+    error = (ss_all - ss_things - ss_raters) / ((n - 1) * (k - 1))
     tail = (1 - level) / 2
     df1, df_inside, df_error = n - 1, n * (k - 1), (n - 1) * (k - 1)
     estimates: list[tuple[str, float, Interval, float, int]] = []
@@ -126,10 +125,12 @@ def icc(ratings: npt.ArrayLike, *, level: float = 0.95, above: float = 0.0) -> t
         kind: _above(kind, above, (between, raters, error), F, n, k)
         for kind, _, _, F, _ in estimates
     }
+    without_each = single_without_each(table)
     return tuple(
         Icc(
             kind,
             value,
+            _widened(kind, value, ends, without_each, k),
             ends,
             F,
             df1,
@@ -141,6 +142,60 @@ def icc(ratings: npt.ArrayLike, *, level: float = 0.95, above: float = 0.0) -> t
         )
         for kind, value, ends, F, df2 in sorted(estimates, key=lambda m: (m[0].endswith("k"), m[0]))
     )
+
+
+def _sums_of_squares(table: Array) -> tuple[float, float, float]:
+    """Return sums of squares of all ratings, of things and of raters, of (things, raters)."""
+    n, k = table.shape
+    away = table - table.mean()
+    things, raters = away.mean(axis=1), away.mean(axis=0)
+    return float((away**2).sum()), float(k * things @ things), float(n * raters @ raters)
+
+
+def single_without_each(table: Array) -> dict[str, Array]:
+    """Return log((1 + (k − 1)ρ) / (1 − ρ)) of ICC1 to ICC3 without each of n things, (n,).
+
+    On this scale errors are nearly even. It is −log(1 − ρ) of the mean of k raters, so that of
+    ICC3 is the one of Cronbach's alpha where raters are items.
+    """
+    n, k = table.shape
+    away = table - table.mean()
+    of_thing = away.mean(axis=1)
+    of_rater = (away.sum(axis=0) - away) / (n - 1)
+    mean = of_rater.mean(axis=1)
+    every = (away**2).sum() - (away**2).sum(axis=1) - (n - 1) * k * mean**2
+    things = k * (of_thing @ of_thing - of_thing**2 - (n - 1) * mean**2)
+    raters = (n - 1) * ((of_rater**2).sum(axis=1) - k * mean**2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        between, inside = things / (n - 2), (every - things) / ((n - 1) * (k - 1))
+        error = (every - things - raters) / ((n - 2) * (k - 1))
+        levels = (raters / (k - 1) - error) / (n - 1)
+        return {
+            "ICC1": np.log(between / inside),
+            "ICC2": np.log((between + levels) / (error + levels)),
+            "ICC3": np.log(between / error),
+        }
+
+
+def _widened(
+    kind: str, value: float, ends: Interval, without_each: Mapping[str, Array], k: int
+) -> Interval:
+    """Return an interval that is at least that of the jackknife over things."""
+    of_mean = kind.endswith("k")
+
+    def even(rho: float) -> float:
+        above = 1.0 if of_mean else 1 + (k - 1) * rho
+        return float(np.log(above / (1 - rho))) if above > 0 and rho < 1 else float("nan")
+
+    def back(z: float) -> float:
+        odds = float(np.exp(-z))
+        return 1 - odds if of_mean else (1 - odds) / (1 + (k - 1) * odds)
+
+    plain = (even(value), even(ends.low), even(ends.high))
+    if not np.isfinite(plain).all():
+        return ends
+    low, high = at_least_jackknife(*plain, without_each[kind.removesuffix("k")], ends.level)
+    return Interval(back(low), back(high), ends.level)
 
 
 def _above(

@@ -18,7 +18,7 @@ from visavis.analysis.statistics.design import (
     with_covariates,
 )
 from visavis.analysis.statistics.effect_table import EffectTable
-from visavis.analysis.statistics.effects import partial_eta_squared
+from visavis.analysis.statistics.effects import partial_eta_squared, tails_of
 from visavis.analysis.statistics.errors import ConstantResponse, UnknownMethod
 from visavis.analysis.statistics.linear import FittedMixedModel, model_matrix, residual_ss
 from visavis.analysis.statistics.results import (
@@ -181,6 +181,7 @@ def _type_two_effects(design: Design, effects: tuple[AnovaEffect, ...]) -> tuple
     X, place = model_matrix(
         [f.codes for f in design.factors], [f.k for f in design.factors], design.y.size
     )
+    tails = tails_of(design.around_cell_means(design.y))
     of_type_two = []
     for effect in effects:
         term = tuple(names.index(n) for n in effect.term)
@@ -192,7 +193,7 @@ def _type_two_effects(design: Design, effects: tuple[AnovaEffect, ...]) -> tuple
         mse = (effect.ss_error or 0.0) / effect.df2
         F = ss / effect.df1 / mse
         p = float(special.fdtrc(effect.df1, effect.df2, F))
-        eta = partial_eta_squared(F, effect.df1, effect.df2, cases=design.y.size)
+        eta = partial_eta_squared(F, effect.df1, effect.df2, cases=design.y.size, tails=tails)
         of_type_two.append(replace(effect, F=F, p=p, p_used=p, ss=ss, eta=eta, ges=None))
     return tuple(of_type_two)
 
@@ -288,6 +289,7 @@ def effect_of_stratum(
     check = _sphericity_of(s, design, F)
     epsilon, p_used, name = _report(p, check, correction)
     cases = s.df2 * s.errors.shape[0] / (s.errors.shape[0] - s.n_groups)
+    tails = tails_of(s.errors, of_differences=any(f.name in s.term for f in design.within))
     return AnovaEffect(
         term=s.term,
         F=F,
@@ -297,7 +299,9 @@ def effect_of_stratum(
         ss=s.ss,
         ss_error=s.ss_error,
         error_term=s.error_term,
-        eta=partial_eta_squared(F, s.df1 * epsilon, s.df2 * epsilon, cases=cases * epsilon),
+        eta=partial_eta_squared(
+            F, s.df1 * epsilon, s.df2 * epsilon, cases=cases * epsilon, tails=tails
+        ),
         ges=None if total_error is None else s.ss / (s.ss + total_error),
         sphericity=check,
         correction=name,

@@ -17,7 +17,7 @@ from visavis.analysis.statistics.anova import (
     p_of_stratum,
 )
 from visavis.analysis.statistics.design import Codes, Design, DesignColumns, Frame, read_design
-from visavis.analysis.statistics.errors import StatisticsError, UnknownMethod
+from visavis.analysis.statistics.errors import StatisticsError, UnknownMethod, option_text
 from visavis.analysis.statistics.mixed import Ddf, RandomPart, mixed_effects
 from visavis.analysis.statistics.nonlinear_scales import (
     SKEW_LIMIT,
@@ -108,7 +108,10 @@ def art_anova(
     if not design.is_complete:
         error = "mixed"
     if error == "mixed" and not design.within:
-        raise UnknownMethod("without within factors there is no random subject; use error='strata'")
+        raise UnknownMethod(
+            "without within factors there is no random subject; take "
+            + option_text("error", "strata")
+        )
     name = subject or "row"
     # Align and rank for every effect by itself (Wobbrock et al. 2011) ...
     aligned = aligned_columns(design)
@@ -299,7 +302,7 @@ def _notes(
     if abs(skew) > SKEW_LIMIT and transform == "art":
         notes.append(
             f"residuals are skewed ({number(skew)}); ART may report effects that are not there, "
-            "prefer transform='int' or a model of the response"
+            f"prefer {option_text('transform', 'int')} or a model of the response"
         )
     notes += nonlinear_scale_interactions(design, effects, alpha)
     for effect in effects:
@@ -346,4 +349,6 @@ def _mean_by(values: Array, codes: Codes) -> Array:
 def require_art(table: ArtAnova) -> None:
     """Refuse an ANOVA on normal scores where aligned ranks are needed."""
     if table.transform != "art":
-        raise StatisticsError("ART-C contrasts need transform='art'; use posthoc on the scores")
+        raise StatisticsError(
+            f"ART-C contrasts need {option_text('transform', 'art')}; use posthoc on the scores"
+        )

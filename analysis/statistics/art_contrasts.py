@@ -17,7 +17,12 @@ from visavis.analysis.statistics.art import (
 )
 from visavis.analysis.statistics.contrasts import ContrastAdjustment, Contrasts
 from visavis.analysis.statistics.design import Design, Factor
-from visavis.analysis.statistics.errors import ConstantResponse, TooFewSubjects, UnknownMethod
+from visavis.analysis.statistics.errors import (
+    ConstantResponse,
+    TooFewSubjects,
+    UnknownMethod,
+    option_text,
+)
 from visavis.analysis.statistics.marginal import (
     CellModel,
     FixedEffects,
@@ -56,10 +61,10 @@ def art_contrasts(
     if crosses and error != "mixed":
         raise UnknownMethod(
             f"{':'.join(names)} joins between and within factors, whose pairs have different "
-            "errors; use error='mixed'"
+            f"errors; take {option_text('error', 'mixed')}"
         )
     if error != "mixed" and not design.is_complete:
-        raise UnknownMethod("cells are missing; contrasts need error='mixed'")
+        raise UnknownMethod("cells are missing; contrasts need " + option_text("error", "mixed"))
     label = ":".join(names)
     ranks = aligned_ranks(aligned_columns(joint_design)[label], joint_design.y)
     contrasts = cell_contrasts(

@@ -17,7 +17,7 @@ from visavis.analysis.statistics.contrasts import (
     pair_matrix,
 )
 from visavis.analysis.statistics.design import Frame, read_design
-from visavis.analysis.statistics.effects import partial_eta_squared, rank_effect
+from visavis.analysis.statistics.effects import Tails, partial_eta_squared, rank_effect, tails_of
 from visavis.analysis.statistics.errors import ConstantResponse
 from visavis.analysis.statistics.inputs import AT_LEAST, is_constant
 from visavis.analysis.statistics.marginal import posthoc
@@ -187,7 +187,7 @@ def oneway_anova(
         provenance=Provenance("One-way ANOVA", N, unit="rows", error_term="within groups"),
         ss=ss,
         ss_error=ss_error,
-        eta=replace(partial_eta_squared(F, k - 1, N - k), name="η²"),
+        eta=replace(partial_eta_squared(F, k - 1, N - k, tails=_tails(groups)), name="η²"),
         omega2=(ss - (k - 1) * mse) / (ss + ss_error + mse),
         cohen_f=float(np.sqrt(eta2 / (1 - eta2))),
     )
@@ -222,8 +222,14 @@ def welch_anova(
             unit="rows",
             error_term="separate variances",
         ),
-        eta=partial_eta_squared(float(F), k - 1, float(df2)),
+        eta=partial_eta_squared(float(F), k - 1, float(df2), tails=_tails(groups, by_spread=True)),
     )
+
+
+def _tails(groups: Sequence[Array], *, by_spread: bool = False) -> Tails:
+    """Return the tails of groups around their means, each by its own spread where asked."""
+    away = [(g - g.mean()) / (g.std() if by_spread else 1.0) for g in groups]
+    return tails_of(np.concatenate(away))
 
 
 def games_howell(

@@ -33,6 +33,7 @@ from visavis.analysis.statistics.errors import (
     TooFewLevels,
     TooFewSubjects,
     UnknownMethod,
+    option_text,
 )
 from visavis.analysis.statistics.gee import hotelling
 from visavis.analysis.statistics.inputs import numbers, rows_text
@@ -350,7 +351,7 @@ def bradley_terry(
     if persons.size <= Z.shape[1] and random == "maximal":
         raise TooFewSubjects(
             f"{persons.size} people do not determine the covariances of {k} items; take "
-            "random=alike"
+            + option_text("random", "alike")
         )
     if nodes > 1 and Z.shape[1] > MAX_QUADRATURE:
         raise UnknownMethod(
@@ -450,7 +451,7 @@ def _people_like(items: Sequence[str], model: PairModel, random: str) -> list[st
     if model.is_singular:
         lines.append(
             "what people like is singular: the choices do not tell their abilities all apart; take "
-            "random=alike"
+            + option_text("random", "alike")
         )
     return lines
 

@@ -23,6 +23,7 @@ from visavis.analysis.statistics.errors import (
     TooFewSubjects,
     UnknownColumn,
     UnknownMethod,
+    option_text,
 )
 from visavis.analysis.statistics.gee import GeeEffect, hotelling, term_effect
 from visavis.analysis.statistics.linear import sum_coding
@@ -155,7 +156,9 @@ def clmm(
     try:
         fit = fit_cumulative(category, X[:, 1:], design.subject, Z, nodes=nodes)
     except NotConverged as error:
-        fewer = "fewer factors" if not slopes else "random=intercept, fewer factors"
+        fewer = "fewer factors"
+        if slopes:
+            fewer = option_text("random", "intercept") + ", fewer factors"
         raise NotConverged(f"{dv}: {error}; take {fewer}, or join categories") from error
     model = _model(fit, design.n, groups)
     # Two tests per term: Hotelling's T² with robust errors, and the likelihood ratio of the model
@@ -227,7 +230,7 @@ def _slopes(design: Design, random: str) -> tuple[tuple[str, ...], ...]:
     if not terms or design.y.size <= design.n * q:
         raise TooFewSubjects(
             f"{design.y.size} rows do not determine {design.n} × {q} random effects; name fewer "
-            "slopes, or take random=intercept"
+            f"slopes, or take {option_text('random', 'intercept')}"
         )
     return terms
 
@@ -264,8 +267,8 @@ def _people_differ(design: Design, slopes: Terms, fit: CumulativeFit) -> list[st
         lines.append(f"SD between people of the effect of {' × '.join(term)}: {each} (logit scale)")
     if slopes and fit.is_singular:
         lines.append(
-            "people's effects are singular: the ratings do not tell them all apart; name fewer "
-            "slopes (random=)"
+            "people's effects are singular: the ratings do not tell them all apart; name "
+            "fewer of them"
         )
     return lines
 

@@ -22,6 +22,7 @@ from visavis.analysis.statistics.errors import (
     UnequalLength,
     UnknownColumn,
     UnknownMethod,
+    option_text,
 )
 from visavis.analysis.statistics.inputs import (
     as_column,
@@ -116,6 +117,12 @@ class Design:
         """Cell of all factors in which each row lies; the last factor's levels are neighbours."""
         shape = tuple(f.k for f in self.factors)
         return np.ravel_multi_index(tuple(f.codes for f in self.factors), shape)
+
+    def around_cell_means(self, y: Array) -> Array:
+        """Return values, one per row, less the means of their cells."""
+        means = np.bincount(self.cells, y) / np.maximum(np.bincount(self.cells), 1)
+        away: Array = y - means[self.cells]
+        return away
 
     def cell_text(self, cell: int) -> str:
         """Return one of `cells` in words: 'A low, B 2'."""
@@ -358,7 +365,8 @@ def _complete_design(
                     if is_extra_gap.sum() > 1
                     else ""
                 )
-                + "; repair them, or pass missing='mixed' to use the rows that are there"
+                + f"; repair them, or take {option_text('missing', 'mixed')} "
+                "to use the rows that are there"
             )
         exclusions = (*exclusions, f"{int(is_extra_gap.sum())} rows without {dv}")
     # Renumber the subjects that are left.
@@ -412,8 +420,9 @@ def _refuse_missing(
     more = f" and {len(places) - 6} more" if len(places) > 6 else ""
     text = (
         f"{dv} is missing in {len(places)} cell{'s' if len(places) > 1 else ''}: "
-        f"{'; '.join(descriptions)}{more}. Repair them, or pass missing='listwise' to drop these "
-        "subjects or missing='mixed' for a mixed model"
+        f"{'; '.join(descriptions)}{more}. Repair them, or take "
+        f"{option_text('missing', 'listwise')} to drop these subjects or "
+        f"{option_text('missing', 'mixed')} for a mixed model"
     )
     raise (MissingCell(text) if (row_of < 0).any() else MissingValue(text))
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import special
 
-from visavis.analysis.statistics.errors import ConstantResponse, StatisticsError
+from visavis.analysis.statistics.errors import ConstantResponse, StatisticsError, option_text
 from visavis.analysis.statistics.inputs import differences, paired, sample
 from visavis.analysis.statistics.results import (
     Interval,
@@ -127,7 +127,7 @@ def tost_one_sample(
 ) -> Equivalence:
     """Test whether the mean lies between `low` and `high` (in SD of the sample for "sd")."""
     try:
-        test = one_sample_t(x, name=name, level=1 - 2 * alpha)
+        test = one_sample_t(x, name=name, level=1 - 2 * alpha, for_skew=False)
     except ConstantResponse:
         always = sample(x, name=name, vary=False)
         return _of_signs(float(always[0]), always.size, low, high, unit, alpha)
@@ -183,7 +183,8 @@ def _exact(
     if unit == "sd":
         raise ConstantResponse(
             f"the difference is {estimate:g} without exception, so bounds in its standard "
-            'deviation have no size; give them in the unit of the data (unit="raw")'
+            f"deviation have no size; give them in the unit of the data, "
+            + option_text("unit", "raw")
         )
     p_low, p_high = (chance if inside else 1.0 for inside in (estimate > low, estimate < high))
     p = max(p_low, p_high)

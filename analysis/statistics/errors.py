@@ -57,3 +57,11 @@ class UnknownMethod(StatisticsError):
 
 class NotConverged(StatisticsError):
     """A model could not be fitted to the data."""
+
+
+def option_text(name: str, value: str | float) -> str:
+    """Return how an option is chosen, in Python and study files and on the command line.
+
+    Messages reach people who wrote either.
+    """
+    return f"{name}={value!r} (--{name} {value})"

@@ -11,6 +11,7 @@ from scipy import special
 from visavis.analysis.statistics.contrasts import ContrastAdjustment, Contrasts, pairs_text
 from visavis.analysis.statistics.design import Design, Frame, Levels, Missing, read_design
 from visavis.analysis.statistics.effect_table import EffectTable
+from visavis.analysis.statistics.effects import tails_of
 from visavis.analysis.statistics.errors import (
     ConstantResponse,
     NotConverged,
@@ -233,7 +234,9 @@ def term_effect(
     se = 2 ** len(term) * float(np.sqrt(L[0] @ model.covariance @ L[0]))
     pairs = [(str(a), str(b)) for a, b in (design.factor(name).levels for name in term)]
     of = f"ratio of {'ratios of ' * (len(term) - 2)}{ratio}s" if len(term) > 1 else ratio
-    return estimate_effect(estimate, se, df, ratio=ratio and of, sd=sd), pairs_text(pairs)
+    tails = tails_of(design.around_cell_means(design.y), people=design.n)
+    effect = estimate_effect(estimate, se, df, ratio=ratio and of, sd=sd, tails=tails)
+    return effect, pairs_text(pairs)
 
 
 def _refuse_responses(design: Design, family: Family) -> None:

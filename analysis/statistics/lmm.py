@@ -10,6 +10,7 @@ import numpy as np
 from visavis.analysis.statistics.anova import Anova
 from visavis.analysis.statistics.contrasts import ContrastAdjustment, Contrasts
 from visavis.analysis.statistics.design import Codes, Design, Frame, Levels, Missing, read_design
+from visavis.analysis.statistics.effects import tails_of
 from visavis.analysis.statistics.errors import NotConverged, UnknownColumn
 from visavis.analysis.statistics.linear import model_matrix
 from visavis.analysis.statistics.marginal import posthoc
@@ -96,8 +97,9 @@ def linear_mixed(
         "maximal" if random == "maximal" and len(steps) == 1 else "components"
     )
     text = _random_text(design, subject, structure)
+    tails = tails_of(design.around_cell_means(design.y), people=design.n)
     effects = tuple(
-        contrast_effect(model, term, np.eye(X.shape[1])[columns], text)
+        contrast_effect(model, term, np.eye(X.shape[1])[columns], text, tails=tails)
         for term, columns in place.items()
         if term
     )

@@ -23,8 +23,8 @@ from visavis.analysis.statistics.contrasts import (
     pair_matrix,
 )
 from visavis.analysis.statistics.design import Design
-from visavis.analysis.statistics.effects import standardised_mean
-from visavis.analysis.statistics.errors import ConstantResponse, UnknownMethod
+from visavis.analysis.statistics.effects import Tails, standardised_mean, tails_of
+from visavis.analysis.statistics.errors import ConstantResponse, UnknownMethod, option_text
 from visavis.analysis.statistics.linear import FittedModel
 from visavis.analysis.statistics.mixed import RandomIntercept, level_rows
 from visavis.analysis.statistics.results import Array, Effect, Interval, Provenance
@@ -88,8 +88,11 @@ class FixedEffects:
         ses = np.sqrt(np.diag(covariance))
         effects: tuple[Effect | None, ...] = (None,) * len(L)
         if self.ratio or self.sd:
+            tails = tails_of(self.design.around_cell_means(self.design.y), people=self.design.n)
             effects = tuple(
-                estimate_effect(float(e), float(s), float(d), ratio=self.ratio, sd=self.sd)
+                estimate_effect(
+                    float(e), float(s), float(d), ratio=self.ratio, sd=self.sd, tails=tails
+                )
                 for e, s, d in zip(estimates, ses, dfs, strict=True)
             )
         return Comparison(estimates, covariance, dfs, effects)
@@ -117,7 +120,10 @@ class GroupCells:
         """Return sums of cell means, groups of unequal size with their own weight in the error."""
         design = self.design
         if not design.is_complete:
-            raise UnknownMethod("cells are missing; contrasts need a mixed model (missing='mixed')")
+            raise UnknownMethod(
+                "cells are missing; contrasts need a mixed model, "
+                + option_text("missing", "mixed")
+            )
         strata = Strata(design, self.subject)
         table = design.table(self.y).reshape(design.n, -1)
         sizes = design.group_sizes
@@ -137,7 +143,7 @@ class GroupCells:
             raise ConstantResponse(self._no_spread(weights[i]))
         ses = np.sqrt(np.diag(covariance))
         effects = tuple(
-            _standardised(float(e), float(s), df, w, spread)
+            _standardised(float(e), float(s), df, w, away)
             for e, s, w in zip(estimates, ses, weights, strict=True)
         )
         return Comparison(estimates, covariance, np.full(len(C), float(df)), effects)
@@ -195,9 +201,11 @@ class GroupCells:
 
 
 def _standardised(
-    estimate: float, se: float, df: int, weights: Array, spread: Array
+    estimate: float, se: float, df: int, weights: Array, away: Array
 ) -> Effect | None:
     """Return a sum of cells (groups, within cells) over the SD of people's own sums, in groups.
+
+    `away` (people, within cells) are values less their group's means.
 
     It is dz where conditions are compared, d where groups are, or groups' differences between
     conditions. Cells of different groups *and* conditions have no one SD, and no effect size.
@@ -213,8 +221,11 @@ def _standardised(
         name = "dz" if abs(groups.sum()) > 1e-9 else "d"
         of_group = groups.sum() if name == "dz" else np.abs(groups).sum() / 2
         unit = cells * values[0] * of_group
-    sd = float(np.sqrt(unit @ spread @ unit))
-    return standardised_mean(name, estimate / se, df, se / sd, value=estimate / sd)
+    own = away @ unit
+    sd = float(np.sqrt((own**2).sum() / df))
+    is_within = bool(abs(cells.sum()) <= 1e-9)
+    tails = tails_of(own, of_differences=is_within, of_one_mean=name == "dz")
+    return standardised_mean(name, estimate / se, df, se / sd, value=estimate / sd, tails=tails)
 
 
 class ModelTable(Protocol):
@@ -405,13 +416,20 @@ def mean_weights(design: Design, names: Sequence[str], weights: CellWeights = "e
 
 
 def estimate_effect(
-    estimate: float, se: float, df: float, *, ratio: str = "", sd: float = 0.0
+    estimate: float,
+    se: float,
+    df: float,
+    *,
+    ratio: str = "",
+    sd: float = 0.0,
+    tails: Tails | None = None,
 ) -> Effect:
     """Return the effect size of a difference on a model's scale, with an interval from its t.
 
     `ratio` names what exp(estimate) is, for models of a logarithm ("odds ratio"). Otherwise it is
     d = estimate / `sd`, the SD of a single response from all sources together (Westfall, Kenny and
-    Judd 2014), with the noncentral t interval, in which `sd` is taken for known.
+    Judd 2014), with the noncentral t interval, in which `sd` is taken for known, widened for
+    `tails`.
     """
     if ratio:
         reach = float(special.stdtrit(df, 0.975)) * se
@@ -419,7 +437,9 @@ def estimate_effect(
             float(np.exp(v)) for v in (estimate - reach, estimate, estimate + reach)
         )
         return Effect(ratio, value, Interval(low, high))
-    return standardised_mean("d_total", estimate / se, df, se / sd, value=estimate / sd)
+    return standardised_mean(
+        "d_total", estimate / se, df, se / sd, value=estimate / sd, tails=tails
+    )
 
 
 def _labels(design: Design, names: Sequence[str]) -> list[str]:

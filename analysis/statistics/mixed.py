@@ -10,7 +10,7 @@ from scipy import special
 
 from visavis.analysis.statistics.anova import Anova, AnovaEffect
 from visavis.analysis.statistics.design import Codes, Design, Frame, Levels, read_design
-from visavis.analysis.statistics.effects import partial_eta_squared
+from visavis.analysis.statistics.effects import Tails, partial_eta_squared, tails_of
 from visavis.analysis.statistics.errors import ConstantResponse, NotConverged, UnknownMethod
 from visavis.analysis.statistics.kenward_roger import kenward_roger_covariance, kenward_roger_df
 from visavis.analysis.statistics.linear import model_matrix
@@ -210,7 +210,7 @@ def fit_mixed(
     words = "random intercept"
     if random == "slopes":
         if ddf != "kenward-roger":
-            raise UnknownMethod("random slopes have Kenward-Roger df; pass random='intercept'")
+            raise UnknownMethod("random slopes have Kenward-Roger df; take a random intercept")
         try:
             return fit_components(design, X, y), slopes_text(design)
         except NotConverged:
@@ -249,7 +249,7 @@ def mixed_anova(
     _, place = design_matrix(design)
     fit, error_term = fit_mixed(design, design.y, random=random, ddf=ddf)
     return Anova(
-        tuple(_effects_of_fit(fit, place, error_term)),
+        tuple(_effects_of_fit(fit, place, error_term, _tails(design, design.y))),
         design,
         Provenance(
             "Mixed model ANOVA (type III)",
@@ -286,9 +286,17 @@ def level_rows(design: Design, names: Sequence[str]) -> Array:
 
 
 def contrast_effect(
-    fit: LinearMixedModel | RandomIntercept, term: tuple[str, ...], L: Array, error_term: str
+    fit: LinearMixedModel | RandomIntercept,
+    term: tuple[str, ...],
+    L: Array,
+    error_term: str,
+    *,
+    tails: Tails,
 ) -> AnovaEffect:
-    """Return a term's F test, that Lβ = 0 in the fitted model; L has full row rank (q, p)."""
+    """Return a term's F test, that Lβ = 0 in the fitted model; L has full row rank (q, p).
+
+    `tails` are those of the responses around the means of their cells.
+    """
     F, df = fit.test(L)
     q = L.shape[0]
     p = float(special.fdtrc(q, df, F))
@@ -301,7 +309,7 @@ def contrast_effect(
         ss=None,
         ss_error=None,
         error_term=error_term,
-        eta=partial_eta_squared(F, q, df),
+        eta=partial_eta_squared(F, q, df, tails=tails),
         ges=None,
         sphericity=None,
         correction="none",
@@ -323,13 +331,20 @@ def mixed_effects(
     _, place = design_matrix(design)
     fit, error = fit_mixed(design, y, random=random, ddf=ddf)
     terms = place if only is None else {tuple(only): place[tuple(only)]}
-    return _effects_of_fit(fit, terms, error)
+    return _effects_of_fit(fit, terms, error, _tails(design, y))
+
+
+def _tails(design: Design, y: Array) -> Tails:
+    return tails_of(design.around_cell_means(y), people=design.n)
 
 
 def _effects_of_fit(
-    fit: LinearMixedModel | RandomIntercept, place: Mapping[tuple[str, ...], slice], error: str
+    fit: LinearMixedModel | RandomIntercept,
+    place: Mapping[tuple[str, ...], slice],
+    error: str,
+    tails: Tails,
 ) -> Iterator[AnovaEffect]:
     identity = np.eye(fit.beta.size)
     for term, columns in place.items():
         if term:
-            yield contrast_effect(fit, term, identity[columns], error)
+            yield contrast_effect(fit, term, identity[columns], error, tails=tails)

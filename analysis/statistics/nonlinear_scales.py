@@ -2,8 +2,6 @@
 
 from collections.abc import Iterable, Iterator
 
-import numpy as np
-
 from visavis.analysis.statistics.anova import AnovaEffect
 from visavis.analysis.statistics.design import Design
 from visavis.analysis.statistics.normality import skewness
@@ -17,9 +15,7 @@ SKEW_LIMIT = 1.0
 
 def residual_skewness(design: Design) -> float:
     """Return the skewness of the responses around the means of their cells."""
-    cells = design.cells
-    means = np.bincount(cells, design.y) / np.maximum(np.bincount(cells), 1)
-    return skewness(design.y - means[cells])
+    return skewness(design.around_cell_means(design.y))
 
 
 def nonlinear_scale_interactions(

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from visavis.analysis.statistics.agreement import single_without_each
 from visavis.analysis.statistics.design import Frame, column_of
+from visavis.analysis.statistics.effects import at_least_jackknife
 from visavis.analysis.statistics.errors import TooFewLevels, UnequalLength, UnknownColumn
 from visavis.analysis.statistics.inputs import sample
 from visavis.analysis.statistics.results import (
@@ -66,7 +68,8 @@ def cronbach_alpha(
     level: float = 0.95,
 ) -> CronbachAlpha:
     """Return Cronbach's alpha of item columns, one row per person; `reverse` are keyed the other
-    way. The interval is Feldt's (1965), from the F distribution.
+    way. The interval is Feldt's (1965), from the F distribution, and at least that of the jackknife
+    over persons, as answers need not be normal.
     """
     if len(items) < 2:
         raise TooFewLevels(f"alpha needs two items, got {len(items)}")
@@ -84,17 +87,20 @@ def cronbach_alpha(
     average = float((r.sum() - k) / (k * (k - 1)))
     alpha = _alpha(scored_answers)
     tail, df = (1 - level) / 2, (n - 1, (n - 1) * (k - 1))
-    interval = Interval(
-        1 - (1 - alpha) * float(special.fdtri(*df, 1 - tail)),
-        1 - (1 - alpha) * float(special.fdtri(*df, tail)),
-        level,
+    low, high = (
+        1 - (1 - alpha) * float(special.fdtri(*df, quantile)) for quantile in (1 - tail, tail)
     )
+    if high < 1:
+        without_each = single_without_each(scored_answers)["ICC3"]
+        even = [-float(np.log(1 - v)) for v in (alpha, low, high)]
+        ends = at_least_jackknife(even[0], even[1], even[2], without_each, level)
+        low, high = (1 - float(np.exp(-v)) for v in ends)
     left_out = tuple(
         _alpha(np.delete(scored_answers, i, axis=1)) if k > 2 else float("nan") for i in range(k)
     )
     return CronbachAlpha(
         alpha,
-        interval,
+        Interval(low, high, level),
         k * average / (1 + (k - 1) * average),
         average,
         tuple(items),

@@ -1,6 +1,6 @@
 """Student's t in its forms: paired, independent, Welch, one sample, and from summaries."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -8,13 +8,18 @@ import numpy.typing as npt
 from scipy import special
 
 from visavis.analysis.statistics.effects import (
+    SKEWNESS_UNSEEN,
+    Tails,
     d_average,
     partial_eta_squared,
     standardised_mean,
+    tails_of,
 )
 from visavis.analysis.statistics.errors import ConstantResponse, StatisticsError, TooFewSubjects
 from visavis.analysis.statistics.inputs import is_constant, paired, sample
+from visavis.analysis.statistics.normality import skewness
 from visavis.analysis.statistics.results import (
+    Array,
     Effect,
     Interval,
     Provenance,
@@ -98,6 +103,7 @@ def paired_t(
     n = int(d.size)
     sd = float(d.std(ddof=1))
     t = float(d.mean() / (sd / np.sqrt(n)))
+    dz, tails = t / np.sqrt(n), tails_of(d - d.mean(), of_differences=True, of_one_mean=True)
     return TTest(
         t=t,
         df=n - 1,
@@ -105,8 +111,10 @@ def paired_t(
         estimate=float(d.mean()),
         interval=_interval(float(d.mean()), sd / np.sqrt(n), n - 1, level),
         sd=sd,
-        effect=standardised_mean("dz", t, n - 1, 1 / np.sqrt(n), value=t / np.sqrt(n), level=level),
-        eta=partial_eta_squared(t**2, 1, n - 1, cases=n, level=level),
+        effect=standardised_mean(
+            "dz", t, n - 1, 1 / np.sqrt(n), value=dz, tails=tails, level=level
+        ),
+        eta=partial_eta_squared(t**2, 1, n - 1, cases=n, tails=_turned(tails, t), level=level),
         means=(float(first.mean()), float(second.mean())),
         sds=(float(first.std(ddof=1)), float(second.std(ddof=1))),
         provenance=Provenance("paired t", n, error_term="SD of the differences"),
@@ -116,9 +124,19 @@ def paired_t(
 
 
 def one_sample_t(
-    x: npt.ArrayLike, *, mu: float = 0.0, level: float = 0.95, name: str = "x", unit: str = ""
+    x: npt.ArrayLike,
+    *,
+    mu: float = 0.0,
+    level: float = 0.95,
+    name: str = "x",
+    unit: str = "",
+    for_skew: bool = True,
 ) -> TTest:
-    """Test whether the mean is `mu`; d is (mean − mu) over SD."""
+    """Test whether the mean is `mu`; d is (mean − mu) over SD.
+
+    The mean of skewed values lies beyond t's interval on the side of the long tail too often, so
+    the interval is lengthened there (`lengthened_for_skew`); without `for_skew` it is that of t.
+    """
     column = sample(x, name=name, vary=False)
     n = int(column.size)
     if is_constant(column):
@@ -129,15 +147,21 @@ def one_sample_t(
     sd = float(column.std(ddof=1))
     estimate = float(column.mean()) - mu
     t = estimate / (sd / np.sqrt(n))
+    tails = tails_of(column - column.mean(), of_one_mean=True)
+    interval = _interval(estimate, sd / np.sqrt(n), n - 1, level)
+    if for_skew:
+        interval = lengthened_for_skew(interval, column)
     return TTest(
         t=float(t),
         df=n - 1,
         p=two_sided_t(t, n - 1),
         estimate=estimate,
-        interval=_interval(estimate, sd / np.sqrt(n), n - 1, level),
+        interval=interval,
         sd=sd,
-        effect=standardised_mean("d", t, n - 1, 1 / np.sqrt(n), value=estimate / sd, level=level),
-        eta=partial_eta_squared(t**2, 1, n - 1, cases=n, level=level),
+        effect=standardised_mean(
+            "d", t, n - 1, 1 / np.sqrt(n), value=estimate / sd, tails=tails, level=level
+        ),
+        eta=partial_eta_squared(t**2, 1, n - 1, cases=n, tails=_turned(tails, t), level=level),
         means=(float(column.mean()),),
         sds=(sd,),
         provenance=Provenance(
@@ -174,6 +198,7 @@ def independent_t(
         float(second.std(ddof=1)),
         int(second.size),
         equal_variances=equal_variances,
+        tails=tails_of(np.concatenate([first - first.mean(), second - second.mean()])),
         level=level,
         unit=unit,
     )
@@ -188,10 +213,14 @@ def independent_t_from_summary(
     n_2: int,
     *,
     equal_variances: bool = True,
+    tails: Tails | None = None,
     level: float = 0.95,
     unit: str = "",
 ) -> TTest:
-    """Test two independent groups from their means, standard deviations and sizes."""
+    """Test two independent groups from their means, standard deviations and sizes.
+
+    Intervals of effect sizes take both groups for normal unless `tails` says how long theirs are.
+    """
     if min(n_1, n_2) < 2:
         raise TooFewSubjects(f"groups of {n_1} and {n_2} are too small for a t test")
     if not (sd_1 >= 0 and sd_2 >= 0 and sd_1 + sd_2 > 0):
@@ -216,9 +245,15 @@ def independent_t_from_summary(
         interval=_interval(estimate, float(se), float(df), level),
         sd=pooled_sd,
         effect=standardised_mean(
-            "d", t_pooled, n_df, scale, value=float(estimate / pooled_sd), level=level
+            "d",
+            t_pooled,
+            n_df,
+            scale,
+            value=float(estimate / pooled_sd),
+            tails=tails,
+            level=level,
         ),
-        eta=partial_eta_squared(t**2, 1, df, cases=n_1 + n_2, level=level),
+        eta=partial_eta_squared(t**2, 1, df, cases=n_1 + n_2, tails=tails, level=level),
         means=(mean_1, mean_2),
         sds=(sd_1, sd_2),
         provenance=Provenance(
@@ -229,6 +264,24 @@ def independent_t_from_summary(
         ),
         unit=unit,
     )
+
+
+def _turned(tails: Tails, t: float) -> Tails:
+    """Return the tails for the square of t, which counts as above zero."""
+    return replace(tails, skewness=tails.skewness * float(np.sign(t)))
+
+
+def lengthened_for_skew(interval: Interval, values: Array) -> Interval:
+    """Return the interval of a mean, longer on the side of its values' long tail.
+
+    The length is the skewness term of Cornish and Fisher's expansion of t (Johnson 1978), γ(1 +
+    2t²)s/6n, times `SKEWNESS_UNSEEN`, as few people show less skewness than their measure has.
+    """
+    n = values.size
+    t = float(special.stdtrit(n - 1, 0.5 + interval.level / 2))
+    term = SKEWNESS_UNSEEN * skewness(values) * (1 + 2 * t**2) / (6 * n)
+    more = term * float(values.std(ddof=1))
+    return Interval(interval.low + min(more, 0.0), interval.high + max(more, 0.0), interval.level)
 
 
 def two_sided_t(t: float, df: float) -> float:

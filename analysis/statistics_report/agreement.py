@@ -13,7 +13,7 @@ from visavis.analysis.statistics.agreement import (
     icc,
     krippendorff_alpha,
 )
-from visavis.analysis.statistics.errors import DuplicateCell, MissingValue
+from visavis.analysis.statistics.errors import DuplicateCell, MissingValue, option_text
 from visavis.analysis.statistics.results import Array, Result
 from visavis.analysis.statistics_report.factorial import TestRun
 from visavis.analysis.statistics_report.outcome import Outcome, Question
@@ -83,7 +83,8 @@ def _icc(table: DataTable, q: Question) -> Outcome:
         if q.missing == "error":
             raise MissingValue(
                 f"{table.name}: {int((~whole).sum())} of {whole.size} {q.subject} lack a rating; "
-                "leave them out with missing=listwise, or take the test krippendorff"
+                f"leave them out with {option_text('missing', 'listwise')}, or take the test "
+                "krippendorff"
             )
         notes = (f"{int((~whole).sum())} {q.subject} without all ratings left out",)
         names = list(dict.fromkeys(table.labels(q.subject)))
@@ -93,8 +94,7 @@ def _icc(table: DataTable, q: Question) -> Outcome:
     notes += coefficients[0].provenance.notes
     notes += not_normal(
         of_two_ways(ratings[whole]),
-        "F and the intervals of intraclass correlations take them to be: these are then too "
-        "narrow; the test krippendorff does not",
+        "the F tests of intraclass correlations take them to be; the test krippendorff does not",
     )
     if q.reliability.kind:
         if q.reliability.kind not in ICC_KINDS:

@@ -10,7 +10,7 @@ import pandas as pd
 from visavis.analysis.statistics.binomial import binomial_test, sign_test, sign_test_of_one
 from visavis.analysis.statistics.bradley_terry import bradley_terry
 from visavis.analysis.statistics.contrasts import ContrastAdjustment
-from visavis.analysis.statistics.errors import DuplicateCell, NotNumeric
+from visavis.analysis.statistics.errors import DuplicateCell, NotNumeric, option_text
 from visavis.analysis.statistics_report.factorial import CONTRAST_WAYS, TestRun
 from visavis.analysis.statistics_report.outcome import Outcome, Question
 from visavis.analysis.statistics_report.prepare import outcome_of, prepare, read
@@ -141,7 +141,7 @@ def _binomial(table: DataTable, q: Question) -> Outcome:
     if len(tidy.frame) < len(table.texts(q.dv)):
         raise DuplicateCell(
             f"{table.name}: some {q.subject} have several rows, which are not independent; test "
-            "their means with the test sign (mu=0.5) or wilcoxon, or take gee"
+            f"their means with the test sign, {option_text('mu', 0.5)}, or wilcoxon, or take gee"
         )
     if not set(np.unique(y)) <= {0.0, 1.0}:
         raise NotNumeric(f"{table.name}: {q.dv} holds other numbers than 0 and 1")

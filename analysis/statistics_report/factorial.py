@@ -45,7 +45,7 @@ from visavis.analysis.statistics.bayes import (
 )
 from visavis.analysis.statistics.clmm import Clmm, clmm
 from visavis.analysis.statistics.contrasts import ContrastAdjustment
-from visavis.analysis.statistics.errors import StatisticsError
+from visavis.analysis.statistics.errors import StatisticsError, option_text
 from visavis.analysis.statistics.gee import Family, Gee, GeeEffect, gee
 from visavis.analysis.statistics.lmm import LinearMixed, RandomEffects, linear_mixed
 from visavis.analysis.statistics.mixed import fit_mixed
@@ -206,7 +206,7 @@ def _art_path(anova: ArtAnova) -> list[str]:
     skew = anova.residual_skewness
     path.append(
         f"Are the residuals skewed: skewness {number(skew)} → "
-        f"{'yes, prefer transform=int' if abs(skew) > 1 else 'not much'}"
+        + (f"yes, prefer {option_text('transform', 'int')}" if abs(skew) > 1 else "not much")
     )
     beside = "inverse-normal ranks" if anova.transform == "art" else "the aligned rank transform"
     for effect in anova.effects:
@@ -369,7 +369,7 @@ def _beside_listwise(table: DataTable, q: Question, anova: Anova) -> list[str]:
             ),
         )
     except StatisticsError as error:
-        return [f"with missing=listwise there is nothing to compare with: {error}"]
+        return [f"without the people who lack cells there is nothing to compare with: {error}"]
     notes = []
     for effect in anova.effects:
         p = other.p(effect.name)
@@ -377,7 +377,7 @@ def _beside_listwise(table: DataTable, q: Question, anova: Anova) -> list[str]:
             notes.append(
                 f"{effect.name}: {p_text(effect.p_used)} with the cells that are there but "
                 f"{p_text(p)} of the {other.row(effect.name)['n']} people who have all "
-                f"(missing=listwise), each against its own error; error here: "
+                f"({option_text('missing', 'listwise')}), each against its own error; error here: "
                 f"{anova.provenance.error_term}"
             )
     return notes

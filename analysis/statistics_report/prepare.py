@@ -9,7 +9,12 @@ import numpy as np
 import pandas as pd
 
 from visavis.analysis.statistics import Design, cell_means, describe, read_design
-from visavis.analysis.statistics.errors import MissingCell, MissingValue, SubjectInTwoGroups
+from visavis.analysis.statistics.errors import (
+    MissingCell,
+    MissingValue,
+    SubjectInTwoGroups,
+    option_text,
+)
 from visavis.analysis.statistics.inputs import is_constant
 from visavis.analysis.statistics.nonlinear_scales import SKEW_LIMIT
 from visavis.analysis.statistics.normality import excess_kurtosis, skewness
@@ -89,7 +94,7 @@ def _with_known_covariates(
             row = int(np.flatnonzero(unknown)[0])
             raise MissingValue(
                 f"{table.name}: {name} is missing in {table.place(row)}; repair it, or leave such "
-                "people out with missing=listwise"
+                f"people out with {option_text('missing', 'listwise')}"
             )
         people = frame.loc[unknown, q.subject].nunique() if q.subject else int(unknown.sum())
         notes.append(f"left out: {people} without {name}")
@@ -102,8 +107,8 @@ def read(tidy: TidyTable, question: Question) -> Design:
     q = question
     if q.missing == "mixed":
         raise UsageError(
-            f"the test {q.test} cannot keep subjects with missing cells; use missing=listwise, "
-            "or the test mixed, art or lmm"
+            f"the test {q.test} cannot keep subjects with missing cells; take "
+            f"{option_text('missing', 'listwise')}, or the test mixed, art or lmm"
         )
     return read_design(
         tidy.frame,
@@ -146,7 +151,7 @@ def outcome_of(
 
 
 def far_from_normal(design: Design, rows: Sequence[Row]) -> tuple[str, ...]:
-    """Note intervals of standardised effects where residuals are skewed or have long tails."""
+    """Note that intervals of effects are widened for skewed or long-tailed residuals."""
     effects = {
         str(row["effect"])
         for row in rows
@@ -160,8 +165,8 @@ def far_from_normal(design: Design, rows: Sequence[Row]) -> tuple[str, ...]:
         away = away - (np.bincount(codes, away) / np.maximum(np.bincount(codes), 1))[codes]
     return not_normal(
         away,
-        f"the intervals of {' and '.join(sorted(effects))} take them to be: those of large effects "
-        "are too narrow; differences and rank-biserial correlations keep theirs",
+        f"the noncentral intervals of {' and '.join(sorted(effects))} take them to be, and are "
+        "widened",
     )
 
 
@@ -371,8 +376,8 @@ def _refuse_missing(
     cells = f"{len(empty_cells)} cell{'s' if len(empty_cells) > 1 else ''}"
     raise MissingCell(
         f"{table.name}: {q.dv} is missing in {cells}: {'; '.join(descriptions)}{more}. "
-        "Repair them, or drop these subjects with missing=listwise, "
-        "or keep what is there with missing=mixed (tests art, mixed, lmm and gee)"
+        f"Repair them, or drop these subjects with {option_text('missing', 'listwise')}, or "
+        f"keep what is there with {option_text('missing', 'mixed')} (tests art, mixed, lmm and gee)"
     )
 
 
@@ -392,8 +397,9 @@ def _refuse_missing_rows(
                 if len(rows_without_value) > 1
                 else ""
             )
-            + "; repair them, or average the rows that are there with missing=listwise "
-            "(then dropping subjects without a value in some cell) or missing=mixed"
+            + "; repair them, or average the rows that are there with "
+            f"{option_text('missing', 'listwise')} (then dropping subjects "
+            f"without a value in some cell) or {option_text('missing', 'mixed')}"
         )
 
 

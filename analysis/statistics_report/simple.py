@@ -30,14 +30,12 @@ from visavis.analysis.statistics import (
 from visavis.analysis.statistics.adjust import ADJUSTMENT_NAME, Adjustment
 from visavis.analysis.statistics.bayes import MEDIUM_SCALE, bayes_text, jzs_bayes_factor
 from visavis.analysis.statistics.equivalence import BoundUnit
-from visavis.analysis.statistics.errors import MissingValue, TooFewLevels
+from visavis.analysis.statistics.errors import MissingValue, TooFewLevels, option_text
 from visavis.analysis.statistics.results import MINUS, Array, Row, p_text
 from visavis.analysis.statistics_report.factorial import RANK_WAYS, TestRun
 from visavis.analysis.statistics_report.outcome import Outcome, Question, Samples
 from visavis.analysis.statistics_report.prepare import (
     TidyTable,
-    not_normal,
-    of_two_ways,
     outcome_of,
     prepare,
     read,
@@ -176,7 +174,7 @@ def single_column(table: DataTable, q: Question) -> tuple[TidyTable, Array]:
         row = int(np.flatnonzero(missing)[0])
         raise MissingValue(
             f"{table.name}: {q.dv} is missing in {table.place(row)}; repair it, or leave such "
-            "rows out with missing=listwise"
+            f"rows out with {option_text('missing', 'listwise')}"
         )
     if missing.any():
         notes = (*tidy.notes, f"{int(missing.sum())} rows without {q.dv} left out")
@@ -287,7 +285,8 @@ def _correlation(run: Callable[..., Any], title: str) -> TestRun:
                 raise MissingValue(
                     f"{table.name}: {q.dv} or {q.partner} is missing "
                     f"({'subject' if q.subject else 'row'} number {row + 1} and "
-                    f"{int((~both).sum()) - 1} more); use missing=listwise to leave them out"
+                    f"{int((~both).sum()) - 1} more); leave them out with "
+                    f"{option_text('missing', 'listwise')}"
                 )
             notes.append(f"{int((~both).sum())} pairs without both values left out")
         correlation = run(x[both], y[both], names=(q.partner, q.dv))
@@ -386,18 +385,13 @@ def _cronbach(table: DataTable, q: Question) -> Outcome:
         if q.missing == "error":
             raise MissingValue(
                 f"{table.name}: {item} is missing in {table.place(row)}; repair it, or leave such "
-                "persons out with missing=listwise"
+                f"persons out with {option_text('missing', 'listwise')}"
             )
         notes.append(f"{int(missing.sum())} persons without all items left out")
     alpha = cronbach_alpha(
         {k: v[~missing] for k, v in columns.items()},
         list(q.reliability.items),
         reverse=q.reliability.reverse,
-    )
-    turned = np.array([-1.0 if i in q.reliability.reverse else 1.0 for i in q.reliability.items])
-    notes += not_normal(
-        of_two_ways(values[~missing] * turned),
-        "the interval of Cronbach's α takes them to be: it is then too narrow",
     )
     return Outcome(
         question=q,

@@ -484,7 +484,10 @@ def test_a_subject_in_two_groups_names_both_rows(tmp_path: Path) -> None:
         (["--test", "artt", *TWO], "did you mean art"),
         (["--test", "friedman", *TWO], "one factor"),
         (["--test", "friedman", *ONE, "--posthoc", "tukey"], "holm, bonferroni"),
-        (["--test", "friedman", *ONE, "--missing", "mixed"], "missing=listwise"),
+        (
+            ["--test", "friedman", *ONE, "--missing", "mixed"],
+            "missing='listwise' (--missing listwise)",
+        ),
         (["--test", "rm", "--dv", "accuracy", "--within", "technique"], "needs subject"),
         (["--test", "tost", *PAIR], "needs low and high"),
         (["--test", "spearman", "--dv", "accuracy"], "needs with"),

@@ -130,7 +130,7 @@ def _paired_t(case: Case, entry: Entry) -> dict[str, Any]:
 def _one_sample_t(case: Case, entry: Entry) -> dict[str, Any]:
     mu = entry["expected"].get("mu", 0)
     column = case.sets[entry["set"]][_column_of(entry)]
-    result = statistics.one_sample_t(column, mu=mu)
+    result = statistics.one_sample_t(column, mu=mu, for_skew=False)
     return {
         "mu": mu,
         "mean": result.means[0],
@@ -345,8 +345,8 @@ def _icc(case: Case, entry: Entry) -> dict[str, Any]:
         "df1": [m.df1 for m in made],
         "df2": [m.df2 for m in made],
         "p": [m.p for m in made],
-        "low": [m.interval.low for m in made],
-        "high": [m.interval.high for m in made],
+        "low": [m.by_f.low for m in made],
+        "high": [m.by_f.high for m in made],
     }
 
 

@@ -96,7 +96,7 @@ def test_the_bound_at_the_end_of_an_interval_has_its_tail() -> None:
     rng = np.random.default_rng(2)
     table = rng.normal(0, 1, (15, 1)) + rng.normal(0, 1, (15, 4))
     for kind in ("ICC1", "ICC3", "ICC1k", "ICC3k"):
-        low = next(one for one in icc(table) if one.kind == kind).interval.low
+        low = next(one for one in icc(table) if one.kind == kind).by_f.low
         (one,) = (o for o in icc(table, above=low) if o.kind == kind)
         assert 0.025 == pytest.approx(one.p_above, abs=1e-9)
     for one in icc(table):

@@ -45,6 +45,7 @@ def trials() -> Frame:
     return {"s": person, "A": np.where(is_z, "z", "x"), "y": y}
 
 
+@pytest.mark.usefixtures("normal_tails")
 def test_a_contrast_of_a_mixed_model_is_d_by_the_total_sd_that_lme4_finds() -> None:
     """R: `lmer(y ~ A + (1 + A | s))`, sum coded; SD from VarCorr and sigma, bounds from pt."""
     made = linear_mixed(trials(), "y", subject="s", within=("A",))
@@ -54,6 +55,7 @@ def test_a_contrast_of_a_mixed_model_is_d_by_the_total_sd_that_lme4_finds() -> N
     assert "d_total = −0.21, 95% CI [−0.60, 0.20]" in pair.sentence()
 
 
+@pytest.mark.usefixtures("normal_tails")
 def test_components_of_variance_add_up_to_the_total_sd() -> None:
     made = linear_mixed(within_frame(1, 12), "y", random="components", **TWO)
     assert made.model is not None
@@ -64,6 +66,7 @@ def test_components_of_variance_add_up_to_the_total_sd() -> None:
         )
 
 
+@pytest.mark.usefixtures("normal_tails")
 def test_scores_in_estimating_equations_have_d_by_the_pooled_sd_of_their_conditions() -> None:
     frame = within_frame(2, 12, (2, 2))
     frame = rows(frame, frame["B"] == "b0")
@@ -276,6 +279,7 @@ def test_double_differences_of_groups_and_groups_of_two_say_that_they_have_no_ef
     assert pair.effect is None
 
 
+@pytest.mark.usefixtures("normal_tails")
 def test_contrasts_beside_groups_have_dz_by_the_spread_within_groups() -> None:
     frame = pd.DataFrame(mixed_frame(3, (6, 8)))
     made = statistics.posthoc(

@@ -90,6 +90,7 @@ def test_alpha_of_identical_items_is_one_and_reversing_restores_it() -> None:
     assert turned.unreversed != pytest.approx(1.0)
 
 
+@pytest.mark.usefixtures("normal_tails")
 def test_interval_of_alpha_is_felds_f_interval() -> None:
     rng = np.random.default_rng(2)
     common = rng.normal(size=30)

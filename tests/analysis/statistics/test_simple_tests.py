@@ -38,6 +38,7 @@ def test_paired_t_of_hand_worked_differences() -> None:
     assert 12 / 14 == pytest.approx(result.eta.value)
 
 
+@pytest.mark.usefixtures("normal_tails")
 def test_interval_of_dz_has_t_at_its_noncentral_tails() -> None:
     result = paired_t([2.0, 4.0, 6.5, 3.0, 5.0], [1.0, 2.0, 3.0, 3.5, 4.0])
     assert result.effect.interval is not None
