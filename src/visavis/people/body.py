@@ -45,6 +45,15 @@ class PointingHand:
         self._presses += [(t_ns, control, 1.0), (t_ns + RELEASED_AFTER_NS, control, 0.0)]
         self._presses.sort(key=lambda press: press[0])
 
+    def press_no_more(self) -> None:
+        """Give up what it meant to press; what is pressed is still released."""
+        to_press = {(t_ns, control) for t_ns, control, value in self._presses if value > 0}
+        self._presses = [
+            (t_ns, control, value)
+            for t_ns, control, value in self._presses
+            if value <= 0 and (t_ns - RELEASED_AFTER_NS, control) not in to_press
+        ]
+
     def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
         """Yield presses and releases since the last call."""
         while self._presses and self._presses[0][0] <= until_ns:

@@ -7,8 +7,8 @@ and what it moulds mean nothing to them. To guess, they search in mind: with gre
 few thoughts, but before anything moves.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -28,6 +28,8 @@ IMAGINES_01: Final = 0.15
 """Standard deviations of the logarithm of what is seen of a difference, and imagined of it."""
 THOUGHTS: Final = 30
 """Settings that somebody imagines before a guess."""
+KEY_S: Final = 0.18
+"""From one press of a key to the next."""
 ROUGH_M: Final = 0.004
 """How far `rough` distances may be from exact ones."""
 
@@ -144,6 +146,44 @@ def guess_by_any(
     places = np.round((values - task.low) / task.step)
     goal = np.round(task.low + task.step * places, 10)
     return _set_to(task, goal, pace * LOOK_S, limit_s, 0.0)
+
+
+def made_in_turn(moves: Sequence[Movement], takes_s: Callable[[Movement], float]) -> list[Movement]:
+    """Return movements as late as each must be that takes so long after the one before."""
+    later: list[Movement] = []
+    done_s = before_s = 0.0
+    for move in moves:
+        done_s += max(move.t_s - before_s, takes_s(move))
+        before_s = move.t_s
+        later.append(replace(move, t_s=done_s))
+    return later
+
+
+def presses(
+    moves: Sequence[Movement], start: Vector, step: Vector, pace: float
+) -> tuple[list[tuple[float, str]], int]:
+    """Return times and controls of presses that make movements on a board, and the last row.
+
+    `step` (d,) is how far a press moves each slider, of which movements are multiples. Who looks
+    for long enough before a movement presses meanwhile; where presses take longer, it comes later.
+    """
+    values, row = start.copy(), 0
+    rows_of: list[list[str]] = []
+    for move in moves:
+        rows = move.slider - row
+        steps = round((move.value - values[move.slider]) / step[move.slider])
+        controls = ["down" if rows > 0 else "up"] * abs(rows)
+        rows_of.append(controls + ["right" if steps > 0 else "left"] * abs(steps))
+        values[move.slider], row = move.value, move.slider
+    key_s = pace * KEY_S
+    of_move = iter(rows_of)
+    later = made_in_turn(moves, lambda _: key_s * len(next(of_move)))
+    pressed = [
+        (move.t_s - key_s * (len(controls) - 1 - k), control)
+        for move, controls in zip(later, rows_of, strict=True)
+        for k, control in enumerate(controls)
+    ]
+    return pressed, row
 
 
 def _perceived(distance_m: float, error_01: float, rng: np.random.Generator) -> float:

@@ -14,17 +14,32 @@ import numpy.typing as npt
 from visavis.lab.chance import generator
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DataError
-from visavis.lab.geometry import unit
+from visavis.lab.geometry import Vector, unit
 from visavis.people.body import PointingHand, hand_alone, segments_of
 from visavis.people.body_kernels import POINT_S
-from visavis.people.moulder import Outcome, Task, guess, guess_by_any, match, match_by_any
+from visavis.people.moulder import (
+    KEY_S,
+    LOOK_S,
+    Movement,
+    Outcome,
+    Task,
+    guess,
+    guess_by_any,
+    made_in_turn,
+    match,
+    match_by_any,
+    presses,
+)
 from visavis.people.observer import DEFAULT_POPULATION, Observer, Population
 from visavis.people.observer.observer import Layout
 from visavis.people.observer.state import HEAD, ROOM, SPEAKER_SIDE
 from visavis.protocol.session.boards import HAND, keys_of_choice
-from visavis.stimuli.panels import PanelFrame, choice_centre_m
+from visavis.stimuli.motion.synthesis.pose_distance import Likeness, compared_joints
+from visavis.stimuli.panels import PanelFrame, choice_centre_m, place_m, track_01
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import SceneFrame
+from visavis.study.live import Live, Moulding
+from visavis.study.moulding import MouldingFrame, press_step
 from visavis.study.responses import (
     Choice,
     Keys,
@@ -38,7 +53,6 @@ from visavis.study.responses import (
 from visavis.study.study_functions import AnswerOf, Seen
 
 if TYPE_CHECKING:
-    from visavis.study.live import Live
     from visavis.study.moving_camera import FilmSeen
 
 _MIND_STREAM, _LEANING_STREAM, _PACE_STREAM, _MOULD_STREAM = 11, 12, 13, 14
@@ -53,6 +67,8 @@ THINKING_S: Final = 1.1
 THINKING_LOG_SD: Final = 0.3
 PACE_LOG_SD: Final = 0.2
 """How much people differ in the pace at which they mould figures."""
+CLOSE_01: Final = 0.95
+"""Of the distance that counts as reached: a hand does not point to a hair."""
 NOTICE_S: Final = 0.32
 """Time from an onset to a press without a decision, in seconds."""
 CONTACT_DEG: Final = 5.0
@@ -68,8 +84,9 @@ class StudyPerson(Observer):
 
     _panel_text: str
     _films: "Mapping[str, FilmSeen]"
-    _live: "Live | None"
+    _live: Live | None
     _caption: str
+    _moulding: Moulding | None
 
     def __init__(
         self,
@@ -111,6 +128,13 @@ class StudyPerson(Observer):
 
     def see(self, view: SceneFrame, t_display_ns: int) -> None:
         """Receive what the display shows from `t_display_ns` on."""
+        if isinstance(view, MouldingFrame):
+            self._see_figure(view, t_display_ns)
+            return
+        if self._moulding is not None:
+            self._moulding = None
+            self._hand.press_no_more()
+            self.look_at(None, t_display_ns)
         if isinstance(view, PanelFrame) and view.panels:
             panel = view.panels[0]
             if panel.text != self._panel_text:
@@ -150,20 +174,25 @@ class StudyPerson(Observer):
         """See films by moving cameras on a page, by their place on the page."""
         self._films = films
 
-    def mould(self, live: "Live", caption: str) -> None:
+    def mould(self, live: Live, caption: str) -> None:
         """Sit before a live figure on a page, with what stands above it."""
         self._live, self._caption = live, caption
 
     def mould_to(self, task: Task, *, within_m: float, limit_s: float, is_blind: bool) -> Outcome:
         """Move sliders until a figure looks like another, or guess where it is not seen."""
         rng = self._rng(_MOULD_STREAM, self.stretch(), int(is_blind))
-        pace = float(np.exp(PACE_LOG_SD * self._leaning))
+        pace = self.pace
         if self.notices_contact:
             if is_blind:
                 return guess(task, limit_s, pace, rng)
             return match(task, within_m, limit_s, pace, rng)
         by_any = guess_by_any if is_blind else match_by_any
         return by_any(task, within_m, limit_s, pace, rng)
+
+    @property
+    def pace(self) -> float:
+        """How long this person takes to mould something, times the usual."""
+        return float(np.exp(PACE_LOG_SD * self._leaning))
 
     def feel(self, role: str, amplitudes_01: Sequence[float], t_ns: int) -> None:
         """Feel a vibration, on which answers may depend."""
@@ -208,6 +237,80 @@ class StudyPerson(Observer):
         self._films = {}
         self._live: Live | None = None
         self._caption = ""
+        self._moulding = None
+
+    def _see_figure(self, view: MouldingFrame, t_ns: int) -> None:
+        """At first sight of a figure to mould: look at it, and press what moulds it."""
+        if view.moulding is self._moulding or view.moulding is None or view.people is None:
+            return
+        self._hand.press_no_more()
+        moulding = self._moulding = view.moulding
+        head_m = view.people.root_m[0] + np.array([0.0, 0.3, 0.0])
+        self.mould(moulding.live, moulding.caption)
+        self.look_at(head_m.tolist(), t_ns)
+        pace = self.pace
+        start = np.array([slider.start for slider in moulding.sliders])
+        step = np.array([press_step(slider) for slider in moulding.sliders])
+        moves, ends = self._movements(moulding, start, step)
+        board, n = view.panels[0], len(view.panels[0].rows)
+        if view.by_keys:
+            pressed, row = presses(moves, start, step, pace)
+            if ends:
+                ready_s = (pressed[-1][0] if pressed else 0.0) + LOOK_S * pace
+                ending = ["down"] * (n - row) + ["trigger"]
+                pressed += [(ready_s + KEY_S * pace * k, key) for k, key in enumerate(ending)]
+            for t_s, control in pressed:
+                self._hand.press(t_ns + round(t_s * NS_PER_S), control)
+            return
+        begin_s = (t_ns - self._origin_ns) / NS_PER_S
+        later = made_in_turn(moves, lambda _: POINT_S + 2 * PRESS_S)
+        goals = [(move.t_s, self._on_track(board, moulding, move)) for move in later]
+        if ends:
+            ready_s = (goals[-1][0] if goals else 0.0) + LOOK_S * pace + POINT_S
+            goals.append((ready_s, choice_centre_m(board, 0)))
+        for t_s, goal_m in goals:
+            self._hand.point(begin_s + t_s - POINT_S - PRESS_S, goal_m - self._seat)
+            self._hand.press(t_ns + round(t_s * NS_PER_S), "trigger")
+
+    def _on_track(self, board: Panel, moulding: Moulding, move: Movement) -> Vector:
+        slider = moulding.sliders[move.slider]
+        begin, end, down = track_01(board, move.slider)
+        share = (move.value - slider.low) / (slider.high - slider.low)
+        return place_m(board, begin + share * (end - begin), down)
+
+    def _movements(
+        self, moulding: Moulding, start: Vector, step: Vector
+    ) -> tuple[Sequence[Movement], bool]:
+        """Return movements of sliders, and whether the person then presses the button."""
+        live, until, sliders = moulding.live, moulding.until, moulding.sliders
+        if until is None or not live.beside:
+            moves, t_s = [], 0.0
+            for i, slider in enumerate(sliders):
+                t_s += self.takes_s(slider)
+                reply = self._reply_to(slider)
+                goal = start[i] if reply is None else float(reply)
+                goal = float(np.clip(goal, slider.low, slider.high))
+                count = round((goal - start[i]) / step[i])
+                value = float(np.clip(start[i] + count * step[i], slider.low, slider.high))
+                moves += [Movement(t_s, i, value)] if count else []
+            return moves, True
+        joints = compared_joints(live.examples.skeleton)
+        likeness = Likeness(live.examples, until.shares(live.examples), until.poses, joints)
+        task = Task(
+            np.array([slider.low for slider in sliders]),
+            np.array([slider.high for slider in sliders]),
+            step,
+            start,
+            lambda values: likeness.rough_m(live.shares(values)),
+            lambda values: likeness.exact_m(live.shares(values)),
+        )
+        outcome = self.mould_to(
+            task,
+            within_m=CLOSE_01 * until.within_m,
+            limit_s=moulding.limit_s,
+            is_blind=moulding.is_blind,
+        )
+        return outcome.moves, moulding.is_blind
 
     def _take_in(self, view: SceneFrame, t_ns: int) -> None:
         n = len(view.scene.agents)

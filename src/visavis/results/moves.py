@@ -8,10 +8,15 @@ import pandas as pd
 from visavis.lab.clock import NS_PER_MS
 from visavis.protocol.plan.columns import Column
 from visavis.recording.reader import Recording
+from visavis.study.moulding import FIGURE_ON, FIGURE_TURNED, SLIDER_MOVED
 
 MOVE_COLUMNS = (
     Column("trial_id", "", "the trial"),
-    Column("step", "1", "the page's step, which tells figures of one trial apart"),
+    Column(
+        "step",
+        "1",
+        "number that tells figures of one trial apart: of the page's step, or of the figure",
+    ),
     Column("t_ns", "ns", "session time of the movement"),
     Column("what", "", "the slider's name; camera for the view"),
     Column("value", "1", "the slider's value; empty for the camera"),
@@ -22,7 +27,7 @@ MOVE_COLUMNS = (
 
 
 def moves_of(recording: Recording) -> pd.DataFrame:
-    """Return the movements (`MOVE_COLUMNS`) of a session on a page, step by step in order of time.
+    """Return the movements (`MOVE_COLUMNS`) of a session, step by step in order of time.
 
     Those of a step that was begun again, after a page was reloaded, are all there.
     """
@@ -32,13 +37,17 @@ def moves_of(recording: Recording) -> pd.DataFrame:
 
 def _rows(recording: Recording) -> Iterator[dict[str, Any]]:
     for part in recording.manifest.parts:
-        trial_id = ""
+        trial_id, figure = "", 0
         least_ns: dict[str, int] = {}
         waiting: list[tuple[str, Mapping[str, Any]]] = []
         for event in recording.journal(part.number).events:
             payload, t_ns = event["payload"], int(event["t_ns"])
             if event["name"] == "trial_start":
                 trial_id = str(payload["trial_id"])
+            if event["name"] == FIGURE_ON:
+                figure += 1
+            elif event["name"] in (SLIDER_MOVED, FIGURE_TURNED):
+                yield _before_a_screen(payload, figure)
             if event["name"] != "page_event" or "at_ms" not in payload:
                 continue
             # The page's clock is placed as the trial's row has it: when its step is over.
@@ -52,6 +61,15 @@ def _rows(recording: Recording) -> Iterator[dict[str, Any]]:
                 yield from _placed(waiting, least_ns)
                 waiting = []
         yield from _placed(waiting, least_ns)
+
+
+def _before_a_screen(payload: Mapping[str, Any], figure: int) -> dict[str, Any]:
+    """Return a movement before a monitor or in a headset; turning a figure is walking round it."""
+    own = {"trial_id": payload["trial_id"], "step": figure, "t_ns": int(payload["heard_ns"])}
+    if "slider" in payload:
+        return own | {"what": payload["slider"], "value": payload["value"]}
+    place = {axis: payload[axis] for axis in ("x_m", "y_m", "z_m")}
+    return own | {"what": "camera", **place}
 
 
 def _placed(

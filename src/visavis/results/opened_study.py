@@ -48,7 +48,10 @@ from visavis.study.declaration import Study
 from visavis.study.exclusions import ANSWERED_COLUMN, STANDARD_COLUMNS, Exclusion, limits_in_force
 from visavis.study.expectations import Order
 from visavis.study.experiment import StudyExperiment
+from visavis.study.live import Slider
 from visavis.study.measures import Measure, lost_gaze, lost_head
+from visavis.study.moulding import FIGURE_ON, FIGURE_TURNED, SLIDER_MOVED, stage_again
+from visavis.study.moulding import SCENE as LIVE_SCENE
 from visavis.study.pieces import MeasuredTrial, Pieces
 from visavis.study.responses import Choice
 from visavis.study.scenes import Scene, Staging, stage
@@ -334,6 +337,10 @@ class OpenedStudy:
             yield from self.study.procedure.views_of(record, experiment)
             return
         bare = record.view
+        figure = record.latest(FIGURE_ON)
+        if figure is not None and record.scene.name == LIVE_SCENE:
+            yield self._moulded(record, figure[1])
+            return
         latest = record.latest("shown")
         if latest is None or not record.scene.agents:
             yield replace(
@@ -354,6 +361,22 @@ class OpenedStudy:
             staged_scene.scene, agents=record.scene.agents, brightness_01=record.scene.brightness_01
         )
         yield replace(bare, scene=scene)
+
+    def _moulded(self, record: RecordedScene, description: Mapping[str, Any]) -> SceneFrame:
+        """Return a figure that was moulded as it stood in a frame."""
+        plan = record.recording.manifest.plan
+        experiment = record.once("experiment", lambda: self.experiment(overrides_of(plan)))
+        trial = record.trial()
+        lives = record.once(("lives", trial.trial_id), lambda: experiment.lives_of(trial))
+        sliders = {r.name: r for r in experiment.responses.values() if isinstance(r, Slider)}
+        changes = [
+            change
+            for name in (SLIDER_MOVED, FIGURE_TURNED)
+            for change in record.since(name)
+            if change["figure"] == description["figure"]
+        ]
+        again = stage_again(lives[description["figure"]], sliders, description, changes)
+        return again.frame(record.t_ns)
 
     # ---- analysis ----
 

@@ -6,8 +6,6 @@ from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from typing import Any, Final
 
-import numpy as np
-
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector
 from visavis.running.film_store import FilmStore
@@ -50,12 +48,13 @@ class LiveStore:
         }
         if is_simulated:
             return description
+        live.check_bodies()
         return description | {
             name: self._asset(data)
             for name, data in (
-                ("person", _person(live, live.character)),
+                ("person", _glb(live.character)),
                 ("blend", packed_examples(live.examples, live.weights)),
-                *([("beside", _person(live, live.beside))] if live.beside else []),
+                *([("beside", _glb(live.beside))] if live.beside else []),
             )
         }
 
@@ -63,17 +62,6 @@ class LiveStore:
         digest = hashlib.sha256(data).hexdigest()
         self.assets[digest] = data
         return {"name": digest, "bytes": len(data)}
-
-
-def _person(live: Live, who: str) -> bytes:
-    character = default_casting(who)
-    body, own = character.skeleton, live.examples.skeleton
-    if own.names != body.names or not np.allclose(own.offsets_m, body.offsets_m, atol=1e-6):
-        raise DesignError(
-            f"the examples are not for the body of {who}; make them for it, as "
-            f"visavis.walks('set_a', character={who!r}) does"
-        )
-    return _glb(who)
 
 
 @lru_cache(maxsize=32)

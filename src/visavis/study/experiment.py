@@ -24,9 +24,9 @@ from visavis.study.actions import Action
 from visavis.study.asking import frame
 from visavis.study.comparisons import Compare, possible
 from visavis.study.declaration import Study
-from visavis.study.dry_run import TrialRead, first_lit, read_trials
+from visavis.study.dry_run import TrialRead, first_lit, read_trial, read_trials
 from visavis.study.films import Film, films_of
-from visavis.study.live import Live
+from visavis.study.live import Live, Slider
 from visavis.study.parameters import parameters_in_force
 from visavis.study.performing import perform
 from visavis.study.responses import Keys, Pointing, Rating, Response
@@ -126,18 +126,20 @@ class StudyExperiment:
         """Every live figure that a condition shows, each once."""
         return tuple(dict.fromkeys(live for t in self.read.values() for live in t.lives))
 
-    def refuse_figures_before_a_screen(self) -> None:
-        """Refuse a study of live figures before a monitor or a headset, where none is drawn.
+    def lives_of(self, trial: Trial) -> dict[str, Live]:
+        """Return a trial's live figures by the names under which they are recorded."""
+        apart = replace(self.settings, memory={})
+        read = read_trial(self.study.trial_plan, trial, apart)
+        return {f"mould{k}" if k > 1 else "mould": live for k, live in enumerate(read.lives, 1)}
+
+    def check_live_figures(self) -> None:
+        """Check that live figures can be drawn before a monitor or in a headset.
 
         Raises:
-            DesignError: with what to do instead.
+            DesignError: the examples of one are for another body.
         """
-        if self.lives:
-            raise DesignError(
-                f"{self.name} moulds figures (t.mould), which a page alone shows; declare it with "
-                'on="browser", perform it by `visavis run … --on browser`, or show films '
-                "(t.watch)"
-            )
+        for live in self.lives:
+            live.check_bodies()
 
     @property
     def words(self) -> dict[str, Response]:
@@ -161,7 +163,9 @@ class StudyExperiment:
     def people_count(self) -> int:
         """Largest number of people in one picture; an audience includes its speaker."""
         people = self.study.procedure.people
-        return max(self.agent_count + 1, people(self.parameters) if callable(people) else people)
+        live = max((1 + bool(live.beside) for live in self.lives), default=0)
+        of_study = people(self.parameters) if callable(people) else people
+        return max(self.agent_count + 1, of_study, live)
 
     @property
     def trial_s(self) -> float:
@@ -208,7 +212,11 @@ class StudyExperiment:
         way = self.settings.answer_by
         on_boards = way == "board" and any(r.options for r in responses if not isinstance(r, Keys))
         by_hand_alone = on_boards and not self.study.devices.calibrate
-        return way == "ray" or by_hand_alone or any(isinstance(r, Pointing) for r in responses)
+        return (
+            way == "ray"
+            or by_hand_alone
+            or any(isinstance(r, Pointing | Slider) for r in responses)
+        )
 
     @property
     def demands(self) -> Demands:
@@ -261,7 +269,7 @@ class StudyExperiment:
             return tuple(devices.spares)
         needed_roles = set(devices.needs)
         needed_roles |= {"eye_tracker"} if devices.calibrate and devices.validate else set()
-        asks_presses = any(isinstance(r, Keys | Pointing) for r in self.responses.values())
+        asks_presses = any(isinstance(r, Keys | Pointing | Slider) for r in self.responses.values())
         needed_roles |= {"responses"} if asks_presses or self.settings.answer_by == "ray" else set()
         return tuple(role for role in (*self.useful_roles, "responses") if role not in needed_roles)
 

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from visavis.protocol.plan.questionnaires import Questionnaire
 from visavis.study.experiment import StudyExperiment
+from visavis.study.moulding import FIGURE_ON, FIGURE_TURNED, SLIDER_MOVED
 from visavis.study.texts import Texts
 
 ABOUT_PAGE: Final[Mapping[str, str]] = {
@@ -85,7 +86,17 @@ LAB_EVENT_FACTS: Final[Mapping[str, tuple[str, ...]]] = {
         _COURSE,
     ),
     **dict.fromkeys(
-        ("board_on", "crowd", "gaze_change", "scene", "scene_on", "shown", "warp", "wave"),
+        (
+            "board_on",
+            "crowd",
+            FIGURE_ON,
+            "gaze_change",
+            "scene",
+            "scene_on",
+            "shown",
+            "warp",
+            "wave",
+        ),
         ("shown",),
     ),
     **dict.fromkeys(("contact_begin", "contact_end", "contact_renew"), _CONTACT),
@@ -95,6 +106,7 @@ LAB_EVENT_FACTS: Final[Mapping[str, tuple[str, ...]]] = {
     "own_body": ("stature",),
     "own_body_seen": ("stature",),
     "answered": ("answers_in_lab",),
+    **dict.fromkeys((SLIDER_MOVED, FIGURE_TURNED), ("moulding_in_lab",)),
     "panel_answered": ("answers_in_lab",),
     "panel_shown": ("shown",),
     "sound": ("sounds",),
@@ -167,6 +179,7 @@ def information_at_devices(
     """Return what participants in a laboratory are told is recorded, from the devices in use."""
     roles = ("headset", *experiment.needed_roles, *experiment.useful_roles, "responses")
     facts = ["answers_in_lab", "course_in_lab", "stature"]
+    facts += ["moulding_in_lab"] if experiment.lives else []
     others = []
     for role in dict.fromkeys(roles):
         if role.startswith(ARMBAND):

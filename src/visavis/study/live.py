@@ -126,6 +126,21 @@ class Live:
             return None
         return fit_weights(np.array([self.at[name] for name in self.examples.names], np.float64))
 
+    def check_bodies(self) -> None:
+        """Check that the examples are for the bodies of those who walk.
+
+        Raises:
+            DesignError: somebody has another body, or there is nobody of a name.
+        """
+        own = self.examples.skeleton
+        for who in filter(None, (self.character, self.beside)):
+            body = default_casting(who).skeleton
+            if own.names != body.names or not np.allclose(own.offsets_m, body.offsets_m, atol=1e-6):
+                raise DesignError(
+                    f"the examples are not for the body of {who}; make them for it, as "
+                    f"visavis.walks('set_a', character={who!r}) does"
+                )
+
     def shares(self, values: Sequence[float] | Vector) -> Vector:
         """Return the weights (n,) of the examples at values of the sliders; they sum to 1."""
         point = np.asarray(values, dtype=np.float64)

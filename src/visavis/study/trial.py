@@ -47,7 +47,16 @@ from visavis.study.asking import (
 from visavis.study.background import BackgroundExecutor
 from visavis.study.films import Stimulus, Viewing, scene_of, seconds_of
 from visavis.study.frames import dark_frame, dark_view, gaze_has_arrived, show_frame
-from visavis.study.live import Live, Moulding, Near, Slider
+from visavis.study.live import (
+    RENDERER,
+    Live,
+    Moulded,
+    Moulding,
+    Near,
+    Slider,
+    SliderMove,
+)
+from visavis.study.moulding import BoardWords, moulded
 from visavis.study.responses import Keys, Pointing, Rating, Response, labels_of
 from visavis.study.scenes import PassingScene, Scene, StagedScene, Staging, stage
 from visavis.study.trial_settings import Settings, is_on_board
@@ -221,16 +230,18 @@ class TrialScript:
         caption: str = "",
         is_blind: bool = False,
     ) -> Action:
-        """Let a participant mould a live figure on a page by sliders, and turn it.
+        """Let a participant mould a live figure by sliders, and turn it.
 
-        It ends by a button; with `until`, when the figure is near that target instead; after
-        `limit_s` in any case. With `is_blind` participants see the target alone and guess: a button
-        ends it, and how near they came is recorded. Columns: those of every slider (its last
-        value, and when it was moved last), and `mould_on_ns`, `mould_ended_by` and so on
-        (`MOULD_COLUMNS`). The step returns a `Moulded` with every movement of the sliders.
+        On a page sliders are dragged; before a monitor or in a headset they stand on a board, and
+        keys or a controller's ray move them (`visavis.study.moulding`). It ends by a button; with
+        `until`, when the figure is near that target instead; after `limit_s` in any case. With
+        `is_blind` participants see the target alone and guess: a button ends it, and how near they
+        came is recorded. Columns: those of every slider (its last value, and when it was moved
+        last), and `mould_on_ns`, `mould_ended_by` and so on (`MOULD_COLUMNS`). The step returns a
+        `Moulded` with every movement of the sliders.
         """
         moulding = Moulding(live, tuple(sliders), until, limit_s, caption, is_blind)
-        return Action("mould", self._mould, moulding=moulding)
+        return Action("mould", lambda: self._mould(moulding), moulding=moulding)
 
     def key(self, response: Keys) -> Action:
         """Wait for a press, timed from the last onset of a scene or sound.
@@ -400,12 +411,50 @@ class TrialScript:
             answers[response.name] = yield from self._ask(response, _Board(False, None, SIZE_M))
         return answers
 
-    def _mould(self) -> Performing:
-        yield from self._now()
-        raise DesignError(
-            "t.mould is performed on a page: declare the study with on='browser', or show the "
-            "figure as a film (t.watch)"
+    def _mould(self, moulding: Moulding) -> Performing:
+        before = yield from self._now()
+        self._staged_scene = None
+        name = self.next_prefix("mould")
+        names = tuple(self.words_of(slider)[0] for slider in moulding.sliders)
+        find = self.settings.texts.get
+        rest = (find(word) for word in ("board.turn", "page.next", "board.keys", "board.ray"))
+        words = BoardWords(moulding.caption, names, *rest)
+        end = yield from moulded(
+            moulding, words, {"trial_id": self.trial.trial_id, "figure": name}, before
         )
+        on_ns, off_ns = end.on_ns, end.view.t_ns
+        turns = sum(change.slider is None for change in end.changes)
+        columns: dict[str, Scalar | None] = {
+            "on_ns": on_ns,
+            "off_ns": off_ns,
+            "ended_by": end.ended_by,
+            "moves": len(end.changes) - turns,
+            "turns": turns,
+            "frames": end.frames,
+            "frames_dropped": None,  # the display's own stream has them
+            "slider_frames": 1 if len(end.changes) > turns else 0,
+            "wait_ms": None,
+            "hidden_ms": None,
+            "distance_m": end.distance_m,
+            RENDERER: None,
+        }
+        self.row.setdefault("t_start_ns", on_ns)
+        self.row |= {f"{name}_{column}": value for column, value in columns.items()}
+        yield dark_view(off_ns)
+        for i, slider in enumerate(moulding.sliders):
+            last = next((c for c in reversed(end.changes) if c.slider == i), None)
+            by, t_ns = (end.by, off_ns) if last is None else (last.by, last.t_ns)
+            option = f"{end.values[i]:.10g}"
+            yield from self._record_answer(slider, Answer(option, by, on_ns, t_ns, end.view))
+        self.row["t_end_ns"] = off_ns
+        moves = tuple(
+            SliderMove(moulding.sliders[c.slider].name, c.value, c.t_ns)
+            for c in end.changes
+            if c.slider is not None
+        )
+        values = {s.name: value for s, value in zip(moulding.sliders, end.values, strict=True)}
+        seconds = (off_ns - on_ns) / NS_PER_S
+        return Moulded(values, moves, end.ended_by, seconds, end.distance_m)
 
     def _stage(self, scene: Scene, seconds: float, number: int, start_ns: int) -> StagedScene:
         rng = self.trial.rng(SCENE_STREAM + number)

@@ -1,18 +1,14 @@
 """Live figures through the desk: what sliders did is recorded, given back, and cannot be forged."""
 
-import shutil
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
 from tests.running.page.pages import SEED, TAB, config
-from visavis.cli.main import app
 from visavis.lab.clock import SimClock
-from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import DesignError
 from visavis.recording.folder import create_session, open_session
 from visavis.recording.manifest import Manifest
@@ -262,23 +258,6 @@ def test_forged_replies_to_a_figure_are_refused(
     with pytest.raises(PageError, match=said):
         page.send(kind="reply", step=page.desk.step_number, reply={**reply, **change})
     page.close()
-
-
-@pytest.mark.parametrize("verb", [["plan"], ["run", "--participant", "1", "--fast"]])
-def test_before_a_screen_the_study_is_refused_before_anything_is_recorded(
-    verb: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    shutil.copytree(STUDY.with_name("moulding_texts"), tmp_path / "moulding_texts")
-    file = tmp_path / "moulding.py"
-    file.write_text(STUDY.read_text("utf-8").replace('    on="browser",\n', ""), "utf-8")
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "lab_config.yaml").write_text(EXAMPLE.read_text("utf-8"), "utf-8")
-    arguments = [verb[0], str(file), *verb[1:], "--devices", "sim"]
-    result = CliRunner().invoke(app, arguments)
-    assert isinstance(result.exception, DesignError), result.output
-    assert "moulds figures" in str(result.exception)
-    assert "--on browser" in str(result.exception)
-    assert not list(tmp_path.rglob("manifest.json"))
 
 
 def test_sliders_and_figures_that_cannot_be_are_refused_by_name() -> None:

@@ -156,7 +156,7 @@ def plan(
     here = study_here(study, lab)
     plan_inputs = plan_inputs_of(here, participant, seed, assignments, language)
     if here.study.study.procedure.on == "lab":  # a page needs none of the lab's devices
-        plan_inputs.experiment.refuse_figures_before_a_screen()
+        plan_inputs.experiment.check_live_figures()
         check_rig(devices_for(lab, plan_inputs.experiment))
     session_plan = plan_inputs.experiment.plan(
         plan_inputs.index, plan_inputs.seed, plan_inputs.group
