@@ -8,6 +8,7 @@ from typing import Final
 
 from visavis.experiments.hybrid.clips import PLAYED_HZ
 from visavis.protocol.plan.steps import Scalar
+from visavis.stimuli.motion.synthesis.hybrid import pose_counts
 from visavis.study.source import Fact, PrintedOrder
 
 ANSWERS: Final[Mapping[str, int]] = {
@@ -23,8 +24,23 @@ POSITIVE: Final = {name: vote for name, vote in ANSWERS.items() if name != "clip
 FIGURE_1, FIGURE_2, GROUPED = "figure 4.1", "figure 4.2", "figures 4.3 and 4.4"
 _CLIP: Final = "clip_much, clip_some"
 
+
+def _poses(increment: int) -> str:
+    """Return how many poses are taken for an increment, of gaits and of the other motions."""
+    gait, other = (pose_counts(name, increment).authored for name in ("walk", "idle"))
+    return f"{gait} and {other}"
+
+
 FACTS: Final = (
     Fact("design", "clips", 4, "section 3.3", of="clip"),
+    Fact("design", "poses of gaits and others", "2 and 2", "section 3.2.7", here=_poses(0)),
+    Fact(
+        "design",
+        "poses of gaits and others with increment 1",
+        "4 and 3",
+        "section 3.2.7, figure 4.2",
+        here=_poses(1),
+    ),
     Fact("design", "increments shown", 2, "section 3.3", of="increment"),
     Fact(
         "design",

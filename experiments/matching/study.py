@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from visavis.experiments.adjectives.study import CITATION
-from visavis.experiments.matching.facts import FACTS
+from visavis.experiments.matching.facts import FACTS, ORDERS
 from visavis.experiments.matching.interfaces import (
     INTERFACES,
     MIDDLE,
@@ -117,7 +117,7 @@ study = Study(
         "below {within_m} m, or for {limit_s} s. Orders of targets and of interfaces were "
         "balanced over participants (Williams)."
     ),
-    source=Source(CITATION, participants=13, where="section 6.1", facts=FACTS),
+    source=Source(CITATION, participants=13, where="section 6.1", facts=FACTS, orders=ORDERS),
     references=(CITATION,),
 )
 
