@@ -1,12 +1,17 @@
 """Hold simulated participants of the crowd study against the published figures.
 
     python -m benchmarks.crowd_participants [--seeds 50] [--participants 23] [--processes 2]
-                                            [--control-seeds 10] [--keep FILE] [--json]
+                                            [--control-seeds 10] [--surfaces 0] [--keep FILE]
+                                            [--json]
 
 Over the quick path (`visavis.experiments.crowd.quick_study`). Prints mean and spread of every
 measure beside the published ones, the limits of a quarter, the share of seeds in which each part of
 the published pattern returns, and the same shares with the vibration disconnected. Studies done are
 kept in FILE, one line each, and not simulated again; participants with other traits are.
+
+The quick path measures capsules, which are stouter than the characters. With `--surfaces N` one
+walk in each block of N people of the first seed is also measured on the characters' own surfaces,
+as `visavis analyse` does and as the source did; it takes some 25 CPU seconds a person.
 """
 
 import argparse
@@ -28,22 +33,29 @@ import pandas as pd
 from scipy.stats import ttest_rel
 
 from visavis.analysis.cells import dice
+from visavis.analysis.gait import step_length_m
+from visavis.experiments.crowd.collision_measures import collision_rows, walk_volumes
 from visavis.experiments.crowd.design import AFTER, BEFORE, CONDITIONS, HAPTIC, CrowdParameters
 from visavis.experiments.crowd.participant.participant import CrowdParticipant
 from visavis.experiments.crowd.participant.traits import DEFAULT_POPULATION
-from visavis.experiments.crowd.quick_measures import Cell
-from visavis.experiments.crowd.quick_study import block_walks
+from visavis.experiments.crowd.published import VOLUME_OF_CUBES as CUBES
+from visavis.experiments.crowd.quick_measures import Cell, QuickWalk, quick_measures
+from visavis.experiments.crowd.quick_study import REST_NS, block_walks, quick_walk
+from visavis.experiments.crowd.quick_study import STEP_NS as QUICK_STEP_NS
 from visavis.experiments.crowd.study import study
-from visavis.lab.clock import StopWatch
+from visavis.experiments.crowd.walks import STEP_NS, Walk
+from visavis.lab.body_joints import BODY_JOINTS
+from visavis.lab.clock import NS_PER_S, StopWatch
 from visavis.lab.geometry import Vector
 from visavis.protocol.plan.parameters import known_of
+from visavis.protocol.plan.session_plan import Trial
 from visavis.results.printed_orders import MIN_HOLDS_01, printed_orders_of
 from visavis.study.expectations import orders_of
 from visavis.study.experiment import StudyExperiment
 
 PUBLISHED = {
     "collisions": ((71.0, 62.8, 60.7), (29.2, 34.6, 34.6)),
-    "max_volume_published_dm3": ((0.8, 0.6, None), (0.3, 0.3, None)),
+    CUBES: ((0.8, 0.6, None), (0.3, 0.3, None)),
     "shoulders_to_gap_deg": ((34.3, 40.1, 38.7), (6.0, 8.2, 3.7)),
     "speed_m_s": ((0.43, 0.40, 0.42), (0.07, 0.07, 0.07)),
 }
@@ -225,6 +237,53 @@ def _yield_to_others() -> None:
     os.nice(max(10 - os.nice(0), 0))
 
 
+def surface_rows(people: int, seed: int) -> list[dict[str, object]]:
+    """Measure one walk of every block of each person on characters' surfaces and on capsules.
+
+    Returns one row per block: means over people of collisions and of the largest volume of a
+    collision in dm³ by the source's rule, both ways, beside what is printed.
+    """
+    experiment = StudyExperiment(study)
+    params = known_of(CrowdParameters, experiment.parameters)
+    rows: list[dict[str, Any]] = []
+    for index in range(people):
+        participant = CrowdParticipant(index, seed)
+        now_ns = 0
+        for block in experiment.plan(index, seed).blocks:
+            for number, trial in enumerate(block.trials):
+                quick = quick_walk(participant, trial, now_ns, params)
+                if not trial.is_practice and number == index % len(block.trials):
+                    rows.append(_both_ways(participant, trial, quick, now_ns))
+                now_ns += len(quick.t_s) * QUICK_STEP_NS + REST_NS
+    means = pd.DataFrame(rows).groupby("condition").mean().loc[list(CONDITIONS)]
+    printed = PUBLISHED[CUBES][0]
+    return [
+        {"block": block, "published": printed[k], **means.loc[block].to_dict()}
+        for k, block in enumerate(CONDITIONS)
+    ]
+
+
+def _both_ways(
+    participant: CrowdParticipant, trial: Trial, quick: QuickWalk, start_ns: int
+) -> dict[str, Any]:
+    person = participant.person
+    capsules, _ = quick_measures(quick, step_length_m(person.sex))
+    grid_ns = np.arange(0, round(quick.t_s[-1] * NS_PER_S), STEP_NS, dtype=np.int64)
+    position_m, orientation = participant.segments(BODY_JOINTS, start_ns + grid_ns)
+    row = {"trial_id": trial.trial_id, "t_start_ns": 0, **trial.factors}
+    walk = Walk(
+        trial.trial_id, row, quick.crowd, grid_ns, position_m, orientation, person.stature_m
+    )
+    met = [c for c in collision_rows(walk, walk_volumes(walk, sex=person.sex)) if c["counted"]]
+    return {
+        "condition": trial.factors["condition"],
+        "collisions_surfaces": len(met),
+        "collisions_capsules": capsules["collisions"],
+        "cubes_surfaces_dm3": np.mean([c[CUBES] for c in met]),
+        "cubes_capsules_dm3": capsules[CUBES],
+    }
+
+
 def measure_rows(outcomes: Sequence[SeedOutcome]) -> list[dict[str, object]]:
     """Compare with the published means: one row per measure and block, and per Dice value."""
     rows: list[dict[str, object]] = []
@@ -291,6 +350,7 @@ def main() -> None:
     parser.add_argument("--control-seeds", type=int, default=10)
     parser.add_argument("--participants", type=int, default=23)
     parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--surfaces", type=int, default=0, help="people measured on surfaces")
     parser.add_argument("--keep", type=Path, help="file of studies done; made when missing")
     parser.add_argument("--json", action="store_true")
     chosen = parser.parse_args()
@@ -311,10 +371,17 @@ def main() -> None:
         if control
     ]
     home = float(np.mean([o.home_01 for o in outcomes]))
+    surfaces = surface_rows(chosen.surfaces, chosen.first_seed) if chosen.surfaces else []
     if chosen.json:
         print(
             json.dumps(
-                {"measures": measures, "pattern": pattern, "control": changes, "home_01": home}
+                {
+                    "measures": measures,
+                    "pattern": pattern,
+                    "control": changes,
+                    "home_01": home,
+                    "surfaces": surfaces,
+                }
             )
         )
         return
@@ -345,6 +412,13 @@ def main() -> None:
     print(f"limit of the source's orders: {100 * MIN_HOLDS_01:g} % of seeds")
     for r in changes:
         print(f"disconnected: {r['measure']} in {r['block']} {r['change_01']:+.1%} of {BEFORE}")
+    for r in surfaces:
+        print(
+            f"characters' surfaces ({chosen.surfaces} walks of {r['block']}): "
+            f"collisions {r['collisions_surfaces']:.1f} (capsules {r['collisions_capsules']:.1f}); "
+            f"{CUBES} {r['cubes_surfaces_dm3']:.2f} (capsules {r['cubes_capsules_dm3']:.2f}, "
+            f"published {_text(r['published'])})"
+        )
 
 
 def _change(control: Sequence[SeedOutcome], measure: str, block: int) -> float:

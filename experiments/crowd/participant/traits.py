@@ -12,34 +12,36 @@ from visavis.lab.geometry import Vector
 class Walking:
     """How people walk where nothing is felt."""
 
-    free_speed_m_s: float = 0.51
+    free_speed_m_s: float = 0.475
     """Speed in a dense crowd seen in a headset, in m/s (Berton et al. 2020 report 0.43 inside
     it)."""
     free_speed_spread: float = 0.18
     """Its spread between people (log scale)."""
-    turn_slowing: float = 0.25
+    turn_slowing: float = 0.18
     """Share of speed lost at a full quarter turn."""
     narrow_slowing: float = 0.20
     """Share of speed lost where it is narrow."""
-    stride_m: float = 0.68
-    """Length of two steps at that speed."""
-    shoulder_width_m: float = 0.46
-    """Width of the shoulders of somebody 1.75 m tall; assumed."""
+    stride_m: float = 0.43
+    """Length of two steps at that speed: short, as those of people who feel their way."""
+    shoulder_width_m: float = 0.49
+    """Width of the shoulders, with the arms beside them, of somebody 1.75 m tall."""
     body_depth_m: float = 0.26
     """Depth of the same body; assumed."""
-    margin_m: float = 0.018
+    margin_m: float = 0.010
     """Free space on either side for which the shoulders turn (a constant margin: Higuchi 2012;
     below 1.3 shoulder widths: Warren and Whang 1987)."""
     margin_spread_m: float = 0.036
     """Its spread between people."""
     turn_limit_deg: float = 78.0
     """How far the shoulders turn at most; assumed."""
-    turn_s: float = 0.28
-    """Time constant of a turn; assumed."""
-    wander_m: float = 0.046
+    turn_s: float = 0.15
+    """Time constant of a turn."""
+    wander_m: float = 0.03
     """How far the body strays from its way."""
     wander_s: float = 1.2
     """Time constant of that, in seconds; assumed."""
+    clear_m: float = 0.01
+    """What they leave free beside the trunk where they stray; assumed."""
     reading_s: float = 2.2
     """How long reading the board takes; assumed."""
     reaction_s: float = 0.7
@@ -50,7 +52,7 @@ class Walking:
 class Routes:
     """Which way people take: cost is length plus `squeeze` for narrow gaps."""
 
-    squeeze: float = 6.0
+    squeeze: float = 15.0
     """Cost of gaps below `easy_gap_m`."""
     easy_gap_m: float = 0.80
     """Width from which a gap costs nothing."""
@@ -66,18 +68,18 @@ class Arms:
     shorter, so that some touch many more people than others.
     """
 
-    swing_rad: float = 0.31
+    swing_rad: float = 0.25
     """How far arms swing."""
     spread_rad: float = 0.38
     """How far they hang from the body."""
-    loose_swing: float = 0.60
+    loose_swing: float = 0.36
     """Effect of looseness on the swing (log scale)."""
-    loose_spread: float = 0.50
+    loose_spread: float = 0.38
     """Effect of looseness on the spread (log scale)."""
-    loose_stride: float = 0.29
+    loose_stride: float = 0.18
     """Effect of looseness on the stride (log scale)."""
-    tuck: float = 0.15
-    """Share by which arms are kept closer where it is narrow."""
+    tuck: float = 0.7
+    """Share by which arms are kept closer where it is narrowest; none where 0.9 m are free."""
     tuck_spread: float = 0.10
     """Its spread between people."""
 
@@ -90,14 +92,14 @@ class Caution:
     """How fast caution grows."""
     caution_forgotten_s: float = 3600.0
     """Over which time it is forgotten."""
-    careful_margin_m: float = 0.066
+    careful_margin_m: float = 0.060
     """The margin that it leads to, in which people differ less than in their own."""
     careful_margin_spread_m: float = 0.020
     """Its spread between people."""
     careful_with_own: float = 0.7
     """How much who keeps a wide margin learns a wide one (correlation)."""
-    caution_tuck: float = 0.50
-    """Share by which it keeps arms closer."""
+    caution_tuck: float = 0.55
+    """Share by which it keeps arms closer than habit does."""
     caution_tuck_spread: float = 0.35
     """How much people differ in that: below none, arms come out, as of somebody who gets
     careless."""
@@ -117,11 +119,11 @@ class Alarm:
     """How fast alarm grows; assumed."""
     alarm_forgotten_s: float = 12.0
     """Over which time it is forgotten; assumed."""
-    alarm_slowing: float = 0.10
+    alarm_slowing: float = 0.14
     """Share of speed that it costs."""
     alarm_slowing_spread: float = 0.50
     """Its spread between people (log scale)."""
-    alarm_margin_m: float = 0.030
+    alarm_margin_m: float = 0.034
     """How much it widens the margin."""
     alarm_margin_spread_m: float = 0.060
     """Its spread between people, normal, so that it narrows it in some."""
@@ -149,9 +151,9 @@ class Form:
 class Population:
     """Parameters of all simulated participants; spreads are between people.
 
-    What is not marked as assumed was tuned by hand to the published means and spreads, so that
-    surfaces and capsules lie on either side of them, on seeds 1, 7, 101 and 102 (see
-    `benchmarks.crowd_participants`).
+    What is not marked as assumed was tuned by hand to the published means and spreads on seeds 7,
+    101 and 4242, volumes by the source's cubes as they would be on the characters' surfaces, which
+    hold about 0.7 of those on capsules (see `benchmarks.crowd_participants --surfaces`).
     """
 
     walking: Walking = Walking()
@@ -192,13 +194,14 @@ MAX_SPREAD_RAD: Final = 0.8
     ALARM_SLOWING,
     ALARM_MARGIN,
     SPREAD,
+    CLEAR,
     N_TRAITS,
-) = range(25)
+) = range(26)
 
 
 @dataclass(frozen=True)
 class Person:
-    """One simulated participant; `traits` (24,) as the walking kernel reads them."""
+    """One simulated participant; `traits` (25,) as the walking kernel reads them."""
 
     sex: str
     age: int
@@ -238,6 +241,7 @@ def draw_person(population: Population, rng: np.random.Generator, *, feels: bool
     traits[TURN_S] = q.walking.turn_s
     traits[WANDER] = q.walking.wander_m * np.exp(0.15 * z[2])
     traits[WANDER_S] = q.walking.wander_s
+    traits[CLEAR] = q.walking.clear_m
     traits[SWING] = min(
         q.arms.swing_rad * np.exp(q.arms.loose_swing * loose + 0.2 * z[3]), MAX_SWING_RAD
     )
@@ -254,7 +258,7 @@ def draw_person(population: Population, rng: np.random.Generator, *, feels: bool
         * _correlated_normal(z[1], shoulders, q.caution.careful_with_own)
     )
     answer = 1.0 + q.caution.caution_tuck_spread * arms - q.caution.loose_response * loose
-    traits[CAUTION_TUCK] = min(q.caution.caution_tuck * answer, 1.0 - traits[TUCK])
+    traits[CAUTION_TUCK] = min(q.caution.caution_tuck * answer, 1.0)
     traits[CAUTION_WANDER] = q.caution.caution_wander
     traits[ALARM_SLOWING] = q.alarm.alarm_slowing * np.exp(q.alarm.alarm_slowing_spread * slowing)
     wariness = _correlated_normal(z[1], alarmed, q.alarm.alarm_with_own)
@@ -273,7 +277,7 @@ def draw_person(population: Population, rng: np.random.Generator, *, feels: bool
 
 
 def in_form(person: Person, population: Population, form: Vector) -> Vector:
-    """Return the traits (24,) of a walk; `form` (4,), N(0, 1): pace, looseness, margin, sway."""
+    """Return the traits (25,) of a walk; `form` (4,), N(0, 1): pace, looseness, margin, sway."""
     q, traits = population, person.traits.copy()
     pace, loose = q.form.form_pace * form[0], q.form.form_loose * form[1]
     traits[FREE_SPEED] *= np.exp(pace)

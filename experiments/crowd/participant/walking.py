@@ -34,6 +34,9 @@ from visavis.experiments.crowd.participant.traits import (
     CAUTION_WANDER as T_CAUTION_WANDER,
 )
 from visavis.experiments.crowd.participant.traits import (
+    CLEAR as T_CLEAR,
+)
+from visavis.experiments.crowd.participant.traits import (
     DEPTH as T_DEPTH,
 )
 from visavis.experiments.crowd.participant.traits import (
@@ -171,12 +174,13 @@ def advance(
             needed_turn(narrow - 2 * margin, traits[T_WIDTH], traits[T_DEPTH], traits[T_TURN_LIMIT])
             * side[k]
         )
+        narrowness = min(max((0.9 - narrow) / 0.6, 0.0), 1.0)
         # Slower when turned, in narrow places, when alarmed, and just before the end.
         target = 0.0
         if go:
             target = traits[T_FREE_SPEED]
             target *= 1.0 - traits[T_TURN_SLOWING] * abs(np.sin(s[TURN]))
-            target *= 1.0 - traits[T_NARROW_SLOWING] * min(max((0.9 - narrow) / 0.6, 0.0), 1.0)
+            target *= 1.0 - traits[T_NARROW_SLOWING] * narrowness
             target *= 1.0 - traits[T_ALARM_SLOWING] * alarm
             left_m = (last - here) * _STEP_M
             target = min(target, max(0.9 * left_m, 0.0) + 0.02)
@@ -185,12 +189,17 @@ def advance(
         # First-order lags (s): speed 0.35, heading 0.25, arms 0.4 to 0.5, sideways 0.4.
         speed = s[SPEED] + (target - s[SPEED]) * _STEP_S / 0.35
         progress = min(s[PROGRESS] + speed * _STEP_S, last * _STEP_M)
-        tuck = traits[T_TUCK] + traits[T_CAUTION_TUCK] * caution
+        tuck = traits[T_TUCK] * narrowness
+        tuck += (1.0 - tuck) * traits[T_CAUTION_TUCK] * caution
         wander = traits[T_WANDER] * (1.0 - traits[T_CAUTION_WANDER] * caution)
         # An Ornstein-Uhlenbeck process leads off the way and back, with SD `wander`.
         pull = _STEP_S / traits[T_WANDER_S]
         astray = s[ASTRAY] * (1.0 - pull) + wander * np.sqrt(2.0 * pull) * noise[i, 0]
-        aside = s[ASIDE] + (astray * min(speed / 0.2, 1.0) - s[ASIDE]) * _STEP_S / 0.4
+        # Nobody sways into a body: only the room beside the turned trunk is there for it.
+        across = traits[T_WIDTH] * abs(np.cos(s[TURN])) + traits[T_DEPTH] * abs(np.sin(s[TURN]))
+        room = max((narrow - across) / 2 - traits[T_CLEAR], 0.0)
+        strays = min(max(astray, -room), room)
+        aside = s[ASIDE] + (strays * min(speed / 0.2, 1.0) - s[ASIDE]) * _STEP_S / 0.4
         here = progress / _STEP_M
         k = min(int(here), last)
         following = min(k + 1, last)

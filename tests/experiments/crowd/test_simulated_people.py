@@ -13,17 +13,21 @@ from visavis.experiments.crowd.participant.traits import (
     CAREFUL_MARGIN,
     CAUTION_PER_S,
     CAUTION_TUCK,
+    CLEAR,
     DEFAULT_POPULATION,
+    DEPTH,
     FREE_SPEED,
     MARGIN,
     MAX_SPREAD_RAD,
     SPREAD,
     TUCK,
+    WIDTH,
     draw_person,
     in_form,
 )
 from visavis.experiments.crowd.participant.walking import (
     ALARM,
+    ASIDE,
     CAUTION,
     N_JOINTS,
     N_STATE,
@@ -42,17 +46,39 @@ def traits_of(many=600, population=DEFAULT_POPULATION, *, feels=True):
     )
 
 
-def turned_rad(traits, *, caution=0.0, alarm=0.0, gap_m=0.5):
-    """Return how far the shoulders turn on a long straight way through gaps of one width."""
+def walked(traits, *, caution=0.0, alarm=0.0, gap_m=0.5, sway=0.0):
+    """Return the states, one a row, on a long straight way through gaps of one width."""
     n = 400
     point = np.column_stack([np.zeros(n), -STEP_M * np.arange(n)])
     states = np.zeros((601, N_STATE))
     states[0, [CAUTION, ALARM]] = caution, alarm
-    noise = np.zeros((601, 2))
+    noise = sway * np.random.default_rng(5).standard_normal((601, 2))
     row = advance(
         states, 0, 300, traits, point, np.zeros(n), np.full(n, gap_m), np.ones(n), noise, 0.0, True
     )
-    return states[row, TURN]
+    return states[: row + 1]
+
+
+def turned_rad(traits, **options):
+    """Return how far the shoulders turn there."""
+    return walked(traits, **options)[-1, TURN]
+
+
+def test_nobody_sways_into_people_beside_them():
+    traits = draw_person(DEFAULT_POPULATION, np.random.default_rng(0), feels=False).traits
+    settled = walked(traits, gap_m=0.4, sway=3.0)[200:]
+    turn = np.abs(settled[:, TURN])
+    across_m = traits[WIDTH] * np.cos(turn) + traits[DEPTH] * np.sin(turn)
+    room_m = np.maximum((0.4 - across_m) / 2 - traits[CLEAR], 0.0)
+    assert np.abs(settled[:, ASIDE]).max() <= room_m.max() + 0.001
+    assert np.abs(walked(traits, gap_m=2.0, sway=3.0)[200:, ASIDE]).max() > 0.05
+
+
+def test_arms_come_in_where_it_is_narrow():
+    traits = draw_person(DEFAULT_POPULATION, np.random.default_rng(0), feels=False).traits
+    wide, narrow = (walked(traits, gap_m=gap_m)[-1, TUCKED] for gap_m in (1.2, 0.4))
+    assert wide == pytest.approx(0.0)
+    assert 0.5 * traits[TUCK] < narrow < traits[TUCK]
 
 
 def test_margins_kept_after_learning_differ_less_than_own_ones():
@@ -124,13 +150,13 @@ def test_some_people_get_careless_and_most_bring_their_arms_in():
 
 
 def test_nobody_brings_arms_in_farther_than_to_the_body():
-    people = traits_of()
-    assert (people[:, TUCK] + people[:, CAUTION_TUCK]).max() <= 1.0
+    tucked = [walked(t, caution=1.0, gap_m=0.2)[-1, TUCKED] for t in traits_of(100)]
+    assert 0.9 < max(tucked) <= 1.0
 
 
 def test_careless_arms_hang_out_no_farther_than_joints_allow():
     people = traits_of()
-    tuck = people[:, TUCK] + np.minimum(people[:, CAUTION_TUCK], 0.0)
+    tuck = np.minimum(people[:, CAUTION_TUCK], 0.0)  # where it is wide, own habit adds nothing
     assert (people[:, SPREAD] * (1 - tuck)).max() < np.radians(90)
     assert people[:, SPREAD].max() == MAX_SPREAD_RAD
 
