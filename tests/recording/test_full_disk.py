@@ -6,7 +6,7 @@ import pytest
 
 from benchmarks.full_disk import Outcome, measure
 
-WRITES = {"headset": (1, 3, 4, 5, 6, 8, 9, 20, 40), "page": (1, 4, 5, 6, 7, 8, 44, 46)}
+WRITES = {"headset": (1, 3, 4, 5, 6, 8, 9, 13, 20, 25, 40), "page": (1, 4, 5, 6, 7, 8, 44, 46)}
 """Writes at which manifest, journal, headers, samples and the list of sessions stand."""
 
 

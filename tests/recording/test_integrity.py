@@ -11,6 +11,7 @@ from tests.recording.sessions import new_recorder, probe_batch, probe_manifest
 from visavis.lab.clock import NS_PER_MS, SimClock
 from visavis.recording.folder import create_session
 from visavis.recording.integrity import DAMAGED_STATUS, LOST_STATUS, analysed_trials, damage_of
+from visavis.recording.manifest import read_manifest, write_manifest
 from visavis.recording.reader import Recording
 from visavis.recording.recovery import recover
 
@@ -179,6 +180,24 @@ def test_a_header_that_a_full_disk_cut_is_no_damage_and_one_with_samples_is(
     assert not damage_of(Recording(session)).is_damaged
     file_with_samples = file.read_bytes()
     change(torn, lambda _: file_with_samples[:4] + b"\xff\xff\xff\x7f" + file_with_samples[8:])
+    assert damage_of(Recording(session)).is_damaged
+
+
+def test_a_bare_header_that_a_full_disk_left_before_it_was_declared_is_no_damage(
+    tmp_path: Path,
+) -> None:
+    session = record(tmp_path, is_closed=False)
+    file, stray = (session / "part-01" / f"{name}.arrows" for name in ("probe", "other"))
+    content = file.read_bytes()
+    header = 8 + int.from_bytes(content[4:8], "little")
+    stray.write_bytes(content[:header])
+    recover(session)
+    manifest = read_manifest(session)  # which an earlier version wrote without this stream
+    part = manifest.parts[0]
+    streams = tuple(s for s in part.streams if s.name != "other")
+    write_manifest(session, replace(manifest, parts=(replace(part, streams=streams),)))
+    assert not damage_of(Recording(session)).is_damaged
+    change(stray, lambda _: content)
     assert damage_of(Recording(session)).is_damaged
 
 

@@ -278,10 +278,14 @@ def _problems(recording: Recording, part: Part, changed_files: Collection[str]) 
     problems = [p for p in recording.part_problems(part.number) if p not in tails]
     if part.status != "running":
         declared_names = {*journal.headers, *(s.name for s in part.streams)}
+        # Versions before 0.4 named a stream last: a disk that ran full between left a bare header.
+        is_cut_short = part.journal is None or not part.journal.closed_cleanly
         problems += [
             f"{folder / name}.arrows is no file of this part"
             for name, state in states.items()
-            if name not in declared_names and not state.is_unbegun
+            if name not in declared_names
+            and not state.is_unbegun
+            and not (is_cut_short and not state.n_batches and not state.problems)
         ]
     return problems + [f"{folder / file}: {CHANGED}" for file in changed_files]
 

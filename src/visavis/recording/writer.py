@@ -116,10 +116,6 @@ class Recorder:
         self._guard(file.write, encoder.header)
         self._guard(file.sync)
         sync_folder(self._dir)
-        # A second copy of the header, so that damage to the file's first bytes costs nothing.
-        copy = base64.b64encode(encoder.header).decode()
-        self._add_line({"kind": "stream", "name": schema.name, "t_ns": 0, "header": copy})
-        self._guard(self._write_pending_lines)
         rows = Rows(schema, capacity)
         spare = Rows(schema, capacity) if threaded else None
         self._streams[schema.name] = OpenStream(
@@ -131,6 +127,11 @@ class Recorder:
             opaque=rows.opaque.dtype,
             most_rows=capacity * _QUEUE_GROWS,
         )
+        # A second copy of the header, so that damage to the file's first bytes costs nothing. The
+        # stream is of this part already, so that a disk that refuses this line leaves no stranger.
+        copy = base64.b64encode(encoder.header).decode()
+        self._add_line({"kind": "stream", "name": schema.name, "t_ns": 0, "header": copy})
+        self._guard(self._write_pending_lines)
 
     def append(self, batch: SampleBatch) -> None:
         """Take the samples of one batch; copies them and never waits for the disk.
