@@ -3,7 +3,7 @@
 import ast
 import gzip
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -266,7 +266,24 @@ def test_a_privacy_sheet_lists_what_leaves_and_writes_nothing(session: Path, lab
         ("call 0049 (30) 901820 or", "a telephone number"),
         ("+44 20 7946 0958", "a telephone number"),
         ("I am ann Example", "a name of the ledger"),
+        ("ANN EXAMPLE", "a name of the ledger"),
+        ("ann (at) example.org", "an e-mail address"),
+        ("(415) 555-2671", "a telephone number"),
+        ("415-555-2671", "a telephone number"),
+        ("030.90 18 20", "a telephone number"),
+        ("06 12 34 56 78", "a telephone number"),
+        ("+33 6 12 34 56 78", "a telephone number"),
+        ("01511234567", "a telephone number"),
         ("I am 28, 1.75 m, and saw 2026 of 3000", ""),
+        ("01/02/2026 10", ""),
+        ("2026-11-28", ""),
+        ("0.12345678", ""),
+        ("0 1 0 1 1 0 1 0 1", ""),
+        ("00 10 20 30 40 50", ""),
+        ("0-10, 10-20", ""),
+        ("192.168.178.200", ""),
+        ("00000012345", ""),
+        ("1280 x 1024 of 1234567", ""),
     ],
 )
 def test_what_tells_who_somebody_is_is_found_also_where_a_lab_asked_for_it(
@@ -284,6 +301,51 @@ def test_what_tells_who_somebody_is_is_found_also_where_a_lab_asked_for_it(
     findings = privacy_sheet([recording], names).findings
     assert bool(what) == bool(findings)
     assert all(what in finding for finding in findings[:1])
+
+
+def test_labels_that_are_meant_to_be_there_are_no_alarm(session: Path, lab: Path) -> None:
+    for keep_label, is_alarm in ((True, False), (False, True)):
+        recording = shared_recording(session, load_config(lab), tier="raw", keep_label=keep_label)
+        names = names_of_people([recording], load_config(lab))
+        assert (LABEL in names) is is_alarm
+
+
+def test_the_sheet_shows_values_of_streams_and_what_is_said_of_session_and_devices(
+    session: Path, lab: Path
+) -> None:
+    sheet = dry_run(session, lab, "shared")
+    assert "stream probe angle_deg stream 10 nan | 1.33333 | 3" in sheet
+    assert "stream probe position_m stream 10 0.25 0.5 0.75 |" in sheet
+    assert "session study public 1 stare" in sheet
+
+
+def people_who_answered(
+    lab: Path, answers: Sequence[tuple[str, str, str]], group: str = ""
+) -> list[SharedRecording]:
+    """Return sessions of people, each of whom gives one answer: questionnaire, question, answer."""
+    recordings = []
+    for number, (name, question, answer) in enumerate(answers, 1):
+        manifest = replace(probe_manifest(f"{number:02d}A", is_simulated=True), study="stare")
+        clock = SimClock()
+        with create_session(lab.parent / "data", manifest) as folder:
+            recorder = new_recorder(folder, clock)
+            recorder.event("answer", 0, questionnaire=name, question=question, answer=answer)
+            for trial in ("T1", "T2"):
+                recorder.trial({"trial_id": trial, "status": "complete", "group": group})
+            folder.end_part(clock, recorder.close("complete"))
+        sharing = Sharing(manifest.participant, "raw", lambda form, question: False)
+        recordings.append(SharedRecording(folder.path, sharing))
+    return recordings
+
+
+def test_rare_answers_are_named_whatever_asked_for_them(lab: Path) -> None:
+    answers = [*[("about_you", "hand", "right")] * 5, ("about_you", "hand", "both")]
+    assert ("about_you hand: both 1",) == privacy_sheet(people_who_answered(lab, answers)).rare
+
+
+def test_what_every_person_has_and_an_empty_group_are_not_rare(lab: Path) -> None:
+    answers = [("about_you", "hand", "right")] * 3
+    assert () == privacy_sheet(people_who_answered(lab, answers)).rare
 
 
 def test_a_raw_export_says_that_it_names_somebody(session: Path, lab: Path) -> None:

@@ -12,8 +12,7 @@ def print_sheet(sheet: PrivacySheet) -> None:
     for name in ("where", "what", "class", "values", "for example"):
         table.add_column(name, justify="right" if name == "values" else "left")
     for line in sheet.lines:
-        values = str(line.values) if line.kind != "stream" else "–"
-        texts = (line.where, line.name, line.kind, values, " | ".join(line.examples))
+        texts = (line.where, line.name, line.kind, str(line.values), " | ".join(line.examples))
         table.add_row(*map(verbatim, texts))
     console.print(table)
     for finding in sheet.findings:

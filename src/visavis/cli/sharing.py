@@ -36,6 +36,8 @@ BLURRED_RISK = (
 LOSS_NAME = "public_tier.md"
 MIN_NAME = 3
 """Shorter words of a name are found in too many texts."""
+PARTICLES = frozenset("van von vom zum zur den der des del dos das ter ten und the bin ibn".split())
+"""Words of names that are words of languages, too."""
 
 
 def shared_recording(
@@ -81,13 +83,18 @@ def names_of_people(recordings: Sequence[SharedRecording], lab: LabConfig) -> tu
     names: list[str] = []
     for recording in recordings:
         label = read_manifest(recording.path).participant
-        names.append(label)
+        if recording.sharing.label != label:  # else it is meant to be there
+            names.append(label)
         if recording.is_simulated:
             continue
         key_file = KeyFile(lab.key_root, recording.manifest.study, [lab.data_root])
         identity = key_file.identity(label) or {}
         for text in identity.values():
-            names += [text, *(word for word in text.split() if len(word) >= MIN_NAME)]
+            words = (word.strip(".,;:()") for word in text.split())
+            names += [
+                text,
+                *(w for w in words if w.casefold() not in PARTICLES and not w.isdigit()),
+            ]
     return tuple(dict.fromkeys(name for name in names if len(name) >= MIN_NAME))
 
 
