@@ -1,6 +1,6 @@
 """Let the disk run full at each of a session's first writes, resume it, and check what is left.
 
-python -m benchmarks.full_disk [--writes 200] [--every 1] [--json] [--seed 1]
+python -m benchmarks.full_disk [--first 1] [--writes 200] [--every 1] [--json] [--seed 1]
 
 A short stare session in a headset and a session of the interpolation study on a page, both on the
 virtual clock. At the k-th write below the data root, and by turns: the disk takes half of it and
@@ -9,7 +9,8 @@ there is room again: the session is resumed, recovered where every trial was don
 where it had no folder yet. `red`
 counts sessions whose check is not green of what is recorded, `lost` acknowledged trials that are
 gone, `stuck` sessions that could not be finished, `listed` studies whose list of sessions
-would stop an analysis.
+would stop an analysis. A session costs about half a second of a processor; `--first 101` goes on
+where `--writes 100` ended.
 """
 
 import argparse
@@ -159,12 +160,13 @@ def measure(place: str, writes: Sequence[int], seed: int, root: Path) -> tuple[O
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the table; 1 if anything was lost or is red."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--writes", type=int, default=200, help="how many first writes")
+    parser.add_argument("--first", type=int, default=1, help="the write to begin with")
+    parser.add_argument("--writes", type=int, default=200, help="the write to end with")
     parser.add_argument("--every", type=int, default=1, help="only each so many")
     parser.add_argument("--seed", type=int, default=1, help="which failure comes first")
     parser.add_argument("--json", action="store_true", help="print JSON instead")
     chosen = parser.parse_args(arguments)
-    writes = range(1, chosen.writes + 1, chosen.every)
+    writes = range(chosen.first, chosen.writes + 1, chosen.every)
     results: dict[str, Outcome] = {}
     with tempfile.TemporaryDirectory() as root:
         for place in PLACES:

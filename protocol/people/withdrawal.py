@@ -6,6 +6,7 @@ import os
 import re
 import shutil
 from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -32,7 +33,9 @@ class Removal:
     `stale` derived files made with this participant's data that must be made anew, `unreadable`
     manifests outside the participant's own folders that could not be read, `failures` what could
     not be removed and why. `unreached_exports` are registered exports that are not where they were
-    written, or were changed since: somebody has to look for them.
+    written, or were changed since: somebody has to look for them. `sha256` has, by path, the hash
+    of every removed session's manifest, which names those of its files, and of exported files as
+    they were written.
     """
 
     removed_paths: list[Path] = field(default_factory=list)
@@ -41,6 +44,18 @@ class Removal:
     unreadable: list[Path] = field(default_factory=list)
     failures: list[str] = field(default_factory=list)
     unreached_exports: list[str] = field(default_factory=list)
+    sha256: dict[Path, str] = field(default_factory=dict)
+
+    def places(self) -> tuple[tuple[str, Path], ...]:
+        """Return every place that held the person's data, after what became of it there."""
+        in_removed = {path for path in self.sha256 if _is_below(path, self.removed_paths)}
+        removed_paths = dict.fromkeys((*self.removed_paths, *sorted(in_removed)))
+        return (
+            *(("removed", path) for path in removed_paths),
+            *((f"{n} rows cut", path) for path, n in self.rows.items()),
+            *(("made with it, make it again", path) for path in self.stale),
+            *(("could not be read, look yourself", path) for path in self.unreadable),
+        )
 
     def record(self) -> dict[str, Any]:
         """Return what was done, as the ledger stores it."""
@@ -49,6 +64,7 @@ class Removal:
             "rows": {str(p): n for p, n in self.rows.items()},
             "stale": [str(p) for p in self.stale],
             "unreached": list(self.unreached_exports),
+            "sha256": {str(p): digest for p, digest in self.sha256.items()},
         }
 
 
@@ -99,8 +115,11 @@ def may_have_data(study: str, label: str, data_roots: Sequence[Path]) -> bool:
 def _clean_export(label: str, names: Sequence[str], export: Export, removal: Removal) -> None:
     """Remove an export of one person; take the person out of one that holds others, too."""
     what = f"{export.what}, {export.at[:10]}"
+    name_pattern = _pattern_of(names)
     for name, digest in export.files.items():
         path = export.where / name
+        if set(export.labels) == {label} or name_pattern.search(name):
+            removal.sha256[path] = digest
         if not path.is_file():
             if path not in removal.removed_paths:
                 removal.unreached_exports.append(f"{path} ({what}): it is not there any more")
@@ -115,7 +134,7 @@ def _clean_export(label: str, names: Sequence[str], export: Export, removal: Rem
         return
     if set(export.labels) != {label}:
         # Only its own files: the folder may hold exports of other studies.
-        name_pattern, rest = _pattern_of(names), []
+        rest = []
         for name in export.files:
             path = export.where / name
             if path.is_file() and name_pattern.search(name):
@@ -123,6 +142,10 @@ def _clean_export(label: str, names: Sequence[str], export: Export, removal: Rem
             elif path.is_file():
                 rest.append(path)
         _cut_rows(names, rest, removal)
+        for path in (*removal.rows, *removal.stale):
+            if path.is_relative_to(export.where):
+                digest = export.files.get(path.relative_to(export.where).as_posix(), "")
+                removal.sha256.setdefault(path, digest)
     _remove_emptied(export)
 
 
@@ -169,7 +192,14 @@ def _remove_sessions(folder: Path, removal: Removal) -> None:
     if busy:
         removal.failures += [f"{s}: this session is running; end it first" for s in busy]
         return
+    for session in sessions:
+        with suppress(OSError):  # damaged, and removed all the same
+            removal.sha256[session] = sha256_of(session / MANIFEST_NAME)
     _remove(folder, removal)
+
+
+def _is_below(path: Path, folders: Iterable[Path]) -> bool:
+    return any(path.is_relative_to(folder) and path != folder for folder in folders)
 
 
 def _remove(path: Path, removal: Removal) -> None:

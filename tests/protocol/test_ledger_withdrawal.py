@@ -16,6 +16,7 @@ from visavis.protocol.people.key_file import KeyFile
 from visavis.protocol.people.ledger import Ledger, WithdrawnParticipant
 from visavis.protocol.people.own_body import OwnBody
 from visavis.recording.chained import append_lines, read_lines
+from visavis.recording.durable import sha256_of
 from visavis.recording.lock import SessionLock
 from visavis.recording.sealed import read_sealed, seal
 
@@ -389,6 +390,23 @@ def test_the_tombstone_says_what_was_done(book, data, out):
     assert "participants.tsv" in done["unreached"][0]
     assert [str(p) for p in removal.removed_paths] == done["removed"]
     assert "withdrawn" == book.list()[0].status
+
+
+def test_every_place_is_listed_with_what_became_of_it_and_its_hash(book, data, out):
+    record(data, "07H")
+    eye, report = out / "bids" / "sub-x" / "eye.tsv", out / "analysis" / "report.html"
+    digests = {path: sha256_of(path) for path in (eye, report)}
+    removal = book.withdraw("7", [data])
+    fates = {path: fate for fate, path in removal.places()}
+    assert "removed" == fates[eye]
+    assert "1 rows cut" == fates[out / "analysis" / "trials.csv"]
+    assert "made with it, make it again" == fates[report]
+    assert digests == {path: removal.sha256[path] for path in digests}
+    stored = read_lines(book.path).records[-1]["done"]["sha256"]
+    assert {str(path): digest for path, digest in removal.sha256.items()} == stored
+    sessions = [path for path in fates if path.name.startswith("ses-")]
+    assert sessions
+    assert all(len(removal.sha256[path]) == 64 for path in sessions)
 
 
 def test_a_changed_salt_is_noticed(tmp_path):

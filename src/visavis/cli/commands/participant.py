@@ -17,6 +17,7 @@ from visavis.cli.app import (
     verbatim,
 )
 from visavis.cli.commands.session import LanguageOption, OnOption, SetOption
+from visavis.cli.places_of_a_person import out_of_reach, print_places
 from visavis.cli.studies import people_here
 from visavis.lab.errors import UsageError
 from visavis.protocol.people.exports_register import registered_exports
@@ -176,23 +177,16 @@ def withdraw(
         )
         return
     key_file = None if here.is_simulated else here.key_file
+    beyond = out_of_reach([p.parent for p in sessions])
     removal = ledger.withdraw(participant, [folder], reason=reason, key_file=key_file)
     console.print(
         f"{label} is withdrawn: {len(sessions)} sessions removed, "
         f"rows cut from {len(removal.rows)} tables"
     )
-    for path in removal.stale:
-        console.print(f"[yellow]made with this person's data, make it again: {verbatim(path)}[/]")
-    for path in removal.unreadable:
-        console.print(f"[yellow]could not be read, look yourself: {verbatim(path)}[/]")
-    for line in removal.unreached_exports:
-        say(f"[yellow]not reached: {verbatim(line)}[/]")
     exports = [e for e in registered_exports(folder) if label in e.labels]
-    for export in exports:
-        console.print(f"exported as {export.what} on {export.at[:10]} to {verbatim(export.where)}")
-    console.print(
-        "copies that were sent to others, backups and what was printed cannot be reached from here"
-    )
+    print_places(removal, exports)
+    for line in beyond:
+        say(f"[yellow]not reached: {verbatim(line)}[/]")
 
 
 def _label_of(ledger: Ledger, participant: str) -> str:
