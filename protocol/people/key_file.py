@@ -81,6 +81,17 @@ class KeyFile:
             self._write(content)
         return True
 
+    def rename(self, label: str, new_label: str) -> bool:
+        """Store who is behind a label under its corrected one; tells whether anybody was stored."""
+        with locked(self._lock_path):
+            content = self._read()
+            identity = content["identities"].pop(label, None)
+            if identity is None:
+                return False
+            content["identities"][new_label] = identity
+            self._write(content)
+        return True
+
     def _read(self) -> dict[str, Any]:
         try:
             mode = stat.S_IMODE(self.path.stat().st_mode)

@@ -46,7 +46,8 @@ class Participant:
     `index` counts from 0 in order of entry and decides orders and seeds; `replaces` is the label
     of the withdrawn participant whose index this one took over. A withdrawn entry is the
     tombstone: `withdrawn_at` and `reason` say when and why; `has_freed_place` that nothing had
-    been recorded, so that the index may be given to somebody else.
+    been recorded, so that the index may be given to somebody else. `former_labels` are those that
+    were corrected, oldest first; nobody else gets them.
     """
 
     label: str
@@ -60,6 +61,7 @@ class Participant:
     withdrawn_at: str = ""
     reason: str = ""
     has_freed_place: bool = False
+    former_labels: tuple[str, ...] = ()
 
 
 class UnknownParticipant(LedgerError):
@@ -201,6 +203,37 @@ class Ledger:
                 )
         return replace(person, consent_version=version)
 
+    def rename(self, text: str, number: int, *, reason: str, author: str) -> Participant:
+        """Correct somebody's identifier: theirs is `number` from now on; place and group stay.
+
+        The former identifier is kept and never issued. A call that was interrupted afterwards may
+        be repeated: it changes nothing.
+
+        Raises:
+            LedgerError: the number was issued already, or the participant withdrew.
+        """
+        with self._lock():
+            entries = self._read()
+            new_label = make_label(number, self.prefix)
+            own = next((p for p in entries if p.label == new_label and p.former_labels), None)
+            if own is not None and self._number(text, entries) == read_label(
+                own.former_labels[-1], self.prefix
+            ):
+                return own
+            person = self.resolve(text)
+            self._check_number(number, entries)
+            self._append(
+                "renamed",
+                label=person.label,
+                to=new_label,
+                number=number,
+                at=self._clock.wall_iso(),
+                reason=reason,
+                author=author,
+            )
+        former = (*person.former_labels, person.label)
+        return replace(person, label=new_label, number=number, former_labels=former)
+
     def own_body(self, label: str) -> OwnBody:
         """Return which body a participant sees as their own, and how tall they said they are."""
         return read_own_body(self._folder_of(label))
@@ -308,6 +341,12 @@ class Ledger:
             raise LedgerError(
                 f"number {number} is not possible; give one from 1 to {MAX_NUMBER}, or none"
             )
+        corrected = self._corrected(number, entries)
+        if corrected is not None:
+            raise LedgerError(
+                f"number {number} of {self.study} was corrected to {corrected.label}; identifiers "
+                "are never used twice: give another number, or none"
+            )
         for entry in entries:
             if entry.number == number:
                 state = "is in the ledger" if entry.status == "active" else "has withdrawn"
@@ -316,6 +355,11 @@ class Ledger:
                     "identifiers are never used twice: add without a number to get the next free "
                     "one, or run another session of the same person"
                 )
+
+    def _corrected(self, number: int, entries: Sequence[Participant]) -> Participant | None:
+        """Return who had this number before it was corrected."""
+        label = make_label(number, self.prefix)
+        return next((p for p in entries if label in p.former_labels), None)
 
     def _refuse_unknown_folders(self, entries: Sequence[Participant]) -> None:
         """Refuse to issue while the ledger knows less than the folders: it was emptied or lost.
@@ -381,6 +425,12 @@ class Ledger:
         for entry in entries:
             if entry.number == number:
                 return entry
+        corrected = self._corrected(number, entries)
+        if corrected is not None:
+            raise LedgerError(
+                f"participant {make_label(number, self.prefix)} of {self.study} was corrected to "
+                f"{corrected.label}; say {corrected.label}"
+            )
         raise UnknownParticipant(
             f"participant {number:02d} is not in the ledger of {self.study}; add it: "
             f"visavis participant add {self.typed} {number}",
@@ -515,6 +565,8 @@ def _apply(record: dict[str, Any], entries: dict[str, Participant], ledger: Ledg
             added_at=str(record["at"]),
             replaces=str(record["replaces"]),
         )
+    elif event == "renamed":
+        _rename(entries, str(record["label"]), str(record["to"]), int(record["number"]))
     else:
         label, at = str(record["label"]), str(record["at"])
         changes: dict[str, Callable[[], dict[str, Any]]] = {
@@ -530,3 +582,15 @@ def _apply(record: dict[str, Any], entries: dict[str, Participant], ledger: Ledg
             "withdrawn": lambda: {"status": "withdrawn", "withdrawn_at": at},
         }
         entries[label] = replace(entries[label], **changes[event]())
+
+
+def _rename(entries: dict[str, Participant], label: str, new_label: str, number: int) -> None:
+    """Give an entry its corrected identifier, in its place, also where another replaces it."""
+    before = list(entries.values())
+    entries.clear()
+    for person in before:
+        one = replace(person, replaces=new_label) if person.replaces == label else person
+        if person.label == label:
+            former = (*person.former_labels, label)
+            one = replace(one, label=new_label, number=number, former_labels=former)
+        entries[one.label] = one

@@ -9,18 +9,25 @@ from typer.testing import CliRunner
 
 import visavis
 from tests.sessions import STUDIES
+from tests.store import STORE
 from visavis.cli.main import app
 from visavis.lab.errors import LabError, UsageError
 from visavis.recording.remarks import REMARKS_NAME
 from visavis.running.sessions.folder_check import repair_study, study_problems
 
 
-@pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("out")
-    many = {"repetitions": 4}
-    study = STUDIES / "asking.py"
-    return visavis.simulate(study, 3, output=out, parameters=many, processes=1).path
+def recorded_study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three people of a small study; tests of other files take it, too."""
+
+    def simulate(out: Path) -> Path:
+        many = {"repetitions": 4}
+        study = STUDIES / "asking.py"
+        return visavis.simulate(study, 3, output=out, parameters=many, processes=1).path
+
+    return STORE.share("three of asking", simulate, tmp_path_factory.mktemp("out"))
+
+
+recorded = pytest.fixture(recorded_study, scope="module")
 
 
 @pytest.fixture

@@ -197,13 +197,20 @@ class Recording:
         rows = [
             {PART_COLUMN: p.number, **t["row"]}
             for p in self.manifest.parts
-            for t in self._journal(p.number).trials
+            for t in Recording.trial_entries(self, p.number)
         ]
         return pd.DataFrame(rows) if rows else pd.DataFrame({PART_COLUMN: np.zeros(0, np.int64)})
 
     def trial_entries(self, part: int) -> tuple[dict[str, Any], ...]:
-        """Return a part's trial rows with the session time of writing: keys t_ns and row."""
-        return self._journal(part).trials
+        """Return a part's trial rows with the session time of writing: keys t_ns and row.
+
+        Rows name the participant as the manifest does, whose label may have been corrected.
+        """
+        own = {"participant": self.manifest.participant}
+        return tuple(
+            {**t, "row": {**t["row"], **own}} if "participant" in t["row"] else t
+            for t in self._journal(part).trials
+        )
 
     def verify(self) -> Verification:
         """Read everything again and compare counts, order, checksums and SHA-256."""

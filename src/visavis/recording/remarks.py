@@ -66,7 +66,8 @@ def remarks_of(person_folder: Path) -> tuple[Remark, ...]:
         number, why = lines.damaged_line
         raise RecordingError(f"{path}, line {number} {why}; restore it from a backup")
     names = set(Remark.__dataclass_fields__)
-    remarks = [Remark(**{k: v for k, v in r.items() if k in names}) for r in lines.records]
+    own = {"participant": person_folder.name.removeprefix("sub-")}  # a label may be corrected
+    remarks = [Remark(**{k: v for k, v in r.items() if k in names} | own) for r in lines.records]
     if any(remark.kind not in get_args(Kind) for remark in remarks):
         raise RecordingError(f"{path} is of a later version; read it with that version")
     return tuple(remarks)

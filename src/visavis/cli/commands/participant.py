@@ -1,5 +1,6 @@
-"""participant add, list, withdraw, information: a study's ledger, and what people are told."""
+"""participant add, list, rename, withdraw, information: the ledger, and what people are told."""
 
+import getpass
 import shlex
 from typing import Annotated, get_args
 
@@ -24,6 +25,7 @@ from visavis.protocol.people.exports_register import registered_exports
 from visavis.protocol.people.ledger import Ledger
 from visavis.recording.lock import is_held
 from visavis.recording.manifest import read_manifest
+from visavis.running.sessions.renaming import rename_participant
 from visavis.study.information import information_at_devices, information_on_page
 from visavis.study.parts import On
 
@@ -140,6 +142,46 @@ def information(
         else None,
     )
     say("\n\n".join(filter(None, texts)))
+
+
+@participant_app.command("rename")
+def rename(
+    study: StudyArgument,
+    participant: Annotated[str, typer.Argument(help="Label or number that is wrong.")],
+    number: Annotated[str, typer.Argument(help="Number that was meant; it must be free.")],
+    reason: Annotated[str, typer.Option("--reason", help="Why; it stands in the ledger.")],
+    author: Annotated[
+        str,
+        typer.Option("--by", help="Who says so; the name you are logged in with if left out."),
+    ] = "",
+    devices: DevicesOption = None,
+    config: ConfigOption = None,
+) -> None:
+    """Correct an identifier that was given by mistake, everywhere it stands.
+
+    Ledger, folder, manifests, key file and lists name the right one; what was recorded, place and
+    group stay. The wrong one is never issued again.
+
+    Example: visavis participant rename stare 7 17 --reason "mistyped at the desk"
+    """
+    lab = load_lab(config, devices)
+    here = people_here(study, lab, devices)
+    renaming = rename_participant(
+        here.folder,
+        here.ledger,
+        participant,
+        here.ledger.number_of(number),
+        reason=reason,
+        author=author or getpass.getuser(),
+        key_file=None if here.is_simulated else here.key_file,
+    )
+    label = renaming.person.label
+    console.print(f"{renaming.former} is [b]{label}[/b] now: {renaming.sessions} sessions")
+    for text in renaming.stale:
+        console.print(
+            f"[yellow]names {renaming.former}, make it again: {verbatim(text)}[/]", soft_wrap=True
+        )
+    say("copies that were sent to others and what was printed still bear the former identifier")
 
 
 @participant_app.command("withdraw")

@@ -7,7 +7,7 @@ whose first line names the sessions before it (`earlier`).
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -50,6 +50,20 @@ def list_session(session: Path, part: int, status: str, at: str) -> None:
         "at": at,
     }
     _append(session.parent.parent, line)
+
+
+def list_renaming(study: Path, label: str, new_label: str, at: str) -> None:
+    """Note in a study's list that somebody's sessions bear a corrected label; once is enough.
+
+    Raises:
+        RecordingError: the list is damaged or cannot be written.
+    """
+    line = {"event": "renamed", "participant": label, "to": new_label, "at": at}
+    records = read_lines(study / LIST_NAME).records
+    if records and not any(
+        (r.get("event"), r.get("participant")) == ("renamed", label) for r in records
+    ):
+        _append(study, line)
 
 
 def sign_list(study: Path) -> tuple[str, ...]:
@@ -133,7 +147,10 @@ def _unlisted(study: Path) -> Iterator[str]:
         return
     known = dict.fromkeys(earlier, 0)
     for record in lines.records:
-        if record.get("event") == "session":
+        if record.get("event") == "renamed":
+            known = {_corrected(name, record): part for name, part in known.items()}
+            earlier = [_corrected(name, record) for name in earlier]
+        elif record.get("event") == "session":
             name = f"sub-{record['participant']}/{record['session']}"
             known[name] = max(known.get(name, 0), record["part"])
     for name, part in _newest_parts(study).items():
@@ -207,9 +224,22 @@ def listed_sessions(study: Path) -> dict[str, ListedSession]:
             for name in record["without"]:
                 last_by_name.pop(name, None)
             continue
+        if record.get("event") == "renamed":
+            last_by_name = {
+                (new_name := _corrected(name, record)): replace(one, name=new_name)
+                for name, one in last_by_name.items()
+            }
+            continue
         name = f"sub-{record['participant']}/{record['session']}"
         last_by_name[name] = ListedSession(name, record["part"], record["at"], record["status"])
     return last_by_name
+
+
+def _corrected(name: str, record: dict[str, Any]) -> str:
+    """Return a session's name with the label that a line of the list says is the right one."""
+    folder, _, session = name.partition("/")
+    is_own = folder == f"sub-{record['participant']}"
+    return f"sub-{record['to']}/{session}" if is_own else name
 
 
 def _is_there(study: Path, one: ListedSession) -> bool:
