@@ -2,6 +2,7 @@
 
 import gzip
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from visavis.analysis.gaze.import_report import prepare
 from visavis.analysis.session_verdict import Level
 from visavis.lab.errors import DataError
 from visavis.lab.geometry import yaw_pitch_deg_of
+from visavis.lab.screen import FlatScreen
 from visavis.recording.bids_sidecar import screen_in_set, sidecar_of
 
 FILES = Path(__file__).parent / "files" / "bids"
@@ -149,3 +151,88 @@ def test_motion_without_latency_is_judged_by_its_rate_and_that_is_told(tmp_path:
     (verdict,) = check_foreign(tmp_path)
     assert (100, Level.AMBER) == (verdict.samples, verdict.level)
     assert "no latency" in verdict.findings[0][0]
+
+
+# ---- what eye2bids and mne-bids write ------------------------------------------------------------
+
+SCREEN_PX = np.array([1920, 1080])
+POINTS_PX = np.round(SCREEN_PX / 2 + 60 * looking(480), 1)
+
+
+def eye2bids_set(root: Path) -> Path:
+    """As eye2bids 2 converts a binocular file; the right eye keeps EyeLink's blanks and dots."""
+    about = {
+        "Manufacturer": "SR-Research",
+        "PhysioType": "eyetrack",
+        "Columns": ["timestamp", "x_coordinate", "y_coordinate", "pupil_size"],
+        "timestamp": {"Units": "ms", "Origin": "System startup"},
+        "x_coordinate": {"LongName": "Gaze position (x)", "Units": "pixel"},
+        "y_coordinate": {"LongName": "Gaze position (y)", "Units": "pixel"},
+        "pupil_size": {"Units": "a.u."},
+        "SampleCoordinateSystem": "gaze-on-screen",
+        "ManufacturersModelName": "EYELINK II CL v5.15 Jan 24 2018",
+        "SamplingFrequency": 250,
+        "StartTime": 3000000,
+        "StopTime": 3001920,
+        "CalibrationCount": 0,
+    }
+    for number, (eye, missing) in enumerate([("Left", "n/a"), ("Right", "   .")], start=1):
+        rows = [f"{3_000_000 + 4 * k}\t{x}\t{y}\t900.0" for k, (x, y) in enumerate(POINTS_PX)]
+        rows[50:60] = [f"{3_000_000 + 4 * k}\t{missing}\t{missing}\t0.0" for k in range(50, 60)]
+        stem = f"rest_recording-eye{number}_physio"
+        packed = gzip.compress(("\n".join(rows) + "\n").encode())
+        (root / f"{stem}.tsv.gz").write_bytes(packed)
+        (root / f"{stem}.json").write_text(json.dumps(about | {"RecordedEye": eye}, indent=4))
+        (root / f"rest_recording-eye{number}_physioevents.json").write_text(
+            json.dumps({"Columns": ["onset", "duration", "trial_type", "blink", "message"]})
+        )
+    screen = {"ScreenDistance": 0.65, "ScreenOrigin": ["top", "left"], "ScreenRefreshRate": 60}
+    screen |= {"ScreenSize": [0.53, 0.3], "ScreenResolution": SCREEN_PX.tolist()}
+    (root / "rest_events.json").write_text(json.dumps({"StimulusPresentation": screen}))
+    return root / "rest_recording-eye1_physio.tsv.gz"
+
+
+def mne_bids_set(root: Path) -> Path:
+    """As mne-bids 0.19 writes gaze beside EEG: stamps in seconds, one file an eye, px by name."""
+    (root / "dataset_description.json").write_text('{"Name": "a", "BIDSVersion": "1.11.1"}')
+    folder = root / "sub-01" / "eeg"
+    folder.mkdir(parents=True)
+    for number, eye in enumerate(("left", "right"), start=1):
+        about = {
+            "SamplingFrequency": 250.0,
+            "StartTime": 0.0,
+            "Columns": ["timestamp", "x_coordinate", "y_coordinate", "pupil_size"],
+            "PhysioType": "eyetrack",
+            "RecordedEye": eye,
+            "SampleCoordinateSystem": "gaze-on-screen",
+            "timestamp": {"Units": "s"},
+            "x_coordinate": {"Units": "pixel"},
+            "y_coordinate": {"Units": "pixel"},
+            "pupil_size": {"Description": "Pupil size of the recorded eye", "Units": "arbitrary"},
+        }
+        rows = [f"{k / 250}\t{x}\t{y}\t900.0" for k, (x, y) in enumerate(POINTS_PX)]
+        rows[50:60] = [f"{k / 250}\tn/a\tn/a\tn/a" for k in range(50, 60)]
+        stem = f"sub-01_task-rest_recording-eye{number}_physio"
+        (folder / f"{stem}.tsv.gz").write_bytes(gzip.compress(("\n".join(rows) + "\n").encode()))
+        (folder / f"{stem}.json").write_text(json.dumps(about))
+    screen = {"ScreenDistance": 0.65, "ScreenOrigin": ["top", "left"], "ScreenSize": [0.53, 0.3]}
+    screen |= {"ScreenResolution": SCREEN_PX.tolist()}
+    (folder / "sub-01_task-rest_events.json").write_text(
+        json.dumps({"StimulusPresentation": screen})
+    )
+    return folder / "sub-01_task-rest_recording-eye1_physio.tsv.gz"
+
+
+@pytest.mark.parametrize("write", [eye2bids_set, mne_bids_set])
+def test_what_other_writers_make_of_an_eyelink_recording_is_read(
+    write: Callable[[Path], Path], tmp_path: Path
+) -> None:
+    recording = read_bids(write(tmp_path))
+    assert ["left", "right"] == list(recording.eyes)
+    expected = FlatScreen(0.53, 0.3, 1920, 1080, 0.65).directions_of(POINTS_PX)
+    expected[50:60] = np.nan
+    for eye in recording.eyes.values():
+        np.testing.assert_allclose(eye.direction, expected, atol=1e-12)
+        assert np.isnan(eye.pupil_mm).all()
+    gaze = prepare(recording)
+    assert (480, pytest.approx(250)) == (len(gaze.t_ns), gaze.rate_hz)

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from visavis.analysis.foreign_motion import import_motion
 from visavis.analysis.gaze.mapped_csv import read_mapping
 from visavis.cli.app import (
     app,
@@ -78,6 +79,24 @@ def import_gaze_files(
         for remark in result.remarks:
             say(f"[yellow]{verbatim(result.name)}: {verbatim(remark)}[/]")
     say(f"tables and figures in [b]{verbatim(output)}[/]")
+
+
+@import_app.command("motion")
+def import_motion_files(
+    files: Annotated[list[Path], typer.Argument(help="BIDS files that end in _motion.tsv.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of the tables.")],
+) -> None:
+    """Write BIDS motion in metres and quaternions, x right, y up, z backward, and judge it.
+
+    All files are read first; if one is refused nothing is written.
+
+    Example: visavis import motion sub-01_task-walk_tracksys-omc_motion.tsv -o out/sub-01
+    """
+    for name, remarks in import_motion(files, output).items():
+        say(f"[b]{verbatim(name)}[/]")
+        for remark in remarks:
+            say(f"[yellow]{verbatim(remark)}[/]")
+    say(f"tables in [b]{verbatim(output)}[/]")
 
 
 def screen_of(text: str) -> FlatScreen | None:
