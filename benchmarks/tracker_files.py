@@ -8,7 +8,8 @@ lacks; nothing of it belongs into this repository. Screens are made up where a f
 large its screen was, so only files of headsets and glasses have true angles.
 
 EyeLink files are read by mne as well, where it is installed: every point on the screen must be the
-same. `--reports` writes the whole report of each file's longest recording as well, and forgets it.
+same. Every blink that EyeLink's own parser found must be among those found in the pupil, and no
+other. `--reports` writes the whole report of each file's longest recording as well, and forgets it.
 Limits: all bytes as named, all files read, rows as counted, rates within 2 %.
 """
 
@@ -16,6 +17,7 @@ import argparse
 import csv
 import hashlib
 import json
+import re
 import sys
 import tempfile
 import urllib.parse
@@ -31,12 +33,16 @@ import numpy as np
 from visavis.analysis.gaze.foreign import GazeRecording
 from visavis.analysis.gaze.import_report import (
     Format,
+    PreparedGaze,
+    blink_table,
     prepare,
     quality_table,
     read_recordings,
     report,
 )
 from visavis.analysis.gaze.mapped_csv import GazeMapping, mapping_of
+from visavis.analysis.gaze.pupil_blinks import PUPIL_BLINKS
+from visavis.lab.clock import NS_PER_MS
 from visavis.lab.errors import LabError
 from visavis.lab.geometry import Vector
 from visavis.lab.plain_files import read_packed
@@ -161,6 +167,9 @@ def judged(file: TrackerFile, path: Path, *, has_report: bool = False) -> dict[s
         off = _off_mne_px(path, recordings[0], file.screen)
     if off is not None and off > MAX_PX_OFF:
         problems.append(f"{off:.3g} px off mne")
+    blinks = _blinks(path, gaze[first]) if file.format == "eyelink" and file.rate_hz else None
+    if blinks is not None and blinks[0] != blinks[1]:
+        problems.append(f"{blinks[0]} of EyeLink's {blinks[1]} blinks")
     if has_report:
         with tempfile.TemporaryDirectory() as folder:
             report(recordings[first], Path(folder))
@@ -173,9 +182,31 @@ def judged(file: TrackerFile, path: Path, *, has_report: bool = False) -> dict[s
         "rate_hz": round(rate_hz, 1),
         "lost_01": round(float(longest["lost_01"]), 4),
         "off_mne_px": off,
+        "blinks": blinks,
         "remarks": list(gaze[0].remarks),
         "problems": problems,
     }
+
+
+def _blinks(path: Path, gaze: PreparedGaze) -> tuple[int, int]:
+    """Return how many of EyeLink's blinks the pupil shows as well, less those of ours alone."""
+    table = blink_table(gaze)
+    shared = theirs = 0
+    for eye, name in (("L", "left"), ("R", "right")):
+        ours = table[table["eye"] == name]
+        begin = ours["onset_ns"].to_numpy(np.int64)
+        end = begin + (ours["duration_ms"].to_numpy() * NS_PER_MS).astype(np.int64)
+        events = re.findall(
+            rf"^EBLINK {eye}\s+(\d+)\s+(\d+)", path.read_text("utf-8", "replace"), re.MULTILINE
+        )
+        spans = [(int(a) * NS_PER_MS, int(b) * NS_PER_MS) for a, b in events]
+        short = [(a, b) for a, b in spans if b - a <= PUPIL_BLINKS.max_loss_ms * NS_PER_MS]
+        theirs += len(short)
+        shared += sum(bool(((begin <= b) & (end >= a)).any()) for a, b in short)
+        shared -= sum(
+            not any(a <= y and b >= x for a, b in spans) for x, y in zip(begin, end, strict=True)
+        )
+    return shared, theirs
 
 
 def _off_mne_px(path: Path, recording: GazeRecording, screen: FlatScreen | None) -> float | None:

@@ -265,6 +265,7 @@ def _read_eye(
         pupil_mm=None if pupil is None or scale is None else scale * pupil,
         openness_01=optional("openness"),
         confidence_01=optional("confidence"),
+        pupil_size=pupil if scale is None else None,
     )
 
 

@@ -24,7 +24,7 @@ _NUMBER = re.compile(r"\d+([.,]\d+)?")
 def read_eyelink(path: Path, screen: FlatScreen | None) -> GazeRecording:
     """Read samples in gaze coordinates; `screen` says how large the pixels are and how far.
 
-    Pupils, which EyeLink has in arbitrary units, are left out and told.
+    Pupils, which EyeLink has in arbitrary units, tell of blinks alone, and that is told.
 
     Raises:
         UsageError: no file, or no screen is given.
@@ -98,7 +98,7 @@ def read_eyelink(path: Path, screen: FlatScreen | None) -> GazeRecording:
         notes={"format": "EyeLink ASC"},
         remarks=(
             *remarks,
-            "pupils are in EyeLink's arbitrary units, not in mm: they were left out",
+            "pupils are in EyeLink's arbitrary units, not in mm: only blinks are taken from them",
         ),
         time_unit="ms",
         resumed_ns=resumed_ns,
@@ -171,4 +171,6 @@ def _eye(
     in_blink = np.zeros(len(t_ms), bool)
     for start_ms, end_ms in blinks:
         in_blink |= (t_ms >= start_ms) & (t_ms <= end_ms)
-    return eye_samples(screen.directions_of(values[:, :2]), valid=~in_blink)
+    return eye_samples(
+        screen.directions_of(values[:, :2]), valid=~in_blink, pupil_size=values[:, 2]
+    )

@@ -21,7 +21,8 @@ class EyeSamples:
 
     `direction` (n, 3), frame as the recording says; NaN when lost; unit unless
     the file is wrong. `valid` (n,) the
-    tracker's own verdict. The rest (n,) with NaN where unknown.
+    tracker's own verdict. The rest (n,) with NaN where unknown; `pupil_size` is in the tracker's
+    own unit where that is not mm.
     """
 
     direction: Vector
@@ -29,6 +30,7 @@ class EyeSamples:
     pupil_mm: Column
     openness_01: Column
     confidence_01: Column
+    pupil_size: Column | None = None
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,7 @@ def rows_of_eye(eye: EyeSamples, rows: npt.NDArray[np.int64]) -> EyeSamples:
         eye.pupil_mm[rows],
         eye.openness_01[rows],
         eye.confidence_01[rows],
+        None if eye.pupil_size is None else eye.pupil_size[rows],
     )
 
 
@@ -105,6 +108,7 @@ def eye_samples(
     pupil_mm: Column | None = None,
     openness_01: Column | None = None,
     confidence_01: Column | None = None,
+    pupil_size: Column | None = None,
 ) -> EyeSamples:
     """Build one eye's samples: valid where `valid` is left out, NaN in other missing columns."""
     n = direction.shape[0]
@@ -115,6 +119,7 @@ def eye_samples(
         all_missing if pupil_mm is None else pupil_mm,
         all_missing if openness_01 is None else openness_01,
         all_missing if confidence_01 is None else confidence_01,
+        pupil_size,
     )
 
 

@@ -44,6 +44,7 @@ from visavis.analysis.gaze.movements.detect import DETECTOR_NAMES, detect_moveme
 from visavis.analysis.gaze.movements.kinds import Movement, Movements, fixations_of
 from visavis.analysis.gaze.movements.parameters import AUTO
 from visavis.analysis.gaze.named_formats import MAPPED, read_named, read_smi
+from visavis.analysis.gaze.pupil_blinks import PUPIL_BLINKS, SOURCE, pupil_blinks
 from visavis.analysis.gaze.quality import moving_precision_deg
 from visavis.analysis.gaze.readers import read_pupil, read_vive
 from visavis.analysis.gaze.stamps import Order, Times, order_of, typical_step_ns
@@ -81,6 +82,16 @@ DETECTORS: Mapping[str, IvtParameters | IdtParameters] = {
 }
 """Detectors of the report, run in head and, with a head pose, in world, with parameters."""
 
+BLINK_COLUMNS = (
+    "recording",
+    "eye",
+    "onset_ms",
+    "duration_ms",
+    "without_pupil_ms",
+    "is_of_both_eyes",
+    "onset_ns",
+    "source",
+)
 ADAPTIVE = "adaptive"
 """Runs as well, with the detector that suits rate and noise; `chosen` and `why` name it."""
 
@@ -114,8 +125,8 @@ class ImportReport:
 
     `quality` has one row per eye, `detectors` one per detector and frame, `fixations` one per
     fixation, `movements` one per fixation, saccade, oscillation, pursuit and blink found by
-    adaptive thresholds, `parameters` every threshold used and what is odd about the recording, as
-    `remarks` say it. `files` are the files written.
+    adaptive thresholds, `blinks` one per blink of each eye's pupil, `parameters` every threshold
+    used and what is odd about the recording, as `remarks` say it. `files` are the files written.
     """
 
     name: str
@@ -123,6 +134,7 @@ class ImportReport:
     detectors: pd.DataFrame
     fixations: pd.DataFrame
     movements: pd.DataFrame
+    blinks: pd.DataFrame
     parameters: pd.DataFrame
     files: tuple[Path, ...]
     remarks: tuple[str, ...] = ()
@@ -332,6 +344,42 @@ def movements_of(gaze: PreparedGaze) -> dict[str, Movements]:
     }
 
 
+def blink_table(gaze: PreparedGaze) -> pd.DataFrame:
+    """Return one row per blink of each eye's pupil signal, with the edges that the lid covers."""
+    found = {
+        name: pupil_blinks(gaze.t_ns, size)
+        for name, eye in gaze.eyes.items()
+        for size in (eye.pupil_mm if eye.pupil_size is None else eye.pupil_size,)
+        if np.isfinite(size).any()
+    }
+    rows = []
+    for name, blinks in found.items():
+        for onset_ns, offset_ns, duration_ms, loss_ms in zip(
+            blinks.onset_ns.tolist(),
+            blinks.offset_ns.tolist(),
+            blinks.duration_ms.tolist(),
+            blinks.loss_ms.tolist(),
+            strict=True,
+        ):
+            rows.append(
+                {
+                    "recording": gaze.recording.name,
+                    "eye": name,
+                    "onset_ms": (onset_ns - int(gaze.t_ns[0])) / NS_PER_MS,
+                    "duration_ms": duration_ms,
+                    "without_pupil_ms": loss_ms,
+                    "is_of_both_eyes": any(
+                        bool(((b.onset_ns < offset_ns) & (b.offset_ns > onset_ns)).any())
+                        for other, b in found.items()
+                        if other != name
+                    ),
+                    "onset_ns": onset_ns,
+                    "source": SOURCE,
+                }
+            )
+    return pd.DataFrame(rows, columns=BLINK_COLUMNS)
+
+
 def _detector_settings() -> list[tuple[str, dict[str, object]]]:
     return [
         *((name, asdict(params)) for name, params in DETECTORS.items()),
@@ -421,10 +469,15 @@ def report(
             [_movement_table(gaze, space, m) for space, m in movements.items()],
             ignore_index=True,
         ),
+        "blinks": blink_table(gaze),
         "parameters": pd.DataFrame(
             [
                 {"of": of, "parameter": key, "value": str(value)}
-                for of, settings in (("loss", asdict(params)), *_detector_settings())
+                for of, settings in (
+                    ("loss", asdict(params)),
+                    ("pupil blinks", asdict(PUPIL_BLINKS)),
+                    *_detector_settings(),
+                )
                 for key, value in settings.items()
             ]
             + [{"of": "reading", "parameter": "remark", "value": text} for text in gaze.remarks]
@@ -453,7 +506,7 @@ def report(
 
 def report_files(name: str, folder: Path) -> tuple[Path, ...]:
     """Return the files that a report on a recording of this name is written to, the figure last."""
-    kinds = ("quality", "detectors", "fixations", "movements", "parameters")
+    kinds = ("quality", "detectors", "fixations", "movements", "blinks", "parameters")
     return (*(folder / f"{name}_{kind}.csv" for kind in kinds), folder / f"{name}_gaze.png")
 
 

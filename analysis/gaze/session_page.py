@@ -10,6 +10,7 @@ import numpy as np
 from visavis.analysis.gaze.movements.detect import DETECTOR_NAMES
 from visavis.analysis.gaze.movements.kinds import Movement
 from visavis.analysis.gaze.pupil import LIGHT_IS_A_CONFOUND
+from visavis.analysis.gaze.pupil_blinks import SOURCE
 from visavis.analysis.gaze.session_quality import SessionQuality, blinks_a_minute
 from visavis.analysis.own_streams import OwnStream, figures_of_streams, streams_section
 from visavis.analysis.plots import svg_for_page
@@ -243,6 +244,19 @@ def _median(values: np.ndarray) -> float:
     return float(np.median(finite)) if finite.size else np.nan
 
 
+def _of_pupil_blinks(quality: SessionQuality) -> str:
+    blinks = quality.pupil_blinks
+    duration_ms = quality.eyes[0].loss.duration_ms if quality.eyes else 0.0
+    if blinks is None or not duration_ms:
+        return ""
+    median = f" of {decimal(_median(blinks.duration_ms), 0)} ms in the middle" if blinks else ""
+    return (
+        f" By the pupil itself, edges of the lid included: {len(blinks)} blinks{median}, "
+        f"{decimal(len(blinks) * 60_000 / duration_ms, 1)} a minute, and {blinks.losses} longer "
+        f"losses ({SOURCE})."
+    )
+
+
 def _pupil(quality: SessionQuality) -> tuple[Paragraph, ...] | tuple[Paragraph, Table, Paragraph]:
     pupil = quality.pupil
     if pupil is None:
@@ -250,8 +264,8 @@ def _pupil(quality: SessionQuality) -> tuple[Paragraph, ...] | tuple[Paragraph, 
     median = _median(pupil.diameter_mm)
     summary = Paragraph(
         f"Median {decimal(median, 2)} mm; measured in {percentage(pupil.measured_01)} of rows, "
-        f"{percentage(pupil.bridged_01)} bridged in {pupil.blinks} blinks; foreshortening by the "
-        "angle of gaze undone."
+        f"{percentage(pupil.bridged_01)} bridged in {pupil.blinks} stretches; foreshortening by "
+        f"the angle of gaze undone.{_of_pupil_blinks(quality)}"
     )
     return (
         summary,

@@ -11,6 +11,7 @@ from visavis.analysis.gaze.loss import DEFAULT_LOSS, Loss, loss, usable_samples
 from visavis.analysis.gaze.movements.detect import detect_movements
 from visavis.analysis.gaze.movements.kinds import Movement, Movements
 from visavis.analysis.gaze.pupil import Pupil, PupilResponse, prepared_pupil, response
+from visavis.analysis.gaze.pupil_blinks import PupilBlinks, pupil_blinks
 from visavis.analysis.gaze.quality import moving_precision_deg
 from visavis.analysis.gaze.stamps import Times, order_of
 from visavis.analysis.gaze.targets import gaze_delay_ms
@@ -94,6 +95,7 @@ class SessionQuality:
     movements: Movements
     pupil: Pupil | None
     pupil_trials: tuple[TrialPupil, ...]
+    pupil_blinks: PupilBlinks | None = None
 
 
 def session_quality(recording: Recording) -> SessionQuality:
@@ -141,6 +143,7 @@ def session_quality(recording: Recording) -> SessionQuality:
         ),
         pupil=pupil,
         pupil_trials=() if pupil is None else _pupil_trials(recording, t_ns, pupil),
+        pupil_blinks=None if pupil_mm is None else pupil_blinks(t_ns, pupil_mm[rows]),
     )
 
 

@@ -366,7 +366,7 @@ def test_report_writes_tables_and_a_picture(tmp_path):
     assert len(got.fixations) == len(again)
     assert {"threshold_deg_s", "frozen_ms"} <= set(got.parameters.parameter)
     assert b"\x89PNG" == (tmp_path / "out" / "demo_gaze.png").read_bytes()[:4]
-    assert 6 == len(got.files)
+    assert 7 == len(got.files)
     adaptive = got.detectors[got.detectors.detector == "adaptive"].iloc[0]
     assert ("Engbert–Kliegl", True) == (adaptive.chosen, "120 Hz" in adaptive.why)
     assert ["blink", "fixation", "saccade"] == sorted(set(got.movements.movement))
