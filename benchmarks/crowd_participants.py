@@ -258,7 +258,11 @@ def surface_rows(people: int, seed: int) -> list[dict[str, object]]:
     means = pd.DataFrame(rows).groupby("condition").mean().loc[list(CONDITIONS)]
     printed = PUBLISHED[CUBES][0]
     return [
-        {"block": block, "published": printed[k], **means.loc[block].to_dict()}
+        {
+            "block": block,
+            "published": printed[k],
+            **{str(name): value for name, value in means.loc[block].items()},
+        }
         for k, block in enumerate(CONDITIONS)
     ]
 

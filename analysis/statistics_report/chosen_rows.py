@@ -10,13 +10,10 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from visavis.analysis.statistics_report.spelling import (
-    plain_name,
-    refuse_spellings,
-    spellings_of,
-)
+from visavis.analysis.statistics_report.spelling import refuse_spellings
 from visavis.analysis.statistics_report.table_file import DataTable, natural_order, truth_of
 from visavis.lab.errors import DataError, UsageError
+from visavis.lab.spelling import plain_name, spellings_of
 
 COUNTED_COLUMN: Final = "is_analysed"
 REASON_COLUMN: Final = "left_out_because"

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from visavis.devices.contracts import VibrationPattern
 from visavis.lab.geometry import Pose
+from visavis.stimuli.panels import IN_HEADSET, Surface
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.sound import Sound
 
@@ -248,7 +249,7 @@ class FrameView(NamedTuple):
     before. `pointers` are the rays of the tracked controllers, right hand first: from the position
     along −z of the orientation, in world. `head_points` says whether turning the head points at
     things: before a screen it does not. `sound_onsets` are the starts of sounds reported since the
-    frame before.
+    frame before. `surface` is what the participant looks at.
     """
 
     index: int  # type: ignore[assignment]  # of the frame, not that of a tuple
@@ -263,6 +264,7 @@ class FrameView(NamedTuple):
     head_points: bool = True
     pressed_ns: tuple[int, ...] = ()
     sound_onsets: tuple[SoundOnset, ...] = ()
+    surface: Surface = IN_HEADSET
 
     @property
     def has_news(self) -> bool:

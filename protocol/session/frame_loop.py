@@ -27,6 +27,7 @@ from visavis.lab.errors import DeviceError
 from visavis.lab.frame import FrameInfo
 from visavis.lab.geometry import Pose
 from visavis.lab.schema import SampleBatch
+from visavis.lab.screen import PlacedScreen
 from visavis.protocol.plan.experiment import Experiment
 from visavis.protocol.plan.steps import (
     BodyView,
@@ -49,6 +50,7 @@ from visavis.protocol.session.states import SessionState, StateMachine
 from visavis.protocol.session.streams import FRAMES, gaze_targets_schema, scene_states_schema
 from visavis.recording.writer import Recorder
 from visavis.stage.contracts import GeometryStage, Glance, Stage
+from visavis.stimuli.panels import Surface
 from visavis.stimuli.scene import Scene, SceneFrame
 
 STATE_CODES = {state: code for code, state in enumerate(SessionState)}
@@ -113,6 +115,11 @@ class FrameLoop:
         self._rig = rig
         self.screen = rig.headset if isinstance(rig.headset, OnScreen) else None
         """The display, where participants sit before a screen."""
+        placed = (
+            None if self.screen is None else PlacedScreen(self.screen.screen, self.screen.place)
+        )
+        self.surface = Surface(placed, controls)
+        """What the participant looks at and answers with."""
         self._stage = stage
         self._recorder = recorder
         self._clock = clock
@@ -455,6 +462,7 @@ class FrameLoop:
             head_points=self.screen is None,
             pressed_ns=pressed_ns,
             sound_onsets=self._take_sound_onsets() if self._sound_onsets else (),
+            surface=self.surface,
         )
 
     def _idle_frame_view(self, frame: FrameInfo) -> FrameView:
@@ -471,6 +479,7 @@ class FrameLoop:
             if self._rig.eye_tracker is None
             else self._defer_gaze(frame),
             pointers=self._pointers(),
+            surface=self.surface,
         )
 
     def _evaluate_gaze(self, frame: FrameInfo) -> GazeView:

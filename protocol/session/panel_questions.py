@@ -5,17 +5,24 @@ options, or with too many for one board, go to the respondent there.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from visavis.protocol.people.simulated_participant import KeyPresser, SimulatedParticipant
 from visavis.protocol.plan.experiment import Respondent
 from visavis.protocol.plan.steps import FrameView, Show
-from visavis.protocol.session.boards import QUESTIONNAIRE, BoardAnswer, DwellRule, ask_on_board
+from visavis.protocol.session.boards import (
+    LEAVE_OUT_KEY,
+    QUESTIONNAIRE,
+    BoardAnswer,
+    DwellRule,
+    ask_on_board,
+)
 from visavis.protocol.session.frame_loop import FrameLoop
 from visavis.recording.writer import Recorder
-from visavis.stimuli.panels import SIZE_M, PanelFrame, board_pose, choice_centre_m
+from visavis.stimuli.panels import SIZE_M, PanelFrame, board_before, choice_centre_m
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import Scene
 
@@ -23,13 +30,22 @@ MAX_CHOICES = 9
 LEAVE_OUT = "no answer"
 
 
+@dataclass(frozen=True)
+class BoardWords:
+    """What boards say besides their question: the choice that leaves it out, and which keys take
+    choices.
+    """
+
+    leave_out: str = LEAVE_OUT
+    keys: str = ""
+
+
 class PanelRespondent:
     """Follow `Respondent`: boards for questions with options, `otherwise` for the rest.
 
     `participant` answers as it would at the terminal and looks at its choice; a person is given
     the board. `take_keys` returns the digits the operator pressed since the last call. Without
-    an answer after `limit_s` the question goes to `otherwise`. `leave_out` is the label of the
-    choice that leaves a question out.
+    an answer after `limit_s` the question goes to `otherwise`.
     """
 
     def __init__(
@@ -44,9 +60,9 @@ class PanelRespondent:
         *,
         rule: DwellRule | None = None,
         limit_s: float = 120.0,
-        leave_out: str = LEAVE_OUT,
+        words: BoardWords | None = None,
     ) -> None:
-        self._leave_out = leave_out
+        self._words = BoardWords() if words is None else words
         self._loop = loop
         self._recorder = recorder
         self._next_frame = next_frame
@@ -61,8 +77,12 @@ class PanelRespondent:
         """Return the label chosen; None when left out."""
         if not options or len(options) + 1 > MAX_CHOICES:
             return self._otherwise.answer(question_id, prompt, options)
-        choices = (*options, self._leave_out)
-        panel = Panel(prompt, choices, board_pose(self._loop.head), SIZE_M)
+        choices = (*options, self._words.leave_out)
+        panel = board_before(
+            self._loop.head, self._loop.surface, prompt, choices, hint=self._words.keys
+        )
+        if panel.keys:
+            panel = replace(panel, keys=(*panel.keys[:-1], LEAVE_OUT_KEY))
         if self._participant is not None:
             label = self._otherwise.answer(question_id, prompt, options)
             looked_at = choices.index(label) if label in options else len(options)
@@ -106,6 +126,7 @@ class PanelRespondent:
             prompt=panel.text,
             position_m=panel.pose.position_m.tolist(),
             orientation_wxyz=panel.pose.orientation_wxyz.tolist(),
+            **_design(panel),
         )
         asking = ask_on_board(panel, self._ways, None, show)
         step = next(asking)
@@ -128,3 +149,16 @@ def _before(scene: Scene, t_ns: int, panel: Panel) -> PanelFrame:
     n = len(scene.agents)
     facing = np.array([a.facing for a in scene.agents]).reshape(n, 3)
     return PanelFrame(scene, t_ns, facing, np.ones(n), panels=(panel,))
+
+
+def _design(panel: Panel) -> dict[str, Any]:
+    """Return how a board differs from the usual one of a headset, for the recording."""
+    if panel.size_m == SIZE_M and not panel.additions:
+        return {}
+    return {
+        "size_m": list(panel.size_m),
+        "rows": panel.rows,
+        "keys": list(panel.keys),
+        "ends": list(panel.ends),
+        "hint": panel.hint,
+    }

@@ -136,7 +136,7 @@ class Session:
             setup.respondent,
             lambda: setup.experiment.blank(None),
             self._participant,
-            leave_out=setup.leave_out,
+            words=setup.board_words,
         )
 
     def _new_gaze_setup(self) -> GazeSetup:

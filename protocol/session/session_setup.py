@@ -13,7 +13,7 @@ from visavis.protocol.plan.questionnaires import Questionnaire
 from visavis.protocol.plan.session_plan import SessionPlan
 from visavis.protocol.session.gaze_setup import TargetTiming
 from visavis.protocol.session.operator import Operator
-from visavis.protocol.session.panel_questions import LEAVE_OUT
+from visavis.protocol.session.panel_questions import BoardWords
 from visavis.protocol.session.progress import Progress
 from visavis.protocol.session.rig import Rig
 from visavis.recording.writer import Recorder
@@ -77,7 +77,7 @@ class SessionSetup:
     """How long a device that went away is waited for."""
     gaze_checks: GazeChecks = field(default_factory=GazeChecks)
     """When drift of gaze is checked, and how much of it is let pass."""
-    leave_out: str = LEAVE_OUT
-    """The words with which a question is left out."""
+    board_words: BoardWords = field(default_factory=BoardWords)
+    """What boards say besides their question."""
     listeners: SessionListeners = SessionListeners()
     """Listeners to its events."""

@@ -15,7 +15,7 @@ from visavis.protocol.session.boards import DwellRule, GazeDwell
 from visavis.protocol.session.frame_loop import FrameLoop
 from visavis.protocol.session.panel_questions import LEAVE_OUT, PanelRespondent
 from visavis.recording.writer import Recorder
-from visavis.stimuli.panels import PanelFrame, choice_centre_m
+from visavis.stimuli.panels import IN_HEADSET, PanelFrame, choice_centre_m
 from visavis.stimuli.scene import Scene, SceneFrame
 
 HEAD = Pose(np.array([0.0, 1.6, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
@@ -27,7 +27,7 @@ class _Loop:
     """Frames in which somebody does something: looks, points, presses."""
 
     def __init__(self, act: Callable[[PanelFrame, int], dict[str, Any]]) -> None:
-        self.head, self.t_ns = HEAD, 0
+        self.head, self.t_ns, self.surface = HEAD, 0, IN_HEADSET
         self.views: list[SceneFrame] = []
         self.events: list[tuple[str, dict[str, Any]]] = []
         self.keys: list[str] = []

@@ -21,8 +21,8 @@ from visavis.stimuli.panels import (
     choice_met,
     place_m,
     place_met_01,
-    row_boxes_01,
     track_01,
+    track_boxes_01,
 )
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.text_font import font_for
@@ -84,8 +84,8 @@ def test_no_other_module_chooses_a_font() -> None:
 
 
 def test_a_board_has_a_row_for_every_name_with_its_track_and_a_ray_finds_it() -> None:
-    panel = replace(board(n=1), rows=("active", "large"), size_m=(0.3, 0.64))
-    boxes = row_boxes_01(panel)
+    panel = replace(board(n=1), tracks=("active", "large"), size_m=(0.3, 0.64))
+    boxes = track_boxes_01(panel)
     assert boxes[0, 3] == pytest.approx(boxes[1, 1])
     assert boxes[1, 3] < choice_boxes_01(panel)[0, 1]
     begin, end, down = track_01(panel, 1)
@@ -93,5 +93,5 @@ def test_a_board_has_a_row_for_every_name_with_its_track_and_a_ray_finds_it() ->
     place = place_m(panel, 0.5 * (begin + end), down)
     assert place_met_01(panel, eye, place - eye) == pytest.approx((0.5 * (begin + end), down))
     assert place_met_01(panel, eye, eye - place) is None
-    without = panel_image(replace(panel, rows=()))
+    without = panel_image(replace(panel, tracks=()))
     assert not np.array_equal(panel_image(panel), without)

@@ -28,7 +28,7 @@ from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.session_request import simulated_request
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.motion.skeleton import forward
-from visavis.stimuli.panels import choice_centre_m, place_m, row_boxes_01, track_01
+from visavis.stimuli.panels import choice_centre_m, place_m, track_01, track_boxes_01
 from visavis.study.dry_run import still_view
 from visavis.study.information import facts_in_lab_event, information_at_devices
 from visavis.study.live import Live, Moulding, Near, Slider, walks
@@ -208,7 +208,7 @@ def test_a_controller_puts_a_slider_where_it_points_and_takes_the_button() -> No
     board = person.shown[-1].panels[0]
     begin, end, down = track_01(board, 0)
     person.frame("trigger", at_m=place_m(board, begin + 0.82 * (end - begin), down))
-    _, top, _, bottom = row_boxes_01(board)[1]
+    _, top, _, bottom = track_boxes_01(board)[1]
     person.frame("trigger", at_m=place_m(board, 0.2, (top + bottom) / 2))  # a name, no track
     person.frame("trigger", at_m=choice_centre_m(board, 0))
     assert person.end is not None
@@ -219,7 +219,7 @@ def test_a_controller_puts_a_slider_where_it_points_and_takes_the_button() -> No
 def test_the_time_ends_it_where_nobody_presses_and_a_still_camera_has_no_row_that_turns() -> None:
     person = Before(moulding("still", 1.0), head_points=False)
     person.frame()
-    assert person.shown[-1].panels[0].rows == ("active",)
+    assert person.shown[-1].panels[0].tracks == ("active",)
     for _ in range(61):
         if person.end is None:
             person.frame()

@@ -9,9 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.lab.clock import NS_PER_S, SimClock
+from visavis.lab.config import Screen
 from visavis.lab.errors import DataError, UsageError
 from visavis.lab.frame import FrameInfo
 from visavis.lab.geometry import Pose
+from visavis.lab.screen import PlacedScreen
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.shown_scene import RecordedScene, of_part, recorded_scene
 from visavis.recording.cached import CachedRecording
@@ -25,7 +27,7 @@ from visavis.stage.renderer import Image, Renderer
 from visavis.stage.stills import shrink, still_quality
 from visavis.stimuli.dressing.casting import default_casting
 from visavis.stimuli.dressing.picture_of import picture_of
-from visavis.stimuli.panels import SIZE_M, PanelFrame, board_pose
+from visavis.stimuli.panels import IN_HEADSET, SIZE_M, PanelFrame, Surface, board_pose
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import SceneFrame
 from visavis.study.experiment import StudyExperiment
@@ -228,7 +230,16 @@ def _questionnaire_board(recording: Recording, part: int, t_ns: int) -> Iterator
     if len(later_answers) or "position_m" not in payload:
         return
     pose = Pose(np.array(payload["position_m"]), np.array(payload["orientation_wxyz"]))
-    yield Panel(payload["prompt"], tuple(payload["choices"]), pose, SIZE_M)
+    yield Panel(
+        payload["prompt"],
+        tuple(payload["choices"]),
+        pose,
+        tuple(payload.get("size_m", SIZE_M)),
+        rows=payload.get("rows", 1),
+        keys=tuple(payload.get("keys", ())),
+        ends=tuple(payload.get("ends", ("", ""))),
+        hint=payload.get("hint", ""),
+    )
 
 
 def _trial_boards(
@@ -246,9 +257,24 @@ def _trial_boards(
             continue
         if not is_on_board(response, experiment.settings):
             continue
-        words = TrialScript(Trial(**trial_fields), experiment.settings).words_of(response)
+        script = TrialScript(Trial(**trial_fields), experiment.settings)
+        words = script.words_of(response)
+        surfaces = _surfaces_of(recording, len(words[1]))
         for head in _heads_at(recording, part, int(answer["asked_ns"])):
-            yield Panel(*words, board_pose(head), SIZE_M)
+            yield from (script.board_of(response, head, surface) for surface in surfaces)
+            yield Panel(*words, board_pose(head), SIZE_M)  # as earlier versions drew it
+
+
+def _surfaces_of(recording: Recording, choices: int) -> tuple[Surface, ...]:
+    """Return what participants may have looked at: a screen with and without keys, a headset."""
+    described = recording.manifest.configuration.get("screen")
+    if described is None:
+        return (IN_HEADSET,)
+    screen = Screen(**described)
+    upright = Pose(np.array([0.0, screen.eye_height_m, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
+    placed = PlacedScreen(screen.flat, upright)
+    digits = tuple(str(n + 1) for n in range(choices))
+    return (Surface(placed, digits), Surface(placed))
 
 
 def _questions_at(recording: Recording, part: int, t_ns: int) -> Iterator[dict[str, Any]]:

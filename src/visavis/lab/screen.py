@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.lab.frame import EyeView
-from visavis.lab.geometry import Vector, unit
+from visavis.lab.geometry import Pose, Vector, rotate, unit
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
 MIN_EYE_DISTANCE_M = 0.1
@@ -97,3 +97,20 @@ class FlatScreen:
         vectors, NaN where a line meets no screen.
         """
         return unit(self.meets_m(at_m, direction) - eye_m)
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedScreen:
+    """A screen in the world; `place` is the viewing place, facing the screen."""
+
+    flat: FlatScreen
+    place: Pose
+
+    def pose_at(self, right_m: float, up_m: float) -> Pose:
+        """Return the pose of what lies in the screen's plane, its front towards the viewer.
+
+        `right_m` and `up_m` lead there from the point straight ahead of the viewing place.
+        """
+        own = np.array([right_m, up_m, -self.flat.distance_m])
+        turn = self.place.orientation_wxyz
+        return Pose(self.place.position_m + rotate(turn, own), turn)

@@ -252,7 +252,7 @@ class StudyPerson(Observer):
         start = np.array([slider.start for slider in moulding.sliders])
         step = np.array([press_step(slider) for slider in moulding.sliders])
         moves, ends = self._movements(moulding, start, step)
-        board, n = view.panels[0], len(view.panels[0].rows)
+        board, n = view.panels[0], len(view.panels[0].tracks)
         if view.by_keys:
             pressed, row = presses(moves, start, step, pace)
             if ends:

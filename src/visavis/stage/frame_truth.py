@@ -93,8 +93,9 @@ def picture_crc32(picture: Picture) -> int:
         crc = zlib.crc32(_bytes(thing.pose.position_m), crc)
         crc = zlib.crc32(_bytes(thing.pose.orientation_wxyz), crc)
     for panel in picture.panels:
-        content = (panel.text, panel.choices, panel.size_m, panel.highlighted, panel.chosen)
-        crc = zlib.crc32(repr((*content, panel.rows) if panel.rows else content).encode(), crc)
+        usual = (panel.text, panel.choices, panel.size_m, panel.highlighted, panel.chosen)
+        content = (*usual, *panel.additions)
+        crc = zlib.crc32(repr(content).encode(), crc)
         crc = zlib.crc32(_bytes(panel.pose.position_m), crc)
     if picture.mark_m is not None:
         crc = zlib.crc32(_bytes(np.asarray(picture.mark_m)), crc)

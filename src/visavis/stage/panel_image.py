@@ -1,10 +1,19 @@
 """Draw a panel of text with its choices, crisp at reading distance."""
 
+from typing import Literal
+
 import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw
 
-from visavis.stimuli.panels import MARGIN_01, TEXT_01, choice_boxes_01, row_boxes_01, track_01
+from visavis.stimuli.panels import (
+    BELOW_01,
+    MARGIN_01,
+    TEXT_01,
+    choice_boxes_01,
+    track_01,
+    track_boxes_01,
+)
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.text_font import font_for
 
@@ -16,6 +25,7 @@ SMALL_M, SMALL_PX = 0.1, 96
 BOARD = (28, 31, 36, 245)
 EDGE = (96, 102, 112, 255)
 TEXT = (238, 240, 242, 255)
+HINT = (170, 176, 186, 255)
 BUTTON = (52, 57, 65, 255)
 LIT = (54, 110, 190, 255)
 CHOSEN = (232, 170, 60, 255)
@@ -36,8 +46,10 @@ def panel_image(panel: Panel) -> npt.NDArray[np.uint8]:
     boxes = choice_boxes_01(panel)
     if len(boxes):
         bottom = float(boxes[0, 1]) - MARGIN_01 / 2
-    if panel.rows:
+    if panel.tracks:
         bottom = TEXT_01
+    elif panel.hint and not len(boxes):
+        bottom -= BELOW_01
     margin = round(MARGIN_01 * min(width, height)) + radius // 2
     largest = height // 9 if 3 * height > width else height // 2
     _fit(draw, panel.text, (margin, margin, width - margin, round(bottom * height)), largest)
@@ -55,18 +67,35 @@ def panel_image(panel: Panel) -> npt.NDArray[np.uint8]:
         edge, thick = (CHOSEN, 9) if i == panel.chosen else (EDGE, 3)
         draw.rounded_rectangle(place, radius // 2, fill, edge, thick)
         _fit(draw, choice, _pixels(box, width, height, 12), common)
+    small = height // 20
+    for key, choice, box in zip(panel.keys, panel.choices, boxes, strict=False):
+        if key != choice:
+            left, top, *_ = _pixels(box, width, height, 8)
+            draw.text((left + 4, top), key, HINT, font_for(key, small))
+    edge_px = round((1.0 - MARGIN_01 / 2) * height)
+    if panel.hint:
+        edge_px -= round(BELOW_01 * height)
+        line = (margin, edge_px, width - margin, round((1.0 - MARGIN_01 / 2) * height))
+        _fit(draw, panel.hint, line, small, HINT)
+    if any(panel.ends):
+        top_px = edge_px - round(BELOW_01 * height)
+        half = width // 2
+        _fit(draw, panel.ends[0], (margin, top_px, half, edge_px), height // 16, side="left")
+        _fit(
+            draw, panel.ends[1], (half, top_px, width - margin, edge_px), height // 16, side="right"
+        )
     return np.array(image)
 
 
 def _draw_rows(draw: ImageDraw.ImageDraw, panel: Panel, width: int, height: int) -> None:
     """Draw every row's name, all of one size, and its track."""
     places = []
-    for row, (left, top, _, bottom) in enumerate(row_boxes_01(panel)):
+    for row, (left, top, _, bottom) in enumerate(track_boxes_01(panel)):
         begin, end, down = track_01(panel, row)
         places.append(_pixels(np.array([left, top, begin, bottom]), width, height, 6))
         track = (round(begin * width), round(down * height) - 4, round(end * width))
         draw.rounded_rectangle((*track, track[1] + 8), 4, EDGE)
-    names = list(zip(panel.rows, places, strict=True))
+    names = list(zip(panel.tracks, places, strict=True))
     common = min((_largest(draw, name, at, height // 10) for name, at in names), default=12)
     for name, at in names:
         _fit(draw, name, at, common)
@@ -113,16 +142,22 @@ def _wrap(draw: ImageDraw.ImageDraw, text: str, width_px: int, size_px: int) -> 
 
 
 def _fit(
-    draw: ImageDraw.ImageDraw, text: str, box: tuple[int, int, int, int], largest_px: int
+    draw: ImageDraw.ImageDraw,
+    text: str,
+    box: tuple[int, int, int, int],
+    largest_px: int,
+    fill: tuple[int, int, int, int] = TEXT,
+    *,
+    side: Literal["left", "middle", "right"] = "middle",
 ) -> None:
     size = _largest(draw, text, box, largest_px)
-    middle = ((box[0] + box[2]) / 2, (box[1] + box[3]) / 2)
+    x = {"left": box[0], "middle": (box[0] + box[2]) / 2, "right": box[2]}[side]
     draw.multiline_text(
-        middle,
+        (x, (box[1] + box[3]) / 2),
         _wrap(draw, text, box[2] - box[0], size),
-        TEXT,
+        fill,
         font_for(text, size),
-        anchor="mm",
-        align="center",
+        anchor=f"{side[0]}m",
+        align="center" if side == "middle" else side,
         spacing=6,
     )

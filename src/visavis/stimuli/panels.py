@@ -1,11 +1,14 @@
 """Panels of text and choices as geometry: their place, their choices, and ray tests."""
 
-from dataclasses import dataclass
+import unicodedata
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from visavis.lab.geometry import Pose, Vector, quat_conjugate, quat_from_yaw_pitch_deg, rotate
+from visavis.lab.screen import PlacedScreen
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import SceneFrame
 
@@ -16,8 +19,20 @@ TEXT_01 = 0.2
 """Height of the text of a board with rows, of the board's height."""
 NAMES_01 = 0.52
 """Width of the names of rows, of the board's width; their tracks are on the right."""
+MAX_BUTTONS_01 = 0.58
+"""Height of all rows of choices together, of the board's height."""
+BELOW_01 = 0.09
+"""Height of the words for the ends, and of the hint, of the board's height."""
 DISTANCE_M = 1.8
 SIZE_M = (1.8, 0.9)
+"""Size of a board in a headset: 53° by 28°."""
+SHARE_OF_SCREEN = 0.92
+"""A board on a screen leaves a margin around it."""
+MIN_X_HEIGHT_DEG: Final = 0.4
+X_HEIGHT_EM: Final = 0.52
+"""Height of an x, and below it the usual width of a character, in sizes of the letters."""
+CHARACTER_EM: Final = 0.58
+LINE_EM: Final = 1.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,31 +42,128 @@ class PanelFrame(SceneFrame):
     panels: tuple[Panel, ...] = ()
 
 
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """What participants look at, and what they have to answer with.
+
+    `screen` is the monitor before them, None in a headset; `controls` are those of the response
+    device.
+    """
+
+    screen: PlacedScreen | None = None
+    controls: tuple[str, ...] = ()
+
+    def keys_of(self, choices: int) -> tuple[str, ...]:
+        """Return the keys that take so many choices; () where something points, or none do."""
+        digits = tuple(str(n + 1) for n in range(choices))
+        is_by_keys = self.screen is not None and set(digits) <= set(self.controls)
+        return digits if is_by_keys else ()
+
+
+IN_HEADSET: Final = Surface()
+
+
 def choice_boxes_01(panel: Panel) -> npt.NDArray[np.float64]:
-    """Return where the choices lie: (n, 4) left, top, right, bottom of the board, 0 to 1."""
-    n = len(panel.choices)
+    """Return where the choices lie: (n, 4) left, top, right, bottom of the board, 0 to 1.
+
+    They fill their rows from left to right, the first row on top.
+    """
+    n, rows = len(panel.choices), panel.rows
+    columns = -(-n // rows) if n else 1
     width, height = panel.size_m
     gap_x = MARGIN_01 * min(width, height) / width
     gap_y = MARGIN_01 * min(width, height) / height
-    share = (1.0 - gap_x * (n + 1)) / max(n, 1)
-    left = gap_x + np.arange(n) * (share + gap_x)
+    share = (1.0 - gap_x * (columns + 1)) / columns
+    high = min(BUTTONS_01, (MAX_BUTTONS_01 - gap_y * (rows - 1)) / rows)
+    below = BELOW_01 * (any(panel.ends) + bool(panel.hint))
+    row, column = np.divmod(np.arange(n), columns)
     boxes = np.empty((n, 4))
-    boxes[:, 0], boxes[:, 2] = left, left + share
-    boxes[:, 1], boxes[:, 3] = 1.0 - gap_y - BUTTONS_01, 1.0 - gap_y
+    boxes[:, 0] = gap_x + column * (share + gap_x)
+    boxes[:, 2] = boxes[:, 0] + share
+    boxes[:, 3] = 1.0 - gap_y - below - (rows - 1 - row) * (high + gap_y)
+    boxes[:, 1] = boxes[:, 3] - high
     return boxes
 
 
-def row_boxes_01(panel: Panel) -> npt.NDArray[np.float64]:
-    """Return where the rows lie: (n, 4) left, top, right, bottom of the board, 0 to 1."""
+def track_boxes_01(panel: Panel) -> npt.NDArray[np.float64]:
+    """Return where the tracks lie: (n, 4) left, top, right, bottom of the board, 0 to 1."""
     end = 1.0 - (BUTTONS_01 + 2 * MARGIN_01 if panel.choices else MARGIN_01)
-    edges = np.linspace(TEXT_01, end, len(panel.rows) + 1)
-    across = np.full(len(panel.rows), MARGIN_01)
+    edges = np.linspace(TEXT_01, end, len(panel.tracks) + 1)
+    across = np.full(len(panel.tracks), MARGIN_01)
     return np.stack([across, edges[:-1], 1.0 - across, edges[1:]], axis=1)
+
+
+def rows_of_choices(panel: Panel, distance_m: float) -> int:
+    """Return in how many rows the choices are legible at a distance: one, if that is enough.
+
+    Letters are as small as they may be (`MIN_X_HEIGHT_DEG`) and as wide as they usually are.
+    """
+    em_m = distance_m * np.tan(np.radians(MIN_X_HEIGHT_DEG)) / X_HEIGHT_EM
+    n = len(panel.choices)
+    for rows in range(1, max(n, 1)):
+        box = choice_boxes_01(replace(panel, rows=rows))[0]
+        wide_em = (box[2] - box[0]) * panel.size_m[0] / em_m - 1.0
+        high_em = (box[3] - box[1]) * panel.size_m[1] / em_m - 0.5
+        if all(_fits(choice, wide_em, high_em) for choice in panel.choices):
+            return rows
+    return max(n, 1)
+
+
+def _fits(text: str, wide_em: float, high_em: float) -> bool:
+    """Tell whether a text fits into a box, its lines broken between words."""
+    lines, at_em, space_em = 1, 0.0, CHARACTER_EM / 2
+    for word in text.split():
+        word_em = sum(
+            1.0 if unicodedata.east_asian_width(c) in "FW" else CHARACTER_EM for c in word
+        )
+        if word_em > wide_em:
+            return False
+        if at_em and at_em + space_em + word_em > wide_em:
+            lines, at_em = lines + 1, word_em
+        else:
+            at_em += word_em + (space_em if at_em else 0.0)
+    return lines * LINE_EM <= high_em
+
+
+def board_before(
+    head: Pose,
+    surface: Surface,
+    text: str,
+    choices: tuple[str, ...],
+    *,
+    ends: tuple[str, str] = ("", ""),
+    hint: str = "",
+) -> Panel:
+    """Return a board to be read: straight ahead of a head in a headset, or on a screen.
+
+    On a screen it lies in the screen's plane and is as large as the screen, with a margin, but not
+    larger than in a headset; keys are shown there, and the `hint`. Choices stand in as many rows
+    as they need to be legible.
+    """
+    screen = surface.screen
+    if screen is None:
+        panel = Panel(text, choices, board_pose(head), SIZE_M, ends=ends)
+        return replace(panel, rows=rows_of_choices(panel, DISTANCE_M))
+    flat = screen.flat
+    width_m, height_m = (
+        min(SHARE_OF_SCREEN * of_screen, flat.distance_m * usual / DISTANCE_M)
+        for of_screen, usual in zip((flat.width_m, flat.height_m), SIZE_M, strict=True)
+    )
+    panel = Panel(
+        text,
+        choices,
+        screen.pose_at(flat.center_right_m, flat.center_up_m),
+        (width_m, height_m),
+        keys=surface.keys_of(len(choices)),
+        ends=ends,
+        hint=hint,
+    )
+    return replace(panel, rows=rows_of_choices(panel, flat.distance_m))
 
 
 def track_01(panel: Panel, row: int) -> tuple[float, float, float]:
     """Return where a row's track begins and ends, and how far down it is, on the board, 0 to 1."""
-    _, top, right, bottom = row_boxes_01(panel)[row].tolist()
+    _, top, right, bottom = track_boxes_01(panel)[row].tolist()
     return NAMES_01, right - MARGIN_01, (top + bottom) / 2
 
 

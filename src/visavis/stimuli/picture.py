@@ -114,10 +114,11 @@ class PlacedProp:
 class Panel:
     """A board of text in the world: a question, a rating scale, an instruction.
 
-    `choices` are drawn in a row below the text, the one at `highlighted` is lit, the one at
-    `chosen` is marked. `pose` is the board's centre, its front towards +z of the pose; `size_m`
-    is width and height. `rows` are names between text and choices, one below the other, each with
-    a track beside it.
+    `choices` are drawn below the text in `rows`, the one at `highlighted` is lit, the one at
+    `chosen` is marked; `keys` are the keys that take them, drawn in their corners. `ends` stand
+    below the first and the last choice, `hint` at the lower edge. `pose` is the board's centre,
+    its front towards +z of the pose; `size_m` is width and height. `tracks` are
+    names between text and choices, one below the other, each with a track beside it.
     """
 
     text: str
@@ -126,7 +127,17 @@ class Panel:
     size_m: tuple[float, float]
     highlighted: int | None = None
     chosen: int | None = None
-    rows: tuple[str, ...] = ()
+    rows: int = 1
+    keys: tuple[str, ...] = ()
+    ends: tuple[str, str] = ("", "")
+    hint: str = ""
+    tracks: tuple[str, ...] = ()
+
+    @property
+    def additions(self) -> tuple[object, ...]:
+        """What a board has beside text and choices in one row; () for most in headsets."""
+        more = (self.rows, self.keys, self.ends, self.hint, self.tracks)
+        return () if more == (1, (), ("", ""), "", ()) else more
 
 
 @dataclass(frozen=True, eq=False)

@@ -145,7 +145,9 @@ class StudyExperiment:
     def words(self) -> dict[str, Response]:
         """Every response by the text of its question."""
         script = TrialScript(Trial("T1", 1, 0, False, {}, 0), self.settings)
-        return {script.words_of(r)[0]: r for r in self.responses.values()}
+        responses = self.responses.values()
+        ratings = {script.bare_prompt(r): r for r in responses if isinstance(r, Rating)}
+        return ratings | {script.words_of(r)[0]: r for r in responses}
 
     @cached_property
     def agent_count(self) -> int:

@@ -31,8 +31,8 @@ from visavis.stimuli.panels import (
     choice_boxes_01,
     place_m,
     place_met_01,
-    row_boxes_01,
     track_01,
+    track_boxes_01,
 )
 from visavis.stimuli.picture import Panel, PosedPeople
 from visavis.stimuli.scenes.live_figures import LiveFigures
@@ -177,7 +177,7 @@ class LiveStage:
         text = f"{words.caption}\n{words.keys if by_keys else words.ray}".strip()
         # A step that ends by itself has no button, as on a page.
         choices = (words.done,) if until is None or moulding.is_blind else ()
-        self._board = Panel(text, choices, place, BOARD_M, rows=rows)
+        self._board = Panel(text, choices, place, BOARD_M, tracks=rows)
 
     @cached_property
     def _likeness(self) -> Likeness | None:
@@ -197,7 +197,7 @@ class LiveStage:
         """Take a press, and where on the board something points: return what it changes (of time
         0), or what pressed the button ("keys", "ray").
         """
-        rows = len(self._board.rows)
+        rows = len(self._board.tracks)
         if control in CONFIRM and pointed is not None:
             return self._confirm(*pointed)
         if control in CONFIRM:
@@ -257,9 +257,11 @@ class LiveStage:
 
     def _panels(self) -> tuple[Panel, ...]:
         """Return the board, and a knob on every track; that of the present row is lit."""
-        board = replace(self._board, highlighted=0 if self._row == len(self._board.rows) else None)
+        board = replace(
+            self._board, highlighted=0 if self._row == len(self._board.tracks) else None
+        )
         knobs = []
-        for row in range(len(board.rows)):
+        for row in range(len(board.tracks)):
             begin, end, down = track_01(board, row)
             middle_m = place_m(board, begin + self._share(row) * (end - begin), down)
             pose = Pose(middle_m, board.pose.orientation_wxyz)
@@ -276,7 +278,7 @@ class LiveStage:
         for left, top, right, bottom in choice_boxes_01(self._board).tolist():
             if left <= across <= right and top <= down <= bottom:
                 return "ray"
-        for row, (_, top, _, bottom) in enumerate(row_boxes_01(self._board).tolist()):
+        for row, (_, top, _, bottom) in enumerate(track_boxes_01(self._board).tolist()):
             begin, end, _ = track_01(self._board, row)
             if not (top <= down < bottom and across >= begin):
                 continue

@@ -30,7 +30,7 @@ from visavis.protocol.plan.steps import (
     SoundOnset,
     Step,
 )
-from visavis.stimuli.panels import SIZE_M, PanelFrame, board_pose
+from visavis.stimuli.panels import SIZE_M, PanelFrame, Surface, board_before
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.sound import Sound
@@ -78,9 +78,9 @@ class UnknownNameError(DesignError, AttributeError):
 class _Board:
     """The place of a question: before the scene or in the dark, ahead or at a place."""
 
-    over_scene: bool
-    at: Pose | None
-    size_m: tuple[float, float]
+    over_scene: bool = False
+    at: Pose | None = None
+    size_m: tuple[float, float] | None = None
 
 
 class TrialScript:
@@ -181,13 +181,13 @@ class TrialScript:
         *,
         over_scene: bool = False,
         at: Pose | None = None,
-        size_m: tuple[float, float] = SIZE_M,
+        size_m: tuple[float, float] | None = None,
     ) -> Action:
         """Ask a question; the answer's columns join the row, and the step returns the `Answer`.
 
         The board stands in the dark, or before the scene with `over_scene`; straight ahead of the
-        participant, or `at` a place of the tracked room. Free text and numbers are asked at the
-        terminal.
+        participant and as large as what it is read on asks for, or `at` a place of the tracked
+        room. Free text and numbers are asked at the terminal.
         """
         place = _Board(over_scene, at, size_m)
         return Action("ask", lambda: self._ask(response, place), response=response)
@@ -408,7 +408,7 @@ class TrialScript:
         yield from self._show(scene_of(viewing.stimulus), seconds, "film", None)
         answers = {}
         for response in viewing.responses:
-            answers[response.name] = yield from self._ask(response, _Board(False, None, SIZE_M))
+            answers[response.name] = yield from self._ask(response, _Board())
         return answers
 
     def _mould(self, moulding: Moulding) -> Performing:
@@ -473,7 +473,7 @@ class TrialScript:
             )
         else:
             answer = yield from asked_on_board(
-                Panel(prompt, labels, board.at or board_pose(view.head), board.size_m),
+                self._panel(response, board, view),
                 tuple(response.options),
                 response.name,
                 self.settings.ways,
@@ -541,6 +541,35 @@ class TrialScript:
             for label in labels_of(response)
         )
         return prompt, labels
+
+    def _panel(self, response: Response, board: _Board, view: FrameView) -> Panel:
+        """Return the board of a question, at its place and with what its surface asks for."""
+        if board.at is not None:
+            prompt, labels = self.words_of(response)
+            return Panel(prompt, labels, board.at, board.size_m or SIZE_M)
+        panel = self.board_of(response, view.head, view.surface)
+        return panel if board.size_m is None else replace(panel, size_m=board.size_m)
+
+    def board_of(self, response: Response, head: Pose, surface: Surface) -> Panel:
+        """Return the usual board of a question, for a head and what it looks at."""
+        prompt, labels = self.words_of(response)
+        texts, values, ends = self.settings.texts, self.settings.values, ("", "")
+        own = tuple(
+            texts.find(f"ends.{response.name}.{end}", values=values) for end in ("low", "high")
+        )
+        if any(own):
+            ends = (own[0] or "", own[1] or "")
+        elif isinstance(response, Rating) and surface.screen is not None:
+            if f"questions.{response.name}" not in texts.entries and "rating" not in texts.own:
+                prompt = self.bare_prompt(response)
+                ends = (texts.get("ends.low"), texts.get("ends.high"))
+        hint = "" if surface.screen is None else texts.get("board_keys")
+        return board_before(head, surface, prompt, labels, ends=ends, hint=hint)
+
+    def bare_prompt(self, response: Response) -> str:
+        """Return the words of a question that has no text of its own, without those of its ends."""
+        name = response.name.replace("_", " ")
+        return self.settings.texts.get("question", {**self.settings.values, "name": name})
 
     def _board_shown(self, over_scene: bool) -> Callable[[FrameView, Panel], Show | None]:
         staged_scene = self._staged_scene if over_scene else None

@@ -28,6 +28,7 @@ from visavis.lab.errors import ConfigError, LabError, SessionAborted
 from visavis.protocol.people.simulated_participant import KeyPresser, SimulatedParticipant
 from visavis.protocol.plan.experiment import Experiment, Respondent, no_progress
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
+from visavis.protocol.session.panel_questions import BoardWords
 from visavis.protocol.session.progress import Progress, progress_of_recording
 from visavis.protocol.session.rig import Rig
 from visavis.protocol.session.session import Session
@@ -368,6 +369,7 @@ def _setup(
 ) -> SessionSetup:
     # A study in a single language names none; its participants read the lab's language.
     config = request.config.model_copy(update={"language": request.experiment.language})
+    own_texts = read_texts((), request.experiment.language)
     return SessionSetup(
         experiment=request.experiment,
         plan=plan,
@@ -380,7 +382,7 @@ def _setup(
         respondent=devices.respondent,
         judge_validation=request.study.judge_validation,
         questionnaires=request.study.questionnaires(config),
-        leave_out=read_texts((), request.experiment.language).get("no_answer"),
+        board_words=BoardWords(own_texts.get("no_answer"), own_texts.get("board_keys")),
         participant=devices.participant,
         progress=progress,
         blind=request.blind,

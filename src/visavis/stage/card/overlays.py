@@ -62,7 +62,8 @@ class Overlays:
         return self._arrays[name]
 
     def _texture(self, panel: Panel) -> moderngl.Texture:
-        key = (panel.text, panel.choices, panel.size_m, panel.highlighted, panel.chosen, panel.rows)
+        usual = (panel.text, panel.choices, panel.size_m, panel.highlighted, panel.chosen)
+        key = (*usual, *panel.additions)
         texture = self._panels.get(key)
         if texture is None:
             while len(self._panels) >= PANELS_KEPT:
