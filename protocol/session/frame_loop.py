@@ -118,7 +118,7 @@ class FrameLoop:
         placed = (
             None if self.screen is None else PlacedScreen(self.screen.screen, self.screen.place)
         )
-        self.surface = Surface(placed, controls)
+        self.surface = Surface(placed, controls, headset_rate_hz)
         """What the participant looks at and answers with."""
         self._stage = stage
         self._recorder = recorder

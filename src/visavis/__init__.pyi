@@ -19,6 +19,10 @@ from visavis.running.scripts import analyse as analyse
 from visavis.running.scripts import open_study as open_study
 from visavis.running.scripts import simulate as simulate
 from visavis.running.scripts import tables as tables
+from visavis.stimuli.flat import Grating as Grating
+from visavis.stimuli.flat import Image as Image
+from visavis.stimuli.flat import Shape as Shape
+from visavis.stimuli.flat import Text as Text
 from visavis.stimuli.sound import Sound as Sound
 from visavis.study.careless_answers import Careless as Careless
 from visavis.study.comparisons import Compare as Compare
@@ -51,13 +55,14 @@ from visavis.study.pairs import Pairs as Pairs
 from visavis.study.pairs import Printed as Printed
 from visavis.study.pieces import MeasuredTrial as MeasuredTrial
 from visavis.study.pieces import Pieces as Pieces
+from visavis.study.race import Race as Race
 from visavis.study.responses import Choice as Choice
+from visavis.study.responses import FreeText as FreeText
 from visavis.study.responses import Keys as Keys
 from visavis.study.responses import Number as Number
 from visavis.study.responses import Pointing as Pointing
 from visavis.study.responses import Rating as Rating
 from visavis.study.responses import SideBySide as SideBySide
-from visavis.study.responses import Text as Text
 from visavis.study.scenes import Scene as Scene
 from visavis.study.scenes import Staging as Staging
 from visavis.study.sections import Conclusion as Conclusion

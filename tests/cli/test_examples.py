@@ -18,6 +18,7 @@ STUDIES = sorted(path.name.removesuffix(".txt") for path in READY.glob("*.py.txt
 SHORT = {
     "glances.py": {"repetitions": 1, "scene_s": 0.5},
     "quick_press.py": {"repetitions": 1},
+    "stroop.py": {"repetitions": 1},
     "lively_films.py": {"repetitions": 1, "film_s": 0.2},
 }
 

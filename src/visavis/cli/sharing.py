@@ -24,7 +24,7 @@ from visavis.running.sessions.recorded_design import design_of_session
 from visavis.running.sessions.study_folder import study_of_folder
 from visavis.study.experiment import StudyExperiment
 from visavis.study.live import RENDERER
-from visavis.study.responses import ANSWER_ENDINGS, Text
+from visavis.study.responses import ANSWER_ENDINGS, kind_of
 
 BLURRED_RISK = (
     "The public tier gives everybody the body of one reference person, smooths movements, tells "
@@ -205,13 +205,13 @@ def _row_rule(study: OpenedStudy | None, recording: Recording) -> RowRule:
     with suppress(LabError):  # a study may have lost a parameter that a session was recorded with
         experiment = None if study is None else study.experiment_of(recording)
     if study is not None and experiment is not None:
-        kinds |= {name: type(r).__name__ for name, r in experiment.responses.items()}
+        kinds |= {name: kind_of(r) for name, r in experiment.responses.items()}
         columns |= set(trial_columns(experiment, study.measures(experiment)))
         roles = frozenset().union(*(t.roles for t in experiment.read.values()))
     else:
         columns |= set(design_of_session(recording.manifest).get("factors", {}))
         columns |= {f"{name}{ending}" for name in kinds for ending in ANSWER_ENDINGS}
-    typed_columns = {name for name, kind in kinds.items() if kind == Text.__name__}
+    typed_columns = {name for name, kind in kinds.items() if kind == "Text"}
     typed_columns |= {f"{name}_typed" for name in kinds}
 
     def leaves(name: str, value: Any) -> bool:

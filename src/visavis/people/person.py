@@ -38,17 +38,19 @@ from visavis.stimuli.motion.synthesis.pose_distance import Likeness, compared_jo
 from visavis.stimuli.panels import PanelFrame, choice_centre_m, place_m, track_01
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.scenes.flat import FlatScene
 from visavis.study.live import Live, Moulding
 from visavis.study.moulding import MouldingFrame, press_step
+from visavis.study.race import Race
 from visavis.study.responses import (
     Choice,
+    FreeText,
     Keys,
     Number,
     Pointing,
     Rating,
     Response,
     SideBySide,
-    Text,
 )
 from visavis.study.study_functions import AnswerOf, Seen
 
@@ -317,7 +319,7 @@ class StudyPerson(Observer):
         if self._last is None or view.scene is not self._last.scene:
             self._first, self._first_ns = view, t_ns
             self._contact_ns, self._contact = np.zeros(n), np.zeros(n, np.bool_)
-            self._press_when_noticed(t_ns)
+            self._press_when_noticed(view, t_ns)
         else:
             self._contact_ns[self._contact] += t_ns - self._last_ns
         if self._last is None or view.gaze_direction is not self._last.gaze_direction:
@@ -351,17 +353,24 @@ class StudyPerson(Observer):
         )
 
     def _reply_to(self, response: Response) -> str | None:
+        return self._timed_reply_to(response)[0]
+
+    def _timed_reply_to(self, response: Response) -> tuple[str | None, float | None]:
+        """Return an answer, and how many seconds it takes if the study's model says so."""
         rng = self._rng(_MIND_STREAM, self.stretch(), zlib.crc32(response.name.encode()))
         reply = self._answer_of(self._impressions(), response, rng)
+        takes_s: float | None = None
+        if isinstance(reply, Race):
+            reply, takes_s = reply.run(rng)
         if reply is None:
-            return None
+            return None, None
         options = tuple(map(str, response.options))
         if options and str(reply) not in options:
             raise DataError(
                 f"the simulated person answered {reply!r} to {response.name}; its options are "
                 f"{', '.join(options)}"
             )
-        return str(reply)
+        return str(reply), takes_s
 
     def takes_s(self, response: Response | None) -> float:
         """Return how long this person takes to answer."""
@@ -396,13 +405,19 @@ class StudyPerson(Observer):
         for number, control in enumerate(keys_of_choice(choice, self._board_controls)):
             self._hand.press(t_ns + round((takes_s + number * STEP_S) * NS_PER_S), control)
 
-    def _press_when_noticed(self, t_ns: int) -> None:
-        """Press if the study asks for keys, which a person only knows from the instruction."""
+    def _press_when_noticed(self, view: SceneFrame, t_ns: int) -> None:
+        """Press if the study asks for keys, which a person only knows from the instruction.
+
+        Flat stimuli are answered where the instruction says so: a fixation cross is not.
+        """
+        is_flat = isinstance(view.scene, FlatScene)
+        answered_by = view.scene.answered_by if isinstance(view.scene, FlatScene) else ""
         for response in dict.fromkeys(self._responses.values()):
-            if isinstance(response, Keys):
-                reply = self._reply_to(response)
+            if isinstance(response, Keys) and (not is_flat or response.name == answered_by):
+                reply, takes_s = self._timed_reply_to(response)
                 if reply is not None:
-                    takes = NOTICE_S * self.takes_s(response) / THINKING_S
+                    usual_s = NOTICE_S * self.takes_s(response) / THINKING_S
+                    takes = usual_s if takes_s is None else takes_s
                     self._hand.press(t_ns + round(takes * NS_PER_S), reply)
             elif isinstance(response, Pointing) and self._last is not None:
                 self._hand.press(t_ns + round(self.takes_s(response) * NS_PER_S), "trigger")
@@ -418,7 +433,7 @@ def neutral_answer(seen: Seen, response: Response, rng: np.random.Generator) -> 
     if isinstance(response, Number):
         low, high = max(response.low, 0.0), min(response.high, max(response.low, 0.0) + 100.0)
         return f"{rng.uniform(low, high):.1f}"
-    if isinstance(response, Text):
+    if isinstance(response, FreeText):
         return None if rng.random() < 0.5 else "I just looked around."
     if isinstance(response, Choice | SideBySide | Keys):
         return response.options[int(rng.integers(len(response.options)))]

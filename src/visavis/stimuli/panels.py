@@ -47,11 +47,17 @@ class Surface:
     """What participants look at, and what they have to answer with.
 
     `screen` is the monitor before them, None in a headset; `controls` are those of the response
-    device.
+    device; `rate_hz` is how many frames a second it shows.
     """
 
     screen: PlacedScreen | None = None
     controls: tuple[str, ...] = ()
+    rate_hz: float = 60.0
+
+    @property
+    def frame_ns(self) -> int:
+        """How long a frame lasts."""
+        return round(1e9 / self.rate_hz)
 
     def keys_of(self, choices: int) -> tuple[str, ...]:
         """Return the keys that take so many choices; () where something points, or none do."""

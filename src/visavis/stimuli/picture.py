@@ -141,10 +141,26 @@ class Panel:
 
 
 @dataclass(frozen=True, eq=False)
+class Sheet:
+    """A flat picture in the world, in the sRGB values of its pixels whatever lamps there are.
+
+    `pixels` (h, w, 4) are sRGB bytes with opacity, top row first, the same object for the same
+    content; `pose` and `size_m` are as those of a `Panel`. With `is_exact` they are meant to fall
+    on the display's own pixels.
+    """
+
+    pixels: npt.NDArray[np.uint8]
+    pose: Pose
+    size_m: tuple[float, float]
+    is_exact: bool = False
+
+
+@dataclass(frozen=True, eq=False)
 class Picture:
     """Everything in front of a camera at `t_ns`.
 
-    `brightness_01` fades everything but the mark and panels to black; `mark_m` (3,) is where the
+    `sheets` are drawn over the scene, the last in front, and panels over them. `brightness_01`
+    fades everything but the mark, sheets and panels to black; `mark_m` (3,) is where the
     fixation mark stands, or None.
     """
 
@@ -156,6 +172,7 @@ class Picture:
     panels: tuple[Panel, ...] = ()
     brightness_01: float = 1.0
     mark_m: Vector | None = None
+    sheets: tuple[Sheet, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

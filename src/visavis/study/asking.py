@@ -95,6 +95,17 @@ def ask_at_terminal(
     return Answer(option, by, began_ns, view.t_ns, view)
 
 
+def press_in(
+    view: FrameView, controls: tuple[str, ...], from_ns: int, until_ns: int
+) -> Answer | None:
+    """Return the first press of one of several controls that a frame brought, at its own time."""
+    heard_ns = view.pressed_ns or (view.t_ns,) * len(view.pressed)
+    for control, t_ns in zip(view.pressed, heard_ns, strict=True):
+        if control in controls and from_ns < t_ns <= until_ns:
+            return Answer(control, "keys", from_ns, t_ns, view)
+    return None
+
+
 def await_press(
     controls: tuple[str, ...],
     limit_s: float,
@@ -108,10 +119,9 @@ def await_press(
     """
     until_ns = from_ns + round(limit_s * NS_PER_S)
     while True:
-        heard_ns = view.pressed_ns or (view.t_ns,) * len(view.pressed)
-        for control, t_ns in zip(view.pressed, heard_ns, strict=True):
-            if control in controls and from_ns < t_ns <= until_ns:
-                return Answer(control, "keys", from_ns, t_ns, view)
+        answer = press_in(view, controls, from_ns, until_ns)
+        if answer is not None:
+            return answer
         if view.t_ns >= until_ns:
             return Answer(None, "nothing in time", from_ns, view.t_ns, view)
         yield from show_frame(each_frame(view))

@@ -7,7 +7,7 @@ A response is data. Its words stand in the study's text files (`questions.NAME`,
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Final, TypeAlias
+from typing import Any, ClassVar, Final, TypeAlias
 
 from visavis.lab.errors import DesignError
 from visavis.protocol.plan.columns import Column
@@ -26,6 +26,8 @@ ANSWER_ENDINGS: Final = (
     "_pitch_deg",
 )
 """Endings of the columns that an answer adds to a trial's row, what was typed left out."""
+ONE_KEY: Final = (*"abcdefghijklmnopqrstuvwxyz", "space", "enter", "left", "right", "up", "down")
+"""Names that are more likely a key's than an answer's."""
 WAYS = "ray, gaze, keys, keyboard, mouse, touch, pen or operator"
 
 
@@ -214,7 +216,7 @@ class SideBySide(_Response):
 
 
 @dataclass(frozen=True)
-class Text(_Response):
+class FreeText(_Response):
     """Free text, typed."""
 
     options: ClassVar[tuple[str, ...]] = ()
@@ -273,17 +275,41 @@ class Number(_Response):
         return (Column(f"{self.name}_typed", "", "the answer as it was typed"),)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Keys(_OptionResponse):
     """A press of one of `options` (controls of the response device), timed from the onset.
 
     No board appears and the scene stays. `right` is the correct press, if there is one; without a
-    press within `limit_s` the answer is missing.
+    press within `limit_s` the answer is missing. Two or more keys without a name are the response
+    "answer": `Keys("f", "j")` is `Keys("answer", ("f", "j"))`.
     """
 
-    options: Sequence[str] = ("trigger",)
+    options: Sequence[str]
     limit_s: float = 3.0
     _words = ("keys", "controls", "what was pressed")
+
+    def __init__(
+        self,
+        name: str,
+        options: Sequence[str] = ("trigger",),
+        *further: Any,
+        right: str | None = None,
+        limit_s: float = 3.0,
+    ) -> None:
+        if isinstance(options, str):
+            name, options, further = "answer", (name, options, *further), ()
+        if further:
+            right = further[0]
+            limit_s = further[1] if len(further) > 1 else limit_s
+        for field, value in (("name", name), ("options", options), ("right", right)):
+            object.__setattr__(self, field, value)
+        object.__setattr__(self, "limit_s", limit_s)
+        self.__post_init__()
+
+    @property
+    def names_no_keys(self) -> bool:
+        """Whether it has but a name that may be a key's, and the usual control."""
+        return self.options == ("trigger",) and self.name in ONE_KEY
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -315,7 +341,12 @@ class Pointing(_Response):
         )
 
 
-Response: TypeAlias = Rating | Choice | SideBySide | Text | Number | Keys | Pointing
+Response: TypeAlias = Rating | Choice | SideBySide | FreeText | Number | Keys | Pointing
+
+
+def kind_of(response: Response) -> str:
+    """Return the kind of a response as recordings name it; free text has kept its first name."""
+    return "Text" if isinstance(response, FreeText) else type(response).__name__
 
 
 def labels_of(response: Response) -> tuple[str, ...]:

@@ -19,6 +19,8 @@ from visavis.lab.yaml_lines import did_you_mean
 from visavis.protocol.plan.steps import FrameView, GazeView, UpdateAhead
 from visavis.stimuli.dressing.casting import default_casting
 from visavis.stimuli.dressing.gathering import agents_of
+from visavis.stimuli.dressing.picture_of import named_function
+from visavis.stimuli.flat import Colour, Flat, Image, picture_path, rgb_of
 from visavis.stimuli.gaze.behaviour import Course, EyeBehaviour
 from visavis.stimuli.gaze.blinks import draw_blinks
 from visavis.stimuli.motion.kinds import (
@@ -43,6 +45,7 @@ from visavis.stimuli.scenes.audience import (
     SPEAKER_EYE_M,
     audience_scene,
 )
+from visavis.stimuli.scenes.flat import DRESSED_BY, FlatScene
 from visavis.stimuli.scenes.gathering import GatheringScene, Standing
 from visavis.study.arguments import argument_names, unknown_argument
 
@@ -50,6 +53,9 @@ FOLLOW_STEP_M: Final = 0.005
 """Eyes that look at the participant follow the head in steps of this size: 0.2° at 1.4 m."""
 BEYOND_S: Final = 120.0
 """Blinks are drawn for this time beyond the planned duration, because answers may take longer."""
+FLAT: Final = "flat"
+"""The scene of flat stimuli, which `t.show(Text(…))` makes."""
+PICTURE_SIZE: Final = "visavis.stimuli.flat_pixels:picture_size"
 PAIR: Final = "pair"
 """The scene that shows two others side by side: `Scene("pair", left=Scene(…), right=Scene(…))`."""
 BESIDE_M: Final = 0.75
@@ -329,10 +335,63 @@ def audience(
     return WithEyes(scene, {"active": who, **places(scene)}, behaviour)
 
 
+@dataclass
+class _StagedFlat:
+    """Flat stimuli, which stand where the participant is at their first frame."""
+
+    scene: FlatScene
+    roles: Mapping[str, int] = field(default_factory=dict)
+    _is_shown: bool = False
+
+    def frame(self, view: FrameView, elapsed_ns: int) -> SceneFrame | None:
+        """Return the first frame; None after it, as nothing changes."""
+        if self._is_shown:
+            return None
+        self._is_shown = True
+        self.scene = replace(self.scene, head=view.head, surface=view.surface)
+        return SceneFrame(self.scene, view.t_ns, np.zeros((0, 3)), np.zeros(0))
+
+
+def flat(
+    staging: Staging,
+    *,
+    items: tuple[Flat, ...] = (),
+    background: Colour = "black",
+    answered_by: str = "",
+) -> StagedScene:
+    """Return flat stimuli before a background, the last in front.
+
+    Raises:
+        DesignError: there is none, a colour does not exist, or a picture cannot be read.
+    """
+    if not items:
+        raise DesignError("t.show: there is nothing to show; give a stimulus, or several in a list")
+    for item in items:
+        if isinstance(item, Image):
+            _require_picture(picture_path(item, staging.folder))
+    scene = FlatScene(
+        name=FLAT,
+        agents=(),
+        dressed_by=DRESSED_BY,
+        items=items,
+        background_srgb=rgb_of(background),
+        folder=staging.folder,
+        answered_by=answered_by,
+    )
+    return _StagedFlat(scene)
+
+
+def _require_picture(path: Path) -> None:
+    """Refuse a picture that cannot be shown; its reader is loaded for studies of pictures only."""
+    read = named_function(PICTURE_SIZE, "reads pictures")
+    read(path, path.stat().st_mtime_ns if path.is_file() else 0)
+
+
 SCENES: Final[Mapping[str, Maker]] = {
     "two_people": two_people,
     "person": person,
     "audience": audience,
+    FLAT: flat,
 }
 """The scenes that come with Visavis."""
 
@@ -351,7 +410,7 @@ def stage(scene: Scene, staging: Staging, own: Mapping[str, Maker]) -> StagedSce
     maker = makers.get(name)
     if maker is None:
         raise DesignError(
-            f"there is no scene {name!r}{did_you_mean(name, makers)}; there are {', '.join(makers)}"
+            f"there is no scene {name!r}{_nearest_of(name, tuple(n for n in makers if n != FLAT))}"
         )
     if (option_names := _option_names(name, maker, scene.options)) is not None:
         for option in scene.options:
@@ -361,6 +420,12 @@ def stage(scene: Scene, staging: Staging, own: Mapping[str, Maker]) -> StagedSce
         return maker(staging, **scene.options)
     except TypeError as error:
         raise DesignError(f"scene {name}: {str(error).partition('() ')[2] or error}") from error
+
+
+def _nearest_of(name: str, names: tuple[str, ...]) -> str:
+    """Return the nearest name, and all that there are, each once."""
+    near = did_you_mean(name, names)
+    return near if all(n in near for n in names) else f"{near}; there are {', '.join(names)}"
 
 
 def _option_names(name: str, maker: Maker, options: Mapping[str, Any]) -> tuple[str, ...] | None:

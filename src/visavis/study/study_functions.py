@@ -13,7 +13,9 @@ from visavis.protocol.plan.experiment import Demands
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.protocol.plan.shown_scene import RecordedScene
 from visavis.protocol.plan.steps import Step
+from visavis.stimuli.flat import Flat
 from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.scenes.flat import FlatScene
 from visavis.study.responses import Response
 from visavis.study.sections import AnalysisOfStudy, ExperimentOfStudy
 from visavis.study.trial import TrialScript
@@ -53,6 +55,12 @@ class Seen:
     caption: str = ""
     """What stands above it."""
 
+    @property
+    def stimuli(self) -> tuple[Flat, ...]:
+        """The texts, pictures, shapes and gratings that are shown; () where a scene is."""
+        scene = None if self.first is None else self.first.scene
+        return scene.items if isinstance(scene, FlatScene) else ()
+
 
 class TrackerModel(Protocol):
     """Measure true eye states as an eye tracker would."""
@@ -88,7 +96,8 @@ PeopleOf: TypeAlias = Callable[[Mapping[str, Any]], int]
 PrepareOf: TypeAlias = Callable[[ExperimentOfStudy], Sequence[Callable[[], object]]]
 """Calls that load or compute something before a session."""
 AnswerOf: TypeAlias = Callable[[Seen, Response, np.random.Generator], Any]
-"""The answer of a simulated person: an option (or text); None leaves the question out."""
+"""The answer of a simulated person: an option (or text), or a `Race` for one with a time; None
+leaves the question out."""
 PersonOf: TypeAlias = Callable[[int, int, bool, ExperimentOfStudy], SimulatedParticipant]
 """The simulated participant at a place in the order, for a seed, with or without an effect."""
 ScaledOf: TypeAlias = Callable[[int, int, float, ExperimentOfStudy], SimulatedParticipant]

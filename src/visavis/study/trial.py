@@ -9,6 +9,7 @@ follows a ray) happen inside, so a trial reads like its protocol. Steps of
 import difflib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias, get_args
 
@@ -30,6 +31,7 @@ from visavis.protocol.plan.steps import (
     SoundOnset,
     Step,
 )
+from visavis.stimuli.flat import Colour, Flat, Text, as_flats
 from visavis.stimuli.panels import SIZE_M, PanelFrame, Surface, board_before
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import SceneFrame
@@ -43,6 +45,7 @@ from visavis.study.asking import (
     await_press,
     direction_columns,
     frame,
+    press_in,
 )
 from visavis.study.background import BackgroundExecutor
 from visavis.study.films import Stimulus, Viewing, scene_of, seconds_of
@@ -57,8 +60,8 @@ from visavis.study.live import (
     SliderMove,
 )
 from visavis.study.moulding import BoardWords, moulded
-from visavis.study.responses import Keys, Pointing, Rating, Response, labels_of
-from visavis.study.scenes import PassingScene, Scene, StagedScene, Staging, stage
+from visavis.study.responses import FreeText, Keys, Pointing, Rating, Response, labels_of
+from visavis.study.scenes import FLAT, PassingScene, Scene, StagedScene, Staging, stage
 from visavis.study.trial_settings import Settings, is_on_board
 
 SCENE_STREAM: Final = 100
@@ -83,6 +86,30 @@ class _Board:
     size_m: tuple[float, float] | None = None
 
 
+@dataclass(frozen=True)
+class _Showing:
+    """What is shown, and for how long: the frames, or else the seconds. Its columns' name."""
+
+    scene: Scene
+    seconds: float
+    frames: int | None
+    name: str
+    is_flat: bool = False
+
+    def calm_until_ns(self, view: FrameView, on_ns: int) -> int:
+        """Return until when nothing of it changes, two frames before its end."""
+        frame_ns = view.surface.frame_ns
+        lasts_ns = self.seconds * NS_PER_S if self.frames is None else self.frames * frame_ns
+        return max(0, round(on_ns + lasts_ns - 2 * frame_ns))
+
+    def is_over(self, frames: int, view: FrameView, on_ns: int) -> bool:
+        """Tell whether what the next frame shows is no longer this; `frames` were lit so far."""
+        if self.frames is not None:
+            return frames >= self.frames
+        next_ns = view.t_ns + view.surface.frame_ns
+        return next_ns + view.surface.frame_ns / 2 > on_ns + self.seconds * NS_PER_S
+
+
 class TrialScript:
     """One trial as its study writes it: factors are attributes, steps are methods.
 
@@ -101,6 +128,7 @@ class TrialScript:
         self._onset_ns = 0
         self._sound_on_ns = 0
         self._names: dict[str, int] = {}
+        self._lit_column = ""
 
     def __getattr__(self, name: str) -> Any:
         """Return a factor's level in this trial, or a parameter of the study."""
@@ -154,30 +182,54 @@ class TrialScript:
 
     def show(
         self,
-        scene: Scene,
-        seconds: float,
+        what: Scene | Flat | Sequence[Flat],
+        seconds: float | None = None,
         *,
-        name: str = "scene",
-        until: Callable[[FrameView], bool] | None = None,
+        frames: int | None = None,
+        until: Callable[[FrameView], bool] | Keys | None = None,
+        limit_s: float | None = None,
+        background: Colour = "black",
+        name: str | None = None,
     ) -> Action:
-        """Show a scene for some seconds, or until `until` is true for a frame.
+        """Show a scene, or flat stimuli (`Text`, `Image`, `Shape`, `Grating`; the last in front),
+        for some seconds or frames, or until `until` is true for a frame or a key of it is pressed.
 
         Columns: `NAME_on_ns` and `NAME_off_ns` (a second scene of a trial: `NAME2_on_ns`),
-        `NAME_frames`, and `NAME_ROLE` for the agent that plays a role. The step returns a
-        `ShownScene`. The scene stays until the next step shows something else.
+        `NAME_frames`, and `NAME_ROLE` for the agent that plays a role; NAME is "scene", and
+        "stimulus" for flat stimuli. The step returns a `ShownScene`; with `Keys` the `Answer`,
+        timed from the first lit frame and missing after `limit_s`, with the columns of `t.key`.
+        What is shown stays until the next step shows something else; with both `seconds` and
+        `Keys` it goes after the seconds, and the press is waited for in the dark.
+
+        Raises:
+            DesignError: there is nothing to show, or nothing says how long.
         """
-        duration_s = _duration("show", seconds)
-        return Action(
-            "show",
-            lambda: self._show(scene, seconds, name, until),
-            duration_s,
-            scene=scene,
-            column=name,
-        )
+        keys = _awaited_keys(until, limit_s)
+        flats = as_flats(what)
+        if flats:
+            options = {"background": background, "answered_by": keys.name if keys else ""}
+            scene = Scene(FLAT, items=flats, **options)
+        elif isinstance(what, Scene):
+            scene = what
+        else:
+            raise DesignError(
+                "t.show shows a Scene, Text, Image, Shape or Grating, or a list of the latter; "
+                f"not {what!r}"
+            )
+        name = name or ("stimulus" if flats else "scene")
+        seconds = _shown_seconds(seconds, frames, keys, until)
+        showing = _Showing(scene, seconds, frames, name, is_flat=bool(flats))
+        if keys is not None:
+            perform = partial(self._show_until_key, showing, keys)
+        else:
+            stop = until if callable(until) else None
+            perform = partial(self._show_exactly if flats else self._show, showing, stop)
+        lasts_s = min(seconds, 0.0 if keys is None else keys.limit_s) if keys else seconds
+        return Action("show", perform, lasts_s, response=keys, scene=scene, column=name)
 
     def ask(
         self,
-        response: Response,
+        response: Response | Text,
         *,
         over_scene: bool = False,
         at: Pose | None = None,
@@ -189,6 +241,8 @@ class TrialScript:
         participant and as large as what it is read on asks for, or `at` a place of the tracked
         room. Free text and numbers are asked at the terminal.
         """
+        if isinstance(response, Text):  # as free text was declared before texts were shown
+            response = FreeText(response.text)
         place = _Board(over_scene, at, size_m)
         return Action("ask", lambda: self._ask(response, place), response=response)
 
@@ -363,22 +417,115 @@ class TrialScript:
         view = yield from self._now()
         self._staged_scene = None
         yield dark_view(view.t_ns)
-        yield from self._until(view.t_ns + round(seconds * NS_PER_S), None)
+        until_ns = view.t_ns + round(seconds * NS_PER_S)
+        if self._lit_column and view.t_ns < until_ns:
+            view = yield from self._frame()
+            self._end_light(view.t_ns)
+        yield from self._until(until_ns, None)
 
-    def _show(
-        self, scene: Scene, seconds: float, name: str, until: Callable[[FrameView], bool] | None
-    ) -> Performing:
+    def _light(self, showing: _Showing) -> Performing:
+        """Show a scene's first frame; return its columns' prefix, the scene, and that frame."""
         before = yield from self._now()
-        name = self.next_prefix(name)
-        staged_scene = self._stage(scene, seconds, len(self._names), before.t_ns)
+        name = self.next_prefix(showing.name)
+        staged_scene = self._stage(showing.scene, showing.seconds, len(self._names), before.t_ns)
         self._staged_scene, self._onset_ns = staged_scene, before.t_ns
         self._sound_on_ns = 0
         yield from show_frame(staged_scene.frame(before, 0))
         view = yield from self._frame()
-        on_ns = self._onset_ns = view.t_ns
-        self.row.setdefault("t_start_ns", on_ns)
-        yield Mark("shown", _payload(self.trial, name, scene, staged_scene, before.t_ns))
-        end_ns = on_ns + round(seconds * NS_PER_S)
+        self._end_light(view.t_ns)
+        self._onset_ns = view.t_ns
+        self.row.setdefault("t_start_ns", view.t_ns)
+        yield Mark("shown", _payload(self.trial, name, showing.scene, staged_scene, before.t_ns))
+        return name, staged_scene, view
+
+    def _end_light(self, t_ns: int) -> None:
+        """Note that flat stimuli were lit up to now."""
+        if self._lit_column:
+            self.row[self._lit_column] = t_ns
+            self._lit_column = ""
+
+    def _show_exactly(
+        self, showing: _Showing, until: Callable[[FrameView], bool] | None
+    ) -> Performing:
+        """Show flat stimuli for so many frames, or the frames nearest to so many seconds.
+
+        `NAME_off_ns` is the frame in which they were gone; where the trial ends before it, the one
+        in which they would be.
+        """
+        name, staged_scene, view = yield from self._light(showing)
+        on_ns, frames = view.t_ns, 1
+
+        def pass_frame(view: FrameView) -> None:
+            nonlocal frames
+            frames += 1
+
+        quiet_until_ns = 0 if until is not None else showing.calm_until_ns(view, on_ns)
+        while not (until is not None and until(view)) and not showing.is_over(frames, view, on_ns):
+            view = yield from self._frame(quiet_until_ns, pass_frame)
+            frames += 1
+        off_ns = view.t_ns + view.surface.frame_ns
+        self._note_shown(name, staged_scene, on_ns, off_ns, frames)
+        return ShownScene(on_ns, off_ns, staged_scene.roles, view)
+
+    def _note_shown(
+        self, name: str, staged_scene: StagedScene, on_ns: int, off_ns: int, frames: int
+    ) -> None:
+        columns = {f"{name}_on_ns": on_ns, f"{name}_off_ns": off_ns, f"{name}_frames": frames}
+        self.row |= {**columns, **self._role_columns(name, staged_scene), "t_end_ns": off_ns}
+        self._lit_column = f"{name}_off_ns"
+
+    def _role_columns(self, name: str, staged_scene: StagedScene) -> dict[str, int]:
+        """Return which agent plays each role; places only where a measure asks for them."""
+        places = {a.place for a in staged_scene.scene.agents}
+        return {
+            f"{name}_{role}": index
+            for role, index in staged_scene.roles.items()
+            if role in self.settings.measured_roles or role not in places
+        }
+
+    def _show_until_key(self, showing: _Showing, keys: Keys) -> Performing:
+        """Show something until a key is pressed; after its seconds wait for the key in the dark."""
+        name, staged_scene, view = yield from self._light(showing)
+        controls, on_ns, frames, is_lit = tuple(keys.options), view.t_ns, 1, True
+        until_ns = on_ns + round(keys.limit_s * NS_PER_S)
+
+        def pass_frame(view: FrameView) -> SceneFrame | None:
+            nonlocal frames
+            frames += is_lit
+            coming: SceneFrame | None = None
+            if is_lit:
+                coming = staged_scene.frame(view, view.t_ns - on_ns)
+            return coming
+
+        answer = press_in(view, controls, on_ns, until_ns)
+        while answer is None and view.t_ns < until_ns:
+            if is_lit and showing.is_over(frames, view, on_ns):
+                off_ns = view.t_ns + view.surface.frame_ns
+                self._note_shown(name, staged_scene, on_ns, off_ns, frames)
+                is_lit, self._staged_scene = False, None
+                yield dark_view(view.t_ns)
+                view = yield from self._frame()
+                self._end_light(view.t_ns)
+            else:
+                if is_lit:
+                    yield from show_frame(staged_scene.frame(view, view.t_ns - on_ns))
+                calm_ns = min(showing.calm_until_ns(view, on_ns), until_ns) if is_lit else until_ns
+                view = yield from self._frame(calm_ns, pass_frame)
+                frames += is_lit
+            answer = press_in(view, controls, on_ns, until_ns)
+        if is_lit:
+            off_ns = view.t_ns + view.surface.frame_ns
+            self._note_shown(name, staged_scene, on_ns, off_ns, frames)
+        if answer is None:
+            answer = Answer(None, "nothing in time", on_ns, view.t_ns, view)
+        yield from self._record_answer(keys, answer)
+        return answer
+
+    def _show(self, showing: _Showing, until: Callable[[FrameView], bool] | None) -> Performing:
+        staged_scene: StagedScene
+        name, staged_scene, view = yield from self._light(showing)
+        on_ns = view.t_ns
+        end_ns = on_ns + round(showing.seconds * NS_PER_S)
         off_ns = end_ns
         passing = PassingScene(staged_scene, on_ns)
         while True:
@@ -393,19 +540,15 @@ class TrialScript:
             f"{name}_on_ns": on_ns,
             f"{name}_off_ns": off_ns,
             f"{name}_frames": passing.frames + 1,
-            **{
-                f"{name}_{role}": index
-                for role, index in staged_scene.roles.items()
-                if role in self.settings.measured_roles
-                or role not in {a.place for a in staged_scene.scene.agents}
-            },
+            **self._role_columns(name, staged_scene),
             "t_end_ns": off_ns,
         }
         return ShownScene(on_ns, off_ns, staged_scene.roles, view)
 
     def _watch(self, viewing: Viewing) -> Performing:
         seconds = max(1, viewing.min_rounds) * seconds_of(viewing.stimulus)
-        yield from self._show(scene_of(viewing.stimulus), seconds, "film", None)
+        showing = _Showing(scene_of(viewing.stimulus), seconds, None, "film")
+        yield from self._show(showing, None)
         answers = {}
         for response in viewing.responses:
             answers[response.name] = yield from self._ask(response, _Board())
@@ -498,6 +641,8 @@ class TrialScript:
 
     def _record_answer(self, response: Response, answer: Answer) -> Performing:
         self.view = answer.view
+        if not isinstance(response, Keys):  # a board has taken the place of what was lit
+            self._end_light(answer.asked_ns)
         self.take(response, answer)
         name, option = response.name, answer.option
         if isinstance(response, Pointing):
@@ -712,6 +857,46 @@ STEPS: Final = frozenset(
 
 TrialPlan: TypeAlias = Callable[[TrialScript], Iterator[Action | Step]]
 """A study's trial: a generator over its script."""
+
+
+def _awaited_keys(
+    until: Callable[[FrameView], bool] | Keys | None, limit_s: float | None
+) -> Keys | None:
+    if not isinstance(until, Keys):
+        if limit_s is not None:
+            raise DesignError("t.show: limit_s is how long keys are waited for: until=Keys(…)")
+        return None
+    if until.names_no_keys:
+        raise DesignError(
+            f'Keys("{until.name}") names an answer; say which keys: Keys("answer", '
+            f'["{until.name}"]), or two at least: Keys("f", "j")'
+        )
+    return until if limit_s is None else replace(until, limit_s=limit_s)
+
+
+def _shown_seconds(
+    seconds: float | None,
+    frames: int | None,
+    keys: Keys | None,
+    until: object,
+) -> float:
+    """Return how long something is shown at most.
+
+    Raises:
+        DesignError: nothing says so, or two things do.
+    """
+    if seconds is not None and frames is not None:
+        raise DesignError("t.show: give seconds or frames, not both")
+    if frames is not None:
+        if isinstance(frames, bool) or not isinstance(frames, int) or frames < 1:
+            raise DesignError(f"t.show(frames={frames!r}): give a whole number from 1")
+        return frames / 60.0
+    if seconds is None:
+        if keys is None:
+            how = "seconds=, which is the longest it is shown" if until else "seconds= or frames="
+            raise DesignError(f"t.show: say how long: {how}, or until=Keys(…)")
+        return keys.limit_s
+    return _duration("show", seconds)
 
 
 def _payload(

@@ -9,7 +9,7 @@ from visavis.lab.errors import DataError, DesignError
 from visavis.protocol.session.boards import Ways
 from visavis.stimuli.sound import Sound, read_sound
 from visavis.study.background import BackgroundExecutor
-from visavis.study.responses import Number, Pointing, Response, Text
+from visavis.study.responses import FreeText, Number, Pointing, Response
 from visavis.study.scenes import Maker
 from visavis.study.texts import Texts
 
@@ -53,5 +53,5 @@ class Settings:
 
 def is_on_board(response: Response, settings: Settings) -> bool:
     """Tell whether a response is asked for on a board before the participant."""
-    is_elsewhere = isinstance(response, Text | Number | Pointing)
+    is_elsewhere = isinstance(response, FreeText | Number | Pointing)
     return not is_elsewhere and settings.answer_by != "keyboard"

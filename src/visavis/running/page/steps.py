@@ -9,7 +9,7 @@ from typing import Any, Final
 from visavis.lab.clock import NS_PER_MS
 from visavis.lab.errors import LabError
 from visavis.study.live import Slider
-from visavis.study.responses import Choice, Number, Rating, Response, SideBySide, Text
+from visavis.study.responses import Choice, FreeText, Number, Rating, Response, SideBySide
 
 WAYS: Final = ("keys", "mouse", "touch", "pen")
 BY_LIMIT: Final = "limit"
@@ -119,7 +119,7 @@ def page_question(response: Response, prompt: str, labels: Sequence[str]) -> dic
             return question | {"kind": "rating", "options": options}
         case Choice() | SideBySide():
             return question | {"kind": "choice", "options": options}
-        case Text():
+        case FreeText():
             return question | {"kind": "text"}
         case Number(low=low, high=high, step=step):
             bounds = {k: v for k, v in (("low", low), ("high", high)) if math.isfinite(v)}

@@ -16,6 +16,7 @@ from visavis.results.locked_plan.deviations import NOTHING, Deviation, differing
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.sessions.study_folder import holds_trial, session_folders
 from visavis.study.experiment import StudyExperiment
+from visavis.study.responses import kind_of
 
 DESIGN_KEY: Final = "design"
 """Where a session's configuration keeps the design it was made with."""
@@ -40,7 +41,7 @@ def design_of(experiment: StudyExperiment) -> dict[str, Any]:
         },
         "questionnaires": [*study.asks.after_block, *study.asks.questionnaires],
         "questions": {
-            name: {"kind": type(response).__name__, "options": list(map(str, response.options))}
+            name: {"kind": kind_of(response), "options": list(map(str, response.options))}
             for name, response in experiment.responses.items()
         },
         "scenes": _scenes(experiment),

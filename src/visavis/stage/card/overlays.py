@@ -10,10 +10,11 @@ from visavis.stage.card.programs import compile_program, set_bytes
 from visavis.stage.card.shaders import room as glsl_room
 from visavis.stage.geometry.projection import for_gl, world_from
 from visavis.stage.panel_image import panel_image
-from visavis.stimuli.picture import Camera, Panel, Picture
+from visavis.stimuli.picture import Camera, Panel, Picture, Sheet
 
 MARK_HALF_DEG = 0.45
 PANELS_KEPT = 24
+MAX_SHEETS = 48
 
 
 class Overlays:
@@ -25,17 +26,22 @@ class Overlays:
         corners = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], np.float32) / 2
         self._corners = context.buffer(corners.tobytes())
         self._panels: dict[tuple[object, ...], moderngl.Texture] = {}
+        self._sheets: dict[int, tuple[object, moderngl.Texture]] = {}
         self._arrays: dict[str, moderngl.VertexArray] = {}
         self._programs: dict[str, moderngl.Program] = {}
 
     def draw(self, picture: Picture, camera: Camera) -> None:
         """Draw panels and mark over the picture."""
-        if not picture.panels and picture.mark_m is None:
+        if not (picture.panels or picture.sheets) and picture.mark_m is None:
             return
         context = self._context
         context.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         context.enable(moderngl.BLEND)
         context.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
+        for sheet in picture.sheets:
+            matrix = world_from(sheet.pose) @ np.diag([*sheet.size_m, 1.0, 1.0])
+            self._sheet(sheet).use(2)
+            self._board("panel", glsl_room.BOARD_FRAGMENT, matrix)
         for panel in picture.panels:
             matrix = world_from(panel.pose) @ np.diag([*panel.size_m, 1.0, 1.0])
             self._texture(panel).use(2)
@@ -61,6 +67,30 @@ class Overlays:
             self._arrays[name] = self._context.vertex_array(program, content)
         return self._arrays[name]
 
+    def _sheet(self, sheet: Sheet) -> moderngl.Texture:
+        """Return the texture of a sheet; its pixels are held, so that their identity stays."""
+        entry = self._sheets.get(id(sheet.pixels))
+        if entry is None:
+            while len(self._sheets) >= MAX_SHEETS:
+                self._sheets.pop(next(iter(self._sheets)))[1].release()
+            height, width = sheet.pixels.shape[:2]
+            pixels = np.ascontiguousarray(sheet.pixels)
+            texture = self._texture_of((width, height), pixels.tobytes())
+            if sheet.is_exact:
+                # Smaller copies and skewed views would blend pixels that are the display's own.
+                texture.filter, texture.anisotropy = (moderngl.LINEAR, moderngl.LINEAR), 1.0
+            entry = sheet.pixels, texture
+            self._sheets[id(sheet.pixels)] = entry
+        return entry[1]
+
+    def _texture_of(self, size_px: tuple[int, int], pixels: bytes) -> moderngl.Texture:
+        texture = self._context.texture(size_px, 4, pixels)
+        texture.build_mipmaps()
+        texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+        texture.anisotropy = 8.0
+        texture.repeat_x = texture.repeat_y = False
+        return texture
+
     def _texture(self, panel: Panel) -> moderngl.Texture:
         usual = (panel.text, panel.choices, panel.size_m, panel.highlighted, panel.chosen)
         key = (*usual, *panel.additions)
@@ -70,11 +100,7 @@ class Overlays:
                 self._panels.pop(next(iter(self._panels))).release()
             image = panel_image(panel)
             height, width = image.shape[:2]
-            texture = self._context.texture((width, height), 4, image.tobytes())
-            texture.build_mipmaps()
-            texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
-            texture.anisotropy = 8.0
-            texture.repeat_x = texture.repeat_y = False
+            texture = self._texture_of((width, height), image.tobytes())
             self._panels[key] = texture
         return texture
 
@@ -83,6 +109,8 @@ class Overlays:
         for things in (self._arrays, self._programs, self._panels):
             for thing in things.values():
                 thing.release()
+        for _, texture in self._sheets.values():
+            texture.release()
         self._corners.release()
 
 

@@ -1,0 +1,110 @@
+"""Flat stimuli as a picture: where each stands in the world, and its pixels.
+
+On a screen a stimulus lies in the screen's plane and on whole pixels, so that its pixels are the
+screen's own. In a headset it stands upright at a distance, facing the head as it was at the onset.
+"""
+
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+
+from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg, quat_multiply, rotate
+from visavis.lab.screen import FlatScreen, PlacedScreen
+from visavis.stimuli.dressing.picture_of import NOBODY
+from visavis.stimuli.flat import Flat, Image, Text, picture_path
+from visavis.stimuli.flat_pixels import picture_size, pixels_of, text_size_em
+from visavis.stimuli.panels import board_pose
+from visavis.stimuli.picture import Picture, Room, Sheet
+from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.scenes.flat import FlatScene
+
+DISTANCE_M: Final = 2.0
+"""Distance of stimuli from the head in a headset."""
+PX_PER_DEG: Final = 40.0
+"""Pixels of a sheet in a headset; more than any headset has."""
+MAX_PX: Final = 4096
+
+
+def picture_of_flat(frame: SceneFrame) -> Picture:
+    """Return the picture of a frame of flat stimuli."""
+    scene = frame.scene
+    assert isinstance(scene, FlatScene)  # noqa: S101 - the scene names this function
+    room, sheets = _sheets_of(scene)
+    return Picture(frame.t_ns, room, (), NOBODY, sheets=sheets)
+
+
+@lru_cache(maxsize=16)
+def _sheets_of(scene: FlatScene) -> tuple[Room, tuple[Sheet, ...]]:
+    room = Room("flat", (), (), np.zeros(3), np.zeros(3), scene.background_srgb)
+    screen = scene.surface.screen
+    if screen is not None:
+        return room, tuple(_on_screen(item, scene, screen) for item in scene.items)
+    return room, tuple(_around_head(item, scene) for item in scene.items)
+
+
+def size_deg(flat: Flat, scene: FlatScene) -> tuple[float, float]:
+    """Return width and height of a stimulus in degrees.
+
+    Raises:
+        DesignError: its picture cannot be read.
+    """
+    if isinstance(flat, Text):
+        wide_em, high_em = text_size_em(flat)
+        return wide_em * flat.height_deg, high_em * flat.height_deg
+    if isinstance(flat, Image):
+        path = picture_path(flat, scene.folder)
+        modified_ns = path.stat().st_mtime_ns if path.is_file() else 0
+        wide, high = picture_size(path, modified_ns)
+        if flat.width_deg is None:
+            assert flat.height_deg is not None  # noqa: S101 - one of them is given
+            return flat.height_deg * wide / high, flat.height_deg
+        return flat.width_deg, flat.height_deg or flat.width_deg * high / wide
+    return flat.width_deg, float(getattr(flat, "height_deg", flat.width_deg))
+
+
+def box_px(
+    at_deg: tuple[float, float], size: tuple[float, float], flat: FlatScreen
+) -> tuple[int, int, int, int]:
+    """Return left, top, right, bottom of a box on a screen, in whole pixels, at least one each way.
+
+    Angles count from the viewing place, from what is straight ahead of it, along each axis.
+    """
+    left_m, _, _, top_m = flat.edges_m()
+    edges = []
+    for axis, px_per_m in enumerate((flat.width_px / flat.width_m, flat.height_px / flat.height_m)):
+        low, high = (
+            flat.distance_m * np.tan(np.radians(at_deg[axis] + sign * size[axis] / 2))
+            for sign in (-1, 1)
+        )
+        first, last = (low - left_m, high - left_m) if axis == 0 else (top_m - high, top_m - low)
+        begin = round(first * px_per_m)
+        edges.append((begin, max(begin + 1, round(last * px_per_m))))
+    (left, right), (top, bottom) = edges
+    return left, top, right, bottom
+
+
+def _on_screen(item: Flat, scene: FlatScene, screen: PlacedScreen) -> Sheet:
+    flat = screen.flat
+    left, top, right, bottom = box_px(item.at_deg, size_deg(item, scene), flat)
+    left_m, _, _, top_m = flat.edges_m()
+    px_wide_m, px_high_m = flat.width_m / flat.width_px, flat.height_m / flat.height_px
+    pose = screen.pose_at(
+        left_m + (left + right) / 2 * px_wide_m, top_m - (top + bottom) / 2 * px_high_m
+    )
+    size_px = (right - left, bottom - top)
+    size_m = (size_px[0] * px_wide_m, size_px[1] * px_high_m)
+    return Sheet(pixels_of(item, size_px, scene.folder), pose, size_m, is_exact=True)
+
+
+def _around_head(item: Flat, scene: FlatScene) -> Sheet:
+    wide_deg, high_deg = size_deg(item, scene)
+    head = scene.head or Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    upright = board_pose(head).orientation_wxyz
+    right_deg, up_deg = item.at_deg
+    turn = quat_multiply(upright, quat_from_yaw_pitch_deg(-right_deg, up_deg))
+    at_m = head.position_m + rotate(turn, np.array([0.0, 0.0, -DISTANCE_M]))
+    width_m, height_m = (2 * DISTANCE_M * np.tan(np.radians(d) / 2) for d in (wide_deg, high_deg))
+    size_px = tuple(max(1, min(MAX_PX, round(d * PX_PER_DEG))) for d in (wide_deg, high_deg))
+    pixels = pixels_of(item, (size_px[0], size_px[1]), scene.folder)
+    return Sheet(pixels, Pose(at_m, turn), (float(width_m), float(height_m)))

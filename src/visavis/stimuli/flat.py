@@ -1,0 +1,195 @@
+"""Flat stimuli as data: texts, pictures, shapes and gratings, in degrees of visual angle.
+
+What they look like is `visavis.stimuli.flat_pixels`'s; where they stand before somebody is
+`visavis.stimuli.scenes.flat`'s.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, Literal, TypeAlias, get_args
+
+from visavis.lab.errors import DesignError
+from visavis.lab.yaml_lines import did_you_mean
+
+COLOURS: Final = {
+    "black": (0, 0, 0),
+    "white": (255, 255, 255),
+    "grey": (128, 128, 128),
+    "gray": (128, 128, 128),
+    "red": (255, 0, 0),
+    "green": (0, 160, 0),
+    "blue": (0, 80, 255),
+    "yellow": (255, 220, 0),
+    "cyan": (0, 200, 220),
+    "magenta": (230, 0, 200),
+    "orange": (255, 140, 0),
+    "purple": (140, 40, 200),
+    "brown": (140, 80, 30),
+    "pink": (255, 150, 190),
+}
+"""Colours by name, sRGB."""
+Colour: TypeAlias = str | tuple[int, int, int]
+Kind: TypeAlias = Literal["rectangle", "ellipse", "cross", "triangle"]
+Mask: TypeAlias = Literal["gauss", "circle", "none"]
+MAX_DEG: Final = 150.0
+LEVELS: Final = 255
+
+
+def rgb_of(colour: Colour) -> tuple[int, int, int]:
+    """Return a colour as sRGB: a name, "#rrggbb", or three whole numbers from 0 to 255.
+
+    Raises:
+        DesignError: it is none of these.
+    """
+    if isinstance(colour, str):
+        if colour in COLOURS:
+            return COLOURS[colour]
+        try:
+            if len(colour) == len("#rrggbb") and colour[0] == "#":
+                red, green, blue = bytes.fromhex(colour[1:])
+                return red, green, blue
+        except ValueError:
+            pass
+        raise DesignError(
+            f"there is no colour {colour!r}{did_you_mean(colour, COLOURS)}; name one of "
+            f'{", ".join(COLOURS)}, or write "#rrggbb" or three numbers from 0 to 255'
+        )
+    numbers = tuple(colour)
+    if len(numbers) != 3 or any(not isinstance(n, int) or not 0 <= n <= LEVELS for n in numbers):
+        raise DesignError(f"the colour {colour!r} is not three whole numbers from 0 to 255")
+    return numbers
+
+
+def _require_size(what: str, **sizes_deg: float) -> None:
+    for name, deg in sizes_deg.items():
+        if not 0.0 < deg <= MAX_DEG:
+            raise DesignError(f"{what}: {name} is {deg:g}; from 0 to {MAX_DEG:g} degrees")
+
+
+def _require_place(what: str, at_deg: tuple[float, float]) -> tuple[float, float]:
+    if len(at_deg) != 2 or not all(math.isfinite(v) and abs(v) < 90.0 for v in at_deg):
+        raise DesignError(f"{what}: at_deg is {at_deg!r}; degrees to the right and upwards")
+    return float(at_deg[0]), float(at_deg[1])
+
+
+@dataclass(frozen=True)
+class Text:
+    """Words in one or more lines; `height_deg` is the height of a line's letters from the top of
+    an h to the bottom of a g, `at_deg` their middle, right of and above what is straight ahead.
+    """
+
+    text: str
+    colour: Colour = "white"
+    height_deg: float = 1.0
+    at_deg: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if not str(self.text).strip():
+            raise DesignError("Text: there is nothing to read; give at least one letter")
+        object.__setattr__(self, "text", str(self.text))
+        _require_size(f"Text {self.text!r}", height_deg=self.height_deg)
+        object.__setattr__(self, "at_deg", _require_place("Text", self.at_deg))
+        rgb_of(self.colour)
+
+
+@dataclass(frozen=True)
+class Image:
+    """A picture of a file beside the study's (PNG, JPEG, …), `width_deg` wide or `height_deg` high;
+    the other follows from its pixels.
+    """
+
+    file: str
+    width_deg: float | None = None
+    height_deg: float | None = None
+    at_deg: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "file", str(self.file))
+        sizes = {n: getattr(self, n) for n in ("width_deg", "height_deg")}
+        given = {name: deg for name, deg in sizes.items() if deg is not None}
+        if not given:
+            raise DesignError(f"Image {self.file!r}: say its width_deg or its height_deg")
+        _require_size(f"Image {self.file!r}", **given)
+        object.__setattr__(self, "at_deg", _require_place("Image", self.at_deg))
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A rectangle, ellipse, cross or triangle, `width_deg` by `height_deg` (left out: as wide);
+    filled or, with `line_deg`, an outline of that width (a cross: its bars).
+    """
+
+    kind: Kind
+    width_deg: float = 1.0
+    height_deg: float | None = None
+    colour: Colour = "white"
+    line_deg: float = 0.0
+    at_deg: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if self.kind not in get_args(Kind):
+            raise DesignError(
+                f"there is no shape {self.kind!r}{did_you_mean(self.kind, get_args(Kind))}; "
+                f"there are {', '.join(get_args(Kind))}"
+            )
+        high = self.width_deg if self.height_deg is None else self.height_deg
+        _require_size(f"Shape {self.kind}", width_deg=self.width_deg, height_deg=high)
+        object.__setattr__(self, "height_deg", float(high))
+        if not 0.0 <= self.line_deg <= min(self.width_deg, high):
+            raise DesignError(f"Shape {self.kind}: line_deg is {self.line_deg:g}; 0 fills it")
+        object.__setattr__(self, "at_deg", _require_place("Shape", self.at_deg))
+        rgb_of(self.colour)
+
+
+@dataclass(frozen=True)
+class Grating:
+    """A sinusoidal grating around the middle grey (128) it stands on; with a Gaussian `mask` a
+    Gabor patch.
+
+    `orientation_deg` 0 is vertical bars, and turns counter-clockwise; `phase_deg` 0 is brightest in
+    the middle. `contrast_01` is Michelson's, of sRGB values: of light only after the screen's gamma
+    has been measured and corrected. `sd_deg` is the mask's standard deviation (left out: a sixth of
+    the width).
+    """
+
+    width_deg: float = 4.0
+    cycles_per_deg: float = 2.0
+    contrast_01: float = 1.0
+    orientation_deg: float = 0.0
+    phase_deg: float = 0.0
+    mask: Mask = "gauss"
+    sd_deg: float | None = None
+    at_deg: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        _require_size("Grating", width_deg=self.width_deg)
+        if not self.cycles_per_deg > 0.0:
+            raise DesignError(f"Grating: cycles_per_deg is {self.cycles_per_deg:g}; above 0")
+        if not 0.0 <= self.contrast_01 <= 1.0:
+            raise DesignError(f"Grating: contrast_01 is {self.contrast_01:g}; from 0 to 1")
+        if self.mask not in get_args(Mask):
+            raise DesignError(f"Grating: mask is {self.mask!r}; {', '.join(get_args(Mask))}")
+        sd_deg = self.width_deg / 6 if self.sd_deg is None else self.sd_deg
+        _require_size("Grating", sd_deg=sd_deg)
+        object.__setattr__(self, "sd_deg", float(sd_deg))
+        object.__setattr__(self, "at_deg", _require_place("Grating", self.at_deg))
+
+
+Flat: TypeAlias = Text | Image | Shape | Grating
+"""What stands flat before somebody."""
+
+
+def as_flats(what: object) -> tuple[Flat, ...]:
+    """Return one or several flat stimuli as several; () for anything else."""
+    if isinstance(what, Flat):
+        return (what,)
+    if isinstance(what, Sequence) and not isinstance(what, str) and what:
+        return tuple(what) if all(isinstance(one, Flat) for one in what) else ()
+    return ()
+
+
+def picture_path(image: Image, folder: Path) -> Path:
+    """Return where the file of a picture lies."""
+    return folder / image.file

@@ -1,0 +1,154 @@
+"""The pixels of flat stimuli: letters, pictures from files, shapes and gratings as sRGB bytes."""
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image as Files
+from PIL import ImageDraw, ImageFont, ImageOps, UnidentifiedImageError
+
+from visavis.lab.errors import DesignError
+from visavis.stimuli.flat import Flat, Grating, Image, Shape, Text, rgb_of
+
+Pixels = npt.NDArray[np.uint8]
+"""(height, width, 4) sRGB bytes with opacity, top row first."""
+SMOOTH: Final = 4
+"""Edges of shapes are drawn so many times as large, and shrunk."""
+MIDDLE: Final = 127.5
+REACHES_EM: Final = 1.2
+
+
+@lru_cache(maxsize=32)
+def pixels_of(flat: Flat, size_px: tuple[int, int], folder: Path) -> Pixels:
+    """Return what a stimulus looks like in a box of so many pixels.
+
+    Raises:
+        DesignError: its picture cannot be read.
+    """
+    match flat:
+        case Text():
+            return _letters(flat, size_px)
+        case Image():
+            picture = read_picture(folder / flat.file)
+            return np.asarray(picture.resize(size_px, Files.Resampling.LANCZOS))
+        case Shape():
+            return _shape(flat, size_px)
+        case Grating():
+            return _grating(flat, size_px)
+
+
+def text_size_em(text: Text) -> tuple[float, float]:
+    """Return how wide and how high the box of a text is, in heights of its letters."""
+    draw = ImageDraw.Draw(Files.new("L", (1, 1)))
+    left, _, right, _ = draw.multiline_textbbox((0, 0), text.text, _font(100))
+    lines = text.text.count("\n") + 1
+    return (right - left) / _height_px(100) + 0.1, lines * REACHES_EM
+
+
+def read_picture(path: Path) -> Files.Image:
+    """Return a picture of a file as RGBA, turned upright as its camera says.
+
+    Raises:
+        DesignError: it is missing, no picture, truncated, or of a kind whose colours are unclear.
+    """
+    if not path.is_file():
+        near = [p.name for p in path.parent.glob("*")] if path.parent.is_dir() else []
+        same = [n for n in near if n.casefold() == path.name.casefold()]
+        hint = f"; did you mean {same[0]}?" if same else "; put it beside the study's file"
+        raise DesignError(f"there is no picture {path}{hint}")
+    try:
+        with Files.open(path) as file:
+            file.load()
+            picture = ImageOps.exif_transpose(file)
+    except UnidentifiedImageError as error:
+        raise DesignError(f"{path} is no picture that can be read; save it as PNG") from error
+    except (OSError, SyntaxError, ValueError) as error:
+        raise DesignError(f"{path} is damaged ({error}); copy or save it again") from error
+    if picture.mode == "CMYK":
+        raise DesignError(f"{path} has colours for print (CMYK); save it as RGB")
+    if picture.mode.startswith(("I", "F")):
+        raise DesignError(f"{path} has more than 8 bits a channel; save it with 8 bits")
+    return picture.convert("RGBA")
+
+
+@lru_cache(maxsize=512)
+def picture_size(path: Path, modified_ns: int) -> tuple[int, int]:
+    """Return width and height of a picture in pixels; it is read whole once for each version.
+
+    Raises:
+        DesignError: it cannot be read.
+    """
+    return read_picture(path).size
+
+
+@lru_cache(maxsize=64)
+def _font(size_px: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    return ImageFont.load_default(size_px)
+
+
+def _height_px(font_px: int) -> float:
+    """Return the height from the top of an h to the bottom of a g."""
+    _, top, _, bottom = _font(font_px).getbbox("hg")
+    return float(bottom - top)
+
+
+def _letters(text: Text, size_px: tuple[int, int]) -> Pixels:
+    lines = text.text.count("\n") + 1
+    line_px = size_px[1] / (lines * REACHES_EM)
+    font_px = max(4, round(100 * line_px / _height_px(100)))
+    image = Files.new("RGBA", size_px, (*rgb_of(text.colour), 0))
+    ImageDraw.Draw(image).multiline_text(
+        (size_px[0] / 2, size_px[1] / 2),
+        text.text,
+        (*rgb_of(text.colour), 255),
+        _font(font_px),
+        anchor="mm",
+        align="center",
+        spacing=round(0.2 * font_px),
+    )
+    return np.asarray(image)
+
+
+def _shape(shape: Shape, size_px: tuple[int, int]) -> Pixels:
+    wide, high = size_px[0] * SMOOTH, size_px[1] * SMOOTH
+    line = round(shape.line_deg / shape.width_deg * wide)
+    mask = Files.new("L", (wide, high), 0)
+    draw = ImageDraw.Draw(mask)
+    box, fill = (0, 0, wide - 1, high - 1), 0 if line else 255
+    match shape.kind:
+        case "rectangle":
+            draw.rectangle(box, fill, 255, line or 1)
+        case "ellipse":
+            draw.ellipse(box, fill, 255, line or 1)
+        case "triangle":
+            corners = [(wide / 2, 0), (wide - 1, high - 1), (0, high - 1)]
+            draw.polygon(corners, fill, 255, line or 1)
+        case "cross":
+            bar = (line or min(wide, high) // 5) / 2
+            draw.rectangle((wide / 2 - bar, 0, wide / 2 + bar, high), 255)
+            draw.rectangle((0, high / 2 - bar, wide, high / 2 + bar), 255)
+    pixels = np.empty((size_px[1], size_px[0], 4), np.uint8)
+    pixels[..., :3] = rgb_of(shape.colour)
+    pixels[..., 3] = np.asarray(mask.resize(size_px, Files.Resampling.BOX))
+    return pixels
+
+
+def _grating(grating: Grating, size_px: tuple[int, int]) -> Pixels:
+    wide, high = size_px
+    deg_per_px = grating.width_deg / wide
+    x = (np.arange(wide) + 0.5 - wide / 2) * deg_per_px
+    y = (high / 2 - np.arange(high) - 0.5)[:, None] * deg_per_px
+    turn = np.radians(grating.orientation_deg)
+    across = x * np.cos(turn) + y * np.sin(turn)
+    phase = 2 * np.pi * grating.cycles_per_deg * across + np.radians(grating.phase_deg)
+    wave = grating.contrast_01 * np.cos(phase)
+    radius = np.hypot(x, y)
+    pixels = np.empty((high, wide, 4), np.uint8)
+    if grating.mask == "gauss":
+        wave = wave * np.exp(-0.5 * (radius / (grating.sd_deg or 1.0)) ** 2)
+    pixels[..., :3] = np.rint(MIDDLE + MIDDLE * wave)[..., None].clip(0, 255)
+    is_there = radius <= grating.width_deg / 2 if grating.mask == "circle" else True
+    pixels[..., 3] = np.where(is_there, 255, 0)
+    return pixels

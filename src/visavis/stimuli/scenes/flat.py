@@ -1,0 +1,32 @@
+"""Flat stimuli as a scene: before a screen in its plane, in a headset on sheets around the head."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from visavis.lab.geometry import Pose
+from visavis.stimuli.flat import Flat
+from visavis.stimuli.panels import IN_HEADSET, Surface
+from visavis.stimuli.scene import Scene
+
+DRESSED_BY: Final = "visavis.stimuli.dressing.flat:picture_of_flat"
+
+
+@dataclass(frozen=True, eq=False)
+class FlatScene(Scene):
+    """Flat stimuli, from the back to the front, before a head that was at `head` at the onset.
+
+    `background_srgb` fills what they leave free; pictures lie in `folder`. `answered_by` names the
+    response for which somebody presses a key while this is shown, as their instruction says.
+    """
+
+    items: tuple[Flat, ...] = ()
+    background_srgb: tuple[int, int, int] = (0, 0, 0)
+    head: Pose | None = None
+    surface: Surface = IN_HEADSET
+    folder: Path = Path()
+    answered_by: str = ""
+
+    # A scene is what is shown at one time; two with the same content are two.
+    __eq__ = object.__eq__
+    __hash__ = object.__hash__
