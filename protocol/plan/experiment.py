@@ -109,6 +109,16 @@ class Sparing(Protocol):
 
 
 @runtime_checkable
+class SelfPaced(Protocol):
+    """An experiment whose instructions are read before a screen."""
+
+    @property
+    def is_self_paced(self) -> bool:
+        """Whether participants go on by themselves after an instruction that they have read."""
+        ...
+
+
+@runtime_checkable
 class Foreseeing(Protocol):
     """An experiment that knows what a trial will show first."""
 

@@ -1,7 +1,7 @@
 """Between the operator and the frame loop: requests, prompts, faults, the status shown."""
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable, Collection, Mapping
+from typing import Any, Literal
 
 from visavis.devices.contracts import Armband, Fault
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
@@ -185,16 +185,26 @@ class OperatorDesk:
         self._prompt = "" if goes_on else text
         return goes_on
 
-    def wait(self, prompt: str, *, always: bool = False) -> None:
-        """Let frames pass until the operator goes on; at once when nobody watches."""
+    def wait(
+        self, prompt: str, *, always: bool = False, controls: Collection[str] = ()
+    ) -> Literal["operator", "keys", "nobody"]:
+        """Let frames pass until the operator goes on, or the participant by one of some controls;
+        at once when nobody watches. Return who went on.
+        """
         self._advance = False
         self._prompt = prompt
+        by: Literal["operator", "keys", "nobody"] = "nobody"
         if self._operator.waits_for_advance(prompt) or (always and self._operator.status_period_ns):
+            by = "operator"
             while not self._advance:
-                self.next_frame()
+                view = self.next_frame()
+                if any(control in controls for control in view.pressed):
+                    by = "keys"
+                    break
         else:
             self.next_frame()
         self._prompt = ""
+        return by
 
     def enter(self, state: SessionState) -> None:
         """Move the session to a state."""

@@ -32,12 +32,14 @@ LEAVE_OUT = "no answer"
 
 @dataclass(frozen=True)
 class BoardWords:
-    """What boards say besides their question: the choice that leaves it out, and which keys take
-    choices.
+    """What boards say besides their question: the choice that leaves it out, which keys take
+    choices, which go on after an instruction, and that there is a break.
     """
 
     leave_out: str = LEAVE_OUT
     keys: str = ""
+    go_on: str = ""
+    pause: str = ""
 
 
 class PanelRespondent:
@@ -117,17 +119,7 @@ class PanelRespondent:
             return Show(_before(scene, loop.t_ns, board))
 
         self._take_keys()
-        loop.show(_before(scene, loop.t_ns, panel))
-        self._recorder.event(
-            "panel_shown",
-            loop.t_ns,
-            question=question_id,
-            choices=list(panel.choices),
-            prompt=panel.text,
-            position_m=panel.pose.position_m.tolist(),
-            orientation_wxyz=panel.pose.orientation_wxyz.tolist(),
-            **_design(panel),
-        )
+        show_board(loop, self._recorder, question_id, panel, scene)
         asking = ask_on_board(panel, self._ways, None, show)
         step = next(asking)
         try:
@@ -143,6 +135,23 @@ class PanelRespondent:
         except StopIteration as end:
             result: BoardAnswer = end.value
             return result.choice, "key" if result.by == "keys" else result.by
+
+
+def show_board(
+    loop: FrameLoop, recorder: Recorder, question_id: str, panel: Panel, scene: Scene
+) -> None:
+    """Show a board before a scene, and record it."""
+    loop.show(_before(scene, loop.t_ns, panel))
+    recorder.event(
+        "panel_shown",
+        loop.t_ns,
+        question=question_id,
+        choices=list(panel.choices),
+        prompt=panel.text,
+        position_m=panel.pose.position_m.tolist(),
+        orientation_wxyz=panel.pose.orientation_wxyz.tolist(),
+        **_design(panel),
+    )
 
 
 def _before(scene: Scene, t_ns: int, panel: Panel) -> PanelFrame:

@@ -6,21 +6,30 @@ from visavis.devices.contracts import CalibrationOutcome
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import ConfigError, DeviceError, LabError, RecordingError, SessionAborted
 from visavis.protocol.people.simulated_participant import Learner
-from visavis.protocol.plan.experiment import Foreseeing, Respondent, demands_of, spare_roles_of
+from visavis.protocol.plan.experiment import (
+    Foreseeing,
+    Respondent,
+    SelfPaced,
+    demands_of,
+    spare_roles_of,
+)
 from visavis.protocol.plan.session_plan import Block, Trial
+from visavis.protocol.session.boards import CONFIRM
 from visavis.protocol.session.calibration_record import CalibrationInForce
 from visavis.protocol.session.frame_loop import FrameLoop
 from visavis.protocol.session.gaze_setup import GazeSetup
 from visavis.protocol.session.operator import Action
 from visavis.protocol.session.operator_desk import LOST_STREAM_NS, OperatorDesk
-from visavis.protocol.session.panel_questions import PanelRespondent
+from visavis.protocol.session.panel_questions import PanelRespondent, show_board
 from visavis.protocol.session.progress import remaining_trials
 from visavis.protocol.session.questioning import Questioning
 from visavis.protocol.session.rig import RunningRig
 from visavis.protocol.session.session_setup import SessionSetup
 from visavis.protocol.session.states import SessionState, StateMachine
 from visavis.protocol.session.trial_runner import Outcome, TrialRunner
+from visavis.stimuli.panels import board_before
 
+OFF = "The headset may come off."
 MAX_CALIBRATIONS = 3
 """Calibration attempts before the session goes on with the best one and says so."""
 
@@ -214,8 +223,25 @@ class Session:
         self._loop.show_scene(self._setup.experiment.blank(None))
         self._recorder.event("break_start", self._loop.t_ns, before_block=block.index)
         self._recorder.checkpoint(timeout_s=5.0)
-        self._desk.wait(f"Break before {block.name}. The headset may come off.")
+        self._let_read("break", self._setup.board_words.pause, f"Break before {block.name}. {OFF}")
         self._recorder.event("break_end", self._loop.t_ns, before_block=block.index)
+
+    def _let_read(self, name: str, words: str, prompt: str) -> None:
+        """Wait for the operator at a prompt while words stand before participants at a screen.
+
+        In a study whose instructions are read, participants go on by a key.
+        """
+        loop, experiment, board_words = self._loop, self._setup.experiment, self._setup.board_words
+        if not words or loop.surface.screen is None or not self._setup.stage.asks:
+            self._desk.wait(prompt)
+            return
+        is_self_paced = isinstance(experiment, SelfPaced) and experiment.is_self_paced
+        hint = board_words.go_on if is_self_paced else ""
+        board = board_before(loop.head, loop.surface, words, (), hint=hint)
+        show_board(loop, self._recorder, name, board, experiment.blank(None))
+        by = self._desk.wait(prompt, controls=CONFIRM if is_self_paced else ())
+        loop.show_scene(experiment.blank(None))
+        self._recorder.event("panel_answered", loop.t_ns, question=name, by=by)
 
     def _perform_block(self, block: Block, trials: tuple[Trial, ...]) -> None:
         self._states.move(SessionState.INSTRUCTING)
@@ -229,7 +255,7 @@ class Session:
             trials_left=len(trials),
         )
         self._desk.block_name = block.name
-        self._desk.wait(block.instruction)
+        self._let_read("instruction", block.instruction, block.instruction)
         if self._calibrates and (block.calibrate or self._is_uncalibrated(block)):
             self._calibrate(block)
         self._queue = deque(trials)

@@ -353,6 +353,11 @@ class StudyExperiment:
         row = yield from perform(script, self.study.procedure.intertrial_of or _darkness)
         return {"intertrial_ms": (script.now_ns - start_ns) / NS_PER_MS, **row}
 
+    @property
+    def is_self_paced(self) -> bool:
+        """Whether participants go on by themselves after an instruction that they have read."""
+        return self.study.procedure.instructions == "read"
+
     def blank(self, mark_m: Vector | None) -> StageScene:
         """Return a dark scene without people, for calibrations and breaks."""
         return StageScene(name="blank", agents=(), brightness_01=0.0, mark_m=mark_m)

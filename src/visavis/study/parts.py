@@ -79,6 +79,7 @@ KINDS: Final[Mapping[str, tuple[type[Any], ...]]] = {
 """What the lists among the keywords of a study hold."""
 
 On: TypeAlias = Literal["lab", "browser"]
+Instructions: TypeAlias = Literal["read", "read out"]
 Posture: TypeAlias = Literal["seated", "standing"]
 Screening: TypeAlias = Literal["card", "sound"]
 AnswerBy: TypeAlias = Literal["board", "ray", "keyboard"]
@@ -185,15 +186,20 @@ class Procedure:
     posture: Posture | None = None
     """Whether participants sit or stand, as films and the viewer draw them. None: they sit where
     their eyes are less than 1.35 m above the floor."""
+    instructions: Instructions = "read out"
+    """Who goes on after an instruction or a break before a screen: the operator, who has it read
+    out, or the participant, who has read it there and presses a key."""
     screening: Sequence[Screening] = ()
     """What a page checks before its first trial: "card", the size of the screen; "sound", whether
     spoken digits are heard."""
 
     def problems(self) -> list[str]:
         """Say what is wrong with it."""
+        wrong_reading = [f'instructions is {self.instructions!r}; it is "read" or "read out"']
         wrong_posture = [f"posture is {self.posture!r}; it is seated or standing"]
         return [
             *(wrong_posture if self.posture not in (None, *get_args(Posture)) else ()),
+            *(wrong_reading if self.instructions not in get_args(Instructions) else ()),
             *self._screening_problems(),
         ]
 

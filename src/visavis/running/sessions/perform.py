@@ -382,7 +382,7 @@ def _setup(
         respondent=devices.respondent,
         judge_validation=request.study.judge_validation,
         questionnaires=request.study.questionnaires(config),
-        board_words=BoardWords(own_texts.get("no_answer"), own_texts.get("board_keys")),
+        board_words=BoardWords(*map(own_texts.get, ("no_answer", "board_keys", "go_on", "pause"))),
         participant=devices.participant,
         progress=progress,
         blind=request.blind,
