@@ -61,6 +61,9 @@ PAIR: Final = "pair"
 BESIDE_M: Final = 0.75
 """Distance from the middle of a pair to the middle of each of its scenes."""
 AVERTED_DEG: Final = 25.0
+STOP_M: Final = 0.5
+"""Where somebody who walks towards the participant stops, if the study does not say."""
+MIN_WAY_M: Final = 0.5
 EYES: Final = ("directed", "averted")
 AUDIENCE: Final = (
     *(f"female_{i:02d}" for i in range(1, 7)),
@@ -296,22 +299,45 @@ def person(
     bearing_deg: float = 0.0,
     turn_deg: float = 0.0,
     eyes: str = "averted",
+    stop_m: float | None = None,
     **how: Any,
 ) -> StagedScene:
     """Return one person who does something: a motion by name with its settings, or a clip's path.
 
-    `bearing_deg` is to the participant's right; with `turn_deg` 0 the person faces them.
+    `bearing_deg` is to the participant's right; with `turn_deg` 0 the person faces them. A walk
+    begins `distance_m` from the participant; towards them it ends `stop_m` before the point where
+    they are at first (left out: 0.5), any other way it has no end.
 
     Raises:
-        DesignError: an option is none of these.
+        DesignError: an option is none of these, or there is no way to walk.
         MotionError: the clip cannot be read, or a setting is out of range.
     """
     _one_of("person", "eyes", eyes, EYES)
     bearing = np.radians(bearing_deg)
     x, z = distance_m * float(np.sin(bearing)), -distance_m * float(np.cos(bearing))
+    if motion == "walk" and (turn_deg == 0.0 or stop_m is not None):
+        how = {**how, "distance_m": _way_m(distance_m, turn_deg, stop_m)}
+    elif stop_m is not None:
+        raise DesignError(f"scene person: {motion} does not come nearer; stop_m is for walk")
     does = _does(motion, how, staging.folder, character)
     one = Standing(character, "person", x, z, 180.0 - bearing_deg + turn_deg, does, 7)
     return scene_of_people(staging, f"person_{motion}", (one,), "person", eyes)
+
+
+def _way_m(distance_m: float, turn_deg: float, stop_m: float | None) -> float:
+    """Return how far somebody walks who comes from a distance and stops before the participant."""
+    if turn_deg != 0.0:
+        raise DesignError(
+            f"scene person: with turn_deg {turn_deg:g} nobody walks towards the participant; leave "
+            "out stop_m, or turn_deg"
+        )
+    stop_m = STOP_M if stop_m is None else stop_m
+    if not 0.0 <= stop_m <= distance_m - MIN_WAY_M:
+        raise DesignError(
+            f"scene person: from distance_m {distance_m:g} to stop_m {stop_m:g} there is no way to "
+            f"walk; it takes {MIN_WAY_M:g} m at least"
+        )
+    return distance_m - stop_m
 
 
 def audience(
@@ -438,7 +464,7 @@ def _option_names(name: str, maker: Maker, options: Mapping[str, Any]) -> tuple[
         return None
     does = MOTIONS.get(str(options.get("motion", "idle")))
     of_motion = argument_names(read_motion)[2:] if does is None else argument_names(does)
-    return (*option_names, *of_motion)
+    return tuple(dict.fromkeys((*option_names, *of_motion)))
 
 
 def scene_of_people(
