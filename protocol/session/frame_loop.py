@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import accumulate
 from typing import TypeAlias, cast
 
 import numpy as np
@@ -55,7 +56,7 @@ from visavis.stimuli.scene import Scene, SceneFrame
 
 STATE_CODES = {state: code for code, state in enumerate(SessionState)}
 HOLD_REAL_NS = 50 * NS_PER_MS
-HOLD_VIRTUAL_NS = NS_PER_S
+HOLD_VIRTUAL_NS = 4 * NS_PER_S
 BEFORE_FRAME_NS = NS_PER_MS // 10
 """A frame does not wait for a body sample that arrives with it."""
 Answer: TypeAlias = Callable[[BodyView], Sequence[Play | Silence]]
@@ -397,10 +398,7 @@ class FrameLoop:
             self._view = self._logged_view
         if pictures.is_new[n - 1]:
             self._view = pictures.after(n - 1)
-        states: list[int] = (
-            first + np.concatenate([[0], np.cumsum(pictures.is_new[: n - 1])])
-        ).tolist()
-        return states
+        return list(accumulate(pictures.is_new[: n - 1].tolist(), initial=first))
 
     def _record_together(
         self,

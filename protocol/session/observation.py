@@ -367,7 +367,8 @@ class GazeObserver:
         frames = np.empty((len(waiting), 6), np.int64)
         frames[:, 0], frames[:, 1:] = ends, [one.frame for one in waiting]
         gaze = self._recorded(batch, self._geometry, frames)
-        counts = np.diff(ends, prepend=0)
+        counts = ends.copy()
+        counts[1:] -= ends[:-1]
         self._targets.commit_stamped(np.repeat(frames_ns, counts))
         first = 0
         for one, end in zip(waiting, ends.tolist(), strict=True):

@@ -323,7 +323,10 @@ class RunningRig:
 
         It holds until something else is shown.
         """
-        return min((pump.idle_until_ns() for pump in self._others), default=NEVER_NS)
+        until_ns = NEVER_NS
+        for pump in self._others:
+            until_ns = min(until_ns, pump.idle_until_ns())
+        return until_ns
 
     def is_idle(self, t_ns: int) -> bool:
         """Tell whether no device has anything to do up to this time, which is before
