@@ -13,6 +13,7 @@ from visavis.devices.sim.body.responses import SimulatedResponses
 from visavis.lab.clock import SimClock
 from visavis.lab.errors import ConfigError, DeviceDisconnected, DeviceNotFound, ProtocolViolation
 from visavis.people.observer import Observer
+from visavis.people.person import StudyPerson
 
 
 def started(start_ns=0, **options):
@@ -260,7 +261,8 @@ def test_a_person_who_replaced_how_they_see_is_waited_for_frame_by_frame():
         return headset.frames_ahead(10**9, 20)
 
     assert [None, None] == [frames_ahead(FixatingBody()), frames_ahead(Own(0, 1))]
-    assert 20 == len(frames_ahead(Observer(0, 1)).t_ns)
+    people = [Observer(0, 1), StudyPerson(0, 1, responses={})]
+    assert [20, 20] == [len(frames_ahead(person).t_ns) for person in people]
 
 
 class ForeseeablePresser(FixatingBody):

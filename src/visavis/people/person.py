@@ -152,6 +152,9 @@ class StudyPerson(Observer):
 
     # ---- Body ----
 
+    # What a person here sees beyond an observer ends in looks and presses, which tell themselves.
+    heads_ahead, eyes_ahead = Observer.heads_ahead, Observer.eyes_ahead
+
     def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
         """Yield presses and releases since the last call."""
         return self._hand.presses(until_ns)
