@@ -33,6 +33,7 @@ class EyeLinkSimulator(GazePeer):
     it, so it is that of the options; so is `gives_area`, what a pupil's size means.
     """
 
+    driver = "eyelink"
     usual_rate_hz = 1000.0
     usual_epoch_ns = 3_600_000 * NS_PER_MS
     is_calibrated_before = True

@@ -28,6 +28,8 @@ class FoveSimulator(GazePeer):
     `low_accuracy` and `unreliable` make the runtime return 1007 or 1006 with every vector.
     """
 
+    driver = "fove"
+
     def __init__(
         self,
         body: Body,

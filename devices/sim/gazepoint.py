@@ -36,6 +36,7 @@ class GazepointSimulator(GazePeer):
     `camera_m` is the camera's place in the frame of the viewing place.
     """
 
+    driver = "gazepoint"
     usual_rate_hz = 60.0
 
     def __init__(

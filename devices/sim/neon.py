@@ -35,6 +35,7 @@ class NeonSimulator(GazePeer):
     send. `battery_level` is a percentage. `refusal` is why the app begins no recording.
     """
 
+    driver = "neon"
     usual_rate_hz = 200.0
     usual_epoch_ns = EPOCH_NS
     is_calibrated_before = True

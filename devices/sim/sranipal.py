@@ -17,6 +17,7 @@ ALL_VALID, ONLY_OPENNESS = 0x1F, 0x08
 class SranipalSimulator(GazePeer):
     """Deliver frames of a body's eyes; `is_pro_eye` is what the library says of the headset."""
 
+    driver = "sranipal"
     usual_epoch_ns = 10**12
     is_pro_eye = True
 

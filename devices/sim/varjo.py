@@ -29,6 +29,7 @@ class VarjoSimulator(GazePeer):
     `is_allowed` and `is_connected` are what the system says.
     """
 
+    driver = "varjo"
     usual_rate_hz = 200.0
     is_allowed = True
     is_connected = True

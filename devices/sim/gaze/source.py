@@ -23,6 +23,7 @@ from visavis.devices.sim.gaze.tracker_error import (
     draw_systematic,
     measured_directions,
 )
+from visavis.devices.sim.gaze.trackers import sizes_of_error
 from visavis.devices.sim.wire_noise import NetworkLegs
 from visavis.devices.transports import Frames, Message
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
@@ -232,6 +233,8 @@ class GazePeer(ABC):
     usual_rate_hz = 120.0
     usual_epoch_ns: int | None = None
     """The epoch of the device's clock in ns; None: drawn from the seed."""
+    driver = ""
+    """The driver whose tracker it is, by which `trackers` knows how well it measures."""
     is_calibrated_before = False
     """Whether it was calibrated before the session, in its own program."""
 
@@ -253,7 +256,7 @@ class GazePeer(ABC):
             clock=clock,
             rate_hz=self.usual_rate_hz if rate_hz is None else rate_hz,
             faults=faults,
-            error=error,
+            error=TrackerErrorModel(**sizes_of_error(self.driver)) if error is None else error,
             drift_ppm=drift_ppm,
             epoch_ns=self.usual_epoch_ns if epoch_ns is None else epoch_ns,
         )

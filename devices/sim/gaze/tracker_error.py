@@ -21,6 +21,7 @@ N_UNIFORM = 5
 
 _ERROR_STREAM = 0x5E
 _NOISE_STREAM = 0x4E
+_PERSON_STREAM = 0x5B
 _SEED_RANGE = 2**64
 
 
@@ -30,7 +31,8 @@ class TrackerErrorModel:
 
     `offset_deg` is shared by both eyes, `eye_offset_deg` is each eye's own; `gain_sd_01` makes
     the error grow with eccentricity. White noise is per eye and sample, slow noise is shared
-    and first-order with time constant `slow_time_constant_s`.
+    and first-order with time constant `slow_time_constant_s`; `noise_spread` is the SD of the
+    logarithm by which people differ in both.
     """
 
     offset_deg: float = 0.58
@@ -43,6 +45,7 @@ class TrackerErrorModel:
     slow_time_constant_s: float = 0.25
     latency_ms: float = 12.0
     latency_jitter_ms: float = 0.8
+    noise_spread: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -75,6 +78,14 @@ def draw_systematic(
     return SystematicError(np.radians(factor * (shared_deg + own)), factor * gain)
 
 
+def noise_of_person(model: TrackerErrorModel, seed: int) -> float:
+    """Return by how much the noise of the person whose session has this seed is the usual one."""
+    if model.noise_spread == 0:
+        return 1.0
+    rng = np.random.default_rng([seed, _PERSON_STREAM])
+    return float(np.exp(model.noise_spread * rng.standard_normal()))
+
+
 class StretchNoise:
     """Noise of one stretch: row i always belongs to the stretch's i-th sample.
 
@@ -84,8 +95,9 @@ class StretchNoise:
 
     def __init__(self, model: TrackerErrorModel, seed: int, stretch: int, rate_hz: float) -> None:
         self._rng = np.random.default_rng([seed, _NOISE_STREAM, stretch % _SEED_RANGE])
-        self._white_rad = np.radians(model.white_deg)
-        self._slow_rad = np.radians(model.slow_deg)
+        person = noise_of_person(model, seed)
+        self._white_rad = np.radians(model.white_deg) * person
+        self._slow_rad = np.radians(model.slow_deg) * person
         self._keep = float(np.exp(-1.0 / (rate_hz * model.slow_time_constant_s)))
         self._state = self._rng.standard_normal(N_SLOW) * self._keep
         self._rows = np.empty((0, N_WHITE + N_SLOW + N_UNIFORM))
