@@ -212,7 +212,7 @@ class KitPower:
     ) -> Mapping[int, Verdicts]:
         """Simulate the largest study over the quick path and test its first n people for all n."""
         rows = self.simulate_people(range(max(numbers)), effect=effect, seed=seed)
-        return self._at_every_number(rows, numbers, tests, alpha)
+        return self.verdicts_at(rows, numbers, tests, alpha)
 
     def simulate_people(self, indices: Sequence[int], *, effect: float, seed: int) -> pd.DataFrame:
         """Return the rows of simulated people that tests need: trials that count, or means.
@@ -280,9 +280,9 @@ class KitPower:
     ) -> Mapping[int, Verdicts]:
         """Draw people with all their trials, with replacement."""
         sample = draw_people(people, max(numbers), np.random.default_rng(seed))
-        return self._at_every_number(sample, numbers, tests, alpha)
+        return self.verdicts_at(sample, numbers, tests, alpha)
 
-    def _at_every_number(
+    def verdicts_at(
         self, rows: pd.DataFrame, numbers: Sequence[int], tests: Sequence[str], alpha: float
     ) -> dict[int, Verdicts]:
         """Test the first n people for every n; anyone left out by the rules is not replaced."""
