@@ -181,7 +181,7 @@ def test_a_figure_whose_pictures_are_refused_is_a_failure_and_not_drawn_without_
 ) -> None:
     address = server.start("run", str(STUDY), "--participant", "1", "--on", "browser")
     page = browser.new_context().new_page()
-    page.add_init_script("URL.createObjectURL = () => 'blob:nowhere';")
+    page.add_init_script("window.createImageBitmap = async () => { throw new Error('refused'); };")
     page.goto(address)
     until(page, "pictures of the figure could not be read")
     page.click("#main button.quiet")  # skipped

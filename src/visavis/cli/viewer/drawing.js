@@ -1,80 +1,7 @@
-// Drawing with WebGL 2: rooms whose light is ready, people whose joints move them, plain things.
+// What the viewer draws besides people: rooms whose light is ready, plain things.
 
 const PIECE = 24; // triangles of a room that are left out together
 const SPECK_PX = 1; // what is smaller is left out while time moves
-
-const LIGHT = `
-const int MOST = 8;
-uniform int lamps; uniform vec4 lamp_place[MOST]; uniform vec4 lamp_axis[MOST]; uniform vec3 lamp_colour[MOST];
-uniform vec3 sky, ground;
-vec3 light_at(vec3 place, vec3 n, float wrap) {
-  vec3 sum = mix(ground, sky, 0.5 + 0.5 * n.y);
-  for (int i = 0; i < MOST; i++) {
-    if (i >= lamps) break;
-    vec3 to = -lamp_axis[i].xyz; float share = 1.0;
-    if (lamp_place[i].w > 0.5) {
-      to = lamp_place[i].xyz - place;
-      float squared = max(dot(to, to), 0.04);
-      share = 1.0 / squared; to *= inversesqrt(squared);
-      if (lamp_place[i].w < 1.5) {
-        float c = lamp_axis[i].w, inside = clamp((-dot(to, lamp_axis[i].xyz) - c) / (0.3 * max(1.0 - c, 1e-6)), 0.0, 1.0);
-        share *= inside * inside * (3.0 - 2.0 * inside);
-      }
-    }
-    sum += lamp_colour[i] * share * max((dot(n, to) + wrap) / ((1.0 + wrap) * (1.0 + wrap)), 0.0);
-  }
-  return sum;
-}
-vec3 codes(vec3 light) {
-  vec3 soft = mix(light, 1.0 - 0.5 * exp(1.0 - 2.0 * light), step(0.5, light));
-  return pow(soft, vec3(1.0 / 2.2));
-}`;
-
-const PERSON = [`#version 300 es
-layout(location=0) in vec3 place; layout(location=1) in vec3 normal; layout(location=2) in vec3 detail;
-layout(location=3) in vec3 colour; layout(location=4) in uvec4 surface; layout(location=5) in uvec4 joints;
-layout(location=6) in vec4 weights; layout(location=7) in int morph;
-uniform mat4 projection; uniform sampler2D bones; uniform sampler2D deltas; uniform int person; uniform int most; uniform float shape[6];
-uniform vec3 tint;
-out vec3 v_light; out vec3 v_detail; flat out uvec4 v_surface;
-${LIGHT}
-void main() {
-  vec3 at = place;
-  if (morph >= 0) for (int k = 0; k < 6; k++) if (shape[k] > 0.003)
-    at += shape[k] * texelFetch(deltas, ivec2(k + 6 * (morph % 64), morph / 64), 0).xyz;
-  vec4 r0 = vec4(0.0), r1 = vec4(0.0), r2 = vec4(0.0);
-  for (int i = 0; i < 4; i++) if (weights[i] > 0.0) {
-    int c = 3 * int(joints[i]);
-    r0 += weights[i] * texelFetch(bones, ivec2(c, person), 0);
-    r1 += weights[i] * texelFetch(bones, ivec2(c + 1, person), 0);
-    r2 += weights[i] * texelFetch(bones, ivec2(c + 2, person), 0);
-  }
-  float total = max(weights.x + weights.y + weights.z + weights.w, 1e-3);
-  vec4 h = vec4(at, 1.0);
-  vec3 world = vec3(dot(r0, h), dot(r1, h), dot(r2, h)) / total;
-  vec3 n = normalize(vec3(dot(r0.xyz, normal), dot(r1.xyz, normal), dot(r2.xyz, normal)));
-  gl_Position = projection * vec4(world, 1.0);
-  v_light = codes(pow(colour, vec3(2.2)) * light_at(world, n, 0.2)) * tint;
-  v_detail = detail; v_surface = surface;
-}`, `#version 300 es
-precision highp float;
-in vec3 v_light; in vec3 v_detail; flat in uvec4 v_surface;
-uniform sampler2D picture; uniform int look; uniform float brightness; uniform vec3 eye_light;
-out vec4 o;
-void main() {
-  vec3 c = v_light;
-#ifdef TEXTURED
-  if (look == 1) { vec4 t = texture(picture, v_detail.xy); if (t.a < 0.45) discard; c *= t.rgb; }
-#endif
-  if (look == 2) {
-    float iris = float(v_surface.y) / 255.0, pupil = float(v_surface.w) / 255.0;
-    vec3 at = normalize(v_detail); float r = at.z < 0.0 ? length(at.xy) : 2.0;
-    float white = smoothstep(iris - 0.03, iris + 0.03, r);
-    float ring = 1.0 - 0.6 * smoothstep(0.8 * iris, iris, r);
-    c = mix(v_light * ring, eye_light, white) * smoothstep(pupil - 0.03, pupil + 0.03, r);
-  }
-  o = vec4(c * brightness, 1.0);
-}`];
 
 const ROOM = [`#version 300 es
 layout(location=0) in vec3 place; layout(location=1) in vec2 uv; layout(location=2) in vec3 light;
@@ -126,97 +53,29 @@ void main() {
   gl_FragDepth = texelFetch(depth, ivec2(gl_FragCoord.xy), 0).r;
 }`];
 
-class Program {
-  constructor(gl, [vertex, fragment], defined = '') {
-    fragment = fragment.replace('#version 300 es', '#version 300 es\n' + defined);
-    this.gl = gl;
-    const p = this.p = gl.createProgram();
-    for (const [kind, text] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
-      const shader = gl.createShader(kind);
-      gl.shaderSource(shader, text);
-      gl.compileShader(shader);
-      gl.attachShader(p, shader);
-    }
-    gl.linkProgram(p);
-    if (!gl.getProgramParameter(p, gl.LINK_STATUS))
-      throw new Error(gl.getProgramInfoLog(p) + gl.getAttachedShaders(p).map(s => gl.getShaderInfoLog(s)).join());
-    this.at = {};
-    const n = gl.getProgramParameter(p, gl.ACTIVE_UNIFORMS);
-    for (let i = 0; i < n; i++) {
-      const name = gl.getActiveUniform(p, i).name;
-      this.at[name.replace('[0]', '')] = gl.getUniformLocation(p, name);
-    }
-  }
-}
-
-function drawsOnProcessor() {
-  const gl = document.createElement('canvas').getContext('webgl2');
-  if (!gl) return false;
-  const extension = gl.getExtension('WEBGL_debug_renderer_info');
-  const name = extension ? gl.getParameter(extension.UNMASKED_RENDERER_WEBGL) : '';
-  gl.getExtension('WEBGL_lose_context')?.loseContext();
-  return /swiftshader|llvmpipe|softpipe|basic render/i.test(name);
-}
-
-class Drawing {
+class Drawing extends Painter {
   constructor(canvas, content) {
     // Where the processor draws, smooth edges would cost it most of its time.
-    this.slow = drawsOnProcessor();
-    const gl = this.gl = canvas.getContext('webgl2', {antialias: !this.slow, alpha: false, powerPreference: 'high-performance'});
-    if (!gl) throw new Error('this browser draws no WebGL 2; open the page in Firefox, Chrome, Edge or Safari of 2022 or newer');
-    this.canvas = canvas;
+    const slow = isProcessor(rendererName());
+    super(canvas, {antialias: !slow, programs: {person: [PERSON, '#define TEXTURED'], quick: [QUICK], eyes: [QUICK_EYES], thing: [THING],
+      cache: [CACHE], room: [ROOM], holes: [ROOM, '#define HOLES']}});
+    this.slow = slow;
     this.content = content;
-    this.programs = {person: new Program(gl, PERSON, '#define TEXTURED'), quick: new Program(gl, QUICK), eyes: new Program(gl, QUICK_EYES), thing: new Program(gl, THING),
-      cache: new Program(gl, CACHE), room: new Program(gl, ROOM), holes: new Program(gl, ROOM, '#define HOLES')};
-    this.white = this.texture(new Uint8Array([255, 255, 255, 255]), 1, 1);
     this.pictures = content.header.textures.map(() => this.white);
     this.people = content.header.people.map(() => null);
     this.rooms = content.header.rooms.map(() => null);
-    this.bones = gl.createTexture();
-    this.bonesSize = 0;
-    this.solids = {ball: this.solid(this.slow ? ball(6, 8) : ball(10, 14)), rod: this.solid(rod(this.slow ? 6 : 12)), box: this.solid(box())};
+    this.solids = {ball: this.solid(slow ? ball(6, 8) : ball(10, 14)), rod: this.solid(rod(slow ? 6 : 12)), box: this.solid(box())};
     this.ready = Promise.all(content.header.textures.map((t, k) => this.load(t, k)));
-    gl.enable(gl.DEPTH_TEST);
   }
 
   async load(texture, k) {
-    const gl = this.gl;
     const image = await createImageBitmap(new Blob([this.content.flat(texture.file)], {type: 'image/webp'}), {premultiplyAlpha: 'none'});
-    const t = gl.createTexture();
-    gl.bindTexture(gl.TEXTURE_2D, t);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, image);
-    gl.generateMipmap(gl.TEXTURE_2D);
-    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, this.slow ? gl.NEAREST_MIPMAP_NEAREST : gl.LINEAR_MIPMAP_LINEAR);
-    this.pictures[k] = t;
-  }
-
-  texture(bytes, width, height) {
-    const gl = this.gl, t = gl.createTexture();
-    gl.bindTexture(gl.TEXTURE_2D, t);
-    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, width, height, 0, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
-    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
-    return t;
-  }
-
-  buffer(location, data, k, {whole = false, normal = false} = {}) {
-    const gl = this.gl, b = gl.createBuffer();
-    const kind = {Float32Array: gl.FLOAT, Uint8Array: gl.UNSIGNED_BYTE, Int8Array: gl.BYTE, Int16Array: gl.SHORT}[data.constructor.name];
-    gl.bindBuffer(gl.ARRAY_BUFFER, b);
-    gl.bufferData(gl.ARRAY_BUFFER, data, gl.STATIC_DRAW);
-    gl.enableVertexAttribArray(location);
-    const stride = data.BYTES_PER_ELEMENT * (data.stride || k);
-    if (whole) gl.vertexAttribIPointer(location, k, kind, stride, 0);
-    else gl.vertexAttribPointer(location, k, kind, normal, stride, 0);
-  }
-
-  indices(data) {
-    const gl = this.gl;
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
-    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, data, gl.STATIC_DRAW);
-    return data.BYTES_PER_ELEMENT === 2 ? gl.UNSIGNED_SHORT : gl.UNSIGNED_INT;
+    this.pictures[k] = this.picture(image, this.slow ? this.gl.NEAREST_MIPMAP_NEAREST : undefined);
   }
 
   padded(ref) { const rows = this.content.plainRows(ref, 1); rows.stride = 4; return rows; }
+
+  modelsOf(k) { return [this.person(k)]; }
 
   person(k) {
     if (this.people[k]) return this.people[k];
@@ -246,7 +105,7 @@ class Drawing {
     for (const [first, count, picture, twoSided, look] of mesh.runs) {
       const mode = look === 'eye' ? 2 : picture >= 0 ? 1 : 0, before = runs[runs.length - 1];
       if (before && mode === 0 && before.mode === 0 && before.first + before.count === first) before.count += count;
-      else runs.push({first, count, picture, mode});
+      else runs.push({first, count, picture: () => picture < 0 ? this.white : this.pictures[picture], mode});
     }
     return this.people[k] = {vao, kind, bytes, deltas, runs};
   }
@@ -349,17 +208,6 @@ class Drawing {
     return mesh.buffers = {vao, kind: this.indices(index), count: index.length, picture: mesh.picture};
   }
 
-  begin(width, height, background, brightness) {
-    const gl = this.gl;
-    if (this.canvas.width !== width || this.canvas.height !== height) {
-      this.canvas.width = width;
-      this.canvas.height = height;
-    }
-    gl.viewport(0, 0, width, height);
-    gl.clearColor(...background.map(v => v / 255 * brightness), 1);
-    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-  }
-
   // Puts what `draw` draws, kept from its second time on, until `key` or the picture's size is another; tells
   // whether it did. What is not kept is drawn after the people, who hide some of it.
   drawCached(key, width, height, draw) {
@@ -398,25 +246,6 @@ class Drawing {
     return true;
   }
 
-  use(name, projection, room, brightness) {
-    const gl = this.gl, {p, at} = this.programs[name];
-    gl.useProgram(p);
-    gl.uniformMatrix4fv(at.projection, false, projection);
-    gl.uniform1f(at.brightness, brightness);
-    if (at.picture) gl.uniform1i(at.picture, 0);
-    if (!at.lamps) return at;
-    const lamps = room ? room.lamps.slice(0, 8) : [];
-    gl.uniform1i(at.lamps, lamps.length);
-    if (lamps.length) {
-      gl.uniform4fv(at.lamp_place, lamps.flatMap(l => [...l.place, l.kind]));
-      gl.uniform4fv(at.lamp_axis, lamps.flatMap(l => [...l.axis, l.cos]));
-      gl.uniform3fv(at.lamp_colour, lamps.flatMap(l => l.colour));
-    }
-    gl.uniform3fv(at.sky, room && lamps.length ? room.sky : [0.8, 0.8, 0.82]);
-    gl.uniform3fv(at.ground, room && lamps.length ? room.ground : [0.5, 0.48, 0.46]);
-    return at;
-  }
-
   // `height` in pixels asks for the part in the picture alone, 0 for all of it.
   drawRoom(k, projection, brightness, height = 0) {
     const gl = this.gl, room = height ? this.roomInView(k, projection, height) : this.room(k);
@@ -451,40 +280,6 @@ class Drawing {
       index: outward(c.flat(mesh.index), c.rows(mesh.place), this.padded(mesh.normal), mesh.openFrom), openFrom: mesh.openFrom, eyeFrom: mesh.eyeFrom};
     fine.coarse = COARSER.map(([, cell]) => coarser(fine, cell));
     return person.lightMesh = fine;
-  }
-
-  // `bones` holds 3 rows of 4 numbers for every joint of everyone; `shapes` 6 numbers a person.
-  drawPeople(cast, visible, bones, joints, shapes, projection, room, brightness, tints) {
-    const gl = this.gl, n = cast.length;
-    if (!visible.length) return;
-    const at = this.use('person', projection, room, brightness);
-    gl.activeTexture(gl.TEXTURE1);
-    gl.bindTexture(gl.TEXTURE_2D, this.bones);
-    if (this.bonesSize !== n * joints) {
-      gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, 3 * joints, n, 0, gl.RGBA, gl.FLOAT, bones);
-      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
-      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
-      this.bonesSize = n * joints;
-    } else gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, 3 * joints, n, gl.RGBA, gl.FLOAT, bones);
-    gl.uniform1i(at.bones, 1);
-    gl.uniform1i(at.deltas, 2);
-    const lit = room && room.lamps.length ? [0.86, 0.85, 0.83] : [0.85, 0.85, 0.85];
-    gl.uniform3fv(at.eye_light, lit);
-    for (const i of visible) {
-      const model = this.person(cast[i]);
-      gl.bindVertexArray(model.vao);
-      gl.activeTexture(gl.TEXTURE2);
-      gl.bindTexture(gl.TEXTURE_2D, model.deltas);
-      gl.activeTexture(gl.TEXTURE0);
-      gl.uniform1i(at.person, i);
-      gl.uniform1fv(at.shape, shapes.subarray(6 * i, 6 * i + 6));
-      gl.uniform3fv(at.tint, tints && tints[i] ? tints[i] : [1, 1, 1]);
-      for (const run of model.runs) {
-        gl.uniform1i(at.look, run.mode);
-        gl.bindTexture(gl.TEXTURE_2D, run.picture < 0 ? this.white : this.pictures[run.picture]);
-        gl.drawElements(gl.TRIANGLES, run.count, model.kind, model.bytes * run.first);
-      }
-    }
   }
 
   // Things: {solid or mesh, model, paint [r, g, b] 0 to 1, glow}.

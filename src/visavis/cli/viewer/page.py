@@ -1,10 +1,12 @@
 """The page itself: one HTML file with everything in it, that works without a network."""
 
 import html
+import re
 from pathlib import Path
 from typing import Any
 
 from visavis.cli.viewer.bundle import Bundle
+from visavis.running import page as pages_of_people
 
 _HERE = Path(__file__).parent
 
@@ -17,12 +19,22 @@ def page_of(header: dict[str, Any], bundle: Bundle) -> str:
     return (
         page.replace("<!--title-->", html.escape(title + mark))
         .replace("/*style*/", (_HERE / "viewer.css").read_text(encoding="utf-8"))
-        .replace(
-            "/*code*/", "".join((_HERE / f"{name}.js").read_text(encoding="utf-8") for name in CODE)
-        )
+        .replace("/*code*/", "".join(map(_script, CODE)))
         .replace("<!--data-->", bundle.text(header))
     )
 
 
-CODE = ("data", "drawing", "quick", "scene", "pages", "timeline", "viewer")
+def _script(file: Path) -> str:
+    """Return a file of code; what pages load as modules stands in the same text as the others."""
+    return re.sub(r"^export ", "", file.read_text(encoding="utf-8"), flags=re.MULTILINE)
+
+
+CODE = (
+    _HERE / "data.js",
+    Path(pages_of_people.__path__[0]) / "site" / "painting.js",
+    *(
+        _HERE / f"{name}.js"
+        for name in ("drawing", "quick", "scene", "pages", "timeline", "viewer")
+    ),
+)
 """Files of the page's code, in the order in which they stand in it."""

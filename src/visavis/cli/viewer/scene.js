@@ -98,14 +98,7 @@ class Scene {
           w[b + 2] = aw * by - ax * bz + ay * bw + az * bx;
           w[b + 3] = aw * bz + ax * by - ay * bx + az * bw;
         }
-        const qw = w[b], qx = w[b + 1], qy = w[b + 2], qz = w[b + 3], c = 12 * (r * joints + j);
-        const m0 = 1 - 2 * (qy * qy + qz * qz), m1 = 2 * (qx * qy - qw * qz), m2 = 2 * (qx * qz + qw * qy);
-        const m3 = 2 * (qx * qy + qw * qz), m4 = 1 - 2 * (qx * qx + qz * qz), m5 = 2 * (qy * qz - qw * qx);
-        const m6 = 2 * (qx * qz - qw * qy), m7 = 2 * (qy * qz + qw * qx), m8 = 1 - 2 * (qx * qx + qy * qy);
-        const ox = rest[o], oy = rest[o + 1], oz = rest[o + 2];
-        bones[c] = m0; bones[c + 1] = m1; bones[c + 2] = m2; bones[c + 3] = p[o] - (m0 * ox + m1 * oy + m2 * oz);
-        bones[c + 4] = m3; bones[c + 5] = m4; bones[c + 6] = m5; bones[c + 7] = p[o + 1] - (m3 * ox + m4 * oy + m5 * oz);
-        bones[c + 8] = m6; bones[c + 9] = m7; bones[c + 10] = m8; bones[c + 11] = p[o + 2] - (m6 * ox + m7 * oy + m8 * oz);
+        boneRows(w, b, p, o, rest, o, bones, 12 * (r * joints + j));
       }
       for (let c = 0; c < 3; c++) head[3 * r + c] = p[15 + c]; // joint 5 is the head
     }

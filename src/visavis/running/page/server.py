@@ -29,7 +29,8 @@ FILES: Final = {
 LIVE_FILES: Final = {
     "/live.js": "live.js",
     "/blend.js": "blend.js",
-    "/three.js": "three/three.js",
+    "/glb.js": "glb.js",
+    "/painting.js": "painting.js",
 }
 """What pages with live figures load besides."""
 BOARD_FILES: Final = {"/board": "board.html", "/board.js": "board.js"}
@@ -42,7 +43,7 @@ LOCAL: Final = "127.0.0.1"
 OWN_HOSTS: Final = (LOCAL, "localhost")
 HEADERS: Final = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
-    "connect-src 'self' blob:; media-src blob:; img-src data: blob:; base-uri 'none'; "
+    "connect-src 'self'; media-src blob:; img-src data:; base-uri 'none'; "
     "form-action 'none'; frame-ancestors 'none'",
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
@@ -50,8 +51,7 @@ HEADERS: Final = {
     "Cache-Control": "no-store",
     "Server": "Visavis",
 }
-"""Nothing is loaded from third parties, and nothing is sent to them. Pictures within a figure's
-file are read by way of `blob:` addresses, which lead to the page itself."""
+"""Nothing is loaded from third parties, and nothing is sent to them."""
 # Answers to broken HTTP are aiohttp's own, which names its version there.
 web_response.SERVER_SOFTWARE = HEADERS["Server"]  # type: ignore[attr-defined]  # not public
 

@@ -4,7 +4,8 @@
 
 import * as blends from "./blend.js";
 import * as wire from "./wire.js";
-import * as three from "./three.js";
+import { readPerson } from "./glb.js";
+import { boneRows, LIGHT, FINE_LIGHT, Painter, PERSON, rendererOf } from "./painting.js";
 
 const TRIES = 4;
 const CAMERA_MS = 50; // 20 a second
@@ -13,6 +14,9 @@ const LONGEST_STEP_S = 0.1;
 const NEAREST_M = 0.6;
 const FARTHEST_M = 9;
 const FOV_DEG = 34;
+const [NEAR_M, FAR_M] = [0.05, 60];
+const [LEAST_PITCH, MOST_PITCH] = [-0.02, 1.55];
+const SHADE_M = 0.42;
 const FLOOR_M = 40;
 const MIST_M = [6, 16]; // where the floor's end is lost
 const GRID_M = 0.5;
@@ -20,16 +24,26 @@ const APART_M = 0.55; // two figures stand so far to both sides
 const LANE_M = [0.95, 5];
 const files = new Map();
 
-// Colours up to 0.5 stay as they are; brighter ones approach 1, as `shown` in our own shaders has it.
-const TONE = `vec3 CustomToneMapping( vec3 color ) {
-  vec3 x = max( color, 0.0 );
-  float most = max( x.r, max( x.g, x.b ) );
-  float mapped = min( most, 0.5 ) + 0.5 * ( 1.0 - exp( - max( most - 0.5, 0.0 ) / 0.5 ) );
-  vec3 apart = min( x, 0.5 ) + 0.5 * ( 1.0 - exp( - max( x - 0.5, 0.0 ) / 0.5 ) );
-  return mix( apart, x * ( mapped / max( most, 1e-4 ) ), 0.7 );
-}`;
-three.ShaderChunk.tonemapping_pars_fragment = three.ShaderChunk.tonemapping_pars_fragment.replace(
-  "vec3 CustomToneMapping( vec3 color ) { return color; }", TONE);
+// A level is the floor or a lane below somebody; a shade is the light that a body keeps off it.
+const LEVEL = [`#version 300 es
+layout(location=0) in vec2 corner;
+uniform mat4 projection; uniform vec2 middle, size; uniform float high; uniform vec2 repeat, offset;
+out vec3 v_place; out vec2 v_uv; out vec2 v_corner;
+void main() {
+  v_corner = 2.0 * corner; v_uv = repeat * (corner + 0.5) + offset;
+  v_place = vec3(middle.x + size.x * corner.x, high, middle.y + size.y * corner.y);
+  gl_Position = projection * vec4(v_place, 1.0);
+}`, `#version 300 es
+precision highp float;
+in vec3 v_place; in vec2 v_uv; in vec2 v_corner;
+uniform sampler2D picture; uniform vec3 mist; uniform vec2 mist_m; uniform float shade; out vec4 o;
+${LIGHT}
+${FINE_LIGHT}
+void main() {
+  if (shade > 0.0) { o = vec4(0.0, 0.0, 0.0, shade * clamp((1.0 - length(v_corner)) / 0.94, 0.0, 1.0)); return; }
+  vec3 lit = shown(pow(texture(picture, v_uv).rgb, vec3(2.2)) * light_at(v_place, vec3(0.0, 1.0, 0.0), 0.0));
+  o = vec4(mix(lit, mist, smoothstep(mist_m.x, mist_m.y, distance(eye, v_place))), 1.0);
+}`];
 
 async function hashOf(buffer) {
   if (!globalThis.crypto?.subtle) return null; // not on a plain address of another machine
@@ -59,65 +73,135 @@ export async function load(asset, key) {
   throw new Error(why);
 }
 
-/** Return the graphics renderer's name; null where the page cannot draw with WebGL 2. */
-export function rendererName() {
-  const gl = document.createElement("canvas").getContext("webgl2");
-  if (!gl) return null;
-  const info = gl.getExtension("WEBGL_debug_renderer_info");
-  const name = String(gl.getParameter(info ? info.UNMASKED_RENDERER_WEBGL : gl.RENDERER));
-  gl.getExtension("WEBGL_lose_context")?.loseContext();
-  return name.slice(0, 200);
-}
+/** What draws a step's figures, its floor and what is below them. */
+class Stage extends Painter {
+  constructor(canvas, light) {
+    super(canvas, { antialias: true, programs: { person: [PERSON, "#define FINE"], level: [LEVEL] } });
+    const { gl } = this;
+    this.people = [];
+    this.levels = [];
+    this.mist = light.background_srgb.map((code) => code / 255);
+    this.background = light.background_srgb;
+    this.room = { sky: light.sky, ground: light.ground, lamps: light.lamps.map((lamp) => ({
+      kind: { sun: 0, spot: 1, point: 2 }[lamp.kind], place: lamp.position_m || [0, 0, 0], axis: lamp.direction || [0, -1, 0],
+      cos: Math.cos(lamp.half_angle_deg * Math.PI / 180), colour: lamp.intensity })) };
+    this.square = gl.createVertexArray();
+    gl.bindVertexArray(this.square);
+    this.buffer(0, new Float32Array([-0.5, -0.5, 0.5, -0.5, -0.5, 0.5, 0.5, 0.5]), 2);
+    this.finer = gl.getExtension("EXT_texture_filter_anisotropic");
+  }
 
-// Surfaces reflect evenly as in our own drawing; only eyes shine.
-function drawnAs(material) {
-  const look = { name: material.name, map: material.map, side: material.side, vertexColors: material.vertexColors,
-    alphaTest: material.alphaTest, normalMap: material.normalMap, fog: false };
-  if (material.map) material.map.anisotropy = 8;
-  return material.userData.kind === "eye"
-    ? new three.MeshPhongMaterial({ ...look, shininess: 250, specular: 0x777777 })
-    : new three.MeshLambertMaterial(look);
-}
+  // A picture that is sharp where it is seen at a slant, and repeats.
+  sharp(image) {
+    const { gl } = this;
+    const texture = this.picture(image);
+    if (this.finer) gl.texParameterf(gl.TEXTURE_2D, this.finer.TEXTURE_MAX_ANISOTROPY_EXT, Math.min(8, gl.getParameter(this.finer.MAX_TEXTURE_MAX_ANISOTROPY_EXT)));
+    return texture;
+  }
 
-async function readPerson(buffer) {
-  const refused = [];
-  const manager = new three.LoadingManager();
-  manager.onError = (address) => refused.push(address);
-  const gltf = await new three.GLTFLoader(manager).parseAsync(buffer, "");
-  const { json } = gltf.parser;
-  const textures = await Promise.all((json.textures || []).map((_, i) => gltf.parser.getDependency("texture", i)));
-  const missing = textures.filter((t) => !t?.image?.width).length + refused.length;
-  if (missing) throw new Error(`${missing} pictures of the figure could not be read`);
-  gltf.scene.traverse((node) => {
-    if (!node.isMesh) return;
-    node.frustumCulled = false; // a moving body leaves the bounds it has at rest
-    node.material = drawnAs(node.material);
-  });
-  const joints = await Promise.all(json.skins[0].joints.map((i) => gltf.parser.getDependency("node", i)));
-  joints[0].parent.quaternion.identity(); // files face +z; here people face −z, as in Visavis
-  return { group: gltf.scene, joints };
-}
+  /** Take a person in; return their number. */
+  add({ rest, parts }) {
+    const { gl } = this;
+    const models = parts.map((part) => {
+      const vao = gl.createVertexArray();
+      gl.bindVertexArray(vao);
+      this.buffer(0, part.place, 3);
+      this.buffer(1, part.normal, 3);
+      if (part.uv) this.buffer(2, part.uv, 2);
+      if (part.colour) this.buffer(3, part.colour, part.colour.length / (part.place.length / 3), { normal: true });
+      this.buffer(5, part.joints, 4, { whole: true });
+      this.buffer(6, part.weights, 4);
+      const kind = this.indices(part.index);
+      const texture = part.picture ? this.sharp(part.picture) : this.white;
+      const mode = part.kind === "eye" ? 3 : part.picture ? 1 : 0;
+      return { vao, kind, bytes: part.index.BYTES_PER_ELEMENT, deltas: this.white, runs: [{ first: 0, count: part.index.length, picture: () => texture, mode }] };
+    });
+    this.people.push({ models, rest, isSeen: true });
+    return this.people.length - 1;
+  }
 
-// Light as our rooms have it: three divides what falls on a surface by π, ours does not.
-function addLight(scene, light) {
-  const colour = ([r, g, b]) => new three.Color(r, g, b);
-  const sky = new three.HemisphereLight(colour(light.sky), colour(light.ground), Math.PI);
-  scene.add(sky);
-  for (const lamp of light.lamps) {
-    let made = new three.PointLight(colour(lamp.intensity), Math.PI, 0, 2);
-    if (lamp.kind === "spot") {
-      const angle = lamp.half_angle_deg * Math.PI / 180;
-      const inner = Math.acos(Math.cos(angle) + 0.3 * (1 - Math.cos(angle)));
-      made = new three.SpotLight(colour(lamp.intensity), Math.PI, 0, Math.min(angle, 1.5), 1 - inner / angle, 2);
-      made.target.position.set(...lamp.position_m.map((at, i) => at + lamp.direction[i]));
-      scene.add(made.target);
+  modelsOf(k) { return this.people[k].models; }
+
+  /** Draw everybody as they stand, `bones` of one after the other, as seen by a view. */
+  draw(bones, joints, { eye, projection }) {
+    const { gl, canvas } = this;
+    this.begin(canvas.width, canvas.height, this.background, 1);
+    const at = this.use("level", projection, this.room, 1);
+    gl.bindVertexArray(this.square);
+    gl.activeTexture(gl.TEXTURE0);
+    gl.uniform3fv(at.eye, eye);
+    gl.uniform3fv(at.mist, this.mist);
+    gl.uniform2f(at.mist_m, ...MIST_M);
+    gl.enable(gl.BLEND);
+    gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
+    for (const level of this.levels) {
+      if (!level.isSeen) continue;
+      gl.bindTexture(gl.TEXTURE_2D, level.picture || this.white);
+      gl.uniform2f(at.middle, ...level.middle);
+      gl.uniform2f(at.size, ...level.size);
+      gl.uniform1f(at.high, level.high);
+      gl.uniform1f(at.shade, level.shade || 0);
+      gl.uniform2f(at.repeat, ...level.size.map((side) => side / GRID_M));
+      gl.uniform2f(at.offset, 0, level.offset || 0);
+      gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
     }
-    made.position.set(...lamp.position_m);
-    scene.add(made);
+    gl.disable(gl.BLEND);
+    // Attributes that a part does without: white, a corner of its picture, no face that moves.
+    gl.vertexAttrib3f(2, 0, 0, 0);
+    gl.vertexAttrib3f(3, 1, 1, 1);
+    gl.vertexAttribI4ui(4, 0, 0, 0, 0);
+    gl.vertexAttribI4i(7, -1, -1, -1, -1);
+    const cast = this.people.map((_, k) => k);
+    this.drawPeople(cast, cast.filter((k) => this.people[k].isSeen), bones, joints, new Float32Array(6 * cast.length), projection, this.room, 1, null, eye);
   }
 }
 
-function gridOf(fill, line, ...repeat) {
+/** A camera that circles a point, led by a mouse, fingers, or a wheel; `changed` hears of it. */
+function circling(canvas, eye, aim, changed) {
+  const away = eye.map((at, i) => at - aim[i]);
+  const camera = { distance: Math.hypot(...away), yaw: Math.atan2(away[0], away[2]), pitch: 0, isFree: true };
+  camera.pitch = Math.asin(away[1] / camera.distance);
+  camera.eye = () => [aim[0] + camera.distance * Math.cos(camera.pitch) * Math.sin(camera.yaw), aim[1] + camera.distance * Math.sin(camera.pitch),
+    aim[2] + camera.distance * Math.cos(camera.pitch) * Math.cos(camera.yaw)];
+  const come = (times) => { camera.distance = Math.min(FARTHEST_M, Math.max(NEAREST_M, camera.distance * times)); changed(); };
+  const fingers = new Map();
+  const apart = () => { const [a, b] = [...fingers.values()]; return Math.hypot(a[0] - b[0], a[1] - b[1]); };
+  const down = (e) => { if (camera.isFree) { canvas.setPointerCapture(e.pointerId); fingers.set(e.pointerId, [e.clientX, e.clientY]); } };
+  const up = (e) => { fingers.delete(e.pointerId); };
+  const move = (e) => {
+    const before = fingers.get(e.pointerId);
+    if (!before) return;
+    const spread = fingers.size > 1 ? apart() : 0;
+    fingers.set(e.pointerId, [e.clientX, e.clientY]);
+    if (fingers.size > 1) { come(spread / Math.max(1, apart())); return; }
+    const turn = 2 * Math.PI / canvas.clientHeight;
+    camera.yaw -= turn * (e.clientX - before[0]);
+    camera.pitch = Math.min(MOST_PITCH, Math.max(LEAST_PITCH, camera.pitch + turn * (e.clientY - before[1])));
+    changed();
+  };
+  const wheel = (e) => { if (camera.isFree) { e.preventDefault(); come(0.95 ** (-e.deltaY * 0.01)); } };
+  const heard = [["pointerdown", down], ["pointerup", up], ["pointercancel", up], ["pointermove", move], ["wheel", wheel]];
+  canvas.style.touchAction = "none";
+  for (const [kind, hear] of heard) canvas.addEventListener(kind, hear, { passive: false });
+  camera.close = () => { for (const [kind, hear] of heard) canvas.removeEventListener(kind, hear); };
+  return camera;
+}
+
+/** Return what a camera sees: where it is, and the matrix that leads from the world to its picture. */
+function viewOf(eye, aim, aspect) {
+  const unit = (v) => { const n = Math.hypot(...v); return v.map((a) => a / n); };
+  const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+  const back = unit(eye.map((at, i) => at - aim[i]));
+  const right = unit(cross([0, 1, 0], back));
+  const up = cross(back, right);
+  const along = (axis) => [...axis, -axis.reduce((sum, a, i) => sum + a * eye[i], 0)];
+  const top = Math.tan(FOV_DEG * Math.PI / 360);
+  const [x, y, z] = [along(right).map((a) => a / (top * aspect)), along(up).map((a) => a / top), along(back)];
+  const deep = z.map((a, i) => (FAR_M + NEAR_M) / (NEAR_M - FAR_M) * a + (i === 3 ? 2 * FAR_M * NEAR_M / (NEAR_M - FAR_M) : 0));
+  return { eye, projection: new Float32Array([0, 1, 2, 3].flatMap((c) => [x[c], y[c], deep[c], -z[c]])) };
+}
+
+function gridOf(stage, fill, line) {
   const canvas = document.createElement("canvas");
   canvas.width = canvas.height = 256;
   const pen = canvas.getContext("2d");
@@ -126,47 +210,29 @@ function gridOf(fill, line, ...repeat) {
   pen.strokeStyle = line;
   pen.lineWidth = 4;
   pen.strokeRect(0, 0, 256, 256);
-  const grid = new three.CanvasTexture(canvas);
-  grid.colorSpace = three.SRGBColorSpace;
-  grid.wrapS = grid.wrapT = three.RepeatWrapping;
-  grid.repeat.set(...repeat);
-  grid.anisotropy = 8;
-  return grid;
+  return stage.sharp(canvas);
 }
 
-function addLevel(scene, geometry, grid, x, y) {
-  const level = new three.Mesh(geometry, new three.MeshLambertMaterial({ map: grid }));
-  level.rotation.x = -Math.PI / 2;
-  level.position.set(x, y, 0);
-  scene.add(level);
-  return level;
+function addLevel(stage, level) {
+  stage.levels.push({ isSeen: true, ...level });
+  return stage.levels.at(-1);
 }
 
-function addFloor(scene, background) {
-  const grid = gridOf("#8f8a84", "#7d7872", FLOOR_M / GRID_M, FLOOR_M / GRID_M);
-  addLevel(scene, new three.CircleGeometry(FLOOR_M / 2, 64), grid, 0, 0);
-  scene.background = new three.Color().setRGB(...background.map((code) => code / 255), three.SRGBColorSpace);
-  scene.fog = new three.Fog(scene.background, ...MIST_M);
-  return grid;
+function addFloor(stage) {
+  return addLevel(stage, { picture: gridOf(stage, "#8f8a84", "#7d7872"), middle: [0, 0], size: [FLOOR_M, FLOOR_M], high: 0 });
 }
 
 // Two who walk at different speeds each have a lane, which passes below them.
-function addLane(scene, x) {
-  // A circle of four corners is a square of side 1, over which a picture has 1/√2 of its width.
-  const grid = gridOf("#9a958e", "#7d7872", ...LANE_M.map((side) => Math.SQRT2 * side / GRID_M));
-  const lane = addLevel(scene, new three.CircleGeometry(Math.SQRT1_2, 4, Math.PI / 4), grid, x, 0.002);
-  lane.scale.set(...LANE_M, 1);
-  return grid;
+function addLane(stage, x) {
+  return addLevel(stage, { picture: gridOf(stage, "#9a958e", "#7d7872"), middle: [x, 0], size: LANE_M, high: 0.002 });
 }
 
-/** Let a person of the scene walk in place at x, with a grid that passes below. */
-function walkerOf(blend, person, scene, grid, x) {
+/** Let a person walk in place at x, above a level that passes below. */
+function walkerOf(blend, person, stage, level, x) {
   const pose = blends.newPose(blend);
-  const shade = new three.Mesh(new three.CircleGeometry(0.42, 48), shadeMaterial());
-  shade.rotation.x = -Math.PI / 2;
-  scene.add(shade);
-  scene.add(person.group);
-  person.group.position.x = x;
+  const { rest } = person;
+  const number = stage.add(person);
+  const shade = addLevel(stage, { middle: [x, 0], size: [2 * SHADE_M, 2 * SHADE_M], high: 0.004, shade: 0.5 });
   let weights;
   let keyS;
   let stance;
@@ -178,8 +244,8 @@ function walkerOf(blend, person, scene, grid, x) {
       keyS = blends.keyTimes(blend, weights);
       stance = blends.gapsOf(blend, weights);
     },
-    hide() { person.group.visible = shade.visible = false; },
-    step(seconds) {
+    hide() { stage.people[number].isSeen = shade.isSeen = false; },
+    step(seconds, bones) {
       const cycle = keyS[keyS.length - 1];
       // Who moves a slider in the middle of a walk sees it go on from the same moment of a step.
       const k = Math.min(keyS.length - 2, Math.floor(phase));
@@ -188,26 +254,14 @@ function walkerOf(blend, person, scene, grid, x) {
       phase = blends.phaseOf(keyS, now);
       blends.poseAt(blend, weights, phase, pose, stance);
       const root = blends.inPlace(blend, weights, keyS, phase, pose.root);
-      pose.turns.forEach(([w, i, j, l], joint) => person.joints[joint].quaternion.set(i, j, l, w));
-      person.joints[0].position.set(...root);
-      shade.position.set(x + root[0], 0.004, root[2]);
+      pose.root = [x + root[0], root[1], root[2]];
+      blends.placeAll(blend, pose);
+      for (let j = 0; j < blend.joints; j += 1) boneRows(pose.world[j], 0, pose.place[j], 0, rest, 3 * j, bones, 12 * (number * blend.joints + j));
+      shade.middle = [x + root[0], root[2]];
       for (let i = 0; i < blend.n; i += 1) wayM += weights[i] * blend.travel_m[3 * i + 2] * seconds / cycle;
-      grid.offset.y = (-wayM / GRID_M) % 1; // the floor passes below, as on a treadmill
+      level.offset = (wayM / GRID_M) % 1; // the floor passes below, as on a treadmill
     },
   };
-}
-
-// The light that a body keeps off the floor about it.
-function shadeMaterial() {
-  const canvas = document.createElement("canvas");
-  canvas.width = canvas.height = 128;
-  const pen = canvas.getContext("2d");
-  const fall = pen.createRadialGradient(64, 64, 4, 64, 64, 64);
-  fall.addColorStop(0, "rgba(0,0,0,0.5)");
-  fall.addColorStop(1, "rgba(0,0,0,0)");
-  pen.fillStyle = fall;
-  pen.fillRect(0, 0, 128, 128);
-  return new three.MeshBasicMaterial({ map: new three.CanvasTexture(canvas), transparent: true, depthWrite: false });
 }
 
 const joined = (rows) => rows.map((row) => row.map((value) => Math.round(value * 1e4) / 1e4));
@@ -246,26 +300,18 @@ export function placesOf(blend, w, until) {
 export async function open(step, canvas, key, say, ended) {
   const blend = blends.readBlend(await load(step.live.blend, key));
   const person = await readPerson(await load(step.live.person, key));
-  const renderer = new three.WebGLRenderer({ canvas, antialias: true, powerPreference: "high-performance" });
-  renderer.toneMapping = three.CustomToneMapping;
-  const scene = new three.Scene();
-  addLight(scene, step.live.light);
-  const floor = addFloor(scene, step.live.light.background_srgb);
+  const stage = new Stage(canvas, step.live.light);
+  const floor = addFloor(stage);
   const until = step.until && { ...step.until };
   const beside = until && step.live.beside ? await readPerson(await load(step.live.beside, key)) : null;
-  const walker = walkerOf(blend, person, scene, beside ? addLane(scene, -APART_M) : floor, beside ? -APART_M : 0);
-  const targetWalker = beside && walkerOf(blend, beside, scene, addLane(scene, APART_M), APART_M);
+  const walker = walkerOf(blend, person, stage, beside ? addLane(stage, -APART_M) : floor, beside ? -APART_M : 0);
+  const targetWalker = beside && walkerOf(blend, beside, stage, addLane(stage, APART_M), APART_M);
   if (targetWalker) targetWalker.weigh(Float64Array.from(until.weights));
   if (step.is_blind) walker.hide();
-  const camera = new three.PerspectiveCamera(FOV_DEG, 1, 0.05, 60);
-  camera.position.set(...step.live.camera.eye_m);
-  const controls = new three.OrbitControls(camera, canvas);
-  controls.target.set(...step.live.camera.aim_m);
-  controls.enablePan = false;
-  controls.enabled = step.live.camera.is_free;
-  [controls.minDistance, controls.maxDistance] = [NEAREST_M, FARTHEST_M];
-  controls.maxPolarAngle = Math.PI / 2 + 0.02;
-  controls.update();
+  const bones = new Float32Array(12 * blend.joints * stage.people.length);
+  const { eye_m: eye, aim_m: aim, is_free: isFree } = step.live.camera;
+  const camera = circling(canvas, eye, aim, () => noteCamera());
+  camera.isFree = isFree;
 
   const values = step.questions.map((q) => q.start);
   const moves = { sliders: [], camera: [] };
@@ -292,10 +338,7 @@ export async function open(step, canvas, key, say, ended) {
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
     const ratio = Math.min(devicePixelRatio, 2);
     if (canvas.width === Math.floor(width * ratio) && canvas.height === Math.floor(height * ratio)) return;
-    renderer.setPixelRatio(ratio);
-    renderer.setSize(width, height, false);
-    camera.aspect = width / Math.max(1, height);
-    camera.updateProjectionMatrix();
+    [canvas.width, canvas.height] = [Math.floor(width * ratio), Math.floor(height * ratio)];
   };
 
   const draw = (nowMs) => {
@@ -305,9 +348,9 @@ export async function open(step, canvas, key, say, ended) {
     const seconds = lastMs === null ? 0 : Math.min(LONGEST_STEP_S, (nowMs - lastMs) / 1000);
     lastMs = nowMs;
     resize();
-    walker.step(seconds);
-    if (targetWalker) targetWalker.step(seconds);
-    renderer.render(scene, camera);
+    walker.step(seconds, bones);
+    if (targetWalker) targetWalker.step(seconds, bones);
+    stage.draw(bones, blend.joints, viewOf(camera.eye(), aim, canvas.width / Math.max(1, canvas.height)));
     frames += 1;
     canvas.dataset.frames = frames;
     if (firstMs === null) firstMs = performance.now();
@@ -329,9 +372,8 @@ export async function open(step, canvas, key, say, ended) {
     const nowMs = performance.now();
     if (nowMs - cameraMs < CAMERA_MS) { cameraLater = setTimeout(noteCamera, CAMERA_MS); return; }
     cameraMs = nowMs;
-    moves.camera.push([nowMs, ...camera.position.toArray()]);
+    moves.camera.push([nowMs, ...camera.eye()]);
   };
-  controls.addEventListener("change", noteCamera);
   const tellMoves = () => {
     if (!moves.sliders.length && !moves.camera.length) return;
     const rows = { sliders: joined(moves.sliders), camera: joined(moves.camera) };
@@ -339,7 +381,7 @@ export async function open(step, canvas, key, say, ended) {
     say(rows);
   };
   const teller = setInterval(tellMoves, SEND_MS);
-  moves.camera.push([performance.now(), ...camera.position.toArray()]);
+  moves.camera.push([performance.now(), ...camera.eye()]);
   request = requestAnimationFrame(draw);
 
   return {
@@ -356,7 +398,7 @@ export async function open(step, canvas, key, say, ended) {
       const dropped = period ? gapsMs.reduce((n, gap) => n + Math.max(0, Math.round(gap / period) - 1), 0) : 0;
       tellMoves();
       return { first_ms: firstMs ?? performance.now(), frames, dropped, slider_frames: mostFrames,
-        distance_m: distance, renderer: rendererOf(renderer), problem };
+        distance_m: distance, renderer: rendererOf(stage.gl), problem };
     },
     close() {
       isOpen = false;
@@ -364,15 +406,8 @@ export async function open(step, canvas, key, say, ended) {
       clearInterval(teller);
       clearTimeout(cameraLater);
       document.removeEventListener("visibilitychange", pauseAt);
-      controls.dispose();
-      renderer.dispose();
-      renderer.forceContextLoss(); // browsers keep few contexts; sessions have many steps
+      camera.close();
+      stage.gl.getExtension("WEBGL_lose_context")?.loseContext(); // browsers keep few contexts; sessions have many steps
     },
   };
-}
-
-function rendererOf(renderer) {
-  const gl = renderer.getContext();
-  const info = gl.getExtension("WEBGL_debug_renderer_info");
-  return String(gl.getParameter(info ? info.UNMASKED_RENDERER_WEBGL : gl.RENDERER)).slice(0, 200);
 }

@@ -2,6 +2,7 @@
 
 import * as live from "./live.js";
 import * as blends from "./blend.js";
+import { rendererName } from "./painting.js";
 
 const main = document.getElementById("main");
 const CROWDED = 8;
@@ -15,7 +16,7 @@ function element(tag, attributes, ...children) {
 }
 
 async function begin() {
-  if (live.rendererName() === null) throw new Error("this browser cannot draw with WebGL 2");
+  if (rendererName() === null) throw new Error("this browser cannot draw with WebGL 2");
   const step = await (await fetch("/figure", { cache: "no-store" })).json();
   document.title = step.title;
   document.getElementById("title").textContent = step.title;
