@@ -94,3 +94,16 @@ def expected_impressions(examples: Examples) -> Vector:
     rows = [impressions_of(features_of(examples.clip(i)), reference) for i in range(len(examples))]
     scaled: Vector = (np.array(rows) + MOST) / (2.0 * MOST)
     return scaled
+
+
+def drawn_ratings(means: Vector, raters: int, rng: np.random.Generator) -> Vector:
+    """Return answers (raters, pairs, walks) as simulated raters give them; `means` (pairs, walks)
+    are those of many raters.
+    """
+    sd = np.array([LOADINGS[pair].sd for pair in PAIRS])[:, None]
+    people = [
+        means + PERSON_SD * rng.standard_normal() + sd * rng.standard_normal(means.shape)
+        for _ in range(raters)
+    ]
+    ratings: Vector = np.clip(np.round(np.array(people)), -MOST, MOST)
+    return ratings

@@ -14,7 +14,7 @@ from visavis.experiments.adjectives.pairs import FACTORS, PAIRS, PRINTED
 from visavis.experiments.adjectives.prediction import left_out_r2
 from visavis.experiments.adjectives.raters import (
     LOADINGS,
-    PERSON_SD,
+    drawn_ratings,
     expected_impressions,
     mean_rating,
 )
@@ -54,12 +54,7 @@ def means() -> Vector:
 def rated(seed: int) -> Impressions:
     """Return the ratings of a study as its simulated raters give them."""
     rng = np.random.default_rng(seed)
-    sd = np.array([LOADINGS[pair].sd for pair in PAIRS])[:, None]
-    people = [
-        means() + PERSON_SD * rng.standard_normal() + sd * rng.standard_normal(means().shape)
-        for _ in range(RATERS)
-    ]
-    return Impressions(WALKS, np.clip(np.round(np.array(people)), -2, 2))
+    return Impressions(WALKS, drawn_ratings(means(), RATERS, rng))
 
 
 def test_every_pair_is_asked_of_every_walk_on_one_list() -> None:
