@@ -107,3 +107,41 @@ def test_a_frame_of_a_session_in_which_nothing_was_drawn_is_drawn(tmp_path: Path
     assert len(np.unique(left.reshape(-1, 3), axis=0)) > 500
     with pytest.raises(UsageError, match="has no frame 999999"):
         redraw(Recording(recording.path), 999_999)
+
+
+def test_a_figure_is_drawn_again_as_it_was_moulded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[NowAndThen] = []
+
+    def build(config: Any, experiment: Any, rig: Any, clock: Any, viewers: Any) -> NowAndThen:
+        display = Display(default_views, lambda: (48, 54), experiment.people_count)
+        stage = NowAndThen(
+            picture_of,
+            lambda: Renderer(quality=LIGHTEST),
+            display,
+            clock,
+            viewers=viewers,
+            every=37,
+        )
+        made.append(stage)
+        return stage
+
+    monkeypatch.setattr(visavis.running.sessions.perform, "build_stage", build)
+    study = opened("moulding_lab")
+    config = load_config(CONFIG, OPTION_MODELS).model_copy(update={"data_root": tmp_path})
+    settled(tmp_path, study)
+    request = simulated_request(study, study.experiment({}), config, label="S01B", index=0, seed=3)
+    recording = CachedRecording(perform_new(request))
+    (stage,) = made
+    drawn = recording.stream_arrays("drawn")
+    stage.close()
+    spans = recording.trials()[["mould_on_ns", "mould2_off_ns"]].to_numpy()
+    rows = [
+        i for i, t in enumerate(drawn["t_scene_ns"]) if any(on + 1e8 < t < off for on, off in spans)
+    ]
+    assert len(rows) > 6
+    for i in rows[:: max(1, len(rows) // 6)]:
+        again = redraw(recording, int(drawn["frame"][i]))
+        for old, new in zip(stage.kept[i][1], again, strict=True):
+            assert np.abs(old.astype(int) - new.astype(int)).max() <= 1
