@@ -87,6 +87,16 @@ FACTS: Final = (
         "section 5.3.3",
         here=_STYLE.min_angle_deg,
     ),
+    Fact(
+        "procedure",
+        "score of the 30° rule",
+        "the cosine of the subject's velocities as both cameras see them, as for the direction of "
+        "movement",
+        "section 5.3.3",
+        "the angle between the cameras as a share of 30°; less is chosen where nothing else is "
+        "there or the subject is hidden",
+        because="the printed cosine is that of the other rule and knows no angle of the view",
+    ),
     Fact("procedure", "lengths of shots", "log-normal", "section 5.3.1"),
     Fact(
         "procedure",

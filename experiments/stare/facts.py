@@ -119,10 +119,19 @@ FACTS: Final = (
     Fact(
         "procedure",
         "calibration",
-        "before the training; offered again in breaks",
+        "before the training, and again in the breaks between blocks",
         "section 3.2.5",
-        "before the training and before every block, with validation",
-        because="breaks take the headset off, and only a validation says what accuracy is left",
+        "the same, with validation",
+        because="only a validation says what accuracy is left",
+        is_stronger=True,
+    ),
+    Fact(
+        "procedure",
+        "questions after the session",
+        "age, gender, experience with virtual reality and with games, a comment",
+        "section 3.2.5",
+        "the same, and how one sees",
+        because="lenses and glasses are what eye trackers err by",
         is_stronger=True,
     ),
     Fact(
