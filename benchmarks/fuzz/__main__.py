@@ -1,4 +1,4 @@
-"""Feed damaged inputs to every reader of a file and every codec of a wire.
+"""Feed damaged inputs to every reader of a file, codec of a wire and endpoint of a server.
 
 python -m benchmarks.fuzz [--inputs 1000000] [--seconds S] [--only TEXT] [--seed 1] [--json]
 
@@ -11,7 +11,8 @@ the device has not, a checked frame that nobody sent), and hangs: an input that 
 `LIMIT_S` of processor time. A checksum of n bits lets one damaged frame of 2ⁿ pass by chance: the
 table says beside what was accepted wrong how many may be, and more are a failure.
 `--seconds` ends a target early; how many inputs it had is printed. An import of a whole person does
-far more than read: its reader gets all inputs, the rest of it a hundredth of them. Files are
+far more than read: its reader gets all inputs, the rest of it a hundredth of them; endpoints, which
+record, get a tenth. Files are
 written to memory where the system has such a place. With `--tally FILE` counts are kept and each
 run goes on where the last one stopped, with other inputs, until every target has had its inputs;
 what each had in all is printed last (`--inputs 0`: nothing else).
@@ -27,6 +28,7 @@ import traceback
 import warnings
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -34,6 +36,7 @@ import numpy as np
 
 from benchmarks.fuzz.codecs import codecs
 from benchmarks.fuzz.damage import draws
+from benchmarks.fuzz.endpoints import endpoints
 from benchmarks.fuzz.files import files
 from benchmarks.fuzz.target import Target, may_pass
 from visavis.lab.clock import StopWatch
@@ -189,8 +192,9 @@ def main() -> int:
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     outcomes = []
     counts = tallied(options.tally, options.seed)
-    with tempfile.TemporaryDirectory(dir=scratch_folder()) as scratch:
-        targets = (*codecs(), *files(Path(scratch)))
+    with tempfile.TemporaryDirectory(dir=scratch_folder()) as scratch, ExitStack() as stack:
+        served = stack.enter_context(endpoints(Path(scratch)))
+        targets = (*codecs(), *files(Path(scratch)), *served)
         wanted = {target.name: round(options.inputs * target.share_01) for target in targets}
         bits = {target.name: target.checksum_bits for target in targets}
         for target in targets:
