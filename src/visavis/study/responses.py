@@ -28,7 +28,7 @@ ANSWER_ENDINGS: Final = (
 """Endings of the columns that an answer adds to a trial's row, what was typed left out."""
 ONE_KEY: Final = (*"abcdefghijklmnopqrstuvwxyz", "space", "enter", "left", "right", "up", "down")
 """Names that are more likely a key's than an answer's."""
-WAYS = "ray, gaze, keys, keyboard, mouse, touch, pen or operator"
+WAYS = "ray, gaze, keys, keyboard, mouse, touch, pen, pasted or operator"
 
 
 @dataclass(frozen=True)

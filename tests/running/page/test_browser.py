@@ -192,6 +192,51 @@ def test_an_answer_that_cannot_be_is_asked_again_and_the_session_goes_on(
     assert ["set aside" in problem for problem in problems] == [True]
 
 
+TYPING = """
+from visavis import Factor, Study, Text
+
+study = Study("typed", factors=[Factor("place", [1, 2])], on="browser", uses=(), calibrate=False)
+
+
+@study.trial
+def trial(t):
+    yield t.ask(Text("answer"))
+"""
+
+
+def test_an_answer_that_was_pasted_says_so_and_one_that_was_typed_does_not(
+    server: Server, browser: Any
+) -> None:
+    (server.root / "typed.py").write_text(TYPING, "utf-8")
+    address = server.start("serve", "typed.py", "--port", "0")
+    page = browser.new_context().new_page()
+    page.goto(address)
+    texts = iter(["typed by hand", "written by a machine"])
+    watch = StopWatch()
+    while "Thank you" not in state_of(page)["text"]:
+        assert watch.elapsed_s() < PATIENCE_S, state_of(page)
+        area = page.query_selector("textarea:not([disabled])")
+        if area and not area.input_value() and (text := next(texts, "")):
+            area.focus()
+            if text.startswith("typed"):
+                page.keyboard.type(text)
+            else:
+                page.evaluate(
+                    """(text) => { const area = document.activeElement;
+                    area.dispatchEvent(new ClipboardEvent("paste", { bubbles: true }));
+                    document.execCommand("insertText", false, text); }""",
+                    text,
+                )
+        with contextlib.suppress(playwright_error()):
+            step_on(page)
+        page.wait_for_timeout(POLL_S * 1000)
+    (path,) = (server.root / "data/simulated/typed").glob("sub-*/ses-001")
+    page.wait_for_timeout(2000)
+    rows = Recording(path).trials()
+    by = dict(zip(rows["answer"], rows["answer_by"], strict=True))
+    assert {"typed by hand": "keys", "written by a machine": "pasted"} == by
+
+
 def test_a_browser_killed_right_after_an_answer_remembers_whose_session_it_was(
     server: Server, tmp_path: Path
 ) -> None:

@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.running.page.pages import SEED, config, experiment, study
+from visavis.cli.commands.serving import people_wanted
 from visavis.experiments.interpolation.study import study as interpolation
 from visavis.lab.clock import SimClock
 from visavis.lab.errors import DataError, UsageError
@@ -20,6 +21,7 @@ from visavis.protocol.people.key_file import KeyFile
 from visavis.protocol.people.ledger import Ledger
 from visavis.protocol.session.operator import UnattendedOperator
 from visavis.recording.reader import Recording
+from visavis.results.opened_study import find_study
 from visavis.running.film_store import film_store
 from visavis.running.page.arrivals import arrival_of, check_completion, completion_of, least_filled
 from visavis.running.page.client import arrive, visit
@@ -237,6 +239,58 @@ def test_a_place_is_taken_with_the_consent_and_whoever_consents_too_late_is_told
     payloads = list(late.events().loc[late.events()["name"] == "page_event", "payload"])
     assert [{"agreed": True, "is_full": True}] == [payload["reply"] for payload in payloads]
     assert {} == place.who
+
+
+IN_GROUPS = """
+from visavis import Factor, Rating, Study
+
+study = Study(
+    "grouped", factors=[Factor("load", ["low", "high"]), Factor("who", ["a", "b"], between=True)],
+    on="browser", uses=(), calibrate=False,
+)
+
+
+@study.trial
+def trial(t):
+    yield t.ask(Rating("nice", 1, 5))
+"""
+
+
+def test_each_group_takes_as_many_as_are_wanted_of_it_and_who_leaves_makes_room_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "grouped.py").write_text(IN_GROUPS, "utf-8")
+    grouped = find_study(str(tmp_path / "grouped.py"))
+    for name, made in (("study", grouped), ("experiment", grouped.experiment({}))):
+        monkeypatch.setattr(f"{__name__}.{name}", lambda made=made: made)
+    place = Place(tmp_path, Rules(group_quota=2))
+
+    async def act(base: str, reception: Reception) -> list[str]:
+        at = [await arrive(base, {}) for _ in range(4)]
+        outcomes = [await visit(address, place.visitor(), place.clock) for address in at[:3]]
+        with pytest.raises(DataError, match="enough participants"):
+            await arrive(base, {})
+        place.clock.sleep_until_ns(place.clock.now_ns() + IDLE_NS + 1)  # the fourth leaves
+        await reception._leave_idle()
+        outcomes.append(await visit(await arrive(base, {}), place.visitor(), place.clock))
+        with pytest.raises(DataError, match="enough participants"):
+            await arrive(base, {})
+        return outcomes
+
+    assert ["done"] * 4 == served(place, act)
+    groups = [entry.group for entry in place.ledger.list()]
+    assert ["a", "b", "a", "b", "b"] == groups  # the fifth takes over from the fourth
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"), [("", (None, None)), ("40", (40, None)), ("20/group", (None, 20))]
+)
+def test_people_wanted_are_said_in_all_or_of_each_group(
+    text: str, wanted: tuple[int | None, int | None]
+) -> None:
+    assert wanted == people_wanted(text)
+    with pytest.raises(UsageError, match="takes a number such as 40, or 20/group"):
+        people_wanted("0/group")
 
 
 def test_visitors_who_never_consent_take_no_place_and_are_soon_taken_for_gone(

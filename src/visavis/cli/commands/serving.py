@@ -1,6 +1,7 @@
 """serve, board: a study on pages for many participants at once, and its progress."""
 
 import asyncio
+import re
 import signal
 from contextlib import suppress
 from pathlib import Path
@@ -60,13 +61,12 @@ def serve(
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option("--port", min=0, max=65535, help="0: a free one.")] = 8080,
     participants: Annotated[
-        int | None,
+        str,
         typer.Option(
             "--participants",
-            min=1,
-            help="How many people may take part; then it is full.",
+            help="How many people may take part, then it is full: 40; or of each group: 20/group.",
         ),
-    ] = None,
+    ] = "",
     completion: CompletionOption = "",
     seed: SeedOption = None,
     devices: DevicesOption = None,
@@ -82,6 +82,7 @@ def serve(
     Example: visavis serve ./lively.py --public https://study.example.org --participants 40
     """
     check_completion(completion)
+    wanted = people_wanted(participants)
     parts = urlsplit(public)
     if public and (parts.scheme not in ("http", "https") or not parts.hostname):
         raise UsageError(f"--public takes an address, https://…, not {public!r}")
@@ -95,7 +96,21 @@ def serve(
             "they come, such as http://192.168.1.5:8080"
         )
     here, base = page_study(study, devices, config, seed, assignments, language)
-    asyncio.run(_serve(here, base, public, host, port, participants, completion))
+    asyncio.run(_serve(here, base, public, host, port, wanted, completion))
+
+
+def people_wanted(text: str) -> tuple[int | None, int | None]:
+    """Return how many people may take part, of all and of each group; None without a limit.
+
+    Raises:
+        UsageError: it is neither NUMBER nor NUMBER/group.
+    """
+    match = re.fullmatch(r"([1-9][0-9]{0,6})(/group)?", text.strip())
+    if match is None and text:
+        raise UsageError(f"--participants takes a number such as 40, or 20/group, not {text!r}")
+    if match is None:
+        return None, None
+    return (None, int(match[1])) if match[2] else (int(match[1]), None)
 
 
 def page_study(
@@ -159,7 +174,7 @@ async def _serve(
     public: str,
     host: str,
     port: int,
-    quota: int | None,
+    wanted: tuple[int | None, int | None],
     completion: str,
 ) -> None:
     # Late: aiohttp comes with visavis[browser], which the other commands here do not need.
@@ -176,7 +191,7 @@ async def _serve(
         base,
         store,
         here.ledger,
-        Rules(quota, completion),
+        Rules(wanted[0], completion, wanted[1]),
         identify=lambda label, who: None if key_file is None else key_file.identify(label, who),
         identity_of=lambda label: None if key_file is None else key_file.identity(label),
         forget=lambda label: None if key_file is None else key_file.forget(label),

@@ -96,9 +96,12 @@ def order_of(plan: SessionPlan, *, trials_too: bool) -> Order:
 
 
 def least_filled(
-    taken_places: Iterable[int], counting: Sequence[int], order: Callable[[int], Order]
+    taken_places: Iterable[int],
+    counting: Sequence[int],
+    order: Callable[[int], Order],
+    is_open: Callable[[int], bool] = lambda place: True,
 ) -> int:
-    """Return the free place whose order the fewest people have.
+    """Return the free place whose order the fewest people have, among those that are open.
 
     `taken_places` are places already given away, `counting` those of people who completed or are
     taking part: the order of a person who left is filled again. Ties go to the first place.
@@ -109,7 +112,8 @@ def least_filled(
     for index in counting:
         people_by_order[order(index)] = people_by_order.get(order(index), 0) + 1
     best, fewest = -1, -1
-    for index in islice(free, PLACES_AHEAD):
+    ahead = list(islice(free, PLACES_AHEAD))
+    for index in [place for place in ahead if is_open(place)] or ahead:
         have = people_by_order.get(order(index), 0)
         if best < 0 or have < fewest:
             best, fewest = index, have

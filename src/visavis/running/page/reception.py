@@ -2,10 +2,11 @@
 
 import asyncio
 import threading
+from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,6 +20,7 @@ from visavis.recording.writer import CloseStatus, Recorder
 from visavis.running.film_store import FilmStore
 from visavis.running.page.arrivals import (
     LINK,
+    PLACES_AHEAD,
     Arrival,
     Order,
     arrival_of,
@@ -67,10 +69,14 @@ CANNOT_GO_ON: Final = "this session cannot go on; please tell the researchers"
 
 @dataclass(frozen=True)
 class Rules:
-    """How a study is served: how many people are wanted, and where they go afterwards."""
+    """How a study is served: how many people are wanted, and where they go afterwards.
+
+    `group_quota` is how many of each group may take part.
+    """
 
     quota: int | None = None
     completion: str = ""
+    group_quota: int | None = None
 
 
 @dataclass(eq=False)
@@ -234,13 +240,33 @@ class Reception:
     def _is_full(self) -> bool:
         """Tell whether all places are taken: by people who completed, or are at it."""
         n_taken = sum(state in COUNTING for state in list(self._states.values()))
-        return self._rules.quota is not None and n_taken >= self._rules.quota
+        if self._rules.quota is not None and n_taken >= self._rules.quota:
+            return True
+        return self._rules.group_quota is not None and set(self._groups) <= self._full_groups()
+
+    @cached_property
+    def _groups(self) -> tuple[str, ...]:
+        """The groups of the study: a run of places holds each once before one comes again."""
+        names = (str(self._order(index)[0]) for index in range(PLACES_AHEAD))
+        return tuple(dict.fromkeys(names))
+
+    def _full_groups(self) -> set[str]:
+        """Return the groups of which as many people as wanted completed, or are at it."""
+        most = self._rules.group_quota
+        if most is None:
+            return set()
+        group_of = {entry.label: entry.group for entry in self._ledger.list()}
+        states = list(self._states.items())
+        taken = Counter(group_of.get(label) for label, state in states if state in COUNTING)
+        return {str(group) for group, n in taken.items() if group is not None and n >= most}
 
     def _take_place(self, label: str) -> bool:
         """Give a participant who consents a place; tell whether there is one. Thread-safe."""
         with self._taking_place:
-            if self._states.get(label) not in COUNTING and self._is_full():
-                return False
+            if self._states.get(label) not in COUNTING:
+                group = next((e.group for e in self._ledger.list() if e.label == label), "")
+                if self._is_full() or group in self._full_groups():
+                    return False
             self._states[label] = "running"
             return True
 
@@ -328,7 +354,13 @@ class Reception:
         entries = [e for e in self._ledger.list() if not e.has_freed_place]
         filling = (*COUNTING, ARRIVED)
         counting = [e.index for e in entries if self._states.get(e.label) in filling]
-        index = least_filled([e.index for e in entries], counting, self._order)
+        full_groups = self._full_groups()
+        index = least_filled(
+            [e.index for e in entries],
+            counting,
+            self._order,
+            is_open=lambda place: self._order(place)[0] not in full_groups,
+        )
         plan = self._experiment.plan(index, self._base.seed)
         return self._ledger.add(index=index, group=plan.group)
 

@@ -303,7 +303,13 @@ function questionField(question, index, changed) {
     const isText = question.kind === "text";
     const control = element(isText ? "textarea" : "input", { type: isText ? false : "text", class: isText ? false : "number",
       rows: isText ? 3 : false, maxlength: isText ? 10000 : 20, inputmode: isText ? false : "decimal", autocomplete: "off", id: `q${index}` });
-    control.addEventListener("input", () => choose(control.value.trim() === "" ? null : control.value.trim(), "keys"));
+    let way = "keys"; // of what stands there: "pasted" once anything of it was, until it is empty
+    for (const name of ["paste", "drop"]) control.addEventListener(name, () => { way = "pasted"; });
+    control.addEventListener("input", () => {
+      const text = control.value.trim();
+      choose(text === "" ? null : text, way);
+      if (text === "") way = "keys";
+    });
     controls = [control];
     field = element("div", {}, element("label", { class: "prompt", for: `q${index}` }, ...legend), control);
   }
