@@ -1,4 +1,4 @@
-"""Figures drawn live on the page: sliders mould them, and one can look at them from all round.
+"""Figures drawn live: sliders mould them, and one can look at them from all round.
 
 A live figure is made of example motions and of what leads from sliders to their weights. It answers
 a slider in the next frame, where a film shows the same to everybody. Poses are the same on every

@@ -51,7 +51,7 @@ class Seen:
     films: "Mapping[str, FilmSeen]" = field(default_factory=dict)
     """Films by moving cameras that ran on a page, by where they stood ("film", "left", "right")."""
     live: "Live | None" = None
-    """The live figure that is being moulded on a page."""
+    """The live figure that is being moulded."""
     caption: str = ""
     """What stands above it."""
 

@@ -12,6 +12,7 @@ import aiohttp
 import pytest
 
 from tests.running.page.pages import Page, begun
+from visavis.cli import viewer
 from visavis.running.page.server import (
     HEADERS,
     KEY,
@@ -52,6 +53,12 @@ def test_the_whole_page_is_small_and_asks_nobody_else() -> None:
     assert [] == [
         f.name for f in ours if re.search(rb"(https?:)?//[a-z0-9.]+\.[a-z]{2,}", f.read_bytes())
     ]
+
+
+def test_one_file_draws_on_all_pages() -> None:
+    scripts = [*SITE.rglob("*.js"), *Path(viewer.__file__).parent.glob("*.js")]
+    drawing = [f.name for f in scripts if "createShader(" in f.read_text("utf-8")]
+    assert drawing == ["painting.js"]
 
 
 def test_without_the_key_nothing_is_told(tmp_path: Path) -> None:
