@@ -2,16 +2,21 @@
 
 from dataclasses import replace
 from functools import lru_cache
+from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from visavis.lab.errors import DataError
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.dressing.casting import default_casting
 from visavis.stimuli.picture import Picture, Room
-from visavis.stimuli.rooms.plain import plain_room
+from visavis.stimuli.rooms.plain import HIGH_M, plain_room
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.live_figures import LiveFigures
+
+FRONT_M: Final = 0.1
+"""What is so near to the front wall is of it."""
 
 
 @lru_cache(maxsize=16)
@@ -21,15 +26,20 @@ def _cast(characters: tuple[str, ...]) -> tuple[Character, ...]:
 
 @lru_cache(maxsize=16)
 def _room(at_m: tuple[float, float, float]) -> Room:
-    """Return the plain room, moved."""
+    """Return the plain room, moved, its front wall staying behind whoever looks."""
     room, by = plain_room(), np.array(at_m)
     x, y, z = at_m
+
+    def moved(vertices_m: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        places: npt.NDArray[np.float32] = (vertices_m + by).astype(np.float32)
+        is_front = vertices_m[:, 2] > HIGH_M[1] - FRONT_M
+        places[is_front, 2] = vertices_m[is_front, 2]
+        return places
+
     props = tuple(
         replace(
             prop,
-            mesh=replace(
-                prop.mesh, vertices_m=(prop.mesh.vertices_m + by).astype(prop.mesh.vertices_m.dtype)
-            ),
+            mesh=replace(prop.mesh, vertices_m=moved(prop.mesh.vertices_m)),
             blocks=tuple(
                 replace(
                     block,
