@@ -449,3 +449,39 @@ def test_points_that_mean_lost_gaze_are_lost_though_they_are_called_valid(
     assert recording.combined is not None
     assert is_lost == np.isnan(recording.combined.direction[100, 0])
     assert is_lost == any("lost the eye" in remark for remark in recording.remarks)
+
+
+DAMAGES = {
+    "gone": lambda path: path.unlink(),
+    "empty": lambda path: path.write_text(""),
+    "header alone": lambda path: path.write_text(path.read_text().splitlines()[0] + "\n"),
+    "other columns": lambda path: path.write_text(path.read_text().replace("pupil", "size", 1)),
+    "a word": lambda path: path.write_text(path.read_text().replace("\n16.666", "\nsoon", 1)),
+}
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    n=st.integers(2, 4),
+    which=st.integers(0, 3),
+    damage=st.sampled_from(sorted(DAMAGES)),
+)
+def test_one_file_of_several_that_is_refused_leaves_nothing_half_done(
+    n: int, which: int, damage: str, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    root = tmp_path_factory.mktemp("several")
+    files = []
+    for k in range(n):
+        (root / f"p{k}").mkdir()
+        files.append(headset_file(root / f"p{k}", wandering(60), 3.2))
+    DAMAGES[damage](files[which % n])
+    mapping = root / "m.yaml"
+    mapping.write_text(
+        "time: {column: t, unit: ms}\nspace: head\n"
+        "combined: {direction: [x, y, z], pupil: {column: pupil, unit: mm}}\n"
+    )
+    arguments = ["--format", "csv", "--mapping", str(mapping), "-o", str(root / "out")]
+    result = CliRunner().invoke(app, ["import", "gaze", *map(str, files), *arguments])
+    assert isinstance(result.exception, DataError | UsageError)
+    assert f"p{which % n}" in str(result.exception)
+    assert not (root / "out").exists()
