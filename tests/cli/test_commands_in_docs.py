@@ -3,6 +3,7 @@
 import re
 import shlex
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -46,9 +47,15 @@ def commands_of(page: Path) -> Iterator[list[str]]:
         yield shlex.split(line, comments=True)[1:]
 
 
+@cache
+def whole_program() -> Any:
+    """Return the program with all its commands, which takes a tenth of a second to build."""
+    return typer.main.get_command(app)
+
+
 def problem_of(words: list[str]) -> str:
     """Say what of a command does not exist; nothing when all of it does."""
-    command: Any = typer.main.get_command(app)
+    command = whole_program()
     rest = list(words)
     context = command.context_class(command)
     while hasattr(command, "list_commands") and rest:

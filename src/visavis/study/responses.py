@@ -5,6 +5,7 @@ A response is data. Its words stand in the study's text files (`questions.NAME`,
 `visavis.study.asking`'s.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Final, TypeAlias
@@ -146,11 +147,14 @@ class Choice(_OptionResponse):
     trials; like options they are translated by `choices.NAME.LABEL`. `means` is what each option
     means on this occasion, in their order, where it is not the option itself: in a trial with sides
     swapped "left" means another thing. Left out, it is the labels. The row keeps it as
-    `NAME_means`, and reports count meanings; their words are `choices.NAME.MEANING` too.
+    `NAME_means`, and reports count meanings; their words are `choices.NAME.MEANING` too. `keys` are
+    letters that stand for the options on a page, in their order, beside their digits; elsewhere
+    the digits alone do.
     """
 
     labels: Sequence[str] = ()
     means: Sequence[str] = ()
+    keys: Sequence[str] = ()
     _words = ("choice", "options", "the option chosen")
 
     @property
@@ -186,6 +190,15 @@ class Choice(_OptionResponse):
         if self.means and len(self.means) != len(self.options):
             raise DesignError(
                 f"choice {self.name} has {len(self.options)} options and {len(self.means)} meanings"
+            )
+        keys = tuple(str(key).lower() for key in self.keys)
+        object.__setattr__(self, "keys", keys)
+        if keys and (
+            len(set(keys)) != len(self.options) or not all(re.fullmatch("[a-z]", k) for k in keys)
+        ):
+            raise DesignError(
+                f"choice {self.name} has {len(self.options)} options and the keys "
+                f"{', '.join(keys)}; give each option a letter of its own, a to z"
             )
 
 

@@ -11,10 +11,11 @@ from typing import Any
 
 import pytest
 
+from visavis.lab.errors import DesignError
 from visavis.running.page.server import SITE
 from visavis.running.page.steps import PageError, _check_answer, page_question
 from visavis.study.information import ABOUT_PAGE
-from visavis.study.responses import Number
+from visavis.study.responses import Choice, Number
 
 HOST = """
 class Element {
@@ -142,14 +143,17 @@ def test_who_agrees_has_the_browser_described_once_by_the_facts_they_were_told(
 
 
 KEYS = """
-const { digitOf } = await import(process.argv[2]);
+const { digitOf, optionOf } = await import(process.argv[2]);
 const keys = [
   { key: "4", code: "Digit4" }, { key: "4", code: "Numpad4" }, { key: "'", code: "Digit4" },
   { key: "4", code: "Digit4", shiftKey: true }, { key: "$", code: "Digit4", shiftKey: true },
   { key: "4", code: "Digit4", repeat: true }, { key: "0", code: "Digit0" },
   { key: "a", code: "KeyQ" }, { key: "ArrowRight", code: "Numpad6" }, { key: "4" },
 ];
-console.log(JSON.stringify(keys.map(digitOf)));
+const letters = [{ key: "f" }, { key: "J" }, { key: "j", repeat: true }, { key: "x" }, { key: "" },
+  { key: "1" }, { key: "Shift" }];
+const of = letters.map((e) => optionOf(e, ["f", "j"]));
+console.log(JSON.stringify([...keys.map(digitOf), ...of]));
 process.exit(0);
 """
 
@@ -167,7 +171,21 @@ def test_digit_is_that_of_its_key_on_any_keyboard_and_once_however_long_it_is_he
     host.write_text(HOST.partition("await import(")[0] + KEYS, "utf-8")
     page = (tmp_path / "page.js").as_uri()
     done = subprocess.run([node, str(host), page], capture_output=True, text=True, timeout=60)
-    assert [4, 4, 4, 4, 0, 0, 0, 0, 0, 4] == json.loads(done.stdout or done.stderr)
+    found = json.loads(done.stdout or done.stderr)
+    assert [4, 4, 4, 4, 0, 0, 0, 0, 0, 4] == found[:10]
+    # A study's own letters, in any case, once however long they are held; digits go on counting.
+    assert [0, 1, -1, -1, -1, 0, -1] == found[10:]
+
+
+def test_a_studys_own_keys_stand_beside_the_options_and_each_is_a_letter() -> None:
+    choice = Choice("side", ["left", "right"], keys=["F", "j"])
+    options = page_question(choice, "Where?", ["left", "right"])["options"]
+    assert [("left", "f"), ("right", "j")] == [(o["value"], o["key"]) for o in options]
+    plain = page_question(Choice("side", ["left", "right"]), "Where?", ["left", "right"])
+    assert not any("key" in option for option in plain["options"])
+    for keys in (["f"], ["f", "f"], ["f", "1"], ["f", "ä"], ["f", "up"]):
+        with pytest.raises(DesignError, match="give each option a letter of its own"):
+            Choice("side", ["left", "right"], keys=keys)
 
 
 @pytest.mark.parametrize(

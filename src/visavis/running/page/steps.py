@@ -117,6 +117,9 @@ def page_question(response: Response, prompt: str, labels: Sequence[str]) -> dic
             }
         case Rating():
             return question | {"kind": "rating", "options": options}
+        case Choice(keys=keys) if keys:
+            keyed = [o | {"key": key} for o, key in zip(options, keys, strict=True)]
+            return question | {"kind": "choice", "options": keyed}
         case Choice() | SideBySide():
             return question | {"kind": "choice", "options": options}
         case FreeText():

@@ -268,6 +268,12 @@ export function digitOf(e) {
   return place ? Number(place[1]) : 0;
 }
 
+// The option that a key stands for, by its digit or the study's own letter; -1 for none.
+export function optionOf(e, keys) {
+  const at = e.repeat ? -1 : keys.indexOf(e.key.toLowerCase());
+  return at >= 0 && e.key.length === 1 ? at : digitOf(e) - 1;
+}
+
 // ---- questions ------------------------------------------------------------------------------
 
 function questionField(question, index, changed) {
@@ -284,7 +290,8 @@ function questionField(question, index, changed) {
     const isShort = question.options.every((o) => o.label.length <= 2);
     const kind = question.kind === "list" ? "list" : isShort ? "short" : "";
     field = element("fieldset", {}, element("legend", {}, ...legend),
-      element("div", { class: `options ${kind}` }, ...question.options.map((o, i) => element("label", {}, controls[i], element("span", {}, o.label)))));
+      element("div", { class: `options ${kind}` }, ...question.options.map((o, i) => element("label", {}, controls[i],
+        element("span", {}, ...(o.key ? [element("kbd", {}, o.key.toUpperCase()), " "] : []), o.label)))));
     field.addEventListener("pointerdown", (e) => { by = e.pointerType || "mouse"; });
     field.addEventListener("keydown", () => { by = "keys"; });
   } else if (question.kind === "slider") {
@@ -318,6 +325,7 @@ function questionField(question, index, changed) {
     field,
     controls,
     name: question.name,
+    keys: (question.options || []).map((o) => o.key || ""),
     answer: () => answer,
     isFine: () => {
       const option = answer?.option ?? null;
@@ -458,9 +466,9 @@ const steps = {
       element("div", { class: "buttons" }, go));
     const keys = (e) => {
       if (e.ctrlKey || e.altKey || e.metaKey || /^(textarea|text)$/.test(e.target.type || "")) return;
-      const digit = digitOf(e);
       const target = questions.find((q) => q.answer() === null) || questions[0];
-      if (digit && target && isOpen) target.pick(digit - 1);
+      const chosen = optionOf(e, target?.keys || []);
+      if (chosen >= 0 && target && isOpen) target.pick(chosen);
       else if (e.key === "Enter" && !e.repeat && !go.disabled && e.target !== go && e.target.type !== "button") { e.preventDefault(); go.click(); }
     };
     const back = () => { if (!document.hidden && player) player.resume(); };
