@@ -50,6 +50,7 @@ from visavis.study.measures import dwell_on as dwell_on
 from visavis.study.measures import dwell_share_on as dwell_share_on
 from visavis.study.measures import first_fixation_on as first_fixation_on
 from visavis.study.measures import fixations_on as fixations_on
+from visavis.study.measures import staircase_measures as staircase_measures
 from visavis.study.pairs import Correlate as Correlate
 from visavis.study.pairs import Pairs as Pairs
 from visavis.study.pairs import Printed as Printed
@@ -70,4 +71,5 @@ from visavis.study.sections import Confusion as Confusion
 from visavis.study.source import Fact as Fact
 from visavis.study.source import PrintedOrder as PrintedOrder
 from visavis.study.source import Source as Source
+from visavis.study.staircase import Staircase as Staircase
 from visavis.study.study_functions import Seen as Seen

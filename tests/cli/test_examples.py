@@ -19,6 +19,7 @@ SHORT = {
     "glances.py": {"repetitions": 1, "scene_s": 0.5},
     "quick_press.py": {"repetitions": 1},
     "stroop.py": {"repetitions": 1},
+    "contrast.py": {"repetitions": 2},
     "lively_films.py": {"repetitions": 1, "film_s": 0.2},
 }
 

@@ -34,6 +34,7 @@ from visavis.study.films import Stimulus
 from visavis.study.live import Live, Moulded
 from visavis.study.responses import Response
 from visavis.study.scenes import Scene, Staging, stage
+from visavis.study.staircase import Staircase
 from visavis.study.study_errors import explain, line_of, line_reached
 from visavis.study.trial import SCENE_STREAM, TrialPlan, TrialScript
 from visavis.study.trial_settings import Settings
@@ -66,7 +67,8 @@ class TrialRead:
     roles: frozenset[str] = frozenset()
     """The roles in any of the scenes."""
     fits_a_page: bool = True
-    """Whether a page can perform it: no step needs single frames or another device."""
+    """Whether a page can perform it: no step needs single frames, another device, or the rows of
+    earlier trials, which a page's server has for no single visitor."""
     sounds: tuple[Sound | Path, ...] = ()
     """The sounds that it plays."""
     sound_columns: tuple[str, ...] = ()
@@ -81,6 +83,8 @@ class TrialRead:
     """The armbands that it lets vibrate."""
     dressings: frozenset[str] = frozenset()
     """What makes pictures of its scenes: "module:function"."""
+    staircases: tuple[Staircase, ...] = ()
+    """The staircases of which a level is asked."""
 
 
 def still_view(t_ns: int = 0) -> FrameView:
@@ -216,7 +220,7 @@ def read_trial(
             lit_frame,
             tuple(films),
             frozenset(roles),
-            fits_a_page,
+            fits_a_page and not script.staircases,
             tuple(sounds),
             tuple(sound_columns),
             tuple(lives),
@@ -224,6 +228,7 @@ def read_trial(
             row_columns=tuple(sorted(map(str, own - by_kit))),
             vibrating_roles=tuple(dict.fromkeys(vibrating_roles)),
             dressings=frozenset(dressings - {""}),
+            staircases=tuple(script.staircases.values()),
         )
     except (DesignError, TypeError) as error:
         reason = explain(error)

@@ -1,7 +1,7 @@
 """A study of the kit as the session performs it: plan, trials and the dark between them."""
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -282,6 +282,7 @@ class StudyExperiment:
             DesignError: there is no such group, or the design cannot be ordered in this way.
         """
         self.settings.memory.clear()
+        self.settings.rows.clear()
         design = self.study.design_with(self.parameters)
         plan = make_plan(
             design, seed=seed, participant_index=participant_index, group=group or None
@@ -342,8 +343,15 @@ class StudyExperiment:
         }
 
     def run_trial(self, trial: Trial) -> Plan:
-        """Return the generator that performs a trial."""
-        return perform(TrialScript(trial, self.settings), self.study.trial_plan)
+        """Perform a trial; later trials know its row."""
+        script = TrialScript(trial, self.settings)
+        row = yield from perform(script, self.study.trial_plan)
+        script.remember(row)
+        return row
+
+    def recall(self, rows: Sequence[Mapping[str, Any]]) -> None:
+        """Take up the rows that a session recorded before it was resumed, in their order."""
+        self.settings.rows[:] = [row for row in rows if row["status"] == "complete"]
 
     def intertrial(self, trial: Trial) -> Plan:
         """Stay dark before a trial, or do what the study does instead."""

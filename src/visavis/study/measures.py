@@ -20,6 +20,7 @@ from visavis.lab.errors import DataError, DesignError, UsageError
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.steps import Scalar
 from visavis.recording.reader import Recording, flat_components
+from visavis.study.staircase import Staircase
 from visavis.study.study_errors import users_mistake
 
 Aggregate = Literal["mean", "median", "share"]
@@ -296,6 +297,15 @@ def column(
 ) -> Measure:
     """Return a column that the trial itself wrote into its row, as a measure."""
     return Measure(name, unit, words or name.replace("_", " ").capitalize(), None, aggregate)
+
+
+def staircase_measures(staircase: Staircase) -> tuple[Measure, ...]:
+    """Return the columns of a staircase as measures: levels, and the threshold they lead to."""
+    words = staircase.name.replace("_", " ")
+    return (
+        column(f"{staircase.name}_level", "1", f"Level of {words}"),
+        column(f"{staircase.name}_threshold", "1", f"Threshold of {words}, levels at reversals"),
+    )
 
 
 def value_of(measure: Measure, record: TrialRecord) -> Scalar | None:

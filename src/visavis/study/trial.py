@@ -62,6 +62,7 @@ from visavis.study.live import (
 from visavis.study.moulding import BoardWords, moulded
 from visavis.study.responses import FreeText, Keys, Pointing, Rating, Response, labels_of
 from visavis.study.scenes import FLAT, PassingScene, Scene, StagedScene, Staging, stage
+from visavis.study.staircase import Staircase, StaircaseTrial
 from visavis.study.trial_settings import Settings, is_on_board
 
 SCENE_STREAM: Final = 100
@@ -129,6 +130,7 @@ class TrialScript:
         self._sound_on_ns = 0
         self._names: dict[str, int] = {}
         self._lit_column = ""
+        self.staircases: dict[str, Staircase] = {}
 
     def __getattr__(self, name: str) -> Any:
         """Return a factor's level in this trial, or a parameter of the study."""
@@ -173,6 +175,20 @@ class TrialScript:
     def text(self, name: str, **values: Any) -> str:
         """Return one of the study's texts with its placeholders filled."""
         return self.settings.texts.get(name, {**self.settings.values, **values})
+
+    def staircase(self, staircase: Staircase, of: object = "") -> StaircaseTrial:
+        """Return a staircase in this trial: its `level`, and `take(is_right)` for the answer.
+
+        Several of one rule run beside each other, each `of` something, such as a level of a factor.
+        Answers of practice move only practice. Columns: see `StaircaseTrial`.
+        """
+        self.staircases[staircase.name] = staircase
+        rows = [r for r in self.settings.rows if bool(r["is_practice"]) == self.is_practice]
+        return StaircaseTrial(staircase, str(of), rows, self.row)
+
+    def remember(self, row: Mapping[str, Any]) -> None:
+        """Let later trials of the session know the row of this one."""
+        self.settings.rows.append({**row, "is_practice": self.is_practice})
 
     # ---- steps ----
 

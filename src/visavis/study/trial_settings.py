@@ -30,6 +30,8 @@ class Settings:
     answer_by: str
     folder: Path
     memory: dict[str, Any] = field(default_factory=dict)
+    rows: list[Mapping[str, Any]] = field(default_factory=list)
+    """The rows of this session's finished trials, those of a part before among them."""
     beside: BackgroundExecutor = field(default_factory=BackgroundExecutor)
     sounds: dict[Path, Sound] = field(default_factory=dict)
     measured_roles: frozenset[str] = frozenset()

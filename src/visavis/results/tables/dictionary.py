@@ -20,6 +20,7 @@ from visavis.study.films import film_columns
 from visavis.study.live import mould_columns
 from visavis.study.look_measures import LOOK_COLUMNS
 from visavis.study.measures import CLOCK_JUMP, Measure
+from visavis.study.staircase import columns_of
 
 PEOPLE: Final = (
     Column("participant", "", "label from the ledger"),
@@ -73,6 +74,8 @@ def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> d
         columns[name] = Column(name, "ns", words)
     columns |= film_columns(max((len(t.films) for t in experiment.read.values()), default=0))
     columns |= mould_columns(max((len(t.lives) for t in experiment.read.values()), default=0))
+    for staircase in dict.fromkeys(s for t in experiment.read.values() for s in t.staircases):
+        columns |= {c.name: c for c in columns_of(staircase)}
     columns |= {m.column: m.description() for m in measures}
     columns |= {c.name: c for c in experiment.study.analysis.columns}
     for name in experiment.study.design.derived:

@@ -131,6 +131,9 @@ def perform_rest(request: Request, session_path: Path) -> Path:
         recording = Recording(session_path)
         plan = request.experiment.plan(request.person.index, request.seed, request.person.group)
         refuse_other_plan(recording, plan)
+        if isinstance(request.experiment, StudyExperiment):
+            rows = recording.trials().to_dict("records")
+            request.experiment.recall([{str(k): v for k, v in row.items()} for row in rows])
         _perform_part(request, devices, folder, plan, progress_of_recording(recording))
         return folder.path
 
