@@ -166,6 +166,12 @@ def load_questionnaire(
         source = SCALES_DIR / f"{source}.yaml"
     document = read_document(source)
     raw = _mapping(document)
+    if "questionnaire" in raw:
+        raise ConfigError(
+            f"{source} is in the form of a wording (questionnaire: {raw['questionnaire']}), which "
+            "replaces texts of a questionnaire that is there; name it under wording: in "
+            "lab_config.yaml, or write a questionnaire as docs/questionnaires.md shows"
+        )
     problems = [*document.problems, *model_problems(document, Questionnaire, raw, ())]
     if not problems:
         problems = _inconsistencies(document, Questionnaire.model_validate(raw))

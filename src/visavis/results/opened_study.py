@@ -98,11 +98,13 @@ class OpenedStudy:
         """Return the experiment, as `experiment`, for what is yet to be recorded.
 
         Raises:
-            ConfigError: as `experiment`.
+            ConfigError: as `experiment`, or a questionnaire cannot be read.
             DesignError: a trial cannot be run through, or the study has a name with which it could
                 not be performed or not be analysed.
         """
         experiment = self.experiment(overrides)
+        asks = self.study.asks
+        self.original_questionnaires((*asks.after_block, *asks.questionnaires))  # refuses mistakes
         self._refuse_impossible_tests(experiment)
         refuse_unusable_names(experiment, self.measures(experiment))
         return experiment
