@@ -67,8 +67,9 @@ def sampled() -> Iterator[Counter[str]]:
     parts: Counter[str] = Counter()
 
     def look(_: int, frame: FrameType | None) -> None:
-        # the innermost of ours: libraries count for what called them
-        while frame is not None and not frame.f_globals["__name__"].startswith("visavis."):
+        # the innermost of ours: libraries count for what called them; methods that Python makes
+        # of a dataclass's fields may have no module
+        while frame is not None and not frame.f_globals.get("__name__", "").startswith("visavis."):
             frame = frame.f_back
         parts[frame.f_globals["__name__"] if frame is not None else "other"] += 1
 
