@@ -61,10 +61,12 @@ def _lay_out(figure: Figure) -> None:
     """Give panels, labels and legends their places once: that takes longer than drawing, and a
     figure that is written three times has them in the same places each time.
     """
-    if figure.get_layout_engine() is not None:
+    engine = figure.get_layout_engine()
+    if engine is not None:
         FigureCanvasSVG(figure)  # which measures texts for the file that comes first
         dpi = figure.dpi
-        figure.draw_without_rendering()
+        if figure.axes:
+            engine.execute(figure)
         figure.set_layout_engine(None)
         figure.dpi = dpi
 
