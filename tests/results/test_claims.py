@@ -32,6 +32,10 @@ def lowered(factors: Mapping[str, Any], rng: np.random.Generator) -> float:
     return 12.0 - lifted(factors, rng)
 
 
+def nothing(factors: Mapping[str, Any], rng: np.random.Generator) -> float:
+    return float(rng.normal(5, 1))
+
+
 def rated(factors: Mapping[str, Any], rng: np.random.Generator) -> float:
     return float(np.clip(round(lifted(factors, rng) - 2), 1, 9))
 
@@ -210,6 +214,24 @@ def test_the_same_as_published_is_the_same_direction(
     beside = published_agreement(finding, finding.terms[0])
     assert beside is not None
     assert agrees is beside.agrees
+
+
+@pytest.mark.parametrize(
+    ("p", "is_significant", "value", "words"),
+    [
+        ("0.4", False, nothing, "neither is significant, which shows no agreement"),
+        ("0.4", False, lifted, "significant here alone"),
+        ("0.017", True, nothing, "significant there alone"),
+    ],
+)
+def test_nothing_found_twice_is_no_agreement(
+    p: str, is_significant: bool, value: Any, words: str
+) -> None:
+    """Two studies in which nothing is significant were "the same verdict", as if they agreed."""
+    printed = published_f("0.75", 1, 15, p=p, eta2p="0.05", is_significant=is_significant, order="")
+    compare = Compare("mood", within=["gaze", "distance"], test="rm", published={"gaze": printed})
+    found = analysed([GAZE, DISTANCE], [compare], {"mood": value})
+    assert any(f"({words}" in headline.detail for headline in headlines(found))
 
 
 def test_the_interval_of_a_headline_is_that_of_t() -> None:

@@ -178,15 +178,15 @@ def _published_note(finding: Finding, term: Term) -> str:
     if agreement is None or printed_result is None:
         return ""
     if agreement.agrees:
-        same = "the same verdict"
+        same = "neither is significant, which shows no agreement"
         if printed_result.is_significant:
-            same += (
+            same = "the same verdict" + (
                 ", in the same direction" if printed_result.order else "; which way is not printed"
             )
     elif printed_result.is_significant and term.is_significant:
         same = "significant in both, but the other way round"
     else:
-        same = "another verdict"
+        same = f"significant {'there' if printed_result.is_significant else 'here'} alone"
     is_inside = published_effect_in_interval(finding, term)
     if is_inside is not None:
         same += f"; the printed η²p lies {'in' if is_inside else 'outside'} our interval"
