@@ -261,7 +261,7 @@ def surface_rows(people: int, seed: int) -> list[dict[str, object]]:
         {
             "block": block,
             "published": printed[k],
-            **{str(name): value for name, value in means.loc[block].items()},
+            **{str(n): x for n, x in means.loc[block].items()},
         }
         for k, block in enumerate(CONDITIONS)
     ]

@@ -22,7 +22,7 @@ from visavis.experiments.stare.design import (
     StareParameters,
     place_of,
 )
-from visavis.experiments.stare.facts import FACTS
+from visavis.experiments.stare.facts import FACTS, ORDERS
 from visavis.experiments.stare.scene import dark_scene_of, distances
 from visavis.experiments.stare.trial import run_trial
 from visavis.lab.errors import DesignError
@@ -108,6 +108,7 @@ study = Study(
         published.CELLS,
         where="tables 3.1, 3.2, A.1 to A.3",
         facts=FACTS,
+        orders=ORDERS,
     ),
     methods=METHODS,
     references=REFERENCES,
