@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from visavis.experiments.crowd.participant.participant import CrowdParticipant
-from visavis.experiments.crowd.participant.route import STEP_M
+from visavis.experiments.crowd.participant.route import STEP_M, choose_gaps, gap_graph
 from visavis.experiments.crowd.participant.traits import (
     ALARM_MARGIN,
     ALARM_PER_S,
@@ -38,6 +38,7 @@ from visavis.experiments.crowd.participant.walking import (
 from visavis.experiments.crowd.participant.walking import TUCK as TUCKED
 from visavis.lab.body_joints import BODY_JOINTS
 from visavis.stimuli.contact.body import bones
+from visavis.stimuli.scenes.station_crowd import READING_M, START_M, station_crowd
 
 
 def traits_of(many=600, population=DEFAULT_POPULATION, *, feels=True):
@@ -72,6 +73,16 @@ def test_nobody_sways_into_people_beside_them():
     room_m = np.maximum((0.4 - across_m) / 2 - traits[CLEAR], 0.0)
     assert np.abs(settled[:, ASIDE]).max() <= room_m.max() + 0.001
     assert np.abs(walked(traits, gap_m=2.0, sway=3.0)[200:, ASIDE]).max() > 0.05
+
+
+@pytest.mark.parametrize("configuration", range(9))
+def test_nobody_goes_through_a_gap_into_which_no_turned_body_fits(configuration):
+    graph = gap_graph(station_crowd(configuration))
+    mark, board = np.array(START_M), np.array(READING_M)
+    gaps = choose_gaps(
+        graph, mark, board, np.ones(len(graph.free_m)), squeeze=0.0, easy_gap_m=0.8
+    )  # who minds no squeeze at all
+    assert DEFAULT_POPULATION.walking.body_depth_m < 0.3 < graph.free_m[gaps].min()
 
 
 def test_arms_come_in_where_it_is_narrow():
