@@ -5,6 +5,7 @@
 
 As many people as the source had take part, over the quick path. With `--pool` only so many people
 are simulated, and studies drawn from them with replacement: for studies that take a minute each.
+What the pool has by chance is in all of these, so that shares near the limit need whole studies.
 Every order that the study's source
 states (`visavis fidelity`) must hold in 90 % of simulated studies, or the study says why it
 is not reproduced. Exits with 1 where one holds too seldom without a reason, or holds well enough
