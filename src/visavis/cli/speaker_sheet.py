@@ -11,7 +11,9 @@ from PIL import Image, ImageDraw
 from visavis.analysis.statistics.power_estimates import proportion_interval
 from visavis.cli.warp_sheet import DAYLIGHT
 from visavis.lab.clock import NS_PER_S
-from visavis.running.film_store import camera_of
+from visavis.running.film_store import camera_of, film_drawing
+from visavis.stage.errors import StageError
+from visavis.stage.film_sound import add_sound
 from visavis.stage.movie import open_movie
 from visavis.stage.stills import Stills
 from visavis.stimuli.characters.character import MORPHS, Character
@@ -20,8 +22,10 @@ from visavis.stimuli.motion.clip import Clip
 from visavis.stimuli.motion.speaking.gesture_script import GesturePhrase, GestureScript
 from visavis.stimuli.motion.speaking.gesturing import gesture_arms
 from visavis.stimuli.motion.speaking.lexemes import LEXEMES
+from visavis.stimuli.motion.speaking.mouth import Mouth, mouth_of
 from visavis.stimuli.motion.speaking.performance import performed
 from visavis.stimuli.motion.speaking.speaker import Delay, Speaker
+from visavis.stimuli.motion.speaking.speech import Speech
 from visavis.stimuli.motion.synthesis.phrase_posture import CLASSES, Part
 from visavis.stimuli.picture import Picture, PosedPeople, Room
 from visavis.stimuli.rooms import surfaces
@@ -158,9 +162,14 @@ def _room() -> Room:
     return Room("sheet", (floor,), (sun,), np.full(3, 0.55), np.full(3, 0.42), (196, 202, 208))
 
 
-def _picture(room: Room, who: Character, clip: Clip, t_s: float) -> Picture:
+def _picture(
+    room: Room, who: Character, clip: Clip, t_s: float, mouth: Mouth | None = None
+) -> Picture:
     pose = clip.at(t_s)
-    people = PosedPeople(pose.root_m[None], pose.orientation_wxyz[None], np.zeros((1, len(MORPHS))))
+    morphs = np.zeros((1, len(MORPHS)))
+    if mouth is not None:
+        morphs[0, [MORPHS.index("jaw_open"), MORPHS.index("smile")]] = mouth.at(t_s)
+    people = PosedPeople(pose.root_m[None], pose.orientation_wxyz[None], morphs)
     return Picture(round(t_s * NS_PER_S), room, (who,), people)
 
 
@@ -170,19 +179,33 @@ def write_motion_film(
     clip: Clip,
     size_px: tuple[int, int],
     report_progress: Callable[[int, int], None],
+    speech: Speech | None = None,
 ) -> None:
-    """Draw a motion as a film at the clip's own rate.
+    """Draw a motion as a film at the clip's own rate; with `speech`, heard and seen on the lips.
 
     Raises:
         StageError: the film or its pictures cannot be made here.
     """
     room, camera = _room(), camera_of(FILM_LENS, size_px)
     total = len(clip.root_m) - 1
-    with open_movie(path, size_px, round(1 / clip.frame_s)) as movie, Stills() as stills:
-        for frame in range(total):
-            picture = _picture(room, who, clip, frame * clip.frame_s)
-            movie.add(stills.image(picture, camera, size_px))
-            report_progress(frame + 1, total)
+    mouth = None if speech is None else mouth_of(speech)
+    if speech is not None and path.exists():
+        raise StageError(f"{path} exists already", remedy="choose another name")
+    silent = path if speech is None else path.with_name(f".{path.stem}.silent{path.suffix}")
+    draft = path.with_name(f".{path.stem}.unfinished{path.suffix}")
+    try:
+        with open_movie(silent, size_px, round(1 / clip.frame_s)) as movie, film_drawing() as draw:
+            for frame in range(total):
+                picture = _picture(room, who, clip, frame * clip.frame_s, mouth)
+                movie.add(draw(picture, camera, size_px))
+                report_progress(frame + 1, total)
+        if speech is not None:
+            add_sound(silent, draft, speech.sound)
+            draft.rename(path)
+    finally:
+        if speech is not None:
+            silent.unlink(missing_ok=True)
+            draft.unlink(missing_ok=True)
 
 
 def draw_lexemes(path: Path, who: Character, seed: int) -> None:

@@ -38,10 +38,9 @@ from visavis.study.films import MIME, Film, Lens
 from visavis.study.scenes import Maker, StagedScene, Staging, stage
 
 if TYPE_CHECKING:
-    from visavis.stage.renderer import Renderer
     from visavis.study.moving_camera import FilmSeen
 
-FILM_VERSION: Final = "vp9 5"
+FILM_VERSION: Final = "vp9 6"
 """Version of drawing and encoding: a new value makes every film again."""
 QUALITY: Final[Mapping[str, str]] = {
     "crf": "18",
@@ -55,6 +54,8 @@ QUALITY: Final[Mapping[str, str]] = {
 """One thread, so that the same pictures give the same bytes."""
 REPORT_EVERY: Final = 10
 POSE_DECIMALS: Final = 6
+Image = npt.NDArray[np.uint8]
+Draw = Callable[[Picture, Camera, tuple[int, int]], Image]
 NO_POSE: Final = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 
 
@@ -124,9 +125,9 @@ class FilmStore:
         for film in missing:
             self.check_edges(film)
         self.folder.mkdir(parents=True, exist_ok=True)
-        with _renderer() as renderer:
+        with film_drawing() as draw:
             for film in missing:
-                for frames in self._write(film, renderer):
+                for frames in self._write(film, draw):
                     if frames % REPORT_EVERY == 0:
                         report_progress(frames_done + frames, total)
                 frames_done += film.frame_count
@@ -188,7 +189,7 @@ class FilmStore:
             camera = camera_of(film.lens, film.size_px)
             refuse_cut_off(name, list(self.pictures(film)), camera)
 
-    def _write(self, film: Film, renderer: "Renderer") -> Iterator[int]:
+    def _write(self, film: Film, draw: Draw) -> Iterator[int]:
         import av
 
         path = self.folder / f"{self.name_of(film)}.webm"
@@ -201,7 +202,7 @@ class FilmStore:
             stream.codec_context.thread_count = 1
             shots = zip(self.pictures(film), cameras, strict=True)
             for number, (picture, camera) in enumerate(shots, start=1):
-                image = renderer.image(picture, camera, film.size_px)
+                image = draw(picture, camera, film.size_px)
                 frame = av.VideoFrame.from_ndarray(image, format="rgb24")
                 container.mux(stream.encode(frame))
                 yield number
@@ -330,23 +331,32 @@ def _film_seen(film: Film, makers: tuple[tuple[str, Maker], ...], folder: Path) 
 
 
 @contextmanager
-def _renderer() -> "Iterator[Renderer]":
-    """Open a renderer.
+def film_drawing() -> Iterator[Draw]:
+    """Open what draws the pictures of films, in a size of (width, height) pixels.
 
     A processor draws people with compiled loops, all in full detail. With shadow maps and light at
-    every pixel, a single person would take seventeen times as long.
+    every pixel, a single person would take seventeen times as long; four samples a pixel take it
+    twice as long as a picture of twice the width and height, made small.
     """
     # OpenGL is loaded only to draw films, not to name them, to serve them or for simulated people.
     from visavis.stage.card.context import draws_on_processor, offscreen_context, release_offscreen
     from visavis.stage.levels import DetailRule
     from visavis.stage.renderer import ON_PROCESSOR, Quality, Renderer
+    from visavis.stage.stills import TIMES, shrink
 
     context = offscreen_context()
     try:
-        quality = Quality()
-        if draws_on_processor(context):
-            quality = replace(ON_PROCESSOR, samples=quality.samples, detail=DetailRule())
+        if not draws_on_processor(context):
+            with Renderer(context, quality=Quality()) as renderer:
+                yield renderer.image
+            return
+        quality = replace(ON_PROCESSOR, samples=0, detail=DetailRule(), shrink_factor=TIMES)
         with Renderer(context, quality=quality) as renderer:
-            yield renderer
+
+            def draw(picture: Picture, camera: Camera, size_px: tuple[int, int]) -> Image:
+                large = renderer.image(picture, camera, (TIMES * size_px[0], TIMES * size_px[1]))
+                return shrink(large, size_px)
+
+            yield draw
     finally:
         release_offscreen(context)

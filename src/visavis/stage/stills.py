@@ -2,6 +2,7 @@
 
 import numpy as np
 import numpy.typing as npt
+from numba import njit
 
 from visavis.lab.closing import Closing
 from visavis.stage.card.context import draws_on_processor, offscreen_context, release_offscreen
@@ -40,11 +41,29 @@ def shrink(large: npt.NDArray[np.uint8], size_px: tuple[int, int]) -> npt.NDArra
     """Return a picture (height, width, 3) in a size whose width and height divide its own: each
     pixel is the mean of the light of those it stands for.
     """
-    down, across = large.shape[0] // size_px[1], large.shape[1] // size_px[0]
-    light = _LIGHT_OF_CODE[large]
-    total = sum(light[i::down, j::across] for i in range(down) for j in range(across))
-    small: npt.NDArray[np.uint8] = _CODE_OF_LIGHT[total // (down * across)]
+    small = np.empty((size_px[1], size_px[0], 3), np.uint8)
+    _shrink_into(np.ascontiguousarray(large), _LIGHT_OF_CODE, _CODE_OF_LIGHT, small)
     return small
+
+
+@njit(cache=True)
+def _shrink_into(
+    large: npt.NDArray[np.uint8],
+    light_of_code: npt.NDArray[np.uint32],
+    code_of_light: npt.NDArray[np.uint8],
+    small: npt.NDArray[np.uint8],
+) -> None:
+    height, width, colours = small.shape
+    down, across = large.shape[0] // height, large.shape[1] // width
+    count = down * across
+    for y in range(height):
+        for x in range(width):
+            for c in range(colours):
+                total = np.int64(0)
+                for i in range(down):
+                    for j in range(across):
+                        total += np.int64(light_of_code[large[y * down + i, x * across + j, c]])
+                small[y, x, c] = code_of_light[total // count]
 
 
 class Stills(Closing):

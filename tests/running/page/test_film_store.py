@@ -13,7 +13,7 @@ from tests.stage import figures
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Pose, Vector, quat_conjugate, rotate
 from visavis.results.opened_study import find_study
-from visavis.running.film_store import FilmStore, _renderer, film_store
+from visavis.running.film_store import FilmStore, film_drawing, film_store
 from visavis.stage.errors import StageError
 from visavis.stimuli.characters.character import Material
 from visavis.stimuli.dressing.picture_of import NOBODY
@@ -81,11 +81,11 @@ def test_one_sees_the_inside_of_a_sleeve_and_not_the_wall_behind_it(number: int)
     placed = forward(person.skeleton, picture.people.root_m[0], picture.people.orientation_wxyz[0])
     camera = made.cameras(film)[0]
     try:
-        with _renderer() as renderer:
+        with film_drawing() as draw:
             for side in ("left", "right"):
                 hand_m = placed.position_m[person.skeleton.index(f"{side}_hand")]
                 near = looking_at(camera, hand_m, 0.035)
-                image = renderer.image(picture, near, (120, 120)).astype(int)
+                image = draw(picture, near, (120, 120)).astype(int)
                 is_behind = np.abs(image - (255, 0, 255)).sum(axis=2) < 12
                 origin, rays = figures.rays(near, (120, 120))
                 meets = np.isfinite(Surfaces().ends(picture, origin, rays).distance_m)

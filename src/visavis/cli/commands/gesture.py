@@ -20,6 +20,7 @@ from visavis.cli.app import (
 from visavis.cli.commands.preview import picture_size
 from visavis.cli.speaker_sheet import draw_lexemes, speaker_summary, speaker_text, write_motion_film
 from visavis.lab.errors import UsageError
+from visavis.stage.film_sound import CODECS
 from visavis.stimuli.characters.cast import load_character
 from visavis.stimuli.motion.build import build_of_character
 from visavis.stimuli.motion.bvh import write_bvh
@@ -30,6 +31,8 @@ from visavis.stimuli.motion.speaking.body_plan import Fill
 from visavis.stimuli.motion.speaking.corpus import read_corpus
 from visavis.stimuli.motion.speaking.performance import perform
 from visavis.stimuli.motion.speaking.speaker import Speaker
+from visavis.stimuli.motion.speaking.speech import speech_of, words_path, write_speech
+from visavis.stimuli.motion.speaking.synthesiser import SynthesisVoice, read_text, synthesised
 from visavis.stimuli.motion.speaking.synthetic_speaker import synthetic_speaker
 
 SYNTHETIC: Final = "synthetic"
@@ -74,6 +77,8 @@ def gesture(
 ) -> None:
     """Perform a gesture script: arms by lexeme, the body as a speaker would move it.
 
+    Films (.mp4, .webm) carry the script's recording, and lips move with it.
+
     Example: visavis gesture speech.yaml --corpus synthetic --fill F --seed 1 -o speech.bvh
     """
     suffix = output.suffix.lower()
@@ -91,6 +96,9 @@ def gesture(
     tiers = _tiers(tier)
     gestures = read_any_script(script, tiers)
     speaker = _speaker(corpus, unit_m, tiers, beta)
+    # A script names its recording; that of annotations has their name.
+    recording = gestures.speech or script.with_suffix(".wav")
+    speech = speech_of(recording) if suffix in CODECS and recording.exists() else None
     clip = perform(
         gestures,
         speaker,
@@ -112,6 +120,7 @@ def gesture(
                 clip,
                 size_px,
                 lambda count, total: bar.update(task, completed=count, total=total),
+                speech,
             )
     say_written(output, f", {clip.duration_s:.1f} s, {len(gestures.phrases)} gestures")
 
@@ -135,6 +144,32 @@ def fit(
         return
     for line in speaker_text(speaker):
         say(verbatim(line))
+
+
+@corpus_app.command()
+def speak(
+    text: Annotated[Path, typer.Argument(help="Text, a clause a line: 2.6: lend me your ears")],
+    voice: Annotated[str, typer.Option(help="A voice or language of espeak-ng.")] = "en-gb",
+    words_a_minute: Annotated[int, typer.Option(help="How fast.")] = 150,
+    pitch: Annotated[int, typer.Option(help="0 to 99.")] = 40,
+    seconds: Annotated[float | None, typer.Option(help="Length; else as the text takes.")] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="New file: .wav.")] = Path(
+        "speech.wav"
+    ),
+) -> None:
+    """Let espeak-ng say a text; the times of words and phones go beside the sound.
+
+    Example: visavis corpus speak speech.txt -o speech.wav
+    """
+    if output.suffix.lower() != ".wav":
+        raise UsageError(f"{output}: speech is a recording; name it .wav")
+    new_file(output)
+    new_file(words_path(output))
+    clauses = read_text(text)
+    of = SynthesisVoice(voice, words_a_minute, pitch)
+    speech = synthesised(output.stem, clauses, of, seconds)
+    write_speech(output, speech)
+    say_written(output, f", {speech.sound.duration_s:.1f} s, {len(speech.words)} words")
 
 
 @corpus_app.command()

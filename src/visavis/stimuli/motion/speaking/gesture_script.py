@@ -1,26 +1,31 @@
 """Gesture scripts: which gesture a speaker makes when, phrase by phrase, with its phases.
 
 A phrase is a preparation, a stroke (done once or more), a hold and a retraction (Kendon; McNeill).
-Scripts are YAML or CSV with the same names, or annotations of ANVIL and ELAN (`annotations`).
+Scripts are YAML or CSV with the same names, or annotations of ANVIL and ELAN (`annotations`). A
+YAML script may name the recording it goes with (`speech: speech.wav`); a phrase with a `word` of it
+counts its times from that word's beginning on, and may begin before it (-0.5).
 """
 
 import csv
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
+from visavis.lab.errors import DataError
 from visavis.lab.plain_files import read_plain
 from visavis.lab.yaml_lines import Problem, ProblemsError, did_you_mean, read_document
 from visavis.stimuli.motion.errors import MotionError
 from visavis.stimuli.motion.speaking.lexemes import LEXEMES
+from visavis.stimuli.motion.speaking.speech import Speech, speech_of
 
 HANDS: Final[dict[str, str]] = {"L": "LH", "R": "RH", "both": "2H"}
 """Hands as scripts write them, and as `phrase_posture.Phrase` does."""
 REQUIRED: Final = ("start_s", "stroke_s", "stroke_end_s", "end_s", "hand", "lexeme")
 OPTIONAL: Final = ("hold_end_s", "strokes")
 TIMES: Final = ("start_s", "stroke_s", "stroke_end_s", "hold_end_s", "end_s")
+KEYS: Final = ("phrases", "duration_s", "speech")
 MAX_STROKES: Final = 20
 
 
@@ -42,10 +47,13 @@ class GesturePhrase:
 
 @dataclass(frozen=True)
 class GestureScript:
-    """Phrases in the order of time, none over another, within `duration_s`."""
+    """Phrases in the order of time, none over another, within `duration_s`; `speech` is the file of
+    the recording they go with.
+    """
 
     phrases: tuple[GesturePhrase, ...]
     duration_s: float
+    speech: Path | None = None
 
     @property
     def mean_phrase_s(self) -> float:
@@ -74,11 +82,20 @@ def read_script(path: Path, *, any_lexeme: bool = False) -> GestureScript:
                 path, [*problems, Problem(1, "phrases", "missing; list the phrases below it")]
             )
         problems += [
-            document.problem([key], f"unknown{did_you_mean(key, ('phrases', 'duration_s'))}")
-            for key in set(data) - {"phrases", "duration_s"}
+            document.problem([key], f"unknown{did_you_mean(key, KEYS)}")
+            for key in sorted(set(data) - set(KEYS))
         ]
         lines = [document.line_of(["phrases", i]) for i in range(len(rows))]
-        return script_of_rows(path, rows, lines, problems, data.get("duration_s"), any_lexeme)
+        speech: Speech | None = None
+        file = data.get("speech")
+        if file is not None:
+            try:
+                speech = speech_of(path.parent / str(file))
+            except DataError as error:
+                problems.append(document.problem(["speech"], str(error)))
+        rows = _from_words(rows, lines, speech, problems)
+        script = script_of_rows(path, rows, lines, problems, data.get("duration_s"), any_lexeme)
+        return script if speech is None else replace(script, speech=path.parent / str(file))
     if kind == ".csv":
         try:
             text = read_plain(path).decode("utf-8-sig")
@@ -93,6 +110,32 @@ def read_script(path: Path, *, any_lexeme: bool = False) -> GestureScript:
             raise MotionError(f"{path} has no phrases; give the columns {', '.join(REQUIRED)}")
         return script_of_rows(path, rows, lines, [], None, any_lexeme)
     raise MotionError(f"{path} is no gesture script; give .yaml or .csv, or annotations")
+
+
+def _from_words(
+    rows: Sequence[Any], lines: Sequence[int], speech: Speech | None, problems: list[Problem]
+) -> list[Any]:
+    """Return rows whose times count from the script's beginning, not from a word's."""
+    absolute: list[Any] = []
+    for i, (row, line) in enumerate(zip(rows, lines, strict=True), 1):
+        if isinstance(row, Mapping) and "word" in row:
+            row = dict(row)
+            text = str(row.pop("word"))
+            start_s = 0.0
+            if speech is None:
+                text = "has a word, but no recording; name it at the top: speech: FILE.wav"
+                problems.append(Problem(line, f"phrase {i}", text))
+            else:
+                try:
+                    start_s = speech.word(text).start_s
+                except DataError as error:
+                    problems.append(Problem(line, f"phrase {i}", str(error)))
+            for name in TIMES:
+                number = _number(row.get(name))
+                if number is not None:
+                    row[name] = round(number + start_s, 6)
+        absolute.append(row)
+    return absolute
 
 
 def script_of_rows(
