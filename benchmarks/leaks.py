@@ -174,7 +174,7 @@ def trial_row(study: OpenedStudy, marks: Marks) -> dict[str, Any]:
         if name == "age":
             row[name] = AGE
         elif name not in ("participant", "trial_id", "status"):
-            may_leave = name in known and name not in (*TYPED, *typed)
+            may_leave = name in known and name not in (*TYPED, *typed, "participant_index")
             is_wrong_kind = name.endswith(("_ns", "_typed", "_renderer"))
             row[name] = marks.text(f"column {name}", may_leave=may_leave and not is_wrong_kind)
             if may_leave and is_wrong_kind:

@@ -354,8 +354,9 @@ def test_a_raw_export_says_that_it_names_somebody(session: Path, lab: Path) -> N
     assert "holds a name" not in dry_run(session, lab, "public")
 
 
-def test_times_of_an_imported_session_tell_no_day(lab: Path) -> None:
-    came_ns = 1_800_000_000 * 10**9
+@pytest.mark.parametrize("came_ns", [1_800_000_000 * 10**9, 14 * 3600 * 10**9])
+def test_times_tell_neither_a_day_nor_who_came_first(came_ns: int, lab: Path) -> None:
+    """Those of an imported session count from 1970, others from the computer's start."""
     clock = StampClock(came_ns / 10**6)
     manifest = replace(probe_manifest(LABEL, is_simulated=False), study="stare")
     with create_session(lab.parent / "data", manifest) as folder:
@@ -373,7 +374,46 @@ def test_times_of_an_imported_session_tell_no_day(lab: Path) -> None:
     assert 0 == shared.events()["t_ns"].iloc[0]
     assert list(range(10)) == shared.stream("probe")["t_host_ns"].tolist()
     assert () == privacy_sheet([shared]).findings
-    assert "tells the day" in " ".join(privacy_sheet([as_recorded]).findings)
+    tells_day = "tells the day" in " ".join(privacy_sheet([as_recorded]).findings)
+    assert tells_day is (came_ns > 10**18)
+
+
+def test_each_part_and_each_device_has_a_clock_that_begins_with_it(lab: Path) -> None:
+    """A device that was on for days would tell the order of sessions as well."""
+    device_ns, starts_ns = 94_000 * 10**9, (10**13, 7 * 10**11)
+    manifest = replace(probe_manifest(LABEL, is_simulated=False), study="stare")
+    with create_session(lab.parent / "data", manifest) as folder:
+        for start_ns in starts_ns:
+            clock = StampClock(start_ns / 10**6)
+            recorder = new_recorder(folder, clock, is_simulated=False)
+            batch = probe_batch(0, 10)
+            host_ns = batch.seq + start_ns
+            times = {"t_host_ns": host_ns, "t_device_ns": batch.seq + device_ns}
+            recorder.append(replace(batch, **times))
+            rows = [[start_ns, device_ns + 3, start_ns + 6]]
+            recorder.event("clock_exchanges", start_ns, role="probe", send_device_receive_ns=rows)
+            folder.end_part(clock, recorder.close("complete"))
+    shared = shared_recording(folder.path, load_config(lab), tier="shared", keep_label=False)
+    stream = shared.stream("probe")
+    assert [*range(10)] * 2 == stream["t_host_ns"].tolist()
+    assert [*range(10)] * 2 == stream["t_device_ns"].tolist()
+    exchanges = [p["send_device_receive_ns"] for p in shared.events()["payload"]]
+    assert [[[0, 3, 6]]] * 2 == exchanges
+    assert [0, 0] == shared.events()["t_ns"].tolist()
+
+
+@pytest.mark.parametrize("keep_label", [True, False])
+def test_a_place_in_the_order_does_not_undo_the_pseudonym(keep_label: bool, lab: Path) -> None:
+    clock = SimClock()
+    manifest = replace(probe_manifest(LABEL, is_simulated=False), study="stare")
+    with create_session(lab.parent / "data", manifest) as folder:
+        recorder = new_recorder(folder, clock, is_simulated=False)
+        row = {"participant": LABEL, "trial_id": "T1", "status": "complete"}
+        recorder.trial({**row, "participant_index": 6})
+        folder.end_part(clock, recorder.close("complete"))
+    config = load_config(lab)
+    shared = shared_recording(folder.path, config, tier="shared", keep_label=keep_label)
+    assert ([6] if keep_label else [None]) == shared.trials()["participant_index"].tolist()
 
 
 @pytest.mark.parametrize("event", ["session_end", "pause_start", "full", "films_loaded"])

@@ -11,6 +11,7 @@ from typing import Any, Final, Literal, TypeAlias
 import numpy as np
 import pandas as pd
 
+from visavis.lab.clock import NS_PER_S
 from visavis.recording.blurring import (
     BLURRED_STREAMS,
     blurred_body,
@@ -24,6 +25,7 @@ from visavis.recording.blurring import (
     tells_length,
 )
 from visavis.recording.reader import PART_COLUMN, Recording
+from visavis.recording.session_times import EXCHANGE_EVENT, STREAM_OF_ROLE
 from visavis.recording.stream_file import Columns, StreamContent
 
 Tier: TypeAlias = Literal["raw", "shared", "public"]
@@ -41,6 +43,14 @@ TYPED_FIELDS: Final = ("text", "reason", "message")
 
 CALENDAR_NS: Final = 10**17
 """Session times beyond three years count from 1970: they tell when somebody took part."""
+MAX_EARLY_NS: Final = 60 * NS_PER_S
+"""Times of a part count from its first event where that comes later than this.
+
+Else they count from when the computer was started, which tells who came after whom."""
+ORDER_COLUMNS: Final = ("participant_index",)
+"""Places in the order: with the ledger's labels, which are numbered, they undo a pseudonym."""
+NO_DEVICE_TIME: Final = -(2**63)
+"""Value of an unknown time in a stream: `visavis.devices.streams.NO_DEVICE_TIME`."""
 ANY: Final = "*"
 """Stands for every field of an event, and for every event."""
 _AGE = re.compile(r"(.*[._])?age")
@@ -71,8 +81,9 @@ def class_of_field(event: str, field: str) -> str:
 class Sharing:
     """How a recording is shown: `label` in the place of the participant's own.
 
-    In the tier "raw" nothing else changes. In the others times that count from 1970, as those of
-    imported sessions do, count from the session's first event. In "shared" only that leaves of
+    In the tier "raw" nothing else changes. In the others times count from the first event of each
+    part, not from 1970 or the computer's start, and those of a device from its first sample; places
+    in the order are missing where the label is a pseudonym. In "shared" only that leaves of
     which somebody says what it is: fields of events by `EVENT_CLASSES`, answers to questionnaires
     by `is_text`, values of trial rows and answers within trials by `leaves`. Free text is missing
     and ages are bands of ten years; so they are in "public". With `blurs`, as "public" has it,
@@ -98,6 +109,7 @@ class SharedRecording(Recording):
         """Names of trial columns and events read so far that may not leave."""
         self._blurred_streams: dict[tuple[int, str], StreamContent] = {}
         self._medians_m: dict[str, float] = {}
+        self._device_zeros_ns: dict[tuple[int, str], int] = {}
         parts = self.manifest.parts
         if self._hides:
             parts = tuple(replace(part, reason="") for part in parts)
@@ -107,11 +119,17 @@ class SharedRecording(Recording):
         """Return all events as shown; see `Recording.events`."""
         events = super().events()
         payloads = [
-            self._payload(name, payload)
-            for name, payload in zip(events["name"], events["payload"], strict=True)
+            self._payload(name, payload, part)
+            for name, payload, part in zip(
+                events["name"], events["payload"], events[PART_COLUMN], strict=True
+            )
         ]
+        parts = events[PART_COLUMN]
         return events.assign(
-            t_ns=[self._shifted("t_ns", t_ns) for t_ns in events["t_ns"]],
+            t_ns=[
+                self._shifted("t_ns", t_ns, part)
+                for t_ns, part in zip(events["t_ns"], parts, strict=True)
+            ],
             payload=pd.Series(payloads, index=events.index, dtype=object),
         )
 
@@ -127,21 +145,50 @@ class SharedRecording(Recording):
     def trial_entries(self, part: int) -> tuple[dict[str, Any], ...]:
         """Return a part's trial rows as shown; see `Recording.trial_entries`."""
         return tuple(
-            {**t, "t_ns": self._shifted("t_ns", t["t_ns"]), "row": self._row(t["row"])}
+            {**t, "t_ns": self._shifted("t_ns", t["t_ns"], part), "row": self._row(t["row"], part)}
             for t in super().trial_entries(part)
         )
 
     @cached_property
-    def _zero_ns(self) -> int:
-        """The session's first event, where its times tell a day; 0 where they do not."""
-        events = (e for p in self.manifest.parts for e in self._journal(p.number).events)
-        first_ns = min((int(event["t_ns"]) for event in events), default=0)
-        return first_ns if self._hides and first_ns > CALENDAR_NS else 0
+    def _zeros_ns(self) -> Mapping[int, int]:
+        """The first event of each part, from which its times are shown; 0 where they stay."""
+        zeros = {}
+        for part in self.manifest.parts:
+            events = self._journal(part.number).events
+            first_ns = min((int(event["t_ns"]) for event in events), default=0)
+            zeros[part.number] = first_ns if self._hides and first_ns > MAX_EARLY_NS else 0
+        return zeros
 
-    def _shifted(self, name: str, value: Any) -> Any:
-        """Return a value as shared: a time that counts from the session's first event."""
-        is_time = name.endswith("_ns") and isinstance(value, int | float)
-        return value - self._zero_ns if is_time and value > CALENDAR_NS else value
+    def _shifted(self, name: str, value: Any, part: int) -> Any:
+        """Return a value as shared: a time that counts from the first event of its part."""
+        zero_ns = self._zeros_ns.get(part, 0)
+        if not zero_ns or not name.endswith("_ns") or isinstance(value, bool):
+            return value
+        if isinstance(value, int | float):
+            return value - zero_ns if value > zero_ns - MAX_EARLY_NS else value
+        return value
+
+    def _exchanges(self, payload: Mapping[str, Any], part: int) -> list[Any]:
+        """Return exchanges of times (send, device, receive), each from where its clock began."""
+        role = str(payload.get("role"))
+        name = STREAM_OF_ROLE.get(role, role)
+        zero_ns, device_zero_ns = self._zeros_ns.get(part, 0), self._device_zero_ns(part, name)
+        rows = payload.get("send_device_receive_ns") or ()
+        return [[send - zero_ns, at - device_zero_ns, got - zero_ns] for send, at, got in rows]
+
+    def _device_zero_ns(self, part: int, stream: str) -> int:
+        """Return what a stream's device times are shown from: its first, or as the session's."""
+        key = (part, stream)
+        if key not in self._device_zeros_ns:
+            zero_ns = self._zeros_ns.get(part, 0)
+            if zero_ns and stream in super()._names(part):
+                columns = super()._content(part, stream).columns
+                device_ns, host_ns = columns["t_device_ns"], columns["t_host_ns"]
+                at = np.flatnonzero(device_ns != NO_DEVICE_TIME)[:1]
+                if len(at) and abs(int(device_ns[at[0]]) - int(host_ns[at[0]])) > NS_PER_S:
+                    zero_ns = int(device_ns[at[0]])  # another clock than the session's
+            self._device_zeros_ns[key] = zero_ns
+        return self._device_zeros_ns[key]
 
     def _names(self, number: int) -> tuple[str, ...]:
         names = super()._names(number)
@@ -156,22 +203,31 @@ class SharedRecording(Recording):
 
     def _content(self, number: int, name: str, *, with_columns: bool = True) -> StreamContent:
         if not (self.sharing.blurs and with_columns):
-            return self._dated_anew(super()._content(number, name, with_columns=with_columns))
+            content = super()._content(number, name, with_columns=with_columns)
+            return self._dated_anew(number, name, content)
         if (number, name) not in self._blurred_streams:
-            content = self._dated_anew(super()._content(number, name))
+            content = self._dated_anew(number, name, super()._content(number, name))
             self._blurred_streams[number, name] = replace(
                 content, columns=self._blur(number, name, content)
             )
         return self._blurred_streams[number, name]
 
-    def _dated_anew(self, content: StreamContent) -> StreamContent:
-        """Return a stream whose times tell no day: they count from the session's first event."""
-        if not self._zero_ns:
+    def _dated_anew(self, part: int, name: str, content: StreamContent) -> StreamContent:
+        """Return a stream whose times tell neither a day nor who came before whom."""
+        zero_ns = self._zeros_ns.get(part, 0)
+        if not zero_ns or "t_host_ns" not in content.columns:
             return content
-        columns = {
-            name: values - self._zero_ns if name in ("t_host_ns", "t_device_ns") else values
-            for name, values in content.columns.items()
-        }
+        device_zero_ns = self._device_zero_ns(part, name)
+        columns = dict(content.columns)
+        for column, values in content.columns.items():
+            if column == "t_device_ns":
+                columns[column] = np.where(
+                    values == NO_DEVICE_TIME, values, values - device_zero_ns
+                )
+            elif column.endswith("_ns"):
+                columns[column] = np.where(
+                    values > zero_ns - MAX_EARLY_NS, values - zero_ns, values
+                )
         return replace(content, columns=columns)
 
     def _blur(self, number: int, name: str, content: StreamContent) -> Columns:
@@ -207,8 +263,8 @@ class SharedRecording(Recording):
                 return self._content(number, name).columns
         return None
 
-    def _row(self, row: Mapping[str, Any]) -> dict[str, Any]:
-        public = {name: self._shifted(name, self._relabel(v)) for name, v in row.items()}
+    def _row(self, row: Mapping[str, Any], part: int) -> dict[str, Any]:
+        public = {name: self._shifted(name, self._relabel(v), part) for name, v in row.items()}
         if self._hides:
             public = {name: self._value(name, value) for name, value in public.items()}
         if self.sharing.blurs:
@@ -219,13 +275,18 @@ class SharedRecording(Recording):
         """Return a value of a trial row, or an answer within a trial, as it may leave."""
         if value is None or name in TYPED_FIELDS:
             return None
+        if name in ORDER_COLUMNS and self.sharing.label != self._own:
+            self.withheld.add(f"column {name}")
+            return None
         if not self.sharing.leaves(name, value):
             self.withheld.add(f"column {name}")
             return None
         return age_band(value) if _AGE.fullmatch(name) else value
 
-    def _payload(self, name: str, payload: Mapping[str, Any]) -> dict[str, Any]:
-        public = {k: self._shifted(k, self._relabel(v)) for k, v in payload.items()}
+    def _payload(self, name: str, payload: Mapping[str, Any], part: int) -> dict[str, Any]:
+        public = {k: self._shifted(k, self._relabel(v), part) for k, v in payload.items()}
+        if name == EXCHANGE_EVENT and self._zeros_ns.get(part, 0):
+            public["send_device_receive_ns"] = self._exchanges(payload, part)
         if self.sharing.blurs:
             public |= {k: None for k in public if tells_length(k)}
         if not self._hides:

@@ -131,7 +131,9 @@ def export_session(
     is_simulated = all(Recording(session).is_simulated for session in sessions)
     # Looking up a study by its name has already printed which configuration is used.
     lab = load_lab(config, only_simulates=is_simulated, quiet=not session_path.is_dir())
-    recordings = [shared_recording(s, lab, tier=tier, keep_label=keep_label) for s in sessions]
+    shared = [shared_recording(s, lab, tier=tier, keep_label=keep_label) for s in sessions]
+    # In the order of what they are called: times of files tell which of them were written first.
+    recordings = sorted(shared, key=lambda r: (r.manifest.participant, r.manifest.session))
     if dry_run:
         print_sheet(privacy_sheet(recordings, names_of_people(recordings, lab)))
         for line in withheld_lines(recordings, lab):
