@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from tests.recording.sessions import new_recorder, probe_batch, probe_manifest
 from visavis import cli, devices, experiments, protocol, running, study
 from visavis.cli.main import app
-from visavis.cli.sharing import names_of_people, shared_recording
+from visavis.cli.sharing import losses, names_of_people, shared_recording
 from visavis.lab.clock import SimClock, StampClock
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE
@@ -132,6 +132,29 @@ def test_the_recording_stays_as_it_is(session: Path, lab: Path) -> None:
 )
 def test_ages_are_bands_of_ten_years(age: object, band: str | None) -> None:
     assert band == age_band(age)
+
+
+@pytest.mark.parametrize(
+    ("question", "given", "leaves"),
+    [
+        ("birth_year", 1988.0, "1980-1989"),
+        ("year_of_birth", "1988", "1980-1989"),
+        ("age_years", 37, "30-39"),
+        ("date_of_birth", "1988-04-03", None),
+        ("stage", "second", "second"),
+    ],
+)
+def test_years_of_birth_are_decades_too(
+    question: str, given: object, leaves: object, lab: Path
+) -> None:
+    clock = SimClock()
+    with create_session(lab.parent / "data", probe_manifest(LABEL, is_simulated=False)) as folder:
+        recorder = new_recorder(folder, clock, is_simulated=False)
+        recorder.trial({"participant": LABEL, "trial_id": "T1", question: given})
+        folder.end_part(clock, recorder.close("complete"))
+    sharing = Sharing("x", "shared", lambda form, question: False, lambda name, value: True)
+    shown = SharedRecording(folder.path, sharing).trials()[question].tolist()
+    assert [leaves] == shown
 
 
 OWN = """
@@ -400,6 +423,17 @@ def test_each_part_and_each_device_has_a_clock_that_begins_with_it(lab: Path) ->
     exchanges = [p["send_device_receive_ns"] for p in shared.events()["payload"]]
     assert [[[0, 3, 6]]] * 2 == exchanges
     assert [0, 0] == shared.events()["t_ns"].tolist()
+
+
+def test_who_left_before_the_first_trial_stops_no_public_export(lab: Path) -> None:
+    clock = SimClock()
+    manifest = replace(probe_manifest(LABEL, is_simulated=False), study="stare")
+    with create_session(lab.parent / "data", manifest) as folder:
+        recorder = new_recorder(folder, clock, is_simulated=False)
+        folder.end_part(clock, recorder.close("aborted"))
+    config = load_config(lab)
+    public = shared_recording(folder.path, config, tier="public", keep_label=False)
+    assert losses([public], config).empty
 
 
 @pytest.mark.parametrize("keep_label", [True, False])

@@ -21,7 +21,7 @@ from visavis.results.opened_study import OpenedStudy, find_study, overrides_of
 from visavis.results.report.methods import own_methods
 from visavis.results.tables.dictionary import of_shown, trial_columns
 from visavis.running.sessions.recorded_design import design_of_session
-from visavis.running.sessions.study_folder import study_of_folder
+from visavis.running.sessions.study_folder import holds_trial, study_of_folder
 from visavis.study.experiment import StudyExperiment
 from visavis.study.live import RENDERER
 from visavis.study.responses import ANSWER_ENDINGS, kind_of
@@ -121,10 +121,13 @@ def withheld_lines(recordings: Sequence[SharedRecording], lab: LabConfig) -> tup
 
 
 def losses(recordings: Sequence[SharedRecording], lab: LabConfig) -> pd.DataFrame:
-    """Return what each measure of a study loses by the blur of the public tier."""
+    """Return what each measure of a study loses by the blur of the public tier.
+
+    Who came and left before their first trial has no measure.
+    """
     study = _study_of(recordings[0].path, recordings[0].manifest.study, lab)
     before, after, online, motion = [], [], [], []
-    for public in recordings:
+    for public in (r for r in recordings if holds_trial(r.path)):
         raw = Recording(public.path)
         blurred_recording = SharedRecording(public.path, replace(public.sharing, tier="raw"))
         before.append(_rows(study.measure(raw)))

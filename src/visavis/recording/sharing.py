@@ -53,7 +53,11 @@ NO_DEVICE_TIME: Final = -(2**63)
 """Value of an unknown time in a stream: `visavis.devices.streams.NO_DEVICE_TIME`."""
 ANY: Final = "*"
 """Stands for every field of an event, and for every event."""
-_AGE = re.compile(r"(.*[._])?age")
+_AGE = re.compile(
+    r"(.*[._])?(age(_(in_)?years)?|how_old|birth_?(year|date|day)|(year|date)_?of_?birth|yob)",
+    re.IGNORECASE,
+)
+"""Names of questions whose answers are an age or when somebody was born: of both decades leave."""
 
 
 def _read_classes() -> Mapping[str, Mapping[str, str]]:
