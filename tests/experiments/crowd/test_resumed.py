@@ -15,7 +15,7 @@ from visavis.recording.reader import Recording
 from visavis.running.sessions.perform import perform_new, perform_rest
 
 PARAMETERS = {"configurations": [1, 2], "limit_s": 16.0}
-"""Nothing touches when the walk before the break ends: memory is kept before a band falls silent."""
+"""Nothing touches when the walk before the break ends: memory is kept before bands fall silent."""
 DONE_BEFORE = 4
 """The practice, two walks of the first block and one of two that vibrate."""
 
