@@ -97,8 +97,8 @@ def clusters_of_difference(differences: Values, seed: int = 0) -> list[Cluster]:
     if 2**n <= PERMUTATIONS:
         signs = np.array(list(product((1.0, -1.0), repeat=n)))
     else:
-        drawn = np.random.default_rng(seed).choice((1.0, -1.0), (PERMUTATIONS - 1, n))
-        signs = np.concatenate([np.ones((1, n)), drawn])  # what was observed is one of them
+        random = np.random.default_rng(seed).choice((1.0, -1.0), (PERMUTATIONS - 1, n))
+        signs = np.concatenate([np.ones((1, n)), random])  # what was observed is one of them
     largest = np.zeros(len(signs))
     for k in range(0, len(signs), 100):
         for i, t in enumerate(_t_values(differences, signs[k : k + 100])):
@@ -124,9 +124,9 @@ def _t_values(differences: Values, signs: Values) -> Values:
 
 
 def _clusters(t: Values, limit: float) -> list[tuple[npt.NDArray[np.bool_], float, bool]]:
-    found = []
+    clusters = []
     for is_more, beyond in ((True, t > limit), (False, t < -limit)):
         labels, count = ndimage.label(beyond)
         masses = ndimage.sum_labels(np.abs(t), labels, np.arange(1, count + 1))
-        found += [(labels == k + 1, float(masses[k]), is_more) for k in range(count)]
-    return found
+        clusters += [(labels == k + 1, float(masses[k]), is_more) for k in range(count)]
+    return clusters

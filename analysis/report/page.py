@@ -140,19 +140,19 @@ def _facts(facts: Facts) -> str:
     return f'<dl class="facts">{pairs}</dl>\n'
 
 
-def _verdict(verdict: Verdict, shown: str = "") -> str:
-    opens = " opening" if shown else ""
+def _verdict(verdict: Verdict, pictures: str = "") -> str:
+    opens = " opening" if pictures else ""
     return (
         f'<div class="verdict {verdict.status}{opens}"><h3><span class="answer" aria-hidden="true">'
         f"{_ANSWER[verdict.status]}</span>{escape(verdict.headline)}</h3>"
-        f"{shown}<p>{_running(verdict.detail)}</p></div>"
+        f"{pictures}<p>{_running(verdict.detail)}</p></div>"
     )
 
 
 def _opening(opening: Opening) -> str:
-    shown = "" if opening.picture is None else _picture(opening.picture)
-    shown += "" if opening.place is None else _photo(opening.place)
-    return _verdict(opening.answer, f'<div class="shown">{shown}</div>' if shown else "")
+    pictures = "" if opening.picture is None else _picture(opening.picture)
+    pictures += "" if opening.place is None else _photo(opening.place)
+    return _verdict(opening.answer, f'<div class="pictures">{pictures}</div>' if pictures else "")
 
 
 def _photo(photo: Photo) -> str:

@@ -59,11 +59,11 @@ def tails_of(
     squares = (rows**2).sum(axis=1)
     n, mean = len(rows), float(squares.mean())
     expected = LONG_TAILS_EXPECTED / (2 if of_differences else 1)
-    seen = skewness = 0.0
+    excess = skewness = 0.0
     if mean > 0:
-        seen = rows.shape[1] * (float((squares**2).mean()) / mean**2 - 1) - 2
+        excess = rows.shape[1] * (float((squares**2).mean()) / mean**2 - 1) - 2
         skewness = float((scores**3).mean() / mean**1.5) if of_one_mean else 0.0
-    total = PEOPLE_EXPECTED * expected + n * KURTOSIS_UNSEEN * max(seen, 0.0)
+    total = PEOPLE_EXPECTED * expected + n * KURTOSIS_UNSEEN * max(excess, 0.0)
     return Tails(total / (PEOPLE_EXPECTED + n), people or n, SKEWNESS_UNSEEN * skewness)
 
 

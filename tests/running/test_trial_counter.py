@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from visavis.running.sessions.trial_counter import TrialCounter, repeated
+from visavis.running.sessions.trial_counter import TrialCounter, repeating
 
 LINE = b'{"kind":"trial","trial_id":"T01"}\n'
 OTHER = b'{"kind":"event","name":"trial_start"}\n'
@@ -37,7 +37,7 @@ def test_progress_is_shown_while_the_work_goes_on_and_once_at_its_end() -> None:
         if count == 2:
             came_twice.set()
 
-    with repeated(act, every_s=0.001):
+    with repeating(act, every_s=0.001):
         assert came_twice.wait(10)
         ends_with = threading.active_count()
     assert ends_with - 1 == threading.active_count()
@@ -46,6 +46,6 @@ def test_progress_is_shown_while_the_work_goes_on_and_once_at_its_end() -> None:
 
 def test_an_error_ends_the_repetition_and_passes() -> None:
     calls: list[int] = []
-    with pytest.raises(ValueError, match="stop"), repeated(lambda: calls.append(1), every_s=60):
+    with pytest.raises(ValueError, match="stop"), repeating(lambda: calls.append(1), every_s=60):
         raise ValueError("stop")
     assert [] == calls

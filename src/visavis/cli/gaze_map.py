@@ -87,9 +87,9 @@ def gaze_maps(
     if factor not in analysis.levels:
         names = ", ".join(analysis.levels)
         raise UsageError(f"--by {factor}: {data.study.name} has the factors {names}")
-    counted = analysis.selection.counted
-    levels = tuple(str(v) for v in analysis.levels[factor] if (counted[factor] == v).any())
-    looks, first = _looks(data, counted, factor, on_trial)
+    trials = analysis.selection.counted
+    levels = tuple(str(v) for v in analysis.levels[factor] if (trials[factor] == v).any())
+    looks, first = _looks(data, trials, factor, on_trial)
     eyes_m = np.concatenate([one.eyes_m for one in looks])
     middle_m = np.median(eyes_m, axis=0)
     apart_m = float(np.percentile(np.linalg.norm(eyes_m - middle_m, axis=1), 95))
@@ -108,17 +108,17 @@ def gaze_maps(
 
 
 def _looks(
-    data: StudyData, counted: pd.DataFrame, factor: str, on_trial: Callable[[int, int], None]
+    data: StudyData, trials: pd.DataFrame, factor: str, on_trial: Callable[[int, int], None]
 ) -> tuple[list[TrialGaze], RecordedTrial]:
     """Return the gaze of every trial that counts, and the first of these trials."""
     looks: list[TrialGaze] = []
     first: RecordedTrial | None = None
-    surfaces, done = Surfaces(COARSE), 0
+    surfaces, number = Surfaces(COARSE), 0
     for session in data.sessions:
         manifest = session.recording.manifest
-        mine = counted[
-            (counted["participant"].astype(str) == manifest.participant)
-            & (counted["session"].astype(int) == manifest.session)
+        mine = trials[
+            (trials["participant"].astype(str) == manifest.participant)
+            & (trials["session"].astype(int) == manifest.session)
         ]
         recording = CachedRecording(session.path)
         for trial_id, level in zip(mine["trial_id"], mine[factor], strict=True):
@@ -127,8 +127,8 @@ def _looks(
             if ends is not None:
                 first = first or trial
                 looks.append(TrialGaze(manifest.participant, str(level), *ends))
-            done += 1
-            on_trial(done, len(counted))
+            number += 1
+            on_trial(number, len(trials))
     if first is None:
         raise UsageError(f"{data.path}: no trial that counts has usable gaze on a scene")
     return looks, first
@@ -191,8 +191,8 @@ def _scene(
     seen_from = Pose(eye_m, quat_from_yaw_pitch_deg(yaw_deg, pitch_deg))
     x, y, before = _tangents(seen_from, ends_m)
     aspect = SIZE_PX[0] / SIZE_PX[1]
-    needed = np.maximum(np.abs(x[before]) / aspect, np.abs(y[before]))
-    top = float(np.clip(1.1 * np.quantile(needed, WITHIN_01), MIN_TANGENT, MAX_TANGENT))
+    tangents = np.maximum(np.abs(x[before]) / aspect, np.abs(y[before]))
+    top = float(np.clip(1.1 * np.quantile(tangents, WITHIN_01), MIN_TANGENT, MAX_TANGENT))
     start_ns, end_ns = first.span_ns
     times = np.linspace(start_ns, end_ns, 9)[1:-1].astype(np.int64)
     shown_at = pictures_of(study, first)
@@ -231,55 +231,55 @@ def _compare(
     return tuple(c for c in clusters_of_difference(differences) if c.p < ALPHA), ""
 
 
-def figure_of_maps(made: GazeMaps, study: OpenedStudy, *, is_simulated: bool) -> ReportFigure:
+def figure_of_maps(result: GazeMaps, study: OpenedStudy, *, is_simulated: bool) -> ReportFigure:
     """Return the figure: a panel for each level, and the difference of the first two."""
     texts = study.experiment({}).texts
-    names = {level: label_of(texts, level) for level in made.levels}
-    factor = label_of(texts, made.factor)
-    n = count_of(len({who for of in made.people.values() for who in of}), "participant")
+    names = {level: label_of(texts, level) for level in result.levels}
+    factor = label_of(texts, result.factor)
+    n = count_of(len({who for of in result.people.values() for who in of}), "participant")
     return draw(
-        f"gaze_map_by_{made.factor}",
-        lambda: _figure(made, names),
+        f"gaze_map_by_{result.factor}",
+        lambda: _figure(result, names),
         title=f"Where people looked, by {factor}",
         caption=f"Mean over {n} of the time of gaze on what was drawn, in ms per square degree and "
-        f"trial, smoothed by 1°. {difference_words(made, study)} The scene is that of one trial, "
+        f"trial, smoothed by 1°. {difference_words(result, study)} The scene is that of one trial, "
         "seen from the middle of all eyes.",
         alternative=f"The scene with the time of gaze on it, a picture for each {factor}.",
         is_simulated=is_simulated,
     )
 
 
-def difference_words(made: GazeMaps, study: OpenedStudy) -> str:
+def difference_words(result: GazeMaps, study: OpenedStudy) -> str:
     """Return in a sentence where the first two levels differ, or why they were not compared."""
     texts = study.experiment({}).texts
-    names = {level: label_of(texts, level) for level in made.levels}
-    if made.clusters is None:
-        return f"Not compared: {made.why_not}."
-    first, second = (names[level] for level in made.levels[:2])
+    names = {level: label_of(texts, level) for level in result.levels}
+    if result.clusters is None:
+        return f"Not compared: {result.why_not}."
+    first, second = (names[level] for level in result.levels[:2])
     which = f"{first} minus {second}"
-    if not made.clusters:
+    if not result.clusters:
         return f"{which}: no cluster of cells differs (permutation test, p < .05)."
-    ps = ", ".join(f"p = {c.p:.3f}".replace("0.", ".") for c in made.clusters)
+    ps = ", ".join(f"p = {c.p:.3f}".replace("0.", ".") for c in result.clusters)
     return f"{which}: outlined clusters differ (permutation of signs, {ps})."
 
 
-def _figure(made: GazeMaps, names: Mapping[str, str]) -> Figure:
-    means = {level: 1000 * of.mean(axis=0) for level, of in made.maps.items()}
+def _figure(result: GazeMaps, names: Mapping[str, str]) -> Figure:
+    means = {level: 1000 * of.mean(axis=0) for level, of in result.maps.items()}
     top = max(float(np.quantile(mean, 0.999)) for mean in means.values())
-    has_difference = len(made.levels) > 1
-    count = len(made.levels) + has_difference
+    has_difference = len(result.levels) > 1
+    count = len(result.levels) + has_difference
     across = 2 if count > 1 else 1
     figure = new_figure(4.4 * across, 2.5 * ((count + across - 1) // across))
     every = list(figure.subplots(-(-count // across), across, squeeze=False).flat)
-    grey = made.image.mean(axis=2)
-    width, height = made.grid.half_width, made.grid.half_height
+    grey = result.image.mean(axis=2)
+    width, height = result.grid.half_width, result.grid.half_height
     reach = (-width, width, -height, height)
     for axes in every:
         axes.set_axis_off()
-    for axes, level in zip(every, made.levels, strict=False):
+    for axes, level in zip(every, result.levels, strict=False):
         axes.imshow(grey, cmap="gray", vmin=0, vmax=255, extent=reach, interpolation="bilinear")
         mean = means[level]
-        shown = axes.imshow(
+        colours = axes.imshow(
             mean,
             cmap="inferno",
             vmin=0,
@@ -288,15 +288,17 @@ def _figure(made: GazeMaps, names: Mapping[str, str]) -> Figure:
             extent=reach,
             interpolation="bilinear",
         )
-        axes.set_title(f"{names[level]} (n = {len(made.people[level])})", fontsize=9.5)
-    figure.colorbar(shown, ax=every[: len(made.levels)], shrink=0.7, label="ms per deg² and trial")
+        axes.set_title(f"{names[level]} (n = {len(result.people[level])})", fontsize=9.5)
+    figure.colorbar(
+        colours, ax=every[: len(result.levels)], shrink=0.7, label="ms per deg² and trial"
+    )
     if has_difference:
-        axes = every[len(made.levels)]
-        first, second = made.levels[:2]
+        axes = every[len(result.levels)]
+        first, second = result.levels[:2]
         difference = means[first] - means[second]
         most = float(np.quantile(np.abs(difference), 0.999)) or 1.0
         axes.imshow(grey, cmap="gray", vmin=0, vmax=255, extent=reach, interpolation="bilinear")
-        shown = axes.imshow(
+        colours = axes.imshow(
             difference,
             cmap="PuOr_r",
             vmin=-most,
@@ -305,23 +307,23 @@ def _figure(made: GazeMaps, names: Mapping[str, str]) -> Figure:
             extent=reach,
             interpolation="bilinear",
         )
-        x, y = made.grid.centres()
-        for cluster in made.clusters or ():
+        x, y = result.grid.centres()
+        for cluster in result.clusters or ():
             axes.contour(x, y, cluster.cells.astype(float), [0.5], colors="white", linewidths=1.4)
         axes.set_title(f"{names[first]} minus {names[second]}", fontsize=9.5)
-        figure.colorbar(shown, ax=axes, shrink=0.7)
+        figure.colorbar(colours, ax=axes, shrink=0.7)
     return figure
 
 
-def table_of_maps(made: GazeMaps, *, is_simulated: bool) -> pd.DataFrame:
+def table_of_maps(result: GazeMaps, *, is_simulated: bool) -> pd.DataFrame:
     """Return a row for each level and cell: its place in degrees, mean and SD over people."""
-    x, y = made.grid.centres()
+    x, y = result.grid.centres()
     right_deg, up_deg = np.meshgrid(np.degrees(np.arctan(x)), np.degrees(np.arctan(y)))
     return pd.concat(
         [
             pd.DataFrame(
                 {
-                    made.factor: level,
+                    result.factor: level,
                     "right_deg": right_deg.ravel().round(3),
                     "up_deg": up_deg.ravel().round(3),
                     "dwell_ms_per_deg2": (1000 * of.mean(axis=0)).ravel().round(4),
@@ -332,18 +334,18 @@ def table_of_maps(made: GazeMaps, *, is_simulated: bool) -> pd.DataFrame:
                     "is_simulated": is_simulated,
                 }
             )
-            for level, of in made.maps.items()
+            for level, of in result.maps.items()
         ],
         ignore_index=True,
     )
 
 
 def write_maps(
-    made: GazeMaps, study: OpenedStudy, folder: Path, *, is_simulated: bool
+    result: GazeMaps, study: OpenedStudy, folder: Path, *, is_simulated: bool
 ) -> list[Path]:
     """Write the figure (SVG and PNG) and the table beside it; return their paths."""
-    figure = figure_of_maps(made, study, is_simulated=is_simulated)
+    figure = figure_of_maps(result, study, is_simulated=is_simulated)
     paths = list(write_figure(figure, folder))
     table = folder / f"{figure.name}.csv"
-    table_of_maps(made, is_simulated=is_simulated).to_csv(table, index=False)
+    table_of_maps(result, is_simulated=is_simulated).to_csv(table, index=False)
     return [*paths, table]

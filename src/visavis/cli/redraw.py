@@ -267,14 +267,14 @@ def _trial_boards(
 
 def _surfaces_of(recording: Recording, choices: int) -> tuple[Surface, ...]:
     """Return what participants may have looked at: a screen with and without keys, a headset."""
-    described = recording.manifest.configuration.get("screen")
-    if described is None:
+    lab_screen = recording.manifest.configuration.get("screen")
+    if lab_screen is None:
         return (IN_HEADSET,)
-    screen = Screen(**described)
+    screen = Screen(**lab_screen)
     upright = Pose(np.array([0.0, screen.eye_height_m, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
-    placed = PlacedScreen(screen.flat, upright)
+    placed_screen = PlacedScreen(screen.flat, upright)
     digits = tuple(str(n + 1) for n in range(choices))
-    return (Surface(placed, digits), Surface(placed))
+    return (Surface(placed_screen, digits), Surface(placed_screen))
 
 
 def _questions_at(recording: Recording, part: int, t_ns: int) -> Iterator[dict[str, Any]]:

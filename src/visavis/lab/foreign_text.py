@@ -143,29 +143,29 @@ def read_rows(
         delimiter, text, skipped = match[1], rest, 1
     if delimiter is None:
         delimiter = _delimiter(text)
-    numbered = _numbered_rows(text, delimiter, what, skipped)
+    numbered_rows = _numbered_rows(text, delimiter, what, skipped)
     if names is None:
-        if not numbered:
+        if not numbered_rows:
             raise DataError(f"{what}: the file is empty; leave it out")
-        names = [cell.strip() for cell in numbered[0][1]]
-        numbered = numbered[1:]
-    if not numbered:
+        names = [cell.strip() for cell in numbered_rows[0][1]]
+        numbered_rows = numbered_rows[1:]
+    if not numbered_rows:
         raise DataError(
             f"{what}: a header but no samples, no rows below it; a recording that never started: "
             "leave the file out"
         )
     header = list(names)
-    if _has_row_names(header, numbered, text, delimiter):
+    if _has_row_names(header, numbered_rows, text, delimiter):
         header.insert(0, "")
-    header, numbered = _whole_rows(header, numbered, delimiter, what, remarks)
+    header, numbered_rows = _whole_rows(header, numbered_rows, delimiter, what, remarks)
     if not text.endswith(("\n", "\r", '"')):
-        numbered = _without_cut_number(numbered, remarks)
-    header, rows = _without_nameless(header, [row for _, row in numbered], what, remarks)
+        numbered_rows = _without_cut_number(numbered_rows, remarks)
+    header, rows = _without_nameless(header, [row for _, row in numbered_rows], what, remarks)
     twice = sorted({n for n in header if header.count(n) > 1})
     if twice:
         raise DataError(f"{what} names the column {twice[0]!r} twice; rename one")
     return ForeignRows(
-        tuple(header), rows, [line for line, _ in numbered], delimiter, tuple(remarks)
+        tuple(header), rows, [line for line, _ in numbered_rows], delimiter, tuple(remarks)
     )
 
 
@@ -210,36 +210,36 @@ def _numbered_rows(
 
 
 def _has_row_names(
-    header: Sequence[str], numbered: Sequence[tuple[int, list[str]]], text: str, delimiter: str
+    header: Sequence[str], numbered_rows: Sequence[tuple[int, list[str]]], text: str, delimiter: str
 ) -> bool:
     """Say whether every row begins with a name that the header has no column for (R).
 
     R quotes it in files, and prints it bare in front of columns that blanks align.
     """
-    if any(len(row) != len(header) + 1 or not row[-1] for _, row in numbered):
+    if any(len(row) != len(header) + 1 or not row[-1] for _, row in numbered_rows):
         return False
     if delimiter == " ":
-        return len({row[0] for _, row in numbered}) == len(numbered)
+        return len({row[0] for _, row in numbered_rows}) == len(numbered_rows)
     return all(line.lstrip().startswith('"') for line in text.splitlines() if line.strip())
 
 
 def _whole_rows(
     header: list[str],
-    numbered: list[tuple[int, list[str]]],
+    numbered_rows: list[tuple[int, list[str]]],
     delimiter: str,
     what: str,
     remarks: list[str],
 ) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """Return rows as long as the header; the last may be cut, others may end in delimiters."""
     n = len(header)
-    if numbered and len(numbered) > 1 and len(numbered[-1][1]) < n:
-        line, row = numbered[-1]
+    if numbered_rows and len(numbered_rows) > 1 and len(numbered_rows[-1][1]) < n:
+        line, row = numbered_rows[-1]
         remarks.append(
             f"line {line}, the last, is cut off: {len(row)} cells of {n}; it was left out"
         )
-        numbered = numbered[:-1]
+        numbered_rows = numbered_rows[:-1]
     whole = []
-    for line, row in numbered:
+    for line, row in numbered_rows:
         if len(row) > n and not any(cell.strip() for cell in row[n:]):
             row = row[:n]  # delimiters at the end of the line
         if len(row) != n:
@@ -254,18 +254,18 @@ def _whole_rows(
 
 
 def _without_cut_number(
-    numbered: list[tuple[int, list[str]]], remarks: list[str]
+    numbered_rows: list[tuple[int, list[str]]], remarks: list[str]
 ) -> list[tuple[int, list[str]]]:
     """Return the rows of a file without a line end at its end, whose last cell may be cut.
 
     A last number with fewer decimals than all above it is: its row is left out. A whole number or a
     word may be what it is: it is read, and the doubt is told.
     """
-    cells = [row[-1].strip() for _, row in numbered[-MAX_CELLS_JUDGED:]]
+    cells = [row[-1].strip() for _, row in numbered_rows[-MAX_CELLS_JUDGED:]]
     last, others = cells[-1], [c for c in cells[:-1] if c.lower() not in MISSING_WORDS]
     if not last or len(others) < MIN_ROWS_BEFORE_CUT:
-        return numbered
-    line = numbered[-1][0]
+        return numbered_rows
+    line = numbered_rows[-1][0]
     are_numbers = all(map(_is_number, others))
     decimals = min(map(_digits_after_sign, others)) if are_numbers else 0
     if are_numbers and (last in ("-", "+") or _digits_after_sign(last) < decimals):
@@ -273,7 +273,7 @@ def _without_cut_number(
             f"line {line}, the last, has no end and its {last} fewer digits than all numbers above "
             "it: the file is cut off there; the line was left out"
         )
-        return numbered[:-1]
+        return numbered_rows[:-1]
     n_digits = [sum(map(str.isdigit, c)) for c in (last, *others)]
     if (are_numbers and n_digits[0] < min(n_digits[1:])) or (
         not are_numbers and last not in others and any(c.startswith(last) for c in others)
@@ -282,7 +282,7 @@ def _without_cut_number(
             f"line {line}, the last, has no end and its {last} is shorter than all above it: was "
             "the file cut off there? It is read as it stands"
         )
-    return numbered
+    return numbered_rows
 
 
 def _digits_after_sign(number: str) -> int:
@@ -486,14 +486,14 @@ def codes_for_missing(values: Mapping[float, int]) -> dict[float, int]:
     low, high = others[0], others[-1]
     span = max(high - low, abs(high), abs(low), 1e-12)
     gap = max(b - a for a, b in itertools.pairwise(others))
-    piled = max(values[v] for v in others)
+    most = max(values[v] for v in others)
     codes = {}
     for value, count in values.items():
         away = max(value - high, low - value)
         if value in others or away <= 0:
             continue
         is_far = away > span or (value < 0 <= low) or away > MIN_CODE_GAPS * gap
-        is_piled = count >= MIN_PILED_CODES and count > piled
+        is_piled = count >= MIN_PILED_CODES and count > most
         if value in _SCALE_CODES:
             is_far, is_piled = away > 1 and count > 1, False
         if is_far or is_piled:

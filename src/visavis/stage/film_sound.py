@@ -40,14 +40,14 @@ def add_sound(silent: Path, path: Path, sound: Sound) -> None:
             of = pictures.streams.video[0]
             video = film.add_stream_from_template(of)
             # Packets go out in the order of time, so that a player never waits for either.
-            shown: list[tuple[float, Any]] = []
+            frames: list[tuple[float, Any]] = []
             seconds, tick_s = 0.0, float(of.time_base or 0)
             for packet in pictures.demux(of):
                 if packet.dts is not None and packet.pts is not None:
-                    shown.append((packet.dts * tick_s, packet))
+                    frames.append((packet.dts * tick_s, packet))
                     seconds = max(seconds, (packet.pts + (packet.duration or 0)) * tick_s)
-            heard = _sound_packets(film, ending, sound, seconds)
-            for _, packet in sorted(shown + heard, key=lambda row: row[0]):
+            sounds = _sound_packets(film, ending, sound, seconds)
+            for _, packet in sorted(frames + sounds, key=lambda row: row[0]):
                 if packet.stream is of:
                     packet.stream = video
                 film.mux(packet)
@@ -61,9 +61,9 @@ def _sound_packets(film: Any, ending: str, sound: Sound, seconds: float) -> list
     import av
 
     codec, bit_rate, layout_of_samples = CODECS[ending]
-    heard = sound.at_rate(RATE_HZ).samples
-    whole = np.zeros((round(seconds * RATE_HZ), heard.shape[1]), np.float32)
-    whole[: len(heard)] = heard[: len(whole)]
+    sounds = sound.at_rate(RATE_HZ).samples
+    whole = np.zeros((round(seconds * RATE_HZ), sounds.shape[1]), np.float32)
+    whole[: len(sounds)] = sounds[: len(whole)]
     stream = film.add_stream(codec, rate=RATE_HZ)
     stream.bit_rate = bit_rate
     layout = "mono" if whole.shape[1] == 1 else "stereo"

@@ -155,19 +155,19 @@ class LiveStage:
         self.turn_deg = 0.0
         self._row = 0
         self._figure = Walking(live.examples, live.shares(self.values), start_ns)
-        shown = [] if moulding.is_blind else [(live.character, self._figure, -APART_M)]
+        figures = [] if moulding.is_blind else [(live.character, self._figure, -APART_M)]
         if until is not None and live.beside:
             target = Walking(live.examples, until.shares(live.examples), start_ns)
-            shown.append((live.beside, target, APART_M))
+            figures.append((live.beside, target, APART_M))
         else:
-            shown = [(live.character, self._figure, 0.0)]
-        self._walks = [(walking, x) for _, walking, x in shown]
+            figures = [(live.character, self._figure, 0.0)]
+        self._walks = [(walking, x) for _, walking, x in figures]
         self._no_gaze = np.zeros((0, 3)), np.zeros(0)
         x, _, z = live.eye_m
         distance_m = float(np.hypot(x, z)) * (FARTHER_01 if by_keys else 1.0)
         up_m = float(head_m[1]) - live.aim_m[1] if by_keys else 0.0
         self._ahead_m = np.array([0.0, up_m, -distance_m])
-        who = tuple(character for character, _, _ in shown)
+        who = tuple(character for character, _, _ in figures)
         room_at_m = (0.0, up_m, FILMED_M - distance_m)
         self._scene = LiveFigures(SCENE, (), characters=who, room_at_m=room_at_m)
         self._yaw_deg = -float(np.degrees(np.arctan2(x, z)))
@@ -193,13 +193,13 @@ class LiveStage:
         shares = self.moulding.live.shares(self.values)
         return None if self._likeness is None else self._likeness.exact_m(shares)
 
-    def press(self, control: str, pointed: tuple[float, float] | None) -> Change | str | None:
+    def press(self, control: str, point_01: tuple[float, float] | None) -> Change | str | None:
         """Take a press, and where on the board something points: return what it changes (of time
         0), or what pressed the button ("keys", "ray").
         """
         rows = len(self._board.tracks)
-        if control in CONFIRM and pointed is not None:
-            return self._confirm(*pointed)
+        if control in CONFIRM and point_01 is not None:
+            return self._confirm(*point_01)
         if control in CONFIRM:
             return "keys" if self._row == rows else None
         if control in ROWS:
@@ -324,16 +324,16 @@ def moulded(
 
     while not ended_by:
         ray = newer_ray(ray, view)
-        pointed = stage.pointed_01(ray)
+        point_01 = stage.pointed_01(ray)
         heard_ns = view.pressed_ns or (view.t_ns,) * len(view.pressed)
         for control, t_ns in zip(view.pressed, heard_ns, strict=True):
             if not on_ns < t_ns <= end_ns or pressed_by:  # before the figure was seen, or too late
                 continue
-            made = stage.press(control, pointed)
-            if isinstance(made, str):
-                pressed_by = made
-            elif made is not None:
-                change = replace(made, t_ns=t_ns)
+            change = stage.press(control, point_01)
+            if isinstance(change, str):
+                pressed_by = change
+            elif change is not None:
+                change = replace(change, t_ns=t_ns)
                 changes.append(change)
                 stage.take(change, view.t_ns)
                 distance_m = stage.distance_m
@@ -372,12 +372,12 @@ def stage_again(
     start_ns, by_keys = int(description["start_ns"]), bool(description["by_keys"])
     stage = LiveStage(moulding, words, head_m, start_ns, by_keys=by_keys)
     for change in sorted(changes, key=lambda change: int(change["changed_ns"])):
-        turned, t_ns = change.get("turn_deg"), int(change["changed_ns"])
-        if turned is None:
+        turn_deg, t_ns = change.get("turn_deg"), int(change["changed_ns"])
+        if turn_deg is None:
             row, value = names.index(change["slider"]), float(change["value"])
             stage.take(Change(row, value, change["by"], t_ns), t_ns)
         else:
-            stage.take(Change(None, float(turned), change["by"], t_ns), t_ns)
+            stage.take(Change(None, float(turn_deg), change["by"], t_ns), t_ns)
     return stage
 
 

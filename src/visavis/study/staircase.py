@@ -76,12 +76,12 @@ def after(staircase: Staircase, state: StaircaseState, is_right: bool) -> Stairc
     direction = -1 if is_right else 1
     step = staircase.step if is_right or staircase.step_up is None else staircase.step_up
     if staircase.is_ratio:
-        moved = state.level * (1.0 + step) ** direction
+        next_level = state.level * (1.0 + step) ** direction
     else:
-        moved = state.level + direction * step
-    level = min(max(moved, staircase.low), staircase.high)
-    turned = state.direction != 0 and direction != state.direction
-    return StaircaseState(level, 0, 0, direction, state.reversals + turned)
+        next_level = state.level + direction * step
+    level = min(max(next_level, staircase.low), staircase.high)
+    reverses = state.direction != 0 and direction != state.direction
+    return StaircaseState(level, 0, 0, direction, state.reversals + reverses)
 
 
 def state_after(staircase: Staircase, answers: Iterable[bool]) -> StaircaseState:
@@ -105,7 +105,7 @@ class StaircaseTrial:
     """A staircase in one trial: `level` is what to show, `take` hears whether the answer is right.
 
     It writes the columns `NAME_of`, `NAME_level`, `NAME_is_right` and `NAME_threshold`; the last is
-    the level where the direction turned in this trial, once enough turns lie behind.
+    the level where the direction reverses in this trial, once enough turns lie behind.
     """
 
     def __init__(
@@ -145,5 +145,5 @@ def columns_of(staircase: Staircase) -> tuple[Column, ...]:
         Column(f"{name}_of", "", f"which of several staircases of {words}"),
         Column(f"{name}_level", "1", f"level of {words} in this trial"),
         Column(f"{name}_is_right", "", "whether the staircase heard of a right answer"),
-        Column(f"{name}_threshold", "1", "level where the staircase turned; empty elsewhere"),
+        Column(f"{name}_threshold", "1", "level where the staircase reverses; empty elsewhere"),
     )

@@ -38,12 +38,12 @@ def gaze_map(
     where = folder_of(folder, config, "gaze-map")
     data = open_study(where, accept_damage=accept_damage)
     with NOTIFIER.progress("gaze on the scene, trials") as on_trial:
-        made = gaze_maps(data, by, peek=peek, on_trial=on_trial)
+        maps = gaze_maps(data, by, peek=peek, on_trial=on_trial)
     is_simulated = any(session.is_simulated for session in data)
     out = where / DERIVED_FOLDER / "figures" if output is None else output
     out.mkdir(parents=True, exist_ok=True)
-    paths = write_maps(made, data.study, out, is_simulated=is_simulated)
-    say(difference_words(made, data.study))
+    paths = write_maps(maps, data.study, out, is_simulated=is_simulated)
+    say(difference_words(maps, data.study))
     for path in paths:
         say(f"written [b]{verbatim(path)}[/]")
     protect_and_register("gaze map", [session.path for session in data], out, paths)

@@ -94,8 +94,8 @@ def _levels_of_one(analysis: StudyAnalysis, family: str, of: Pairs, texts: Texts
 
 
 def _data(analysis: StudyAnalysis, of: Pairs, measures: Sequence[Measure]) -> str:
-    counted, is_simulated = analysis.selection.counted, analysis.is_simulated
-    return data_of_cells(counted, measures, [of.factor], is_simulated=is_simulated)
+    trials, is_simulated = analysis.selection.counted, analysis.is_simulated
+    return data_of_cells(trials, measures, [of.factor], is_simulated=is_simulated)
 
 
 def _interval_words(analysis: StudyAnalysis) -> str:

@@ -28,14 +28,14 @@ def time_course_figure(analysis: StudyAnalysis, texts: Texts) -> ReportFigure | 
     factor = course.columns[1]
     n = count_of(int(course["participant"].nunique()), "participant")
     switches, darkest = _switches_s(analysis, factor), _darkest(course)
-    marked = " Dotted: the median moment of the change." if switches else ""
+    note = " Dotted: the median moment of the change." if switches else ""
     return draw(
         TIME_COURSE,
         lambda: _panels(analysis, course, switches, darkest, texts),
         title=f"Looks over time by {label_of(texts, factor)}",
         caption="Top: share of usable gaze on the agent's head, mean over "
         f"{n} with 95 % confidence intervals. Beneath: a row for each participant, the darker the "
-        f"larger the share: black is {fraction(darkest, 1)}.{marked}",
+        f"larger the share: black is {fraction(darkest, 1)}.{note}",
         alternative=f"Lines of looks over time by {label_of(texts, factor)}, and rows of people.",
         is_simulated=analysis.is_simulated,
         data=str(course.assign(is_simulated=analysis.is_simulated).to_csv(index=False)),
@@ -49,10 +49,10 @@ def _darkest(course: pd.DataFrame) -> float:
 
 def _switches_s(analysis: StudyAnalysis, factor: str) -> dict[str, float]:
     """Return the median moment of the change in seconds, by level; levels without one lack."""
-    counted = analysis.selection.counted
-    if SWITCH_MS not in counted:
+    trials = analysis.selection.counted
+    if SWITCH_MS not in trials:
         return {}
-    medians = counted.groupby(factor, observed=True)[SWITCH_MS].median().dropna()
+    medians = trials.groupby(factor, observed=True)[SWITCH_MS].median().dropna()
     return {str(level): float(ms) / 1000 for level, ms in medians.items()}
 
 

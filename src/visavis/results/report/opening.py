@@ -18,8 +18,8 @@ def opening_of(
     answer: Verdict, analysis: StudyAnalysis, pictures: Mapping[str, Picture]
 ) -> tuple[Opening, str]:
     """Return the first screen, and the name of the figure it takes; "" where it takes none."""
-    planned = [f for f in analysis.findings if not f.compare.exploratory]
-    names = [figure_name(f) for f in planned] + [opening_name(f) for f in analysis.families()]
+    findings = [f for f in analysis.findings if not f.compare.exploratory]
+    names = [figure_name(f) for f in findings] + [opening_name(f) for f in analysis.families()]
     name = next((name for name in names if name in pictures), "")
     return Opening(answer, pictures.get(name), place_of(analysis.study)), name
 

@@ -73,7 +73,7 @@ from visavis.running.sessions.study_folder import (
     settle,
     study_of_folder,
 )
-from visavis.running.sessions.trial_counter import TrialCounter, repeated
+from visavis.running.sessions.trial_counter import TrialCounter, repeating
 from visavis.study.cast import use_recorded_cast
 from visavis.study.catalogue import reference_of
 from visavis.study.experiment import StudyExperiment
@@ -458,10 +458,10 @@ def _do(work: _Work, processes: int | None, scheduler: str | None, notifier: Not
                 if number < len(kernels):  # a session may be finished before the last kernel
                     ready_count += 1
                     report_progress(ready_count, len(kernels))
-    done = work.progress or (lambda: (len(results) - len(kernels), len(work.jobs)))
+    progress = work.progress or (lambda: (len(results) - len(kernels), len(work.jobs)))
     with notifier.progress(work.name) as report_progress:
-        report_progress(*done())
-        with repeated(lambda: report_progress(*done())):
+        report_progress(*progress())
+        with repeating(lambda: report_progress(*progress())):
             results.update(finished)
     return [results[i] for i in range(len(kernels), len(jobs))]
 

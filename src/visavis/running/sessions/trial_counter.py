@@ -35,7 +35,7 @@ class TrialCounter:
 
 
 @contextmanager
-def repeated(act: Callable[[], None], every_s: float = LOOK_AGAIN_S) -> Iterator[None]:
+def repeating(act: Callable[[], None], every_s: float = LOOK_AGAIN_S) -> Iterator[None]:
     """Call something in the background until the block ends, and once when it has ended well."""
     ends = threading.Event()
 

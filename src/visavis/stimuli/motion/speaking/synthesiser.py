@@ -128,11 +128,11 @@ def synthesised(
     rate_hz, end_s = 0, 0.0
     for clause in clauses:
         order = {"library": library, "voice": voice.name, "text": clause.text}
-        spoken = _spoken({**order, "rate_wpm": voice.rate_wpm, "pitch": voice.pitch})
-        rate_hz = int(spoken["rate_hz"])
-        samples = np.frombuffer(base64.b64decode(spoken["samples"]), "<i2") / 32768
-        own_phones = _phones(spoken["phones"], len(samples) / rate_hz)
-        own_words = _words(spoken["words"], own_phones, clause.text)
+        reply = _speak({**order, "rate_wpm": voice.rate_wpm, "pitch": voice.pitch})
+        rate_hz = int(reply["rate_hz"])
+        samples = np.frombuffer(base64.b64decode(reply["samples"]), "<i2") / 32768
+        own_phones = _phones(reply["phones"], len(samples) / rate_hz)
+        own_words = _words(reply["words"], own_phones, clause.text)
         start_s = _begin(clause, own_words, end_s)
         if start_s < end_s - 1e-9:
             raise DataError(
@@ -167,7 +167,7 @@ def _begin(clause: Clause, words: Sequence[Utterance], end_s: float) -> float:
     return max(0.0, clause.at_s - at.word(clause.word).start_s)
 
 
-def _spoken(order: dict[str, Any]) -> dict[str, Any]:
+def _speak(order: dict[str, Any]) -> dict[str, Any]:
     try:
         run = subprocess.run(  # noqa: S603  (Python itself, and a file of ours)
             [sys.executable, "-I", str(PROGRAM)],
@@ -176,12 +176,12 @@ def _spoken(order: dict[str, Any]) -> dict[str, Any]:
             timeout=LIMIT_S,
             check=True,
         )
-        spoken: dict[str, Any] = json.loads(run.stdout)
+        reply: dict[str, Any] = json.loads(run.stdout)
     except (subprocess.SubprocessError, ValueError) as problem:
         raise DataError(f"espeak-ng did not speak {order['text']!r}: {problem}") from problem
-    if "problem" in spoken:
-        raise DataError(f"{spoken['problem']}; espeak-ng --voices lists them")
-    return spoken
+    if "problem" in reply:
+        raise DataError(f"{reply['problem']}; espeak-ng --voices lists them")
+    return reply
 
 
 def _phones(events: Sequence[tuple[str, float]], seconds: float) -> list[Utterance]:
