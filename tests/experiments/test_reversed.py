@@ -10,9 +10,8 @@ import pandas as pd
 import pytest
 
 from visavis import running
-from visavis.analysis.report import Verdicts
 from visavis.results.opened_study import OpenedStudy, find_study
-from visavis.results.report.study_report import _summary
+from visavis.results.report.study_report import answers_of
 from visavis.study.catalogue import SHIPPED_STUDIES
 from visavis.study.comparisons import ALONE
 from visavis.study.conditions import columns_asked
@@ -103,8 +102,7 @@ def asked(opened: OpenedStudy) -> tuple[str, ...]:
 def headlines(opened: OpenedStudy, experiment: StudyExperiment, table: Any) -> list[str]:
     trials, people, counts = table
     analysis = opened.analysis_of_rows(experiment, trials, people, planned_counts=counts)
-    (block,) = [b for b in _summary(analysis, experiment).blocks if isinstance(b, Verdicts)]
-    return [f"{v.status} {v.headline}" for v in block.items]
+    return [f"{v.status} {v.headline}" for v in answers_of(analysis, experiment)]
 
 
 def turned(opened: OpenedStudy, trials: pd.DataFrame) -> pd.DataFrame:

@@ -9,10 +9,10 @@ import pandas as pd
 import pytest
 
 from visavis import Compare, Factor, Rating, Study
-from visavis.analysis.report import Verdict, Verdicts
+from visavis.analysis.report import Verdict
 from visavis.results.analysis import StudyAnalysis
 from visavis.results.opened_study import OpenedStudy
-from visavis.results.report.study_report import _summary
+from visavis.results.report.study_report import answers_of
 from visavis.study.experiment import StudyExperiment
 from visavis.study.pairs import Correlate, Family
 
@@ -74,8 +74,7 @@ def analysed(
 
 def headlines(found: tuple[StudyAnalysis, StudyExperiment]) -> list[Verdict]:
     """Return what the report says first."""
-    (block,) = [b for b in _summary(*found).blocks if isinstance(b, Verdicts)]
-    return list(block.items)
+    return answers_of(*found)
 
 
 def chance(_: Mapping[str, Any], rng: np.random.Generator) -> float:

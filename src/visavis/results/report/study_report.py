@@ -23,6 +23,7 @@ from visavis.analysis.report import (
     ReportProvenance,
     Section,
     Table,
+    Verdict,
     Verdicts,
     write_page,
 )
@@ -139,14 +140,19 @@ def picture_of(figure: ReportFigure) -> Picture:
     return Picture(svg, figure.title, figure.caption, figure.alternative, figure.data)
 
 
+def answers_of(analysis: StudyAnalysis, experiment: StudyExperiment) -> list[Verdict]:
+    """Return what the report says first: a verdict on each question of the study."""
+    # A study's own conclusions, see `family_verdicts`, replace the verdicts on its comparisons.
+    concludes = analysis.study.analysis.conclude_of is not None
+    verdicts = [] if concludes else verdicts_of(analysis, experiment)
+    return [*verdicts, *family_verdicts(analysis)]
+
+
 def _summary(
     analysis: StudyAnalysis, experiment: StudyExperiment, pictures: Pictures
 ) -> tuple[Section, str]:
     """Return the first section, and the name of the figure that it shows."""
-    # A study's own conclusions, see `family_verdicts`, replace the verdicts on its comparisons.
-    concludes = analysis.study.analysis.conclude_of is not None
-    verdicts = [] if concludes else verdicts_of(analysis, experiment)
-    verdicts += family_verdicts(analysis)
+    verdicts = answers_of(analysis, experiment)
     blocks: list[Block] = []
     at_the_top = ""
     if verdicts:
