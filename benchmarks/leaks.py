@@ -50,6 +50,7 @@ from visavis.results.tables.dictionary import trial_columns
 from visavis.running.sessions.recorded_design import DESIGN_KEY, design_of
 from visavis.running.sessions.study_folder import SETTINGS_NAME, StudySettings
 from visavis.study.catalogue import SHIPPED_STUDIES
+from visavis.study.responses import FreeText
 
 TIERS: Final = ("shared", "public")
 FORMATS: Final = ("parquet", "bids", "xdf", "sheet")
@@ -61,7 +62,7 @@ LENGTH_M: Final = 98765.4375
 TYPED: Final = ("text", "reason", "message")
 """What the operator or participant types."""
 OWN: Final = """
-from visavis import Choice, Factor, Number, Scene, Study, Text
+from visavis import Choice, Factor, FreeText, Number, Scene, Study
 
 study = Study("own", factors=[Factor("level", ["one"])], uses=[], calibrate=False)
 
@@ -71,7 +72,7 @@ def trial(t):
     yield t.show(Scene("person"), seconds=0.2)
     yield t.ask(Choice("side", ["left", "right"]))
     yield t.ask(Number("age"))
-    yield t.ask(Text("who"))
+    yield t.ask(FreeText("who"))
 """
 BODY: Final = StreamSchema(
     name="limbs",
@@ -149,7 +150,7 @@ def answers(
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield an answer to every question of a study and its questionnaires, and to unknown ones."""
     for name, response in study.experiment({}).responses.items():
-        is_typed = type(response).__name__ == "Text"
+        is_typed = isinstance(response, FreeText)
         value = AGE if name == "age" else marks.text(f"answered {name}", may_leave=not is_typed)
         yield "answered", {"trial_id": "T1", "question": name, "answer": value}
     for form in study.questionnaires(lab):
@@ -167,7 +168,7 @@ def answers(
 def trial_row(study: OpenedStudy, marks: Marks) -> dict[str, Any]:
     """Return a row with every column that the study's trials can have, and some of nobody's."""
     experiment = study.experiment({})
-    typed = {n for n, r in experiment.responses.items() if type(r).__name__ == "Text"}
+    typed = {n for n, r in experiment.responses.items() if isinstance(r, FreeText)}
     known = trial_columns(experiment, study.measures(experiment))
     row: dict[str, Any] = {}
     for name in (*known, "undeclared", "remark", *(f"{q}_typed" for q in experiment.responses)):

@@ -160,7 +160,8 @@ class FrameLoop:
         # Sounds are heard from where the head is in every frame.
         can_pass = self._at_once is not None and not rig.has_sound
         self._ahead = headset if can_pass and isinstance(headset, FramesAtOnce) else None
-        self._geometry = stage if isinstance(stage, GeometryStage) else None
+        # One that draws, or looks on, is asked for every frame.
+        self._geometry = stage if type(stage) is GeometryStage else None
         self._waiting: list[tuple[tuple[object, ...], int]] = []
         self._gaze_may_wait = False
         self.trial_number = -1

@@ -103,10 +103,10 @@ class OpenedStudy:
                 not be performed or not be analysed.
         """
         experiment = self.experiment(overrides)
-        asks = self.study.asks
-        self.original_questionnaires((*asks.after_block, *asks.questionnaires))  # refuses mistakes
         self._refuse_impossible_tests(experiment)
         refuse_unusable_names(experiment, self.measures(experiment))
+        asks = self.study.asks
+        self.original_questionnaires((*asks.after_block, *asks.questionnaires))  # refuses mistakes
         return experiment
 
     def experiment_of(self, recording: Recording) -> StudyExperiment:
