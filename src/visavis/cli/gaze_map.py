@@ -27,6 +27,7 @@ from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Pose, Vector, quat_conjugate, quat_from_yaw_pitch_deg, rotate
 from visavis.recording.cached import CachedRecording
+from visavis.recording.csv_file import write_csv
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.scripts import StudyData
 from visavis.stimuli.surfaces import Surfaces
@@ -347,5 +348,5 @@ def write_maps(
     figure = figure_of_maps(result, study, is_simulated=is_simulated)
     paths = list(write_figure(figure, folder))
     table = folder / f"{figure.name}.csv"
-    table_of_maps(result, is_simulated=is_simulated).to_csv(table, index=False)
+    write_csv(table_of_maps(result, is_simulated=is_simulated), table)
     return [*paths, table]

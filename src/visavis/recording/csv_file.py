@@ -39,6 +39,12 @@ def write_csv(table: pd.DataFrame, path: Path) -> tuple[str, ...]:
     return escaped_columns
 
 
+def csv_text(table: pd.DataFrame) -> str:
+    """Return a table as the text of a CSV file, as `write_csv` writes it."""
+    safe, _ = escape_formulas(_with_truths(table))
+    return str(safe.to_csv(index=False, lineterminator="\n", na_rep=""))
+
+
 def _with_truths(table: pd.DataFrame) -> pd.DataFrame:
     """Return a table whose columns of truths are the words that every program reads as truths."""
     words = {True: "TRUE", False: "FALSE"}

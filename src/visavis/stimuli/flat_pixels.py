@@ -7,10 +7,11 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 from PIL import Image as Files
-from PIL import ImageDraw, ImageFont, ImageOps, UnidentifiedImageError
+from PIL import ImageDraw, ImageOps, UnidentifiedImageError
 
 from visavis.lab.errors import DesignError
 from visavis.stimuli.flat import Flat, Grating, Image, Shape, Text, rgb_of
+from visavis.stimuli.text_font import font_for
 
 Pixels = npt.NDArray[np.uint8]
 """(height, width, 4) sRGB bytes with opacity, top row first."""
@@ -42,9 +43,9 @@ def pixels_of(flat: Flat, size_px: tuple[int, int], folder: Path) -> Pixels:
 def text_size_em(text: Text) -> tuple[float, float]:
     """Return how wide and how high the box of a text is, in heights of its letters."""
     draw = ImageDraw.Draw(Files.new("L", (1, 1)))
-    left, _, right, _ = draw.multiline_textbbox((0, 0), text.text, _font(100))
+    left, _, right, _ = draw.multiline_textbbox((0, 0), text.text, font_for(text.text, 100))
     lines = text.text.count("\n") + 1
-    return (right - left) / _height_px(100) + 0.1, lines * REACHES_EM
+    return (right - left) / _height_px(text.text, 100) + 0.1, lines * REACHES_EM
 
 
 def read_picture(path: Path) -> Files.Image:
@@ -83,27 +84,22 @@ def picture_size(path: Path, modified_ns: int) -> tuple[int, int]:
     return read_picture(path).size
 
 
-@lru_cache(maxsize=64)
-def _font(size_px: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
-    return ImageFont.load_default(size_px)
-
-
-def _height_px(font_px: int) -> float:
-    """Return the height from the top of an h to the bottom of a g."""
-    _, top, _, bottom = _font(font_px).getbbox("hg")
+def _height_px(text: str, font_px: int) -> float:
+    """Return the height from the top of an h to the bottom of a g in the font of a text."""
+    _, top, _, bottom = font_for(text, font_px).getbbox("hg")
     return float(bottom - top)
 
 
 def _letters(text: Text, size_px: tuple[int, int]) -> Pixels:
     lines = text.text.count("\n") + 1
     line_px = size_px[1] / (lines * REACHES_EM)
-    font_px = max(4, round(100 * line_px / _height_px(100)))
+    font_px = max(4, round(100 * line_px / _height_px(text.text, 100)))
     image = Files.new("RGBA", size_px, (*rgb_of(text.colour), 0))
     ImageDraw.Draw(image).multiline_text(
         (size_px[0] / 2, size_px[1] / 2),
         text.text,
         (*rgb_of(text.colour), 255),
-        _font(font_px),
+        font_for(text.text, font_px),
         anchor="mm",
         align="center",
         spacing=round(0.2 * font_px),

@@ -146,7 +146,11 @@ class StudyExperiment:
         """Every response by the text of its question."""
         script = TrialScript(Trial("T1", 1, 0, False, {}, 0), self.settings)
         responses = self.responses.values()
-        ratings = {script.bare_prompt(r): r for r in responses if isinstance(r, Rating)}
+        ratings = {
+            script.bare_prompt(r): r
+            for r in responses
+            if isinstance(r, Rating) and not script.has_own_prompt(r)
+        }
         return ratings | {script.words_of(r)[0]: r for r in responses}
 
     @cached_property

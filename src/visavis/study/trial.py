@@ -721,11 +721,16 @@ class TrialScript:
         if any(own):
             ends = (own[0] or "", own[1] or "")
         elif isinstance(response, Rating) and surface.screen is not None:
-            if f"questions.{response.name}" not in texts.entries and "rating" not in texts.own:
+            if not self.has_own_prompt(response):
                 prompt = self.bare_prompt(response)
                 ends = (texts.get("ends.low"), texts.get("ends.high"))
         hint = "" if surface.screen is None else texts.get("board_keys")
         return board_before(head, surface, prompt, labels, ends=ends, hint=hint)
+
+    def has_own_prompt(self, rating: Rating) -> bool:
+        """Tell whether the study has words of its own for a rating and its ends."""
+        texts = self.settings.texts
+        return f"questions.{rating.name}" in texts.entries or "rating" in texts.own
 
     def bare_prompt(self, response: Response) -> str:
         """Return the words of a question that has no text of its own, without those of its ends."""

@@ -36,6 +36,7 @@ from visavis.analysis.plots.panels import (
     spread_out,
 )
 from visavis.analysis.report.notation import count_of
+from visavis.recording.csv_file import csv_text
 from visavis.results.analysis import StudyAnalysis
 from visavis.results.findings import Finding
 from visavis.results.quality import QUALITY_COLUMNS, Quality
@@ -106,7 +107,7 @@ def data_of_cells(
     """Return a CSV file of what a figure shows: a row per participant and cell, means of trials."""
     cells = aggregate_cells(trials, measures, factors)
     columns = ["participant", *factors, *(m.column for m in measures if m.column in cells)]
-    return str(cells[columns].assign(is_simulated=is_simulated).to_csv(index=False))
+    return csv_text(cells[columns].assign(is_simulated=is_simulated))
 
 
 def _people_count(analysis: StudyAnalysis, finding: Finding) -> int:

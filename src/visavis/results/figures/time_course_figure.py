@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from visavis.analysis.plots import ReportFigure, draw, new_figure
 from visavis.analysis.plots.panels import MIN_WITH_INTERVAL, Values, mean_interval
 from visavis.analysis.report.notation import count_of, fraction
+from visavis.recording.csv_file import csv_text
 from visavis.results.analysis import StudyAnalysis
 from visavis.results.figures.study_figures import COLOURS
 from visavis.results.time_course import TIME_COURSE
@@ -38,7 +39,7 @@ def time_course_figure(analysis: StudyAnalysis, texts: Texts) -> ReportFigure | 
         f"larger the share: black is {fraction(darkest, 1)}.{note}",
         alternative=f"Lines of looks over time by {label_of(texts, factor)}, and rows of people.",
         is_simulated=analysis.is_simulated,
-        data=str(course.assign(is_simulated=analysis.is_simulated).to_csv(index=False)),
+        data=csv_text(course.assign(is_simulated=analysis.is_simulated)),
     )
 
 
