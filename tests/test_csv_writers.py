@@ -17,8 +17,8 @@ ALLOWED = {
     "protocol/people/withdrawal.py",
     "src/visavis/stimuli/motion/speaking/speech.py",
 }
-"""The place; BIDS tables, which call it; tables of numbers; rows taken out of a CSV; times of words,
-which are read back word for word."""
+"""The place; BIDS tables, which call it; tables of numbers; rows taken out of a CSV; times of
+words, which are read back word for word."""
 
 
 def test_no_other_module_writes_csv() -> None:

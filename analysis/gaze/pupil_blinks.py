@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.analysis.gaze.stamps import Times, typical_step_ns
-from visavis.lab.clock import NS_PER_MS
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Vector
 
@@ -25,7 +25,8 @@ class PupilBlinkParameters:
 
     `smoothing_ms` and `join_ms` (losses so near to each other are one blink) are the source's. Ours
     are the bounds of the loss itself, beyond which it is a flicker or a tracker that lost the eye,
-    and `max_edge_ms`, so that a slow change of the pupil before a blink is no part of it.
+    and `max_edge_ms` and `min_edge_per_s` (the share of the pupil by which a lid changes it in a
+    second, at least), so that a slow change of the pupil beside a blink is no part of it.
     """
 
     smoothing_ms: float = 10.0
@@ -33,6 +34,7 @@ class PupilBlinkParameters:
     min_loss_ms: float = 20.0
     max_loss_ms: float = 500.0
     max_edge_ms: float = 150.0
+    min_edge_per_s: float = 0.5
 
 
 PUPIL_BLINKS: Final = PupilBlinkParameters()
@@ -76,7 +78,7 @@ def pupil_blinks(
         raise UsageError("stamps repeat or go back; choose rows first (stamps.order_of)")
     with np.errstate(invalid="ignore"):
         is_seen = np.isfinite(size) & (size > 0)
-    step_ns = typical_step_ns(t_ns)
+    step_ns, slowest = typical_step_ns(t_ns), params.min_edge_per_s / NS_PER_S
     smooth = _smoothed(size.astype(np.float64), is_seen, params.smoothing_ms, step_ns)
     # Rows that never came are a loss, too: a tracker may leave them out.
     edges = np.flatnonzero(np.diff(is_seen.astype(np.int8)))
@@ -97,14 +99,15 @@ def pupil_blinks(
         while (
             onset > 0
             and is_seen[onset - 1]
-            and smooth[onset - 1] > smooth[onset]
+            and smooth[onset - 1] > smooth[onset] * (1 + slowest * (t_ns[onset] - t_ns[onset - 1]))
             and t_ns[last] - t_ns[onset - 1] <= limit_ns
         ):
             onset -= 1
         while (
             offset < n - 1
             and is_seen[offset + 1]
-            and smooth[offset + 1] > smooth[offset]
+            and smooth[offset + 1]
+            > smooth[offset] * (1 + slowest * (t_ns[offset + 1] - t_ns[offset]))
             and t_ns[offset + 1] - t_ns[first] <= limit_ns
         ):
             offset += 1

@@ -378,6 +378,17 @@ def test_a_file_that_ends_within_its_last_number_is_read_without_it(
     assert len(values) == len(read_rows(whole[:-cut] + "\n", what="t").rows)
 
 
+@pytest.mark.parametrize(
+    "rows",
+    [
+        ["a;1.000", "b;1.000", "c;2.000", "d;1.000.000", "e;1"],
+        ["1,5;1.000", "2,5;1.000", "2,5;2.000", "3,5;4.000", "4,5;1"],
+    ],
+)
+def test_a_last_number_below_a_thousand_is_read(rows: list[str]) -> None:
+    assert len(rows) == len(read_rows("\n".join(["n;y", *rows]), what="t").rows)
+
+
 @pytest.mark.parametrize("cells", [["Control", "Treated"], ["512", "498"]])
 def test_a_last_word_or_whole_number_that_may_be_cut_is_told(cells: list[str]) -> None:
     text = "\n".join(["n,y", *(f"{k},{cells[k % 2]}" for k in range(8))])

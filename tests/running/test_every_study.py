@@ -348,7 +348,7 @@ def test_the_viewers_page_reads_every_column_as_it_was_recorded(
         arrays = session.stream_arrays(stream["name"])
         for column, read in zip(stream["columns"], columns, strict=True):
             values = arrays[column["name"]][:: stream["every"]]
-            if not len(values) or (column["unit"] == "ms" and values.dtype.kind == "i"):
+            if not values.size or (column["unit"] == "ms" and values.dtype.kind == "i"):
                 continue  # times, shown as milliseconds after the row arrived
             wanted = values.reshape(len(values), -1).T.astype(float)
             got = np.array([[np.nan if v is None else v for v in one] for one in read])

@@ -1,6 +1,6 @@
 """A figure moulded before a monitor or in a headset: to a mood, and after somebody beside it."""
 
-from visavis import Compare, Factor, Live, Near, Slider, Study, walks
+from visavis import Column, Compare, Factor, Live, Near, Slider, Study, walks
 
 study = Study(
     "moulding_lab",
@@ -8,6 +8,10 @@ study = Study(
     factors=[Factor("mood", ["happy", "sad"])],
     calibrate=False,
     compare=[Compare("activeness", within="mood")],
+    columns=[
+        Column("tries", "1", "movements that the trial got back"),
+        Column("reached", "", "why the second figure was left"),
+    ],
 )
 AT = {"slouch": [0.0], "shuffle": [0.25], "plain": [0.5], "bounce": [0.75], "march": [1.0]}
 WALKS = walks("set_a", *AT)

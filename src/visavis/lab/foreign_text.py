@@ -259,7 +259,7 @@ def _without_cut_number(
     """Return the rows of a file without a line end at its end, whose last cell may be cut.
 
     A last number with fewer decimals than all above it is: its row is left out. A whole number or a
-    word may be what it is: it is read, and the doubt is told.
+    word may be what it is, as may one below thousands: it is read, and the doubt is told.
     """
     cells = [row[-1].strip() for _, row in numbered_rows[-MAX_CELLS_JUDGED:]]
     last, others = cells[-1], [c for c in cells[:-1] if c.lower() not in MISSING_WORDS]
@@ -268,7 +268,9 @@ def _without_cut_number(
     line = numbered_rows[-1][0]
     are_numbers = all(map(_is_number, others))
     decimals = min(map(_digits_after_sign, others)) if are_numbers else 0
-    if are_numbers and (last in ("-", "+") or _digits_after_sign(last) < decimals):
+    is_below_thousands = last.isdigit() and _are_thousands(others, numbered_rows)
+    is_cut = _digits_after_sign(last) < decimals and not is_below_thousands
+    if are_numbers and (last in ("-", "+") or is_cut):
         remarks.append(
             f"line {line}, the last, has no end and its {last} fewer digits than all numbers above "
             "it: the file is cut off there; the line was left out"
@@ -283,6 +285,16 @@ def _without_cut_number(
             "the file cut off there? It is read as it stands"
         )
     return numbered_rows
+
+
+def _are_thousands(numbers: list[str], numbered_rows: list[tuple[int, list[str]]]) -> bool:
+    """Tell whether signs part thousands: one stands twice, or decimals elsewhere have the other."""
+    sign = "." if any("." in number for number in numbers) else ","
+    if any(number.count(sign) > 1 for number in numbers):
+        return True
+    decimal = re.compile(r"\d+" + ("," if sign == "." else r"\.") + r"\d+")
+    rows = (row for _, row in numbered_rows[-MAX_CELLS_JUDGED:])
+    return any(decimal.fullmatch(cell.strip()) for row in rows for cell in row[:-1])
 
 
 def _digits_after_sign(number: str) -> int:

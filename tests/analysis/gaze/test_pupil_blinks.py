@@ -54,6 +54,17 @@ def test_as_many_blinks_as_were_made_with_their_edges(
     np.testing.assert_allclose(blinks.loss_ms, losses_ms, atol=1.01 * step_ms)
 
 
+def test_a_pupil_that_widens_beside_a_blink_is_no_part_of_it() -> None:
+    """Drift and noise went on in the lid's direction for 83 ms."""
+    for rate_hz in (60.0, 120.0, 250.0):
+        onsets_ms = [1500.0 + 700 * k for k in range(20)]
+        t_ns, size = blinking(rate_hz, onsets_ms, [100.0] * 20)
+        blinks = pupil_blinks(t_ns, size)
+        off_ms = 15 + 3 * 1000 / rate_hz
+        np.testing.assert_allclose(blinks.onset_ns / 1e6, onsets_ms, atol=off_ms)
+        np.testing.assert_allclose(blinks.offset_ns / 1e6, np.add(onsets_ms, 200), atol=off_ms)
+
+
 def test_a_flicker_and_a_tracker_that_lost_the_eye_are_no_blinks() -> None:
     t_ns, size = blinking(250, [2000.0, 6000.0], [200.0, 1500.0])
     size[3000:3002] = np.nan
