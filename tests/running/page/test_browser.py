@@ -97,8 +97,11 @@ def state_of(page: Any) -> dict[str, Any]:
     return found
 
 
-def step_on(page: Any) -> None:
-    """Do one thing the page asks for, if any can be done now: the next may be another page's."""
+def step_on(page: Any, words: str = "") -> None:
+    """Do one thing the page asks for, if any can be done now: the next may be another page's.
+
+    A page that says `words` is not left: it may have come since somebody looked.
+    """
     if page.query_selector("#agree") and not page.is_checked("#agree"):
         page.check("#agree")
         return
@@ -116,8 +119,9 @@ def step_on(page: Any) -> None:
         if not number.input_value():
             number.fill("33")
             return
+    # The button first: once the page has gone on, it is nobody's, and a click on it fails.
     button = page.query_selector("#main button:not([disabled]):not(.quiet)")
-    if button:
+    if button and not (words and words in state_of(page)["text"]):
         button.click(timeout=2000)
 
 
@@ -128,7 +132,7 @@ def until(page: Any, words: str, *, steps: bool = True) -> None:
         assert watch.elapsed_s() < PATIENCE_S, state_of(page)
         if steps:
             with contextlib.suppress(playwright_error()):  # the page went on meanwhile
-                step_on(page)
+                step_on(page, words)
         page.wait_for_timeout(POLL_S * 1000)
 
 
