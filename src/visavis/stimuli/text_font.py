@@ -36,5 +36,5 @@ def _is_drawn(character: str) -> bool:
 def _dejavu() -> str:
     spec = importlib.util.find_spec("matplotlib")  # looked for, not imported: that takes a second
     if spec is None or spec.origin is None:
-        raise ModuleNotFoundError("matplotlib is not installed; it comes with "pip install visavis"")
+        raise ModuleNotFoundError("matplotlib, which comes with visavis, is not installed")
     return str(Path(spec.origin).parent / "mpl-data" / "fonts" / "ttf" / "DejaVuSans.ttf")
