@@ -1,6 +1,7 @@
 """A figure moulded before a monitor or in a headset: to a mood, and after somebody beside it."""
 
-from visavis import Column, Compare, Factor, Live, Near, Slider, Study, walks
+from visavis import Compare, Factor, Live, Near, Slider, Study, walks
+from visavis.protocol.plan.columns import Column
 
 study = Study(
     "moulding_lab",
