@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from visavis.lab.errors import ConfigError
+from visavis.lab.errors import DesignError
 from visavis.protocol.plan.questionnaires import load_questionnaire
 from visavis.results.opened_study import find_study
 
@@ -47,5 +47,5 @@ def test_the_form_on_the_page_is_a_questionnaire(tmp_path):
     ],
 )
 def test_a_questionnaire_with_a_mistake_is_told_before_anything_is_recorded(tmp_path, form, says):
-    with pytest.raises(ConfigError, match=says):
+    with pytest.raises(DesignError, match=says):
         opened(tmp_path, form).experiment_to_run({})

@@ -105,8 +105,6 @@ class OpenedStudy:
         experiment = self.experiment(overrides)
         self._refuse_impossible_tests(experiment)
         refuse_unusable_names(experiment, self.measures(experiment))
-        asks = self.study.asks
-        self.original_questionnaires((*asks.after_block, *asks.questionnaires))  # refuses mistakes
         return experiment
 
     def experiment_of(self, recording: Recording) -> StudyExperiment:
