@@ -19,6 +19,7 @@ from visavis.cli.gaze_map import (
 )
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
+from visavis.recording.cached import CachedRecording
 from visavis.recording.folder import study_dir
 from visavis.running.scripts import open_study
 from visavis.running.sessions.study_folder import settle, wanted_settings
@@ -89,6 +90,20 @@ def test_people_look_at_people_and_the_map_says_how_long(folder: Path) -> None:
 def test_a_factor_that_is_not_there_is_named_with_those_that_are(folder: Path) -> None:
     with pytest.raises(UsageError, match=r"--by place: duel has the factors .*gaze"):
         gaze_maps(open_study(folder), "place", peek=None, on_trial=lambda done, total: None)
+
+
+def test_sessions_without_gaze_are_told_by_their_folder(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = open_study(folder)
+    names = CachedRecording(data.sessions[0].path).stream_names
+    others = [name for name in names if name != "gaze_targets"]
+    data.analysis()  # measured with gaze, which the recordings then lack
+    monkeypatch.setattr(CachedRecording, "stream_names", others)
+    calls: list[tuple[int, int]] = []
+    with pytest.raises(UsageError, match=r"duel: no trial that counts has usable gaze"):
+        gaze_maps(data, "gaze", peek=None, on_trial=lambda *of: calls.append(of))
+    assert calls[-1][0] == calls[-1][1]  # the bar comes to its end
 
 
 def test_the_verb_writes_pictures_and_a_table_and_says_what_differs(folder: Path) -> None:

@@ -122,6 +122,10 @@ def _looks(
             & (trials["session"].astype(int) == manifest.session)
         ]
         recording = CachedRecording(session.path)
+        if "gaze_targets" not in recording.stream_names:
+            number += len(mine)
+            on_trial(number, len(trials))
+            continue
         for trial_id, level in zip(mine["trial_id"], mine[factor], strict=True):
             trial = recorded_trial(recording, str(trial_id))
             ends = _ends(data.study, trial, surfaces)
