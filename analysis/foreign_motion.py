@@ -194,16 +194,16 @@ def _matrix(path: Path, axes: str, remarks: list[str]) -> Vector:
     if not letters:
         remarks.append("the set does not say which way its axes point: they stay as they are")
         return np.eye(3)
-    known = [_AXIS_OF_LETTER.get(letter) for letter in letters]
-    if len(letters) != 3 or None in known or len({k[0] for k in known if k}) != 3:
+    signs = [_AXIS_OF_LETTER.get(letter) for letter in letters]
+    if len(letters) != 3 or None in signs or len({k[0] for k in signs if k}) != 3:
         raise DataError(f"{path}: SpatialAxes {axes!r} are none; three letters such as ALS, FRU")
-    own = {k[0]: f"{k[1]}{axis}" for k, axis in zip(known, "xyz", strict=True) if k}
+    own = {k[0]: f"{k[1]}{axis}" for k, axis in zip(signs, "xyz", strict=True) if k}
     return axes_matrix(own["right"], own["up"], own["forward"])
 
 
 def _refuse_other_unit(path: Path, name: str, position_m: Vector) -> None:
-    seen = position_m[np.isfinite(position_m).all(axis=1)]
-    reach = float(np.ptp(seen, axis=0).max()) if len(seen) else 0.0
+    whole_m = position_m[np.isfinite(position_m).all(axis=1)]
+    reach = float(np.ptp(whole_m, axis=0).max()) if len(whole_m) else 0.0
     if reach > MAX_REACH_M:
         raise DataError(
             f"{path}: {name} moves over {reach:.4g} m; is the unit mm? Correct units in its "
@@ -294,12 +294,12 @@ def import_motion(files: Sequence[Path], folder: Path) -> dict[str, tuple[str, .
         quality = quality_of_motion(motion)
         write_csv(quality, quality_path)
         write_csv(motion_table(motion), motion_path)
-        remarks[motion.name] = (*motion.remarks, *_judged(motion, quality))
+        remarks[motion.name] = (*motion.remarks, *_remarks_on(motion, quality))
     protect_files(paths)
     return remarks
 
 
-def _judged(motion: ForeignMotion, quality: pd.DataFrame) -> list[str]:
+def _remarks_on(motion: ForeignMotion, quality: pd.DataFrame) -> list[str]:
     remarks = []
     if (np.diff(motion.t_ns) <= 0).any():
         remarks.append("stamps repeat or go back: nothing is said of the rate")

@@ -129,11 +129,11 @@ def main(argv: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--folder", type=Path, required=True, help="a clone of bids-examples")
     parser.add_argument("--json", action="store_true")
-    given = parser.parse_args(argv)
+    arguments = parser.parse_args(argv)
     rows = []
     for name in SETS:
         with tempfile.TemporaryDirectory() as folder:
-            data_set = Path(shutil.copytree(given.folder / name, Path(folder) / name))
+            data_set = Path(shutil.copytree(arguments.folder / name, Path(folder) / name))
             files = fill(data_set)
             red = {v.name: v for v in check_foreign(data_set) if v.level == Level.RED}
             for path in files:
@@ -144,11 +144,15 @@ def main(argv: Sequence[str]) -> int:
                 verdict = red.get(path.relative_to(data_set).as_posix())
                 row["problems"] += [what for what, _ in verdict.findings] if verdict else []
                 rows.append(row)
-                if not given.json:
+                if not arguments.json:
                     text = "; ".join(row["problems"]) or "judged and imported"
                     print(f"{name:<26} {path.name[-58:]:<58} {row['read'][:24]:<24} {text}")
     n_bad = sum(bool(row["problems"]) for row in rows)
-    print(json.dumps(rows, indent=2) if given.json else f"{len(rows) - n_bad} of {len(rows)} files")
+    print(
+        json.dumps(rows, indent=2)
+        if arguments.json
+        else f"{len(rows) - n_bad} of {len(rows)} files"
+    )
     return int(n_bad > 0)
 
 

@@ -43,11 +43,11 @@ def main() -> None:
     if options.answers is None:
         write_sheets(options.out)
         return
-    rows, columns, either = counted(options.out / "key.csv", options.answers)
+    rows, columns, either = count_right(options.out / "key.csv", options.answers)
     print(f"of 27: {rows} in the right row, {columns} in the right column, {either} in either")
 
 
-def counted(key: Path, answers: Path) -> tuple[int, int, int]:
+def count_right(key: Path, answers: Path) -> tuple[int, int, int]:
     """Return how many walks are in their row, in their column, and in one of them."""
     truth, sorted_as = (
         {row["number"]: (row["emotion"], row["speed"]) for row in csv.DictReader(file.open())}

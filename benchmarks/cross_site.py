@@ -136,9 +136,8 @@ class Outcome:
 class Everybody:
     """A reception that lets in whoever gets to it, and counts them."""
 
-    board_key = "board"
-
-    def __init__(self) -> None:
+    def __init__(self, board_key: str = "board") -> None:
+        self.board_key = board_key
         self.arrivals = 0
 
     async def arrive(

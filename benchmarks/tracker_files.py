@@ -248,18 +248,18 @@ def main(argv: Sequence[str]) -> int:
     parser.add_argument("--only", default="", help="trackers whose name holds this")
     parser.add_argument("--reports", action="store_true", help="detectors and figures, too")
     parser.add_argument("--json", action="store_true")
-    given = parser.parse_args(argv)
+    arguments = parser.parse_args(argv)
     rows = []
     for file in tracker_files():
-        if given.only.lower() not in file.tracker.lower():
+        if arguments.only.lower() not in file.tracker.lower():
             continue
         try:
-            path = fetched(file, given.folder, may_fetch=given.fetch)
-            row = judged(file, path, has_report=given.reports)
+            path = fetched(file, arguments.folder, may_fetch=arguments.fetch)
+            row = judged(file, path, has_report=arguments.reports)
         except (LabError, OSError) as error:
             row = {"tracker": file.tracker, "file": file.path, "problems": [str(error)]}
         rows.append(row)
-        if not given.json:
+        if not arguments.json:
             text = "; ".join(row["problems"]) or "read"
             figures = (
                 f"{row['rows']:6d} rows {row['rate_hz']:7.1f} Hz lost {row['lost_01']:.4f}"
@@ -268,7 +268,7 @@ def main(argv: Sequence[str]) -> int:
             )
             print(f"{file.tracker:<24} {Path(file.path).name:<44.44} {figures}  {text}")
     n_bad = sum(bool(row["problems"]) for row in rows)
-    if given.json:
+    if arguments.json:
         print(json.dumps(rows, indent=2))
     else:
         trackers = {row["tracker"] for row in rows if not row["problems"]}

@@ -2,15 +2,16 @@
 
 import asyncio
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from aiohttp import StreamReader, web
 from aiohttp.base_protocol import BaseProtocol
 from aiohttp.test_utils import make_mocked_request
 
+from benchmarks.cross_site import Everybody
 from benchmarks.fuzz.damage import changed, damaged
 from benchmarks.fuzz.target import Target
 from tests.faults.sessions import lab
@@ -24,32 +25,13 @@ ANSWERED: Final = (200, 400, 403, 409, 413, 415)
 BOARD_KEY: Final = "board"
 
 
-class Everybody:
-    """A reception that lets in whoever comes, without a session."""
-
-    board_key = BOARD_KEY
-
-    async def arrive(
-        self, parameters: Mapping[str, str], before: str = "", address: str = ""
-    ) -> Mapping[str, Any]:
-        """Let somebody in."""
-        return {"key": "none", "n": len(parameters)}
-
-    async def session_of(self, key: str) -> None:
-        """Return no session."""
-
-    async def board(self) -> Mapping[str, Any]:
-        """Return an empty board."""
-        return {}
-
-
 class Posted:
     """Own a served page and a desk; hand them bodies as their server would."""
 
     def __init__(self, root: Path) -> None:
         self._loop = asyncio.new_event_loop()
         self._root, self._stack, self._number = root, ExitStack(), 0
-        self.pages = PageServer(reception=Everybody())
+        self.pages = PageServer(reception=Everybody(BOARD_KEY))
         self.desk = DeskServer(lab(root))
         self._page = self._begin()
         self._session = PageSession(self._page.desk, {})

@@ -31,9 +31,15 @@ def px(deg):
 def scene(*items, surface=None, background=(0, 0, 0), folder=None):
     surface = Surface(PlacedScreen(SCREEN, HEAD)) if surface is None else surface
     return FlatScene(
-        "flat", (), dressed_by=DRESSED_BY, items=items, background_srgb=background, head=HEAD,
-        surface=surface, **({} if folder is None else {"folder": folder}),
-    )  # fmt: skip
+        "flat",
+        (),
+        dressed_by=DRESSED_BY,
+        items=items,
+        background_srgb=background,
+        head=HEAD,
+        surface=surface,
+        **({} if folder is None else {"folder": folder}),
+    )
 
 
 def drawn(*items, **how):

@@ -99,10 +99,12 @@ def test_two_keys_without_a_name_are_the_answer():
         ("t.show([], 1)", "a list of the latter; not"),
         ("t.show(Text('a'), 1, limit_s=2)", "limit_s is how long keys"),
         ("t.show(Image('a.png', width_deg=3), 1)", "there is no picture .*a.png"),
-        ("t.show(Scene('room.glb'), 1)", "there is no scene 'room.glb'; known: audience, person, "
-         "two_people$"),
+        (
+            "t.show(Scene('room.glb'), 1)",
+            "there is no scene 'room.glb'; known: audience, person, two_people$",
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_mistake_in_showing_is_told_with_its_line(tmp_path, line, says):
     (tmp_path / "slip.py").write_text(
         "from visavis import Factor, Image, Keys, Scene, Study, Text\n"

@@ -38,8 +38,11 @@ def test_levels_stay_within_their_bounds():
 
 def test_ratios_multiply_and_weights_differ_upwards():
     assert levels(Staircase("s", 0.4, 1.0, down=1, low=0.01, is_ratio=True), "rrw") == [
-        0.4, 0.2, 0.1, 0.2
-    ]  # fmt: skip
+        0.4,
+        0.2,
+        0.1,
+        0.2,
+    ]
     assert levels(Staircase("s", 0.5, 0.1, down=1, step_up=0.3), "rw") == [0.5, 0.4, 0.7]
 
 
