@@ -430,7 +430,7 @@ def count_agreement(tests: Iterable[Test]) -> AgreementCount:
 
 
 def compare(
-    means: pd.DataFrame,
+    wide: pd.DataFrame,
     measure: Measure,
     pair: tuple[str, str],
     of: Pairs,
@@ -442,9 +442,8 @@ def compare(
 ) -> PairTest:
     """Compare two levels over the participants who have both values.
 
-    `means` has one row per participant and level.
+    `wide` has one row per participant and one column per level.
     """
-    wide = means.pivot(index="participant", columns=of.factor, values=measure.column)
     first, second = (
         wide[c] if c in wide else pd.Series(float("nan"), index=wide.index) for c in pair
     )
@@ -525,10 +524,19 @@ def compare_pairs(
     tests = []
     for place in places:
         here = means[means[of.each].astype(str) == place] if of.each else means
+        # once for all pairs: it takes longer than a test
+        wide = here.pivot(index="participant", columns=of.factor)
         for pair in of.levels:
             for measure in (m for m in family_measures if only is None or (pair, m.column) in only):
                 test = compare(
-                    here, measure, pair, of, rules, n_tests=n_tests, where=place, family=family
+                    wide[measure.column],
+                    measure,
+                    pair,
+                    of,
+                    rules,
+                    n_tests=n_tests,
+                    where=place,
+                    family=family,
                 )
                 absent = " and ".join(level for level in pair if level not in there)
                 if absent:
