@@ -18,6 +18,8 @@ from visavis.protocol.plan.design import Factor
 from visavis.results.fidelity import (
     FidelityRow,
     counts_of,
+    design_names,
+    design_values,
     fidelity_rows,
     fidelity_section,
     stale_facts,
@@ -65,6 +67,12 @@ def test_a_readme_holds_what_the_study_declares_of_its_source(name: str) -> None
     section = section_of(name)
     assert section
     assert section in readme_of(name).read_text(encoding="utf-8"), "python -m tools.fidelity_tables"
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_the_names_of_a_design_are_those_of_its_values(name: str) -> None:
+    experiment = find_study(name).experiment({})
+    assert set(design_values(experiment)) == set(design_names(experiment))
 
 
 def test_a_number_of_the_design_is_read_from_it() -> None:

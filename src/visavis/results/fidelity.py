@@ -5,7 +5,7 @@ and blocks, factors, parameters, scales of questions. Printed results come from 
 declares of them; they are shown beside the study's own and not compared.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from string import Formatter
 from typing import Any, Final, Literal, TypeAlias, get_args
@@ -109,6 +109,19 @@ def design_values(experiment: StudyExperiment) -> dict[str, Any]:
 
 
 COUNTS: Final = ("trials", "practice", "blocks")
+_OF_ORDER: Final = ("trials_in_block", "order", "block_order", "posture", "place", "questionnaires")
+
+
+def design_names(experiment: StudyExperiment) -> tuple[str, ...]:
+    """Return the names of `design_values`, without a plan: planning takes longest."""
+    responses = experiment.responses.values()
+    return (
+        *experiment.parameters,
+        *(f.name for f in experiment.study.design_with(experiment.parameters).factors),
+        *(r.name for r in responses if isinstance(r, Rating | Choice)),
+        *COUNTS,
+        *_OF_ORDER,
+    )
 
 
 def fidelity_rows(experiment: StudyExperiment) -> tuple[FidelityRow, ...]:
@@ -203,7 +216,7 @@ def names_of(fact: Fact) -> tuple[str, ...]:
     )
 
 
-def refuse_unknown_names(fact: Fact, values: Mapping[str, Any]) -> None:
+def refuse_unknown_names(fact: Fact, values: Collection[str]) -> None:
     """Refuse a fact that names a value which the design does not have.
 
     Raises:

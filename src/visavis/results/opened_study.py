@@ -29,7 +29,7 @@ from visavis.results.analysis import (
 )
 from visavis.results.claims import printed_orders
 from visavis.results.family_tests import DEFAULT_TEST_RULES, TestRules
-from visavis.results.fidelity import design_values, names_of, refuse_unknown_names
+from visavis.results.fidelity import design_names, names_of, refuse_unknown_names
 from visavis.results.intake import SessionIntake, questionnaire, take_in, with_remarks
 from visavis.results.locked_plan.review import PlanReview
 from visavis.results.picture_delay import SETTING, delay_of
@@ -158,10 +158,10 @@ class OpenedStudy:
         # A derived study inherits what was said of its base, also about what it left out.
         if self.study.report.source is not None and self.study.base is None:
             facts = [f for f in self.study.report.source.facts if names_of(f)]
-            values = design_values(experiment) if facts else {}
-            uses += [(f.of, "value of the design", tuple(values)) for f in facts if f.of]
+            names = design_names(experiment) if facts else ()
+            uses += [(f.of, "value of the design", names) for f in facts if f.of]
             for fact in (f for f in facts if not f.of):
-                refuse_unknown_names(fact, values)
+                refuse_unknown_names(fact, names)
             for order in self.study.report.source.orders:
                 gain = () if order.gain is None else (order.gain[0],)
                 uses.append((order.measure, "measure", measure_columns))

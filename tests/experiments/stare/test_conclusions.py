@@ -34,9 +34,9 @@ def made_tests(difference, *, sign_of_count=1.0):
         for measure in MEASURES:
             frame[measure.column] = count if measure == FIXATION_COUNT else lifted
         frames.append(frame)
-    means = pd.concat(frames, ignore_index=True)
+    wide = pd.concat(frames, ignore_index=True).pivot(index="participant", columns="condition")
     return [
-        compare(means, m, pair, CONDITION_TESTS, n_tests=30)
+        compare(wide[m.column], m, pair, CONDITION_TESTS, n_tests=30)
         for pair in PAIRS
         for m in (DWELL, FIXATION_COUNT)
     ]
