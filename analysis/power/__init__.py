@@ -6,6 +6,7 @@ is one study of the largest number of participants; its first n participants are
 
 from visavis.analysis.power.contract import (
     ANYTHING,
+    PRIMARY,
     PlannedTestResult,
     PowerStudy,
     PrintedTest,
@@ -25,6 +26,7 @@ from visavis.analysis.power.summary import PowerSummary, TestPower, summarise
 
 __all__ = [
     "ANYTHING",
+    "PRIMARY",
     "PlannedTestResult",
     "PowerRequest",
     "PowerStudy",

@@ -30,6 +30,8 @@ class PlannedTestResult:
 ANYTHING: Final = "anything"
 """Name of the test that asks of a whole study whether any of its headlines finds something: without
 an effect, how often it would report what is not there."""
+PRIMARY: Final = "primary"
+"""The same of the primary claims alone, for which a study holds its error rate."""
 Verdicts: TypeAlias = Mapping[str, PlannedTestResult]
 """By name of the planned test."""
 
@@ -93,6 +95,11 @@ class PowerStudy(Protocol):
     @property
     def shown_tests(self) -> Sequence[str]:
         """Tests shown when none is named; the first decides the number of participants."""
+        ...
+
+    @property
+    def primary_tests(self) -> Sequence[str]:
+        """The primary claims among the tests, by name; the others are secondary."""
         ...
 
     @property

@@ -5,7 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from visavis.analysis.power.contract import PlannedTestResult, PowerStudy, Source
+from visavis.analysis.power.contract import (
+    ANYTHING,
+    PRIMARY,
+    PlannedTestResult,
+    PowerStudy,
+    Source,
+)
 from visavis.analysis.power.replicates import PowerRequest, Replicate
 from visavis.analysis.statistics import PowerCurve, power_curve
 from visavis.analysis.statistics.power_estimates import AdequacyRule, proportion_interval
@@ -129,6 +135,7 @@ def summarise(
         tests,
         (
             *_anything_notes(request, by_number),
+            *_primary_notes(study, request),
             *_notes(tests, request, len(by_number), rule, target),
             *_printed_notes(study, tests, request),
             *notes,
@@ -141,17 +148,42 @@ def _anything_notes(request: PowerRequest, replicates: list[Replicate]) -> Itera
     if request.effect != 0 or len(request.tests) < 2 or not replicates:
         return
     n = request.numbers[-1]
+    whole = [name for name in (PRIMARY, ANYTHING) if name in request.tests]
+    single = [name for name in request.tests if name not in whole]
+    for name in whole:
+        of = "a primary claim" if name == PRIMARY else "any planned test, secondary ones included,"
+        yield (
+            f"without an effect, {of} finds something in {_share(replicates, n, [name])}; a claim "
+            "in part or the other way round counts, equivalence, which then holds, does not"
+        )
+    if not whole:
+        yield (
+            f"without an effect, any of these {len(single)} tests succeeds in "
+            f"{_share(replicates, n, single)}; claims succeed in one direction only, and one of "
+            "equivalence holds then"
+        )
+
+
+def _share(replicates: list[Replicate], n: int, names: list[str]) -> str:
+    """Return in how many studies of n people one of some tests was significant."""
     hits = sum(
-        any(r.verdicts[n][name].is_significant is True for name in request.tests)
-        for r in replicates
+        any(r.verdicts[n][name].is_significant is True for name in names) for r in replicates
     )
     share = proportion_interval(hits, len(replicates))
-    yield (
-        f"without an effect, any of these {len(request.tests)} tests succeeds in "
+    return (
         f"{hits / len(replicates):.3f} of studies (n = {n}, 95% CI [{share.low:.3f}, "
-        f"{share.high:.3f}]); claims succeed in one direction only, and one of equivalence holds "
-        "then"
+        f"{share.high:.3f}])"
     )
+
+
+def _primary_notes(study: PowerStudy, request: PowerRequest) -> Iterator[str]:
+    """Say which claims are primary, where the first test, which decides, is none of them."""
+    primary = study.primary_tests
+    if primary and request.tests[0] not in (*primary, PRIMARY, ANYTHING):
+        yield (
+            f"{request.tests[0]}, off which the number of participants is read, is secondary; the "
+            f"primary claims are {', '.join(primary)}: --test {primary[0]}"
+        )
 
 
 def _of_test(

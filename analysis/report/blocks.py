@@ -97,11 +97,12 @@ class Facts:
 
 @dataclass(frozen=True)
 class Verdict:
-    """One question of the study with its answer."""
+    """One question of the study with its answer; a secondary one is exploratory."""
 
     status: Status
     headline: str
     detail: str
+    is_secondary: bool = False
 
 
 @dataclass(frozen=True)

@@ -142,9 +142,10 @@ def _facts(facts: Facts) -> str:
 
 def _verdict(verdict: Verdict, pictures: str = "") -> str:
     opens = " opening" if pictures else ""
+    rank = '<span class="rank">Secondary: </span>' if verdict.is_secondary else ""
     return (
         f'<div class="verdict {verdict.status}{opens}"><h3><span class="answer" aria-hidden="true">'
-        f"{_ANSWER[verdict.status]}</span>{escape(verdict.headline)}</h3>"
+        f"{_ANSWER[verdict.status]}</span>{rank}{escape(verdict.headline)}</h3>"
         f"{pictures}<p>{_running(verdict.detail)}</p></div>"
     )
 

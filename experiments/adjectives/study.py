@@ -91,6 +91,7 @@ study = Study(
             for pair in AGREED
         ),
     ],
+    primary=("slow_fast:speed", "sad_happy:emotion"),
     sections=["visavis.experiments.adjectives.sections:impressions"],
     methods=(
         "Nine emotions of Russell's circle at three speeds were walked by a procedural gait of a "

@@ -130,6 +130,7 @@ study = Study(
             expects="topology > follow, roadmap, placed",
         ),
     ],
+    primary=("preference:pair",),
     sections=["visavis.experiments.cameras.sections:cameras"],
     methods=(
         "The same walk was filmed by four cameras and any two of the films ran beside each other, "

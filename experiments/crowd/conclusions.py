@@ -5,8 +5,16 @@ from typing import Final
 
 from visavis.analysis.report.blocks import Status
 from visavis.analysis.report.notation import decimal, signed
-from visavis.analysis.statistics.results import percent
-from visavis.experiments.crowd.comparisons import COLLISIONS, RATINGS, SPEED, TO_GAP, VOLUME
+from visavis.analysis.statistics.adjust import adjust_p
+from visavis.analysis.statistics.results import p_text, percent
+from visavis.experiments.crowd.comparisons import (
+    COLLISIONS,
+    PRIMARY,
+    RATINGS,
+    SPEED,
+    TO_GAP,
+    VOLUME,
+)
 from visavis.experiments.crowd.design import AFTER, BEFORE, HAPTIC
 from visavis.experiments.crowd.paths import GroupPaths
 from visavis.results.analysis import StudyAnalysis
@@ -17,8 +25,9 @@ from visavis.study.sections import Conclusion
 
 RULE: Final = (
     "A hypothesis about two blocks counts as found when every measure it names differs "
-    "significantly between them (post-hoc, Bonferroni over three pairs, after a significant test "
-    "over blocks) in the direction it names, as partly found when some do and none differs the "
+    "significantly between them (post-hoc, Bonferroni over three pairs, after a test over blocks "
+    "that is significant after Holm's correction over the four measures of movement) in the "
+    "direction it names, as partly found when some do and none differs the "
     "other way, as the other way round when one does, otherwise as not found; as undecided when a "
     "test could not be made. Ratings count as changed (partly found) when a test over blocks is "
     "significant after Holm's correction over all of them. Equal paths count as found when the "
@@ -35,6 +44,18 @@ QUESTIONS: Final = {
     "care-outlasts": "fewer collisions and more shoulder rotation in the last block",
 }
 """Questions whose power can be simulated; paths need recordings, ratings have no direction."""
+
+
+def movement_p(analysis: StudyAnalysis) -> dict[str, float]:
+    """Return p of the tests over blocks of what people do, by measure, after Holm's correction.
+
+    The hypotheses about movement are the study's primary claims: together they find something by
+    chance in at most alpha of studies. Single tests stay as the source made them.
+    """
+    findings = [(m.column, f) for m in PRIMARY if (f := analysis.finding(m.column)) is not None]
+    p_by_measure = {column: f.terms[0].p for column, f in findings if f.terms}
+    corrected = adjust_p(list(p_by_measure.values()), "holm") if p_by_measure else ()
+    return dict(zip(p_by_measure, map(float, corrected), strict=True))
 
 
 def conclude(analysis: StudyAnalysis) -> tuple[Conclusion, ...]:
@@ -86,6 +107,7 @@ def _direction(
     """`measures` with the expected sign of first minus second."""
     verdicts: list[int] = []
     sentences, differences = [], []
+    corrected_p = movement_p(analysis)
     for measure, sign in measures:
         finding = analysis.finding(measure.column)
         contrast = None if finding is None else finding.contrast(pair)
@@ -94,10 +116,15 @@ def _direction(
             sentences.append(f"{measure.words}: not tested, {why}.")
             continue
         over_all = " ".join(finding.outcome.sentences)
-        sentences.append(f"{measure.words}: {over_all} {contrast.sentence}")
+        over_movement = corrected_p[measure.column]
+        sentences.append(
+            f"{measure.words}: {over_all} Over the {len(corrected_p)} measures of movement, "
+            f"corrected (holm): {p_text(over_movement)}. {contrast.sentence}"
+        )
         differences.append(_difference(measure, finding, pair))
         as_said = 1 if sign * contrast.difference > 0 else -1
-        verdicts.append(as_said if contrast.is_significant else 0)
+        is_found = contrast.is_significant and over_movement < finding.compare.alpha
+        verdicts.append(as_said if is_found else 0)
     evidence = tuple(sentences)
     if len(verdicts) < len(measures):
         return Conclusion("undecided", question, "undecided", evidence, was_tested=False, name=name)

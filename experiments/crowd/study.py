@@ -114,6 +114,7 @@ study = Study(
     measures=(*MEASURES, VOLUME_AS_PUBLISHED),
     compare=tuple(comparisons()),
     questions=QUESTIONS,
+    primary=tuple(QUESTIONS),  # what people do; the source ranks none of its hypotheses
     exclusions=RULES,
     thresholds=PathThresholds(),
     pieces="visavis.experiments.crowd.measuring:PIECES",

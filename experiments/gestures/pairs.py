@@ -63,6 +63,7 @@ study = Study(
         ),
         Compare("vote_for_holds", within="part", exploratory=True, family="part"),
     ],
+    primary=("vote_for_holds:vote_for_holds",),
     sections=["visavis.experiments.gestures.sections:votes_as_printed"],
     source=Source(CITATION, published.PEOPLE, where=WHERE, facts=OF_PAIRS, orders=ORDERS_OF_PAIRS),
     methods=(

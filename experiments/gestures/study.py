@@ -87,6 +87,7 @@ study = Study(
             expects="corpus > holds > still",
         ),
     ],
+    primary=("naturalness:body",),
     sections=["visavis.experiments.gestures.sections:ratings_as_printed"],
     source=Source(
         CITATION,

@@ -130,6 +130,7 @@ study = Study(
             exploratory=True,
         ),
     ],
+    primary=("preference:preference",),
     sections=["visavis.experiments.hybrid.sections:votes"],
     methods=(
         "Two identical characters moved beside each other, one by a clip played frame by frame at "

@@ -130,6 +130,8 @@ study = Study(
             published=published.TESTS["panel"],
         ),
     ],
+    # The source's first hypothesis; it calls the others secondary (section 3.2).
+    primary=("naturalness:method",),
     groups={
         "experience": {
             "novice": "animation_experience < 4",

@@ -106,6 +106,7 @@ study = Study(
             expects="weights > adjectives, features",
         ),
     ],
+    primary=("guess_m:interface", "time_s:interface"),
     sections=["visavis.experiments.matching.sections:as_printed"],
     methods=(
         "Five target walks were blended of 27 (nine emotions at three speeds) by random adjectives "

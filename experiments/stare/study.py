@@ -97,6 +97,8 @@ study = Study(
         "caught-staring": "A – AD, dwell time and fixation count both greater",
         "catching-staring": "A – DA, dwell time and fixation count both greater",
     },
+    # The source's first hypothesis in its static and two dynamic forms (section 3.1).
+    primary=("stare-effect", "caught-staring", "catching-staring"),
     exclusions=RULES,
     sections=[
         "visavis.experiments.stare.sections:places_figure",

@@ -220,6 +220,8 @@ study = Study(
         ),
         replace(COMPARISON, dv="who_ms", claim="", expects="", published=None, exploratory=True),
     ],
+    # Whether a warped wave is understood (section 2.3): realism and directions are secondary.
+    primary=("is_right:technique",),
     sections=[
         Confusion(
             "target_place", "who", by="technique", title="Who was waved at, and who answered"

@@ -13,6 +13,8 @@ from typer.testing import CliRunner
 from tests.experiments.stare.simulated_studies import condition_means
 from tests.experiments.stare.synthetic_rows import anxiety_answers, study_rows
 from visavis.analysis.power import (
+    ANYTHING,
+    PRIMARY,
     PlannedTestResult,
     PowerRequest,
     PrintedTest,
@@ -207,6 +209,7 @@ class TwoTests:
     tests = {"first": "the first", "second": "the second"}  # noqa: RUF012 - a study of this test
     printed_tests: dict[str, PrintedTest] = {}  # noqa: RUF012 - a study of this test
     shown_tests = ("first",)
+    primary_tests = ("first",)
     smallest_n = 3
 
     def rule(self, alpha: float) -> str:
@@ -262,6 +265,29 @@ def test_without_an_effect_it_is_told_how_often_anything_is_found() -> None:
         )
         start = "without an effect, any of these 2 tests succeeds in 0.500 of studies (n = 12, "
         assert said == any(note.startswith(start) for note in summary.notes)
+
+
+def test_without_an_effect_primary_claims_are_told_apart_from_all_that_is_planned() -> None:
+    found = {
+        "first": PlannedTestResult(True),
+        PRIMARY: PlannedTestResult(False),
+        ANYTHING: PlannedTestResult(True),
+    }
+    wanted = request(numbers=(12,), tests=("second", PRIMARY, ANYTHING), replicates=1)
+    study = TwoTests()
+    study.tests = {**study.tests, PRIMARY: "", ANYTHING: ""}
+    summary = summarise(
+        study,
+        replace(wanted, effect=0.0),
+        [Replicate(0, {12: {**found, "second": PlannedTestResult(False)}})],
+        source="studies",
+        people_are_simulated=True,
+    )
+    notes = "\n".join(summary.notes)
+    assert "a primary claim finds something in 0.000 of studies (n = 12" in notes
+    assert "any planned test, secondary ones included, finds something in 1.000" in notes
+    assert "second, off which the number of participants is read, is secondary" in notes
+    assert "the primary claims are first: --test first" in notes
 
 
 def test_power_of_the_printed_statistic_is_that_of_the_noncentral_t() -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from visavis.analysis.power import ANYTHING
+from visavis.analysis.power import ANYTHING, PRIMARY
 from visavis.cli.quick_tracker import tracker_of
 from visavis.lab.errors import DataError, DesignError
 from visavis.results.analysis import answer_comparison, rows_to_compare, with_corrected_p
@@ -207,6 +207,7 @@ def test_power_asks_simulated_people_and_names_every_subset(tmp_path: Path) -> N
         "natural:method (older, by method)",
         "natural:method:age_group",
         "natural:method (age >= 18, by method)",
+        PRIMARY,
         ANYTHING,
     ] == names
     rows = power.simulate_people(range(12), effect=1, seed=3)

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from tests.sessions import STUDIES, opened
-from visavis.analysis.power import ANYTHING, PowerRequest, jobs_of, run_job, summarise
+from visavis.analysis.power import ANYTHING, PRIMARY, PowerRequest, jobs_of, run_job, summarise
 from visavis.cli.commands.power import read_tests
 from visavis.cli.quick_tracker import tracker_of
 from visavis.lab.errors import DataError, UsageError
@@ -65,8 +65,8 @@ def test_two_comparisons_of_one_effect_each_have_a_power(tmp_path: Path) -> None
     path = tmp_path / "twice.py"
     path.write_text(TWICE, "utf-8")
     twice = KitPower(str(path), tracker_of, quick_study)
-    red, blue, anything = twice.tests
-    assert anything == ANYTHING
+    red, blue, primary, anything = twice.tests
+    assert (primary, anything) == (PRIMARY, ANYTHING)
     assert ("nice:side (red, by side)", "nice:side (blue, by side)") == (red, blue)
     cells = {("left", "red"): 2, ("right", "red"): 7, ("left", "blue"): 5, ("right", "blue"): 5}
     rows = [
@@ -109,7 +109,7 @@ def test_without_an_effect_the_whole_study_is_asked_too(tmp_path: Path) -> None:
     path = tmp_path / "twice.py"
     path.write_text(TWICE, "utf-8")
     twice = KitPower(str(path), tracker_of, quick_study)
-    assert ANYTHING == read_tests(twice, None, 0.0)[-1]
+    assert (PRIMARY, ANYTHING) == read_tests(twice, None, 0.0)[-2:]
     assert ANYTHING not in read_tests(twice, None, 1.0)
     assert ANYTHING not in read_tests(KitPower(DUEL, tracker_of, quick_study), None, 0.0)
 
@@ -146,6 +146,7 @@ def test_a_claim_is_put_to_the_interaction_which_decides_and_other_effects_are_n
         "(motion: wave > idle; far_m: 1.5 > 3.0)",
         "nice:motion": "nice depends on motion",
         "nice:far_m": "nice depends on far_m",
+        PRIMARY: "any primary claim finds something",
         ANYTHING: "any headline finds something",
     } == dict(near.tests)
     assert "nice:motion:far_m" == near.shown_tests[0]

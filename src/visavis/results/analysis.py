@@ -24,6 +24,7 @@ from visavis.results.family_tests import (
     results_of,
 )
 from visavis.results.findings import Finding, Term
+from visavis.results.planned_tests import primary_tests
 from visavis.results.selection import Selection
 from visavis.results.sensitivity import SensitivityRow, sensitivity
 from visavis.study.comparisons import AGREEMENT, THING, Compare
@@ -127,6 +128,11 @@ class StudyAnalysis:
     def correlations_of(self, family: str) -> tuple[CorrelationTest, ...]:
         """Return the correlations of a family."""
         return tuple(t for t in self.tests_of(family) if isinstance(t, CorrelationTest))
+
+    @property
+    def primary(self) -> tuple[str, ...]:
+        """The names of the study's primary claims (`primary_tests`)."""
+        return primary_tests(self.study, [f.compare for f in self.findings])
 
     @property
     def conclusions(self) -> tuple[Conclusion, ...]:

@@ -33,6 +33,7 @@ from visavis.results.fidelity import design_names, names_of, refuse_unknown_name
 from visavis.results.intake import SessionIntake, questionnaire, take_in, with_remarks
 from visavis.results.locked_plan.review import PlanReview
 from visavis.results.picture_delay import SETTING, delay_of
+from visavis.results.planned_tests import primary_tests
 from visavis.results.reevaluation import pair_by_own_time
 from visavis.results.selection import Selection, left_out_lines, select
 from visavis.results.study_names import refuse_unusable_names
@@ -176,6 +177,7 @@ class OpenedStudy:
                 is_short = "known:" not in near and not kind.startswith("column")
                 there = f" there are {', '.join(valid_names)}" if is_short else ""
                 raise DesignError(f"{place}: there is no {kind} {name!r}{near}{there}")
+        primary_tests(self.study, experiment.compare)
 
     def _asked_columns(self, experiment: StudyExperiment) -> list[tuple[str, str, tuple[str, ...]]]:
         """Return every column that conditions of comparisons and groups read, and all there are.

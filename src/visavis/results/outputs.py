@@ -29,6 +29,7 @@ from visavis.results.figures.time_course_figure import time_course_figure
 from visavis.results.findings import Finding
 from visavis.results.intake import questionnaire
 from visavis.results.locked_plan.review import PlanReview, review_section
+from visavis.results.planned_tests import effect_name
 from visavis.results.quality import QUALITY_TABLE, Quality, quality_of
 from visavis.results.report.references import bibtex, references_of, ris
 from visavis.results.report.study_report import REPORT_NAME, build_report, picture_of
@@ -218,6 +219,7 @@ def statistics_rows(analysis: StudyAnalysis) -> list[dict[str, Any]]:
     Last comes the first family repeated without exclusions. Rows without a test say why.
     """
     rows: list[dict[str, Any]] = []
+    every, primary = [f.compare for f in analysis.findings], set(analysis.primary)
     for finding in analysis.findings:
         compare = finding.compare
         about: dict[str, Any] = {
@@ -239,6 +241,8 @@ def statistics_rows(analysis: StudyAnalysis) -> list[dict[str, Any]]:
         for term in finding.terms:
             verdict: dict[str, Any] = {
                 "term": term.name,
+                "is_primary": not compare.exploratory
+                and effect_name(compare, term.name, every) in primary,
                 "p_family": term.p_corrected,
                 "is_significant": term.is_significant,
                 "is_one_sided": term.is_one_sided,

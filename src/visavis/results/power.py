@@ -17,6 +17,7 @@ import pandas as pd
 
 from visavis.analysis.power import (
     ANYTHING,
+    PRIMARY,
     PlannedTestResult,
     PrintedTest,
     Source,
@@ -45,6 +46,16 @@ from visavis.results.family_tests import (
 from visavis.results.findings import Finding
 from visavis.results.intake import SimulatedStudy
 from visavis.results.opened_study import OpenedStudy, find_study
+from visavis.results.planned_tests import (
+    claims_of,
+    effect_name,
+    families_of,
+    name_of_test,
+    names_of_finding,
+    pair_name,
+    planned_tests,
+    primary_tests,
+)
 from visavis.results.selection import IS_ANALYSED, Selection
 from visavis.study.comparisons import AGREEMENT, Compare
 from visavis.study.conditions import with_people
@@ -57,6 +68,8 @@ from visavis.study.study_functions import MakeTracker
 MIN_N = 3
 SOMETHING: Final = ("found", "partly", "reversed")
 """The verdicts that report something."""
+_OF_ALL: Final = frozenset((PRIMARY, ANYTHING))
+"""The tests that ask of all others at once."""
 
 
 class SimulateStudy(Protocol):
@@ -105,30 +118,33 @@ class KitPower:
 
     @property
     def tests(self) -> Mapping[str, str]:
-        """Every planned test by name, with what it claims: effects, pairs, correlations, questions.
+        """Every planned test by name, with what it claims (`planned_tests`).
 
-        Among the effects of a comparison, the one that its claim is about comes first. Of several
-        tests the last is whether any headline finds something.
+        Of several tests the last two are whether any primary claim, and whether any headline finds
+        something.
 
         Raises:
             UsageError: the study plans none.
         """
-        study = self._opened_study.study
-        claims = {}
         comparisons = self._opened_study.experiment(self.overrides).compare
-        for compare in (c for c in comparisons if not c.exploratory):
-            claimed_first = sorted(compare.terms, key=lambda term: term != compare.claimed_term)
-            for term in claimed_first:
-                claims[_effect_name(compare, term, comparisons)] = _claim_of(compare, term)
-        for of in families_of(study):
-            claims |= claims_of(study, of)
-        claims |= study.analysis.questions
+        claims = planned_tests(self._opened_study.study, comparisons)
         if not claims:
             raise UsageError(
                 f"{self.name} plans no comparison, so there is no power to find; declare one: "
                 'compare=[Compare("…", within="…")]'
             )
-        return claims | ({ANYTHING: "any headline finds something"} if len(claims) > 1 else {})
+        if len(claims) == 1:
+            return claims
+        return claims | {
+            PRIMARY: "any primary claim finds something",
+            ANYTHING: "any headline finds something",
+        }
+
+    @property
+    def primary_tests(self) -> Sequence[str]:
+        """The study's primary claims by name."""
+        comparisons = self._opened_study.experiment(self.overrides).compare
+        return primary_tests(self._opened_study.study, comparisons)
 
     @property
     def printed_tests(self) -> Mapping[str, PrintedTest]:
@@ -143,7 +159,7 @@ class KitPower:
                     continue
                 if printed_result.df is not None:
                     df1, df2 = printed_result.df
-                    tests[_effect_name(compare, term, comparisons)] = PrintedTest(
+                    tests[effect_name(compare, term, comparisons)] = PrintedTest(
                         f"F({df1:g}, {df2:g}) = {number(printed_result.statistic)}",
                         printed_result.statistic,
                         df1,
@@ -163,7 +179,7 @@ class KitPower:
         families = families_of(study)
         first = claims_of(study, families[0], families[0].measures[:1]) if families else {}
         further = {n for of in families for n in claims_of(study, of)}
-        return tuple(n for n in every if n in first or n not in {*further, ANYTHING})
+        return tuple(n for n in every if n in first or n not in _OF_ALL | further)
 
     def rule(self, alpha: float) -> str:
         """Return in words when a test is significant."""
@@ -305,7 +321,7 @@ class KitPower:
         measures = {m.column: m for m in opened_study.measures(experiment)}
         groups = opened_study.study.analysis.groups
         levels = {**experiment.levels, **{name: tuple(of) for name, of in groups.items()}}
-        asks = any(name in {*opened_study.study.analysis.questions, ANYTHING} for name in tests)
+        asks = any(name in _OF_ALL | set(opened_study.study.analysis.questions) for name in tests)
         findings = with_corrected_p(
             [
                 answer_comparison(
@@ -323,7 +339,7 @@ class KitPower:
         for finding in findings:
             claimed = claimed_finding_term(finding)
             for term in finding.terms:
-                name = _effect_name(finding.compare, term.name, experiment.compare)
+                name = effect_name(finding.compare, term.name, experiment.compare)
                 if name not in verdicts:
                     continue
                 # A claim succeeds only in its own direction.
@@ -332,25 +348,6 @@ class KitPower:
                     success = answer_claim(finding).status == "found"
                 verdicts[name] = PlannedTestResult(success, *_difference(finding, rows, levels))
         return verdicts | _of_families(opened_study, experiment, rows, tests, alpha, findings)
-
-
-def _effect_name(compare: Compare, term: str, every: Sequence[Compare]) -> str:
-    """Return the name of an effect: measure and term.
-
-    Where several comparisons have it, their levels, model or test, and factors are added.
-    """
-    # Tests name the factors of an interaction in an order of their own.
-    term = next((own for own in compare.terms if set(own.split(":")) == set(term.split(":"))), term)
-    name = f"{compare.dv}:{term}"
-    same = [c for c in every if not c.exploratory and c.dv == compare.dv and term in c.terms]
-    # Those of some people or trials are named by these; the others keep their short name.
-    alike = [c for c in same if bool(c.restrictions) == bool(compare.restrictions)]
-    is_whole = len(alike) == 1 and not compare.restrictions
-    if len(same) < 2 or (is_whole and any(c.restrictions for c in same)):
-        return name
-    over = "by " + " × ".join((*compare.within, *compare.between))
-    of = (*compare.restrictions, compare.model or compare.test, over)
-    return f"{name} ({', '.join(filter(None, of))})"
 
 
 def _is_asked(compare: Compare, tests: Sequence[str], experiment: StudyExperiment) -> bool:
@@ -374,7 +371,7 @@ def _of_families(
     """Make the requested tests of families; a question needs every test of every family."""
     study, levels = opened_study.study, experiment.levels
     measures = {m.column: m for m in opened_study.measures(experiment)}
-    asks = any(name in {*study.analysis.questions, ANYTHING} for name in tests)
+    asks = any(name in _OF_ALL | set(study.analysis.questions) for name in tests)
     rules = DEFAULT_TEST_RULES.with_settings({"alpha": alpha})
     people = rows.drop_duplicates("participant")
     verdicts: dict[str, PlannedTestResult] = {}
@@ -407,70 +404,34 @@ def _of_families(
             rules=rules,
         )
         verdicts |= {c.name: PlannedTestResult(c.is_found) for c in analysis.conclusions}
-        verdicts[ANYTHING] = PlannedTestResult(_finds_anything(analysis))
+        finders = {name for name, finds in _what_finds(analysis) if finds}
+        verdicts[ANYTHING] = PlannedTestResult(bool(finders))
+        verdicts[PRIMARY] = PlannedTestResult(not finders.isdisjoint(analysis.primary))
     return {name: verdict for name, verdict in verdicts.items() if name in tests}
 
 
-def _finds_anything(analysis: StudyAnalysis) -> bool:
-    """Tell whether any headline finds something: an effect, a claim in part or turned, an answer.
+def _what_finds(analysis: StudyAnalysis) -> Iterator[tuple[str, bool]]:
+    """Yield every planned test by name, and whether it finds something: an effect, a claim in part
+    or turned, an answer.
 
     The tests of families make no headlines where the study's own conclusions rest on them. That two
     things are equivalent is true without an effect, and no false finding.
     """
+    every = [f.compare for f in analysis.findings]
     planned_findings = (f for f in analysis.findings if not f.compare.exploratory)
     for finding in (f for f in planned_findings if f.compare.test != "tost"):
         claimed = claimed_finding_term(finding)
-        if claimed is not None and answer_claim(finding).status in SOMETHING:
-            return True
-        for term in (t for t in finding.terms if claimed is None or t.name != claimed.name):
-            doubts = finding.outcome is not None and finding.outcome.doubts(term.name)
-            if term.is_significant and not doubts:
-                return True
+        for name, term in zip(names_of_finding(finding, every), finding.terms, strict=False):
+            if claimed is not None and term.name == claimed.name:
+                yield name, answer_claim(finding).status in SOMETHING
+            else:
+                doubts = finding.outcome is not None and finding.outcome.doubts(term.name)
+                yield name, term.is_significant and not doubts
     if analysis.study.analysis.conclude_of is not None:
-        return any(c.status in SOMETHING for c in analysis.conclusions)
-    return any(bool(t.is_significant) for r in analysis.results for t in r.tests)
-
-
-def _claim_of(compare: Compare, term: str) -> str:
-    """Return the claim of one effect; among several, only the claimed one has the full claim."""
-    expects = f" ({compare.expects})" if compare.claim and compare.expects else ""
-    if len(compare.terms) == 1 and compare.has_claim:
-        return f"{compare.claim_words}{expects}"
-    statement = f"{compare.dv} depends on {term.replace(':', ' × ')}"
-    is_claimed = term == compare.claimed_term
-    return f"{statement}: {compare.claim_words}{expects}" if is_claimed else statement
-
-
-def families_of(study: Study) -> tuple[Family, ...]:
-    """Return the families whose power is computed: planned ones without `each`."""
-    return tuple(
-        of
-        for of in study.analysis.families
-        if not of.exploratory and not (isinstance(of, Pairs) and of.each)
-    )
-
-
-def pair_name(pair: tuple[str, str], measure: str) -> str:
-    """Return the name of a test of two levels on the command line: "A-D:dwell_ms"."""
-    return f"{pair[0]}-{pair[1]}:{measure}"
-
-
-def claims_of(study: Study, of: Family, measures: Sequence[str] | None = None) -> dict[str, str]:
-    """Return the tests of a family by name, with what they claim."""
-    words = {m.column: m.words.lower() for m in study.analysis.measures}
-    names = [(m, words.get(m, m)) for m in (of.measures if measures is None else measures)]
-    if isinstance(of, Pairs):
-        return {
-            pair_name(pair, m): f"{pair[0]} – {pair[1]}, {measure_words}"
-            for pair in of.levels
-            for m, measure_words in names
-        }
-    levels = study.factor(of.factor).levels
-    return {
-        f"{of.family}-{level}:{m}": f"{of.score_words} and {measure_words} under {level}"
-        for level in levels
-        for m, measure_words in names
-    }
+        yield from ((c.name, c.status in SOMETHING) for c in analysis.conclusions)
+        return
+    for test in (test for results in analysis.results for test in results.tests):
+        yield name_of_test(test), bool(test.is_significant)
 
 
 def _printed_t(study: Study, of: Family) -> Iterator[tuple[str, PrintedTest]]:
@@ -501,21 +462,15 @@ def _verdicts_by_name(
 ) -> Iterator[tuple[str, PlannedTestResult]]:
     """Yield the verdict of every test by its name."""
     for test in tests:
-        column = test.measure.column
+        name, column = name_of_test(test), test.measure.column
         if isinstance(test, CorrelationTest):
             r = float("nan") if test.outcome is None else test.outcome.r
-            yield (
-                f"{test.of.family}-{test.level}:{column}",
-                PlannedTestResult(test.is_significant, r, r),
-            )
+            yield name, PlannedTestResult(test.is_significant, r, r)
         elif test.outcome is None:
-            yield pair_name((test.first, test.second), column), PlannedTestResult(None)
+            yield name, PlannedTestResult(None)
         else:
             off = _off(rows, test.of.factor, column, test.first, test.second)
-            yield (
-                pair_name((test.first, test.second), column),
-                PlannedTestResult(test.is_significant, *off),
-            )
+            yield name, PlannedTestResult(test.is_significant, *off)
 
 
 def _rows_for_tests(

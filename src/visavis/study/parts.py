@@ -72,7 +72,16 @@ KINDS: Final[Mapping[str, tuple[type[Any], ...]]] = {
     "compare": (Compare,),
     "families": get_args(Family),
     **dict.fromkeys(
-        ("questionnaires", "after_block", "needs", "spares", "cells", "balanced", "references"),
+        (
+            "questionnaires",
+            "after_block",
+            "needs",
+            "spares",
+            "cells",
+            "balanced",
+            "primary",
+            "references",
+        ),
         (str,),
     ),
 }
@@ -295,6 +304,11 @@ class AnalysisPlan:
     questions: Mapping[str, str] = field(default_factory=dict)
     """Questions that `conclude_of` answers, by name, with the claim of a yes. Power is computed for
     them."""
+    primary: Sequence[str] = ()
+    """The study's primary claims: names of tests as `visavis power STUDY --test list` prints them
+    ("MEASURE:FACTOR", "A-B:MEASURE", a question). Everything else is secondary: reports mark it as
+    exploratory, and power says how often chance finds something among either. None named: the
+    questions, else the claims of comparisons, else everything planned."""
     thresholds: Any = None
     """A dataclass of numbers of the study's own analysis; `analyse --set` replaces its fields."""
     pieces: Pieces | str | None = None

@@ -14,6 +14,7 @@ from rich.table import Table
 from visavis.analysis.plots import write_figure
 from visavis.analysis.power import (
     ANYTHING,
+    PRIMARY,
     PowerRequest,
     PowerStudy,
     PowerSummary,
@@ -145,7 +146,8 @@ def power(
     simulation = power_study(study, of_lab, assignments)
     if tests and "list" in tests:
         for name, claim in simulation.tests.items():
-            typer.echo(f"{name:40} {claim}")
+            rank = " (primary)" if name in simulation.primary_tests else ""
+            typer.echo(f"{name:40} {claim}{rank}")
         return
     # Read every option before the first simulation: a typing error must not cost an hour.
     watch = StopWatch()
@@ -356,8 +358,8 @@ def read_tests(study: PowerStudy, names: list[str] | None, effect: float = 1.0) 
         UsageError: the study plans no test of this name; the message suggests the nearest.
     """
     if not names:
-        anything = [name for name in study.tests if name == ANYTHING and effect == 0]
-        return (*study.shown_tests, *anything)
+        whole = [name for name in study.tests if name in (PRIMARY, ANYTHING) and effect == 0]
+        return (*study.shown_tests, *whole)
     if names == ["all"]:
         return tuple(study.tests)
     for name in names:

@@ -8,6 +8,7 @@ from visavis.recording.journal import as_json
 from visavis.recording.provenance import Provenance
 from visavis.results.family_tests import DEFAULT_TEST_RULES
 from visavis.results.picture_delay import SETTING, delay_of
+from visavis.results.planned_tests import planned_tests, primary_tests
 from visavis.study.comparisons import Compare
 from visavis.study.exclusions import limits_in_force
 from visavis.study.experiment import StudyExperiment
@@ -16,6 +17,7 @@ from visavis.study.measures import Measure
 LOCK_VERSION: Final = 1
 VERSIONS: Final = "versions"
 GROUPS: Final = "groups"
+PRIMARY_CLAIMS: Final = "primary"
 FILE_SHA256: Final = "study_file_sha256"
 COMPARED_PARTS: Final = (
     "parameters",
@@ -23,6 +25,7 @@ COMPARED_PARTS: Final = (
     "measures",
     "comparisons",
     GROUPS,
+    PRIMARY_CLAIMS,
     "families",
     "tests",
     "exclusions",
@@ -57,6 +60,7 @@ def plan_content(
     rules = DEFAULT_TEST_RULES.with_settings(settings or {})
     thresholds, pieces = study.thresholds_with(settings or {}), study.analysis.measured_in_pieces
     compare = [c.with_alphas(settings or {}) for c in study.analysis.compare]
+    claims = planned_tests(study, study.analysis.compare)
     content = {
         "study": study.name,
         "title": study.title,
@@ -81,6 +85,10 @@ def plan_content(
         "comparisons": dict(_comparisons(compare, levels)),
         # Plans of earlier versions lack groups of people that follow from answers.
         **({GROUPS: {name: dict(of) for name, of in groups.items()}} if groups else {}),
+        # By name with what is claimed; plans of earlier versions lack them.
+        PRIMARY_CLAIMS: {
+            name: claims[name] for name in primary_tests(study, study.analysis.compare)
+        },
         # Functions cannot be written as data, and wording changes no result.
         "families": {
             f"{i}. {family.family}": {

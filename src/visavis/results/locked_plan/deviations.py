@@ -7,6 +7,7 @@ from typing import Any, Final
 from visavis.results.locked_plan.content import (
     COMPARED_PARTS,
     FILE_SHA256,
+    PRIMARY_CLAIMS,
     VERSIONS,
     comparisons_by_name,
 )
@@ -18,7 +19,8 @@ UNPLANNED_FAMILY: Final = "not planned"
 planned ones."""
 _PART: Final[Mapping[str, str]] = {
     "parameters": "parameter", "factors": "factor", "measures": "measure",
-    "comparisons": "comparison", "groups": "group of people", "families": "family",
+    "comparisons": "comparison", "groups": "group of people", PRIMARY_CLAIMS: "primary claim",
+    "families": "family",
     "tests": "test rule",
     "exclusions": "exclusion", VERSIONS: "version", "questions": "question", "scenes": "scene",
 }  # fmt: skip
@@ -56,6 +58,7 @@ def deviations_between(plan: Mapping[str, Any], actual: Mapping[str, Any]) -> tu
     deviations = tuple(
         d
         for part in COMPARED_PARTS
+        if part != PRIMARY_CLAIMS or part in plan  # plans of earlier versions have none
         for d in differing(part, plan.get(part, {}), actual.get(part, {}))
     )
     before, after = str(plan[FILE_SHA256]), str(actual[FILE_SHA256])

@@ -24,6 +24,7 @@ def markdown(content: Mapping[str, Any], sha256: str) -> str:
         plan["question"] or "None stated.",
         "### Hypotheses",
         _list(_hypothesis(n, c) for n, c in confirmatory.items()),
+        *_primary(plan),
         "## Design plan",
         "### Blinding",
         "Nobody looks at results before the sample is complete; looking all the same is recorded."
@@ -76,6 +77,15 @@ def markdown(content: Mapping[str, Any], sha256: str) -> str:
         f"Seed of the study: {plan['seed']}.",
     ]
     return "\n\n".join(parts) + "\n"
+
+
+def _primary(plan: Mapping[str, Any]) -> list[str]:
+    """Return the primary claims, apart from which everything is secondary; of older plans none."""
+    claims = plan.get("primary")
+    if not claims:
+        return []
+    listed = _list(f"{claim} (`{name}`)" for name, claim in claims.items())
+    return ["### Primary", f"{listed}\n\nEverything else is secondary, and exploratory."]
 
 
 def _hypothesis(name: str, compare: Mapping[str, Any]) -> str:

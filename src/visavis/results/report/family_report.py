@@ -35,6 +35,7 @@ from visavis.results.family_tests import (
     same_verdicts,
 )
 from visavis.results.figures.family_figures import figure_names
+from visavis.results.planned_tests import name_of_test
 from visavis.study.pairs import Printed
 
 HERE, SOURCE = "This study", "Published"
@@ -44,12 +45,20 @@ EFFECT_NAMES: Final = {"r_rb": "rank r"}
 
 
 def family_verdicts(analysis: StudyAnalysis) -> tuple[Verdict, ...]:
-    """Return the study's own conclusions; without any, the number of hits in each family."""
+    """Return the study's own conclusions; without any, the number of hits in each family.
+
+    Those that hold no primary claim are secondary, and stand last.
+    """
+    primary = set(analysis.primary)
     if analysis.study.analysis.conclude_of is not None:
-        return tuple(
-            Verdict(c.status, c.headline, " ".join(c.evidence)) for c in analysis.conclusions
-        )
-    verdicts = []
+        # Where a study names no question, its conclusions cannot be ranked.
+        ranks = not primary.isdisjoint(analysis.study.analysis.questions)
+        answers = [
+            Verdict(c.status, c.headline, " ".join(c.evidence), ranks and c.name not in primary)
+            for c in analysis.conclusions
+        ]
+        return tuple(sorted(answers, key=lambda verdict: verdict.is_secondary))
+    verdicts: list[Verdict] = []
     for family in dict.fromkeys(r.of.family for r in analysis.results if not r.of.exploratory):
         tests = analysis.tests_of(family)
         with_outcome = [t for t in tests if t.outcome is not None]
@@ -63,9 +72,10 @@ def family_verdicts(analysis: StudyAnalysis) -> tuple[Verdict, ...]:
                 "found" if hits else "not_found" if with_outcome else "undecided",
                 headline,
                 evidence,
+                primary.isdisjoint(name_of_test(t) for t in tests),
             )
         )
-    return tuple(verdicts)
+    return tuple(sorted(verdicts, key=lambda verdict: verdict.is_secondary))
 
 
 FITTED_NOTE: Final = (

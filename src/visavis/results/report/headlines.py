@@ -1,6 +1,7 @@
 """Headlines of a report: what became of each planned comparison, which way, and by how much."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from visavis.analysis.report import Verdict
 from visavis.analysis.report.blocks import Status
@@ -21,24 +22,33 @@ from visavis.results.differences import (
     means_of_levels,
 )
 from visavis.results.findings import Finding, Term
+from visavis.results.planned_tests import effect_name, names_of_finding
 from visavis.study.experiment import StudyExperiment
 from visavis.study.texts import Texts, label_in_unit, label_of
 
 
 def verdicts_of(analysis: StudyAnalysis, experiment: StudyExperiment) -> list[Verdict]:
-    """Return a verdict on every effect of the planned comparisons; a claim has one."""
+    """Return a verdict on every effect of the planned comparisons; a claim has one.
+
+    Those of primary claims come first; the others are marked as secondary.
+    """
     planned = [f for f in analysis.findings if not f.compare.exploratory]
     uncorrected = sum(len(f.terms) for f in planned if f.compare.correction == "none")
+    every, primary = [f.compare for f in analysis.findings], set(analysis.primary)
     verdicts = []
     for finding in planned:
         if not finding.terms:
-            verdicts.append(_not_tested(finding, experiment.texts))
+            is_secondary = primary.isdisjoint(names_of_finding(finding, every))
+            verdict = _not_tested(finding, experiment.texts)
+            verdicts.append(replace(verdict, is_secondary=is_secondary))
         claimed = claimed_finding_term(finding)
         for term in finding.terms:
             if claimed is not None and term is not claimed and term.name == claimed.name:
                 continue  # further pairs of levels, on which the claim's one verdict rests, too
-            verdicts.append(_verdict(finding, term, experiment, uncorrected))
-    return verdicts
+            is_secondary = effect_name(finding.compare, term.name, every) not in primary
+            verdict = _verdict(finding, term, experiment, uncorrected)
+            verdicts.append(replace(verdict, is_secondary=is_secondary))
+    return sorted(verdicts, key=lambda verdict: verdict.is_secondary)
 
 
 def _claim_of(finding: Finding, texts: Texts) -> str:

@@ -8,6 +8,7 @@ from visavis.lab.errors import UsageError
 from visavis.results.analysis import StudyAnalysis
 from visavis.results.figures.family_figures import opening_name
 from visavis.results.figures.study_figures import figure_name
+from visavis.results.planned_tests import names_of_finding
 from visavis.study.declaration import Study
 
 MAX_PLACE_BYTES: Final = 300_000
@@ -18,7 +19,11 @@ def opening_of(
     answer: Verdict, analysis: StudyAnalysis, pictures: Mapping[str, Picture]
 ) -> tuple[Opening, str]:
     """Return the first screen, and the name of the figure it takes; "" where it takes none."""
-    findings = [f for f in analysis.findings if not f.compare.exploratory]
+    every, primary = [f.compare for f in analysis.findings], set(analysis.primary)
+    findings = sorted(
+        (f for f in analysis.findings if not f.compare.exploratory),
+        key=lambda f: primary.isdisjoint(names_of_finding(f, every)),
+    )
     names = [figure_name(f) for f in findings] + [opening_name(f) for f in analysis.families()]
     name = next((name for name in names if name in pictures), "")
     return Opening(answer, pictures.get(name), place_of(analysis.study)), name

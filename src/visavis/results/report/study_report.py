@@ -145,7 +145,8 @@ def answers_of(analysis: StudyAnalysis, experiment: StudyExperiment) -> list[Ver
     # A study's own conclusions, see `family_verdicts`, replace the verdicts on its comparisons.
     concludes = analysis.study.analysis.conclude_of is not None
     verdicts = [] if concludes else verdicts_of(analysis, experiment)
-    return [*verdicts, *family_verdicts(analysis)]
+    every = [*verdicts, *family_verdicts(analysis)]
+    return sorted(every, key=lambda verdict: verdict.is_secondary)
 
 
 def _summary(
@@ -160,6 +161,7 @@ def _summary(
         blocks += [opening, Verdicts(tuple(verdicts[1:]))] if verdicts[1:] else [opening]
     else:
         blocks.append(Paragraph("The study plans no comparison; its measures are described below."))
+    blocks += [Paragraph(text) for text in _ranks(verdicts)]
     beside = _beside_published(analysis, experiment.texts)
     blocks += [] if beside is None else [beside]
     family_agreement = agreement_table(analysis)
@@ -174,6 +176,17 @@ def _summary(
             )
         )
     return Section("summary", "Result", tuple(blocks)), at_the_top
+
+
+def _ranks(verdicts: Sequence[Verdict]) -> Iterator[str]:
+    """Yield what secondary headlines are worth, where there are primary ones, too."""
+    secondary = sum(v.is_secondary for v in verdicts)
+    if 0 < secondary < len(verdicts):
+        yield (
+            f"The study has {count_of(len(verdicts) - secondary, 'primary headline')} and "
+            f"{secondary} secondary. What a secondary one finds is exploratory: the more of them "
+            "there are, the more are found by chance, and none confirms anything by itself."
+        )
 
 
 def _beside_published(analysis: StudyAnalysis, texts: Texts) -> Table | None:

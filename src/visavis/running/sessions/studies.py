@@ -25,10 +25,12 @@ from visavis.recording.folder import SIMULATED_ROOT, session_dir
 from visavis.recording.manifest import Manifest, read_manifest
 from visavis.recording.reader import Recording
 from visavis.results.intake import SessionIntake
+from visavis.results.locked_plan.content import PRIMARY_CLAIMS
 from visavis.results.locked_plan.deviations import as_locked
 from visavis.results.locked_plan.review import LockedPlan, Peek, PlanReview, review_of
 from visavis.results.opened_study import OpenedStudy, overrides_of
 from visavis.results.picture_delay import SETTING, read_sync_test, required_for
+from visavis.results.planned_tests import planned_tests
 from visavis.results.selection import IS_ANALYSED
 from visavis.results.unusual import UnusualTrial
 from visavis.running.sessions.bill_of_lading import short_bill_hash
@@ -389,9 +391,12 @@ def _review(
     content = content_now(opened_study, experiment, manifests[0].seed, settings)
     review = review_of(locked, content, manifests, peeks)
     compare = as_locked(opened_study.study.analysis.compare, locked.plan)
-    return replace(
-        opened_study, study=opened_study.study.with_changes(compare=compare), plan=review
-    ), review
+    study = opened_study.study.with_changes(compare=compare)
+    # Its primary claims are those of the plan, whatever the study file says now.
+    primary = locked.plan.get(PRIMARY_CLAIMS, study.analysis.primary)
+    still_planned = [name for name in planned_tests(study, compare) if name in primary]
+    study = study.with_changes(primary=still_planned)
+    return replace(opened_study, study=study, plan=review), review
 
 
 def _measure_sessions(
