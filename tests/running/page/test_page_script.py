@@ -4,12 +4,16 @@ A real browser does the same in `test_browser.py`, where there is one.
 """
 
 import json
+import re
 import shutil
 import subprocess
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import assume, example, given
+from hypothesis import strategies as st
 
 from visavis.lab.errors import DesignError
 from visavis.running.page.server import SITE
@@ -143,38 +147,149 @@ def test_who_agrees_has_the_browser_described_once_by_the_facts_they_were_told(
 
 
 KEYS = """
-const { digitOf, optionOf } = await import(process.argv[2]);
-const keys = [
-  { key: "4", code: "Digit4" }, { key: "4", code: "Numpad4" }, { key: "'", code: "Digit4" },
-  { key: "4", code: "Digit4", shiftKey: true }, { key: "$", code: "Digit4", shiftKey: true },
-  { key: "4", code: "Digit4", repeat: true }, { key: "0", code: "Digit0" },
-  { key: "a", code: "KeyQ" }, { key: "ArrowRight", code: "Numpad6" }, { key: "4" },
-];
-const letters = [{ key: "f" }, { key: "J" }, { key: "j", repeat: true }, { key: "x" }, { key: "" },
-  { key: "1" }, { key: "Shift" }];
-const of = letters.map((e) => optionOf(e, ["f", "j"]));
-console.log(JSON.stringify([...keys.map(digitOf), ...of]));
-process.exit(0);
+const { digitOf, optionOf, questionField } = await import(process.argv[2]);
+const { createInterface } = await import("node:readline");
+const isFine = ({ question, text }) => {
+  const field = questionField(question, 0, () => {});
+  const [control] = field.controls;
+  control.value = text;
+  control.listeners.input({});
+  return field.isFine();
+};
+for await (const line of createInterface({ input: process.stdin })) {
+  const asked = JSON.parse(line);
+  const answer = asked.question ? isFine(asked)
+    : [digitOf(asked.event), optionOf(asked.event, asked.keys || [])];
+  console.log(JSON.stringify(answer));
+}
 """
 
 
-def test_digit_is_that_of_its_key_on_any_keyboard_and_once_however_long_it_is_held(
-    tmp_path: Path,
-) -> None:
+@pytest.fixture(scope="module")
+def ask_page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[Any], Any]]:
+    """Return what the page's own script makes of a key or of a typed number, one Node for all."""
     node = shutil.which("node")
     if node is None:
         pytest.skip("there is no node; apt install nodejs")
+    folder = tmp_path_factory.mktemp("page")
     for name in ("page.js", "store.js", "film.js", "wire.js"):
-        shutil.copyfile(SITE / name, tmp_path / name)
-    (tmp_path / "package.json").write_text('{"type": "module"}', "utf-8")
-    host = tmp_path / "host.mjs"
+        shutil.copyfile(SITE / name, folder / name)
+    (folder / "package.json").write_text('{"type": "module"}', "utf-8")
+    host = folder / "host.mjs"
     host.write_text(HOST.partition("await import(")[0] + KEYS, "utf-8")
-    page = (tmp_path / "page.js").as_uri()
-    done = subprocess.run([node, str(host), page], capture_output=True, text=True, timeout=60)
-    found = json.loads(done.stdout or done.stderr)
-    assert [4, 4, 4, 4, 0, 0, 0, 0, 0, 4] == found[:10]
-    # A study's own letters, in any case, once however long they are held; digits go on counting.
-    assert [0, 1, -1, -1, -1, 0, -1] == found[10:]
+    command = [node, str(host), (folder / "page.js").as_uri()]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1
+    ) as page:
+        assert page.stdin is not None
+        assert page.stdout is not None
+        lines, answers = page.stdin, page.stdout
+
+        def ask(what: Any) -> Any:
+            lines.write(json.dumps(what) + "\n")
+            lines.flush()
+            return json.loads(answers.readline())
+
+        yield ask
+        lines.close()  # Node ends with its input
+        page.kill()
+
+
+SIGNS = st.one_of(st.sampled_from("&é\"'(-è_çà!§°²+ěščřžýáí"), st.characters(), st.just("Dead"))
+"""What the digit row writes without shift: French, Belgian, Czech; then anything."""
+
+
+@given(
+    key=st.one_of(SIGNS, st.sampled_from(["Enter", " ", "1", "9", "f", "J"])),
+    code=st.one_of(
+        st.integers(0, 9).map("Digit{}".format),
+        st.integers(0, 9).map("Numpad{}".format),
+        st.sampled_from(["KeyF", "Enter", "Space", "", None]),
+    ),
+    shift=st.booleans(),
+    keys=st.sampled_from([[], ["f", "j"]]),
+)
+def test_key_that_is_held_answers_nothing_whatever_it_is(
+    ask_page: Callable[[Any], Any], key: str, code: str | None, shift: bool, keys: list[str]
+) -> None:
+    event = {"key": key, "code": code, "shiftKey": shift, "repeat": True}
+    assert [0, -1] == ask_page({"event": event, "keys": keys})
+
+
+@given(digit=st.integers(1, 9), sign=SIGNS, keys=st.sampled_from([[], ["f", "j"]]))
+def test_key_of_the_digit_row_is_its_digit_on_any_keyboard(
+    ask_page: Callable[[Any], Any], digit: int, sign: str, keys: list[str]
+) -> None:
+    assume(sign not in "123456789" and sign.lower() not in keys)
+    event = {"key": sign, "code": f"Digit{digit}"}
+    assert [digit, digit - 1] == ask_page({"event": event, "keys": keys})
+    # With shift it is what it writes: the digit of a French keyboard, a sign of an English one.
+    assert 0 == ask_page({"event": event | {"shiftKey": True}, "keys": keys})[0]
+    written = event | {"key": str(digit), "shiftKey": True}
+    assert digit == ask_page({"event": written, "keys": keys})[0]
+
+
+@given(code=st.sampled_from(["KeyQ", "Digit0", "Numpad5", "Digit10", "xDigit4", ""]), sign=SIGNS)
+def test_no_other_key_is_a_digit(ask_page: Callable[[Any], Any], code: str, sign: str) -> None:
+    assume(sign not in "123456789")
+    assert [0, -1] == ask_page({"event": {"key": sign, "code": code}})
+
+
+@given(digit=st.integers(1, 9))
+def test_digit_that_a_key_writes_counts_wherever_the_key_lies(
+    ask_page: Callable[[Any], Any], digit: int
+) -> None:
+    for code in (f"Digit{digit}", f"Numpad{digit}", "KeyA", ""):
+        assert digit == ask_page({"event": {"key": str(digit), "code": code}})[0]
+
+
+@given(
+    keys=st.lists(
+        st.sampled_from("abcdefghijklmnopqrstuvwxyz"), min_size=2, max_size=9, unique=True
+    ),
+    pressed=st.sampled_from("abcdefghijklmnopqrstuvwxyzABCXYZ"),
+)
+def test_letter_is_the_option_that_the_study_gave_it(
+    ask_page: Callable[[Any], Any], keys: list[str], pressed: str
+) -> None:
+    expected = keys.index(pressed.lower()) if pressed.lower() in keys else -1
+    assert expected == ask_page({"event": {"key": pressed, "code": "KeyA"}, "keys": keys})[1]
+
+
+BOUNDS = st.one_of(st.none(), st.integers(-1000, 1000), st.floats(-1e6, 1e6, allow_nan=False))
+TYPED = st.one_of(
+    st.integers(-2000, 2000).map(str),
+    st.decimals(-2000, 2000, places=3).map(lambda d: f"{d:f}"),
+    st.decimals(-9, 9, places=2).map(lambda d: f"{d:f}".replace(".", ",")),
+    st.text(alphabet="0123456789.,-+e٣४ ", max_size=14),
+)
+
+
+@given(low=BOUNDS, high=BOUNDS, typed=TYPED)
+@example(low=0.0, high=None, typed="३")  # a digit for Python, not for a browser
+def test_any_bound_of_a_number_is_enforced_on_the_page_and_again_at_the_server(
+    ask_page: Callable[[Any], Any], low: float | None, high: float | None, typed: str
+) -> None:
+    assume(low is None or high is None or low <= high)
+    text = typed.strip()
+    assume(text)
+    bounds = {k: float(v) for k, v in (("low", low), ("high", high)) if v is not None}
+    response = Number("age", "years", **bounds)
+    question = page_question(response, "How old?", ())
+    assert bounds == {k: v for k, v in question.items() if k in ("low", "high")}
+    try:
+        _check_answer(question, text, is_timed=False)
+    except PageError:
+        is_taken = False
+    else:
+        is_taken = True
+    assert is_taken == ask_page({"question": question, "text": text})
+    if is_taken:  # and what is taken has a value
+        value = response.value(text)
+        assert value is not None
+        assert float(text.replace(",", ".")) == value
+    elif re.fullmatch(r"-?[0-9]{1,12}([.,][0-9]{1,12})?", text):
+        assert None is response.value(text)
 
 
 def test_a_studys_own_keys_stand_beside_the_options_and_each_is_a_letter() -> None:
@@ -186,22 +301,3 @@ def test_a_studys_own_keys_stand_beside_the_options_and_each_is_a_letter() -> No
     for keys in (["f"], ["f", "f"], ["f", "1"], ["f", "ä"], ["f", "up"]):
         with pytest.raises(DesignError, match="give each option a letter of its own"):
             Choice("side", ["left", "right"], keys=keys)
-
-
-@pytest.mark.parametrize(
-    ("bounds", "sent"),
-    [({"low": 0}, {"low": 0}), ({"high": 9.5}, {"high": 9.5}), ({"low": 0, "high": 100}, None)],
-)
-def test_bounds_of_a_number_reach_the_page_each_by_itself(
-    bounds: dict[str, float], sent: dict[str, float] | None
-) -> None:
-    question = page_question(Number("age", "years", **bounds), "How old?", ())
-    assert (sent or bounds) == {k: v for k, v in question.items() if k in ("low", "high")}
-    for value, is_fine in (("50", "high" not in bounds or bounds["high"] > 50), ("-1", False)):
-        if "low" not in bounds and value == "-1":
-            continue
-        if is_fine:
-            _check_answer(question, value, is_timed=False)
-        else:
-            with pytest.raises(PageError, match="out of bounds"):
-                _check_answer(question, value, is_timed=False)

@@ -19,8 +19,8 @@ ENDINGS: Final = ("button", "limit", "near")
 MAX_SLIDERS: Final = 100
 MAX_ROWS: Final = 2000
 """Most movements of sliders, or of the camera, in one event."""
-NUMBER: Final = re.compile(r"-?\d{1,12}([.,]\d{1,12})?")
-TYPED_DIGITS: Final = re.compile(r"\d{1,8}")
+NUMBER: Final = re.compile(r"-?[0-9]{1,12}([.,][0-9]{1,12})?")
+TYPED_DIGITS: Final = re.compile(r"[0-9]{1,8}")
 MAX_TEXT: Final = 10_000
 """Longest answer in words, in characters."""
 MAX_NUMBER: Final = 1e12

@@ -276,7 +276,7 @@ export function optionOf(e, keys) {
 
 // ---- questions ------------------------------------------------------------------------------
 
-function questionField(question, index, changed) {
+export function questionField(question, index, changed) {
   let answer = null;
   const choose = (option, by) => { answer = { option, at_ms: performance.now(), by }; changed(); };
   const byOf = (e) => (e.pointerType ? e.pointerType : "keys");
