@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from visavis.analysis.gaze.bids_pauses import Pauses, pauses_in_set
 from visavis.analysis.session_verdict import Level
 from visavis.analysis.xdf_times import (
     MAX_CLOCK_S,
@@ -48,7 +49,8 @@ class ForeignStream:
     """The times of one stream: stamps in seconds, corrected where offsets are known.
 
     `segments` are those of the sender's clock (None where the format has no offsets); `host` is
-    empty if unknown; `notes` say what could not be read, or is not known, with what to do.
+    empty if unknown; `notes` say what could not be read, or is not known, with what to do;
+    `pauses` are those of its user, in seconds, in which nothing was lost.
     """
 
     name: str
@@ -57,6 +59,7 @@ class ForeignStream:
     segments: tuple[ClockSegment, ...] | None = None
     host: str = ""
     notes: tuple[tuple[str, str], ...] = ()
+    pauses: Pauses = ()
 
     @property
     def has_offsets(self) -> bool:
@@ -208,11 +211,13 @@ def _of_times(
     # Pauses at resets are told there; what is missing within the parts is a gap.
     rows = np.flatnonzero(sampling.missing > 0)
     at_resets = {int(t_ns[row]) for row in resets if 0 < row < len(t_ns)}
+    edges_s = distinct / NS_PER_S
     gaps_s = np.array(
         [
-            (distinct[row] - distinct[row - 1]) / NS_PER_S
+            edges_s[row] - edges_s[row - 1]
             for row in rows
             if int(distinct[row]) not in at_resets
+            and not any(a < edges_s[row] and b > edges_s[row - 1] for a, b in stream.pauses)
         ]
     )
     if len(gaps_s):
@@ -223,6 +228,13 @@ def _of_times(
                 "samples were lost on the way or never sent; leave out trials they overlap",
             )
         )
+    # Stamps may be coarser than samples: two of 2000 Hz share a millisecond.
+    per_stamp = len(t_ns) / len(distinct)
+    if per_stamp > 1 + RATE_AMBER_01 and abs(measured_hz * per_stamp / rate_hz - 1) < RATE_AMBER_01:
+        measured_hz *= per_stamp
+        what = f"{len(t_ns) - len(distinct)} samples share the stamp of the one before"
+        remedy = "its stamps are coarse; `visavis import gaze` spreads them up to the next stamp"
+        findings.append((Level.AMBER, what, remedy))
     off = abs(measured_hz / rate_hz - 1)
     if len(sampling.rates_hz) > 1:
         rates = ", then ".join(f"{rate:.4g}" for rate in sampling.rates_hz)
@@ -316,11 +328,15 @@ def read_bids_times(root: Path) -> tuple[ForeignStream, ...]:
             sidecar = sidecar_of(path)
             rate_hz = float(sidecar.get("SamplingFrequency") or 0)
             stamps, notes = _times_of(path, sidecar, rate_hz)
+            unit = str(dict(sidecar.get("timestamp") or {}).get("Units", "s"))
+            scale = SECONDS.get(unit.strip().lower(), 1.0)
+            pauses = pauses_in_set(path, 1 / scale)
         except (OSError, ValueError, LookupError, TypeError, OverflowError, DataError) as error:
             raise DataError(f"{path} cannot be read with its sidecars (.json): {error}") from error
         if stamps is not None:
             name = path.relative_to(root).as_posix()
-            streams.append(ForeignStream(name, stamps, rate_hz, notes=notes))
+            pauses = tuple((a * scale, b * scale) for a, b in pauses)
+            streams.append(ForeignStream(name, stamps, rate_hz, notes=notes, pauses=pauses))
     return tuple(streams)
 
 

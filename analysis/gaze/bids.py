@@ -8,12 +8,14 @@ import gzip
 import io
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from visavis.analysis.gaze.foreign import EyeSamples, GazeRecording, eye_samples
+from visavis.analysis.gaze.bids_pauses import Pauses, pauses_in_set
+from visavis.analysis.gaze.foreign import EyeSamples, GazeRecording, eye_samples, rows_of
 from visavis.analysis.gaze.implausible import without_lost_points
 from visavis.analysis.gaze.stamps import typical_step_ns
 from visavis.analysis.gaze.text_table import NS_PER_UNIT, TextTable, read_text_table
@@ -175,7 +177,7 @@ def read_bids(path: Path, screen: FlatScreen | None = None) -> GazeRecording:
     space = sidecar["SampleCoordinateSystem"]
     unit = str(sidecar.get("device_timestamp", {}).get("Units", "ns"))
     rate_is_stated = sidecar.get("SamplingFrequencyStated", True)
-    return GazeRecording(
+    recording = GazeRecording(
         name=head or path.stem,
         t_ns=t_ns,
         space="world" if space == "gaze-in-world" else "head",
@@ -194,6 +196,30 @@ def read_bids(path: Path, screen: FlatScreen | None = None) -> GazeRecording:
         remarks=tuple(dict.fromkeys(remarks)),
         time_unit=_time_unit(path, sidecar),
     )
+    per_s = NS_PER_S / NS_PER_UNIT[recording.time_unit]
+    return _without_pauses(recording, pauses_in_set(path, per_s))
+
+
+def _without_pauses(recording: GazeRecording, pauses: Pauses) -> GazeRecording:
+    """Return a recording that knows where it was paused, without rows that only fill a pause."""
+    per_unit = NS_PER_UNIT[recording.time_unit]
+    edges_ns = [(round(a * per_unit), round(b * per_unit)) for a, b in pauses]
+    fills = np.zeros(len(recording), bool)
+    has_gaze = np.zeros(len(recording), bool)
+    for eye in recording.eyes.values():
+        has_gaze |= np.isfinite(eye.direction).all(axis=1)
+    for begin_ns, end_ns in edges_ns:
+        fills |= (recording.t_ns >= begin_ns) & (recording.t_ns < end_ns) & ~has_gaze
+    kept = rows_of(recording, np.flatnonzero(~fills)) if fills.any() else recording
+    # No row lies in the middle of a pause; at its edges stamps are rounded.
+    first = np.searchsorted(kept.t_ns, [(a + b) // 2 for a, b in edges_ns])
+    resumed_ns = tuple(int(kept.t_ns[row]) for row in first if 0 < row < len(kept))
+    if not resumed_ns:
+        return kept
+    what = f"the recorder was paused {len(resumed_ns)} times; pauses are no loss"
+    if fills.any():
+        what += f", and {int(fills.sum())} rows that fill them were left out"
+    return replace(kept, resumed_ns=resumed_ns, remarks=(*kept.remarks, what))
 
 
 def _read_sidecar(path: Path) -> dict[str, Any]:
@@ -299,7 +325,8 @@ def _direction_of_coordinates(
                 "(StimulusPresentation: ScreenDistance, ScreenSize, ScreenResolution in its events "
                 "JSON); add it, give --screen, or convert it to angles first"
             )
-        screen, (from_right, from_bottom) = described
+        screen, (from_right, from_bottom) = described.screen, described.from_right_and_bottom
+        remarks += described.remarks
     if from_right:
         points[:, 0] = screen.width_px - points[:, 0]
     if from_bottom:

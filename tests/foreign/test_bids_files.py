@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from tests.foreign.test_gaze_files import looking
 from visavis.analysis.foreign_check import check_foreign
 from visavis.analysis.gaze.bids import read_bids
-from visavis.analysis.gaze.import_report import prepare
+from visavis.analysis.gaze.import_report import prepare, quality_table
 from visavis.analysis.session_verdict import Level
 from visavis.lab.errors import DataError
 from visavis.lab.geometry import yaw_pitch_deg_of
@@ -236,3 +236,77 @@ def test_what_other_writers_make_of_an_eyelink_recording_is_read(
         assert np.isnan(eye.pupil_mm).all()
     gaze = prepare(recording)
     assert (480, pytest.approx(250)) == (len(gaze.t_ns), gaze.rate_hz)
+
+
+def paused(path: Path, *, fills: bool) -> None:
+    """Pause a set for 2 s after its sample 240: as eye2bids says it, or filled as by mne-bids,
+    whose pauses end a little after the sample that follows.
+    """
+    for each in path.parent.glob("*_physio.tsv.gz"):
+        rows = [
+            line.split("\t") for line in gzip.decompress(each.read_bytes()).decode().split("\n")
+        ]
+        step = float(rows[1][0]) - float(rows[0][0])
+        for row in rows[240:-1]:
+            row[0] = repr(float(row[0]) + 500 * step)
+        if fills:
+            begin = float(rows[239][0])
+            n = [[repr(begin + (k + 1) * step), "n/a", "n/a", "n/a"] for k in range(500)]
+            rows[240:240] = n
+        each.write_bytes(gzip.compress("\n".join("\t".join(row) for row in rows).encode()))
+        if not fills:
+            events = each.with_name(each.name.replace("_physio.", "_physioevents."))
+            lines = ["3000000\tn/a\tn/a\tn/a\tSTART", "3000956\tn/a\tn/a\tn/a\tEND"]
+            lines += ["3000000\t40\tfixation\t0\tn/a", "3002960\tn/a\tn/a\tn/a\tSTART"]
+            events.write_bytes(gzip.compress("\n".join(lines).encode()))
+    if fills:
+        table = "onset\tduration\ttrial_type\n0.1\t0.0\tfirst\n0.96\t2.003\tBAD_ACQ_SKIP\n"
+        (path.parent / "sub-01_task-rest_events.tsv").write_text(table)
+
+
+@pytest.mark.parametrize(("write", "fills"), [(eye2bids_set, False), (mne_bids_set, True)])
+def test_pause_that_another_writer_tells_of_is_no_loss(
+    write: Callable[[Path], Path], fills: bool, tmp_path: Path
+) -> None:
+    path = write(tmp_path)
+    (tmp_path / "dataset_description.json").write_text("{}")
+    paused(path, fills=fills)
+    recording = read_bids(path)
+    gaze = prepare(recording)
+    assert (480, 1) == (len(recording), len(recording.resumed_ns))
+    assert pytest.approx(250, rel=1e-3) == gaze.rate_hz
+    assert pytest.approx(10 / 480, abs=1e-3) == quality_table(gaze)["lost_01"].iloc[-1]
+    assert any("paused 1 times; pauses are no loss" in r for r in recording.remarks)
+    assert all(Level.RED != verdict.level for verdict in check_foreign(tmp_path))
+    # A gap that nobody tells of stays one.
+    for events in tmp_path.rglob("*events.tsv*"):
+        events.unlink()
+    assert () == read_bids(path).resumed_ns
+    if not fills:
+        assert all(Level.RED == verdict.level for verdict in check_foreign(tmp_path))
+
+
+def test_resolution_that_names_the_last_pixel_is_one_more_and_that_is_told(tmp_path: Path) -> None:
+    path = eye2bids_set(tmp_path)
+    right = read_bids(path).eyes["left"].direction
+    events = tmp_path / "rest_events.json"
+    events.write_text(events.read_text().replace("1920", "1919").replace("1080", "1079"))
+    recording = read_bids(path)
+    np.testing.assert_array_equal(right, recording.eyes["left"].direction)
+    assert any("read as 1920 x 1080" in remark for remark in recording.remarks)
+
+
+def test_stamps_in_whole_milliseconds_of_2000_samples_a_second_are_coarse_and_not_wrong(
+    tmp_path: Path,
+) -> None:
+    path = eye2bids_set(tmp_path)
+    (tmp_path / "dataset_description.json").write_text("{}")
+    for each in tmp_path.glob("*_physio.tsv.gz"):
+        rows = [f"{3_000_000 + k // 2}\t{x}\t{y}\t900.0" for k, (x, y) in enumerate(POINTS_PX)]
+        each.write_bytes(gzip.compress("\n".join(rows).encode()))
+        side = each.with_name(each.name.replace(".tsv.gz", ".json"))
+        side.write_text(json.dumps(json.loads(side.read_text()) | {"SamplingFrequency": 2000}))
+    for verdict in check_foreign(tmp_path):
+        assert (Level.AMBER, pytest.approx(2000, rel=0.01)) == (verdict.level, verdict.rate_hz)
+        assert "240 samples share the stamp of the one before" in verdict.findings[0][0]
+    assert pytest.approx(2000, rel=0.01) == prepare(read_bids(path)).rate_hz

@@ -102,6 +102,32 @@ def test_a_pause_parts_stretches_and_leaves_the_rate() -> None:
     assert pytest.approx(50.0) == sampling.rate_hz
 
 
+@settings(max_examples=60, deadline=None)
+@given(
+    rate_hz=st.sampled_from([30, 60, 120, 250, 500, 1000, 2000]),
+    blocks=st.integers(2, 40),
+    block_s=st.floats(1.0, 4.0),
+    spread=st.sampled_from([0.0, 0.05, 0.6]),
+    seed=st.integers(0, 99),
+)
+def test_pauses_between_blocks_leave_the_rate_however_many_and_regular_they_are(
+    rate_hz: int, blocks: int, block_s: float, spread: float, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    parts, begin = [], 0
+    for _ in range(blocks):
+        # As long as packets may be, blocks and packets cannot be told apart from stamps alone.
+        n = max(
+            round(block_s * rate_hz * (1 + spread * rng.uniform(-1, 1))), 300 if blocks > 9 else 8
+        )
+        parts.append(begin + even(rate_hz, n))
+        begin = int(parts[-1][-1]) + round(1e9 * (1.5 + spread * rng.uniform(-0.4, 2)))
+    sampling = sampling_of(np.concatenate(parts))
+    assert pytest.approx(rate_hz, rel=1e-3) == sampling.rate_hz
+    assert sampling.is_even
+    assert blocks - 1 == sampling.gaps
+
+
 def test_few_stamps_are_not_judged_and_equal_ones_are_refused() -> None:
     assert np.isnan(sampling_of(even(100, 2)).rate_hz)
     assert np.isnan(step_ns_of(even(100, 1)))

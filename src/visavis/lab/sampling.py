@@ -31,6 +31,8 @@ MAX_REGULAR_CV = 0.5
 HOLE_S = 1.0
 """A pause this long, 20 periods and 3 packets long ends a stretch."""
 HOLE_PERIODS, HOLE_PACKETS = 20, 3
+FEW_HOLES, MAX_PACKET_ROWS = 10, 256
+"""Fewer holes than this, or more rows between them, are pauses between recordings, no packets."""
 RATE_CHANGE_01 = 0.2
 MIN_STRETCH_BLOCKS = 3
 SHIFT_PERIODS = 0.6
@@ -178,6 +180,12 @@ class _Pattern:
 def _pattern(t_ns: Times) -> _Pattern:
     steps = np.diff(t_ns)
     median_ns = int(np.median(steps))
+    holes = steps > max(HOLE_S * NS_PER_S, HOLE_PERIODS * median_ns)
+    n_holes = int(holes.sum())
+    if 0 < n_holes and (n_holes < FEW_HOLES or len(t_ns) > MAX_PACKET_ROWS * n_holes):
+        # Pauses say nothing of the period: the stamps are looked at as if there had been none.
+        steps = np.where(holes, median_ns, steps)
+        t_ns = t_ns[0] + np.concatenate([[0], np.cumsum(steps)])
     is_short = steps < SHORT_01 * median_ns
     if is_short.mean() > MIN_SHORT_01:
         median_ns = int(np.median(steps[is_short]))

@@ -4,6 +4,7 @@ Source: BIDS 1.11, "The inheritance principle" and "Task events" (StimulusPresen
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
@@ -66,11 +67,24 @@ def _read(side: Path) -> Mapping[str, Any]:
     return content
 
 
-def screen_in_set(path: Path) -> tuple[FlatScreen, tuple[bool, bool]] | None:
+@dataclass(frozen=True)
+class DescribedScreen:
+    """A screen straight before the middle of the eyes, as a data set describes it.
+
+    Whether its pixels are counted from the right, and from the bottom; `remarks` say what was read
+    otherwise than it stands.
+    """
+
+    screen: FlatScreen
+    from_right_and_bottom: tuple[bool, bool]
+    remarks: tuple[str, ...] = ()
+
+
+def screen_in_set(path: Path) -> DescribedScreen | None:
     """Return the screen that a recording's data set describes; None where it does not.
 
-    The screen stands straight before the middle of the eyes. The flags say whether its pixels are
-    counted from the right, and from the bottom.
+    A resolution that is odd in both directions, such as 1023 by 767, names the last pixel, as
+    eye2bids takes it from EyeLink's GAZE_COORDS: screens have even numbers of pixels.
 
     Raises:
         DataError: sizes that no screen has.
@@ -93,5 +107,12 @@ def screen_in_set(path: Path) -> tuple[FlatScreen, tuple[bool, bool]] | None:
             f"{distance_m:g} m; BIDS wants metres: were these cm or mm?"
         )
     origin = {str(word).lower() for word in described.get("ScreenOrigin") or ()}
+    remarks: tuple[str, ...] = ()
+    if width_px % 2 and height_px % 2:
+        remarks = (
+            f"ScreenResolution {width_px} x {height_px} names the last pixel: read as "
+            f"{width_px + 1} x {height_px + 1}; --screen says otherwise",
+        )
+        width_px, height_px = width_px + 1, height_px + 1
     screen = FlatScreen(width_m, height_m, width_px, height_px, distance_m)
-    return screen, ("right" in origin, "bottom" in origin)
+    return DescribedScreen(screen, ("right" in origin, "bottom" in origin), remarks)
