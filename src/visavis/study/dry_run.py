@@ -31,12 +31,13 @@ from visavis.study.actions import Action, PlayedSound, ShownScene
 from visavis.study.asking import Answer
 from visavis.study.background import BackgroundExecutor
 from visavis.study.films import Stimulus
+from visavis.study.lit_trial import SCENE_STREAM
 from visavis.study.live import Live, Moulded
 from visavis.study.responses import Response
 from visavis.study.scenes import Scene, Staging, stage
 from visavis.study.staircase import Staircase
 from visavis.study.study_errors import explain, line_of, line_reached
-from visavis.study.trial import SCENE_STREAM, TrialPlan, TrialScript
+from visavis.study.trial import TrialPlan, TrialScript
 from visavis.study.trial_settings import Settings
 
 MAX_STEPS: Final = 100_000

@@ -36,7 +36,7 @@ from visavis.stimuli.panels import SIZE_M, PanelFrame, Surface, board_before
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.sound import Sound
-from visavis.study.actions import Action, Performing, PlayedSound, ShownScene
+from visavis.study.actions import Action, Performing, PlayedSound
 from visavis.study.asking import (
     Answer,
     ask_at_terminal,
@@ -44,12 +44,11 @@ from visavis.study.asking import (
     await_pointing,
     await_press,
     direction_columns,
-    frame,
-    press_in,
 )
 from visavis.study.background import BackgroundExecutor
 from visavis.study.films import Stimulus, Viewing, scene_of, seconds_of
-from visavis.study.frames import dark_frame, dark_view, gaze_has_arrived, show_frame
+from visavis.study.frames import dark_frame, dark_view, show_frame
+from visavis.study.lit_trial import LitTrial
 from visavis.study.live import (
     RENDERER,
     Live,
@@ -61,11 +60,11 @@ from visavis.study.live import (
 )
 from visavis.study.moulding import BoardWords, moulded
 from visavis.study.responses import FreeText, Keys, Pointing, Rating, Response, labels_of
-from visavis.study.scenes import FLAT, PassingScene, Scene, StagedScene, Staging, stage
+from visavis.study.scenes import FLAT, PassingScene, Scene, StagedScene
+from visavis.study.showing import Showing, awaited_keys, duration, shown_seconds
 from visavis.study.staircase import Staircase, StaircaseTrial
 from visavis.study.trial_settings import Settings, is_on_board
 
-SCENE_STREAM: Final = 100
 OWN_STREAM: Final = 200
 
 MAX_GAIN_DB: Final = 20.0
@@ -87,31 +86,7 @@ class _Board:
     size_m: tuple[float, float] | None = None
 
 
-@dataclass(frozen=True)
-class _Showing:
-    """What is shown, and for how long: the frames, or else the seconds. Its columns' name."""
-
-    scene: Scene
-    seconds: float
-    frames: int | None
-    name: str
-    is_flat: bool = False
-
-    def calm_until_ns(self, view: FrameView, on_ns: int) -> int:
-        """Return until when nothing of it changes, two frames before its end."""
-        frame_ns = view.surface.frame_ns
-        lasts_ns = self.seconds * NS_PER_S if self.frames is None else self.frames * frame_ns
-        return max(0, round(on_ns + lasts_ns - 2 * frame_ns))
-
-    def is_over(self, frames: int, view: FrameView, on_ns: int) -> bool:
-        """Tell whether what the next frame shows is no longer this; `frames` were lit so far."""
-        if self.frames is not None:
-            return frames >= self.frames
-        next_ns = view.t_ns + view.surface.frame_ns
-        return next_ns + view.surface.frame_ns / 2 > on_ns + self.seconds * NS_PER_S
-
-
-class TrialScript:
+class TrialScript(LitTrial):
     """One trial as its study writes it: factors are attributes, steps are methods.
 
     `row` collects the trial's columns; a study may add its own. What a trial function returns is
@@ -120,16 +95,8 @@ class TrialScript:
     """
 
     def __init__(self, trial: Trial, settings: Settings) -> None:
-        self.trial = trial
-        self.settings = settings
-        self.row: dict[str, Scalar | None] = {}
-        self.view: FrameView | None = None
+        super().__init__(trial, settings)
         self.is_read = False
-        self._staged_scene: StagedScene | None = None
-        self._onset_ns = 0
-        self._sound_on_ns = 0
-        self._names: dict[str, int] = {}
-        self._lit_column = ""
         self.staircases: dict[str, Staircase] = {}
 
     def __getattr__(self, name: str) -> Any:
@@ -194,7 +161,7 @@ class TrialScript:
 
     def dark(self, seconds: float) -> Action:
         """Show nothing for some seconds."""
-        return Action("dark", lambda: self._dark(seconds), _duration("dark", seconds))
+        return Action("dark", lambda: self._dark(seconds), duration("dark", seconds))
 
     def show(
         self,
@@ -220,7 +187,7 @@ class TrialScript:
         Raises:
             DesignError: there is nothing to show, or nothing says how long.
         """
-        keys = _awaited_keys(until, limit_s)
+        keys = awaited_keys(until, limit_s)
         flats = as_flats(what)
         if flats:
             options = {"background": background, "answered_by": keys.name if keys else ""}
@@ -233,10 +200,10 @@ class TrialScript:
                 f"not {what!r}"
             )
         name = name or ("stimulus" if flats else "scene")
-        seconds = _shown_seconds(seconds, frames, keys, until)
-        showing = _Showing(scene, seconds, frames, name, is_flat=bool(flats))
+        seconds = shown_seconds(seconds, frames, keys, until)
+        showing = Showing(scene, seconds, frames, name, is_flat=bool(flats))
         if keys is not None:
-            perform = partial(self._show_until_key, showing, keys)
+            perform = partial(self._answer_shown, showing, keys)
         else:
             stop = until if callable(until) else None
             perform = partial(self._show_exactly if flats else self._show, showing, stop)
@@ -322,7 +289,7 @@ class TrialScript:
 
     def wait(self, seconds: float) -> Action:
         """Leave everything as it is for some seconds."""
-        return Action("wait", lambda: self._wait(seconds), _duration("wait", seconds))
+        return Action("wait", lambda: self._wait(seconds), duration("wait", seconds))
 
     def vibrate(
         self,
@@ -334,7 +301,7 @@ class TrialScript:
         pattern: VibrationPattern | None = None,
     ) -> Action:
         """Let an armband vibrate from now on; it ends by itself, the trial goes on at once."""
-        _duration("vibrate", seconds)
+        duration("vibrate", seconds)
         vibration = pattern or VibrationPattern("steady", round(seconds * 1000))
         return Action(
             "vibrate", lambda: self._vibrate(role, vibration, motors, amplitude_01), role=role
@@ -392,7 +359,7 @@ class TrialScript:
 
         Columns: `walk_ms` and whether it was reached, `walk_reached`.
         """
-        _duration("walk_to", limit_s)
+        duration("walk_to", limit_s)
         place = (x_m, z_m)
         return Action("walk_to", lambda: self._walk_to(place, within_m, limit_s))
 
@@ -405,165 +372,14 @@ class TrialScript:
 
     # ---- how they are performed ----
 
-    def _frame(
-        self,
-        quiet_until_ns: int = 0,
-        update: Callable[[FrameView], SceneFrame | None] | None = None,
-    ) -> Performing:
-        self.view = yield from frame(quiet_until_ns, update)
-        return self.view
-
-    def _now(self) -> Performing:
-        """Return the latest frame; the first of a trial has to be waited for."""
-        if self.view is None:
-            yield from self._frame()
-        return self.view
-
-    def _until(
-        self, until_ns: int, each_frame: Callable[[FrameView], SceneFrame | None] | None
-    ) -> Performing:
-        view = yield from self._now()
-        while view.t_ns < until_ns:
-            if each_frame is not None:
-                yield from show_frame(each_frame(view))
-            view = yield from self._frame(until_ns, each_frame)
-        return view
-
-    def _dark(self, seconds: float) -> Performing:
-        view = yield from self._now()
-        self._staged_scene = None
-        yield dark_view(view.t_ns)
-        until_ns = view.t_ns + round(seconds * NS_PER_S)
-        if self._lit_column and view.t_ns < until_ns:
-            view = yield from self._frame()
-            self._end_light(view.t_ns)
-        yield from self._until(until_ns, None)
-
-    def _light(self, showing: _Showing) -> Performing:
-        """Show a scene's first frame; return its columns' prefix, the scene, and that frame."""
-        before = yield from self._now()
-        name = self.next_prefix(showing.name)
-        staged_scene = self._stage(showing.scene, showing.seconds, len(self._names), before.t_ns)
-        self._staged_scene, self._onset_ns = staged_scene, before.t_ns
-        self._sound_on_ns = 0
-        yield from show_frame(staged_scene.frame(before, 0))
-        view = yield from self._frame()
-        self._end_light(view.t_ns)
-        self._onset_ns = view.t_ns
-        self.row.setdefault("t_start_ns", view.t_ns)
-        yield Mark("shown", _payload(self.trial, name, showing.scene, staged_scene, before.t_ns))
-        return name, staged_scene, view
-
-    def _end_light(self, t_ns: int) -> None:
-        """Note that flat stimuli were lit up to now."""
-        if self._lit_column:
-            self.row[self._lit_column] = t_ns
-            self._lit_column = ""
-
-    def _show_exactly(
-        self, showing: _Showing, until: Callable[[FrameView], bool] | None
-    ) -> Performing:
-        """Show flat stimuli for so many frames, or the frames nearest to so many seconds.
-
-        `NAME_off_ns` is the frame in which they were gone; where the trial ends before it, the one
-        in which they would be.
-        """
-        name, staged_scene, view = yield from self._light(showing)
-        on_ns, frames = view.t_ns, 1
-
-        def pass_frame(view: FrameView) -> None:
-            nonlocal frames
-            frames += 1
-
-        quiet_until_ns = 0 if until is not None else showing.calm_until_ns(view, on_ns)
-        while not (until is not None and until(view)) and not showing.is_over(frames, view, on_ns):
-            view = yield from self._frame(quiet_until_ns, pass_frame)
-            frames += 1
-        off_ns = view.t_ns + view.surface.frame_ns
-        self._note_shown(name, staged_scene, on_ns, off_ns, frames)
-        return ShownScene(on_ns, off_ns, staged_scene.roles, view)
-
-    def _note_shown(
-        self, name: str, staged_scene: StagedScene, on_ns: int, off_ns: int, frames: int
-    ) -> None:
-        columns = {f"{name}_on_ns": on_ns, f"{name}_off_ns": off_ns, f"{name}_frames": frames}
-        self.row |= {**columns, **self._role_columns(name, staged_scene), "t_end_ns": off_ns}
-        self._lit_column = f"{name}_off_ns"
-
-    def _role_columns(self, name: str, staged_scene: StagedScene) -> dict[str, int]:
-        """Return which agent plays each role; places only where a measure asks for them."""
-        places = {a.place for a in staged_scene.scene.agents}
-        return {
-            f"{name}_{role}": index
-            for role, index in staged_scene.roles.items()
-            if role in self.settings.measured_roles or role not in places
-        }
-
-    def _show_until_key(self, showing: _Showing, keys: Keys) -> Performing:
-        """Show something until a key is pressed; after its seconds wait for the key in the dark."""
-        name, staged_scene, view = yield from self._light(showing)
-        controls, on_ns, frames, is_lit = tuple(keys.options), view.t_ns, 1, True
-        until_ns = on_ns + round(keys.limit_s * NS_PER_S)
-
-        def pass_frame(view: FrameView) -> SceneFrame | None:
-            nonlocal frames
-            frames += is_lit
-            coming: SceneFrame | None = None
-            if is_lit:
-                coming = staged_scene.frame(view, view.t_ns - on_ns)
-            return coming
-
-        answer = press_in(view, controls, on_ns, until_ns)
-        while answer is None and view.t_ns < until_ns:
-            if is_lit and showing.is_over(frames, view, on_ns):
-                off_ns = view.t_ns + view.surface.frame_ns
-                self._note_shown(name, staged_scene, on_ns, off_ns, frames)
-                is_lit, self._staged_scene = False, None
-                yield dark_view(view.t_ns)
-                view = yield from self._frame()
-                self._end_light(view.t_ns)
-            else:
-                if is_lit:
-                    yield from show_frame(staged_scene.frame(view, view.t_ns - on_ns))
-                calm_ns = min(showing.calm_until_ns(view, on_ns), until_ns) if is_lit else until_ns
-                view = yield from self._frame(calm_ns, pass_frame)
-                frames += is_lit
-            answer = press_in(view, controls, on_ns, until_ns)
-        if is_lit:
-            off_ns = view.t_ns + view.surface.frame_ns
-            self._note_shown(name, staged_scene, on_ns, off_ns, frames)
-        if answer is None:
-            answer = Answer(None, "nothing in time", on_ns, view.t_ns, view)
+    def _answer_shown(self, showing: Showing, keys: Keys) -> Performing:
+        answer = yield from self._show_until_key(showing, keys)
         yield from self._record_answer(keys, answer)
         return answer
 
-    def _show(self, showing: _Showing, until: Callable[[FrameView], bool] | None) -> Performing:
-        staged_scene: StagedScene
-        name, staged_scene, view = yield from self._light(showing)
-        on_ns = view.t_ns
-        end_ns = on_ns + round(showing.seconds * NS_PER_S)
-        off_ns = end_ns
-        passing = PassingScene(staged_scene, on_ns)
-        while True:
-            if until is not None and until(view):
-                off_ns = view.t_ns
-                break
-            if view.t_ns >= end_ns and gaze_has_arrived(view, end_ns):
-                break
-            yield from show_frame(passing(view))
-            view = yield from self._frame(end_ns if until is None else 0, passing)
-        self.row |= {
-            f"{name}_on_ns": on_ns,
-            f"{name}_off_ns": off_ns,
-            f"{name}_frames": passing.frames + 1,
-            **self._role_columns(name, staged_scene),
-            "t_end_ns": off_ns,
-        }
-        return ShownScene(on_ns, off_ns, staged_scene.roles, view)
-
     def _watch(self, viewing: Viewing) -> Performing:
         seconds = max(1, viewing.min_rounds) * seconds_of(viewing.stimulus)
-        showing = _Showing(scene_of(viewing.stimulus), seconds, None, "film")
+        showing = Showing(scene_of(viewing.stimulus), seconds, None, "film")
         yield from self._show(showing, None)
         answers = {}
         for response in viewing.responses:
@@ -614,11 +430,6 @@ class TrialScript:
         values = {s.name: value for s, value in zip(moulding.sliders, end.values, strict=True)}
         seconds = (off_ns - on_ns) / NS_PER_S
         return Moulded(values, moves, end.ended_by, seconds, end.distance_m)
-
-    def _stage(self, scene: Scene, seconds: float, number: int, start_ns: int) -> StagedScene:
-        rng = self.trial.rng(SCENE_STREAM + number)
-        staging = Staging(rng, seconds, start_ns, self.settings.folder)
-        return stage(scene, staging, self.settings.makers)
 
     def _ask(self, response: Response, board: _Board) -> Performing:
         view = yield from self._now()
@@ -765,13 +576,6 @@ class TrialScript:
 
         return show
 
-    def _scene_update(self, view: FrameView) -> SceneFrame | None:
-        """Return the current scene's next frame; None without a change."""
-        staged_scene = self._staged_scene
-        return (
-            None if staged_scene is None else staged_scene.frame(view, view.t_ns - self._onset_ns)
-        )
-
     def _clear(self, over_scene: bool, view: FrameView) -> Performing:
         if not over_scene:
             yield dark_view(view.t_ns)
@@ -863,11 +667,6 @@ class TrialScript:
         self.row |= {"walk_ms": took if is_there else None, "walk_reached": is_there}
         return is_there
 
-    def next_prefix(self, name: str) -> str:
-        """Return the prefix of the next scene's or sound's columns: "scene", then "scene2"."""
-        count = self._names[name] = self._names.get(name, 0) + 1
-        return name if count == 1 else f"{name}{count}"
-
 
 STEPS: Final = frozenset(
     name
@@ -878,65 +677,3 @@ STEPS: Final = frozenset(
 
 TrialPlan: TypeAlias = Callable[[TrialScript], Iterator[Action | Step]]
 """A study's trial: a generator over its script."""
-
-
-def _awaited_keys(
-    until: Callable[[FrameView], bool] | Keys | None, limit_s: float | None
-) -> Keys | None:
-    if not isinstance(until, Keys):
-        if limit_s is not None:
-            raise DesignError("t.show: limit_s is how long keys are waited for: until=Keys(…)")
-        return None
-    if until.names_no_keys:
-        raise DesignError(
-            f'Keys("{until.name}") names an answer; say which keys: Keys("answer", '
-            f'["{until.name}"]), or two at least: Keys("f", "j")'
-        )
-    return until if limit_s is None else replace(until, limit_s=limit_s)
-
-
-def _shown_seconds(
-    seconds: float | None,
-    frames: int | None,
-    keys: Keys | None,
-    until: object,
-) -> float:
-    """Return how long something is shown at most.
-
-    Raises:
-        DesignError: nothing says so, or two things do.
-    """
-    if seconds is not None and frames is not None:
-        raise DesignError("t.show: give seconds or frames, not both")
-    if frames is not None:
-        if isinstance(frames, bool) or not isinstance(frames, int) or frames < 1:
-            raise DesignError(f"t.show(frames={frames!r}): give a whole number from 1")
-        return frames / 60.0
-    if seconds is None:
-        if keys is None:
-            how = "seconds=, which is the longest it is shown" if until else "seconds= or frames="
-            raise DesignError(f"t.show: say how long: {how}, or until=Keys(…)")
-        return keys.limit_s
-    return _duration("show", seconds)
-
-
-def _payload(
-    trial: Trial, name: str, scene: Scene, staged_scene: StagedScene, start_ns: int
-) -> dict[str, Scalar | None]:
-    return {
-        "trial_id": trial.trial_id,
-        "name": name,
-        "scene": scene.name,
-        "start_ns": start_ns,
-        **{
-            f"option_{k}": v if isinstance(v, str | int | float | bool) else str(v)
-            for k, v in scene.options.items()
-        },
-        **{f"role_{role}": index for role, index in staged_scene.roles.items()},
-    }
-
-
-def _duration(step: str, seconds: float) -> float:
-    if not 0 <= seconds < np.inf:
-        raise DesignError(f"t.{step}({seconds}): give seconds from 0")
-    return float(seconds)

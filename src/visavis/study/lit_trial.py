@@ -1,0 +1,221 @@
+"""What is lit during a trial, frame by frame: the dark, scenes, and flat stimuli to the frame."""
+
+from collections.abc import Callable
+from typing import Final
+
+from visavis.lab.clock import NS_PER_S
+from visavis.protocol.plan.session_plan import Trial
+from visavis.protocol.plan.steps import FrameView, Mark, Scalar
+from visavis.stimuli.scene import SceneFrame
+from visavis.study.actions import Performing, ShownScene
+from visavis.study.asking import Answer, frame, press_in
+from visavis.study.frames import dark_view, gaze_has_arrived, show_frame
+from visavis.study.responses import Keys
+from visavis.study.scenes import PassingScene, Scene, StagedScene, Staging, stage
+from visavis.study.showing import Showing
+from visavis.study.trial_settings import Settings
+
+SCENE_STREAM: Final = 100
+
+
+class LitTrial:
+    """The light of one trial: its current frame, what is shown, and the columns of both."""
+
+    def __init__(self, trial: Trial, settings: Settings) -> None:
+        self.trial = trial
+        self.settings = settings
+        self.row: dict[str, Scalar | None] = {}
+        self.view: FrameView | None = None
+        self._staged_scene: StagedScene | None = None
+        self._onset_ns = 0
+        self._sound_on_ns = 0
+        self._names: dict[str, int] = {}
+        self._lit_column = ""
+
+    def _frame(
+        self,
+        quiet_until_ns: int = 0,
+        update: Callable[[FrameView], SceneFrame | None] | None = None,
+    ) -> Performing:
+        self.view = yield from frame(quiet_until_ns, update)
+        return self.view
+
+    def _now(self) -> Performing:
+        """Return the latest frame; the first of a trial has to be waited for."""
+        if self.view is None:
+            yield from self._frame()
+        return self.view
+
+    def _until(
+        self, until_ns: int, each_frame: Callable[[FrameView], SceneFrame | None] | None
+    ) -> Performing:
+        view = yield from self._now()
+        while view.t_ns < until_ns:
+            if each_frame is not None:
+                yield from show_frame(each_frame(view))
+            view = yield from self._frame(until_ns, each_frame)
+        return view
+
+    def _dark(self, seconds: float) -> Performing:
+        view = yield from self._now()
+        self._staged_scene = None
+        yield dark_view(view.t_ns)
+        until_ns = view.t_ns + round(seconds * NS_PER_S)
+        if self._lit_column and view.t_ns < until_ns:
+            view = yield from self._frame()
+            self._end_light(view.t_ns)
+        yield from self._until(until_ns, None)
+
+    def _light(self, showing: Showing) -> Performing:
+        """Show a scene's first frame; return its columns' prefix, the scene, and that frame."""
+        before = yield from self._now()
+        name = self.next_prefix(showing.name)
+        staged_scene = self._stage(showing.scene, showing.seconds, len(self._names), before.t_ns)
+        self._staged_scene, self._onset_ns = staged_scene, before.t_ns
+        self._sound_on_ns = 0
+        yield from show_frame(staged_scene.frame(before, 0))
+        view = yield from self._frame()
+        self._end_light(view.t_ns)
+        self._onset_ns = view.t_ns
+        self.row.setdefault("t_start_ns", view.t_ns)
+        yield Mark("shown", _payload(self.trial, name, showing.scene, staged_scene, before.t_ns))
+        return name, staged_scene, view
+
+    def _end_light(self, t_ns: int) -> None:
+        """Note that flat stimuli were lit up to now."""
+        if self._lit_column:
+            self.row[self._lit_column] = t_ns
+            self._lit_column = ""
+
+    def _show_exactly(
+        self, showing: Showing, until: Callable[[FrameView], bool] | None
+    ) -> Performing:
+        """Show flat stimuli for so many frames, or the frames nearest to so many seconds.
+
+        `NAME_off_ns` is the frame in which they were gone; where the trial ends before it, the one
+        in which they would be.
+        """
+        name, staged_scene, view = yield from self._light(showing)
+        on_ns, frames = view.t_ns, 1
+
+        def pass_frame(view: FrameView) -> None:
+            nonlocal frames
+            frames += 1
+
+        quiet_until_ns = 0 if until is not None else showing.calm_until_ns(view, on_ns)
+        while not (until is not None and until(view)) and not showing.is_over(frames, view, on_ns):
+            view = yield from self._frame(quiet_until_ns, pass_frame)
+            frames += 1
+        off_ns = view.t_ns + view.surface.frame_ns
+        self._note_shown(name, staged_scene, on_ns, off_ns, frames)
+        return ShownScene(on_ns, off_ns, staged_scene.roles, view)
+
+    def _note_shown(
+        self, name: str, staged_scene: StagedScene, on_ns: int, off_ns: int, frames: int
+    ) -> None:
+        columns = {f"{name}_on_ns": on_ns, f"{name}_off_ns": off_ns, f"{name}_frames": frames}
+        self.row |= {**columns, **self._role_columns(name, staged_scene), "t_end_ns": off_ns}
+        self._lit_column = f"{name}_off_ns"
+
+    def _role_columns(self, name: str, staged_scene: StagedScene) -> dict[str, int]:
+        """Return which agent plays each role; places only where a measure asks for them."""
+        places = {a.place for a in staged_scene.scene.agents}
+        return {
+            f"{name}_{role}": index
+            for role, index in staged_scene.roles.items()
+            if role in self.settings.measured_roles or role not in places
+        }
+
+    def _show_until_key(self, showing: Showing, keys: Keys) -> Performing:
+        """Show something until a key is pressed; after its seconds wait for the key in the dark."""
+        name, staged_scene, view = yield from self._light(showing)
+        controls, on_ns, frames, is_lit = tuple(keys.options), view.t_ns, 1, True
+        until_ns = on_ns + round(keys.limit_s * NS_PER_S)
+
+        def pass_frame(view: FrameView) -> SceneFrame | None:
+            nonlocal frames
+            frames += is_lit
+            coming: SceneFrame | None = None
+            if is_lit:
+                coming = staged_scene.frame(view, view.t_ns - on_ns)
+            return coming
+
+        answer = press_in(view, controls, on_ns, until_ns)
+        while answer is None and view.t_ns < until_ns:
+            if is_lit and showing.is_over(frames, view, on_ns):
+                off_ns = view.t_ns + view.surface.frame_ns
+                self._note_shown(name, staged_scene, on_ns, off_ns, frames)
+                is_lit, self._staged_scene = False, None
+                yield dark_view(view.t_ns)
+                view = yield from self._frame()
+                self._end_light(view.t_ns)
+            else:
+                if is_lit:
+                    yield from show_frame(staged_scene.frame(view, view.t_ns - on_ns))
+                calm_ns = min(showing.calm_until_ns(view, on_ns), until_ns) if is_lit else until_ns
+                view = yield from self._frame(calm_ns, pass_frame)
+                frames += is_lit
+            answer = press_in(view, controls, on_ns, until_ns)
+        if is_lit:
+            off_ns = view.t_ns + view.surface.frame_ns
+            self._note_shown(name, staged_scene, on_ns, off_ns, frames)
+        if answer is None:
+            answer = Answer(None, "nothing in time", on_ns, view.t_ns, view)
+        return answer
+
+    def _show(self, showing: Showing, until: Callable[[FrameView], bool] | None) -> Performing:
+        staged_scene: StagedScene
+        name, staged_scene, view = yield from self._light(showing)
+        on_ns = view.t_ns
+        end_ns = on_ns + round(showing.seconds * NS_PER_S)
+        off_ns = end_ns
+        passing = PassingScene(staged_scene, on_ns)
+        while True:
+            if until is not None and until(view):
+                off_ns = view.t_ns
+                break
+            if view.t_ns >= end_ns and gaze_has_arrived(view, end_ns):
+                break
+            yield from show_frame(passing(view))
+            view = yield from self._frame(end_ns if until is None else 0, passing)
+        self.row |= {
+            f"{name}_on_ns": on_ns,
+            f"{name}_off_ns": off_ns,
+            f"{name}_frames": passing.frames + 1,
+            **self._role_columns(name, staged_scene),
+            "t_end_ns": off_ns,
+        }
+        return ShownScene(on_ns, off_ns, staged_scene.roles, view)
+
+    def _stage(self, scene: Scene, seconds: float, number: int, start_ns: int) -> StagedScene:
+        rng = self.trial.rng(SCENE_STREAM + number)
+        staging = Staging(rng, seconds, start_ns, self.settings.folder)
+        return stage(scene, staging, self.settings.makers)
+
+    def _scene_update(self, view: FrameView) -> SceneFrame | None:
+        """Return the current scene's next frame; None without a change."""
+        staged_scene = self._staged_scene
+        return (
+            None if staged_scene is None else staged_scene.frame(view, view.t_ns - self._onset_ns)
+        )
+
+    def next_prefix(self, name: str) -> str:
+        """Return the prefix of the next scene's or sound's columns: "scene", then "scene2"."""
+        count = self._names[name] = self._names.get(name, 0) + 1
+        return name if count == 1 else f"{name}{count}"
+
+
+def _payload(
+    trial: Trial, name: str, scene: Scene, staged_scene: StagedScene, start_ns: int
+) -> dict[str, Scalar | None]:
+    return {
+        "trial_id": trial.trial_id,
+        "name": name,
+        "scene": scene.name,
+        "start_ns": start_ns,
+        **{
+            f"option_{k}": v if isinstance(v, str | int | float | bool) else str(v)
+            for k, v in scene.options.items()
+        },
+        **{f"role_{role}": index for role, index in staged_scene.roles.items()},
+    }

@@ -1,0 +1,92 @@
+"""What `t.show` shows and for how long, as a trial says it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.errors import DesignError
+from visavis.protocol.plan.steps import FrameView
+from visavis.study.responses import Keys
+from visavis.study.scenes import Scene
+
+
+@dataclass(frozen=True)
+class Showing:
+    """What is shown, and for how long: the frames, or else the seconds. Its columns' name."""
+
+    scene: Scene
+    seconds: float
+    frames: int | None
+    name: str
+    is_flat: bool = False
+
+    def calm_until_ns(self, view: FrameView, on_ns: int) -> int:
+        """Return until when nothing of it changes, two frames before its end."""
+        frame_ns = view.surface.frame_ns
+        lasts_ns = self.seconds * NS_PER_S if self.frames is None else self.frames * frame_ns
+        return max(0, round(on_ns + lasts_ns - 2 * frame_ns))
+
+    def is_over(self, frames: int, view: FrameView, on_ns: int) -> bool:
+        """Tell whether what the next frame shows is no longer this; `frames` were lit so far."""
+        if self.frames is not None:
+            return frames >= self.frames
+        next_ns = view.t_ns + view.surface.frame_ns
+        return next_ns + view.surface.frame_ns / 2 > on_ns + self.seconds * NS_PER_S
+
+
+def awaited_keys(
+    until: Callable[[FrameView], bool] | Keys | None, limit_s: float | None
+) -> Keys | None:
+    """Return the keys that end what is shown, with how long they are waited for.
+
+    Raises:
+        DesignError: they name no keys, or there are none to wait for.
+    """
+    if not isinstance(until, Keys):
+        if limit_s is not None:
+            raise DesignError("t.show: limit_s is how long keys are waited for: until=Keys(…)")
+        return None
+    if until.names_no_keys:
+        raise DesignError(
+            f'Keys("{until.name}") names an answer; say which keys: Keys("answer", '
+            f'["{until.name}"]), or two at least: Keys("f", "j")'
+        )
+    return until if limit_s is None else replace(until, limit_s=limit_s)
+
+
+def shown_seconds(
+    seconds: float | None,
+    frames: int | None,
+    keys: Keys | None,
+    until: object,
+) -> float:
+    """Return how long something is shown at most.
+
+    Raises:
+        DesignError: nothing says so, or two things do.
+    """
+    if seconds is not None and frames is not None:
+        raise DesignError("t.show: give seconds or frames, not both")
+    if frames is not None:
+        if isinstance(frames, bool) or not isinstance(frames, int) or frames < 1:
+            raise DesignError(f"t.show(frames={frames!r}): give a whole number from 1")
+        return frames / 60.0
+    if seconds is None:
+        if keys is None:
+            how = "seconds=, which is the longest it is shown" if until else "seconds= or frames="
+            raise DesignError(f"t.show: say how long: {how}, or until=Keys(…)")
+        return keys.limit_s
+    return duration("show", seconds)
+
+
+def duration(step: str, seconds: float) -> float:
+    """Return how long a step lasts, in seconds.
+
+    Raises:
+        DesignError: nothing lasts so long.
+    """
+    if not 0 <= seconds < np.inf:
+        raise DesignError(f"t.{step}({seconds}): give seconds from 0")
+    return float(seconds)
