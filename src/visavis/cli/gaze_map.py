@@ -19,8 +19,8 @@ from visavis.analysis.gaze.maps import (
 )
 from visavis.analysis.plots import ReportFigure, draw, new_figure, write_figure
 from visavis.analysis.report.notation import count_of
-from visavis.cli.film.film import FILM_ON_PROCESSOR, pictures_of
-from visavis.cli.film.renderer import film_renderer
+from visavis.cli.film.film import pictures_of
+from visavis.cli.film.renderer import session_drawing
 from visavis.cli.preview.pictures import symmetric_camera
 from visavis.cli.recorded_trial import RecordedTrial, recorded_trial
 from visavis.lab.clock import NS_PER_S
@@ -204,8 +204,8 @@ def _scene(
     picture = next((p for t in times if (p := shown_at(int(t))).brightness_01 > 0), None)
     if picture is None:
         raise UsageError(f"{first.recording.path}: its first trial shows no scene to draw gaze on")
-    with film_renderer(FILM_ON_PROCESSOR) as renderer:
-        image = np.array(renderer.image(picture, symmetric_camera(seen_from, top, aspect), SIZE_PX))
+    with session_drawing() as drawing:
+        image = np.array(drawing.image(picture, symmetric_camera(seen_from, top, aspect), SIZE_PX))
     return image, seen_from, Grid(top * aspect, top, *CELLS)
 
 

@@ -163,8 +163,8 @@ def _draw_anew(recording: Recording, frame: int, part: int | None) -> list[Image
     board = next(iter(boards_at(recording, study, part_number, t_ns)), None)
     if board is not None:
         view = with_board(view, board)
-    times, quality = still_quality()
-    width, height = UNDRAWN_PX
+    quality = still_quality()
+    times, (width, height) = quality.shrink_factor, UNDRAWN_PX
     stage = DrawnStage(
         picture_of,
         lambda: Renderer(quality=quality),

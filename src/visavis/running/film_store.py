@@ -4,6 +4,9 @@ A film's name is the SHA-256 of everything its pictures are made of: how everybo
 pose in every frame, the room, its lamps and what moves in it, the camera (in every frame where it
 moves), size and rate, and how it is drawn and encoded. So a film that was built before is found
 again, and anything that changes what it shows makes another one.
+
+Every computer draws films at the same quality, whether it has a graphics card or not. Drivers round
+a few pixels differently, so which one drew a film stands beside it, and in recordings.
 """
 
 import hashlib
@@ -38,11 +41,24 @@ from visavis.study.films import MIME, Film, Lens
 from visavis.study.scenes import Maker, StagedScene, Staging, stage
 
 if TYPE_CHECKING:
+    from visavis.stage.stills import Stills
     from visavis.study.moving_camera import FilmSeen
 
-FILM_VERSION: Final = "vp9 6"
+FILM_VERSION: Final = "vp9 7"
 """Version of drawing and encoding: a new value makes every film again."""
-QUALITY: Final[Mapping[str, str]] = {
+FILM_QUALITY: Final[Mapping[str, Any]] = {
+    "samples": 0,
+    "shadows": "blobs",
+    "fast": True,
+    "shrink_factor": 2,
+}
+"""How films are drawn (`stage.renderer.Quality`): drawn twice as large and made small, people in
+full detail by compiled loops.
+
+With shadow maps and light at every pixel, a single person would take a processor seventeen times as
+long; four samples a pixel take it twice as long as a picture of twice the width and height.
+"""
+ENCODING: Final[Mapping[str, str]] = {
     "crf": "18",
     "b": "0",
     "deadline": "realtime",
@@ -109,6 +125,14 @@ class FilmStore:
         digest = hashlib.sha256(content).hexdigest()
         return FilmFile(path, digest, len(content)) if built_digest == digest else None
 
+    def drawn_by(self, film: Film) -> str:
+        """Return what drew a built film: "unknown" where nothing says."""
+        path = self.folder / f"{self.name_of(film)}.json"
+        try:
+            return str(parse_json(read_plain(path))["renderer"])
+        except (OSError, ValueError, KeyError, TypeError):
+            return "unknown"
+
     def build(self, films: Sequence[Film], report_progress: Callable[[int, int], None]) -> None:
         """Draw and encode the missing films; none if one of them cuts off a moving body.
 
@@ -125,9 +149,10 @@ class FilmStore:
         for film in missing:
             self.check_edges(film)
         self.folder.mkdir(parents=True, exist_ok=True)
-        with film_drawing() as draw:
+        with _film_stills() as stills:
+            renderer = str(stills.renderer.context.info["GL_RENDERER"])
             for film in missing:
-                for frames in self._write(film, draw):
+                for frames in self._write(film, stills.image, renderer):
                     if frames % REPORT_EVERY == 0:
                         report_progress(frames_done + frames, total)
                 frames_done += film.frame_count
@@ -189,14 +214,14 @@ class FilmStore:
             camera = camera_of(film.lens, film.size_px)
             refuse_cut_off(name, list(self.pictures(film)), camera)
 
-    def _write(self, film: Film, draw: Draw) -> Iterator[int]:
+    def _write(self, film: Film, draw: Draw, renderer: str) -> Iterator[int]:
         import av
 
         path = self.folder / f"{self.name_of(film)}.webm"
         draft = path.with_name(f".{path.stem}.{os.getpid()}.webm")
         cameras = self.cameras(film)
         with av.open(str(draft), "w", options={"fflags": "+bitexact"}) as container:
-            stream = container.add_stream("libvpx-vp9", rate=film.rate_hz, options=dict(QUALITY))
+            stream = container.add_stream("libvpx-vp9", rate=film.rate_hz, options=dict(ENCODING))
             stream.width, stream.height = film.size_px
             stream.pix_fmt = "yuv420p"
             stream.codec_context.thread_count = 1
@@ -214,6 +239,9 @@ class FilmStore:
             "seconds": film.seconds,
             "visavis": version(),
             "made": FILM_VERSION,
+            "renderer": renderer,
+            "quality": dict(FILM_QUALITY),
+            "encoding": dict(ENCODING),
         }
         path.with_suffix(".json").write_text(json.dumps(about), encoding="utf-8")
         draft.replace(path)
@@ -239,7 +267,8 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
 @lru_cache(maxsize=512)
 def _name_of(store: FilmStore, film: Film) -> str:
     digest = hashlib.sha256()
-    settings = (FILM_VERSION, film.size_px, film.rate_hz, film.frame_count, film.lens)
+    drawn = (*FILM_QUALITY.items(), *ENCODING.items())
+    settings = (FILM_VERSION, drawn, film.size_px, film.rate_hz, film.frame_count, film.lens)
     digest.update(repr(settings).encode())
     if not isinstance(film.lens, Lens):
         digest.update(_rounded(store.film_seen(film).poses))
@@ -332,31 +361,16 @@ def _film_seen(film: Film, makers: tuple[tuple[str, Maker], ...], folder: Path) 
 
 @contextmanager
 def film_drawing() -> Iterator[Draw]:
-    """Open what draws the pictures of films, in a size of (width, height) pixels.
-
-    A processor draws people with compiled loops, all in full detail. With shadow maps and light at
-    every pixel, a single person would take seventeen times as long; four samples a pixel take it
-    twice as long as a picture of twice the width and height, made small.
+    """Open what draws the pictures of films, in a size of (width, height) pixels: alike on a
+    graphics card and without one.
     """
+    with _film_stills() as stills:
+        yield stills.image
+
+
+def _film_stills() -> "Stills":
     # OpenGL is loaded only to draw films, not to name them, to serve them or for simulated people.
-    from visavis.stage.card.context import draws_on_processor, offscreen_context, release_offscreen
-    from visavis.stage.levels import DetailRule
-    from visavis.stage.renderer import ON_PROCESSOR, Quality, Renderer
-    from visavis.stage.stills import TIMES, shrink
+    from visavis.stage.renderer import Quality
+    from visavis.stage.stills import Stills
 
-    context = offscreen_context()
-    try:
-        if not draws_on_processor(context):
-            with Renderer(context, quality=Quality()) as renderer:
-                yield renderer.image
-            return
-        quality = replace(ON_PROCESSOR, samples=0, detail=DetailRule(), shrink_factor=TIMES)
-        with Renderer(context, quality=quality) as renderer:
-
-            def draw(picture: Picture, camera: Camera, size_px: tuple[int, int]) -> Image:
-                large = renderer.image(picture, camera, (TIMES * size_px[0], TIMES * size_px[1]))
-                return shrink(large, size_px)
-
-            yield draw
-    finally:
-        release_offscreen(context)
+    return Stills(Quality(**FILM_QUALITY))

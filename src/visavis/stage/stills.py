@@ -1,4 +1,4 @@
-"""Single pictures with smooth edges, for sheets and figures, in seconds on any machine."""
+"""Pictures off the screen with smooth edges, in seconds on any machine."""
 
 import numpy as np
 import numpy.typing as npt
@@ -14,8 +14,8 @@ TIMES = 2
 """Factor, in both directions, by which a processor draws larger before it scales down."""
 
 
-def still_quality() -> tuple[int, Quality]:
-    """Return how many times larger in both directions a smooth picture is drawn here, and how.
+def still_quality() -> Quality:
+    """Return how a single picture is drawn here, at full quality.
 
     A graphics card smooths edges by samples. Drivers that draw on the processor take twenty times
     as long for four samples of a crowded place as for a picture of four times the pixels, which
@@ -24,8 +24,8 @@ def still_quality() -> tuple[int, Quality]:
     context = offscreen_context()
     try:
         if draws_on_processor(context):
-            return TIMES, Quality(samples=0, shrink_factor=TIMES)
-        return 1, Quality()
+            return Quality(samples=0, shrink_factor=TIMES)
+        return Quality()
     finally:
         release_offscreen(context)
 
@@ -67,20 +67,22 @@ def _shrink_into(
 
 
 class Stills(Closing):
-    """Draw single pictures off-screen at full quality."""
+    """Draw pictures off-screen, by default at full quality.
 
-    def __init__(self) -> None:
-        self._times, quality = still_quality()
-        self._renderer = Renderer(quality=quality)
+    Where the quality says that pictures are made small, they are drawn so much larger.
+    """
+
+    def __init__(self, quality: Quality | None = None) -> None:
+        self.renderer = Renderer(quality=still_quality() if quality is None else quality)
 
     def image(
         self, picture: Picture, camera: Camera, size_px: tuple[int, int]
     ) -> npt.NDArray[np.uint8]:
         """Return the picture as (height, width, 3) sRGB bytes, top row first."""
-        width, height = size_px
-        large = self._renderer.image(picture, camera, (self._times * width, self._times * height))
-        return shrink(large, size_px)
+        (width, height), times = size_px, self.renderer.quality.shrink_factor
+        image = self.renderer.image(picture, camera, (times * width, times * height))
+        return image if times == 1 else shrink(image, size_px)
 
     def close(self) -> None:
         """Release the graphics context."""
-        self._renderer.close()
+        self.renderer.close()

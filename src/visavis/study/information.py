@@ -42,6 +42,7 @@ EVENT_FACTS: Final[Mapping[str, tuple[str, ...]]] = {
     "answered": ("answers",),
     "answer": ("questionnaires",),
     "questionnaire_complete": ("questionnaires",),
+    "films_drawn": (),
     "films_loaded": ("films",),
     "shown": ("films",),
     "screen_measured": ("card",),

@@ -23,9 +23,10 @@ from visavis.protocol.plan.experiment import no_progress
 from visavis.protocol.session.operator import UnattendedOperator
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
-from visavis.running.film_store import FilmStore, film_store
+from visavis.running.film_store import FILM_QUALITY, FilmStore, film_store
 from visavis.running.page.other_hosts.bundle import steps_of_place, write_bundle
 from visavis.running.page.other_hosts.results import import_runs, read_runs
+from visavis.running.page.perform import DRAWN_EVENT
 from visavis.running.page.spoken_digits import hear_digits, spoken_digits
 from visavis.running.sessions.session_request import Request, SessionPerson
 from visavis.study.experiment import StudyExperiment
@@ -394,7 +395,7 @@ def with_damaged_films(host: Host) -> Host:
     for film in host.base.experiment.films:
         path = host.store.folder / f"{host.store.name_of(film)}.webm"
         path.write_bytes(b"no film")
-        about = {"sha256": hashlib.sha256(b"no film").hexdigest()}
+        about = {"sha256": hashlib.sha256(b"no film").hexdigest(), "renderer": "a card"}
         path.with_suffix(".json").write_text(json.dumps(about), "utf-8")
     return host
 
@@ -422,6 +423,11 @@ def test_whose_film_failed_is_recorded_with_that_trial_skipped(tmp_path: Path) -
     rows = Recording(path).trials()
     assert ["skipped", "skipped"] == list(rows["status"])
     assert ["film f: error 4"] * 2 == list(rows["reason"])
+    (drawn,) = (e for e in Recording(path).events().to_dict("records") if e["name"] == DRAWN_EVENT)
+    assert (["a card"], dict(FILM_QUALITY)) == (
+        drawn["payload"]["renderers"],
+        drawn["payload"]["quality"],
+    )
 
 
 # ---- in a browser ----------------------------------------------------------------------------

@@ -1,19 +1,32 @@
 """A film is named by what it shows, built once, and the same whenever it is built."""
 
+import json
+import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import av
 import numpy as np
+import numpy.typing as npt
 import pytest
 from scipy.ndimage import binary_erosion
 
 from tests.stage import figures
+from visavis.cli.film.on_page import FilmPictures
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Pose, Vector, quat_conjugate, rotate
 from visavis.results.opened_study import find_study
-from visavis.running.film_store import FilmStore, film_drawing, film_store
+from visavis.running.film_store import (
+    ENCODING,
+    FILM_QUALITY,
+    FilmStore,
+    film_drawing,
+    film_store,
+)
 from visavis.stage.errors import StageError
 from visavis.stimuli.characters.character import Material
 from visavis.stimuli.dressing.picture_of import NOBODY
@@ -169,6 +182,92 @@ def test_a_film_built_again_is_equal_to_the_byte(tmp_path: Path) -> None:
         assert found is not None
         built.append(found.path.read_bytes())
     assert built[0] == built[1]
+
+
+def test_a_film_tells_what_drew_it_and_how(tmp_path: Path) -> None:
+    made = store(tmp_path)
+    assert made.drawn_by(SHORT) == "unknown"
+    try:
+        made.build([SHORT], lambda done, of: None)
+    except StageError as problem:
+        pytest.skip(str(problem))
+    about = json.loads((tmp_path / f"{made.name_of(SHORT)}.json").read_text())
+    assert (dict(FILM_QUALITY), dict(ENCODING)) == (about["quality"], about["encoding"])
+    assert made.drawn_by(SHORT) == about["renderer"] != "unknown"
+
+
+def test_a_film_of_another_quality_has_another_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usual = store(tmp_path).name_of(SHORT)
+    finer = dict(FILM_QUALITY) | {"shrink_factor": 3}
+    monkeypatch.setattr("visavis.running.film_store.FILM_QUALITY", finer)
+    assert usual != store(tmp_path / "finer").name_of(SHORT)
+
+
+def drawn(film: Film, folder: Path) -> npt.NDArray[np.int64]:
+    """Return a film's first picture as it is drawn here."""
+    made = store(folder)
+    try:
+        with film_drawing() as draw:
+            image = draw(next(made.pictures(film)), made.cameras(film)[0], film.size_px)
+    except StageError as problem:
+        pytest.skip(str(problem))
+    return image.astype(np.int64)
+
+
+MIDDLE = replace(SHORT, size_px=(160, 160))
+
+
+def test_a_graphics_card_draws_films_as_a_processor_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usual = drawn(MIDDLE, tmp_path)
+    monkeypatch.setattr("visavis.stage.card.context.draws_on_processor", lambda context: False)
+    assert np.array_equal(usual, drawn(MIDDLE, tmp_path))
+
+
+DRAW_ELSEWHERE = """
+import sys
+from pathlib import Path
+import moderngl, numpy as np
+from tests.running.page.test_film_store import MIDDLE, drawn
+np.save(sys.argv[1], drawn(MIDDLE, Path(sys.argv[2])))
+context = moderngl.create_context(standalone=True, backend="egl")
+print(context.info["GL_RENDERER"])
+"""
+SEEN_CODES = 3
+"""Two pixels of so many codes apart, of 255, are not told from each other side by side."""
+
+
+def test_two_graphics_drivers_draw_a_film_that_looks_the_same(tmp_path: Path) -> None:
+    """Mesa's two drivers share no code that fills triangles."""
+    code = [sys.executable, "-c", DRAW_ELSEWHERE, str(tmp_path / "other.npy"), str(tmp_path)]
+    softly = {**os.environ, "GALLIUM_DRIVER": "softpipe"}
+    done = subprocess.run(code, capture_output=True, text=True, env=softly, check=False)
+    if done.returncode or "softpipe" not in done.stdout:
+        pytest.skip(f"there is no second driver here: {done.stderr[-200:]}")
+    apart = np.abs(drawn(MIDDLE, tmp_path) - np.load(tmp_path / "other.npy")).max(axis=2)
+    assert apart.mean() < 0.5
+    assert (apart > SEEN_CODES).mean() < 0.001
+
+
+def test_what_is_drawn_of_a_film_is_what_raters_are_shown(tmp_path: Path) -> None:
+    """A film drawn again, as preview does before it is built, and the file that is played."""
+    made = store(tmp_path)
+    try:
+        with film_drawing() as draw:
+            again = FilmPictures(made, MIDDLE.size_px[1], draw).at(MIDDLE, 0.0).astype(int)
+        made.build([MIDDLE], lambda done, of: None)
+    except StageError as problem:
+        pytest.skip(str(problem))
+    file = made.file_of(MIDDLE)
+    assert file is not None
+    with av.open(str(file.path)) as container:
+        played = next(container.decode(video=0)).to_ndarray(format="rgb24").astype(int)
+    apart = np.abs(again - played).max(axis=2)
+    assert apart.mean() < 4  # what the encoder leaves out
+    assert np.abs((again - played).mean(axis=(0, 1))).max() < 2.5  # nor lighter or redder
 
 
 def test_a_film_damaged_in_the_cache_is_built_anew(tmp_path: Path) -> None:

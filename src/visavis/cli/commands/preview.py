@@ -22,7 +22,7 @@ from visavis.cli.app import (
     say_written,
 )
 from visavis.cli.commands.session import LanguageOption, SeedOption, SetOption, plan_inputs_of
-from visavis.cli.film.renderer import film_renderer
+from visavis.cli.film.renderer import session_drawing
 from visavis.cli.notifier import NOTIFIER, Forecast
 from visavis.cli.preview.capture import (
     BackgroundPerformance,
@@ -230,13 +230,13 @@ def _write_film(showing: _TrialPreview, path: Path, rate_hz: int, most_s: float)
     frames = spread(showing.frames(most_s), rate_hz, most_s)
     label = f"{SIMULATED}  ·  from {showing.label} on"
     with (
-        film_renderer() as renderer,
+        session_drawing() as drawing,
         open_movie(path, showing.size_px, rate_hz) as film,
         Progress(console=console, transient=True) as bar,
     ):
         forecast = Forecast()
         for number, frame in enumerate(bar.track(frames, description="drawing"), start=1):
-            image: npt.NDArray[np.uint8] = renderer.image(*showing.at(frame), showing.size_px)
+            image: npt.NDArray[np.uint8] = drawing.image(*showing.at(frame), showing.size_px)
             film.add(np.asarray(add_label(image, label)))
             if forecast_text := forecast.line_after(number, len(frames)):
                 NOTIFIER.say(forecast_text)

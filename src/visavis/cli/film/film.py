@@ -30,7 +30,7 @@ from visavis.cli.film.cameras import (
     style_of,
 )
 from visavis.cli.film.on_page import write_page_film
-from visavis.cli.film.renderer import film_renderer
+from visavis.cli.film.renderer import session_drawing
 from visavis.cli.film.stand_in import StandIn
 from visavis.cli.preview.pictures import SIMULATED, Viewpoint, add_label
 from visavis.cli.recorded_trial import RecordedTrial, factors_of, recorded_trial
@@ -44,7 +44,7 @@ from visavis.results.opened_study import OpenedStudy
 from visavis.running.page.seen_trial import is_on_page
 from visavis.stage.identity import IdentityBuffer
 from visavis.stage.movie import open_movie, picture_times_ns
-from visavis.stage.renderer import ON_PROCESSOR, Renderer
+from visavis.stage.renderer import Renderer
 from visavis.stimuli.camera.filming import capsules
 from visavis.stimuli.camera.sheet import SEEN_FROM_01, FilmLog, Sheet
 from visavis.stimuli.camera.shots import ShotSize
@@ -57,8 +57,6 @@ from visavis.study.parts import Posture
 RING_PX: Final = 16
 RING: Final = (255, 190, 40)
 DARK_PX: Final = (16, 16, 18)
-FILM_ON_PROCESSOR: Final = replace(ON_PROCESSOR, samples=4)
-"""Smooth edges are worth more to a film than maps of shadows, which cost ten times as much."""
 LOOK_EVERY_NS: Final = NS_PER_S // 4
 LOOK_PX: Final = (256, 144)
 """How often, and in how large a picture, the participant is looked for."""
@@ -172,9 +170,9 @@ def write_film(
     posture = study.study.procedure.posture
     scene = FilmedTrial(trial, shown_at, looks, settings.overlays, settings.size_px, log, posture)
     with ExitStack() as stack:
-        renderer = stack.enter_context(film_renderer(FILM_ON_PROCESSOR))
-        scene.looks_from(renderer)
-        pictures = scene.pictures(times, renderer.image)
+        drawing = stack.enter_context(session_drawing())
+        scene.looks_from(drawing.renderer)
+        pictures = scene.pictures(times, drawing.image)
         first = next(pictures)  # a camera that finds no place says so before there is a file
         film = stack.enter_context(open_movie(video, settings.size_px, rate_hz))
         for k, image in enumerate(chain((first,), pictures)):

@@ -8,13 +8,12 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw
 
-from visavis.cli.film.renderer import film_renderer
 from visavis.cli.preview.pictures import SIMULATED, add_label
 from visavis.cli.recorded_trial import factors_of, trial_row
 from visavis.lab.clock import NS_PER_S
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy
-from visavis.running.film_store import FilmStore
+from visavis.running.film_store import FilmStore, film_drawing
 from visavis.running.page.seen_trial import Question, SeenStep, seen_trial
 from visavis.stage.movie import open_movie, picture_times_ns
 from visavis.stimuli.picture import Picture
@@ -135,9 +134,9 @@ def page_pictures(
     trial = seen_trial(study, recording, trial_row(recording, trial_id))
     start_ns, end_ns = trial.span_ns
     times = times_of(start_ns, end_ns)
-    with film_renderer() as renderer:
+    with film_drawing() as draw:
         share = film_share(max((len(step.questions) for step in trial.steps), default=0))
-        films = FilmPictures(trial.store, round(share * size_px[1]), renderer.image)
+        films = FilmPictures(trial.store, round(share * size_px[1]), draw)
         for t_ns in times:
             image = page_picture(trial.step_at(t_ns), t_ns, films, size_px)
             yield (t_ns - start_ns) / NS_PER_S, image, len(times)

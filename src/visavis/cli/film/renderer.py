@@ -1,22 +1,20 @@
-"""Draws films and pages off the screen."""
+"""Draws what sessions show off the screen, for films and maps of them."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from dataclasses import replace
 
 from visavis.stage.card.context import draws_on_processor, offscreen_context, release_offscreen
-from visavis.stage.renderer import Quality, Renderer
+from visavis.stage.renderer import ON_PROCESSOR, Quality
+from visavis.stage.stills import TIMES, Stills
 
 
-@contextmanager
-def film_renderer(on_processor: "Quality | None" = None) -> "Iterator[Renderer]":
-    """Open a renderer. Where a processor draws, pictures have the given quality, by default without
-    smoothing, which is slow there.
+def session_drawing() -> Stills:
+    """Open what draws as a session on this computer would by default, with smooth edges.
+
+    Films that participants watch are drawn alike everywhere (`running.film_store.film_drawing`).
     """
     context = offscreen_context()
     try:
-        lighter = Quality(samples=0) if on_processor is None else on_processor
-        quality = lighter if draws_on_processor(context) else Quality()
-        with Renderer(context, quality=quality) as renderer:
-            yield renderer
+        on_processor = draws_on_processor(context)
     finally:
         release_offscreen(context)
+    return Stills(replace(ON_PROCESSOR, shrink_factor=TIMES) if on_processor else Quality())

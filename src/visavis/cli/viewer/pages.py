@@ -13,12 +13,12 @@ from typing import Any, Final
 from PIL import Image
 
 from visavis.cli.film.on_page import FilmPictures
-from visavis.cli.film.renderer import film_renderer
 from visavis.cli.recorded_trial import trial_row
 from visavis.cli.viewer.bundle import Bundle
 from visavis.lab.plain_files import unpacked
 from visavis.recording.cached import CachedRecording
 from visavis.results.opened_study import OpenedStudy
+from visavis.running.film_store import film_drawing
 from visavis.running.page.seen_trial import SeenStep, SeenTrial, seen_trial
 from visavis.study.films import Film
 
@@ -40,9 +40,9 @@ def pages_of(
     numbers: dict[Film, int] = {}
     films: list[dict[str, Any]] = []
     steps: list[dict[str, Any]] = []
-    with film_renderer() as renderer:
+    with film_drawing() as draw:
         for number, trial in enumerate(trials, start=1):
-            pictures = FilmPictures(trial.store, HEIGHT_PX, renderer.image)
+            pictures = FilmPictures(trial.store, HEIGHT_PX, draw)
             for step in trial.steps:
                 for film in step.films.values():
                     if film not in numbers:

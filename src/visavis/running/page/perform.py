@@ -18,7 +18,13 @@ from visavis.recording.provenance import provenance
 from visavis.recording.reader import Recording
 from visavis.recording.writer import Recorder
 from visavis.results.opened_study import OpenedStudy
-from visavis.running.film_store import FilmStore, film_store
+from visavis.running.film_store import (
+    ENCODING,
+    FILM_QUALITY,
+    FILM_VERSION,
+    FilmStore,
+    film_store,
+)
 from visavis.running.live_store import LiveStore, page_files
 from visavis.running.page.client import visit
 from visavis.running.page.course import (
@@ -46,6 +52,7 @@ from visavis.study.experiment import StudyExperiment
 from visavis.study.films import MIME
 
 SERVED_EVENT: Final = "page_served"
+DRAWN_EVENT: Final = "films_drawn"
 ENDINGS: Final = {
     DECLINED: "consent was declined; nothing was asked",
     FULL: "all places were taken; nothing was asked",
@@ -264,8 +271,25 @@ def page_session_of(
             if (film_file := store.file_of(film)) is not None
         }
     )
+    if files:
+        _record_drawing(recorder, request.clock.now_ns(), experiment, store)
     about = about_of(experiment, folder.manifest.is_simulated, request.config.privacy.contact)
     return PageSession(desk, about, files, lives.assets)
+
+
+def _record_drawing(
+    recorder: Recorder, t_ns: int, experiment: StudyExperiment, store: FilmStore
+) -> None:
+    """Record how the films that a session shows were drawn, and by what."""
+    renderers = sorted({store.drawn_by(film) for film in experiment.films})
+    recorder.event(
+        DRAWN_EVENT,
+        t_ns,
+        version=FILM_VERSION,
+        renderers=renderers,
+        quality=dict(FILM_QUALITY),
+        encoding=dict(ENCODING),
+    )
 
 
 def _perform_part(
