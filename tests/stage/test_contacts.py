@@ -209,6 +209,19 @@ def test_shade_lies_on_the_step_a_person_stands_on(renderer: Renderer) -> None:
     np.testing.assert_allclose(found, expected, atol=0.02)
 
 
+@pytest.mark.parametrize("depth_m", [0.008, 0.03])
+def test_soles_that_sink_into_the_ground_shade_it_like_those_on_it(
+    renderer: Renderer, depth_m: float
+) -> None:
+    """Recorded walks do so by centimetres, and showed a shade in some frames and none in others."""
+    people = standing()
+    points = seen(beside(people), people)
+    points[:, 1] = 0.0
+    sunk = replace(people, root_m=people.root_m - np.array([0.0, depth_m, 0.0]))
+    expected = darker(renderer, people, points)
+    np.testing.assert_allclose(darker(renderer, sunk, points), expected, atol=0.06)
+
+
 def test_a_lifted_foot_shades_the_floor_softly(renderer: Renderer) -> None:
     down = standing()
     index = somebody().skeleton.index

@@ -8,6 +8,7 @@ flat out vec4 heel;  // x, z, how high above the floor, radius; of a block: half
 flat out vec4 ball;
 flat out vec2 kind;  // of a block: its reach, 2 where it is round, else 1
 const float SHADE_M = 0.34;
+const float SUNK_M = 0.08;
 
 void block(int row) {
     vec4 place = texelFetch(blocks, ivec2(0, row), 0);
@@ -31,10 +32,12 @@ void main() {
     float floor_m = 1e9;
     for (int i = 0; i < 4; ++i)
         floor_m = min(floor_m, texelFetch(joint_rows, ivec2(first_texel + i, person), 0).y);
+    // The ground is at 0; motions let soles sink into it by centimetres.
+    if (floor_m < 0.0 && floor_m > -SUNK_M) floor_m = 0.0;
     vec4 a = texelFetch(joint_rows, ivec2(first, person), 0);
     vec4 b = texelFetch(joint_rows, ivec2(first + 1, person), 0);
-    heel = vec4(a.xz, a.y - floor_m, a.w);
-    ball = vec4(b.xz, b.y - floor_m, b.w);
+    heel = vec4(a.xz, max(a.y - floor_m, 0.0), a.w);
+    ball = vec4(b.xz, max(b.y - floor_m, 0.0), b.w);
     vec2 along = b.xz - a.xz;
     along = dot(along, along) > 1e-8 ? normalize(along) : vec2(1.0, 0.0);
     float wide = max(a.w, b.w) + SHADE_M;
