@@ -525,7 +525,10 @@ def compare_pairs(
     for place in places:
         here = means[means[of.each].astype(str) == place] if of.each else means
         # once for all pairs: it takes longer than a test
-        wide = here.pivot(index="participant", columns=of.factor)
+        wide = {
+            m.column: here.pivot(index="participant", columns=of.factor, values=m.column)
+            for m in family_measures
+        }
         for pair in of.levels:
             for measure in (m for m in family_measures if only is None or (pair, m.column) in only):
                 test = compare(

@@ -53,8 +53,13 @@ def means_of(**columns: list[float]) -> pd.DataFrame:
     )
 
 
+def in_columns(means: pd.DataFrame) -> pd.DataFrame:
+    """Return dwell times with one row per participant and one column per condition."""
+    return means.pivot(index="participant", columns="condition", values=DWELL.column)
+
+
 def dwell(means: pd.DataFrame):
-    return compare(means, DWELL, ("A", "D"), CONDITION_TESTS, n_tests=30)
+    return compare(in_columns(means), DWELL, ("A", "D"), CONDITION_TESTS, n_tests=30)
 
 
 def thirty(rows):
@@ -180,7 +185,7 @@ def test_reversed_effect_does_not_agree_with_the_published_one():
     rows = study_rows(N)
     rows["condition"] = rows["condition"].map({"A": "D", "D": "A", "AD": "AD", "DA": "DA"})
     means = condition_means(rows)
-    test = compare(means, DWELL, ("A", "D"), CONDITION_TESTS, n_tests=30)
+    test = compare(in_columns(means), DWELL, ("A", "D"), CONDITION_TESTS, n_tests=30)
 
     assert test.is_significant is True
     assert agreement(test).agrees is False

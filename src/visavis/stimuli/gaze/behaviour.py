@@ -7,6 +7,7 @@ is 1.875 times the mean.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final, NamedTuple, Self
 
 import numpy as np
@@ -29,6 +30,19 @@ EyeState = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64], bool]
 def saccade_duration_ms(amplitude_deg: float) -> float:
     """Return how long a saccade of this size lasts."""
     return SACCADE_BASE_MS + SACCADE_MS_PER_DEG * amplitude_deg
+
+
+class _Eyes(NamedTuple):
+    """The arrays of `EyeBehaviour` and of its blinks, as kernels take them."""
+
+    centre_m: npt.NDArray[np.float64]
+    facing: npt.NDArray[np.float64]
+    targets_m: npt.NDArray[np.float64]
+    follows: npt.NDArray[np.bool_]
+    turn_ns: npt.NDArray[np.int64]
+    blink_agent: npt.NDArray[np.int64]
+    blink_start_ns: npt.NDArray[np.int64]
+    blink_end_ns: npt.NDArray[np.int64]
 
 
 @compiled
@@ -63,20 +77,13 @@ def _toward(
 def _eyes_at(
     t_ns: int,
     observer: npt.NDArray[np.float64],
-    eyes: npt.NDArray[np.float64],
-    facing: npt.NDArray[np.float64],
-    targets: npt.NDArray[np.float64],
-    follows: npt.NDArray[np.bool_],
-    turn_ns: npt.NDArray[np.int64],
-    blink_agent: npt.NDArray[np.int64],
-    blink_start_ns: npt.NDArray[np.int64],
-    blink_end_ns: npt.NDArray[np.int64],
+    eyes: _Eyes,
     state: npt.NDArray[np.float64],
 ) -> bool:
     """Write gaze directions (m, 3) and then openness (m,) into `state` (4 m,); return whether
     anything moves. An array that a kernel makes takes a microsecond more to be returned.
     """
-    m = eyes.shape[0]
+    m = eyes.centre_m.shape[0]
     gaze = state[: 3 * m].reshape((m, 3))
     openness = state[3 * m :]
     openness[:] = 1.0
@@ -85,16 +92,14 @@ def _eyes_at(
     limit_rad = np.radians(MAXIMUM_TURN_DEG)
     moving = False
     for j in range(m):
-        has_turned = t_ns >= turn_ns[j]
+        has_turned = t_ns >= eyes.turn_ns[j]
         now = 1 if has_turned else 0
-        _toward(
-            eyes[j], facing[j], observer if follows[now, j] else targets[now, j], limit_rad, new
-        )
+        point = observer if eyes.follows[now, j] else eyes.targets_m[now, j]
+        _toward(eyes.centre_m[j], eyes.facing[j], point, limit_rad, new)
         share = 1.0
         if has_turned:
-            _toward(
-                eyes[j], facing[j], observer if follows[0, j] else targets[0, j], limit_rad, old
-            )
+            before = observer if eyes.follows[0, j] else eyes.targets_m[0, j]
+            _toward(eyes.centre_m[j], eyes.facing[j], before, limit_rad, old)
             # Angle from chord and sum: exact for small angles, where the arc cosine loses digits.
             chord2, sum2, dot = 0.0, 0.0, 0.0
             for k in range(3):
@@ -103,7 +108,7 @@ def _eyes_at(
                 dot += new[k] * old[k]
             amplitude = 2.0 * np.arctan2(np.sqrt(chord2), np.sqrt(sum2))
             duration_ns = (SACCADE_BASE_MS + SACCADE_MS_PER_DEG * np.degrees(amplitude)) * 1e6
-            tau = (t_ns - turn_ns[j]) / duration_ns
+            tau = (t_ns - eyes.turn_ns[j]) / duration_ns
             if tau < 1.0:
                 moving = True
                 share = ease(tau)
@@ -115,19 +120,19 @@ def _eyes_at(
                         new[k] = a * old[k] + b * new[k]
         gaze[j, 0], gaze[j, 1], gaze[j, 2] = new[0], new[1], new[2]
     # Blinks are sorted by their start, so that the first later one ends the search.
-    for i in range(blink_agent.shape[0]):
-        if blink_start_ns[i] > t_ns:
+    for i in range(eyes.blink_agent.shape[0]):
+        if eyes.blink_start_ns[i] > t_ns:
             break
-        if t_ns < blink_end_ns[i]:
+        if t_ns < eyes.blink_end_ns[i]:
             moving = True
-            tau = (t_ns - blink_start_ns[i]) / (blink_end_ns[i] - blink_start_ns[i])
+            tau = (t_ns - eyes.blink_start_ns[i]) / (eyes.blink_end_ns[i] - eyes.blink_start_ns[i])
             if tau < CLOSING_01:
                 part = 1.0 - tau / CLOSING_01
             elif tau < CLOSING_01 + CLOSED_01:
                 part = 0.0
             else:
                 part = (tau - CLOSING_01 - CLOSED_01) / (1.0 - CLOSING_01 - CLOSED_01)
-            openness[blink_agent[i]] = part * part * (3.0 - 2.0 * part)
+            openness[eyes.blink_agent[i]] = part * part * (3.0 - 2.0 * part)
     return moving
 
 
@@ -135,17 +140,15 @@ def _eyes_at(
 def _distances(
     t_ns: int,
     observer: npt.NDArray[np.float64],
-    eyes: npt.NDArray[np.float64],
-    targets: npt.NDArray[np.float64],
-    follows: npt.NDArray[np.bool_],
-    turn_ns: npt.NDArray[np.int64],
+    eyes: _Eyes,
     distance_m: npt.NDArray[np.float64],
 ) -> None:
-    for j in range(eyes.shape[0]):
+    for j in range(eyes.centre_m.shape[0]):
         # Row 0 is where the eyes look before their turn, row 1 where they look from then on.
-        now = 1 if t_ns >= turn_ns[j] else 0
-        point = observer if follows[now, j] else targets[now, j]
-        x, y, z = point[0] - eyes[j, 0], point[1] - eyes[j, 1], point[2] - eyes[j, 2]
+        now = 1 if t_ns >= eyes.turn_ns[j] else 0
+        point = observer if eyes.follows[now, j] else eyes.targets_m[now, j]
+        eye = eyes.centre_m[j]
+        x, y, z = point[0] - eye[0], point[1] - eye[1], point[2] - eye[2]
         distance_m[j] = np.sqrt(x * x + y * y + z * z)
 
 
@@ -171,18 +174,11 @@ def _follow(
     step_m: float,
     is_shown: bool,
     was_moving: bool,
-    eyes: npt.NDArray[np.float64],
-    facing: npt.NDArray[np.float64],
-    targets: npt.NDArray[np.float64],
-    follows: npt.NDArray[np.bool_],
-    turn_ns: npt.NDArray[np.int64],
-    blink_agent: npt.NDArray[np.int64],
-    blink_start_ns: npt.NDArray[np.int64],
-    blink_end_ns: npt.NDArray[np.int64],
+    eyes: _Eyes,
     course: Course,
 ) -> None:
     """Write what eyes do at n times while they follow a head in steps: `EyeBehaviour.course`."""
-    m = eyes.shape[0]
+    m = eyes.centre_m.shape[0]
     for i in range(since_ns.shape[0]):
         x = heads_m[i, 0] - observer[0]
         y = heads_m[i, 1] - observer[1]
@@ -191,24 +187,10 @@ def _follow(
             for k in range(3):
                 observer[k] = heads_m[i, k]
             is_shown = False
-        is_moving = _eyes_at(
-            since_ns[i],
-            observer,
-            eyes,
-            facing,
-            targets,
-            follows,
-            turn_ns,
-            blink_agent,
-            blink_start_ns,
-            blink_end_ns,
-            course.state[i, : 4 * m],
-        )
+        is_moving = _eyes_at(since_ns[i], observer, eyes, course.state[i, : 4 * m])
         is_new = is_moving or was_moving or not is_shown
         if is_new:
-            _distances(
-                since_ns[i], observer, eyes, targets, follows, turn_ns, course.state[i, 4 * m :]
-            )
+            _distances(since_ns[i], observer, eyes, course.state[i, 4 * m :])
             was_moving, is_shown = is_moving, True
         course.is_new[i], course.is_moving[i] = is_new, was_moving
         for k in range(3):
@@ -231,6 +213,20 @@ class EyeBehaviour:
     follows_observer: npt.NDArray[np.bool_]
     turn_ns: npt.NDArray[np.int64]
     blinks: Blinks
+
+    @cached_property
+    def _arrays(self) -> _Eyes:
+        blinks = self.blinks
+        return _Eyes(
+            self.eye_centre_m,
+            self.facing,
+            self.targets_m,
+            self.follows_observer,
+            self.turn_ns,
+            blinks.agent,
+            blinks.start_ns,
+            blinks.end_ns,
+        )
 
     @classmethod
     def of_scene(cls, scene: Scene, *, target_m: Vector, blinks: Blinks) -> Self:
@@ -265,15 +261,7 @@ class EyeBehaviour:
     def distance_m(self, t_ns: int, observer_eye_m: Vector) -> npt.NDArray[np.float64]:
         """Return how far (m,) from between their eyes what agents look at is."""
         distance_m = np.empty(len(self.turn_ns))
-        _distances(
-            t_ns,
-            observer_eye_m,
-            self.eye_centre_m,
-            self.targets_m,
-            self.follows_observer,
-            self.turn_ns,
-            distance_m,
-        )
+        _distances(t_ns, observer_eye_m, self._arrays, distance_m)
         return distance_m
 
     def course(
@@ -303,14 +291,7 @@ class EyeBehaviour:
             step_m,
             is_shown,
             was_moving,
-            self.eye_centre_m,
-            self.facing,
-            self.targets_m,
-            self.follows_observer,
-            self.turn_ns,
-            self.blinks.agent,
-            self.blinks.start_ns,
-            self.blinks.end_ns,
+            self._arrays,
             course,
         )
         return course
@@ -322,17 +303,5 @@ class EyeBehaviour:
         """
         m = len(self.turn_ns)
         state = np.empty(4 * m)
-        is_moving = _eyes_at(
-            t_ns,
-            observer_eye_m,
-            self.eye_centre_m,
-            self.facing,
-            self.targets_m,
-            self.follows_observer,
-            self.turn_ns,
-            self.blinks.agent,
-            self.blinks.start_ns,
-            self.blinks.end_ns,
-            state,
-        )
+        is_moving = _eyes_at(t_ns, observer_eye_m, self._arrays, state)
         return state[: 3 * m].reshape(m, 3), state[3 * m :], is_moving
