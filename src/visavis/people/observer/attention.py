@@ -175,7 +175,7 @@ def _fixation_end(mind: Records, person: Records, start_ns: int) -> int:
     m, p = mind[0], person[0]
     end = start_ns + log_normal_ns(mind, p.fixation_s, p.fixation_log_sd)
     if end > m.visit_end_ns - 100_000_000:
-        end = m.visit_end_ns
+        end = max(start_ns, m.visit_end_ns)  # a visit may have been cut short before
     return int(end)
 
 
