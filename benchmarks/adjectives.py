@@ -16,14 +16,7 @@ from visavis.experiments.adjectives.clustering import Impressions, adjusted_rand
 from visavis.experiments.adjectives.pairs import PAIRS
 from visavis.experiments.adjectives.raters import LOADINGS, drawn_ratings, mean_rating
 from visavis.experiments.adjectives.study import study
-from visavis.experiments.adjectives.walks import (
-    BESIDE,
-    RATED,
-    REFERENCE,
-    WALKS,
-    impressions_seen,
-    walk_of,
-)
+from visavis.experiments.adjectives.walks import REFERENCE, WALKS, impressions_seen, walk_of
 from visavis.lab.clock import cpu_time_s
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.quick import quick_study
@@ -36,8 +29,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--studies", type=int, default=40)
     studies = parser.parse_args().studies
-    beside = walk_of(REFERENCE, BESIDE)
-    felt = [impressions_seen(walk_of(walk, RATED), beside) for walk in WALKS]
+    felt = [impressions_seen(walk_of(walk), walk_of(REFERENCE)) for walk in WALKS]
     means = np.array([[mean_rating(pair, one) for one in felt] for pair in PAIRS])
     left, alike = [], []
     for seed in range(studies):

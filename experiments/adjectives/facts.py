@@ -38,14 +38,7 @@ FACTS: Final = (
         "a red figure in a normal walk beside the green one, both in a loop",
         "figure 2",
     ),
-    Fact(
-        "procedure",
-        "camera",
-        "free",
-        "section 3.3",
-        "one place, from the side of the front",
-        because="figures are films in this study",
-    ),
+    Fact("procedure", "camera", "free", "section 3.3"),
     Fact(
         "procedure",
         "order of walks",

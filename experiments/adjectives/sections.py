@@ -14,7 +14,7 @@ from visavis.analysis.statistics.errors import StatisticsError
 from visavis.experiments.adjectives.clustering import Impressions, rating_cube
 from visavis.experiments.adjectives.pairs import FACTORS, PAIRS, PRINTED, printed_cluster
 from visavis.experiments.adjectives.prediction import left_out_r2
-from visavis.experiments.adjectives.walks import RATED, WALKS, features_seen, walk_name, walk_of
+from visavis.experiments.adjectives.walks import WALKS, features_seen, walk_name, walk_of
 from visavis.protocol.plan.columns import Column as TableColumn
 from visavis.results.analysis import StudyAnalysis
 from visavis.results.report.study_report import picture_of
@@ -153,7 +153,7 @@ def _pairs(impressions: Impressions, cluster_of: dict[str, str]) -> Table:
 def _prediction(impressions: Impressions, walks: tuple[str, ...]) -> Paragraph:
     if set(walks) - set(WALKS):
         return Paragraph("Features of these walks are not known, so nothing is predicted of them.")
-    features = np.array([list(features_seen(walk_of(w, RATED)).values()) for w in walks])
+    features = np.array([list(features_seen(walk_of(w)).values()) for w in walks])
     words = ", ".join(
         f"{factor} {decimal(left_out_r2(features, impressions.primary[:, k]), 2)}"
         for k, factor in enumerate(FACTORS)

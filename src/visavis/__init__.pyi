@@ -38,6 +38,7 @@ from visavis.study.films import Lens as Lens
 from visavis.study.films import Pair as Pair
 from visavis.study.films import Placed as Placed
 from visavis.study.live import Live as Live
+from visavis.study.live import LiveScene as LiveScene
 from visavis.study.live import Moulded as Moulded
 from visavis.study.live import Near as Near
 from visavis.study.live import Slider as Slider

@@ -39,7 +39,7 @@ from visavis.stimuli.panels import PanelFrame, choice_centre_m, place_m, track_0
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.flat import FlatScene
-from visavis.study.live import Live, Moulding
+from visavis.study.live import Live, LiveScene, Moulding
 from visavis.study.moulding import MouldingFrame, press_step
 from visavis.study.race import Race
 from visavis.study.responses import (
@@ -88,6 +88,7 @@ class StudyPerson(Observer):
     _films: "Mapping[str, FilmSeen]"
     _live: Live | None
     _caption: str
+    _figures: LiveScene | None
     _moulding: Moulding | None
 
     def __init__(
@@ -179,6 +180,10 @@ class StudyPerson(Observer):
         """See films by moving cameras on a page, by their place on the page."""
         self._films = films
 
+    def watch_figures(self, scene: LiveScene, caption: str) -> None:
+        """Look at live figures, with what stands above them."""
+        self._figures, self._caption = scene, caption
+
     def mould(self, live: Live, caption: str) -> None:
         """Sit before a live figure on a page, with what stands above it."""
         self._live, self._caption = live, caption
@@ -242,6 +247,7 @@ class StudyPerson(Observer):
         self._films = {}
         self._live: Live | None = None
         self._caption = ""
+        self._figures: LiveScene | None = None
         self._moulding = None
 
     def _see_figure(self, view: MouldingFrame, t_ns: int) -> None:
@@ -251,7 +257,10 @@ class StudyPerson(Observer):
         self._hand.press_no_more()
         moulding = self._moulding = view.moulding
         head_m = view.people.root_m[0] + np.array([0.0, 0.3, 0.0])
-        self.mould(moulding.live, moulding.caption)
+        if moulding.scene is not None:
+            self.watch_figures(moulding.scene, moulding.caption)
+        else:
+            self.mould(moulding.live, moulding.caption)
         self.look_at(head_m.tolist(), t_ns)
         pace = self.pace
         start = np.array([slider.start for slider in moulding.sliders])
@@ -261,7 +270,7 @@ class StudyPerson(Observer):
         if view.by_keys:
             pressed, row = presses(moves, start, step, pace)
             if ends:
-                ready_s = (pressed[-1][0] if pressed else 0.0) + LOOK_S * pace
+                ready_s = (pressed[-1][0] if pressed else moulding.earliest_s) + LOOK_S * pace
                 ending = ["down"] * (n - row) + ["trigger"]
                 pressed += [(ready_s + KEY_S * pace * k, key) for k, key in enumerate(ending)]
             for t_s, control in pressed:
@@ -271,7 +280,7 @@ class StudyPerson(Observer):
         later = made_in_turn(moves, lambda _: POINT_S + 2 * PRESS_S)
         goals = [(move.t_s, self._on_track(board, moulding, move)) for move in later]
         if ends:
-            ready_s = (goals[-1][0] if goals else 0.0) + LOOK_S * pace + POINT_S
+            ready_s = (goals[-1][0] if goals else moulding.earliest_s) + LOOK_S * pace + POINT_S
             goals.append((ready_s, choice_centre_m(board, 0)))
         for t_s, goal_m in goals:
             self._hand.point(begin_s + t_s - POINT_S - PRESS_S, goal_m - self._seat)
@@ -353,6 +362,7 @@ class StudyPerson(Observer):
             self._films,
             self._live,
             self._caption,
+            self._figures,
         )
 
     def _reply_to(self, response: Response) -> str | None:

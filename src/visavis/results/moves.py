@@ -1,4 +1,4 @@
-"""Every movement of sliders and camera in a session with live figures, as one table."""
+"""Every movement of sliders and camera, and every round, in a session with live figures."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -18,8 +18,13 @@ MOVE_COLUMNS = (
         "number that tells figures of one trial apart: of the page's step, or of the figure",
     ),
     Column("t_ns", "ns", "session time of the movement"),
-    Column("what", "", "the slider's name; camera for the view"),
-    Column("value", "1", "the slider's value; empty for the camera"),
+    Column(
+        "what",
+        "",
+        "the slider's name; camera for the view; round, or round_beside of the other figure, where "
+        "the motion of a watched figure began again",
+    ),
+    Column("value", "1", "the slider's value; else empty"),
     Column("x_m", "m", "where the camera was, the figure at the origin facing −z; else empty"),
     Column("y_m", "m", "likewise, up"),
     Column("z_m", "m", "likewise, behind the figure"),
@@ -86,4 +91,7 @@ def _placed(
         for at_ms, x, y, z in payload["camera"]:
             t_ns = origin_ns + round(NS_PER_MS * at_ms)
             rows.append(own | {"t_ns": t_ns, "what": "camera", "x_m": x, "y_m": y, "z_m": z})
+        for at_ms, i in payload.get("rounds", ()):
+            t_ns = origin_ns + round(NS_PER_MS * at_ms)
+            rows.append(own | {"t_ns": t_ns, "what": "round_beside" if i else "round"})
     yield from sorted(rows, key=lambda row: int(row["t_ns"]))

@@ -28,7 +28,7 @@ from visavis.results.tables.dictionary import (
 from visavis.study.declaration import Study
 from visavis.study.experiment import StudyExperiment
 from visavis.study.films import film_columns
-from visavis.study.live import mould_columns
+from visavis.study.live import live_columns
 from visavis.study.look_measures import LOOK_COLUMNS
 from visavis.study.measures import CLOCK_JUMP, HEAD_LOST_COLUMN, LOST_COLUMN, Measure
 from visavis.study.names import GROUP_COLUMN, TRIAL_COLUMNS, UNUSED_COLUMN, changed_levels
@@ -40,7 +40,7 @@ TABLES: Final[Mapping[str, str]] = {
     **dict.fromkeys(columns_of_tests(()), "statistics"),
     **{c.name: "participants" for c in (*PEOPLE, *QUALITY_TABLE)},
     **{c.name: "trials" for c in (*LOOK_COLUMNS, LATE, CLOCK_JUMP, *WALK_COLUMNS, *HAND_COLUMNS)},
-    **dict.fromkeys((*film_columns(1), *mould_columns(1)), "trials"),
+    **dict.fromkeys((*film_columns(1), *live_columns(("mould", "live"))), "trials"),
     **dict.fromkeys((LOST_COLUMN, HEAD_LOST_COLUMN), "trials"),
 }
 """Columns of the tables of any study, beside those of every trial, and the table of each."""

@@ -5,7 +5,7 @@ that the needs of the study (agents, responses, devices, time) are known in adva
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -32,7 +32,7 @@ from visavis.study.asking import Answer
 from visavis.study.background import BackgroundExecutor
 from visavis.study.films import Stimulus
 from visavis.study.lit_trial import SCENE_STREAM
-from visavis.study.live import Live, Moulded
+from visavis.study.live import Live, LiveScene, Moulded
 from visavis.study.responses import Response
 from visavis.study.scenes import Scene, Staging, stage
 from visavis.study.staircase import Staircase
@@ -74,8 +74,8 @@ class TrialRead:
     """The sounds that it plays."""
     sound_columns: tuple[str, ...] = ()
     """The columns with the onsets of these sounds."""
-    lives: tuple[Live, ...] = ()
-    """The live figures that it shows, in order."""
+    lives: Mapping[str, Live] = field(default_factory=dict)
+    """The live figures that it shows, in order, by the names under which they are recorded."""
     scene_columns: tuple[str, ...] = ()
     """The columns that its scenes and films add."""
     row_columns: tuple[str, ...] = ()
@@ -122,7 +122,7 @@ def read_trial(
     responses: list[Response] = []
     scenes: list[Scene] = []
     films: list[Stimulus] = []
-    lives: list[Live] = []
+    lives: dict[str, Live] = {}
     sounds: list[Sound | Path] = []
     sound_columns: list[str] = []
     scene_columns: list[str] = []
@@ -182,10 +182,13 @@ def read_trial(
                     if reply.option is not None:
                         script.row[response.name] = response.value(reply.option)
                 if step.viewing is not None:
-                    films.append(step.viewing.stimulus)
-                    reply = answers
+                    stimulus, reply = step.viewing.stimulus, answers
+                    if isinstance(stimulus, LiveScene):
+                        lives[script.next_prefix("live")] = stimulus.live
+                    else:
+                        films.append(stimulus)
                 if step.moulding is not None:
-                    lives.append(step.moulding.live)
+                    lives[script.next_prefix("mould")] = step.moulding.live
                     starts = {s.name: s.start for s in step.moulding.sliders}
                     script.row |= starts
                     reply = Moulded(starts, (), "button", ANSWER_S * len(starts))
@@ -224,7 +227,7 @@ def read_trial(
             fits_a_page and not script.staircases,
             tuple(sounds),
             tuple(sound_columns),
-            tuple(lives),
+            lives,
             scene_columns=tuple(scene_columns),
             row_columns=tuple(sorted(map(str, own - by_kit))),
             vibrating_roles=tuple(dict.fromkeys(vibrating_roles)),

@@ -124,13 +124,12 @@ class StudyExperiment:
     @cached_property
     def lives(self) -> tuple[Live, ...]:
         """Every live figure that a condition shows, each once."""
-        return tuple(dict.fromkeys(live for t in self.read.values() for live in t.lives))
+        return tuple(dict.fromkeys(live for t in self.read.values() for live in t.lives.values()))
 
-    def lives_of(self, trial: Trial) -> dict[str, Live]:
+    def lives_of(self, trial: Trial) -> Mapping[str, Live]:
         """Return a trial's live figures by the names under which they are recorded."""
         apart = replace(self.settings, memory={})
-        read = read_trial(self.study.trial_plan, trial, apart)
-        return {f"mould{k}" if k > 1 else "mould": live for k, live in enumerate(read.lives, 1)}
+        return read_trial(self.study.trial_plan, trial, apart).lives
 
     def check_live_figures(self) -> None:
         """Check that live figures can be drawn before a monitor or in a headset.

@@ -15,6 +15,7 @@ from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector, quat_from_yaw_pitch_deg, unit, yaw_pitch_deg_of
 from visavis.protocol.plan.columns import Column
 from visavis.stimuli.camera.shots import ShotSize
+from visavis.study.live import LiveScene
 from visavis.study.responses import Response
 from visavis.study.scenes import PAIR, Scene
 
@@ -182,12 +183,12 @@ class Pair:
                 )
 
 
-Stimulus: TypeAlias = Film | Pair
+Stimulus: TypeAlias = Film | Pair | LiveScene
 
 
 @dataclass(frozen=True)
 class Viewing:
-    """A film or a pair with questions below it: answers count after `min_rounds` whole rounds.
+    """What is watched with questions below it: answers count after `min_rounds` whole rounds.
 
     Without `replay` a page shows one round and then stays at the last picture.
     """
@@ -203,18 +204,22 @@ class Viewing:
             raise DesignError(f"min_rounds is {self.min_rounds}; give 0 to 100")
         if not self.replay and self.min_rounds > 1:
             raise DesignError(f"min_rounds is {self.min_rounds} without replay; give 0 or 1")
+        if not self.replay and isinstance(self.stimulus, LiveScene):
+            raise DesignError("live figures go on moving; replay=False is for films")
 
 
 def films_of(stimulus: Stimulus) -> Mapping[str, Film]:
-    """Return the films by their place: "film", or "left" and "right"."""
-    return (
-        {"film": stimulus}
-        if isinstance(stimulus, Film)
-        else {"left": stimulus.left, "right": stimulus.right}
-    )
+    """Return the films by their place: "film", or "left" and "right"; none of live figures."""
+    match stimulus:
+        case Film():
+            return {"film": stimulus}
+        case Pair(left=left, right=right):
+            return {"left": left, "right": right}
+        case _:
+            return {}
 
 
-def scene_of(stimulus: Stimulus) -> Scene:
+def scene_of(stimulus: Film | Pair) -> Scene:
     """Return the scene that shows the same in a headset or on a monitor.
 
     Two films of one scene by different cameras show that scene.
@@ -228,6 +233,8 @@ def scene_of(stimulus: Stimulus) -> Scene:
 
 def seconds_of(stimulus: Stimulus) -> float:
     """Return how long one round takes."""
+    if isinstance(stimulus, LiveScene):
+        return stimulus.cycle_s
     return max(film.seconds for film in films_of(stimulus).values())
 
 

@@ -1,4 +1,4 @@
-"""Figures drawn live: sliders mould them, and one can look at them from all round.
+"""Figures drawn live: one can look at them from all round, and sliders may mould them.
 
 A live figure is made of example motions and of what leads from sliders to their weights. It answers
 a slider in the next frame, where a film shows the same to everybody. Poses are the same on every
@@ -6,7 +6,7 @@ machine, shading is not: what a participant's graphics chip was, and how many fr
 the trial's row.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from typing import Final, Literal
@@ -18,6 +18,7 @@ from visavis.lab.geometry import Vector
 from visavis.protocol.plan.columns import Column
 from visavis.stimuli.dressing.casting import default_casting
 from visavis.stimuli.motion.build import build_of_character
+from visavis.stimuli.motion.synthesis.example_blend import Blend
 from visavis.stimuli.motion.synthesis.examples import Examples
 from visavis.stimuli.motion.synthesis.pose_distance import MATCH_M, POSES
 from visavis.stimuli.motion.synthesis.style_weights import StyleWeights, fit_weights
@@ -44,6 +45,18 @@ MOULD_COLUMNS: Final = (
     Column(RENDERER, "", "the graphics renderer that drew the figure"),
 )
 """Columns that a moulded figure adds to a trial's row; its name (`mould`) goes before each."""
+LIVE_COLUMNS: Final = (
+    Column("on_ns", "ns", "session time of the first frame of figures that were watched"),
+    Column("off_ns", "ns", "session time at which they were left"),
+    Column("turns", "1", "places of the camera after its first, at most 20 a second"),
+    Column("rounds", "1", "whole cycles that were shown (of two figures: of the one with fewer)"),
+    Column("frames", "1", "frames that the page drew"),
+    Column("frames_dropped", "1", "frames that the display showed twice because none was drawn"),
+    Column("wait_ms", "ms", "from the page's step to the figures' first frame"),
+    Column("hidden_ms", "ms", "time for which the page could not be seen"),
+    Column(RENDERER, "", "the graphics renderer that drew the figures"),
+)
+"""Columns that watched figures add to a trial's row; their name (`live`) goes before each."""
 
 
 @dataclass(frozen=True)
@@ -181,21 +194,75 @@ class Near:
         Raises:
             DesignError: it names an example that there is not.
         """
-        unknown = [name for name in self.weights if name not in examples.names]
-        if unknown:
+        return shares_by_name(self.weights, examples, "the target")
+
+
+def shares_by_name(weights: Mapping[str, float], examples: Examples, of: str) -> Vector:
+    """Return weights (n,) of all examples by those that are named, with the sum 1.
+
+    Raises:
+        DesignError: there is no example of a name, or no weight above 0; `of` says whose they are.
+    """
+    unknown = [name for name in weights if name not in examples.names]
+    if unknown:
+        raise DesignError(
+            f"{of} names {', '.join(unknown)}; examples are {', '.join(examples.names)}"
+        )
+    values = np.array([weights.get(name, 0.0) for name in examples.names], np.float64)
+    if not np.isfinite(values).all() or (values < 0).any() or not values.sum() > 0:
+        raise DesignError(f"{of} needs weights of at least 0, one of them above it")
+    shares: Vector = values / values.sum()
+    return shares
+
+
+@dataclass(frozen=True, eq=False)
+class LiveScene:
+    """A live figure that moves as one blend of its examples, cycle after cycle: a stimulus, as a
+    film is one. `weights` make the blend, by names of examples; those not named have none.
+
+    Where the figure has somebody beside it (`Live.beside`), that person moves as the blend
+    `beside`: the figure stands on the left, as the first camera sees them.
+
+    Raises:
+        DesignError: there is no example of a name, no weight is above 0, or only one of the two
+            says who or how somebody moves beside the figure.
+    """
+
+    live: Live
+    weights: Mapping[str, float]
+    beside: Mapping[str, float] | None = None
+
+    def __post_init__(self) -> None:
+        if (self.beside is None) is bool(self.live.beside):
             raise DesignError(
-                f"the target names {', '.join(unknown)}; examples are {', '.join(examples.names)}"
+                "two figures need both: Live(…, beside=CHARACTER) says who is beside the first, "
+                "LiveScene(…, beside=WEIGHTS) how they move"
             )
-        values = np.array([self.weights.get(name, 0.0) for name in examples.names], np.float64)
-        shares: Vector = values / values.sum()
-        return shares
+        _ = self.motions
+
+    @cached_property
+    def motions(self) -> tuple[Blend, ...]:
+        """How the figure moves in place, and who is beside it."""
+        blends = [(self.weights, "the figure's blend"), (self.beside, "the blend beside it")]
+        examples = self.live.examples
+        return tuple(
+            Blend(examples, shares_by_name(weights, examples, of), in_place=True)
+            for weights, of in blends
+            if weights is not None
+        )
+
+    @property
+    def cycle_s(self) -> float:
+        """How long the longer of the cycles is."""
+        return max(motion.cycle_s for motion in self.motions)
 
 
 @dataclass(frozen=True, eq=False)
 class Moulding:
     """A live figure with its sliders; ends by a button, near a target, or after `limit_s`.
 
-    Where it `is_blind` the target is seen and the figure is not: it ends by a button.
+    Where it `is_blind` the target is seen and the figure is not: it ends by a button. A `scene` is
+    watched only: it has no sliders, and its button counts after `earliest_s`.
     """
 
     live: Live
@@ -204,8 +271,12 @@ class Moulding:
     limit_s: float = 300.0
     caption: str = ""
     is_blind: bool = False
+    scene: LiveScene | None = None
+    earliest_s: float = 0.0
 
     def __post_init__(self) -> None:
+        if self.scene is not None:
+            return
         if len(self.sliders) != self.live.slider_count:
             raise DesignError(
                 f"t.mould: {len(self.sliders)} sliders for a figure that takes "
@@ -244,8 +315,14 @@ class Moulded:
     distance_m: float | None = None
 
 
-def mould_columns(count: int) -> dict[str, Column]:
-    """Return descriptions of the columns of so many moulded figures in a trial, by name."""
-    names = ["mould", *(f"mould{k}" for k in range(2, count + 1))][:count]
-    columns = (Column(f"{n}_{c.name}", c.unit, c.description) for n in names for c in MOULD_COLUMNS)
+def live_columns(names: Iterable[str]) -> dict[str, Column]:
+    """Return descriptions of the columns of a trial's live figures, by name.
+
+    `names` are the figures': mould, mould2 … of those that are moulded, live, live2 … of others.
+    """
+    columns = (
+        Column(f"{name}_{c.name}", c.unit, c.description)
+        for name in names
+        for c in (MOULD_COLUMNS if name.startswith("mould") else LIVE_COLUMNS)
+    )
     return {c.name: c for c in columns}

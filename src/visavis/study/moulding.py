@@ -1,9 +1,12 @@
-"""How a live figure is moulded before a monitor or in a headset: on a board beside it.
+"""How a live figure is moulded, or watched, before a monitor or in a headset: a board beside it.
 
 The board has a row for every slider, one that turns the figure where the camera is free, and a
 button. Keys go from row to row (up, down) and move the slider (left, right) by a twentieth of its
 range; the trigger puts it where a controller or a tracked hand (without them the head) points.
 Before a monitor nothing points.
+
+Figures that are watched (`LiveScene`) have the same board without sliders; its button counts once
+they have been seen for as long as the study asks.
 
 The figure stands straight ahead, seen from the side and the distance at which a page's camera
 stands (`Live.eye_m`), in the room and the light of films. A monitor shows less than that camera:
@@ -36,7 +39,7 @@ from visavis.stimuli.panels import (
 )
 from visavis.stimuli.picture import Panel, PosedPeople
 from visavis.stimuli.scenes.live_figures import LiveFigures
-from visavis.study.live import Live, Moulding, Near, Slider
+from visavis.study.live import Live, LiveScene, Moulding, Near, Slider
 
 PRESS_01: Final = 0.05
 """How far a key moves a slider, as a share of its range; at least a step of it."""
@@ -154,13 +157,7 @@ class LiveStage:
         self.values = [slider.start for slider in moulding.sliders]
         self.turn_deg = 0.0
         self._row = 0
-        self._figure = Walking(live.examples, live.shares(self.values), start_ns)
-        figures = [] if moulding.is_blind else [(live.character, self._figure, -APART_M)]
-        if until is not None and live.beside:
-            target = Walking(live.examples, until.shares(live.examples), start_ns)
-            figures.append((live.beside, target, APART_M))
-        else:
-            figures = [(live.character, self._figure, 0.0)]
+        figures = self._figures_from(start_ns)
         self._walks = [(walking, x) for _, walking, x in figures]
         self._no_gaze = np.zeros((0, 3)), np.zeros(0)
         x, _, z = live.eye_m
@@ -179,6 +176,22 @@ class LiveStage:
         choices = (words.done,) if until is None or moulding.is_blind else ()
         self._board = Panel(text, choices, place, BOARD_M, tracks=rows)
 
+    def _figures_from(self, start_ns: int) -> list[tuple[str, Walking, float]]:
+        """Return who walks how, and how far to the side."""
+        moulding, live, until = self.moulding, self.moulding.live, self.moulding.until
+        if moulding.scene is not None:
+            walks = [Walking(live.examples, m.weights, start_ns) for m in moulding.scene.motions]
+            self._figure = walks[0]
+            if len(walks) == 1:
+                return [(live.character, self._figure, 0.0)]
+            return [(live.character, walks[0], APART_M), (live.beside, walks[1], -APART_M)]
+        self._figure = Walking(live.examples, live.shares(self.values), start_ns)
+        if until is None or not live.beside:
+            return [(live.character, self._figure, 0.0)]
+        target = Walking(live.examples, until.shares(live.examples), start_ns)
+        figures = [] if moulding.is_blind else [(live.character, self._figure, -APART_M)]
+        return [*figures, (live.beside, target, APART_M)]
+
     @cached_property
     def _likeness(self) -> Likeness | None:
         live, until = self.moulding.live, self.moulding.until
@@ -190,8 +203,9 @@ class LiveStage:
     @property
     def distance_m(self) -> float | None:
         """How far the figure is from its target; None without one."""
-        shares = self.moulding.live.shares(self.values)
-        return None if self._likeness is None else self._likeness.exact_m(shares)
+        if self._likeness is None:
+            return None
+        return self._likeness.exact_m(self.moulding.live.shares(self.values))
 
     def press(self, control: str, point_01: tuple[float, float] | None) -> Change | str | None:
         """Take a press, and where on the board something points: return what it changes (of time
@@ -312,6 +326,7 @@ def moulded(
     view = yield from frame()
     on_ns, frames = view.t_ns, 1
     end_ns = on_ns + round(moulding.limit_s * NS_PER_S)
+    earliest_ns = on_ns + round(moulding.earliest_s * NS_PER_S)
     changes: list[Change] = []
     ray: Ray | None = None
     distance_m, ended_by, pressed_by = stage.distance_m, "", ""
@@ -331,7 +346,7 @@ def moulded(
                 continue
             change = stage.press(control, point_01)
             if isinstance(change, str):
-                pressed_by = change
+                pressed_by = change if t_ns >= earliest_ns else ""
             elif change is not None:
                 change = replace(change, t_ns=t_ns)
                 changes.append(change)
@@ -363,9 +378,11 @@ def stage_again(
     `sliders` are the study's by name.
     """
     names = json.loads(description["sliders"])
-    until = Near(json.loads(description["target"])) if description["target"] else None
+    target = json.loads(description["target"] or "null")
+    until = Near(target) if isinstance(target, dict) else None
+    scene = LiveScene(live, *target) if isinstance(target, list) else None
     own = tuple(sliders[name] for name in names)
-    moulding = Moulding(live, own, until, is_blind=bool(description["is_blind"]))
+    moulding = Moulding(live, own, until, is_blind=bool(description["is_blind"]), scene=scene)
     caption, sliders, *rest = json.loads(description["words"])
     words = BoardWords(caption, tuple(sliders), *rest)
     head_m = np.array([description[axis] for axis in ("x_m", "y_m", "z_m")])
@@ -393,12 +410,17 @@ def _mark(stage: LiveStage, change: Change, about: Mapping[str, Any], t_ns: int)
 
 def _description(moulding: Moulding, words: BoardWords, view: FrameView) -> dict[str, Any]:
     """Return what makes the stage again (`stage_again`), beside the study's own figure."""
-    until = moulding.until
+    until, scene = moulding.until, moulding.scene
+    target = ""
+    if until is not None:
+        target = json.dumps(dict(until.weights))
+    elif scene is not None:
+        target = json.dumps([scene.weights, scene.beside])
     x_m, y_m, z_m = view.head.position_m.tolist()
     return {
         "start_ns": view.t_ns,
         "sliders": json.dumps([slider.name for slider in moulding.sliders]),
-        "target": "" if until is None else json.dumps(dict(until.weights)),
+        "target": target,
         "is_blind": moulding.is_blind,
         "by_keys": not view.head_points,
         "words": json.dumps(list(astuple(words))),

@@ -23,7 +23,7 @@ from visavis.study.trial import TrialScript
 if TYPE_CHECKING:
     import pandas as pd
 
-    from visavis.study.live import Live
+    from visavis.study.live import Live, LiveScene
     from visavis.study.moving_camera import FilmSeen
 
 
@@ -54,6 +54,8 @@ class Seen:
     """The live figure that is being moulded."""
     caption: str = ""
     """What stands above it."""
+    figures: "LiveScene | None" = None
+    """The live figures that are watched."""
 
     @property
     def stimuli(self) -> tuple[Flat, ...]:

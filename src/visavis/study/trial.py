@@ -52,6 +52,7 @@ from visavis.study.lit_trial import LitTrial
 from visavis.study.live import (
     RENDERER,
     Live,
+    LiveScene,
     Moulded,
     Moulding,
     Near,
@@ -68,6 +69,8 @@ from visavis.study.trial_settings import Settings, is_on_board
 OWN_STREAM: Final = 200
 
 MAX_GAIN_DB: Final = 20.0
+LEAVE_S: Final = 30.0
+"""How long live figures stay before a monitor or in a headset if nobody presses their button."""
 STAMP_LIMIT_S: Final = 1.0
 """How long a trial waits for the report that a sound began."""
 Wait: TypeAlias = Literal["onset", "end", "no"]
@@ -237,22 +240,25 @@ class TrialScript(LitTrial):
         min_rounds: int = 1,
         replay: bool = True,
     ) -> Action:
-        """Show a `Film` or a `Pair` round after round, with questions below it; without `replay`
-        one round, after which a page stays at the last picture.
+        """Show a `Film`, a `Pair` or live figures (`LiveScene`) round after round, with questions
+        below; without `replay` one round of a film, after which a page stays at the last picture.
 
         Answers count after `min_rounds` whole rounds; times of answers run from the first picture
         that was presented. Columns: those of the responses, and `film_on_ns`, `film_off_ns`,
-        `film_frames`. The step returns the `Answer` to each response by name. Before a headset or
-        a monitor the scene itself is shown for so many rounds (one at least), then questions
-        follow on boards; a `caption` is read on pages alone.
+        `film_frames`; of figures those of `LIVE_COLUMNS` (`live_on_ns` and so on). The step
+        returns the `Answer` to each response by name. Before a headset or a monitor the scene
+        itself is shown for so many rounds (one at least), figures on until a button is pressed or
+        30 s are over; then questions follow on boards. The `caption` of films is read on pages
+        alone.
         """
         viewing = Viewing(stimulus, responses, caption, min_rounds, replay)
         seconds = max(1, min_rounds) * seconds_of(stimulus)
+        shown = None if isinstance(stimulus, LiveScene) else scene_of(stimulus)
         return Action(
             "watch",
             lambda: self._watch(viewing),
             seconds,
-            scene=scene_of(stimulus),
+            scene=shown,
             column="film",
             viewing=viewing,
         )
@@ -378,25 +384,55 @@ class TrialScript(LitTrial):
         return answer
 
     def _watch(self, viewing: Viewing) -> Performing:
-        seconds = max(1, viewing.min_rounds) * seconds_of(viewing.stimulus)
-        showing = Showing(scene_of(viewing.stimulus), seconds, None, "film")
-        yield from self._show(showing, None)
+        stimulus = viewing.stimulus
+        seconds = max(1, viewing.min_rounds) * seconds_of(stimulus)
+        if isinstance(stimulus, LiveScene):
+            yield from self._watch_figures(stimulus, viewing.caption, seconds)
+        else:
+            yield from self._show(Showing(scene_of(stimulus), seconds, None, "film"), None)
         answers = {}
         for response in viewing.responses:
             answers[response.name] = yield from self._ask(response, _Board())
         return answers
 
-    def _mould(self, moulding: Moulding) -> Performing:
+    def _watch_figures(self, scene: LiveScene, caption: str, seconds: float) -> Performing:
+        """Show live figures with a board that turns them for some seconds, and on to its button."""
+        limit_s = seconds + LEAVE_S
+        moulding = Moulding(scene.live, (), None, limit_s, caption, scene=scene, earliest_s=seconds)
+        name = self.next_prefix("live")
+        end = yield from self._figures(moulding, name)
+        on_ns, off_ns = end.on_ns, end.view.t_ns
+        columns: dict[str, Scalar | None] = {
+            "on_ns": on_ns,
+            "off_ns": off_ns,
+            "turns": len(end.changes),
+            "rounds": int((off_ns - on_ns) / NS_PER_S / scene.cycle_s),
+            "frames": end.frames,
+            "frames_dropped": None,  # the display's own stream has them
+            "wait_ms": None,
+            "hidden_ms": None,
+            RENDERER: None,
+        }
+        self.row.setdefault("t_start_ns", on_ns)
+        self.row |= {f"{name}_{column}": value for column, value in columns.items()}
+        yield dark_view(off_ns)
+        self.row["t_end_ns"] = off_ns
+        self.view = end.view
+
+    def _figures(self, moulding: Moulding, name: str) -> Performing:
+        """Show live figures with their board; return the `MouldingEnd`."""
         before = yield from self._now()
         self._staged_scene = None
-        name = self.next_prefix("mould")
         names = tuple(self.words_of(slider)[0] for slider in moulding.sliders)
         find = self.settings.texts.get
         rest = (find(word) for word in ("board.turn", "page.next", "board.keys", "board.ray"))
         words = BoardWords(moulding.caption, names, *rest)
-        end = yield from moulded(
-            moulding, words, {"trial_id": self.trial.trial_id, "figure": name}, before
-        )
+        about = {"trial_id": self.trial.trial_id, "figure": name}
+        return (yield from moulded(moulding, words, about, before))
+
+    def _mould(self, moulding: Moulding) -> Performing:
+        name = self.next_prefix("mould")
+        end = yield from self._figures(moulding, name)
         on_ns, off_ns = end.on_ns, end.view.t_ns
         turns = sum(change.slider is None for change in end.changes)
         columns: dict[str, Scalar | None] = {

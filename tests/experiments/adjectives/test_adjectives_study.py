@@ -2,8 +2,6 @@
 
 from dataclasses import replace
 from functools import cache
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -24,6 +22,7 @@ from visavis.experiments.adjectives.walks import (
     RATED,
     REFERENCE,
     WALKS,
+    figures,
     impressions_seen,
     walk_name,
     walk_of,
@@ -31,12 +30,11 @@ from visavis.experiments.adjectives.walks import (
 from visavis.lab.geometry import Vector
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.quick import quick_study
-from visavis.stimuli.motion.kinds import Recorded
 from visavis.stimuli.motion.synthesis.example_blend import Blend
 from visavis.stimuli.motion.synthesis.examples import examples_of_clips
 from visavis.stimuli.motion.synthesis.style_weights import fit_weights
 from visavis.stimuli.motion.synthesis.walk_styles import walk_set
-from visavis.stimuli.scenes.gathering import GatheringScene, Standing
+from visavis.study.live import Live, LiveScene
 from visavis.study.responses import Rating
 from visavis.study.study_functions import Seen
 
@@ -46,8 +44,7 @@ RATERS = 14
 @cache
 def means() -> Vector:
     """Return what every pair of every walk is rated on average (pairs, walks)."""
-    beside = walk_of(REFERENCE, BESIDE)
-    felt = [impressions_seen(walk_of(walk, RATED), beside) for walk in WALKS]
+    felt = [impressions_seen(walk_of(walk), walk_of(REFERENCE)) for walk in WALKS]
     return np.array([[mean_rating(pair, one) for one in felt] for pair in PAIRS])
 
 
@@ -100,26 +97,24 @@ def test_planted_clusters_are_found_in_forty_studies() -> None:
 
 def ratings_of(walk: Blend, seed: int = 4) -> list[int]:
     """Return how one rater describes a walk beside the normal one."""
-    beside = walk_of(REFERENCE, BESIDE)
-    people = tuple(
-        Standing(who, "person", 0.0, -3.0, 180.0, Recorded(motion))
-        for who, motion in ((RATED, walk), (BESIDE, beside))
-    )
-    frame: Any = SimpleNamespace(scene=GatheringScene("pair", (), people=people))
-    seen = Seen(frame, frame, 2.0, np.zeros(0), effect=True, leaning=0.3)
+    names, normal = walk.examples.names, figures().examples.index(REFERENCE)
+    live = Live(walk.examples, character=RATED, beside=BESIDE)
+    own = dict(zip(names, walk.weights.tolist(), strict=True))
+    scene = LiveScene(live, own, beside={names[normal]: 1.0})
+    seen = Seen(None, None, 2.0, np.zeros(0), effect=True, leaning=0.3, figures=scene)
     rng = np.random.default_rng(seed)
     return [answer(seen, Rating(pair, -2, 2), rng) for pair in PAIRS]
 
 
 def test_other_names_of_walks_change_no_rating() -> None:
-    walk = walk_of("misery_slow", RATED)
+    walk = walk_of("misery_slow")
     names = tuple(reversed(walk.examples.names))
     renamed = Blend(replace(walk.examples, names=names), walk.weights, in_place=True)
     assert ratings_of(renamed) == ratings_of(walk)
 
 
 def test_exchanging_two_motions_exchanges_their_ratings() -> None:
-    sad, glad = walk_of("misery_slow", RATED), walk_of("excitement_fast", RATED)
+    sad, glad = walk_of("misery_slow"), walk_of("excitement_fast")
     walks, order = sad.examples, np.arange(27)
     a, b = walks.index("misery_slow"), walks.index("excitement_fast")
     order[[a, b]] = b, a

@@ -23,6 +23,7 @@ from tests.running.page.test_browser import (
     state_of,
     until,
 )
+from visavis.experiments.adjectives.pairs import PAIRS
 from visavis.experiments.matching.interfaces import target_shares
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.geometry import Vector
@@ -40,6 +41,8 @@ from visavis.stimuli.motion.synthesis.style_weights import fit_weights
 from visavis.stimuli.motion.synthesis.walk_styles import style_names, walk_examples
 
 STUDY = Path(__file__).parents[2] / "studies" / "moulding.py"
+DRAWN = "[data-frames]:not([data-frames='0']):not([data-frames='1']):not([data-frames='2'])"
+"""A canvas that has drawn three frames; a page's policy forbids to evaluate a condition there."""
 SETTINGS = 1000
 MAX_RAD = 1e-5
 POSES = """async ([code, file, values, phases, times]) => {
@@ -234,9 +237,9 @@ def test_a_page_to_play_with_shows_what_sliders_make(tmp_path: Path, browser: An
         index = list(style_names("set_a")).index("slouch")
         page.locator("input").nth(index).focus()
         page.keyboard.press("End")
-        page.wait_for_function("document.getElementById('shares').textContent.includes('slouch')")
+        page.wait_for_selector("#shares:has-text('slouch')")
         assert "slouch=1" in page.text_content("#command")
-        page.wait_for_function("document.querySelector('canvas').dataset.frames > 2")
+        page.wait_for_selector(f"canvas{DRAWN}")
     finally:
         process.send_signal(signal.SIGINT)
         assert process.wait(PATIENCE_S) == 0
@@ -268,7 +271,7 @@ def test_a_guess_is_made_blind_and_a_match_ends_its_step_by_itself(
     until(page, "Guess: set the sliders")
     page.wait_for_selector("canvas[data-ready]", timeout=PATIENCE_S * 1000)
     assert page.locator(".sliders input").count() == 27
-    page.wait_for_function("document.querySelector('canvas').dataset.frames > 1")
+    page.wait_for_selector(f"canvas{DRAWN}")
     page.locator(".buttons button").click()
     until(page, "Move the sliders until", steps=False)
     page.wait_for_selector("canvas[data-ready]", timeout=PATIENCE_S * 1000)
@@ -286,4 +289,56 @@ def test_a_guess_is_made_blind_and_a_match_ends_its_step_by_itself(
     trials = rows.trials()
     assert list(trials["mould_ended_by"]) == ["button", "near"]
     assert trials["guess_m"].iloc[0] > MATCH_M > trials["distance_m"].iloc[1]
+    assert not problems
+
+
+def test_raters_turn_two_figures_and_answer_the_list_beside_them(
+    server: Server, browser: Any
+) -> None:
+    address = server.start("run", "adjectives", "--participant", "1", "--on", "browser")
+    page = browser.new_context(viewport={"width": 420, "height": 560}).new_page()
+    problems: list[str] = []
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    page.on("console", lambda m: problems.append(m.text) if m.type == "error" else None)
+    page.goto(address)
+    until(page, "In green")
+    page.wait_for_selector("canvas.figure[data-ready]", timeout=PATIENCE_S * 1000)
+    assert page.locator("fieldset").count() == 41
+    assert page.locator("#main button:not(.quiet)").is_disabled()
+    box = page.query_selector("canvas.figure").bounding_box()
+    page.mouse.move(box["x"] + 100, box["y"] + 80)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 180, box["y"] + 80, steps=4)
+    page.mouse.up()
+    page.focus("canvas.figure")
+    page.keyboard.press("+")  # nearer
+    # Both have gone through two cycles.
+    page.wait_for_selector("fieldset input:not([disabled])", timeout=PATIENCE_S * 1000)
+    page.locator("fieldset").nth(0).locator("label").nth(4).click()
+    page.evaluate("""document.querySelectorAll("fieldset").forEach((list, i) => {
+        if (i > 0) list.querySelectorAll("input")[i % 5].click();
+    })""")
+    page.locator("#main button:not(.quiet)").click()
+    # The next walk's list has no answers yet.
+    page.wait_for_selector("input:checked", state="detached", timeout=PATIENCE_S * 1000)
+    server.kill()
+    folder = session_dir(server.root / "data", "adjectives", "S01B", 1, is_simulated=True)
+    recording = Recording(folder)
+    row = recording.trials().iloc[0]
+    assert [row[pair] for pair in PAIRS] == [2, *(i % 5 - 2 for i in range(1, 41))]
+    assert row["live_rounds"] >= 2
+    assert row["live_frames"] > 0
+    assert len(row["live_renderer"]) > 0
+    moves = moves_of(recording)
+    moves = moves[moves["trial_id"] == row["trial_id"]]
+    camera = moves[moves["what"] == "camera"]
+    assert row["live_turns"] == len(camera) - 1 >= 2
+    assert np.ptp(camera["x_m"]) > 0.3
+    away_m = np.linalg.norm(camera[["x_m", "y_m", "z_m"]] - [0.0, 0.92, 0.0], axis=1)
+    assert away_m[0] == pytest.approx(np.linalg.norm(np.array([1.5, 1.3, -3.6]) - [0, 0.92, 0]))
+    assert away_m[-1] == pytest.approx(away_m[0] / 1.08, abs=1e-3)
+    for name in ("round", "round_beside"):
+        began_ns = moves.loc[moves["what"] == name, "t_ns"]
+        assert len(began_ns) >= row["live_rounds"]
+        assert began_ns.between(row["live_on_ns"], row["live_off_ns"]).all()
     assert not problems

@@ -17,7 +17,7 @@ from visavis.results.selection import HAND_PERSON, HAND_TRIAL
 from visavis.study.exclusions import ANSWERED_COLUMN
 from visavis.study.experiment import StudyExperiment
 from visavis.study.films import film_columns
-from visavis.study.live import mould_columns
+from visavis.study.live import live_columns
 from visavis.study.look_measures import LOOK_COLUMNS
 from visavis.study.measures import CLOCK_JUMP, Measure
 from visavis.study.staircase import columns_of
@@ -73,7 +73,8 @@ def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> d
         )
         columns[name] = Column(name, "ns", words)
     columns |= film_columns(max((len(t.films) for t in experiment.read.values()), default=0))
-    columns |= mould_columns(max((len(t.lives) for t in experiment.read.values()), default=0))
+    lives = dict.fromkeys(name for t in experiment.read.values() for name in t.lives)
+    columns |= live_columns(lives)
     for staircase in dict.fromkeys(s for t in experiment.read.values() for s in t.staircases):
         columns |= {c.name: c for c in columns_of(staircase)}
     columns |= {m.column: m.description() for m in measures}

@@ -257,7 +257,7 @@ def _trial(visit: Visit, block: Block, trial: Trial) -> Generator[Out, Reply | N
     films = {
         k: int(v or 0)
         for k, v in row.items()
-        if k.startswith(("film", "mould")) and k.endswith(("_frames", "_frames_dropped"))
+        if k.startswith(("film", "mould", "live")) and k.endswith(("_frames", "_frames_dropped"))
     }
     dropped_frames = sum(v for k, v in films.items() if k.endswith("_dropped"))
     yield TrialRow(

@@ -9,6 +9,7 @@ from visavis.lab.clock import NS_PER_S, Clock
 from visavis.recording.writer import Recorder
 from visavis.running.page.course import DONE, Course, Event, Notes, TrialRow
 from visavis.running.page.steps import (
+    MOULDER,
     BadEventError,
     OpenElsewhereError,
     PageError,
@@ -288,7 +289,9 @@ class PageDesk:
             check_moves(payload)
             # They may come after their step, from a page that was left in the middle of it.
             if payload.get("step") == self.step_number and payload["names"] != [
-                question["name"] for question in self.step.content.get("questions", ())
+                question["name"]
+                for question in self.step.content.get("questions", ())
+                if question["kind"] == MOULDER
             ]:
                 raise PageError("these sliders are not those of the step that is shown")
 

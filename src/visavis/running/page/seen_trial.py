@@ -14,7 +14,7 @@ from visavis.protocol.plan.steps import Mark
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy, overrides_of
 from visavis.running.film_store import FilmStore, film_store
-from visavis.running.page.steps import PageStep, Reply, ns_of_ms
+from visavis.running.page.steps import PageError, PageStep, Reply, ns_of_ms
 from visavis.running.page.trial import FilmFailed, perform_on_page
 from visavis.study.actions import Action
 from visavis.study.experiment import StudyExperiment
@@ -116,8 +116,8 @@ def seen_trial(study: OpenedStudy, recording: Recording, row: Mapping[str, Any])
             reply = Reply(payload["reply"], t_ns, t_ns_of, moves)
             if part == int(row["recording_part"]):
                 seen_steps.append(_step(out, watched_steps[-1], reply))
-    except (StopIteration, FilmFailed):
-        pass
+    except (StopIteration, FilmFailed, PageError):
+        pass  # a reply to what the study no longer shows: an earlier version of it was performed
     return SeenTrial(row, tuple(seen_steps), film_store(experiment))
 
 

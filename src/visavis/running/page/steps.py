@@ -172,10 +172,11 @@ class Drawn:
     slider_frames: int
     distance_m: float | None
     renderer: str
+    rounds: int = 0
 
 
 def read_drawn(content: Mapping[str, Any]) -> Drawn:
-    """Read a browser's report of how it drew a live figure.
+    """Read a browser's report of how it drew a live figure; `rounds` are of one that is watched.
 
     Raises:
         PageError: the content is malformed.
@@ -195,12 +196,14 @@ def read_drawn(content: Mapping[str, Any]) -> Drawn:
         count(content.get("slider_frames"), "slider_frames"),
         None if distance is None else number(distance, "distance_m"),
         renderer,
+        count(content.get("rounds", 0), "rounds"),
     )
 
 
 def check_moves(content: Mapping[str, Any]) -> None:
     """Refuse movements that are none: `names` of sliders; rows of a slider (time, number of its
-    name, value); rows of a camera (time, x, y, z).
+    name, value); rows of a camera (time, x, y, z); of figures that are watched rows of `rounds`
+    (time, number of the figure).
 
     Raises:
         PageError: saying what is wrong.
@@ -212,8 +215,8 @@ def check_moves(content: Mapping[str, Any]) -> None:
         or not all(isinstance(n, str) and n.isidentifier() and len(n) <= 100 for n in names)
     ):
         raise PageError(f"names are those of at most {MAX_SLIDERS} sliders")
-    for name, width in (("sliders", 3), ("camera", 4)):
-        rows = content.get(name)
+    for name, width in (("sliders", 3), ("camera", 4), ("rounds", 2)):
+        rows = content.get(name, [] if name == "rounds" else None)
         if not isinstance(rows, list) or len(rows) > MAX_ROWS:
             raise PageError(f"{name} are at most {MAX_ROWS} movements")
         for row in rows:
@@ -223,6 +226,8 @@ def check_moves(content: Mapping[str, Any]) -> None:
                 number(value, name)
             if name == "sliders" and row[1] not in range(len(names)):
                 raise PageError(f"there is no slider {row[1]}")
+            if name == "rounds" and row[1] not in (0, 1):
+                raise PageError(f"there is no figure {row[1]}")
 
 
 def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
@@ -262,6 +267,8 @@ def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
         if content.get("failed") is not None:
             mapping(content["failed"], "what failed")
             return
+        if step.content.get("live"):
+            read_drawn(content)
         if step.content["films"]:
             number(content.get("off_ms"), "off_ms")
             number(content.get("apart_ms") or 0, "apart_ms")

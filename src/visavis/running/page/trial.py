@@ -8,6 +8,7 @@ from visavis.lab.errors import DesignError
 from visavis.protocol.plan.steps import Mark, Row, TrialInterrupted
 from visavis.running.live_store import until_on_page
 from visavis.running.page.steps import (
+    Drawn,
     FilmPlayback,
     PageStep,
     Reply,
@@ -24,7 +25,15 @@ from visavis.study.actions import Action
 from visavis.study.asking import Answer
 from visavis.study.dry_run import still_view
 from visavis.study.films import Film, Viewing, films_of
-from visavis.study.live import Live, Moulded, Moulding, SliderMove
+from visavis.study.live import (
+    LIVE_COLUMNS,
+    MOULD_COLUMNS,
+    Live,
+    LiveScene,
+    Moulded,
+    Moulding,
+    SliderMove,
+)
 from visavis.study.responses import Response
 from visavis.study.trial import TrialPlan, TrialScript
 
@@ -99,6 +108,8 @@ def _ask(script: TrialScript, responses: tuple[Response, ...]) -> OnPage:
 
 
 def _watch(script: TrialScript, watch: Viewing, files: FilmFiles) -> OnPage:
+    if isinstance(watch.stimulus, LiveScene):
+        return (yield from _watch_figures(script, watch, watch.stimulus, files))
     films = films_of(watch.stimulus)
     film_entries = [{"place": place, **files(film)} for place, film in films.items()]
     step = {
@@ -127,6 +138,54 @@ def _watch(script: TrialScript, watch: Viewing, files: FilmFiles) -> OnPage:
     return (yield from _answers(script, watch.responses, reply, first_ms))
 
 
+def _watch_figures(
+    script: TrialScript, watch: Viewing, scene: LiveScene, files: FilmFiles
+) -> OnPage:
+    step = {
+        "films": [],
+        "live": dict(files(scene.live)),
+        "motions": [motion.weights.tolist() for motion in scene.motions],
+        "cycle_s": scene.cycle_s,
+        "questions": _questions(script, watch.responses),
+        "caption": watch.caption,
+        "min_rounds": watch.min_rounds,
+    }
+    reply = yield from put(PageStep("watch", step))
+    drawing = _drawing_of(reply)
+    name = script.next_prefix("live")
+    columns = _drawing_columns(drawing, reply) | {"rounds": drawing.rounds}
+    script.row.setdefault("t_start_ns", columns["on_ns"])
+    script.row |= {f"{name}_{c.name}": columns[c.name] for c in LIVE_COLUMNS}
+    script.row["t_end_ns"] = columns["off_ns"]
+    return (yield from _answers(script, watch.responses, reply, drawing.first_ms))
+
+
+def _drawing_of(reply: Reply) -> Drawn:
+    """Return what a browser drew of live figures.
+
+    Raises:
+        FilmFailed: it could not draw them.
+    """
+    if reply.content.get("failed") is not None:
+        failure = mapping(reply.content["failed"], "what failed")
+        raise FilmFailed(f"figure: {failure.get('why')}"[:300])
+    return read_drawn(reply.content)
+
+
+def _drawing_columns(drawing: Drawn, reply: Reply) -> dict[str, Any]:
+    """Return the columns of any live figure on a page."""
+    return {
+        "on_ns": reply.t_ns_of(drawing.first_ms),
+        "off_ns": reply.t_ns_of(drawing.off_ms),
+        "turns": max(0, sum(len(event["camera"]) for event in reply.moves) - 1),
+        "frames": drawing.frames,
+        "frames_dropped": drawing.frames_dropped,
+        "wait_ms": drawing.first_ms - number(reply.content.get("shown_ms"), "shown_ms"),
+        "hidden_ms": number(reply.content.get("hidden_ms"), "hidden_ms"),
+        "renderer": drawing.renderer,
+    }
+
+
 def _mould(script: TrialScript, moulding: Moulding, files: FilmFiles) -> OnPage:
     live, sliders, until = moulding.live, moulding.sliders, moulding.until
     step = {
@@ -138,11 +197,7 @@ def _mould(script: TrialScript, moulding: Moulding, files: FilmFiles) -> OnPage:
         "is_blind": moulding.is_blind,
     }
     reply = yield from put(PageStep("mould", step))
-    content = reply.content
-    if content.get("failed") is not None:
-        failure = mapping(content["failed"], "what failed")
-        raise FilmFailed(f"figure: {failure.get('why')}"[:300])
-    drawing = read_drawn(content)
+    drawing = _drawing_of(reply)
     moves = tuple(
         SliderMove(sliders[int(i)].name, float(value), reply.t_ns_of(at_ms))
         for event in reply.moves
@@ -150,23 +205,15 @@ def _mould(script: TrialScript, moulding: Moulding, files: FilmFiles) -> OnPage:
         if at_ms >= drawing.first_ms  # earlier ones: the step was left, and begun again
     )
     name = script.next_prefix("mould")
-    on_ns, off_ns = reply.t_ns_of(drawing.first_ms), reply.t_ns_of(drawing.off_ms)
-    columns: dict[str, Any] = {
-        "on_ns": on_ns,
-        "off_ns": off_ns,
+    columns = _drawing_columns(drawing, reply) | {
         "ended_by": drawing.ended_by,
         "moves": len(moves),
-        "turns": max(0, sum(len(event["camera"]) for event in reply.moves) - 1),
-        "frames": drawing.frames,
-        "frames_dropped": drawing.frames_dropped,
         "slider_frames": drawing.slider_frames,
-        "wait_ms": drawing.first_ms - number(content.get("shown_ms"), "shown_ms"),
-        "hidden_ms": number(content.get("hidden_ms"), "hidden_ms"),
         "distance_m": drawing.distance_m,
-        "renderer": drawing.renderer,
     }
+    on_ns, off_ns = columns["on_ns"], columns["off_ns"]
     script.row.setdefault("t_start_ns", on_ns)
-    script.row |= {f"{name}_{column}": value for column, value in columns.items()}
+    script.row |= {f"{name}_{c.name}": columns[c.name] for c in MOULD_COLUMNS}
     answers = yield from _answers(script, sliders, reply, drawing.first_ms)
     script.row["t_end_ns"] = off_ns
     values = {s.name: float(answers[s.name].option) for s in sliders}

@@ -24,7 +24,7 @@ from visavis.stimuli.scene import SceneFrame
 from visavis.study.dry_run import still_view
 from visavis.study.experiment import StudyExperiment
 from visavis.study.films import Film, Lens, Pair, films_of, scene_of, seconds_of
-from visavis.study.live import Live
+from visavis.study.live import Live, LiveScene
 from visavis.study.responses import Response
 from visavis.study.scenes import Staging, stage
 
@@ -105,11 +105,17 @@ class Visitor:
                 raise DataError(f"a simulated participant knows no step {step.kind!r}")
 
     def look(self, content: Mapping[str, Any]) -> float:
-        """Look at a step's films once; return how long a round takes, in milliseconds.
+        """Look at a step's films or figures once; return how long a round takes, in milliseconds.
 
         The person remembers what they saw in a trial until the next one begins.
         """
         self._begin_trial(content)
+        if "live" in content:
+            live = self.lives[content["live"]["figure"]]
+            names = live.examples.names
+            motions = [dict(zip(names, w, strict=True)) for w in content["motions"]]
+            self.person.watch_figures(LiveScene(live, *motions), content["caption"])
+            return float(content["cycle_s"] * 1000)
         film_entries = {f["place"]: f for f in content["films"]}
         if not film_entries:
             return 0.0
@@ -242,7 +248,7 @@ class Visitor:
         first_ms = shown_ms = self.now_ms
         film_entries = {f["place"]: f for f in content["films"]}
         round_ms = self.look(content)
-        first_ms += FIRST_FRAME_MS if film_entries else 0.0
+        first_ms += FIRST_FRAME_MS if round_ms else 0.0
         at_ms = first_ms + content["min_rounds"] * round_ms
         answers = {}
         for question in content["questions"]:
@@ -258,7 +264,20 @@ class Visitor:
         shown_s = (at_ms - first_ms) / 1000
         if content.get("once"):
             rounds, shown_s = min(rounds, 1), min(shown_s, round_ms / 1000)
+        drawn: dict[str, Any] = {}
+        if "live" in content:
+            drawn = {
+                "first_ms": first_ms,
+                "ended_by": "button",
+                "frames": round(shown_s * REFRESH_HZ),
+                "dropped": 0,
+                "slider_frames": 0,
+                "distance_m": None,
+                "rounds": rounds,
+                "renderer": "simulated",
+            }
         return {
+            **drawn,
             "shown_ms": shown_ms,
             "off_ms": at_ms,
             "hidden_ms": 0.0,

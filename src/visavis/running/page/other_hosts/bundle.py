@@ -20,12 +20,14 @@ import numpy as np
 from visavis.lab.errors import DesignError, UsageError
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.film_store import FilmStore
+from visavis.running.live_store import LiveStore, page_files
 from visavis.running.page.course import Notes, Visit, course
 from visavis.running.page.perform import about_of, experiment_of
-from visavis.running.page.server import FILES, SITE
+from visavis.running.page.server import FILES, LIVE_FILES, SITE
 from visavis.running.page.steps import PageStep, Reply
 from visavis.running.sessions.device_setup import is_simulated
 from visavis.running.sessions.session_request import Request
+from visavis.study.live import Live
 
 FORMAT: Final = 1
 ARCHIVE: Final = ".jzip"
@@ -73,11 +75,6 @@ def write_bundle(
         raise UsageError(f"--places takes 1 to {MAX_PLACES}, not {places}")
     if results and is_archive:
         raise UsageError("JATOS takes the results itself; leave --results out")
-    if experiment_of(request).lives:
-        raise DesignError(
-            f"{request.study.name} shows live figures, which only a server of Visavis sends; "
-            "serve it (visavis serve)"
-        )
     if path.exists() and (path.is_file() or any(path.iterdir())):
         raise UsageError(f"{path} is there already; name a new one")
     draft = path.with_name(f".{path.name}.draft")
@@ -101,11 +98,11 @@ def steps_of_place(request: Request, store: FilmStore, index: int) -> tuple[Page
         DesignError: the steps depend on what is answered.
     """
     experiment = experiment_of(request)
-    describe_film = _film_descriptions(store)
+    describe = files_of(store, experiment.lives)[0]
     plan = experiment.plan(index, request.seed)
     common_steps: tuple[PageStep, ...] | None = None
     for choose in _ways_to_answer(index):
-        visit = visit_of(request, describe_film, index, plan.group)
+        visit = visit_of(request, describe, index, plan.group)
         steps = tuple(_steps(visit, choose))
         if common_steps is not None and common_steps != steps:
             differ = next(
@@ -122,8 +119,19 @@ def steps_of_place(request: Request, store: FilmStore, index: int) -> tuple[Page
     return common_steps
 
 
+@lru_cache(maxsize=8)
+def files_of(
+    store: FilmStore, lives: tuple[Live, ...]
+) -> tuple[Callable[[Any], Mapping[str, Any]], LiveStore]:
+    """Return what describes a study's films and live figures to a page, and the figures' files,
+    which are there once they were described.
+    """
+    live_store = LiveStore(lives)
+    return page_files(store, live_store, is_simulated=False), live_store
+
+
 def visit_of(
-    request: Request, describe_film: Callable[[Any], Mapping[str, Any]], index: int, group: str
+    request: Request, describe: Callable[[Any], Mapping[str, Any]], index: int, group: str
 ) -> Visit:
     """Return what the course of a place depends on, with a clock that stands still."""
     study, experiment = request.study, experiment_of(request)
@@ -132,7 +140,7 @@ def visit_of(
     config = request.config.model_copy(update={"language": experiment.language})
     plan = experiment.plan(index, request.seed, group)
     return Visit(
-        experiment, plan, "", 1, 1, study.questionnaires(config), describe_film, lambda: 0, Notes()
+        experiment, plan, "", 1, 1, study.questionnaires(config), describe, lambda: 0, Notes()
     )
 
 
@@ -173,7 +181,7 @@ def _write(
     }
     bundle["id"] = hashlib.sha256(_json([bundle, digests])).hexdigest()[:12]
     (folder / "bundle.json").write_bytes(_json(bundle))
-    for name in FILES.values():
+    for name in (FILES | LIVE_FILES if experiment.lives else FILES).values():
         shutil.copyfile(SITE / name, folder / name)
     for name in ("wire.js", "worker.js"):
         shutil.copyfile(SITE / "bundle" / name, folder / name)
@@ -183,6 +191,9 @@ def _write(
         assert film_file is not None  # noqa: S101  # `steps_of_place` needed it
         (folder / "films").mkdir(exist_ok=True)
         shutil.copyfile(film_file.path, folder / "films" / film_file.path.name)
+    for name, data in files_of(store, experiment.lives)[1].assets.items():
+        (folder / "assets").mkdir(exist_ok=True)
+        (folder / "assets" / name).write_bytes(data)
     return len({store.name_of(film) for film in experiment.films})
 
 
@@ -241,11 +252,6 @@ def _archive(request: Request, folder: Path, path: Path) -> None:
         archive.writestr(f"{name}.jas", json.dumps({"version": "3", "data": study}))
 
 
-@lru_cache(maxsize=8)
-def _film_descriptions(store: FilmStore) -> Callable[[Any], Mapping[str, Any]]:
-    return lru_cache(maxsize=None)(store.describe)
-
-
 def _steps(visit: Visit, choose: "Choose") -> "list[PageStep]":
     performing, reply, steps = course(visit), None, []
     try:
@@ -299,19 +305,32 @@ def _reply(step: PageStep, choose: Choose) -> dict[str, Any]:
             return {"answers": {q["name"]: choose(q) for q in content["questions"]}}
         case "watch":
             film_reply = {"first_ms": 0.0, "frames": 1, "dropped": 0, "rounds": 1, "stalls": 0}
-            return {
-                "shown_ms": 0.0,
-                "off_ms": 0.0,
-                "hidden_ms": 0.0,
-                "apart_ms": 0.0,
-                "films": {film["place"]: film_reply for film in content["films"]},
-                "answers": {
-                    q["name"]: {"option": choose(q), "at_ms": 0.0, "by": "keys"}
-                    for q in content["questions"]
-                },
-            }
+            films = {film["place"]: film_reply for film in content["films"]}
+            drawn = _DRAWN if "live" in content else {}
+            return {**_timed(content, choose), **drawn, "apart_ms": 0.0, "films": films}
+        case "mould":
+            return {**_timed(content, choose), **_DRAWN}
         case _:
             return {}
+
+
+_DRAWN: Final[Mapping[str, Any]] = {
+    "first_ms": 0.0,
+    "ended_by": "button",
+    "frames": 1,
+    "dropped": 0,
+    "slider_frames": 0,
+    "distance_m": None,
+    "renderer": "",
+}
+"""What a page says of live figures that it drew."""
+
+
+def _timed(content: Mapping[str, Any], choose: Choose) -> dict[str, Any]:
+    answers = {
+        q["name"]: {"option": choose(q), "at_ms": 0.0, "by": "keys"} for q in content["questions"]
+    }
+    return {"shown_ms": 0.0, "off_ms": 0.0, "hidden_ms": 0.0, "answers": answers}
 
 
 def _as_data(steps: Sequence[PageStep]) -> list[dict[str, Any]]:

@@ -26,7 +26,13 @@ from visavis.running.film_store import FilmStore
 from visavis.running.page.arrivals import LINK, Arrival, arrival_of
 from visavis.running.page.course import DECLINED, DONE, WITHDRAWN, course
 from visavis.running.page.desk import EarlierParts, PageDesk
-from visavis.running.page.other_hosts.bundle import FORMAT, digest_of, steps_of_place, visit_of
+from visavis.running.page.other_hosts.bundle import (
+    FORMAT,
+    digest_of,
+    files_of,
+    steps_of_place,
+    visit_of,
+)
 from visavis.running.page.perform import (
     ENDINGS,
     experiment_of,
@@ -391,7 +397,8 @@ def _check_run(base: Request, store: FilmStore, run: Run) -> str:
         )
     clock = StampClock(run.begun_ms)
     plan = experiment_of(base).plan(run.place, base.seed)
-    visit = replace(visit_of(base, store.describe, run.place, plan.group), now_ns=clock.now_ns)
+    describe = files_of(store, experiment_of(base).lives)[0]
+    visit = replace(visit_of(base, describe, run.place, plan.group), now_ns=clock.now_ns)
     recorder: Any = _NullRecorder()
     desk = PageDesk(course(visit), recorder, clock, visit.notes)
     step_index, number_shown = 0, desk.step_number

@@ -11,6 +11,9 @@ const TRIES = 4;
 const CAMERA_MS = 50; // 20 a second
 const SEND_MS = 1000;
 const LONGEST_STEP_S = 0.1;
+const KEY_TURN = Math.PI / 36;
+const TURNS = { ArrowLeft: [-KEY_TURN, 0], ArrowRight: [KEY_TURN, 0], ArrowUp: [0, -KEY_TURN], ArrowDown: [0, KEY_TURN] };
+const KEY_CLOSER = 1.08;
 const NEAREST_M = 0.6;
 const FARTHEST_M = 9;
 const FOV_DEG = 34;
@@ -156,7 +159,7 @@ class Stage extends Painter {
   }
 }
 
-/** A camera that circles a point, led by a mouse, fingers, or a wheel; `changed` hears of it. */
+/** A camera that circles a point, led by a mouse, fingers, a wheel, or arrow keys; `changed` hears of it. */
 function circling(canvas, eye, aim, changed) {
   const away = eye.map((at, i) => at - aim[i]);
   const camera = { distance: Math.hypot(...away), yaw: Math.atan2(away[0], away[2]), pitch: 0, isFree: true };
@@ -168,6 +171,11 @@ function circling(canvas, eye, aim, changed) {
   const apart = () => { const [a, b] = [...fingers.values()]; return Math.hypot(a[0] - b[0], a[1] - b[1]); };
   const down = (e) => { if (camera.isFree) { canvas.setPointerCapture(e.pointerId); fingers.set(e.pointerId, [e.clientX, e.clientY]); } };
   const up = (e) => { fingers.delete(e.pointerId); };
+  const turnBy = (yaw, pitch) => {
+    camera.yaw -= yaw;
+    camera.pitch = Math.min(MOST_PITCH, Math.max(LEAST_PITCH, camera.pitch + pitch));
+    changed();
+  };
   const move = (e) => {
     const before = fingers.get(e.pointerId);
     if (!before) return;
@@ -175,12 +183,19 @@ function circling(canvas, eye, aim, changed) {
     fingers.set(e.pointerId, [e.clientX, e.clientY]);
     if (fingers.size > 1) { come(spread / Math.max(1, apart())); return; }
     const turn = 2 * Math.PI / canvas.clientHeight;
-    camera.yaw -= turn * (e.clientX - before[0]);
-    camera.pitch = Math.min(MOST_PITCH, Math.max(LEAST_PITCH, camera.pitch + turn * (e.clientY - before[1])));
-    changed();
+    turnBy(turn * (e.clientX - before[0]), turn * (e.clientY - before[1]));
   };
   const wheel = (e) => { if (camera.isFree) { e.preventDefault(); come(0.95 ** (-e.deltaY * 0.01)); } };
-  const heard = [["pointerdown", down], ["pointerup", up], ["pointercancel", up], ["pointermove", move], ["wheel", wheel]];
+  const keys = (e) => {
+    if (!camera.isFree || e.ctrlKey || e.altKey || e.metaKey) return;
+    const turn = TURNS[e.key];
+    if (turn) turnBy(...turn);
+    else if (e.key === "+") come(1 / KEY_CLOSER);
+    else if (e.key === "-") come(KEY_CLOSER);
+    else return;
+    e.preventDefault();
+  };
+  const heard = [["keydown", keys], ["pointerdown", down], ["pointerup", up], ["pointercancel", up], ["pointermove", move], ["wheel", wheel]];
   canvas.style.touchAction = "none";
   for (const [kind, hear] of heard) canvas.addEventListener(kind, hear, { passive: false });
   camera.close = () => { for (const [kind, hear] of heard) canvas.removeEventListener(kind, hear); };
@@ -245,11 +260,13 @@ function walkerOf(blend, person, stage, level, x) {
       stance = blends.gapsOf(blend, weights);
     },
     hide() { stage.people[number].isSeen = shade.isSeen = false; },
+    rounds: 0,
     step(seconds, bones) {
       const cycle = keyS[keyS.length - 1];
       // Who moves a slider in the middle of a walk sees it go on from the same moment of a step.
       const k = Math.min(keyS.length - 2, Math.floor(phase));
       let now = keyS[k] + (phase - k) * (keyS[k + 1] - keyS[k]) + seconds;
+      this.rounds += Math.floor(now / cycle);
       now -= Math.floor(now / cycle) * cycle;
       phase = blends.phaseOf(keyS, now);
       blends.poseAt(blend, weights, phase, pose, stance);
@@ -292,21 +309,26 @@ export function placesOf(blend, w, until) {
 }
 
 /**
- * Begin to draw a step's figure on a canvas.
+ * Begin to draw a step's figures on a canvas: one that sliders mould, or `step.motions` that are watched.
  *
- * `say(kind, rows)` receives movements about every second; `ended(how)` is called when the step ends
- * by itself. Returned are `move(i, value)`, `report()`, `close()` and `values`.
+ * `say(rows)` receives movements about every second; `ended(how)` is called when the step ends by itself,
+ * `began(rounds)` when a watched motion begins again. Returned are `move(i, value)`, `report()`, `close()`
+ * and `values`.
  */
-export async function open(step, canvas, key, say, ended) {
+export async function open(step, canvas, key, say, ended, began = () => {}) {
   const blend = blends.readBlend(await load(step.live.blend, key));
   const person = await readPerson(await load(step.live.person, key));
   const stage = new Stage(canvas, step.live.light);
   const floor = addFloor(stage);
   const until = step.until && { ...step.until };
-  const beside = until && step.live.beside ? await readPerson(await load(step.live.beside, key)) : null;
-  const walker = walkerOf(blend, person, stage, beside ? addLane(stage, -APART_M) : floor, beside ? -APART_M : 0);
-  const targetWalker = beside && walkerOf(blend, beside, stage, addLane(stage, APART_M), APART_M);
-  if (targetWalker) targetWalker.weigh(Float64Array.from(until.weights));
+  const motions = (step.motions || []).map((weights) => Float64Array.from(weights));
+  const besideWeights = until ? Float64Array.from(until.weights) : motions[1];
+  const beside = besideWeights && step.live.beside ? await readPerson(await load(step.live.beside, key)) : null;
+  const apart = motions.length ? APART_M : -APART_M; // seen from the front: a watched figure is on the left, a moulded one on the right
+  const walker = walkerOf(blend, person, stage, beside ? addLane(stage, apart) : floor, beside ? apart : 0);
+  const besideWalker = beside && walkerOf(blend, beside, stage, addLane(stage, -apart), -apart);
+  if (besideWalker) besideWalker.weigh(besideWeights);
+  const walkers = besideWalker ? [walker, besideWalker] : [walker];
   if (step.is_blind) walker.hide();
   const bones = new Float32Array(12 * blend.joints * stage.people.length);
   const { eye_m: eye, aim_m: aim, is_free: isFree } = step.live.camera;
@@ -314,7 +336,7 @@ export async function open(step, canvas, key, say, ended) {
   camera.isFree = isFree;
 
   const values = step.questions.map((q) => q.start);
-  const moves = { sliders: [], camera: [] };
+  const moves = { sliders: [], camera: [], rounds: [] };
   const gapsMs = [];
   let frames = 0;
   let firstMs = null;
@@ -328,7 +350,7 @@ export async function open(step, canvas, key, say, ended) {
   const target = until && placesOf(blend, Float64Array.from(until.weights), until);
 
   const weigh = () => {
-    const weights = blends.weightsAt(blend, values);
+    const weights = motions[0] || blends.weightsAt(blend, values);
     walker.weigh(weights);
     if (until) distance = distanceM(blend, weights, target, until);
   };
@@ -341,6 +363,7 @@ export async function open(step, canvas, key, say, ended) {
     [canvas.width, canvas.height] = [Math.floor(width * ratio), Math.floor(height * ratio)];
   };
 
+  const roundsOf = () => Math.min(...walkers.map((one) => one.rounds));
   const draw = (nowMs) => {
     if (!isOpen) return;
     request = requestAnimationFrame(draw);
@@ -348,14 +371,18 @@ export async function open(step, canvas, key, say, ended) {
     const seconds = lastMs === null ? 0 : Math.min(LONGEST_STEP_S, (nowMs - lastMs) / 1000);
     lastMs = nowMs;
     resize();
-    walker.step(seconds, bones);
-    if (targetWalker) targetWalker.step(seconds, bones);
+    walkers.forEach((one, i) => {
+      const before = one.rounds;
+      one.step(seconds, bones);
+      if (motions.length && one.rounds > before) moves.rounds.push([performance.now(), i]);
+    });
     stage.draw(bones, blend.joints, viewOf(camera.eye(), aim, canvas.width / Math.max(1, canvas.height)));
     frames += 1;
     canvas.dataset.frames = frames;
     if (firstMs === null) firstMs = performance.now();
     for (const since of waiting) mostFrames = Math.max(mostFrames, frames - since);
     waiting = [];
+    if (motions.length) { began(roundsOf()); return; }
     if (until && !step.is_blind && distance < until.within_m) ended("near");
     else if (performance.now() - firstMs >= step.limit_s * 1000) ended("limit");
   };
@@ -375,9 +402,9 @@ export async function open(step, canvas, key, say, ended) {
     moves.camera.push([nowMs, ...camera.eye()]);
   };
   const tellMoves = () => {
-    if (!moves.sliders.length && !moves.camera.length) return;
-    const rows = { sliders: joined(moves.sliders), camera: joined(moves.camera) };
-    [moves.sliders, moves.camera] = [[], []];
+    if (!moves.sliders.length && !moves.camera.length && !moves.rounds.length) return;
+    const rows = { sliders: joined(moves.sliders), camera: joined(moves.camera), ...(motions.length ? { rounds: joined(moves.rounds) } : {}) };
+    [moves.sliders, moves.camera, moves.rounds] = [[], [], []];
     say(rows);
   };
   const teller = setInterval(tellMoves, SEND_MS);
@@ -398,7 +425,7 @@ export async function open(step, canvas, key, say, ended) {
       const dropped = period ? gapsMs.reduce((n, gap) => n + Math.max(0, Math.round(gap / period) - 1), 0) : 0;
       tellMoves();
       return { first_ms: firstMs ?? performance.now(), frames, dropped, slider_frames: mostFrames,
-        distance_m: distance, renderer: rendererOf(stage.gl), problem };
+        distance_m: distance, renderer: rendererOf(stage.gl), problem, ...(motions.length ? { rounds: roundsOf() } : {}) };
     },
     close() {
       isOpen = false;

@@ -354,6 +354,16 @@ async function describe() {
   send("about", { about: facts });
 }
 
+// Draw a step's figures and send how they and the camera move; null where another step came meanwhile.
+async function opened(step, canvas, ended, began) {
+  const live = await import("./live.js");
+  const own = { step: stepNumber, names: step.motions ? [] : step.questions.map((q) => q.name) };
+  const figure = await live.open(step, canvas, key, (rows) => send("moved", { ...own, ...rows }), ended, began);
+  if (current !== step) { figure.close(); return null; }
+  canvas.dataset.ready = "true";
+  return figure;
+}
+
 const steps = {
   consent(step) {
     const box = element("input", { type: "checkbox", id: "agree", onchange: () => { go.disabled = !box.checked; } });
@@ -444,21 +454,24 @@ const steps = {
     const shownMs = performance.now();
     hiddenMs = 0;
     if (hiddenSince !== null) hiddenSince = shownMs;
-    const hint = paragraph(step.min_rounds ? say("watch_first") : "", "hint");
+    const hint = paragraph(step.min_rounds ? say(step.live ? "figures_first" : "watch_first") : "", "hint");
     const go = button(say("next"), () => finish());
     const update = () => { go.disabled = !(isOpen && questions.every((q) => q.isFine())); };
     const questions = step.questions.map((q, i) => questionField(q, i, update));
     let isOpen = false;
     let player = null;
+    let figure = null;
     const open = () => { isOpen = true; hint.textContent = ""; for (const q of questions) q.enable(true); update(); };
     for (const q of questions) q.enable(false);
     update();
     const videos = step.films.map((f) => element("video", { playsinline: true, muted: true, preload: "auto", width: f.width_px, height: f.height_px,
       "aria-label": say(f.place) || step.caption || "film", disablepictureinpicture: true }));
     for (const v of videos) v.muted = true;
-    const films = step.films.length ? element("div", { class: `films ${step.films.length > 1 ? "pair" : ""}` },
+    // Live figures stand where films do: somebody may turn and zoom the view.
+    const canvas = step.live ? element("canvas", { class: "figure", tabindex: 0, "aria-label": step.caption || say("figure") }) : null;
+    const films = canvas ? element("div", { class: "films" }, canvas) : step.films.length ? element("div", { class: `films ${step.films.length > 1 ? "pair" : ""}` },
       ...step.films.map((f, i) => element("figure", {}, videos[i], step.films.length > 1 ? element("figcaption", {}, say(f.place)) : null))) : null;
-    films?.style.setProperty("--shape", Math.max(...step.films.map((f) => f.width_px / f.height_px)));
+    if (videos.length) films.style.setProperty("--shape", Math.max(...step.films.map((f) => f.width_px / f.height_px)));
     const fields = questions.map((q) => q.field);
     // A long list of questions stands in columns, with the films in sight above it.
     put("watch", step.caption ? paragraph(step.caption, "caption") : null, films, hint,
@@ -478,6 +491,7 @@ const steps = {
       document.removeEventListener("keydown", keys);
       document.removeEventListener("visibilitychange", back);
       if (player) player.end();
+      if (figure) figure.close();
       cleanUp = () => {};
     };
     const showFailure = (which, why) => {
@@ -489,11 +503,24 @@ const steps = {
     const finish = () => {
       const content = { shown_ms: shownMs, off_ms: performance.now(), hidden_ms: hiddenNow(),
         answers: Object.fromEntries(questions.map((q) => [q.name, q.answer() || { option: null, at_ms: performance.now(), by: "keys" }])) };
+      if (figure) {
+        const { problem, ...report } = figure.report();
+        Object.assign(content, report, { ended_by: "button" });
+      }
       if (player) { content.films = player.report(); content.apart_ms = player.apartMs(); }
       cleanUp();
       go.disabled = true;
       reply(content);
     };
+    if (canvas) {
+      const lost = () => { if (current === step) showFailure(null, figure.report().problem); };
+      try {
+        figure = await opened(step, canvas, lost, (rounds) => { if (rounds >= step.min_rounds && !isOpen) open(); });
+      } catch (error) {
+        if (current === step) showFailure(null, String(error.message || error));
+      }
+      return;
+    }
     if (!videos.length) { open(); return; }
     try {
       for (const f of step.films) await film.load(f, key);
@@ -560,14 +587,10 @@ const steps = {
     };
     cleanUp = () => { if (figure) figure.close(); figure = null; cleanUp = () => {}; };
     try {
-      const live = await import("./live.js");
-      const own = { step: stepNumber, names: step.questions.map((q) => q.name) };
-      const opened = await live.open(step, canvas, key, (rows) => send("moved", { ...own, ...rows }), (how) => end(how, "limit"));
-      if (current !== step) { opened.close(); return; }
-      figure = opened;
+      figure = await opened(step, canvas, (how) => end(how, "limit"));
+      if (!figure) return;
       for (const control of controls) control.disabled = false;
       go.disabled = Boolean(step.until) && !step.is_blind;
-      canvas.dataset.ready = "true";
     } catch (error) {
       if (current === step) showFailure(String(error.message || error));
     }

@@ -42,6 +42,7 @@ export const keepKey = (key) => {
 };
 export const leave = () => {};
 export const film = (name) => fetch(`films/${name}.webm`);
+export const asset = (name) => fetch(`assets/${name}`);
 
 // ---- what is kept here ----------------------------------------------------------------------
 
