@@ -141,7 +141,7 @@ def compare_conditions(
             Step(
                 f"Post-hoc {label} ({kind}, {ADJUSTMENT_NAME[adjust]})",
                 text,
-                "differ" if p_pair < alpha else "no difference shown",
+                _pair_verdict(p_pair, alpha, significant),
             )
             for label, text, p_pair in lines
         ]
@@ -155,6 +155,13 @@ def compare_conditions(
         tuple(steps),
         replace(provenance, notes=(*provenance.notes, f"post-hoc {ADJUSTMENT_NAME[adjust]}")),
     )
+
+
+def _pair_verdict(p_pair: float, alpha: float, significant: bool) -> str:
+    """Return what a pair of levels shows: something only where the test over all levels does."""
+    if p_pair >= alpha:
+        return "no difference shown"
+    return "differ" if significant else "no difference shown, as none is over all levels"
 
 
 def _normality_step(

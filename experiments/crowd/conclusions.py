@@ -92,7 +92,8 @@ def _paths(analysis: StudyAnalysis) -> Conclusion:
     if len(same) < len(equivalence) or not same:
         return Conclusion("undecided", question, "undecided", evidence, was_tested=False)
     if all(same):
-        return Conclusion("found", question, "equivalent within the bounds", evidence)
+        answer = f"equivalent within ±{analysis.thresholds.dice_bound:g} of Dice similarity"
+        return Conclusion("found", question, answer, evidence)
     answer = "for some pairs of blocks" if any(same) else "not shown"
     return Conclusion("partly" if any(same) else "not_found", question, answer, evidence)
 
@@ -116,10 +117,12 @@ def _direction(
             sentences.append(f"{measure.words}: not tested, {why}.")
             continue
         over_all = " ".join(finding.outcome.sentences)
-        over_movement = corrected_p[measure.column]
+        over_movement, overall = corrected_p[measure.column], finding.terms[0]
+        is_lost = overall.is_significant and over_movement >= overall.alpha
+        not_any_more = ", not significant any more" if is_lost else ""
         sentences.append(
             f"{measure.words}: {over_all} Over the {len(corrected_p)} measures of movement, "
-            f"corrected (holm): {p_text(over_movement)}. {contrast.sentence}"
+            f"corrected (holm): {p_text(over_movement)}{not_any_more}. {contrast.sentence}"
         )
         differences.append(_difference(measure, finding, pair))
         as_said = 1 if sign * contrast.difference > 0 else -1

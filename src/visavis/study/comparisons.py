@@ -71,8 +71,8 @@ def published_f(
     if order:
         orders_of(order, f"the published F({df1}, {df2}) = {F}")
     test = f"F({df1}, {df2}) = {F}"
-    sign = "" if p.startswith("<") else "= "
-    text = f"{test}, p {sign}{p.replace('0.', '.')}, η²p = {eta2p.removeprefix('0')}"
+    sign = "< " if p.startswith("<") else "= "
+    text = f"{test}, p {sign}{p.lstrip('< ').replace('0.', '.')}, η²p = {eta2p.removeprefix('0')}"
     check = check_f(F, df1, df2, p=p, eta=eta2p)
     misfits = tuple(
         f"the published {_SYMBOLS[name]} of {verdict.printed.removeprefix('0')} does not follow "

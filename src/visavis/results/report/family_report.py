@@ -78,6 +78,8 @@ def family_verdicts(analysis: StudyAnalysis) -> tuple[Verdict, ...]:
     return tuple(sorted(verdicts, key=lambda verdict: verdict.is_secondary))
 
 
+NEITHER: Final = "○ neither"
+NEITHER_NOTE: Final = f"{NEITHER}: not significant there nor here, which shows no agreement."
 FITTED_NOTE: Final = (
     " The people are simulated and fitted to the published study: agreement shows that recording "
     "and analysis work, and is no evidence about people."
@@ -102,7 +104,8 @@ def agreement_table(analysis: StudyAnalysis) -> Table | None:
         (Column("Family of tests"), Column("Verdicts that agree", "right"), Column("Published in")),
         tuple(rows),
         "Agreement with the published study",
-        "Verdicts agree when both are not significant, or both are, in the same direction. "
+        "Verdicts agree when both are not significant (which by itself shows no agreement of "
+        "effects), or both are, in the same direction. "
         "Undecided: not tested, or so few participants that the test cannot reach its threshold."
         + fitted_note(analysis),
     )
@@ -260,6 +263,8 @@ def verdict_cell(verdicts: Agreement | None) -> Cell:
         )
     if verdicts.agrees is None:
         return Cell("not tested", "weak")
+    if verdicts.agrees and not verdicts.ours:
+        return Cell(NEITHER, "weak", "neither is significant, which shows no agreement")
     if verdicts.agrees:
         return Cell("✓ same", "agree")
     if verdicts.published_significant and verdicts.ours:
@@ -303,7 +308,7 @@ def _correlation_table(tests: Sequence[CorrelationTest]) -> Table:
         f"(threshold {threshold(tests[0].alpha)}); adjusted values are in statistics.csv."
         + (
             " n.s.: the source states no correlation. Its verdicts and ours before correction: "
-            "✓ same, ✗ different, ? undecided, n not tested."
+            "✓ same, ○ neither significant, ✗ different, ? undecided, n not tested."
             if beside
             else ""
         ),

@@ -23,6 +23,7 @@ from visavis.results.differences import (
 )
 from visavis.results.findings import Finding, Term
 from visavis.results.planned_tests import effect_name, names_of_finding
+from visavis.study.comparisons import Compare
 from visavis.study.experiment import StudyExperiment
 from visavis.study.texts import Texts, label_in_unit, label_of
 
@@ -57,9 +58,21 @@ def _claim_of(finding: Finding, texts: Texts) -> str:
     Without words for it, that is the measure with the direction expected.
     """
     compare = finding.compare
-    direction = f"{finding.measure.words}: {compare.expects}" if compare.expects else ""
+    direction = f"{finding.measure.words}: {_expected(compare, texts)}" if compare.expects else ""
     claim = compare.claim or direction
     return claim and f"{claim}{_whom(finding, texts)}"
+
+
+def _expected(compare: Compare, texts: Texts) -> str:
+    """Return the direction expected, with the words for levels that differences have, too."""
+    orders = (
+        " > ".join(", ".join(label_of(texts, name) for name in step) for step in order.levels)
+        for order in compare.orders
+    )
+    if len(compare.orders) == 1 and len((*compare.within, *compare.between)) < 2:
+        return next(orders)
+    named = (label_of(texts, order.factor) for order in compare.orders)
+    return "; ".join(f"{name}: {order}" for name, order in zip(named, orders, strict=True))
 
 
 def _whom(finding: Finding, texts: Texts) -> str:
@@ -88,9 +101,10 @@ def _verdict(
         headline, why_not = _effect_headline(finding, term, status, experiment.texts), ""
     correction = ""
     if compare.correction != "none" and term.p_corrected != term.p:
+        not_any_more = "" if term.is_significant or term.p >= term.alpha else ", not significant"
         correction = (
             f" Corrected over the family of {compare.family} comparisons ({compare.correction}): "
-            f"p {p_words(term.p_corrected)}."
+            f"p {p_words(term.p_corrected)}{not_any_more}."
         )
     elif compare.correction == "none" and uncorrected > 1:
         correction = f" Not corrected; the study makes {count_of(uncorrected, 'such test')}."
@@ -100,6 +114,17 @@ def _verdict(
         headline,
         f"{_sentence(finding, term)}{why_not}{sided}{correction}{_published_note(finding, term)}"
         + "".join(f" Note: {note}." for note in doubts),
+    )
+
+
+def lost_by_correction(finding: Finding) -> tuple[str, ...]:
+    """Return a sentence for each effect that is significant before correction only."""
+    compare = finding.compare
+    return tuple(
+        f"{t.name.replace(':', ' × ')}: not significant after correction over the family of "
+        f"{compare.family} comparisons ({compare.correction}), p {p_words(t.p_corrected)}."
+        for t in finding.terms
+        if t.p < t.alpha and not t.is_significant
     )
 
 
@@ -197,7 +222,9 @@ def _published_note(finding: Finding, term: Term) -> str:
         same = "significant in both, but the other way round"
     else:
         same = f"significant {'there' if printed_result.is_significant else 'here'} alone"
-    is_inside = published_effect_in_interval(finding, term)
+    # An effect size of variance has no direction: beside the opposite it would look like agreement.
+    is_opposite = printed_result.is_significant and term.is_significant and not agreement.agrees
+    is_inside = None if is_opposite else published_effect_in_interval(finding, term)
     if is_inside is not None:
         same += f"; the printed η²p lies {'in' if is_inside else 'outside'} our interval"
     return f" Published: {printed_result} ({same})."
@@ -207,10 +234,11 @@ def _sentence(finding: Finding, term: Term) -> str:
     outcome = finding.outcome
     if outcome is None:
         return ""
+    before = "" if term.is_significant or term.p >= term.alpha else "Before correction: "
     for sentence in outcome.sentences:
         if sentence.startswith(f"{term.name.replace(':', ' × ')}:"):
-            return sentence
-    return " ".join(outcome.sentences)
+            return f"{before}{outcome.title}, {sentence}"
+    return before + " ".join(outcome.sentences)
 
 
 def p_words(p: float) -> str:

@@ -34,16 +34,18 @@ from visavis.results.analysis import MIN_PARTICIPANTS, StudyAnalysis
 from visavis.results.claims import published_agreement
 from visavis.results.fidelity import fidelity_section
 from visavis.results.figures.study_figures import figure_name
-from visavis.results.findings import Finding
+from visavis.results.findings import Contrast, Finding
 from visavis.results.quality import LOSS_COLUMNS, Quality, quality_table
 from visavis.results.report.family_report import (
+    NEITHER,
+    NEITHER_NOTE,
     agreement_table,
     family_sections,
     family_verdicts,
     fitted_note,
     verdict_cell,
 )
-from visavis.results.report.headlines import lower, p_words, verdicts_of
+from visavis.results.report.headlines import lost_by_correction, lower, p_words, verdicts_of
 from visavis.results.report.methods import comparison_words, method_paragraphs
 from visavis.results.report.opening import opening_of
 from visavis.results.report.reporting_list import ExclusionCounts, reporting_table
@@ -161,7 +163,7 @@ def _summary(
         blocks += [opening, Verdicts(tuple(verdicts[1:]))] if verdicts[1:] else [opening]
     else:
         blocks.append(Paragraph("The study plans no comparison; its measures are described below."))
-    blocks += [Paragraph(text) for text in _ranks(verdicts)]
+    blocks += [Paragraph(text) for text in _caveats(analysis, experiment, verdicts)]
     beside = _beside_published(analysis, experiment.texts)
     blocks += [] if beside is None else [beside]
     family_agreement = agreement_table(analysis)
@@ -178,10 +180,38 @@ def _summary(
     return Section("summary", "Result", tuple(blocks)), at_the_top
 
 
+def _overall(contrast: Contrast, finding: Finding) -> str:
+    """Return that a pair with a small p shows nothing, as all levels together show nothing."""
+    is_small = contrast.p < finding.compare.alpha and not contrast.is_significant
+    return " (the test over all levels is not significant)" if is_small else ""
+
+
+def _caveats(
+    analysis: StudyAnalysis, experiment: StudyExperiment, verdicts: Sequence[Verdict]
+) -> Iterator[str]:
+    """Yield what bounds the headlines: ranks, intervals, and orders that were not varied."""
+    yield from _ranks(verdicts)
+    if sum(" CI [" in verdict.headline for verdict in verdicts) > 1:
+        yield (
+            "Intervals of differences are of means, each by itself: they are not widened for the "
+            "number of comparisons, as verdicts are where a correction is named."
+        )
+    design = experiment.study.design_with(experiment.parameters)
+    fixed = design.blocked_by if design.block_order == "fixed" else None
+    is_compared = any(fixed in finding.compare.within for finding in analysis.findings)
+    if fixed is not None and is_compared and len(analysis.levels.get(fixed, ())) > 1:
+        name = label_of(experiment.texts, fixed)
+        yield (
+            f"Everybody had the levels of {name} in the same order, so what differs between them "
+            "may also come from practice, tiredness or time: by themselves they do not show that "
+            f"{name} is the cause."
+        )
+
+
 def _ranks(verdicts: Sequence[Verdict]) -> Iterator[str]:
     """Yield what secondary headlines are worth, where there are primary ones, too."""
     secondary = sum(v.is_secondary for v in verdicts)
-    if 0 < secondary < len(verdicts):
+    if 0 < secondary < len(verdicts) and any(v.status != "undecided" for v in verdicts):
         yield (
             f"The study has {count_of(len(verdicts) - secondary, 'primary headline')} and "
             f"{secondary} secondary. What a secondary one finds is exploratory: the more of them "
@@ -229,7 +259,7 @@ def _beside_published(analysis: StudyAnalysis, texts: Texts) -> Table | None:
                 rows.append(
                     (
                         f"{finding.measure.words}, {contrast.name}",
-                        f"p {p_words(contrast.p)}",
+                        f"p {p_words(contrast.p)}{_overall(contrast, finding)}",
                         str(contrast.published_result),
                         verdict_cell(beside),
                     )
@@ -240,6 +270,9 @@ def _beside_published(analysis: StudyAnalysis, texts: Texts) -> Table | None:
                 rows.append((what, "–", str(printed_result), Cell("not tested", "weak")))
     if not rows:
         return None
+    last = [row[-1] for row in rows]
+    is_off = any(isinstance(cell, str) and cell for cell in last)
+    is_neither = any(isinstance(cell, Cell) and cell.text == NEITHER for cell in last)
     return Table(
         (Column("What"), Column("Here"), Column("Published"), Column("Off by, or verdicts")),
         tuple(rows),
@@ -247,6 +280,8 @@ def _beside_published(analysis: StudyAnalysis, texts: Texts) -> Table | None:
         " ".join(
             (
                 f"Means (SD over participants). {source.note}".strip(),
+                *(["Off by: in percent of the published mean."] if is_off else []),
+                *([NEITHER_NOTE] if is_neither else []),
                 *(f"{m[:1].upper()}{m[1:]}." for m in misfits),
             )
         )
@@ -320,7 +355,7 @@ def _tests(finding: Finding, texts: Texts) -> list[Block]:
     kind = "Exploratory. " if finding.compare.exploratory else ""
     blocks: list[Block] = [
         Paragraph(f"{kind}{outcome.title} of {name}:"),
-        Bullets(tuple(outcome.sentences)),
+        Bullets((*outcome.sentences, *lost_by_correction(finding))),
     ]
     for summary, lines in (
         ("How it was decided", outcome.path),
