@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import pytest
 from typer.testing import CliRunner
@@ -84,6 +84,34 @@ def test_a_number_of_the_design_is_read_from_it() -> None:
     )
     set_here = rows["repetitions of condition and place"]
     assert "this study was set so (its own: 2)" == set_here.because
+
+
+@pytest.mark.parametrize(
+    ("name", "overrides", "what", "its_own"),
+    [
+        ("stare", {"repetitions": 1}, "trials", "72"),
+        ("waving", {"clerk": ["clerk_left"]}, "trials", "54"),
+        ("waving", {"clerk": ["clerk_left"]}, "clerks", "clerk_left, clerk_middle, clerk_right"),
+        ("waving", {"blocks": 1}, "trials", None),
+    ],
+)
+def test_what_follows_from_a_setting_has_that_for_a_reason(
+    name: str, overrides: dict[str, Any], what: str, its_own: str | None
+) -> None:
+    rows = {row.what: row for row in fidelity_rows(find_study(name).experiment(overrides))}
+    assert [] == [row.what for row in rows.values() if row.lacks_reason]
+    because = "" if its_own is None else f"this study was set so (its own: {its_own})"
+    assert because == rows[what].because
+
+
+def test_a_number_that_differs_in_a_derived_study_has_that_for_a_reason() -> None:
+    said = Source("A. Author (2020)", facts=[Fact("design", "trials", 4, "p. 1", of="trials")])
+    sides = [Factor("side", ("left", "right"))]
+    base = Study("base", factors=sides, repetitions=2, source=said)
+    base.trial(waits)
+    fewer = OpenedStudy(derive(base, "fewer", repetitions=1))
+    (row,) = fidelity_rows(fewer.experiment({}))
+    assert "different, because this study was derived so (its base: 4)" == row.verdict_text
 
 
 def test_a_number_that_differs_lacks_a_reason(says: Says) -> None:

@@ -136,7 +136,7 @@ def fidelity_rows(experiment: StudyExperiment) -> tuple[FidelityRow, ...]:
     if source is None:
         return ()
     values = design_values(experiment)
-    own = StudyExperiment(study).parameters
+    own = design_values(StudyExperiment(study))
     rows = [
         *([] if source.participants is None else [_participants(source)]),
         *(_row_of(fact, values, own, study) for fact in source.facts),
@@ -183,9 +183,6 @@ def _row_of(
     here = AS_THERE if is_as_there else _in_words(fact.printed, value)
     if is_as_there or _agrees(fact.printed, value):
         return FidelityRow(fact.kind, fact.what, _text(fact.printed), fact.where, here)
-    because = fact.because
-    if fact.of in own and own[fact.of] != value:
-        because = f"this study was set so (its own: {_text(own[fact.of])})"
     return FidelityRow(
         fact.kind,
         fact.what,
@@ -193,8 +190,24 @@ def _row_of(
         fact.where,
         here,
         "stronger" if fact.is_stronger else "different",
-        because,
+        _set_or_derived(fact, value, own, study) or fact.because,
     )
+
+
+def _set_or_derived(fact: Fact, value: Any, own: Mapping[str, Any], study: Study) -> str:
+    """Return that a value is not that of the study itself, or of its base, which the reason of a
+    fact is about; counts that follow from what was set are such values, too.
+    """
+    usual = _value_of(fact, own) if set(names_of(fact)) <= set(own) else value
+    if usual != value:
+        return f"this study was set so (its own: {_text(usual)})"
+    base = study.base
+    if base is None:
+        return ""
+    of_base = design_values(StudyExperiment(base))
+    if not set(names_of(fact)) <= set(of_base) or _value_of(fact, of_base) == value:
+        return ""
+    return f"this study was derived so (its base: {_text(_value_of(fact, of_base))})"
 
 
 def names_of(fact: Fact) -> tuple[str, ...]:
