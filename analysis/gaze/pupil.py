@@ -6,8 +6,9 @@ that moves over a scene changes the light that falls on the eye. Nothing here re
 """
 
 import itertools
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -49,6 +50,32 @@ FORESHORTENING_WIDTH: Final = 1.121
 """An eye seen obliquely shows more of its pupil than a flat disc would, because the cornea bends
 light: the visible share is cos(angle / 1.121) (Mathur, Gehrmann & Atchison 2013)."""
 MAX_FORESHORTENING_DEG: Final = 60.0
+
+
+def pupil_mm_of(gaze: Mapping[str, npt.NDArray[Any]]) -> Vector | None:
+    """Return (n,) the mean of both pupils of a `gaze` stream where both are measured, else the one
+    that is; None where the tracker measures none.
+    """
+    sizes = []
+    for eye in ("left", "right"):
+        if f"{eye}_pupil_mm" in gaze:
+            size = gaze[f"{eye}_pupil_mm"].astype(np.float64)
+            sizes.append(np.where(gaze[f"{eye}_valid"] & (size > 0), size, np.nan))
+    if not sizes or not np.isfinite(sizes).any():
+        return None
+    return _mean_of_known(sizes)
+
+
+def _mean_of_known(sizes: Sequence[Vector]) -> Vector:
+    """Return the mean; where only one eye is known, its size moved by its usual difference."""
+    if len(sizes) == 1:
+        return sizes[0]
+    left, right = sizes
+    half = (right - left) / 2
+    usual = float(np.nanmedian(half)) if np.isfinite(half).any() else 0.0
+    both: Vector = (left + right) / 2
+    both = np.where(np.isfinite(both), both, left + usual)
+    return np.where(np.isfinite(both), both, right - usual)
 
 
 @dataclass(frozen=True, slots=True)

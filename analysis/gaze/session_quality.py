@@ -1,6 +1,6 @@
 """Measure a session's gaze by the field's standard: accuracy, precision, loss, rate, latency."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +10,13 @@ import numpy.typing as npt
 from visavis.analysis.gaze.loss import DEFAULT_LOSS, Loss, loss, usable_samples
 from visavis.analysis.gaze.movements.detect import detect_movements
 from visavis.analysis.gaze.movements.kinds import Movement, Movements
-from visavis.analysis.gaze.pupil import Pupil, PupilResponse, prepared_pupil, response
+from visavis.analysis.gaze.pupil import (
+    Pupil,
+    PupilResponse,
+    prepared_pupil,
+    pupil_mm_of,
+    response,
+)
 from visavis.analysis.gaze.pupil_blinks import PupilBlinks, pupil_blinks
 from visavis.analysis.gaze.quality import moving_precision_deg
 from visavis.analysis.gaze.stamps import Times, order_of
@@ -116,7 +122,7 @@ def session_quality(recording: Recording) -> SessionQuality:
     t_ns = gaze["t_host_ns"][rows] - round((delay_ms or 0.0) * NS_PER_MS)
     if rate_hz <= 0 or not len(t_ns):
         raise DataError(f"{recording.path}: the gaze stream has no samples or states no rate")
-    pupil_mm = _pupil_mm(gaze)
+    pupil_mm = pupil_mm_of(gaze)
     in_head = np.where(gaze["valid"][:, None], gaze["direction_head"], np.nan)[rows]
     pupil = None if pupil_mm is None else prepared_pupil(t_ns, pupil_mm[rows], in_head)
     devices = recording.manifest.configuration.get("devices", {})
@@ -256,30 +262,6 @@ def _movements(
     if not np.isfinite(world[:, 0]).any():
         return detect_movements(t_ns, in_head)
     return detect_movements(t_ns, world, in_head=in_head)
-
-
-def _pupil_mm(gaze: Mapping[str, npt.NDArray[Any]]) -> Vector | None:
-    """Return (n,) the mean of both pupils where both are measured, else the one that is."""
-    sizes = []
-    for eye in ("left", "right"):
-        if f"{eye}_pupil_mm" in gaze:
-            size = gaze[f"{eye}_pupil_mm"].astype(np.float64)
-            sizes.append(np.where(gaze[f"{eye}_valid"] & (size > 0), size, np.nan))
-    if not sizes or not np.isfinite(sizes).any():
-        return None
-    return _mean_of_known(sizes)
-
-
-def _mean_of_known(sizes: Sequence[Vector]) -> Vector:
-    """Return the mean; where only one eye is known, its size moved by its usual difference."""
-    if len(sizes) == 1:
-        return sizes[0]
-    left, right = sizes
-    half = (right - left) / 2
-    usual = float(np.nanmedian(half)) if np.isfinite(half).any() else 0.0
-    both: Vector = (left + right) / 2
-    both = np.where(np.isfinite(both), both, left + usual)
-    return np.where(np.isfinite(both), both, right - usual)
 
 
 def _pupil_trials(recording: Recording, t_ns: Times, pupil: Pupil) -> tuple[TrialPupil, ...]:

@@ -24,6 +24,8 @@ from visavis.stimuli.flat import Image as Image
 from visavis.stimuli.flat import Shape as Shape
 from visavis.stimuli.flat import Text as Text
 from visavis.stimuli.sound import Sound as Sound
+from visavis.study.blink_measures import blink_count as blink_count
+from visavis.study.blink_measures import blink_rate as blink_rate
 from visavis.study.careless_answers import Careless as Careless
 from visavis.study.comparisons import Compare as Compare
 from visavis.study.declaration import Study as Study
@@ -37,6 +39,7 @@ from visavis.study.films import Following as Following
 from visavis.study.films import Lens as Lens
 from visavis.study.films import Pair as Pair
 from visavis.study.films import Placed as Placed
+from visavis.study.held_keys import key_held as key_held
 from visavis.study.live import Live as Live
 from visavis.study.live import LiveScene as LiveScene
 from visavis.study.live import Moulded as Moulded

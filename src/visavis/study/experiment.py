@@ -91,6 +91,7 @@ class StudyExperiment:
             answer_by=str(p["answer_by"]),
             folder=self.study.files.trial_folder,
             measured_roles=frozenset(m.role for m in self.study.analysis.measures if m.role),
+            held_answers=frozenset(m.held for m in self.study.analysis.measures if m.held),
         )
 
     @cached_property

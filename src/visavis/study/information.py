@@ -165,6 +165,7 @@ def information_on_page(
     """Return what participants on a page are told is recorded."""
     screening = experiment.study.procedure.screening
     facts = ["agreement", "answers", "course"]
+    facts += ["holding"] if experiment.settings.held_answers else []
     facts += ["films"] if experiment.films else []
     facts += ["moulding"] if experiment.lives else []
     facts += ["card"] if "card" in screening else []
@@ -216,6 +217,8 @@ def facts_in_event(name: str, payload: Mapping[str, Any]) -> frozenset[str]:
         reply = payload["reply"]
         facts |= {"agreement"} if "agreed" in reply or "stop" in reply else {"answers", "course"}
         facts |= {"moulding"} if "renderer" in reply else set()
+        answers = [a for a in (reply.get("answers") or {}).values() if isinstance(a, Mapping)]
+        facts |= {"holding"} if any("released_ms" in answer for answer in answers) else set()
         return frozenset(facts)
     raise KeyError(kind)
 

@@ -156,6 +156,8 @@ class Measure:
     """The role of a scene that it is about, if any."""
     scale: tuple[float, float] | None = None
     """The ends of a rating's scale; figures show the whole of it."""
+    held: str = ""
+    """The answer whose key it times from press to release, if any."""
 
     @property
     def axis(self) -> str:

@@ -36,6 +36,8 @@ class Settings:
     sounds: dict[Path, Sound] = field(default_factory=dict)
     measured_roles: frozenset[str] = frozenset()
     """Roles with a measure: a row names them even if the role is a place."""
+    held_answers: frozenset[str] = frozenset()
+    """Answers of which is measured how long their key is held."""
 
     def sound_of(self, source: Sound | Path) -> Sound:
         """Return what is played; files are read once.

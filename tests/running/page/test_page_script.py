@@ -26,7 +26,15 @@ class Element {
   constructor(tag) { this.tag = tag; this.children = []; this.listeners = {}; this.attributes = {};
     this.classList = { add() {}, remove() {} }; this.style = { setProperty() {} }; }
   addEventListener(name, act) { this.listeners[name] = act; }
-  setAttribute(name, value) { this.attributes[name] = value; }
+  setAttribute(name, value) {
+    this.attributes[name] = value;
+    if (name === "type") this.type = value;
+  }
+  click() {
+    this.listeners.click?.({ detail: 0 });
+    if (!this.checked) this.listeners.change?.({});
+    this.checked = true;
+  }
   append(...more) { this.children.push(...more); }
   replaceChildren(...children) { this.children = children; }
   focus() {}
@@ -43,7 +51,8 @@ const ids = {};
 const listeners = {};
 const on = (name, act) => { (listeners[name] ||= []).push(act); };
 globalThis.document = { getElementById: (id) => (ids[id] ||= new Element(id)), hidden: false,
-  createElement: (tag) => new Element(tag), addEventListener: on, documentElement: {} };
+  createElement: (tag) => new Element(tag), addEventListener: on, removeEventListener() {},
+  documentElement: {} };
 globalThis.addEventListener = on;
 globalThis.scrollTo = () => {};
 globalThis.HTMLVideoElement = class {};
@@ -98,6 +107,11 @@ process.exit(0);
 
 def run_page(folder: Path, choice: str) -> dict[str, Any]:
     """Return what a page sent and showed of somebody who agrees or declines."""
+    return in_node(folder, HOST, choice)
+
+
+def in_node(folder: Path, code: str, argument: str) -> dict[str, Any]:
+    """Return what a host of the page's script prints in Node."""
     node = shutil.which("node")
     if node is None:
         pytest.skip("there is no node; apt install nodejs")
@@ -105,9 +119,9 @@ def run_page(folder: Path, choice: str) -> dict[str, Any]:
         shutil.copyfile(SITE / name, folder / name)
     (folder / "package.json").write_text('{"type": "module"}', "utf-8")
     host = folder / "host.mjs"
-    host.write_text(HOST, "utf-8")
+    host.write_text(code, "utf-8")
     done = subprocess.run(
-        [node, str(host), (folder / "page.js").as_uri(), choice],
+        [node, str(host), (folder / "page.js").as_uri(), argument],
         capture_output=True,
         text=True,
         timeout=60,
@@ -163,6 +177,72 @@ for await (const line of createInterface({ input: process.stdin })) {
   console.log(JSON.stringify(answer));
 }
 """
+
+
+HOLDING = """
+const asked = JSON.parse(process.argv[3]);
+const options = ["1", "2", "3"].map((value) => ({ value, label: value }));
+const question = { name: "lively", kind: "rating", prompt: "?", options, ...asked.question };
+state = { ack: 0, number: 1, step: { kind: "watch", films: [], questions: [question] } };
+await import(process.argv[2]);
+await until(() => listeners.keydown?.length);
+const press = (name, key, code, repeat) => {
+  const event = { key, code, repeat, target: { type: "" }, preventDefault() {} };
+  for (const act of listeners[name]) act(event);
+};
+for (const [name, key, repeat] of asked.keys) {
+  if (name === "wait") await pause(Number(key));
+  else press(name, key, `Digit${key}`, repeat);
+}
+press("keydown", "Enter", "Enter");
+const reply = () => sent.flatMap((s) => s.body.events || []).find((e) => e.kind === "reply");
+await until(reply);
+console.log(JSON.stringify(reply().reply.answers.lively));
+process.exit(0);
+"""
+IS_HELD = {"is_held": True}
+
+
+@pytest.mark.parametrize(
+    ("question", "keys", "option", "held_ms"),
+    [
+        (IS_HELD, [("keydown", "2"), ("wait", "60"), ("keyup", "2")], "2", 60),
+        # A key that repeats is held; another that is down beside it is not the one that answered.
+        (
+            IS_HELD,
+            [
+                ("keydown", "2"),
+                ("keydown", "2", True),
+                ("wait", "60"),
+                ("keyup", "3"),
+                ("keyup", "2"),
+            ],
+            "2",
+            60,
+        ),
+        (IS_HELD, [("keydown", "2")], "2", None),  # the page was left before
+        # What was heard of no release stays unknown when the key is pressed again.
+        (IS_HELD, [("keydown", "2"), ("wait", "20"), ("keydown", "2"), ("keyup", "2")], "2", None),
+        # The answer that counts is the last.
+        (IS_HELD, [("keydown", "1"), ("wait", "20"), ("keyup", "1"), ("keydown", "3")], "3", None),
+        ({}, [("keydown", "2"), ("wait", "20"), ("keyup", "2")], "2", None),  # nobody asked
+    ],
+)
+def test_release_of_the_key_that_answered_is_told_where_it_is_asked_for_and_heard(
+    question: dict[str, Any],
+    keys: list[tuple[Any, ...]],
+    option: str,
+    held_ms: float | None,
+    tmp_path: Path,
+) -> None:
+    code = HOST.partition("await import(")[0] + HOLDING
+    asked = json.dumps({"question": question, "keys": keys})
+    answer = in_node(tmp_path, code, asked)
+    assert (option, "keys") == (answer["option"], answer["by"])
+    if held_ms is None:
+        assert "released_ms" not in answer
+    else:
+        assert held_ms - 1 <= answer["released_ms"] - answer["at_ms"] < 10 * held_ms
 
 
 @pytest.fixture(scope="module")

@@ -70,11 +70,15 @@ class Reply:
 
 @dataclass(frozen=True)
 class PageAnswer:
-    """An answer as the page sent it: its time on the page's clock, and the input it came from."""
+    """An answer as the page sent it: its time on the page's clock, and the input it came from.
+
+    `released_ms` is when its key was released; None where no key, or no release, is known.
+    """
 
     option: str | None
     at_ms: float
     by: str
+    released_ms: float | None = None
 
 
 @dataclass(frozen=True)
@@ -146,7 +150,10 @@ def read_page_answer(response: Response, content: Any) -> PageAnswer:
         raise PageError(f"{response.name}: {option!r} is none of its options")
     if by not in (*WAYS, BY_LIMIT) or (by == BY_LIMIT and not isinstance(response, Slider)):
         raise PageError(f"{response.name}: answered by {by!r}")
-    return PageAnswer(option, number(answer.get("at_ms"), "at_ms"), by)
+    at_ms, released = number(answer.get("at_ms"), "at_ms"), answer.get("released_ms")
+    return PageAnswer(
+        option, at_ms, by, None if released is None else number(released, "released_ms")
+    )
 
 
 def read_film(content: Any) -> FilmPlayback:
@@ -296,6 +303,11 @@ def _check_answer(question: Mapping[str, Any], content: Any, *, is_timed: bool) 
         number(answer.get("at_ms"), "at_ms")
         if answer.get("by") not in (*WAYS, BY_LIMIT):
             raise PageError(f"{name}: answered by {str(answer.get('by'))[:40]!r}")
+        if answer.get("released_ms") is not None:
+            if not question.get("is_held") or answer["by"] != "keys":
+                raise PageError(f"{name}: nobody asked when a key was released")
+            if number(answer["released_ms"], "released_ms") < answer["at_ms"]:
+                raise PageError(f"{name}: its key was released before it was pressed")
         option = answer.get("option")
     if option is None:
         return

@@ -94,7 +94,11 @@ def _perform_action(script: TrialScript, action: Action, files: FilmFiles) -> On
 
 
 def _questions(script: TrialScript, responses: tuple[Response, ...]) -> list[dict[str, Any]]:
-    return [page_question(r, *script.words_of(r)) for r in responses]
+    held = script.settings.held_answers
+    return [
+        page_question(r, *script.words_of(r)) | ({"is_held": True} if r.name in held else {})
+        for r in responses
+    ]
 
 
 def _ask(script: TrialScript, responses: tuple[Response, ...]) -> OnPage:
@@ -259,6 +263,8 @@ def _answers(
         script.row.setdefault("t_start_ns", asked_ns)
         script.take(response, answer)
         script.row[f"{response.name}_ms"] = (answered_ns - asked_ns) / NS_PER_MS
+        released_ms = page_answer.released_ms
+        released_ns = None if released_ms is None else reply.t_ns_of(released_ms)
         yield Mark(
             "answered",
             {
@@ -268,6 +274,7 @@ def _answers(
                 "by": page_answer.by,
                 "asked_ns": asked_ns,
                 "answered_ns": answered_ns,
+                **({} if released_ns is None else {"released_ns": released_ns}),
             },
         )
         answers[response.name] = answer

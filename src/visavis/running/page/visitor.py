@@ -44,6 +44,8 @@ FRAME_MS: Final = 1000.0 / REFRESH_HZ
 PRACTICE_STRETCH: Final = 100_000
 ANSWERED_BY: Final = "keys"
 ANSWERED_BY_MOUSE: Final = "mouse"
+HELD_MS: Final = 80.0
+"""How long a simulated participant holds a key, where that is measured."""
 
 Views = Callable[[Mapping[str, Film]], tuple[SceneFrame, SceneFrame]]
 """Returns the first and the last frame of films by place: what is seen of them."""
@@ -259,6 +261,8 @@ class Visitor:
             if answer is not None and labels:
                 answer = question["options"][labels.index(answer)]["value"]
             answers[question["name"]] = {"option": answer, "at_ms": at_ms, "by": ANSWERED_BY}
+            if question.get("is_held") and labels and answer is not None:
+                answers[question["name"]]["released_ms"] = at_ms + HELD_MS
         self.now_ms = at_ms
         rounds = int((at_ms - first_ms) // round_ms) if round_ms else 0
         shown_s = (at_ms - first_ms) / 1000

@@ -325,6 +325,7 @@ export function questionField(question, index, changed) {
     field,
     controls,
     name: question.name,
+    isHeld: Boolean(question.is_held),
     keys: (question.options || []).map((o) => o.key || ""),
     answer: () => answer,
     isFine: () => {
@@ -477,18 +478,31 @@ const steps = {
     put("watch", step.caption ? paragraph(step.caption, "caption") : null, films, hint,
       ...(fields.length > 8 ? [element("div", { class: "many" }, ...fields)] : fields),
       element("div", { class: "buttons" }, go));
+    // Which answer a key gave that is down. A release that the page does not hear stays unknown.
+    const down = new Map();
+    const release = (e) => {
+      const given = down.get(e.code || e.key);
+      if (given) given.released_ms = performance.now();
+      down.delete(e.code || e.key);
+    };
     const keys = (e) => {
+      if (!e.repeat) down.delete(e.code || e.key);
       if (e.ctrlKey || e.altKey || e.metaKey || /^(textarea|text)$/.test(e.target.type || "")) return;
       const target = questions.find((q) => q.answer() === null) || questions[0];
       const chosen = optionOf(e, target?.keys || []);
-      if (chosen >= 0 && target && isOpen) target.pick(chosen);
-      else if (e.key === "Enter" && !e.repeat && !go.disabled && e.target !== go && e.target.type !== "button") { e.preventDefault(); go.click(); }
+      if (chosen >= 0 && target && isOpen) {
+        const before = target.answer();
+        target.pick(chosen);
+        if (target.isHeld && target.answer() !== before) down.set(e.code || e.key, target.answer());
+      } else if (e.key === "Enter" && !e.repeat && !go.disabled && e.target !== go && e.target.type !== "button") { e.preventDefault(); go.click(); }
     };
     const back = () => { if (!document.hidden && player) player.resume(); };
     document.addEventListener("keydown", keys);
+    document.addEventListener("keyup", release);
     document.addEventListener("visibilitychange", back);
     cleanUp = () => {
       document.removeEventListener("keydown", keys);
+      document.removeEventListener("keyup", release);
       document.removeEventListener("visibilitychange", back);
       if (player) player.end();
       if (figure) figure.close();
