@@ -5,6 +5,8 @@ import json
 import shutil
 import stat
 import zlib
+from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +15,20 @@ import pytest
 from typer.testing import CliRunner
 
 from tests.sessions import opened, perform
+from visavis.analysis.gaze.aoi import LOST
+from visavis.analysis.gaze.looks import measure_trial
 from visavis.cli.app import app
 from visavis.cli.film.stand_in import resting_joints
 from visavis.cli.viewer.bundle import MISSING, Bundle
+from visavis.cli.viewer.content import Times, _fact, _labels
+from visavis.cli.viewer.fixations import fixations_of
 from visavis.cli.viewer.models import LEVEL_OF_MANY, Models
 from visavis.cli.viewer.motion import key_samples, one_way_round
+from visavis.devices.streams import body_schema
 from visavis.protocol.people.exports_register import registered_exports
+from visavis.recording.cached import CachedRecording
 from visavis.recording.folder import study_dir
+from visavis.recording.reader import component_names
 from visavis.running.sessions.study_folder import settle, wanted_settings
 from visavis.stage.card.vertices import person_vertices
 from visavis.stage.errors import StageError
@@ -92,7 +101,8 @@ def test_a_page_holds_every_trial_stream_and_person(page: Path) -> None:
     assert ["T01", "T02", "T03", "T04"] == [t["id"] for t in header["trials"]]
     assert all(t["shown"] for t in header["trials"])
     assert {"gaze", "head", "gaze_targets"} <= {s["name"] for s in header["streams"]}
-    assert 2 == len(header["people"])
+    assert 2 + 1 == len(header["people"])  # the participant, too
+    assert all(scene["participant"] == len(scene["cast"]) - 1 for scene in header["scenes"])
     assert header["simulated"]
 
 
@@ -247,6 +257,157 @@ def test_a_light_mesh_has_the_eyes_last_and_fewer_triangles_where_there_are_many
     light = many.people[0]["light"]
     assert light["index"]["s"][0] < 0.5 * len(built.indices)
     assert light["place"]["s"][0] < 0.5 * len(built.vertices)
+
+
+@pytest.fixture(scope="module")
+def tab(page: Path) -> Iterator[Any]:
+    """The page in a real browser, at a moment of its first trial."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    if CHROMIUM is None:
+        pytest.skip("there is no chromium; apt install chromium")
+    with playwright.sync_playwright() as driver:
+        flags = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=flags)
+        window = browser.new_page(viewport={"width": 1000, "height": 700})
+        problems: list[str] = []
+        window.on("pageerror", lambda error: problems.append(str(error)))
+        window.goto(page.as_uri())
+        window.wait_for_selector("body[data-ready]", timeout=60_000)
+        window.evaluate("viewer.seek(viewer.header.trials.at(-1).t0 + 0.5)")
+        yield window
+        browser.close()
+    assert [] == problems
+
+
+def test_everybody_is_labelled_and_no_label_lies_over_another(tab: Any) -> None:
+    overlapping = """() => { viewer.setCamera('eyes'); viewer.draw(); const b = viewer.boxes;
+        return [viewer.namedPeople, b.filter((p, i) => b.some((q, j) => i !== j && p[0] < q[2]
+        && q[0] < p[2] && p[1] < q[3] && q[1] < p[3])).length]; }"""
+    assert [2, 0] == tab.evaluate(overlapping)
+
+
+def test_labels_of_a_crowded_place_make_way_for_each_other(tab: Any) -> None:
+    """Eleven people whose heads are 5 pixels apart: three of them had labels before."""
+    crowded = """() => { const l = new Labels(viewer.over, 1, 900, 500); let n = 0;
+        for (let k = 0; k < 11; k++) n += l.put('left middle ' + k, 400 + 5 * k, 250, '#fff');
+        return [n, l.boxes.filter((p, i) => l.boxes.some((q, j) => i !== j && p[0] < q[2]
+        && q[0] < p[2] && p[1] < q[3] && q[1] < p[3])).length]; }"""
+    assert [11, 0] == tab.evaluate(crowded)
+
+
+def test_names_of_events_do_not_lie_over_each_other(tab: Any) -> None:
+    named = """() => { viewer.line.show(0, viewer.line.end); viewer.line.draw();
+        return viewer.line.named; }"""
+    spans = tab.evaluate(named)
+    assert all(one[1] < two[0] for one, two in pairwise(spans))
+
+
+def test_no_name_of_code_is_read_on_the_page(tab: Any) -> None:
+    texts = tab.evaluate("""() => [...document.querySelectorAll(
+        '#column option, #column optgroup, #trial td, #said, #layers label')].map(
+        e => e.label || e.textContent)""")
+    assert 50 < len(texts)
+    assert [] == [text for text in texts if "_" in text]
+    assert tab.evaluate("document.querySelector('#trial').textContent").count("NaN") == 0
+
+
+def test_every_canvas_has_a_name(tab: Any) -> None:
+    names = "() => [...document.querySelectorAll('canvas')].map(c => c.getAttribute('aria-label'))"
+    assert all(tab.evaluate(names))
+    assert "T04" in tab.evaluate("document.querySelector('#overlay').getAttribute('aria-label')")
+
+
+def test_time_goes_on_as_fast_as_it_says_however_long_a_picture_takes(tab: Any) -> None:
+    passed = """() => { viewer.play(false); viewer.seek(1); viewer.playing = true;
+        viewer.last = 1000; viewer.tick(1900); viewer.playing = false; const t = viewer.t;
+        viewer.last = undefined; viewer.seek(viewer.header.trials.at(-1).t0 + 0.5); return t; }"""
+    assert pytest.approx(1.9) == tab.evaluate(passed)
+
+
+def test_dwell_fixations_and_latency_of_a_clicked_head_are_those_of_the_analysis(
+    tab: Any, page: Path
+) -> None:
+    folder = next(page.parent.glob("simulated/duel/sub-*/ses-001"))
+    recording = CachedRecording(folder)
+    gaze = recording.stream_arrays("gaze_targets")
+    row = recording.trials().iloc[-1]
+    area = np.where(gaze["valid"], gaze["hit"], LOST)
+    clicked = """k => { viewer.setCamera('eyes'); viewer.draw(); const scene =
+        viewer.sceneAt(viewer.t), agent = scene.data.agents[k], s = $('stage'),
+        view = viewer.view(scene, s.clientWidth, s.clientHeight),
+        p = viewer.project(view, agent.at, s.clientWidth, s.clientHeight);
+        viewer.click(p[0], p[1]);
+        return [viewer.about, viewer.session.measures(viewer.about, viewer.trialAt(viewer.t)),
+        document.getElementById('about').textContent]; }"""
+    compared = 0
+    for k in range(2):
+        about, measured, text = tab.evaluate(clicked, k)
+        assert "person" == about["kind"]
+        wanted = measure_trial(
+            gaze["t_sample_ns"], area, k, int(row["t_start_ns"]), int(row["t_end_ns"])
+        )
+        assert pytest.approx(wanted.dwell_ms, abs=0.1) == 1000 * measured["dwell"]
+        assert wanted.fixation_count == measured["count"]
+        first_ms = None if measured["latency"] is None else 1000 * measured["latency"]
+        assert pytest.approx(wanted.first_fixation_time_ms, abs=0.1) == first_ms
+        assert f"{measured['dwell']:.2f}" in text
+        compared += wanted.dwell_ms > 0
+    assert compared
+
+
+def test_keys_show_fixations_dwell_and_order_and_the_walked_path(tab: Any) -> None:
+    inked = """() => { viewer.setCamera('eyes'); viewer.draw(); const c =
+        document.getElementById('overlay'); return viewer.over.getImageData(0, 0, c.width,
+        c.height).data.reduce((n, v, k) => n + (k % 4 === 3 && v > 0), 0); }"""
+    assert tab.evaluate("viewer.session.fixations(viewer.trialAt(viewer.t)).length") > 1
+    for key, layer in zip("fdnw", ("fixations", "dwell", "order", "walked"), strict=True):
+        before, was_on = tab.evaluate(inked), tab.evaluate(f"viewer.show.{layer}")
+        tab.keyboard.press(key)
+        assert tab.evaluate(f"viewer.show.{layer}") is not was_on
+        if layer in ("fixations", "dwell"):
+            assert tab.evaluate(inked) > before
+        tab.keyboard.press(key)
+
+
+def test_the_pointer_over_a_trial_and_a_head_says_what_they_are(tab: Any) -> None:
+    assert "complete" in tab.evaluate(
+        "(viewer.line.draw(), viewer.line.under(viewer.line.x(viewer.t), 24))"
+    )
+    tab.evaluate("viewer.tip('left: looked at for 1.20 s', 900, 20)")
+    box = tab.locator("#tip").bounding_box()
+    assert box["x"] + box["width"] <= 1000
+
+
+def test_columns_of_a_body_are_called_by_part_and_axis() -> None:
+    field = body_schema(("hips", "left_hand"), 60.0).fields[0]
+    names = component_names("position_m", 6)
+    wanted = [f"{part} {axis} (m)" for part in ("hips", "left hand") for axis in "xyz"]
+    assert wanted == _labels(field, names)
+
+
+def test_instants_of_a_trial_stand_on_the_pages_line_and_other_times_are_milliseconds() -> None:
+    row = {"recording_part": 1, "t_start_ns": 5_000_000_000, "t_end_ns": 9_000_000_000}
+    times = Times({1: -4.0})
+    assert ("start", {"at": 1.0}) == _fact("t_start_ns", 5_000_000_000, row, times)
+    assert ("clock offset (ms)", 2.5) == _fact("clock_offset_ns", 2_500_000, row, times)
+    assert ("look", None) == _fact("look_ns", None, row, times)
+    assert ("place", "left far") == _fact("place", "left_far", row, times)
+
+
+def test_fixations_lie_where_most_of_their_gaze_ended() -> None:
+    """Half a second ahead, a saccade to 20° right, half a second there, then gaze is lost."""
+    t_ns = np.arange(150, dtype=np.int64) * 10_000_000
+    yaw = np.radians(np.clip((np.arange(150) - 60) * 5.0, 0.0, 20.0))
+    direction = np.stack([np.sin(yaw), 0 * yaw, -np.cos(yaw)], axis=1)
+    direction[120:] = np.nan
+    on = np.where(np.arange(150) < 62, "wall", "desk").astype(object)
+    hit = np.where(np.arange(150) < 62, -1, 3)
+    first, second = fixations_of(t_ns, direction, 2.0 * direction, hit, on)
+    assert ("wall", -1, "desk", 3) == (first["on"], first["hit"], second["on"], second["hit"])
+    assert np.allclose([0.0, 0.0, -2.0], first["at"], atol=0.01)
+    assert np.allclose(2.0 * direction[100], second["at"], atol=0.01)
+    assert abs(first["end_ns"] - 600_000_000) < 40_000_000
+    assert abs(second["end_ns"] - 1_200_000_000) < 40_000_000
 
 
 def test_a_file_for_rerun_holds_people_gaze_and_every_column(tmp_path: Path) -> None:

@@ -21,14 +21,10 @@ from visavis.cli.studies import session_of
 from visavis.cli.viewer.content import page_content, trial_lengths_ns
 from visavis.cli.viewer.page import page_of
 from visavis.cli.viewer.rerun_file import write_rerun
-from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import UsageError
 from visavis.recording.cached import CachedRecording
 from visavis.running.sessions.study_folder import study_of_folder
 from visavis.study.cast import use_recorded_cast
-
-MAX_SHOWN_S = 300.0
-"""Seconds of trials on one page; later trials are left out unless they are named."""
 
 
 @app.command()
@@ -40,7 +36,7 @@ def view(
     ] = None,
     trial: Annotated[
         list[str] | None,
-        typer.Option("--trial", help="Show this trial in space; give it again for more."),
+        typer.Option("--trial", help="Show this trial alone in space; give it again for more."),
     ] = None,
     rerun: Annotated[
         Path | None,
@@ -53,9 +49,8 @@ def view(
 ) -> None:
     """Write a page that shows a session again: the scene, gaze, body, contacts, every stream.
 
-    The page is one file that needs no network. Time line, events and streams are the whole
-    session's; of long sessions only the first five minutes of trials are there in space, others
-    with --trial.
+    The page is one file that needs no network and holds every trial; --trial chooses those that
+    are there in space, for a smaller page made in less time.
 
     Example: visavis view data/simulated/stare/sub-S01B/ses-001 --trial T07 -o T07.html
     """
@@ -75,7 +70,7 @@ def view(
     if change_note:
         console.print(f"[yellow]{verbatim(change_note)}[/]", soft_wrap=True)
     lengths = trial_lengths_ns(recording)
-    trial_names, left_out = (trial, []) if trial else _first_of(lengths)
+    trial_names = trial or list(lengths)
     with Progress(console=console, transient=True) as bar:
         line = bar.add_task("looking at trials", total=len(trial_names))
         if rerun is not None:
@@ -98,24 +93,7 @@ def view(
     size_mb = path.stat().st_size / 1e6
     summary = f"{len(trial_names)} of {len(lengths)} trials in space, {size_mb:.1f} MB"
     console.print(f"written [b]{verbatim(path)}[/], {summary}", soft_wrap=True)
-    if left_out:
-        console.print(
-            f"left out in space: {left_out[0]} to {left_out[-1]}; --trial {left_out[0]} shows it",
-            soft_wrap=True,
-        )
     # A page is personal data: protect and register it, so that a withdrawal finds it.
     protect_and_register("page", [session_path], path.parent, [path])
     if show:
         webbrowser.open(path.resolve().as_uri())
-
-
-def _first_of(lengths_ns: dict[str, int]) -> tuple[list[str], list[str]]:
-    """Return the trials that fit into a page, and those that do not."""
-    names: list[str] = []
-    passed_ns = 0
-    for name, length_ns in lengths_ns.items():
-        passed_ns += length_ns
-        if names and passed_ns > MAX_SHOWN_S * NS_PER_S:
-            break
-        names.append(name)
-    return names, list(lengths_ns)[len(names) :]

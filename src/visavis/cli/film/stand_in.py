@@ -59,7 +59,7 @@ class StandIn:
         row = self._row_at(t_ns)
         if row is not None and self._is_under(head, row):
             if self._own is None:
-                self._own = OwnBody(_not_in(picture), self._segments, from_outside=True)
+                self._own = OwnBody(somebody_else(picture), self._segments, from_outside=True)
             self._own.take_row(row)
             picture_with_body = self._own.add_to(picture, head)
             if picture_with_body is not picture:
@@ -88,7 +88,7 @@ class StandIn:
     def _at_rest(self, picture: Picture, t_ns: int, head: Pose) -> Picture:
         if self._rest is None:
             posture = self._posture or posture_of(float(head.position_m[1]))
-            character = _not_in(picture)
+            character = somebody_else(picture)
             character, person = (_seated if posture == "seated" else _standing)(character, head)
             self._rest = character, PeopleMotion((person,))
         character, motion = self._rest
@@ -177,7 +177,7 @@ def _seated(character: Character, head: Pose) -> tuple[Character, Person]:
     return character, person
 
 
-def _not_in(picture: Picture) -> Character:
+def somebody_else(picture: Picture) -> Character:
     """Return a character who plays no other part in a picture."""
     playing = {character.name for character in picture.cast}
     candidates = (default_casting(part) for part in PARTS_TRIED)

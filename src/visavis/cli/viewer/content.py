@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Final
 
@@ -11,10 +11,11 @@ import numpy.typing as npt
 
 from visavis.analysis.session_check import check_session
 from visavis.cli.film.cameras import Cuts, TopologyCamera, style_of
-from visavis.cli.film.stand_in import posture_of, resting_joints
+from visavis.cli.film.stand_in import StandIn, posture_of, resting_joints, somebody_else
 from visavis.cli.recorded_trial import RecordedTrial, factors_of, recorded_trial
 from visavis.cli.session_lanes import lanes_of
 from visavis.cli.viewer.bundle import Bundle
+from visavis.cli.viewer.fixations import ends_m, fixations_of
 from visavis.cli.viewer.models import LEVEL_OF_FEW, LEVEL_OF_MANY, MAX_FEW, Models
 from visavis.cli.viewer.motion import key_samples, one_way_round
 from visavis.cli.viewer.pages import pages_of
@@ -49,6 +50,11 @@ WIDE: Final = 60
 AROUND_NS: Final = NS_PER_S
 """Margin around a shown trial within which every row is kept."""
 MAX_TEXT: Final = 400
+TOLD_ELSEWHERE: Final = frozenset(
+    "recording_part participant participant_index session group part trial_id status attempt "
+    "is_practice".split()
+)
+"""Columns of a trial that the page says in other words."""
 
 
 @dataclass(frozen=True)
@@ -81,12 +87,14 @@ def page_content(
     )
     trials = [] if on_page else [recorded_trial(recording, name) for name in trial_ids]
     samples_by_trial: list[tuple[RecordedTrial, list[Sample]]] = []
+    stand_ins: StandIns = {}
     for k, trial in enumerate(trials):
-        samples_by_trial.append((trial, samples_of(study, trial)))
+        samples = samples_of(study, trial)
+        samples_by_trial.append((trial, with_participant(study, trial, samples, stand_ins)))
         if on_trial is not None:
             on_trial(k + 1, len(trials))
     most = max(
-        (len(s.picture.cast) for _, trial_samples in samples_by_trial for s in trial_samples),
+        (len(s.dressed.cast) for _, trial_samples in samples_by_trial for s in trial_samples),
         default=0,
     )
     models = Models(bundle, level=LEVEL_OF_FEW if most <= MAX_FEW else LEVEL_OF_MANY)
@@ -112,7 +120,7 @@ def page_content(
             _stream(recording, name, bundle, times, trials) for name in recording.stream_names
         ],
         "scenes": scenes,
-        "gazeEnds": _gaze_ends(recording, samples_by_trial, models.level, bundle, times),
+        **_gaze(recording, samples_by_trial, models.level, bundle, times),
         "rest": _at_rest(study, recording, trials),
         "pages": pages,
         "films": films,
@@ -196,9 +204,27 @@ def _trials(
             "practice": bool(row.get("is_practice", False)),
             "attempt": int(row.get("attempt", 1)),
             "factors": {f: _plain(row[f]) for f in factors_of(recording, name) if f in row},
-            "row": {str(k): _plain(v) for k, v in row.items()},
+            "row": [
+                [*_fact(str(k), _plain(v), row, times), str(_plain(v))]
+                for k, v in row.items()
+                if k not in TOLD_ELSEWHERE and k not in factors_of(recording, name)
+            ],
             "shown": name in ids_on_page and last_of[name] == i,
         }
+
+
+def _fact(name: str, value: Any, row: Mapping[Any, Any], times: Times) -> tuple[str, Any]:
+    """Return a value of a trial's row as people read it: instants in the trial on the page's line
+    of seconds, other times in ms, names in words. Missing stays None.
+    """
+    plain_name = name.removeprefix("t_").removesuffix("_ns").replace("_", " ")
+    if not name.endswith("_ns"):
+        return name.replace("_", " "), value.replace("_", " ") if isinstance(value, str) else value
+    if value is None:
+        return plain_name, None
+    if row["t_start_ns"] <= value <= row["t_end_ns"]:
+        return plain_name, {"at": times.s(int(row["recording_part"]), int(value))}
+    return f"{plain_name} (ms)", value / NS_PER_MS
 
 
 def _events(recording: CachedRecording, times: Times) -> Iterator[dict[str, Any]]:
@@ -283,6 +309,7 @@ def _stream(
             {
                 "name": field.name,
                 "of": flat,
+                "labels": _labels(field, flat),
                 "unit": unit,
                 "about": field.description,
                 "v": (
@@ -317,6 +344,18 @@ def _since_arrival_ms(values: npt.NDArray[Any], host_ns: npt.NDArray[Any]) -> Ve
     return apart
 
 
+def _labels(field: Field, names: Sequence[str]) -> list[str]:
+    """Return what people call a field's columns: of several parts the part, then the axis."""
+    unit = "ms" if field.unit == "ns" else field.unit if field.unit not in ("", "1") else ""
+    ending = f" ({unit})" if unit else ""
+    parts = field.description.partition(": ")[2].split()
+    axes = ("w", "x", "y", "z") if field.name.endswith("_wxyz") else ("x", "y", "z")
+    if len(field.shape) == 2 and len(parts) == field.shape[0] and len(axes) == field.shape[1]:
+        return [f"{part.replace('_', ' ')} {axis}{ending}" for part in parts for axis in axes]
+    stem = "after_ms" if field.unit == "ns" else f"_{field.unit}"
+    return [name.removesuffix(stem).strip("_").replace("_", " ") + ending for name in names]
+
+
 def _column_name(field: Field, flat: str) -> str:
     return f"{flat.removesuffix('_ns')}_after_ms" if field.unit == "ns" else flat
 
@@ -331,6 +370,30 @@ class Sample:
     t_ns: int
     picture: Picture
     agents: tuple[Agent, ...]
+    dressed: Picture
+    """The same with the participant in it, last, where somebody can stand in for them."""
+
+
+StandIns = dict[tuple[int, str], StandIn]
+"""Who stands in for the participant, by part of the session and figure: one in many trials, so
+that a page holds that figure once."""
+
+
+def with_participant(
+    study: OpenedStudy, trial: RecordedTrial, samples: Sequence[Sample], stand_ins: StandIns
+) -> list[Sample]:
+    """Return samples with the participant in their pictures, as films from outside show them.
+
+    Whoever was measured from somewhere else than the floor has no figure.
+    """
+    if not samples or not MIN_EYE_M < float(trial.head_at(samples[0].t_ns).position_m[1]):
+        return list(samples)
+    key = trial.part, somebody_else(samples[0].picture).name
+    person = stand_ins.setdefault(key, StandIn(trial, study.study.procedure.posture))
+    return [
+        replace(s, dressed=person.in_picture(s.picture, s.t_ns, trial.head_at(s.t_ns)))
+        for s in samples
+    ]
 
 
 def samples_of(study: OpenedStudy, trial: RecordedTrial) -> list[Sample]:
@@ -340,56 +403,72 @@ def samples_of(study: OpenedStudy, trial: RecordedTrial) -> list[Sample]:
     for t_ns in range(start_ns, end_ns + 1, NS_PER_S // SAMPLES_PER_S):
         moment = trial.shown_at(t_ns)
         view = next(iter(study.views_of(moment)))
-        samples.append(Sample(t_ns, picture_of(view), moment.scene.agents))
+        picture = picture_of(view)
+        samples.append(Sample(t_ns, picture, moment.scene.agents, picture))
     return samples
 
 
-def _gaze_ends(
+def _gaze(
     recording: CachedRecording,
     samples_by_trial: Sequence[tuple[RecordedTrial, list[Sample]]],
     level: int,
     bundle: Bundle,
     times: Times,
-) -> dict[str, Any] | None:
+) -> dict[str, Any]:
     """Return for every sample of gaze in the shown trials its time, how far away it ended, and on
-    what: surfaces as the page draws them. In the dark gaze ends nowhere.
+    what: surfaces as the page draws them (`gazeEnds`); and the trials' `fixations`. In the dark
+    gaze ends nowhere.
     """
     if "gaze_targets" not in recording.stream_names:
-        return None
+        return {"gazeEnds": None, "fixations": []}
     arrays = recording.stream_arrays("gaze_targets")
     when_ns, surfaces = _when_ns("gaze_targets", arrays), Surfaces(level)
     micros: list[int] = []
     far_m: list[float] = []
     things: list[str] = []
+    fixations: list[dict[str, Any]] = []
     for trial, samples in samples_by_trial:
         start_ns, end_ns = trial.span_ns
         rows = np.flatnonzero(
-            (arrays["recording_part"] == trial.part)
-            & arrays["valid"]
-            & (start_ns <= when_ns)
-            & (when_ns <= end_ns)
+            (arrays["recording_part"] == trial.part) & (start_ns <= when_ns) & (when_ns <= end_ns)
         )
+        is_valid = arrays["valid"][rows].astype(bool)
+        origin_m = arrays["origin_world_m"][rows].astype(np.float64)
+        direction = arrays["direction_world"][rows].astype(np.float64)
+        direction[~is_valid] = np.nan
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        trial_ends_m, on = np.full((len(rows), 3), np.nan), np.full(len(rows), "", dtype=object)
         shown = (when_ns[rows] - start_ns + NS_PER_S // (2 * SAMPLES_PER_S)) * SAMPLES_PER_S
         shown = np.minimum(shown // NS_PER_S, len(samples) - 1)
-        for k in np.unique(shown):
-            here, sample = rows[shown == k], samples[k]
+        for k in np.unique(shown[is_valid]):
+            here, sample = np.flatnonzero((shown == k) & is_valid), samples[k]
             if sample.picture.brightness_01 <= 0:
                 continue
-            direction = arrays["direction_world"][here].astype(np.float64)
-            direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-            ends = surfaces.ends(
-                sample.picture, arrays["origin_world_m"][here].astype(np.float64), direction
-            )
-            micros += [round(1e6 * times.s(trial.part, int(t))) for t in when_ns[here]]
+            ends = surfaces.ends(sample.picture, origin_m[here], direction[here])
+            trial_ends_m[here] = ends_m(origin_m[here], direction[here], ends)
+            on[here] = ends.name
+            micros += [round(1e6 * times.s(trial.part, int(t))) for t in when_ns[rows[here]]]
             far_m += ends.distance_m.tolist()
             things += ends.name.tolist()
+        hit = arrays["hit"][rows].astype(np.int64)
+        fixations += [
+            {
+                "t0": times.s(trial.part, one.pop("begin_ns")),
+                "t1": times.s(trial.part, one.pop("end_ns")),
+                **one,
+            }
+            for one in fixations_of(when_ns[rows], direction, trial_ends_m, hit, on)
+        ]
     order = np.argsort(micros, kind="stable")
     kinds, number = np.unique(np.array(things, str), return_inverse=True)
     return {
-        "t": bundle.add(np.diff(np.array(micros, np.int64)[order], prepend=0).astype(np.int32)),
-        "far": bundle.add_quantised(np.array(far_m)[order][:, None]),
-        "on": bundle.add(number[order].astype(np.uint16)),
-        "names": kinds.tolist(),
+        "gazeEnds": {
+            "t": bundle.add(np.diff(np.array(micros, np.int64)[order], prepend=0).astype(np.int32)),
+            "far": bundle.add_quantised(np.array(far_m)[order][:, None]),
+            "on": bundle.add(number[order].astype(np.uint16)),
+            "names": kinds.tolist(),
+        },
+        "fixations": fixations,
     }
 
 
@@ -399,7 +478,8 @@ def _runs(samples: list[Sample]) -> Iterator[list[Sample]]:
     def same(a: Sample, b: Sample) -> bool:
         return (
             a.picture.room is b.picture.room
-            and a.picture.cast is b.picture.cast
+            and len(a.dressed.cast) == len(b.dressed.cast)
+            and all(one is two for one, two in zip(a.dressed.cast, b.dressed.cast, strict=True))
             and [m.prop for m in a.picture.moving] == [m.prop for m in b.picture.moving]
             and a.picture.panels == b.picture.panels
             and [x.agent_id for x in a.agents] == [x.agent_id for x in b.agents]
@@ -420,9 +500,9 @@ def _scene(
     first = samples[0].picture
     n = len(samples)
     # Samples come first in these arrays (samples, people, ...); tracks of keys want people first.
-    root = np.array([s.picture.people.root_m for s in samples])
-    turns = one_way_round(np.array([s.picture.people.orientation_wxyz for s in samples]))
-    morphs = np.array([s.picture.people.morphs_01 for s in samples])
+    root = np.array([s.dressed.people.root_m for s in samples])
+    turns = one_way_round(np.array([s.dressed.people.orientation_wxyz for s in samples]))
+    morphs = np.array([s.dressed.people.morphs_01 for s in samples])
     people = root.shape[1]
     joints = turns.shape[2] if people else 0
     return {
@@ -432,7 +512,8 @@ def _scene(
         "rate": SAMPLES_PER_S,
         "n": n,
         "room": models.room(first.room),
-        "cast": [models.person(c) for c in first.cast],
+        "cast": [models.person(c) for c in samples[0].dressed.cast],
+        "participant": len(first.cast) if len(samples[0].dressed.cast) > len(first.cast) else -1,
         "joints": joints,
         "root": _keys(bundle, root.transpose(1, 0, 2), OFF_BY_M, 1e-3 / 4),
         "turns": _keys(

@@ -73,6 +73,9 @@ async function unpacked(text) {
   return new Content(await new Response(stream).arrayBuffer());
 }
 
+// A code name as people read it.
+const inWords = name => String(name).replaceAll('_', ' ');
+
 // The place of the last element that is at most x, −1 before the first.
 function lastAt(sorted, x) {
   let low = 0, high = sorted.length;

@@ -164,11 +164,18 @@ class Models:
             "light": add(np.rint(127 * np.clip(lit_room.light, 0, 2)).astype(np.uint8)),
             "index": add(lit_room.vertices.indices.astype(np.uint32)),
             "runs": [self._run(run) for run in lit_room.vertices.runs],
+            "things": [_box(prop) for prop in room.props],
             "lamps": [_lamp(light) for light in room.lights],
             "sky": room.sky.tolist(),
             "ground": room.ground.tolist(),
             "background": list(room.background_srgb),
         }
+
+
+def _box(prop: Prop) -> list[Any]:
+    """Return a thing's name, and lowest and highest x, y, z in metres of the box round it."""
+    low, high = prop.mesh.vertices_m.min(axis=0), prop.mesh.vertices_m.max(axis=0)
+    return [prop.name, *([round(float(v), 3) for v in corner] for corner in (low, high))]
 
 
 def _lamp(light: Light) -> dict[str, Any]:

@@ -108,9 +108,10 @@ class Scene {
 // ---- streams ----
 
 class Streams {
-  constructor(content) {
+  constructor(content, header) {
     this.content = content;
-    this.byName = new Map(content.header.streams.map(s => [s.name, s]));
+    this.header = header;
+    this.byName = new Map(header.streams.map(s => [s.name, s]));
     this.times = new Map();
     this.read = new Map();
   }
@@ -167,7 +168,7 @@ class Streams {
 
   // How far from the eyes the sample of gaze of time t ended on what is drawn, and on what.
   endAt(t) {
-    const ends = this.content.header.gazeEnds;
+    const ends = this.header.gazeEnds;
     if (!ends) return {far: NaN, on: ''};
     this.ends ||= {t: this.content.seconds(ends.t), far: this.content.columns(ends.far)[0], on: this.content.flat(ends.on)};
     const i = lastAt(this.ends.t, t + 2e-6);

@@ -2,6 +2,7 @@
 
 const LABEL_PX = 168, ROW_PX = 17, PLOT_PX = 62;
 const LOOKS = ['#f2b134', '#4fb3bf', '#e8756a', '#8fb339', '#b388eb', '#5a9bd8', '#e39ac0', '#c7a17a', '#7fd1ae', '#d9d264', '#9aa7b1', '#f08c3a'];
+const PRACTICE = '#3b4654';
 const STATUS = {complete: '#3f6b4b', damaged: '#8a3a34', interrupted: '#7a5a2a', aborted: '#7a5a2a'};
 
 class Timeline {
@@ -15,7 +16,15 @@ class Timeline {
     this.plots = [];
     this.looks = null;
     this.marks = header.events.filter(e => e.name !== 'scene');
+    this.tip = () => {};
     this.listen();
+  }
+
+  // Show another session's time line, with the same plots where it has their columns.
+  take(header, streams) {
+    Object.assign(this, {header, streams, looks: null, marks: header.events.filter(e => e.name !== 'scene')});
+    this.plots = this.plots.filter(p => streams.byName.get(p.stream)?.columns.some(c => c.of.includes(p.column))).map(({key, stream, column}) => ({key, stream, column}));
+    this.dirty = true;
   }
 
   plot(stream, column) {
@@ -57,8 +66,9 @@ class Timeline {
       drag = {x: at(e), from: this.from, to: this.to, moves: e.shiftKey || e.button === 1};
       if (!drag.moves && at(e) > LABEL_PX) this.seek(this.time(at(e)));
     });
+    c.addEventListener('pointerleave', () => this.tip(''));
     c.addEventListener('pointermove', e => {
-      if (!drag) return;
+      if (!drag) { this.tip(this.under(at(e), e.clientY - c.getBoundingClientRect().top), e.clientX, e.clientY); return; }
       if (drag.moves) {
         const by = (at(e) - drag.x) / (this.width - LABEL_PX - 8) * (drag.to - drag.from);
         this.show(drag.from - by, drag.to - by);
@@ -72,6 +82,22 @@ class Timeline {
       } else this.zoom(Math.exp(0.0015 * e.deltaY), this.time(at(e)));
       e.preventDefault();
     }, {passive: false});
+  }
+
+  // What lies at a place of the time line, in words.
+  under(x, y) {
+    if (x < LABEL_PX || y < 20) return '';
+    const t = this.time(x), row = this.rows()[Math.floor((y - 20) / (ROW_PX + 2))], near = 4 * (this.to - this.from) / this.width;
+    const within = spans => spans.find(([a, b]) => t >= a - near && t <= b + near);
+    if (!row) return '';
+    if (row.name === 'trials') {
+      const trial = this.header.trials.find(one => t >= one.t0 && t < one.t1);
+      return trial ? `${trial.id}${trial.practice ? ' (practice)' : ''}, ${trial.status}: ${Object.values(trial.factors).map(inWords).join(', ')}` : '';
+    }
+    if (row.name === 'looks at') return this.whom().filter(([, spans]) => within(spans)).map(([name, spans]) => `${inWords(name)} for ${(within(spans)[1] - within(spans)[0]).toFixed(2)} s`).join(', ');
+    if (row.name === 'events') return this.marks.filter(e => Math.abs(e.t - t) <= near).slice(0, 6).map(e => `${clockText(e.t)} ${inWords(e.name)} ${e.text}`.slice(0, 160)).join('\n');
+    const span = within(this.header.lanes.find(l => l.name === row.name)?.spans || []);
+    return span ? `${row.name} ${(span[1] - span[0]).toFixed(2)} s ${span[2]}` : '';
   }
 
   // Whom gaze was on: [name, spans] for everybody who was ever looked at.
@@ -102,7 +128,7 @@ class Timeline {
   rows() {
     const rows = [{name: 'trials', draw: (c, y) => this.drawTrials(c, y)}];
     if (this.whom().length) rows.push({name: 'looks at', draw: (c, y) => {
-      this.whom().forEach(([name, spans], k) => this.spans(c, y, spans, LOOKS[k % LOOKS.length], name));
+      this.whom().forEach(([name, spans], k) => this.spans(c, y, spans, LOOKS[k % LOOKS.length], inWords(name)));
     }});
     for (const lane of this.header.lanes)
       rows.push({name: lane.name, draw: (c, y) => this.spans(c, y, lane.spans, lane.kind === 'contact' ? '#ff6b5e' : '#5ec8ff')});
@@ -144,7 +170,9 @@ class Timeline {
     }
     this.width = width;
     this.height = height;
-    const g = this.g;
+    const g = this.g, style = getComputedStyle(document.documentElement), own = name => style.getPropertyValue(name).trim();
+    this.ink = {row: own('--panel'), edge: own('--edge'), quiet: own('--quiet'), text: own('--text')};
+    c.setAttribute('aria-label', `Time line from ${clockText(this.from, 0)} to ${clockText(this.to, 0)} minutes: ${rows.map(r => r.name).join(', ')}` + (this.plots.length ? `, plots of ${this.plots.map(p => inWords(p.column)).join(', ')}` : ''));
     g.setTransform(ratio, 0, 0, ratio, 0, 0);
     g.clearRect(0, 0, width, height);
     g.font = '11px system-ui, sans-serif';
@@ -152,7 +180,7 @@ class Timeline {
     this.axis(g);
     let y = 20;
     for (const row of rows) {
-      g.fillStyle = '#1f2124';
+      g.fillStyle = this.ink.row;
       g.fillRect(LABEL_PX, y, width - LABEL_PX - 8, ROW_PX);
       this.name(g, row.name, y + ROW_PX / 2);
       g.save();
@@ -173,7 +201,12 @@ class Timeline {
     }));
   }
 
-  name(g, text, y, colour = '#a2a6ad') {
+  labelOf(plot) {
+    const field = this.streams.byName.get(plot.stream).columns.find(c => c.of.includes(plot.column));
+    return field.labels[field.of.indexOf(plot.column)];
+  }
+
+  name(g, text, y, colour = this.ink.quiet) {
     g.fillStyle = colour;
     g.textAlign = 'right';
     let shown = text;
@@ -186,8 +219,8 @@ class Timeline {
     const span = this.to - this.from, raw = span / Math.max(2, (this.width - LABEL_PX) / 90);
     const steps = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 3600];
     const step = steps.find(s => s >= raw) || 3600;
-    g.fillStyle = '#a2a6ad';
-    g.strokeStyle = '#34373c';
+    g.fillStyle = this.ink.quiet;
+    g.strokeStyle = this.ink.edge;
     for (let t = Math.ceil(this.from / step) * step; t <= this.to; t += step) {
       const x = this.x(t);
       g.beginPath(); g.moveTo(x, 14); g.lineTo(x, this.height); g.stroke();
@@ -200,11 +233,11 @@ class Timeline {
     for (const trial of this.header.trials) {
       const a = this.x(trial.t0), b = this.x(trial.t1);
       if (b < LABEL_PX || a > this.width) continue;
-      g.fillStyle = trial.practice ? '#3b4654' : STATUS[trial.status] || '#4a4d52';
+      g.fillStyle = trial.practice ? PRACTICE : STATUS[trial.status] || '#4a4d52';
       g.globalAlpha = trial.shown ? 1 : 0.45;
       g.fillRect(a, y, Math.max(1, b - a - 1), ROW_PX);
       g.globalAlpha = 1;
-      const label = trial.id + (trial.status === 'complete' ? '' : ' ' + trial.status) + '  ' + Object.values(trial.factors).join(' ');
+      const label = trial.id + (trial.status === 'complete' ? '' : ' ' + trial.status) + '  ' + Object.values(trial.factors).map(inWords).join(' ');
       const left = Math.max(a, LABEL_PX) + 4, room = Math.min(b, this.width) - left - 2;
       if (room > 18) this.fitText(g, label, left, y + ROW_PX / 2, room, '#e6e7e9');
     }
@@ -233,31 +266,33 @@ class Timeline {
   }
 
   drawEvents(g, y) {
-    let free = -1;
-    for (const e of this.marks) {
-      if (/_(begin|end)$/.test(e.name) && this.header.lanes.length) continue; // they have lanes
-      const x = this.x(e.t);
-      if (x < LABEL_PX - 100 || x > this.width) continue;
-      g.fillStyle = eventColour(e.name);
-      g.fillRect(x, y, 1.5, ROW_PX);
-      const width = g.measureText(e.name).width;
-      if (x + 4 > free) { g.fillText(e.name, x + 4, y + ROW_PX / 2); free = x + width + 12; }
-    }
+    const shown = this.marks.filter(e => !(/_(begin|end)$/.test(e.name) && this.header.lanes.length)).map(e => ({e, x: this.x(e.t)}))
+      .filter(one => one.x >= LABEL_PX && one.x <= this.width);
+    for (const {e, x} of shown) { g.fillStyle = eventColour(e.name, this.ink); g.fillRect(x, y, 1.5, ROW_PX); }
+    // A name stands where no other event's mark or name is in its way; the pointer over it tells the others.
+    this.named = [];
+    shown.forEach(({e, x}, k) => {
+      const text = inWords(e.name), end = x + 4 + g.measureText(text).width, next = shown[k + 1];
+      if (next && next.x < end + 3) return;
+      g.fillStyle = eventColour(e.name, this.ink);
+      g.fillText(text, x + 4, y + ROW_PX / 2);
+      this.named.push([x, end]);
+    });
   }
 
   drawPlot(g, plot, y, k) {
     const {values, times} = this.of(plot);
     const width = this.width - LABEL_PX - 8;
-    g.fillStyle = '#1f2124';
+    g.fillStyle = this.ink.row;
     g.fillRect(LABEL_PX, y, width, PLOT_PX);
     const first = Math.max(0, lastAt(times, this.from)), last = Math.min(times.length - 1, lastAt(times, this.to) + 1);
     let low = Infinity, high = -Infinity;
     for (let i = first; i <= last; i++) if (values[i] < low) low = values[i];
     for (let i = first; i <= last; i++) if (values[i] > high) high = values[i];
     const colour = LOOKS[(k + 5) % LOOKS.length];
-    this.name(g, plot.stream, y + 9);
-    this.name(g, plot.column, y + 23, colour);
-    g.fillStyle = '#a2a6ad';
+    this.name(g, inWords(plot.stream), y + 9);
+    this.name(g, this.labelOf(plot), y + 23, colour);
+    g.fillStyle = this.ink.quiet;
     g.fillText('×', LABEL_PX - 160, y + 9);
     this.closers.push({x: LABEL_PX - 157, y: y + 9, k});
     if (!(high >= low)) { g.fillText('no value here', LABEL_PX + 8, y + PLOT_PX / 2); return; }
@@ -286,18 +321,17 @@ class Timeline {
       open = true;
     }
     g.stroke();
-    g.fillStyle = '#a2a6ad';
+    g.fillStyle = this.ink.quiet;
     g.fillText(shortNumber(high), LABEL_PX + 3, y + 8);
     g.fillText(shortNumber(low), LABEL_PX + 3, y + PLOT_PX - 8);
     g.restore();
   }
 }
 
-function eventColour(name) {
+function eventColour(name, ink) {
   if (/flag|note|lost|fault|stall|problem|interrupt|missed/.test(name)) return '#ff6b5e';
   if (/calibration|validation/.test(name)) return '#8fb339';
-  if (/trial|block|session|break/.test(name)) return '#8b9099';
-  return '#d6d8db';
+  return /trial|block|session|break/.test(name) ? ink.quiet : ink.text;
 }
 function clockText(t, digits = 2) {
   const rounded = Math.max(0, t), minutes = Math.floor((rounded + 0.5 * 10 ** -digits) / 60);

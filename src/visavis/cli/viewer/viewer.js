@@ -2,24 +2,31 @@
 
 const $ = id => document.getElementById(id);
 const LAYERS = [['gaze', 'gaze (G)', true], ['areas', 'areas of interest (O)', true], ['heat', 'heat map of gaze (H)', false],
-  ['path', 'path of gaze, 2 s (P)', false], ['body', 'head, hands, body (B)', true], ['labels', 'labels (L)', true],
+  ['path', 'path of gaze, 2 s (P)', false], ['fixations', 'fixations (F)', false], ['dwell', 'dwell: spheres by its time (D)', false],
+  ['order', 'order of fixations (N)', false], ['walked', 'walked path (W)', true],
+  ['body', 'participant (B)', true], ['bones', 'measured joints (M)', false], ['labels', 'labels (L)', true],
   ['room', 'room', true], ['people', 'people', true], ['light', 'keep the light on', false]];
-const KEY_OF = {g: 'gaze', o: 'areas', h: 'heat', p: 'path', b: 'body', l: 'labels'};
+const KEY_OF = {g: 'gaze', o: 'areas', h: 'heat', p: 'path', f: 'fixations', d: 'dwell', n: 'order', w: 'walked', b: 'body', m: 'bones', l: 'labels'};
+const GAZE = '#ffbe28';
+const MANY = 24; // of more people only those near enough are labelled
+const CLICK_PX = 4, NEAR_PX = 12;
 const CAMERAS = ['free', 'eyes', 'follow', 'above', 'topology'];
 const CEILING_M = 2.7;
 const SHARES = [1, 0.75, 0.5], ON_TIME_MS = 20, LATE_MS = 30;
+const AWAY_S = 2; // a pause of the browser this long was no slow picture: the page was not seen
 const TELL_MS = 100; // between two times that words beside the picture change while it moves, where the processor draws
 const REST_MS = 300; // after which people are drawn in full where the processor draws
 
 class Viewer {
   constructor(content) {
     this.content = content;
-    const header = this.header = content.header;
-    this.streams = new Streams(content);
+    const of = content.header.sessions || [content.header];
+    this.sessions = of.map((h, k) => new Session(content, h, of.length > 1 ? LOOKS[k % LOOKS.length] : GAZE));
+    this.picked = -1; // of several sessions the one that is looked at alone
+    this.hover = null;
+    const header = this.header;
     this.drawing = new Drawing($('picture'), content);
-    this.scenes = new Map();
     this.pages = new Pages(content, () => { this.dirty = true; });
-    this.shown = header.scenes;
     this.show = Object.fromEntries(LAYERS.map(([name, , on]) => [name, on]));
     this.t = header.scenes[0]?.t0 ?? header.pages[0]?.t0 ?? header.trials[0]?.t0 ?? 0;
     this.playing = false; this.speed = 1;
@@ -35,6 +42,7 @@ class Viewer {
     this.page();
     this.listen();
     this.startView();
+    this.line.tip = (text, x, y) => this.tip(text, x, y);
     const options = new URLSearchParams(location.hash.slice(1));
     if (options.get('t')) this.seek(Number(options.get('t')));
     const named = this.header.trials.findLast(s => s.t0 !== null && s.id === options.get('trial'));
@@ -52,13 +60,23 @@ class Viewer {
 
   // ---- where we are ----
 
-  sceneAt(t) {
-    const data = this.shown.find(s => t >= s.t0 && t < s.t1);
-    if (!data) return null;
-    if (!this.scenes.has(data)) this.scenes.set(data, new Scene(this.content, data));
-    return this.scenes.get(data);
+  get session() { return this.sessions[Math.max(0, this.picked)]; } // whose place is drawn
+  get header() { return this.session.header; }
+  get streams() { return this.session.streams; }
+  get seen() { return this.picked < 0 ? this.sessions : [this.session]; } // whose gaze is drawn
+  sceneAt(t) { return this.session.sceneAt(t); }
+  trialAt(t) { return this.session.trialAt(t); }
+
+  // Look at one of several sessions, or at all of them together (−1).
+  pick(k) {
+    this.picked = k < 0 || k >= this.sessions.length ? -1 : k;
+    this.line.take(this.header, this.streams);
+    this.heatOf = this.panelTrial = undefined;
+    this.tellSession();
+    this.tellAbout();
+    this.markPicked();
+    this.dirty = true;
   }
-  trialAt(t) { return this.header.trials.find(s => t >= s.t0 && t < s.t1); }
 
   seek(t) {
     this.moveMs = performance.now();
@@ -164,7 +182,8 @@ class Viewer {
   // ---- one picture ----
 
   tick(now) {
-    const elapsedS = Math.min(0.25, (now - (this.last || now)) / 1000);
+    // Time goes on however long a picture took, so that 1× is 1×; not while nobody saw the page.
+    const sinceS = (now - (this.last || now)) / 1000, elapsedS = sinceS > AWAY_S ? 0 : sinceS;
     this.last = now;
     // How late pictures come is the time until the browser asks again after one, whatever moves time.
     if (this.timed && elapsedS > 0) this.pace += 0.2 * (1000 * elapsedS - this.pace);
@@ -199,7 +218,7 @@ class Viewer {
     if (scene) scene.pose(t);
     const view = this.view(scene, width, height);
     const light = scene ? this.show.light ? 1 : scene.brightness(t) : 1;
-    const room = scene ? this.header.rooms[scene.data.room] : null;
+    const room = scene ? this.content.header.rooms[scene.data.room] : null;
     const d = this.drawing;
     const share = quick ? this.share() : 1;
     this.timed = quick;
@@ -209,14 +228,14 @@ class Viewer {
       // A camera that stands still sees the same room again.
       const isThere = quick && d.drawCached([scene.data.room, this.show.room, light, ...view.projection].join(), Math.round(width * share), Math.round(height * share), drawRoom);
       if (this.show.people && scene.data.cast.length) {
-        const visible = this.inView(scene, view);
+        const visible = this.inView(scene, view).filter(i => i !== scene.data.participant || this.show.body && this.camera !== 'eyes');
         if (quick) (scene.quick ||= new QuickPeople(d, scene.data.cast)).draw(visible, scene, view, share * height, room, light);
         else d.drawPeople(scene.data.cast, visible, scene.bones, scene.data.joints, scene.shapes, view.projection, room, light);
       }
       if (!isThere) drawRoom();
       d.drawThings(scene.data.moving.map(m => ({mesh: m.mesh, model: modelMatrix(m.at, m.turn), glow: m.glow})), view.projection, room, light);
     }
-    if (this.show.body) d.drawThings(this.bodyThings(), view.projection, null, 1);
+    d.drawThings(this.bodyThings(scene), view.projection, null, 1);
     const step = this.pages.at(t);
     if (step) this.drawPage(step, width, height);
     else this.drawOver(scene, view, width, height, light);
@@ -245,7 +264,9 @@ class Viewer {
     return Object.fromEntries(Object.entries(joints).map(([name, p]) => [name, add(rotate(turn, p), [head.at[0], 0, head.at[2]])]));
   }
 
-  bodyThings() {
+  // The participant's headset, and their joints: all where asked for or where nobody stands in for them, else those that feel something.
+  bodyThings(scene) {
+    const isDressed = !!scene && scene.data.participant >= 0, bare = this.show.bones || this.show.body && !isDressed;
     const out = [], t = this.t, head = this.streams.headAt(t);
     const body = this.streams.has('body') ? this.streams.at('body', 'position_m', t, 0.3) : null;
     const felt = new Map();
@@ -256,15 +277,17 @@ class Viewer {
       return [0.78, 0.8, 0.84];
     };
     const outside = this.camera !== 'eyes';
+    if (!this.show.body && !this.show.bones) return out;
     const at = body && this.segments.length * 3 === body.length
       ? Object.fromEntries(this.segments.map((name, k) => [name, body.slice(3 * k, 3 * k + 3)])) : outside ? this.atRest(head) : null;
     if (at) {
+      const isFelt = name => [...felt.keys()].some(role => role.includes(name));
       const good = p => p && !p.some(Number.isNaN);
       const bones = [];
       const chains = [['hips', 'spine', 'chest', 'upper_chest', 'neck', 'head'],
         ...['left', 'right'].flatMap(s => [['upper_chest', s + '_shoulder', s + '_upper_arm', s + '_lower_arm', s + '_hand'].map((n, i) => i ? n : at.upper_chest ? n : 'chest'),
           ['hips', s + '_upper_leg', s + '_lower_leg', s + '_foot', s + '_toes']])];
-      for (const chain of chains) {
+      if (bare) for (const chain of chains) {
         const there = chain.filter(n => good(at[n]));
         for (let k = 1; k < there.length; k++) bones.push([there[k - 1], there[k]]);
       }
@@ -275,12 +298,12 @@ class Viewer {
         const thick = /leg|thigh|shin|spine|chest|hips/.test(a + b) ? 0.05 : 0.032;
         out.push({solid: 'rod', model: spanning(at[a], at[b], thick), paint: colour(part)});
       }
-      for (const [name, p] of Object.entries(at)) if (good(p) && name !== 'head')
+      for (const [name, p] of Object.entries(at)) if (good(p) && name !== 'head' && (bare || isFelt(name)))
         out.push({solid: 'ball', model: modelMatrix(p, [1, 0, 0, 0], Array(3).fill(/hand/.test(name) ? 0.05 : 0.045)), paint: colour(name)});
     }
     if (head && outside) {
       const middle = add(head.at, rotate(head.turn, [0, 0.02, 0.09]));
-      out.push({solid: 'ball', model: modelMatrix(middle, head.turn, [0.078, 0.115, 0.095]), paint: [0.8, 0.72, 0.62]});
+      if (!isDressed || !this.show.body) out.push({solid: 'ball', model: modelMatrix(middle, head.turn, [0.078, 0.115, 0.095]), paint: [0.8, 0.72, 0.62]});
       out.push({solid: 'box', model: modelMatrix(add(head.at, rotate(head.turn, [0, 0, -0.02])), head.turn, [0.17, 0.09, 0.07]), paint: [0.12, 0.13, 0.15]});
     }
     return out;
@@ -297,36 +320,34 @@ class Viewer {
     if (c.width !== width || c.height !== height) { c.width = width; c.height = height; }
     const g = this.over, ratio = width / Math.max(1, $('stage').clientWidth), t = this.t;
     g.clearRect(0, 0, width, height);
-    const agents = scene ? scene.data.agents : [], gaze = this.streams.gazeAt(t);
+    const agents = scene ? scene.data.agents : [], gaze = this.streams.gazeAt(t), trial = this.trialAt(t);
+    const labels = new Labels(g, ratio, width, height);
+    this.rings = [];
     const at = p => this.project(view, p, width, height);
     const scale = height / (2 * view.top);
     g.font = `${12 * ratio}px system-ui, sans-serif`;
     g.textAlign = 'center';
     if (scene && scene.data.mark && light <= 0.5) this.dot(g, at(scene.data.mark), 3 * ratio, '#ddd');
     if (this.show.heat && scene) this.drawHeat(g, scene, at, scale, ratio);
+    if (this.show.walked) for (const one of this.seen) this.drawWalked(g, one, at, ratio);
+    const named = [];
     if (this.show.areas && light > 0) agents.forEach((agent, k) => {
       const p = at(agent.at);
       if (!p) return;
-      const r = agent.radius / p[2] * scale, isHit = gaze && gaze.valid && gaze.hit === k;
+      const r = agent.radius / p[2] * scale, isHit = this.seen.length === 1 && gaze && gaze.valid && gaze.hit === k;
       g.beginPath(); g.arc(p[0], p[1], r, 0, 7);
       g.lineWidth = (isHit ? 2.5 : 1) * ratio;
-      g.strokeStyle = isHit ? '#ffbe28' : 'rgba(255,255,255,.45)';
+      g.strokeStyle = isHit ? GAZE : 'rgba(255,255,255,.45)';
       g.stroke();
-      if (this.show.labels && (isHit || r > 14 * ratio)) this.label(g, agent.place || agent.id, p[0], p[1] - r - 8 * ratio, isHit ? '#ffbe28' : '#ddd', ratio);
+      if (isHit || agents.length <= MANY || r > 14 * ratio) named.push({text: inWords(agent.place || agent.id), x: p[0], y: p[1] - r - 8 * ratio, colour: isHit ? GAZE : '#ddd', far: isHit ? 0 : p[2]});
     });
-    if (this.show.path) this.drawPath(g, scene, at, ratio);
-    if (this.show.gaze && gaze && gaze.valid) {
-      const end = gazeEnd(gaze), a = at(add(gaze.from, gaze.along, 0.1)), b = at(end);
-      if (this.camera !== 'eyes' && a && b) {
-        g.strokeStyle = 'rgba(255,190,40,.9)';
-        g.lineWidth = 2 * ratio;
-        g.beginPath(); g.moveTo(a[0], a[1]); g.lineTo(b[0], b[1]); g.stroke();
-      }
-      // In the air in front of nothing there is nothing to ring, but for their own eyes.
-      if (b && (!Number.isNaN(gaze.far) || this.camera === 'eyes')) this.ring(g, b, 9 * ratio, ratio);
-      if (b && this.show.labels && gaze.on && gaze.hit < 0) this.label(g, gaze.on.replaceAll('_', ' '), b[0], b[1] + 24 * ratio, '#ffbe28', ratio);
-    }
-    if (this.show.gaze && gaze && !gaze.valid) this.label(g, 'gaze lost', width / 2, height - 16 * ratio, '#ff6b5e', ratio);
+    if (this.show.path) for (const one of this.seen) this.drawPath(g, one, at, ratio);
+    for (const one of this.seen) if (trial) this.drawFixations(g, one, one.trialAt(t) || trial, at, scale, ratio, labels);
+    if (this.show.gaze) for (const one of this.seen) this.drawGaze(g, one, at, ratio, width, height, labels);
+    // Whoever is looked at and the nearest come first: the others' labels make way.
+    this.namedPeople = 0;
+    if (this.show.labels) for (const n of named.sort((a, b) => a.far - b.far)) if (labels.put(n.text, n.x, n.y, n.colour)) this.namedPeople++;
+    this.boxes = labels.boxes;
     if (this.show.body && this.streams.has('pointer')) {
       const p = this.streams.at('pointer', 'position_m', t, 0.2), q = this.streams.at('pointer', 'orientation_wxyz', t, 0.2), ok = this.streams.at('pointer', 'valid', t, 0.2);
       if (p && q && ok && ok[0] > 0.5) {
@@ -346,41 +367,111 @@ class Viewer {
     g.closePath();
     g.fillStyle = 'rgba(20,22,26,.85)'; g.fill();
     const x = corners.reduce((s, p) => s + p[0], 0) / 4, y = corners.reduce((s, p) => s + p[1], 0) / 4;
-    this.label(g, panel.text, x, y - 8 * ratio, '#fff', ratio);
-    this.label(g, panel.choices.map((c, k) => k === panel.lit ? `[${c}]` : c).join('   '), x, y + 12 * ratio, '#ccc', ratio);
+    writeOn(g, panel.text, x, y - 8 * ratio, '#fff', ratio);
+    writeOn(g, panel.choices.map((c, k) => k === panel.lit ? `[${c}]` : c).join('   '), x, y + 12 * ratio, '#ccc', ratio);
   }
 
   dot(g, p, r, colour) { if (p) { g.fillStyle = colour; g.beginPath(); g.arc(p[0], p[1], r, 0, 7); g.fill(); } }
-  ring(g, p, r, ratio) {
-    for (const [by, colour] of [[1.5 * ratio, 'rgba(20,20,20,.8)'], [0, '#ffbe28']]) {
+  ring(g, p, r, ratio, own = GAZE) {
+    for (const [by, colour] of [[1.5 * ratio, 'rgba(20,20,20,.8)'], [0, own]]) {
       g.strokeStyle = colour; g.lineWidth = 2.5 * ratio;
       g.beginPath(); g.arc(p[0], p[1], r + by, 0, 7); g.stroke();
     }
   }
-  label(g, text, x, y, colour, ratio) {
-    g.lineWidth = 3 * ratio; g.strokeStyle = 'rgba(0,0,0,.75)'; g.strokeText(text, x, y);
-    g.fillStyle = colour; g.fillText(text, x, y);
+
+  drawGaze(g, one, at, ratio, width, height, labels) {
+    const gaze = one.streams.gazeAt(this.t), alone = this.seen.length === 1;
+    if (!gaze) return;
+    if (!gaze.valid) { if (alone) writeOn(g, 'gaze lost', width / 2, height - 16 * ratio, '#ff6b5e', ratio); return; }
+    const a = at(add(gaze.from, gaze.along, 0.1)), b = at(gazeEnd(gaze));
+    if (this.camera !== 'eyes' && a && b) {
+      g.strokeStyle = one.colour;
+      g.globalAlpha = alone ? 0.9 : 0.35;
+      g.lineWidth = (alone ? 2 : 1) * ratio;
+      g.beginPath(); g.moveTo(a[0], a[1]); g.lineTo(b[0], b[1]); g.stroke();
+      g.globalAlpha = 1;
+    }
+    if (!b) return;
+    // In the air in front of nothing there is nothing to ring, but for their own eyes.
+    if (!Number.isNaN(gaze.far) || this.camera === 'eyes') {
+      this.ring(g, b, 9 * ratio, ratio, one.colour);
+      this.rings.push({k: this.sessions.indexOf(one), x: b[0] / ratio, y: b[1] / ratio});
+    }
+    if (!this.show.labels) return;
+    if (!alone) labels.put(one.label, b[0], b[1] + 20 * ratio, one.colour);
+    else if (gaze.on && gaze.hit < 0) labels.put(inWords(gaze.on), b[0], b[1] + 22 * ratio, GAZE);
   }
 
-  // Rows of gaze between two times, and where each fell.
-  fell(from, to, scene, every = 1) {
-    if (!this.streams.has('gaze_targets')) return [];
-    const times = this.streams.t('gaze_targets'), origin = this.streams.field('gaze_targets', 'origin_world_m');
-    const along = this.streams.field('gaze_targets', 'direction_world'), valid = this.streams.field('gaze_targets', 'valid')[0];
-    const hit = this.streams.field('gaze_targets', 'hit')[0], out = [];
-    for (let i = Math.max(0, lastAt(times, from)); i < times.length && times[i] <= to; i += every) {
-      if (!(valid[i] > 0.5) || Number.isNaN(along[0][i])) { out.push(null); continue; }
-      out.push({t: times[i], hit: hit[i], at: gazeEnd({from: origin.map(c => c[i]), along: along.map(c => c[i]), ...this.streams.endAt(times[i])})});
+  drawWalked(g, one, at, ratio) {
+    const trial = one.trialAt(this.t);
+    if (!trial) return;
+    let before = null;
+    g.lineWidth = 2.5 * ratio;
+    g.strokeStyle = one.colour;
+    for (const point of one.walked(trial)) {
+      const p = at(point.at);
+      if (p && before) {
+        g.globalAlpha = point.t <= this.t ? 0.9 : 0.3;
+        g.beginPath(); g.moveTo(before[0], before[1]); g.lineTo(p[0], p[1]); g.stroke();
+      }
+      before = p;
     }
-    return out;
+    g.globalAlpha = 1;
   }
+
+  // Fixations of a trial, those to come faint: discs by their length, a line from each to the next, their numbers;
+  // and spheres whose area is the time spent on what they lie on.
+  drawFixations(g, one, trial, at, scale, ratio, labels) {
+    const fixations = one.fixations(trial);
+    if (this.show.dwell) this.drawDwell(g, one, fixations, at, ratio, labels);
+    if (!this.show.fixations && !this.show.order) return;
+    let before = null;
+    fixations.forEach((f, k) => {
+      const p = at(f.at);
+      if (!p) { before = null; return; }
+      g.globalAlpha = f.t0 <= this.t ? 0.95 : 0.3;
+      g.strokeStyle = g.fillStyle = one.colour;
+      g.lineWidth = 1.5 * ratio;
+      if (before) { g.beginPath(); g.moveTo(before[0], before[1]); g.lineTo(p[0], p[1]); g.stroke(); }
+      const r = ratio * Math.min(22, 4 + 12 * Math.sqrt(f.t1 - f.t0));
+      g.beginPath(); g.arc(p[0], p[1], r, 0, 7);
+      g.globalAlpha *= 0.45; g.fill(); g.globalAlpha /= 0.45; g.stroke();
+      if (this.show.order) writeOn(g, String(k + 1), p[0], p[1], '#fff', ratio);
+      before = p;
+    });
+    g.globalAlpha = 1;
+  }
+
+  drawDwell(g, one, fixations, at, ratio, labels) {
+    const sums = new Map();
+    for (const f of fixations) {
+      const key = one.keyOf(f.hit, f.on, f.t0);
+      if (!key) continue;
+      const id = key.kind + key.name, sum = sums.get(id) || {key, s: 0, at: [0, 0, 0]};
+      const s = f.t1 - f.t0;
+      sum.s += s;
+      sum.at = sum.at.map((v, a) => v + s * f.at[a]);
+      sums.set(id, sum);
+    }
+    for (const sum of [...sums.values()].sort((a, b) => b.s - a.s)) {
+      const p = at(sum.at.map(v => v / sum.s));
+      if (!p) continue;
+      g.globalAlpha = 0.4;
+      g.fillStyle = one.colour;
+      g.beginPath(); g.arc(p[0], p[1], 18 * ratio * Math.sqrt(sum.s), 0, 7); g.fill();
+      g.globalAlpha = 1;
+      if (this.show.labels && this.seen.length === 1) labels.put(`${inWords(sum.key.name)} ${sum.s.toFixed(2)} s`, p[0], p[1] + 26 * ratio, '#fff');
+    }
+  }
+
+  fell(from, to) { return this.session.fell(from, to); }
 
   drawHeat(g, scene, at, scale, ratio) {
     const key = scene.data.t0;
     if (this.heatOf !== key) {
       this.heatOf = key;
       const cells = new Map();
-      for (const f of this.fell(scene.data.t0, scene.data.t1, scene)) {
+      for (const f of this.seen.flatMap(one => one.fell(scene.data.t0, scene.data.t1))) {
         if (!f) continue;
         const id = f.at.map(v => Math.round(v / 0.04)).join();
         const cell = cells.get(id) || {at: f.at, n: 0};
@@ -404,18 +495,20 @@ class Viewer {
     g.globalCompositeOperation = 'source-over';
   }
 
-  drawPath(g, scene, at, ratio) {
-    const points = this.fell(this.t - 2, this.t, scene);
+  drawPath(g, one, at, ratio) {
+    const points = one.fell(this.t - 2, this.t);
     g.lineWidth = 1.5 * ratio;
     let before = null;
     points.forEach((f, k) => {
       const p = f && at(f.at);
       if (p && before) {
-        g.strokeStyle = `rgba(120,220,255,${0.15 + 0.8 * k / points.length})`;
+        g.strokeStyle = this.sessions.length > 1 ? one.colour : '#78dcff';
+        g.globalAlpha = 0.15 + 0.8 * k / points.length;
         g.beginPath(); g.moveTo(before[0], before[1]); g.lineTo(p[0], p[1]); g.stroke();
       }
       before = p;
     });
+    g.globalAlpha = 1;
   }
 
   // ---- words ----
@@ -426,13 +519,16 @@ class Viewer {
     $('said').classList.toggle('on-page', !!step);
     const recent = this.line.marks.filter(e => e.t <= this.t && e.t > this.t - 1.5).slice(-4);
     const felt = this.header.lanes.filter(l => l.spans.some(([a, b]) => this.t >= a && this.t < Math.max(b, a + 0.08))).map(l => l.name);
-    $('said').textContent = [...recent.map(e => e.name), ...felt].join('\n');
+    $('said').textContent = [...recent.map(e => inWords(e.name)), ...felt].join('\n');
     const dark = scene && light <= 0;
     $('nothing').style.display = step || scene && !dark ? 'none' : 'grid';
-    $('nothing').textContent = dark ? 'dark' : trial ? trial.shown ? '' : `${trial.id} is not in this page in space\nvisavis view … --trial ${trial.id}` : 'between trials';
+    $('nothing').textContent = dark ? 'dark' : trial ? trial.shown ? '' : `${trial.id} is not in this page in space\nvisavis view … --trial ${trial.id}`
+      : `between trials: . goes to the next`;
     const key = trial ? trial.id + trial.t0 : '';
     if (key !== this.panelTrial) { this.panelTrial = key; this.tellTrial(trial); }
     this.tellEvents();
+    const place = trial ? `trial ${trial.id} at ${(this.t - trial.t0).toFixed(1)} s` : 'between trials';
+    $('overlay').setAttribute('aria-label', `The scene, ${place}, camera ${inWords(this.camera)}` + (this.session.streams.gazeAt(this.t)?.on ? `, gaze on ${inWords(this.session.streams.gazeAt(this.t).on)}` : ''));
   }
 
   tellTrial(trial) {
@@ -440,15 +536,15 @@ class Viewer {
     box.replaceChildren();
     if (!trial) { box.textContent = 'between trials'; return; }
     const rows = [['trial', trial.id + (trial.practice ? ' (practice)' : '')], ['status', trial.status], ['attempt', trial.attempt],
-      ...Object.entries(trial.factors), ...Object.entries(trial.row).filter(([k, v]) => v !== null && !(k in trial.factors) && !/^(recording_part|participant|participant_index|session|group|part|trial_id|status|attempt|is_practice)$/.test(k))];
+      ...Object.entries(trial.factors).map(([name, value]) => [inWords(name), inWords(value), String(value)]), ...trial.row.filter(([, value]) => value !== null && value !== '')];
     const table = document.createElement('table');
-    for (const [name, value] of rows) {
+    for (const [name, value, raw] of rows) {
       const row = table.insertRow();
       row.insertCell().textContent = name;
       const cell = row.insertCell();
-      cell.textContent = typeof value === 'number' && !Number.isInteger(value) ? shortNumber(value) : /_ns$/.test(name) ? clockText(value / 1e9, 3)
-        : /_sha256$/.test(name) ? String(value).slice(0, 12) + ' …' : String(value);
-      cell.title = String(value);
+      cell.textContent = value !== null && typeof value === 'object' ? clockText(value.at, 3) : typeof value === 'number' && !Number.isInteger(value) ? shortNumber(value)
+        : typeof value === 'boolean' ? value ? 'yes' : 'no' : / sha256$/.test(name) ? String(value).slice(0, 12) + ' …' : String(value);
+      cell.title = raw ?? String(value);
     }
     box.append(table);
   }
@@ -466,7 +562,25 @@ class Viewer {
   }
 
   page() {
+    for (const [name, text] of LAYERS) {
+      const label = document.createElement('label'), box = document.createElement('input');
+      box.type = 'checkbox';
+      box.checked = this.show[name];
+      box.id = 'layer-' + name;
+      box.onchange = () => { this.show[name] = box.checked; this.dirty = true; };
+      label.append(box, ' ' + text);
+      $('layers').append(label);
+    }
+    this.tellSession();
+    this.legend();
+  }
+
+  // What the page says of the session that is looked at.
+  tellSession() {
     const h = this.header;
+    for (const id of ['findings', 'column']) $(id).replaceChildren(...(id === 'column' ? [$(id).firstElementChild] : []));
+    $('events').replaceChildren();
+    this.panelEvent = undefined;
     $('badge').textContent = h.simulated ? 'SIMULATED' : '';
     const worst = h.findings.some(f => f.level === 'red') ? 'red' : h.findings.some(f => f.level === 'amber') ? 'amber' : 'green';
     const off = h.findings.filter(f => f.level !== 'green');
@@ -486,33 +600,24 @@ class Viewer {
       if (trial) { p.style.cursor = 'pointer'; p.onclick = () => { this.seek(trial.t0); this.line.show(trial.t0 - 1, trial.t1 + 1); }; }
       $('findings').append(div);
     }
-    for (const [name, text] of LAYERS) {
-      const label = document.createElement('label'), box = document.createElement('input');
-      box.type = 'checkbox';
-      box.checked = this.show[name];
-      box.id = 'layer-' + name;
-      box.onchange = () => { this.show[name] = box.checked; this.dirty = true; };
-      label.append(box, ' ' + text);
-      $('layers').append(label);
-    }
     for (const stream of h.streams) {
       if (!stream.t.s[0]) continue;
       const group = document.createElement('optgroup');
-      group.label = `${stream.name} (${stream.rows} rows)`;
-      for (const field of stream.columns) for (const column of field.of) {
+      group.label = `${inWords(stream.name)} (${stream.rows} rows)`;
+      for (const field of stream.columns) field.of.forEach((column, k) => {
         const option = document.createElement('option');
         option.value = JSON.stringify([stream.name, column]);
-        option.textContent = column + (field.unit && field.unit !== '1' ? ` (${field.unit})` : '');
-        option.title = field.about;
+        option.textContent = field.labels[k];
+        option.title = `${column}: ${field.about}`;
         group.append(option);
-      }
+      });
       $('column').append(group);
     }
     this.eventTimes = this.line.marks.map(e => e.t);
     this.eventButtons = this.line.marks.map(e => {
       const button = document.createElement('button'), time = document.createElement('time');
       time.textContent = clockText(e.t);
-      button.append(time, ` ${e.name} `);
+      button.append(time, ` ${inWords(e.name)} `);
       const text = document.createElement('span');
       text.textContent = e.text;
       text.style.color = 'var(--quiet)';
@@ -524,9 +629,103 @@ class Viewer {
     $('events').append(...this.eventButtons);
   }
 
+  // What colours and shapes mean; of several sessions who they are, to be picked out.
+  legend() {
+    const box = $('legend');
+    if (this.sessions.length > 1) {
+      const all = [...this.sessions.map((one, k) => [one.label, one.colour, k, Object.values(one.header.trials[0]?.factors || {}).map(inWords).join(', ')]), ['all together', '', -1, 'the place drawn is that of ' + this.sessions[0].label]];
+      box.replaceChildren(...all.map(([name, colour, k, note]) => {
+        const button = document.createElement('button'), quiet = document.createElement('small');
+        button.className = 'who';
+        button.dataset.k = k;
+        if (colour) button.append(swatch(colour));
+        quiet.textContent = note;
+        button.append(name, ' ', quiet);
+        button.onclick = () => { this.pick(k); button.blur(); };
+        return button;
+      }));
+      this.markPicked();
+      return;
+    }
+    const lines = [[GAZE, 'gaze: where it ends on what is drawn; area it is on'], ['#d8d8d8', 'area of interest'], ['#78dcff', 'path of gaze, 2 s'],
+      ...this.header.lanes.some(l => l.kind === 'contact') ? [['#ff6b5e', 'contact']] : [], ...this.header.lanes.some(l => l.kind !== 'contact') ? [['#5ec8ff', 'vibration']] : [],
+      [STATUS.complete, 'trial: complete'], [STATUS.damaged, 'trial: damaged'], [STATUS.interrupted, 'trial: interrupted or aborted'], [PRACTICE, 'trial: practice']];
+    const seen = new Set(this.header.trials.map(t => t.practice ? 'practice' : t.status));
+    box.replaceChildren(...lines.filter(([, text]) => !text.startsWith('trial: ') || [...seen].some(s => text.includes(s))).map(([colour, text]) => {
+      const line = document.createElement('div');
+      line.append(swatch(colour), text);
+      return line;
+    }));
+  }
+
+  markPicked() {
+    for (const button of document.querySelectorAll('.who')) button.setAttribute('aria-pressed', String(Number(button.dataset.k) === this.picked));
+  }
+
   defaultPlots() {
     const has = (s, c) => this.streams.has(s) && this.streams.byName.get(s).columns.some(f => f.of.includes(c));
     for (const [s, c] of [['gaze', 'left_pupil_mm'], ['head', 'position_z_m']]) if (has(s, c)) this.line.plot(s, c);
+  }
+
+  // What lies under a point of the stage: a ring of gaze, a person, a thing; null for nothing.
+  under(x, y) {
+    const scene = this.sceneAt(this.t), stage = $('stage'), width = stage.clientWidth, height = stage.clientHeight;
+    const ring = (this.rings || []).find(r => Math.hypot(r.x - x, r.y - y) < NEAR_PX);
+    if (ring && this.sessions.length > 1) return {session: ring.k, text: `gaze of ${this.sessions[ring.k].label}`};
+    if (!scene || this.pages.at(this.t)) return null;
+    const view = this.view(scene, width, height);
+    const along = unit(rotate(view.turn, [(2 * x / width - 1) * view.top * view.aspect, (1 - 2 * y / height) * view.top, -1]));
+    const key = metBy(scene, this.content.header, view.at, along);
+    if (!key) return null;
+    const m = this.session.measures(key, this.trialAt(this.t));
+    return {key, text: inWords(key.name) + (m ? m.dwell > 0 ? `: looked at for ${m.dwell.toFixed(2)} s` : ': not looked at' : '')};
+  }
+
+  click(x, y) {
+    const there = this.under(x, y);
+    if (there && there.session !== undefined) { this.pick(there.session === this.picked ? -1 : there.session); return; }
+    this.about = there ? there.key : null;
+    this.tellAbout();
+  }
+
+  // Dwell, fixations and latency on what was clicked, here and of everybody on the page.
+  tellAbout() {
+    const box = $('about'), key = this.about;
+    $('about-box').hidden = !key;
+    if (!key) return;
+    $('about-box').open = true;
+    const table = document.createElement('table'), head = table.createTHead().insertRow();
+    const own = this.sessions.length > 1;
+    for (const text of [own ? 'who' : 'trial', 'dwell (s)', 'fixations', 'first after (s)']) { const th = document.createElement('th'); th.textContent = text; head.append(th); }
+    const body = table.createTBody(), now = this.trialAt(this.t), rows = [];
+    const measured = own ? this.sessions.map(one => ({name: one.label, m: one.measures(key, one.trialAt(this.t) || one.header.trials[0]), is: one === this.session && this.picked >= 0, k: this.sessions.indexOf(one)}))
+      : this.header.trials.filter(trial => trial.shown).map(trial => ({name: trial.id, m: this.session.measures(key, trial), is: trial === now, t: trial.t0}));
+    for (const one of measured) if (one.m) rows.push(one);
+    const mean = pick => { const v = rows.map(r => pick(r.m)).filter(n => n !== null); return v.length ? v.reduce((a, b) => a + b, 0) / v.length : null; };
+    const write = (name, m, strong) => {
+      const row = body.insertRow();
+      if (strong) row.className = 'now';
+      for (const text of [name, m.dwell === null ? '–' : m.dwell.toFixed(2), m.count === null ? '–' : Number.isInteger(m.count) ? m.count : m.count.toFixed(1), m.latency === null ? '–' : m.latency.toFixed(2)]) row.insertCell().textContent = text;
+      return row;
+    };
+    for (const one of rows) {
+      const row = write(one.name, one.m, one.is);
+      row.onclick = () => { if (own) this.pick(one.k); else this.seek(one.t); };
+    }
+    if (rows.length > 1) write(own ? 'mean of all' : 'mean of trials', {dwell: mean(m => m.dwell), count: mean(m => m.count), latency: mean(m => m.latency)}, false).className = 'mean';
+    const title = document.createElement('p');
+    title.textContent = `${inWords(key.name)}${key.kind === 'person' ? ' (head)' : ''}`;
+    box.replaceChildren(title, rows.length ? table : 'no gaze was recorded');
+  }
+
+  tip(text, x = 0, y = 0) {
+    const tip = $('tip');
+    tip.hidden = !text;
+    if (!text) return;
+    tip.textContent = text;
+    const box = tip.getBoundingClientRect();
+    tip.style.left = Math.max(4, Math.min(innerWidth - box.width - 4, x + 14)) + 'px';
+    tip.style.top = Math.max(4, y + 18 + box.height > innerHeight ? y - box.height - 8 : y + 18) + 'px';
   }
 
   // ---- hands on it ----
@@ -571,15 +770,20 @@ class Viewer {
     $('fit-trial').onclick = () => { const t = this.trialAt(this.t); if (t) this.line.show(t.t0 - 0.5, t.t1 + 0.5); };
     $('help-button').onclick = () => $('help').showModal();
     addEventListener('keydown', e => this.key(e));
-    addEventListener('keyup', e => this.pressedKeys.delete(e.key.toLowerCase()));
+    addEventListener('keyup', e => { if (e.key === 'Shift') this.pressedKeys.clear(); else this.pressedKeys.delete(e.key.toLowerCase()); });
     addEventListener('blur', () => this.pressedKeys.clear());
     const over = $('overlay');
     let drag = null;
     over.addEventListener('contextmenu', e => e.preventDefault());
-    over.addEventListener('pointerdown', e => { over.setPointerCapture(e.pointerId); drag = [e.clientX, e.clientY, e.button === 2 || e.shiftKey]; });
-    over.addEventListener('pointerup', () => { drag = null; });
+    let down = null;
+    const isClick = e => down && Math.hypot(e.clientX - down[0], e.clientY - down[1]) < CLICK_PX;
+    over.addEventListener('pointerdown', e => { over.setPointerCapture(e.pointerId); down = [e.clientX, e.clientY]; drag = [...down, e.button === 2 || e.shiftKey]; });
+    over.addEventListener('pointerup', e => { if (drag && isClick(e)) this.click(e.offsetX, e.offsetY); drag = null; });
+    over.addEventListener('pointerleave', () => this.tip(''));
     over.addEventListener('pointermove', e => {
-      if (!drag) return;
+      if (!drag) { const there = this.under(e.offsetX, e.offsetY); this.tip(there ? there.text : '', e.clientX, e.clientY); return; }
+      if (isClick(e)) return;
+      this.tip('');
       this.moveMs = performance.now();
       const dx = e.clientX - drag[0], dy = e.clientY - drag[1];
       drag = [e.clientX, e.clientY, drag[2]];
@@ -607,7 +811,8 @@ class Viewer {
   key(e) {
     if (e.ctrlKey || e.metaKey || e.altKey || $('help').open || /SELECT|INPUT/.test(e.target.tagName) && e.key !== ' ') return;
     const key = e.key.toLowerCase();
-    if (key === ' ') this.play();
+    if (e.shiftKey && 'wasdqe'.includes(key) && key.length === 1) { this.toFree(); this.pressedKeys.add(key); }
+    else if (key === ' ') this.play();
     else if (key === 'arrowleft') this.seek(this.t - (e.shiftKey ? 1 : 0.05));
     else if (key === 'arrowright') this.seek(this.t + (e.shiftKey ? 1 : 0.05));
     else if (key === ',') this.step(-1);
@@ -618,10 +823,18 @@ class Viewer {
     else if (key === '-') this.line.zoom(1 / 0.7);
     else if (key === '0') this.line.show(0, this.line.end);
     else if (key === '?') $('help').showModal();
-    else if ('wasdqe'.includes(key) && key.length === 1) { this.toFree(); this.pressedKeys.add(key); }
+    else if (key === ']' && this.sessions.length > 1) this.pick(this.picked + 1);
+    else if (key === '[' && this.sessions.length > 1) this.pick(this.picked < 0 ? this.sessions.length - 1 : this.picked - 1);
+    else if (key === 'escape') { this.about = null; this.pick(-1); }
     else return;
     e.preventDefault();
   }
+}
+
+function swatch(colour) {
+  const mark = document.createElement('i');
+  mark.style.background = colour;
+  return mark;
 }
 
 const startMs = performance.now();

@@ -1,0 +1,59 @@
+"""Fixations of trials in space: when, how long, and where on what is drawn."""
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.analysis.gaze.events import IVT_HEADSET, detect_ivt
+from visavis.stimuli.surfaces import RayEnds
+
+MIN_SAMPLES = 3
+"""Fewer samples show no rate."""
+
+
+def fixations_of(
+    t_ns: npt.NDArray[np.int64],
+    direction: npt.NDArray[np.float64],
+    end_m: npt.NDArray[np.float64],
+    hit: npt.NDArray[np.integer],
+    on: npt.NDArray[np.object_],
+) -> list[dict[str, Any]]:
+    """Return fixations in order, by velocity with the thresholds for headsets.
+
+    For n samples in order: `direction` (n, 3) in world, NaN where gaze was lost; `end_m` (n, 3)
+    where it ended, NaN where nowhere; `hit` (n,) the agent whose area it was in, −1 for none; `on`
+    (n,) the name of what it ended on. A fixation lies at the median of its ends, on what most of
+    its samples were on; one that ends nowhere is left out.
+    """
+    _, rows = np.unique(t_ns, return_index=True)
+    if len(rows) < MIN_SAMPLES:
+        return []
+    detected = detect_ivt(t_ns[rows], direction[rows], IVT_HEADSET)
+    fixations = []
+    for k in range(len(detected)):
+        here = rows[detected.first_row[k] : detected.last_row[k] + 1]
+        ended = np.isfinite(end_m[here]).all(axis=1)
+        if not ended.any():
+            continue
+        agents, things = Counter(hit[here][ended].tolist()), Counter(on[here][ended].tolist())
+        fixations.append(
+            {
+                "begin_ns": int(detected.onset_ns[k]),
+                "end_ns": int(detected.onset_ns[k] + detected.duration_ns[k]),
+                "at": [round(float(v), 4) for v in np.median(end_m[here][ended], axis=0)],
+                "hit": agents.most_common(1)[0][0],
+                "on": things.most_common(1)[0][0],
+            }
+        )
+    return fixations
+
+
+def ends_m(
+    origin_m: npt.NDArray[np.float64], direction: npt.NDArray[np.float64], ends: RayEnds
+) -> npt.NDArray[np.float64]:
+    """Return where rays (n, 3) end, (n, 3) in metres; NaN where they meet nothing."""
+    far_m = np.where(np.isfinite(ends.distance_m), ends.distance_m, np.nan)
+    places: npt.NDArray[np.float64] = origin_m + far_m[:, None] * direction
+    return places
