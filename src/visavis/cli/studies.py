@@ -266,9 +266,9 @@ def session_of(path: Path, config: Path | None, participant: str = "") -> Path:
         return path
     sessions = sessions_of(folder_of(path, config))
     if participant:
-        mine = [s for s in sessions if means_label(participant, _label(s))]
+        mine = [s for s in sessions if means_label(participant, label_of_session(s))]
         if not mine:
-            labels = ", ".join(dict.fromkeys(map(_label, sessions)))
+            labels = ", ".join(dict.fromkeys(map(label_of_session, sessions)))
             raise UsageError(f"{participant} has no session there; there are {labels}")
         return mine[-1]
     return max(sessions, key=lambda s: read_manifest(s).created_wall_iso)
@@ -291,5 +291,6 @@ def require_session(path: Path) -> None:
     )
 
 
-def _label(session: Path) -> str:
+def label_of_session(session: Path) -> str:
+    """Return whose session a folder holds, by its place."""
     return session.parent.name.removeprefix("sub-")

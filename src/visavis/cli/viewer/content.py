@@ -86,23 +86,63 @@ def page_content(
         pages_of(study, recording, trial_ids, bundle, times.s, on_trial) if on_page else ([], [])
     )
     trials = [] if on_page else [recorded_trial(recording, name) for name in trial_ids]
-    samples_by_trial: list[tuple[RecordedTrial, list[Sample]]] = []
+    samples_by_trial = samples_in_space(study, trials, on_trial)
+    models = models_for(bundle, samples_by_trial)
+    return {
+        **session_content(study, recording, samples_by_trial, models, bundle, times),
+        "trials": list(_trials(recording, times, set(trial_ids))),
+        "events": list(_events(recording, times)),
+        "findings": _findings(recording),
+        "lanes": _lanes(recording, times, list(times.offset_s)),
+        "streams": [
+            _stream(recording, name, bundle, times, trials) for name in recording.stream_names
+        ],
+        "pages": pages,
+        "films": films,
+        **drawn(models),
+    }, bundle
+
+
+SamplesByTrial = Sequence[tuple[RecordedTrial, list["Sample"]]]
+
+
+def samples_in_space(
+    study: OpenedStudy,
+    trials: Sequence[RecordedTrial],
+    on_trial: Callable[[int, int], None] | None,
+) -> SamplesByTrial:
+    """Return what was shown in each of a session's trials, with the participant in it."""
     stand_ins: StandIns = {}
+    samples_by_trial = []
     for k, trial in enumerate(trials):
         samples = samples_of(study, trial)
         samples_by_trial.append((trial, with_participant(study, trial, samples, stand_ins)))
         if on_trial is not None:
             on_trial(k + 1, len(trials))
-    most = max(
-        (len(s.dressed.cast) for _, trial_samples in samples_by_trial for s in trial_samples),
-        default=0,
-    )
-    models = Models(bundle, level=LEVEL_OF_FEW if most <= MAX_FEW else LEVEL_OF_MANY)
-    scenes = [
-        _scene(trial, samples, models, bundle, times)
-        for trial, trial_samples in samples_by_trial
-        for samples in _runs(trial_samples)
-    ]
+    return samples_by_trial
+
+
+def models_for(bundle: Bundle, samples_by_trial: SamplesByTrial) -> Models:
+    """Return the models of a page; many people in one place are drawn at their lightest."""
+    casts = (len(s.dressed.cast) for _, samples in samples_by_trial for s in samples)
+    level = LEVEL_OF_FEW if max(casts, default=0) <= MAX_FEW else LEVEL_OF_MANY
+    return Models(bundle, level=level)
+
+
+def drawn(models: Models) -> dict[str, Any]:
+    """Return the part of a header that says what scenes are drawn with."""
+    return {"people": models.people, "rooms": models.rooms, "textures": models.textures}
+
+
+def session_content(
+    study: OpenedStudy,
+    recording: CachedRecording,
+    samples_by_trial: SamplesByTrial,
+    models: Models,
+    bundle: Bundle,
+    times: Times,
+) -> dict[str, Any]:
+    """Return a header's part about one session: whose it is, its scenes and gaze in space."""
     manifest = recording.manifest
     return {
         "study": manifest.study,
@@ -112,22 +152,43 @@ def page_content(
         "status": recording.status,
         "created": manifest.created_wall_iso,
         "version": manifest.provenance.packages.get("visavis", ""),
-        "trials": list(_trials(recording, times, set(trial_ids))),
-        "events": list(_events(recording, times)),
-        "findings": _findings(recording),
-        "lanes": _lanes(recording, times),
-        "streams": [
-            _stream(recording, name, bundle, times, trials) for name in recording.stream_names
+        "scenes": [
+            _scene(trial, samples, models, bundle, times)
+            for trial, trial_samples in samples_by_trial
+            for samples in _runs(trial_samples)
         ],
-        "scenes": scenes,
         **_gaze(recording, samples_by_trial, models.level, bundle, times),
-        "rest": _at_rest(study, recording, trials),
-        "pages": pages,
-        "films": films,
-        "people": models.people,
-        "rooms": models.rooms,
-        "textures": models.textures,
-    }, bundle
+        "rest": _at_rest(study, recording, [trial for trial, _ in samples_by_trial]),
+    }
+
+
+def trial_content(
+    recording: CachedRecording, trial: RecordedTrial, bundle: Bundle, times: Times
+) -> dict[str, Any]:
+    """Return a header's part about one trial alone: its row, events, lanes and rows of streams."""
+    name = str(trial.row["trial_id"])
+    begin_s, end_s = (times.s(trial.part, t_ns) for t_ns in trial.span_ns)
+    rows = [row for row in _trials(recording, times, {name}) if row["shown"]]
+    lanes = _lanes(recording, times, [trial.part])
+    return {
+        "trials": rows,
+        "events": [
+            event
+            for event in _events(recording, times)
+            if event["part"] == trial.part and begin_s <= event["t"] <= end_s
+        ],
+        "findings": None,
+        "lanes": [
+            {**lane, "spans": [s for s in lane["spans"] if s[1] >= begin_s and s[0] <= end_s]}
+            for lane in lanes
+        ],
+        "streams": [
+            _stream(recording, stream, bundle, times, [trial], alone=True)
+            for stream in recording.stream_names
+        ],
+        "pages": [],
+        "films": [],
+    }
 
 
 def _at_rest(
@@ -235,7 +296,7 @@ def _events(recording: CachedRecording, times: Times) -> Iterator[dict[str, Any]
         text = "" if name == "scene" else json.dumps(payload, ensure_ascii=False, default=str)
         if len(text) > MAX_TEXT:
             text = text[:MAX_TEXT] + " …"
-        yield {"t": times.s(part, int(t_ns)), "name": name, "text": text}
+        yield {"t": times.s(part, int(t_ns)), "part": part, "name": name, "text": text}
 
 
 def _findings(recording: CachedRecording) -> list[dict[str, Any]]:
@@ -246,15 +307,14 @@ def _findings(recording: CachedRecording) -> list[dict[str, Any]]:
     ]
 
 
-def _lanes(recording: CachedRecording, times: Times) -> list[dict[str, Any]]:
-    """Return what touched and what vibrated, all parts in one lane."""
+def _lanes(recording: CachedRecording, times: Times, parts: Sequence[int]) -> list[dict[str, Any]]:
+    """Return what touched and what vibrated, all these parts in one lane."""
     lane_by_name: dict[str, dict[str, Any]] = {}
-    for part in recording.manifest.parts:
-        for lane in lanes_of(recording, part.number):
+    for part in parts:
+        for lane in lanes_of(recording, part):
             empty_lane = {"name": lane.name, "kind": lane.kind, "role": lane.role, "spans": []}
             lane_by_name.setdefault(lane.name, empty_lane)["spans"] += [
-                [times.s(part.number, a), times.s(part.number, b), text]
-                for a, b, text in lane.spans
+                [times.s(part, a), times.s(part, b), text] for a, b, text in lane.spans
             ]
     return list(lane_by_name.values())
 
@@ -275,17 +335,21 @@ def _stream(
     bundle: Bundle,
     times: Times,
     trials: Sequence[RecordedTrial],
+    *,
+    alone: bool = False,
 ) -> dict[str, Any]:
-    """Pack a stream: all rows, or every n-th row and all rows of the shown trials."""
+    """Pack a stream: all rows, or every n-th row and all rows of the shown trials; or these
+    trials `alone`.
+    """
     arrays = recording.stream_arrays(name)
     schema = recording.stream_schema(name)
     fields = () if schema is None else schema.fields
     width = sum(int(np.prod(f.shape)) for f in fields)
     n = len(arrays["recording_part"])
     every = max(1, -(-n // (MAX_ROWS_OF_WIDE if width > WIDE else MAX_ROWS)))
-    is_kept = np.arange(n) % every == 0
+    is_kept = np.zeros(n, bool) if alone else np.arange(n) % every == 0
     when_ns = _when_ns(name, arrays)
-    for trial in trials if every > 1 else ():
+    for trial in trials if every > 1 or alone else ():
         start_ns, end_ns = trial.span_ns
         is_kept |= (
             (arrays["recording_part"] == trial.part)

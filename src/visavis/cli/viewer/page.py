@@ -13,7 +13,9 @@ _HERE = Path(__file__).parent
 
 def page_of(header: dict[str, Any], bundle: Bundle) -> str:
     """Return the file's text."""
-    title = f"{header['study']} {header['participant']} session {header['session']}"
+    title = header.get("title") or (
+        f"{header['study']} {header['participant']} session {header['session']}"
+    )
     mark = " (simulated)" if header["simulated"] else ""
     page = (_HERE / "page.html").read_text(encoding="utf-8")
     return (

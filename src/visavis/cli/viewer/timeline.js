@@ -17,12 +17,14 @@ class Timeline {
     this.looks = null;
     this.marks = header.events.filter(e => e.name !== 'scene');
     this.tip = () => {};
+    matchMedia('(prefers-color-scheme: light)').addEventListener('change', () => { this.viewKey = ''; this.dirty = true; });
     this.listen();
   }
 
   // Show another session's time line, with the same plots where it has their columns.
   take(header, streams) {
     Object.assign(this, {header, streams, looks: null, marks: header.events.filter(e => e.name !== 'scene')});
+    this.viewKey = '';
     this.plots = this.plots.filter(p => streams.byName.get(p.stream)?.columns.some(c => c.of.includes(p.column))).map(({key, stream, column}) => ({key, stream, column}));
     this.dirty = true;
   }

@@ -582,13 +582,15 @@ class Viewer {
     $('events').replaceChildren();
     this.panelEvent = undefined;
     $('badge').textContent = h.simulated ? 'SIMULATED' : '';
-    const worst = h.findings.some(f => f.level === 'red') ? 'red' : h.findings.some(f => f.level === 'amber') ? 'amber' : 'green';
-    const off = h.findings.filter(f => f.level !== 'green');
+    const findings = h.findings || []; // of one trial of many sessions check says nothing
+    const worst = findings.some(f => f.level === 'red') ? 'red' : findings.some(f => f.level === 'amber') ? 'amber' : 'green';
+    const off = findings.filter(f => f.level !== 'green');
+    $('findings-box').hidden = !h.findings;
     $('verdict').className = worst;
-    $('verdict').textContent = `${h.status}${off.length ? `, ${off.length} ${off.length === 1 ? 'deviation' : 'deviations'}` : ', nothing found by check'}`;
+    $('verdict').textContent = !h.findings ? '' : `${h.status}${off.length ? `, ${off.length} ${off.length === 1 ? 'deviation' : 'deviations'}` : ', nothing found by check'}`;
     $('n-findings').textContent = off.length ? `(${off.length})` : '';
     $('findings-box').open = off.length > 0;
-    for (const f of [...off, ...h.findings.filter(f => f.level === 'green')]) {
+    for (const f of [...off, ...findings.filter(f => f.level === 'green')]) {
       const div = document.createElement('div'), p = document.createElement('p'), dot = document.createElement('span');
       div.className = 'finding';
       dot.className = f.level;
