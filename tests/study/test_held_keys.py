@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from visavis.running.page.steps import PageError, PageStep, check_reply, page_question
+from visavis.running.page.replies import check_reply
+from visavis.running.page.steps import PageError, PageStep, page_question
 from visavis.running.scripts import simulate
 from visavis.study.held_keys import key_held
 from visavis.study.measures import TrialRecord

@@ -209,6 +209,12 @@ class StudyPerson(Observer):
         if any(a > 0 for a in amplitudes_01) and role not in self._vibrating_roles:
             self._vibrating_roles.append(role)
 
+    def press(self, response: Keys) -> tuple[str | None, float]:
+        """Return the key pressed for what is seen on a page, and after how many seconds."""
+        reply, takes_s = self._timed_reply_to(response)
+        usual_s = NOTICE_S * self.takes_s(response) / THINKING_S
+        return reply, usual_s if takes_s is None else takes_s
+
     # ---- KeyPresser ----
 
     def answer_by_keys(self, controls: Sequence[str]) -> None:
@@ -427,11 +433,9 @@ class StudyPerson(Observer):
         answered_by = view.scene.answered_by if isinstance(view.scene, FlatScene) else ""
         for response in dict.fromkeys(self._responses.values()):
             if isinstance(response, Keys) and (not is_flat or response.name == answered_by):
-                reply, takes_s = self._timed_reply_to(response)
+                reply, takes_s = self.press(response)
                 if reply is not None:
-                    usual_s = NOTICE_S * self.takes_s(response) / THINKING_S
-                    takes = usual_s if takes_s is None else takes_s
-                    self._hand.press(t_ns + round(takes * NS_PER_S), reply)
+                    self._hand.press(t_ns + round(takes_s * NS_PER_S), reply)
             elif isinstance(response, Pointing) and self._last is not None:
                 self._hand.press(t_ns + round(self.takes_s(response) * NS_PER_S), "trigger")
 

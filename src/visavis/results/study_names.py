@@ -32,6 +32,7 @@ from visavis.study.live import live_columns
 from visavis.study.look_measures import LOOK_COLUMNS
 from visavis.study.measures import CLOCK_JUMP, HEAD_LOST_COLUMN, LOST_COLUMN, Measure
 from visavis.study.names import GROUP_COLUMN, TRIAL_COLUMNS, UNUSED_COLUMN, changed_levels
+from visavis.study.showing import PAGE_COLUMNS
 from visavis.study.study_errors import line_saying
 
 TABLES: Final[Mapping[str, str]] = {
@@ -41,6 +42,7 @@ TABLES: Final[Mapping[str, str]] = {
     **{c.name: "participants" for c in (*PEOPLE, *QUALITY_TABLE)},
     **{c.name: "trials" for c in (*LOOK_COLUMNS, LATE, CLOCK_JUMP, *WALK_COLUMNS, *HAND_COLUMNS)},
     **dict.fromkeys((*film_columns(1), *live_columns(("mould", "live"))), "trials"),
+    **{c.name: "trials" for c in PAGE_COLUMNS},
     **dict.fromkeys((LOST_COLUMN, HEAD_LOST_COLUMN), "trials"),
 }
 """Columns of the tables of any study, beside those of every trial, and the table of each."""

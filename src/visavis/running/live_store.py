@@ -9,7 +9,9 @@ from typing import Any, Final
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector
 from visavis.running.film_store import FilmStore
+from visavis.running.picture_store import PictureStore
 from visavis.stimuli.dressing.casting import default_casting
+from visavis.stimuli.flat import Image
 from visavis.stimuli.motion.synthesis.blend_file import packed_examples
 from visavis.stimuli.motion.synthesis.pose_distance import compared_joints
 from visavis.stimuli.rooms.plain import plain_room
@@ -104,14 +106,17 @@ def _light() -> Mapping[str, Any]:
 
 
 def page_files(
-    films: FilmStore, lives: LiveStore, *, is_simulated: bool
-) -> Callable[[Film | Live], Mapping[str, Any]]:
+    films: FilmStore, lives: LiveStore, *, is_simulated: bool, pictures: PictureStore | None = None
+) -> Callable[[Film | Live | Image], Mapping[str, Any]]:
     """Return what describes to a page whatever it shows, each thing once."""
+    pictures = pictures or PictureStore((), films.study_folder)
 
     @cache
-    def describe(shown: Film | Live) -> Mapping[str, Any]:
+    def describe(shown: Film | Live | Image) -> Mapping[str, Any]:
         if isinstance(shown, Live):
             return lives.describe(shown, is_simulated=is_simulated)
+        if isinstance(shown, Image):
+            return pictures.describe(shown, is_simulated=is_simulated)
         return films.describe(shown, is_simulated=is_simulated)
 
     return describe

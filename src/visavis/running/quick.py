@@ -44,7 +44,8 @@ from visavis.results.intake import SimulatedStudy, questionnaire
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.film_store import film_store
 from visavis.running.live_store import LiveStore, page_files
-from visavis.running.page.steps import PageStep, Reply, check_reply, ns_of_ms
+from visavis.running.page.replies import check_reply
+from visavis.running.page.steps import PageStep, Reply, ns_of_ms
 from visavis.running.page.trial import perform_on_page
 from visavis.running.page.visitor import visitor_of
 from visavis.stimuli.panels import PanelFrame
@@ -194,11 +195,8 @@ def _page_rows(
     for trial in experiment.plan(index, seed).trials:
         if trial.is_practice:
             continue
-        performing = perform_on_page(
-            TrialScript(trial, experiment.settings),
-            experiment.study.trial_plan,
-            describe,
-        )
+        script = TrialScript(trial, experiment.settings)
+        performing = perform_on_page(script, experiment.study.trial_plan, describe)
         reply: Reply | None = None
         trial_position = {"trial": trial.number, "is_practice": False}
         try:
@@ -213,7 +211,9 @@ def _page_rows(
                     visitor.moves.clear()
                     reply = Reply(content, ns_of_ms(visitor.now_ms), ns_of_ms, moves)
         except StopIteration as end:
-            yield trial, dict(end.value or {})
+            row = dict(end.value or {})
+            script.remember(row)
+            yield trial, row
 
 
 def _row(

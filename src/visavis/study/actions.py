@@ -12,6 +12,7 @@ from visavis.study.films import Viewing
 from visavis.study.live import Moulding
 from visavis.study.responses import Response
 from visavis.study.scenes import Scene
+from visavis.study.showing import Showing
 
 Performing: TypeAlias = Generator[Step, FrameView | AskReply | None, Any]
 """The engine's steps of which a step of the kit consists."""
@@ -46,7 +47,7 @@ class Action:
 
     `response` is the question, `scene` the scene shown, `sound` the sound played, each with the
     name by which its `column` begins, `role` the armband that vibrates: for reading a trial without
-    performing it.
+    performing it. `showing` is how flat stimuli are shown where no condition ends them.
     """
 
     name: str
@@ -60,6 +61,7 @@ class Action:
     column: str = ""
     role: str = ""
     waits_for_end: bool = False
+    showing: Showing | None = None
 
     @property
     def responses(self) -> tuple[Response, ...]:

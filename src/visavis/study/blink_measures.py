@@ -53,7 +53,10 @@ def _of(scene: str, value: Any) -> Of:
         start, end = record.number("t_start_ns"), record.number("t_end_ns")
         window = record.window(scene) if scene else (start, end)
         recording = record.recording
-        if window is None or None in window or recording is None:
+        if window is None or recording is None:
+            return None
+        begins_ns, ends_ns = window
+        if begins_ns is None or ends_ns is None:
             return None
         if GAZE not in recording.stream_names:
             return None
@@ -62,7 +65,7 @@ def _of(scene: str, value: Any) -> Of:
         signal = _signal(recording, int(record.row["recording_part"]))
         if signal is None:
             return None
-        from_ns, to_ns = (int(edge) for edge in window)
+        from_ns, to_ns = int(begins_ns), int(ends_ns)
         seen_ns = signal.seen_ns(from_ns, to_ns)
         if to_ns <= from_ns or seen_ns < MIN_SEEN_01 * (to_ns - from_ns):
             return None

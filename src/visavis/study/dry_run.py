@@ -68,8 +68,7 @@ class TrialRead:
     roles: frozenset[str] = frozenset()
     """The roles in any of the scenes."""
     fits_a_page: bool = True
-    """Whether a page can perform it: no step needs single frames, another device, or the rows of
-    earlier trials, which a page's server has for no single visitor."""
+    """Whether a page can perform it: no step needs single frames or another device."""
     sounds: tuple[Sound | Path, ...] = ()
     """The sounds that it plays."""
     sound_columns: tuple[str, ...] = ()
@@ -117,7 +116,7 @@ def read_trial(
     """
     script = TrialScript(trial, settings)
     script.is_read = True
-    seconds, agents, vibrates, fits_a_page = 0.0, 0, False, True
+    seconds, agents, vibrates, fits_a_page, lit_on_page = 0.0, 0, False, True, False
     lit_frame: SceneFrame | None = None
     responses: list[Response] = []
     scenes: list[Scene] = []
@@ -139,7 +138,11 @@ def read_trial(
                 fits_a_page = False
             if isinstance(step, Action):
                 on_page = step.viewing is not None or step.moulding is not None
+                # A page times a press from what it shows: a showing before it, of a known length.
+                on_page |= step.showing is not None or (step.name == "key" and lit_on_page)
                 fits_a_page &= on_page or step.name in STEPS_OF_A_PAGE
+                if step.name not in ("dark", "wait"):
+                    lit_on_page = step.showing is not None and step.response is None
                 seconds += step.seconds
                 script.view = still_view(round(seconds * NS_PER_S))
                 vibrates = vibrates or step.name == "vibrate"
@@ -224,7 +227,7 @@ def read_trial(
             lit_frame,
             tuple(films),
             frozenset(roles),
-            fits_a_page and not script.staircases,
+            fits_a_page,
             tuple(sounds),
             tuple(sound_columns),
             lives,

@@ -17,6 +17,7 @@ from visavis.protocol.plan.experiment import Demands, no_progress
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.protocol.plan.steps import Plan
 from visavis.protocol.session.boards import DwellRule, Ways
+from visavis.stimuli.flat import Flat, Image
 from visavis.stimuli.scene import Scene as StageScene
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.sound import Sound
@@ -30,6 +31,7 @@ from visavis.study.live import Live, Slider
 from visavis.study.parameters import parameters_in_force
 from visavis.study.performing import perform
 from visavis.study.responses import Keys, Pointing, Rating, Response
+from visavis.study.scenes import FLAT
 from visavis.study.texts import DEFAULT_LANGUAGE, Texts, read_texts
 from visavis.study.trial import TrialScript
 from visavis.study.trial_settings import Settings
@@ -121,6 +123,18 @@ class StudyExperiment:
             film for t in self.read.values() for of in t.films for film in films_of(of).values()
         )
         return tuple(dict.fromkeys(films))
+
+    @cached_property
+    def flats(self) -> tuple[Flat, ...]:
+        """Every flat stimulus that a condition shows, each once."""
+        scenes = (s for t in self.read.values() for s in t.scenes if s.name == FLAT)
+        return tuple(dict.fromkeys(item for s in scenes for item in s.options["items"]))
+
+    @property
+    def pictures(self) -> tuple[Image, ...]:
+        """One picture of every file that a condition shows."""
+        pictures = {item.file: item for item in self.flats if isinstance(item, Image)}
+        return tuple(pictures.values())
 
     @cached_property
     def lives(self) -> tuple[Live, ...]:

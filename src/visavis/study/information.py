@@ -168,7 +168,9 @@ def information_on_page(
     facts += ["holding"] if experiment.settings.held_answers else []
     facts += ["films"] if experiment.films else []
     facts += ["moulding"] if experiment.lives else []
-    facts += ["card"] if "card" in screening else []
+    facts += ["flats"] if experiment.flats else []
+    facts += ["card"] if "card" in screening or experiment.flats else []
+    facts += ["distance"] if experiment.flats else []
     facts += ["voice"] if "sound" in screening else []
     facts += ["questionnaires"] if questionnaires else []
     facts += ["browser", "screen", "panel"]
@@ -205,7 +207,8 @@ def facts_in_event(name: str, payload: Mapping[str, Any]) -> frozenset[str]:
     if name == "films_loaded" and not payload:  # a page without films says nothing of them
         return frozenset()
     if name != "page_event":
-        return frozenset(EVENT_FACTS[name])
+        measured = {"distance"} if "distance_by" in payload else set()
+        return frozenset(EVENT_FACTS[name]) | measured
     kind = payload["kind"]
     about = payload.get("about") or {}
     facts = {ABOUT_PAGE[key] for key in about}
@@ -219,6 +222,9 @@ def facts_in_event(name: str, payload: Mapping[str, Any]) -> frozenset[str]:
         facts |= {"moulding"} if "renderer" in reply else set()
         answers = [a for a in (reply.get("answers") or {}).values() if isinstance(a, Mapping)]
         facts |= {"holding"} if any("released_ms" in answer for answer in answers) else set()
+        facts |= {"flats"} if "parts" in reply else set()
+        facts |= {"card"} if "px_per_mm" in reply else set()
+        facts |= {"distance"} if "distance_mm" in reply or "screen" in reply else set()
         return frozenset(facts)
     raise KeyError(kind)
 

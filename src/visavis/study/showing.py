@@ -2,14 +2,28 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError
+from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.steps import FrameView
 from visavis.study.responses import Keys
 from visavis.study.scenes import Scene
+
+PAGE_COLUMNS: Final = (
+    Column("px_per_deg", "1/deg", "pixels of the page in a degree, in the middle of its screen"),
+    Column(
+        "size_error_01",
+        "1",
+        "standard error of sizes in degrees as a share of them: how well the page's screen and the "
+        "distance to it were measured",
+    ),
+    Column("stimuli_outside", "1", "stimuli of the trial that did not fit on the page"),
+)
+"""Columns that flat stimuli on a page add to a trial's row beside those of each."""
 
 
 @dataclass(frozen=True)

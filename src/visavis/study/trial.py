@@ -211,7 +211,16 @@ class TrialScript(LitTrial):
             stop = until if callable(until) else None
             perform = partial(self._show_exactly if flats else self._show, showing, stop)
         lasts_s = min(seconds, 0.0 if keys is None else keys.limit_s) if keys else seconds
-        return Action("show", perform, lasts_s, response=keys, scene=scene, column=name)
+        of_page = showing if flats and not callable(until) else None
+        return Action(
+            "show",
+            perform,
+            lasts_s,
+            response=keys,
+            scene=scene,
+            column=name,
+            showing=of_page,
+        )
 
     def ask(
         self,

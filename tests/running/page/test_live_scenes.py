@@ -19,8 +19,9 @@ from visavis.recording.reader import Recording
 from visavis.results.moves import MOVE_COLUMNS, moves_of
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.results.tables.dictionary import trial_columns
+from visavis.running.page.replies import check_reply
 from visavis.running.page.seen_trial import seen_trial
-from visavis.running.page.steps import PageError, PageStep, check_moves, check_reply
+from visavis.running.page.steps import PageError, PageStep, check_moves
 from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.session_request import simulated_request
 from visavis.stimuli.dressing.casting import default_casting

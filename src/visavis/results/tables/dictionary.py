@@ -20,6 +20,7 @@ from visavis.study.films import film_columns
 from visavis.study.live import live_columns
 from visavis.study.look_measures import LOOK_COLUMNS
 from visavis.study.measures import CLOCK_JUMP, Measure
+from visavis.study.showing import PAGE_COLUMNS
 from visavis.study.staircase import columns_of
 
 PEOPLE: Final = (
@@ -73,6 +74,7 @@ def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> d
         )
         columns[name] = Column(name, "ns", words)
     columns |= film_columns(max((len(t.films) for t in experiment.read.values()), default=0))
+    columns |= {c.name: c for c in PAGE_COLUMNS} if experiment.flats else {}
     lives = dict.fromkeys(name for t in experiment.read.values() for name in t.lives)
     columns |= live_columns(lives)
     for staircase in dict.fromkeys(s for t in experiment.read.values() for s in t.staircases):
@@ -124,6 +126,7 @@ def scene_column(name: str, columns: Collection[str] | None = None) -> Column | 
             "ns",
             "session time up to which {} counts; it stays until another is shown",
         ),
+        ("_frames_dropped", "1", "frames that the browser left out while it showed {}"),
         (
             "_frames",
             "1",
@@ -148,7 +151,7 @@ def scene_column(name: str, columns: Collection[str] | None = None) -> Column | 
 
 def of_shown(name: str, roles: Iterable[str]) -> bool:
     """Tell whether a shown scene, whatever its name, can add a column of this name."""
-    endings = ("_on_ns", "_off_ns", "_frames", *(f"_{role}" for role in roles))
+    endings = ("_on_ns", "_off_ns", "_frames", "_frames_dropped", *(f"_{role}" for role in roles))
     return any(name.endswith(ending) and name != ending for ending in endings)
 
 

@@ -7,7 +7,8 @@ step goes out, so that after a crash the replies lead it back to the step where 
 import base64
 import hashlib
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -15,6 +16,7 @@ import numpy as np
 from visavis.protocol.plan.questionnaires import Question, Questionnaire, read_answer
 from visavis.protocol.plan.session_plan import Block, SessionPlan, Trial, name_after_block
 from visavis.protocol.plan.steps import Mark, Row
+from visavis.running.page.flat import USUAL_DISTANCE_MM, measured_screen
 from visavis.running.page.spoken_digits import HOW_MANY, say_digits, spoken_digits
 from visavis.running.page.steps import PageStep, Reply, mapping, number, put
 from visavis.running.page.trial import FilmFailed, FilmFiles, perform_on_page
@@ -22,6 +24,7 @@ from visavis.study.careless_answers import NOT_HEARD
 from visavis.study.experiment import StudyExperiment
 from visavis.study.information import Information, information_on_page
 from visavis.study.trial import TrialScript
+from visavis.study.trial_settings import Settings
 
 QUESTIONS_A_PAGE: Final = 8
 CARD_MM: Final = (85.6, 53.98)
@@ -32,6 +35,8 @@ SOUND_STREAM: Final = 0x50D
 """Random stream of a session that chooses the spoken digits."""
 ASSETS: Final = ("person", "beside", "blend")
 """The files that a page draws a live figure from."""
+DRAWN: Final = ("film", "mould", "live")
+"""How columns begin of what the page draws for as long as its reader stays."""
 STOPPED: Final = "stopped"
 WITHDRAWN: Final = "withdrawn"
 """Stopped, and what was recorded is to be deleted."""
@@ -91,6 +96,11 @@ class Visit:
     files: FilmFiles
     now_ns: Callable[[], int]
     notes: Notes = field(default_factory=Notes)
+
+    @cached_property
+    def settings(self) -> Settings:
+        """What the trials of this visit share: the study's, with a memory and rows of its own."""
+        return replace(self.experiment.settings, memory={}, rows=[])
 
 
 Out: TypeAlias = PageStep | Event | TrialRow
@@ -161,16 +171,22 @@ def course(visit: Visit) -> Course:
             yield Event("consent", {"version": consent.version, "agreed": has_consented})
             if not has_consented:
                 return DECLINED
-        if "card" in experiment.study.procedure.screening:
-            reply = yield from _step(PageStep("card", {"card_mm": CARD_MM}))
-            yield Event(SCREEN_MEASURED, {"px_per_mm": reply.content["px_per_mm"]})
+        is_flat = bool(experiment.flats)
+        if is_flat or "card" in experiment.study.procedure.screening:
+            asks = {"usual_distance_mm": USUAL_DISTANCE_MM} if is_flat else {}
+            reply = yield from _step(PageStep("card", {"card_mm": CARD_MM, **asks}))
+            px_per_mm = reply.content["px_per_mm"]
+            sizes = _sizes(px_per_mm, reply.content.get("distance_mm")) if is_flat else {}
+            yield Event(SCREEN_MEASURED, {"px_per_mm": px_per_mm, **sizes})
         if "sound" in experiment.study.procedure.screening:
             yield from _sound(visit)
         films = [visit.files(film) for film in experiment.films]
         lives = [visit.files(live) for live in experiment.lives]
         assets = [live[name] for live in lives for name in ASSETS if name in live]
-        if films or lives:
+        pictures = [visit.files(picture) for picture in experiment.pictures]
+        if films or lives or pictures:
             more = {"assets": assets} if assets else {}
+            more |= {"pictures": pictures} if pictures else {}
             reply = yield from _step(PageStep("preload", {"films": films, **more}))
             yield Event("films_loaded", dict(mapping(reply.content.get("films", {}), "films")))
         for block in visit.plan.blocks:
@@ -183,6 +199,18 @@ def course(visit: Visit) -> Course:
         yield Event("stopped", {"keep": stop.keep})
         return STOPPED if stop.keep else WITHDRAWN
     return DONE
+
+
+def _sizes(px_per_mm: float | None, distance_mm: float | None) -> dict[str, Any]:
+    """Return how sizes in degrees follow from what somebody measured, and how sure that is."""
+    screen = measured_screen(px_per_mm, distance_mm)
+    return {
+        "distance_mm": distance_mm,
+        "size_by": screen.size_by,
+        "distance_by": screen.distance_by,
+        "px_per_deg": round(screen.px_per_deg, 3),
+        "size_error_01": screen.size_error_01,
+    }
 
 
 def _sound(visit: Visit) -> Generator[Out, Reply | None, None]:
@@ -233,7 +261,7 @@ def _trial(visit: Visit, block: Block, trial: Trial) -> Generator[Out, Reply | N
     start_ns = visit.now_ns()
     yield Event("trial_start", {"trial_id": trial.trial_id, "attempt": 1, "block": block.index})
     visit.notes.flags.clear()
-    script = TrialScript(trial, visit.experiment.settings)
+    script = TrialScript(trial, visit.settings)
     performing = perform_on_page(script, visit.experiment.study.trial_plan, visit.files)
     row: Row = {}
     status, reason = "complete", None
@@ -250,6 +278,7 @@ def _trial(visit: Visit, block: Block, trial: Trial) -> Generator[Out, Reply | N
                     visit.notes.add("page hidden")
     except StopIteration as end:
         row = end.value or {}
+        script.remember(row)
     except FilmFailed as problem:
         # The row keeps what was done before the film failed.
         row, status, reason = dict(script.row), "skipped", problem.reason
@@ -257,7 +286,11 @@ def _trial(visit: Visit, block: Block, trial: Trial) -> Generator[Out, Reply | N
     films = {
         k: int(v or 0)
         for k, v in row.items()
-        if k.startswith(("film", "mould", "live")) and k.endswith(("_frames", "_frames_dropped"))
+        if k.endswith(("_frames", "_frames_dropped"))
+        and (
+            k.startswith(("film", "mould", "live"))
+            or f"{k.removesuffix('_dropped')}_dropped" in row
+        )
     }
     dropped_frames = sum(v for k, v in films.items() if k.endswith("_dropped"))
     yield TrialRow(

@@ -8,6 +8,7 @@ from typing import Any, Final
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.recording.writer import Recorder
 from visavis.running.page.course import DONE, Course, Event, Notes, TrialRow
+from visavis.running.page.replies import check_reply
 from visavis.running.page.steps import (
     MOULDER,
     BadEventError,
@@ -16,7 +17,6 @@ from visavis.running.page.steps import (
     PageStep,
     Reply,
     check_moves,
-    check_reply,
     count,
     mapping,
     ns_of_ms,

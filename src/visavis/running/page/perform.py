@@ -41,6 +41,7 @@ from visavis.running.page.course import (
 from visavis.running.page.desk import EarlierParts, PageDesk
 from visavis.running.page.server import PageServer, PageSession
 from visavis.running.page.visitor import Visitor, visitor_of
+from visavis.running.picture_store import PictureStore
 from visavis.running.sessions.device_setup import is_simulated
 from visavis.running.sessions.plan_lock import carried_by_session
 from visavis.running.sessions.recorded_design import DESIGN_KEY, design_of
@@ -248,7 +249,8 @@ def page_session_of(
     virtual = request.clock.is_virtual
     notes = Notes()
     lives = LiveStore(experiment.lives)
-    describe = page_files(store, lives, is_simulated=virtual)
+    pictures = PictureStore(experiment.pictures, experiment.settings.folder, lives.assets)
+    describe = page_files(store, lives, is_simulated=virtual, pictures=pictures)
     plan = experiment.plan(request.person.index, request.seed, request.person.group)
     visit_of = Visit(
         experiment,
@@ -335,8 +337,8 @@ async def _serve(
         if virtual:
             visitor = simulated_visitor(request, experiment, store)
             for step in desk.trial_steps[:-1]:  # after a crash the person remembers them
-                if step.kind == "watch":
-                    visitor.look(step.content)
+                if step.kind in ("watch", "show"):
+                    visitor.look_again(step)
             await visit(server.address_of(session), visitor, request.clock)
         else:
             if address.on_address is not None:

@@ -23,6 +23,7 @@ FILES: Final = {
     "/page.js": "page.js",
     "/store.js": "store.js",
     "/film.js": "film.js",
+    "/flat.js": "flat.js",
     "/wire.js": "wire.js",
     "/page.css": "page.css",
 }
@@ -43,7 +44,7 @@ LOCAL: Final = "127.0.0.1"
 OWN_HOSTS: Final = (LOCAL, "localhost")
 HEADERS: Final = {
     "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
-    "connect-src 'self'; media-src blob:; img-src data:; base-uri 'none'; "
+    "connect-src 'self'; media-src blob:; img-src data: blob:; base-uri 'none'; "
     "form-action 'none'; frame-ancestors 'none'",
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",

@@ -1,7 +1,6 @@
 """Steps that a page shows, and checks of its replies, which anybody could forge."""
 
 import math
-import re
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -19,16 +18,10 @@ ENDINGS: Final = ("button", "limit", "near")
 MAX_SLIDERS: Final = 100
 MAX_ROWS: Final = 2000
 """Most movements of sliders, or of the camera, in one event."""
-NUMBER: Final = re.compile(r"-?[0-9]{1,12}([.,][0-9]{1,12})?")
-TYPED_DIGITS: Final = re.compile(r"[0-9]{1,8}")
-MAX_TEXT: Final = 10_000
-"""Longest answer in words, in characters."""
 MAX_NUMBER: Final = 1e12
 """Some thirty years in milliseconds."""
 MAX_UNIX_MS: Final = 7_258_118_400_000.0
 """The year 2200."""
-MIN_PX_PER_MM: Final = 0.5
-MAX_PX_PER_MM: Final = 40.0
 
 
 class PageError(LabError):
@@ -235,98 +228,6 @@ def check_moves(content: Mapping[str, Any]) -> None:
                 raise PageError(f"there is no slider {row[1]}")
             if name == "rounds" and row[1] not in (0, 1):
                 raise PageError(f"there is no figure {row[1]}")
-
-
-def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
-    """Refuse a reply that does not answer a step, before any of it is accepted.
-
-    Raises:
-        PageError: saying what is wrong.
-    """
-    if content.get("stop") is not None:
-        if content["stop"] not in ("keep", "delete"):
-            raise PageError(f"stop is {str(content['stop'])[:40]!r}; it is keep or delete")
-        return
-    number(content.get("hidden_ms", 0), "hidden_ms")
-    if step.kind == "consent" and not isinstance(content.get("agreed"), bool):
-        raise PageError("consent was neither given nor declined")
-    if step.kind == "consent" and "is_full" in content:
-        raise PageError("whether there is a place is not for a page to say")
-    if step.kind == "card":
-        _check_size(content.get("px_per_mm", ""))
-    if step.kind == "sound":
-        count(content.get("played"), "played")
-        digits = content.get("heard", "")
-        if digits is not None and not (isinstance(digits, str) and TYPED_DIGITS.fullmatch(digits)):
-            raise PageError(f"heard are digits, not {str(digits)[:40]!r}")
-    if step.kind == "preload":
-        mapping(content.get("films", {}), "films")
-    if step.kind not in ("watch", "mould", "questions"):
-        return
-    if step.kind == "mould":
-        number(content.get("shown_ms"), "shown_ms")
-        if content.get("failed") is not None:
-            mapping(content["failed"], "what failed")
-            return
-        read_drawn(content)
-    if step.kind == "watch":
-        number(content.get("shown_ms"), "shown_ms")
-        if content.get("failed") is not None:
-            mapping(content["failed"], "what failed")
-            return
-        if step.content.get("live"):
-            read_drawn(content)
-        if step.content["films"]:
-            number(content.get("off_ms"), "off_ms")
-            number(content.get("apart_ms") or 0, "apart_ms")
-            film_replies = mapping(content.get("films"), "films")
-            for film in step.content["films"]:
-                read_film(film_replies.get(film["place"]))
-    answers = mapping(content.get("answers"), "answers")
-    for question in step.content["questions"]:
-        _check_answer(question, answers.get(question["name"]), is_timed=step.kind != "questions")
-
-
-def _check_size(px_per_mm: Any) -> None:
-    """Refuse an impossible size of the screen; None means that the participant has no card."""
-    if (
-        px_per_mm is not None
-        and not MIN_PX_PER_MM <= number(px_per_mm, "px_per_mm") <= MAX_PX_PER_MM
-    ):
-        raise PageError(f"px_per_mm is {px_per_mm}")
-
-
-def _check_answer(question: Mapping[str, Any], content: Any, *, is_timed: bool) -> None:
-    name, option = question["name"], content
-    if is_timed:
-        answer = mapping(content, f"the answer to {name}")
-        number(answer.get("at_ms"), "at_ms")
-        if answer.get("by") not in (*WAYS, BY_LIMIT):
-            raise PageError(f"{name}: answered by {str(answer.get('by'))[:40]!r}")
-        if answer.get("released_ms") is not None:
-            if not question.get("is_held") or answer["by"] != "keys":
-                raise PageError(f"{name}: nobody asked when a key was released")
-            if number(answer["released_ms"], "released_ms") < answer["at_ms"]:
-                raise PageError(f"{name}: its key was released before it was pressed")
-        option = answer.get("option")
-    if option is None:
-        return
-    if not isinstance(option, str) or len(option) > MAX_TEXT:
-        raise PageError(f"{name}: an answer is a text of at most {MAX_TEXT} characters")
-    options = [o["value"] for o in question.get("options") or ()]
-    if options and option not in options:
-        raise PageError(f"{name}: {option[:40]!r} is none of its options")
-    if question["kind"] == MOULDER or (question["kind"] in ("number", "slider") and not is_timed):
-        _check_number(question, option)
-
-
-def _check_number(question: Mapping[str, Any], text: str) -> None:
-    if not NUMBER.fullmatch(text):
-        raise PageError(f"{question['name']}: {text[:40]!r} is not a number")
-    value = float(text.replace(",", "."))
-    low, high = question.get("low"), question.get("high")
-    if (low is not None and value < low) or (high is not None and value > high):
-        raise PageError(f"{question['name']}: {text[:40]} is out of bounds")
 
 
 def mapping(content: Any, what: str) -> Mapping[str, Any]:

@@ -1,12 +1,13 @@
 """A trial of the kit as a page performs it: its steps become steps of the page."""
 
 from collections.abc import Callable, Generator, Mapping
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.protocol.plan.steps import Mark, Row, TrialInterrupted
 from visavis.running.live_store import until_on_page
+from visavis.running.page.flat import NO_PRESS, Sequence, shown_columns
 from visavis.running.page.steps import (
     Drawn,
     FilmPlayback,
@@ -21,6 +22,7 @@ from visavis.running.page.steps import (
     read_film,
     read_page_answer,
 )
+from visavis.stimuli.flat import Image
 from visavis.study.actions import Action
 from visavis.study.asking import Answer
 from visavis.study.dry_run import still_view
@@ -34,12 +36,15 @@ from visavis.study.live import (
     Moulding,
     SliderMove,
 )
-from visavis.study.responses import Response
+from visavis.study.responses import Keys, Response
 from visavis.study.trial import TrialPlan, TrialScript
 
 OnPage: TypeAlias = Generator[PageStep | Mark, Reply | None, Any]
-FilmFiles: TypeAlias = Callable[[Film | Live], Mapping[str, Any]]
-"""Returns what a page must know about a film or a live figure: files' names, hashes, sizes."""
+FilmFiles: TypeAlias = Callable[[Film | Live | Image], Mapping[str, Any]]
+"""Returns what a page must know about a film, a live figure or a picture: files' names, hashes,
+sizes.
+"""
+SHOWS: Final = "it shows t.show without a condition, t.watch, t.mould, t.ask, t.wait, t.dark"
 
 
 class FilmFailed(TrialInterrupted):
@@ -55,21 +60,106 @@ def perform_on_page(script: TrialScript, plan: TrialPlan, files: FilmFiles) -> O
     """
     steps: Any = plan(script)
     reply: Any = None
+    coming = Sequence()
     try:
         while True:
             step = steps.send(reply)
+            if isinstance(step, Action) and _joins(step, coming):
+                reply = yield from _show(script, step, coming, files)
+                continue
+            yield from _shown(script, coming, None)
             if isinstance(step, Action):
                 reply = yield from _perform_action(script, step, files)
             elif isinstance(step, Mark):
                 reply = yield step
             else:
                 raise DesignError(
-                    f"{type(step).__name__} is a step frame by frame; a page shows t.watch, "
-                    "t.ask, t.wait and t.dark"
+                    f"{type(step).__name__} is a step frame by frame; on a page {SHOWS}"
                 )
     except StopIteration as end:
+        yield from _shown(script, coming, None)
         row: Row = {**script.row, **(end.value or {})}
         return row
+
+
+def _joins(action: Action, coming: Sequence) -> bool:
+    """Tell whether a step is shown in one go with what is coming, or begins it."""
+    goes_on = bool(coming.parts) and action.name in ("dark", "wait", "key")
+    return action.showing is not None or goes_on
+
+
+def _show(script: TrialScript, action: Action, coming: Sequence, files: FilmFiles) -> OnPage:
+    """Add a step to what is coming; at a key let the page show it all, and return the answer."""
+    keys = action.response
+    if action.name == "dark":
+        coming.add_dark(action.seconds)
+        return None
+    if action.name == "wait":
+        coming.add_wait(action.seconds)
+        return None
+    scene = None
+    if action.showing is not None:
+        scene = coming.show(action, script.next_prefix(action.column), files)
+    if not isinstance(keys, Keys):
+        return scene
+    since = None
+    if action.name == "key":
+        since = len(coming.parts)
+        coming.add_wait(None)
+    elif coming.parts[-1].is_limited:
+        coming.add_dark(None)
+    return (yield from _shown(script, coming, keys, since))
+
+
+def _shown(
+    script: TrialScript, coming: Sequence, keys: Keys | None, since: int | None = None
+) -> OnPage:
+    """Let the page show what is coming; return the answer to keys, if they are waited for."""
+    if not coming.parts:
+        return None
+    reply = yield from put(coming.step(keys, since))
+    content = reply.content
+    if content.get("failed") is not None:
+        failure = mapping(content["failed"], "what failed")
+        raise FilmFailed(f"picture {failure.get('file')}: {failure.get('why')}"[:300])
+    columns = shown_columns(coming, reply)
+    first = next(part.name for part in coming.parts if part.name)
+    last = [part.name for part in coming.parts if f"{part.name}_on_ns" in columns][-1]
+    from_ns, end_ns = columns[f"{last}_on_ns"], columns[f"{last}_off_ns"]
+    script.row.setdefault("t_start_ns", columns[f"{first}_on_ns"])
+    columns["stimuli_outside"] += script.row.get("stimuli_outside", 0)
+    script.row |= columns | {"t_end_ns": end_ns}
+    script.view = still_view(end_ns)
+    coming.parts.clear()
+    if keys is None:
+        return None
+    pressed = content.get("answer")
+    if pressed is None:
+        answer = Answer(None, NO_PRESS, from_ns, end_ns, script.view)
+    else:
+        at_ns = reply.t_ns_of(number(pressed["at_ms"], "at_ms"))
+        answer = Answer(pressed["option"], pressed["by"], from_ns, at_ns, still_view(at_ns))
+    script.take(keys, answer)
+    script.row["t_end_ns"] = max(end_ns, answer.answered_ns)
+    yield _answered(script, keys.name, answer)
+    return answer
+
+
+def _answered(
+    script: TrialScript, question: str, answer: Answer, released_ns: int | None = None
+) -> Mark:
+    return Mark(
+        "answered",
+        {
+            "trial_id": script.trial.trial_id,
+            "question": question,
+            "answer": answer.option,
+            "by": answer.by,
+            "asked_ns": answer.asked_ns,
+            "answered_ns": answer.answered_ns,
+            **({} if released_ns is None else {"released_ns": released_ns}),
+        },
+    )
 
 
 def _perform_action(script: TrialScript, action: Action, files: FilmFiles) -> OnPage:
@@ -87,10 +177,7 @@ def _perform_action(script: TrialScript, action: Action, files: FilmFiles) -> On
     if action.name == "mark":
         script.view = script.view or still_view()
         return (yield from action.perform())  # type: ignore[misc]  # marks alone
-    raise DesignError(
-        f"t.{action.name} cannot be performed on a page; it shows t.watch, t.mould, t.ask, t.wait, "
-        "t.dark"
-    )
+    raise DesignError(f"t.{action.name} cannot be performed on a page; {SHOWS}")
 
 
 def _questions(script: TrialScript, responses: tuple[Response, ...]) -> list[dict[str, Any]]:
@@ -265,17 +352,6 @@ def _answers(
         script.row[f"{response.name}_ms"] = (answered_ns - asked_ns) / NS_PER_MS
         released_ms = page_answer.released_ms
         released_ns = None if released_ms is None else reply.t_ns_of(released_ms)
-        yield Mark(
-            "answered",
-            {
-                "trial_id": script.trial.trial_id,
-                "question": response.name,
-                "answer": page_answer.option,
-                "by": page_answer.by,
-                "asked_ns": asked_ns,
-                "answered_ns": answered_ns,
-                **({} if released_ns is None else {"released_ns": released_ns}),
-            },
-        )
+        yield _answered(script, response.name, answer, released_ns)
         answers[response.name] = answer
     return answers

@@ -17,16 +17,19 @@ from visavis.lab.errors import ConfigError, DataError
 from visavis.people.moulder import Task
 from visavis.people.person import StudyPerson
 from visavis.running.film_store import FilmStore
+from visavis.running.page.flat import read_item
 from visavis.running.page.spoken_digits import hear_digits, spoken_digits
 from visavis.running.page.steps import BY_LIMIT, PageStep
+from visavis.stimuli.flat import rgb_of
 from visavis.stimuli.motion.synthesis.pose_distance import Likeness
 from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.scenes.flat import FlatScene
 from visavis.study.dry_run import still_view
 from visavis.study.experiment import StudyExperiment
 from visavis.study.films import Film, Lens, Pair, films_of, scene_of, seconds_of
 from visavis.study.live import Live, LiveScene
-from visavis.study.responses import Response
-from visavis.study.scenes import Staging, stage
+from visavis.study.responses import Keys, Response
+from visavis.study.scenes import FLAT, Staging, stage
 
 READING_S: Final = 4.0
 """Time to read a page of text."""
@@ -34,6 +37,8 @@ FIRST_FRAME_MS: Final = 40.0
 """From a step to the first picture that a simulated browser presents."""
 PX_PER_MM: Final = 96 / 25.4
 """Size of a CSS pixel by its standard (96 to the inch)."""
+DISTANCE_MM: Final = 600.0
+"""Distance from a simulated person's eyes to their screen."""
 MOVE_MS: Final = 50.0
 """From one movement of a slider to the next, while it is dragged."""
 MOVE_SHARE: Final = 0.05
@@ -69,6 +74,8 @@ class Visitor:
     """Recordings of the digits in the language of the page."""
     lives: Sequence[Live] = ()
     """The study's live figures, by number on the wire."""
+    presses: Mapping[str, Keys] = field(default_factory=dict)
+    """The study's keys, by the name of their answer."""
     moves: list[dict[str, Any]] = field(default_factory=list, repr=False)
     """Movements during the last step, for the page to send before its reply."""
     _trial: tuple[int, bool] = field(default=(0, False), repr=False)
@@ -82,7 +89,8 @@ class Visitor:
                 return {"agreed": True}
             case "card":
                 self.now_ms += READING_S * 1000
-                return {"px_per_mm": PX_PER_MM}
+                distance = {"distance_mm": DISTANCE_MM} if "usual_distance_mm" in content else {}
+                return {"px_per_mm": PX_PER_MM, **distance}
             case "sound":
                 self.now_ms += READING_S * 1000
                 return {
@@ -91,6 +99,8 @@ class Visitor:
                 }
             case "preload":
                 return {"films": {f["film"]: "simulated" for f in content["films"]}}
+            case "show":
+                return self._show(content)
             case "text":
                 self.now_ms += READING_S * 1000
                 return {}
@@ -105,6 +115,62 @@ class Visitor:
                 return {"answers": {q["name"]: self._question(q) for q in content["questions"]}}
             case _:
                 raise DataError(f"a simulated participant knows no step {step.kind!r}")
+
+    def look_again(self, step: PageStep) -> None:
+        """See what a step showed before a session was resumed."""
+        if step.kind == "watch":
+            self.look(step.content)
+        else:
+            self._see_parts(step.content)
+
+    def _see_parts(self, content: Mapping[str, Any]) -> None:
+        """See everything that a step shows up to what is answered, as the person would."""
+        self._begin_trial(content)
+        keys, parts = content["keys"], content["parts"]
+        for part in parts[: keys["from"] + 1] if keys else parts:
+            if part["items"]:
+                self.person.see(self._flat_frame(part), 0)
+
+    def _flat_frame(self, part: Mapping[str, Any]) -> SceneFrame:
+        items = tuple(read_item(item) for item in part["items"])
+        scene = FlatScene(
+            name=FLAT,
+            agents=(),
+            items=items,
+            background_srgb=rgb_of(part["background"]),
+            folder=self.store.study_folder,
+        )
+        return SceneFrame(scene, 0, np.zeros((0, 3)), np.zeros(0))
+
+    def _show(self, content: Mapping[str, Any]) -> dict[str, Any]:
+        """See what is shown, part by part, and press a key where one is asked for."""
+        shown_ms = self.now_ms
+        self._see_parts(content)
+        keys, parts, at_ms = content["keys"], [], self.now_ms + FIRST_FRAME_MS
+        answer, end_ms = None, math.inf
+        for k, part in enumerate(content["parts"]):
+            if keys is not None and k == keys["from"]:
+                end_ms = at_ms + 1000 * keys["limit_s"]
+                option, takes_s = self.person.press(self.presses[keys["question"]])
+                if option is not None and at_ms + 1000 * takes_s <= end_ms:
+                    end_ms = at_ms + 1000 * takes_s
+                    answer = {"option": option, "at_ms": end_ms, "by": ANSWERED_BY}
+            lasts_ms = _lasts_ms(part)
+            frames = max(1, math.ceil((min(at_ms + lasts_ms, end_ms) - at_ms) / FRAME_MS - 1e-6))
+            off_ms = at_ms + frames * FRAME_MS
+            parts.append({"on_ms": at_ms, "off_ms": off_ms, "frames": frames, "dropped": 0})
+            at_ms = off_ms
+            if at_ms >= end_ms:
+                break
+        self.now_ms = at_ms
+        return {
+            "shown_ms": shown_ms,
+            "hidden_ms": 0.0,
+            "parts": parts,
+            "screen": {"px_per_mm": PX_PER_MM, "distance_mm": DISTANCE_MM},
+            "outside": 0,
+            "answer": answer,
+        }
 
     def look(self, content: Mapping[str, Any]) -> float:
         """Look at a step's films or figures once; return how long a round takes, in milliseconds.
@@ -308,6 +374,17 @@ class Visitor:
         return next((str(o["value"]) for o in question["options"] if o["label"] == answer), None)
 
 
+def _lasts_ms(part: Mapping[str, Any]) -> float:
+    """Return for how long a part is shown: whole frames, or until a key."""
+    if part["frames"] is not None:
+        return float(part["frames"] * FRAME_MS)
+    return (
+        math.inf
+        if part["seconds"] is None
+        else float(round(part["seconds"] * REFRESH_HZ) * FRAME_MS)
+    )
+
+
 def scenes_seen(staged_frames: Callable[[Film | Pair], tuple[SceneFrame, SceneFrame]]) -> Views:
     """Return the views of films on a page: of a single film, or of two as a pair."""
 
@@ -344,6 +421,7 @@ def visitor_of(person: Any, experiment: StudyExperiment, store: FilmStore) -> Vi
         store,
         digits=digits,
         lives=experiment.lives,
+        presses={n: r for n, r in experiment.responses.items() if isinstance(r, Keys)},
     )
 
 

@@ -25,9 +25,10 @@ from visavis.running.page.course import Notes, Visit, course
 from visavis.running.page.perform import about_of, experiment_of
 from visavis.running.page.server import FILES, LIVE_FILES, SITE
 from visavis.running.page.steps import PageStep, Reply
+from visavis.running.picture_store import PictureStore
 from visavis.running.sessions.device_setup import is_simulated
 from visavis.running.sessions.session_request import Request
-from visavis.study.live import Live
+from visavis.study.experiment import StudyExperiment
 
 FORMAT: Final = 1
 ARCHIVE: Final = ".jzip"
@@ -37,7 +38,7 @@ PROBES: Final = 6
 """Number of ways to answer that test whether steps depend on answers."""
 POLICY: Final = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'{results}; "
-    "media-src blob:; img-src data:; base-uri 'none'; form-action 'none'"
+    "media-src blob:; img-src data: blob:; base-uri 'none'; form-action 'none'"
 )
 POLICY_OF_JATOS: Final = "default-src 'self' 'unsafe-inline' blob: data:"
 """jatos.js inserts scripts into the page; still nothing from third parties is loaded."""
@@ -98,7 +99,7 @@ def steps_of_place(request: Request, store: FilmStore, index: int) -> tuple[Page
         DesignError: the steps depend on what is answered.
     """
     experiment = experiment_of(request)
-    describe = files_of(store, experiment.lives)[0]
+    describe = files_of(store, experiment)[0]
     plan = experiment.plan(index, request.seed)
     common_steps: tuple[PageStep, ...] | None = None
     for choose in _ways_to_answer(index):
@@ -121,13 +122,14 @@ def steps_of_place(request: Request, store: FilmStore, index: int) -> tuple[Page
 
 @lru_cache(maxsize=8)
 def files_of(
-    store: FilmStore, lives: tuple[Live, ...]
-) -> tuple[Callable[[Any], Mapping[str, Any]], LiveStore]:
-    """Return what describes a study's films and live figures to a page, and the figures' files,
-    which are there once they were described.
+    store: FilmStore, experiment: StudyExperiment
+) -> tuple[Callable[[Any], Mapping[str, Any]], LiveStore, PictureStore]:
+    """Return what describes everything that a study shows on pages, and the files of live figures
+    and pictures; those of figures are there once they were described.
     """
-    live_store = LiveStore(lives)
-    return page_files(store, live_store, is_simulated=False), live_store
+    lives = LiveStore(experiment.lives)
+    pictures = PictureStore(experiment.pictures, experiment.settings.folder)
+    return page_files(store, lives, is_simulated=False, pictures=pictures), lives, pictures
 
 
 def visit_of(
@@ -191,7 +193,8 @@ def _write(
         assert film_file is not None  # noqa: S101  # `steps_of_place` needed it
         (folder / "films").mkdir(exist_ok=True)
         shutil.copyfile(film_file.path, folder / "films" / film_file.path.name)
-    for name, data in files_of(store, experiment.lives)[1].assets.items():
+    _, lives, pictures = files_of(store, experiment)
+    for name, data in {**lives.assets, **pictures.assets}.items():
         (folder / "assets").mkdir(exist_ok=True)
         (folder / "assets" / name).write_bytes(data)
     return len({store.name_of(film) for film in experiment.films})
@@ -310,6 +313,14 @@ def _reply(step: PageStep, choose: Choose) -> dict[str, Any]:
             return {**_timed(content, choose), **drawn, "apart_ms": 0.0, "films": films}
         case "mould":
             return {**_timed(content, choose), **_DRAWN}
+        case "show":
+            parts = [{"on_ms": 0.0, "off_ms": 0.0, "frames": 1, "dropped": 0}]
+            return {
+                "parts": parts * len(content["parts"]),
+                "screen": {},
+                "outside": 0,
+                "answer": _press(content["keys"], choose),
+            }
         case _:
             return {}
 
@@ -331,6 +342,13 @@ def _timed(content: Mapping[str, Any], choose: Choose) -> dict[str, Any]:
         q["name"]: {"option": choose(q), "at_ms": 0.0, "by": "keys"} for q in content["questions"]
     }
     return {"shown_ms": 0.0, "off_ms": 0.0, "hidden_ms": 0.0, "answers": answers}
+
+
+def _press(keys: Mapping[str, Any] | None, choose: Choose) -> dict[str, Any] | None:
+    if keys is None:
+        return None
+    options = [{"value": option} for option in keys["options"]]
+    return {"option": choose({"options": options}), "at_ms": 0.0, "by": "keys"}
 
 
 def _as_data(steps: Sequence[PageStep]) -> list[dict[str, Any]]:

@@ -397,7 +397,7 @@ def _check_run(base: Request, store: FilmStore, run: Run) -> str:
         )
     clock = StampClock(run.begun_ms)
     plan = experiment_of(base).plan(run.place, base.seed)
-    describe = files_of(store, experiment_of(base).lives)[0]
+    describe = files_of(store, experiment_of(base))[0]
     visit = replace(visit_of(base, describe, run.place, plan.group), now_ns=clock.now_ns)
     recorder: Any = _NullRecorder()
     desk = PageDesk(course(visit), recorder, clock, visit.notes)

@@ -3,6 +3,7 @@
 
 import { openStore } from "./store.js";
 import * as film from "./film.js";
+import * as flat from "./flat.js";
 import * as wire from "./wire.js";
 
 const BEAT_MS = 4000;
@@ -16,6 +17,9 @@ const SESSION = `visavis-session${wire.scope}`;
 const ONWARD_MS = 4000;
 const BUSY_MS = 5000;
 const DOUBLE_MS = 500;
+// A CSS pixel by its standard, and where a centimetre is a degree: for who could not measure theirs.
+const USUAL_PX_PER_MM = 96 / 25.4;
+const USUAL_DISTANCE_MM = 570;
 // What an address may say about whoever comes; other parameters stay here.
 const OF_ARRIVALS = ["PROLIFIC_PID", "STUDY_ID", "SESSION_ID", "survey_code", "participant", "id", "place"];
 
@@ -384,12 +388,22 @@ const steps = {
     const card = element("div", { class: "card" });
     const most = Math.max(200, Math.min(main.clientWidth - 8, 900));
     const slider = element("input", { type: "range", min: 120, max: most, step: 1, value: 220, "aria-label": say("card_title") });
-    const go = button(say("next"), () => reply({ px_per_mm: Number(slider.value) / width }));
+    const finish = async (pxPerMm) => {
+      if (!step.usual_distance_mm) { reply({ px_per_mm: pxPerMm }); return; }
+      const distanceMm = far.value.trim() === "" ? null : 10 * Number(far.value.trim().replace(",", "."));
+      if (distanceMm !== null && !(distanceMm >= 150 && distanceMm <= 3000)) { far.focus(); return; }
+      await store.set("screen", { px_per_mm: pxPerMm, distance_mm: distanceMm });
+      reply({ px_per_mm: pxPerMm, distance_mm: distanceMm });
+    };
+    const far = element("input", { type: "text", class: "number", id: "far", inputmode: "decimal", maxlength: 6, autocomplete: "off" });
+    const distance = step.usual_distance_mm
+      ? element("div", {}, element("label", { class: "prompt", for: "far" }, say("card_distance", { usual: step.usual_distance_mm / 10 })), far) : null;
+    const go = button(say("next"), () => finish(Number(slider.value) / width));
     go.disabled = true;
     const draw = () => { card.style.width = `${slider.value}px`; card.style.height = `${slider.value * height / width}px`; };
     slider.addEventListener("input", () => { go.disabled = false; draw(); });
-    put("narrow", element("h1", {}, say("card_title")), paragraph(say("card_text")), card, element("div", { class: "slider" }, slider),
-      element("div", { class: "buttons" }, go, button(say("card_none"), () => reply({ px_per_mm: null }), true)));
+    put("narrow", element("h1", {}, say("card_title")), paragraph(say("card_text")), card, element("div", { class: "slider" }, slider), distance,
+      element("div", { class: "buttons" }, go, button(say("card_none"), () => finish(null), true)));
     draw();
   },
 
@@ -417,27 +431,66 @@ const steps = {
 
   async preload(step) {
     const assets = step.assets || [];
-    const bar = element("progress", { max: step.films.length + assets.length, value: 0, "aria-label": say("loading", { n: 0, m: step.films.length + assets.length }) });
-    const line = paragraph(say("loading", { n: 0, m: step.films.length + assets.length }));
+    const pictures = step.pictures || [];
+    const first = assets.length + pictures.length;
+    const all = first + step.films.length;
+    const bar = element("progress", { max: all, value: 0, "aria-label": say("loading", { n: 0, m: all }) });
+    const line = paragraph("");
+    const report = (n) => { bar.value = n; line.textContent = say("loading", { n, m: all }); };
+    report(0);
     put("narrow", line, bar);
+    const pictureReports = {};
     try {
       // The library that draws figures is loaded only by studies that show some.
       if (assets.length) {
         const live = await import("./live.js");
-        for (const asset of assets) { await live.load(asset, key); bar.value += 1; }
+        for (const asset of assets) { await live.load(asset, key); report(bar.value + 1); }
       }
+      for (const picture of pictures) { pictureReports[picture.picture] = await flat.load(picture, key); report(bar.value + 1); }
     } catch (error) {
       put("narrow", paragraph(say("load_failed", { why: String(error.message || error) })), element("div", { class: "buttons" }, button(say("again"), () => steps.preload(step))));
       return;
     }
-    const { reports, failures } = await film.loadAll(step.films, key, (n) => {
-      bar.value = assets.length + n;
-      line.textContent = say("loading", { n: assets.length + n, m: step.films.length + assets.length });
-    });
-    if (!failures.length) { reply({ films: reports }); return; }
+    const { reports, failures } = await film.loadAll(step.films, key, (n) => report(first + n));
+    const more = pictures.length ? { pictures: pictureReports } : {};
+    if (!failures.length) { reply({ films: reports, ...more }); return; }
     put("narrow", paragraph(say("load_failed", { why: failures[0].why })), element("div", { class: "buttons" },
       button(say("again"), () => steps.preload(step)),
-      button(say("skip"), () => reply({ films: { ...reports, ...Object.fromEntries(failures.map((f) => [f.film.film, { failed: f.why }])) } }), true)));
+      button(say("skip"), () => reply({ ...more, films: { ...reports, ...Object.fromEntries(failures.map((f) => [f.film.film, { failed: f.why }])) } }), true)));
+  },
+
+  // Texts, pictures, shapes and gratings, one after another; see flat.js.
+  async show(step) {
+    const shownMs = performance.now();
+    hiddenMs = 0;
+    if (hiddenSince !== null) hiddenSince = shownMs;
+    // What stood there last stays until the next is drawn: a change of pages must not flash.
+    const holder = element("div", { class: "stage" });
+    holder.style.background = step.parts[0].background;
+    put("flat", holder);
+    let opened = null;
+    const leave = (e) => { if (e.key === "Escape") stop.click(); };
+    document.addEventListener("keydown", leave);
+    cleanUp = () => { document.removeEventListener("keydown", leave); if (opened) opened.close(); cleanUp = () => {}; };
+    const measured = (await store.get("screen")) || {};
+    const screen = { px_per_mm: measured.px_per_mm ?? null, distance_mm: measured.distance_mm ?? null };
+    const inUse = { px_per_mm: screen.px_per_mm ?? USUAL_PX_PER_MM, distance_mm: screen.distance_mm ?? USUAL_DISTANCE_MM };
+    try {
+      const frameMs = 1000 / (await refreshHz() || 60);
+      for (const picture of step.parts.flatMap((part) => part.items).filter((item) => item.kind === "image")) await flat.load(picture, key);
+      if (current !== step) return;
+      opened = await flat.open(step, holder, inUse, frameMs, (content) => {
+        cleanUp();
+        reply({ shown_ms: shownMs, screen, ...content });
+      });
+      if (current !== step) opened.close();
+    } catch (error) {
+      if (current !== step) return;
+      const why = String(error.message || error);
+      put("narrow", paragraph(say("play_failed", { why })), element("div", { class: "buttons" },
+        button(say("again"), () => show(step)),
+        button(say("skip"), () => reply({ shown_ms: shownMs, failed: { file: error.file || "", why } }), true)));
+    }
   },
 
   text(step) {

@@ -1,0 +1,298 @@
+"""Flat stimuli on a page: what it is sent, what it says of their light, and the columns of both.
+
+A page gets what is shown one after another as one step, so that no network stands between two
+stimuli: until a key is waited for, or something else is asked for. A step's `parts` are what is
+shown, each for some `seconds` or `frames`, or until the key, which is timed from the part `from`.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any, Final
+
+from visavis.lab.errors import DesignError
+from visavis.running.page.steps import WAYS, PageError, PageStep, Reply, count, mapping, number
+from visavis.stimuli.flat import Flat, Grating, Image, Shape, Text, rgb_of
+from visavis.study.actions import Action
+from visavis.study.dry_run import still_view
+from visavis.study.responses import Keys
+
+MAX_PARTS: Final = 1000
+BY_CARD: Final = "card"
+TYPED: Final = "typed"
+ASSUMED: Final = "assumed"
+USUAL_PX_PER_MM: Final = 96 / 25.4
+"""Size of a CSS pixel by its standard, where nobody held a card against the screen."""
+USUAL_DISTANCE_MM: Final = 570.0
+"""Distance from the eyes to a screen where nobody said theirs: there a centimetre is a degree."""
+MIN_DISTANCE_MM: Final = 150.0
+MAX_DISTANCE_MM: Final = 3000.0
+CARD_ERROR_01: Final = 0.02
+"""A card is set to within some two millimetres of its 85.6."""
+TYPED_ERROR_01: Final = 0.10
+"""People guess their distance, and lean."""
+ASSUMED_SIZE_ERROR_01: Final = 0.25
+ASSUMED_DISTANCE_ERROR_01: Final = 0.25
+"""Screens and habits differ: a size in degrees is then little more than an order of magnitude."""
+NO_PRESS: Final = "nothing in time"
+
+
+@dataclass(frozen=True)
+class PageScreen:
+    """The screen that a page shows on: CSS pixels in a millimetre, the eyes' distance, and whether
+    each was measured (`BY_CARD`, `TYPED`) or `ASSUMED`.
+    """
+
+    px_per_mm: float
+    distance_mm: float
+    size_by: str
+    distance_by: str
+
+    @property
+    def px_per_deg(self) -> float:
+        """CSS pixels in a degree at the middle of the screen."""
+        return self.px_per_mm * self.distance_mm * math.pi / 180
+
+    @property
+    def size_error_01(self) -> float:
+        """Standard error of sizes in degrees, as a share: what the ways of measuring allow."""
+        of_size = CARD_ERROR_01 if self.size_by == BY_CARD else ASSUMED_SIZE_ERROR_01
+        of_distance = TYPED_ERROR_01 if self.distance_by == TYPED else ASSUMED_DISTANCE_ERROR_01
+        return round(math.hypot(of_size, of_distance), 3)
+
+
+def measured_screen(px_per_mm: float | None, distance_mm: float | None) -> PageScreen:
+    """Return the screen that somebody measured; None stands for what they could not tell."""
+    return PageScreen(
+        USUAL_PX_PER_MM if px_per_mm is None else px_per_mm,
+        USUAL_DISTANCE_MM if distance_mm is None else distance_mm,
+        ASSUMED if px_per_mm is None else BY_CARD,
+        ASSUMED if distance_mm is None else TYPED,
+    )
+
+
+class ComingScene:
+    """The result of a showing before the page has shown it: its times follow with the next answer.
+
+    Raises:
+        DesignError: a trial reads a time that nobody knows yet.
+    """
+
+    def __init__(self) -> None:
+        self.roles: Mapping[str, int] = {}
+        self.view = still_view()
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in ("on_ns", "off_ns", "ms"):
+            raise AttributeError(name)
+        raise DesignError(
+            f"{name} of what t.show showed is not known yet on a page, which shows all up to the "
+            "next key or question without a break; read it after that, or from the trial's columns"
+        )
+
+
+@dataclass(frozen=True)
+class _Part:
+    """What is shown at one time, and the prefix of its columns ("" where it has none)."""
+
+    content: Mapping[str, Any]
+    name: str = ""
+    scene: ComingScene | None = None
+
+    @property
+    def is_limited(self) -> bool:
+        """Whether it ends by itself."""
+        return self.content["seconds"] is not None or self.content["frames"] is not None
+
+
+@dataclass
+class Sequence:
+    """What a trial shows until its page is asked for an answer or for something else."""
+
+    parts: list[_Part] = field(default_factory=list)
+
+    def show(self, action: Action, name: str, files: Callable[[Any], Mapping[str, Any]]) -> Any:
+        """Add what `t.show` shows, without its keys; return the showing's result."""
+        showing, scene = action.showing, ComingScene()
+        assert showing is not None  # noqa: S101 - whoever calls this has looked
+        options = showing.scene.options
+        content = {
+            "items": [item_on_page(item, files) for item in options["items"]],
+            "background": colour_on_page(options["background"]),
+            "seconds": None if showing.frames is not None else showing.seconds,
+            "frames": showing.frames,
+        }
+        if isinstance(action.response, Keys) and showing.seconds >= action.response.limit_s:
+            content["seconds"] = None  # until the key, or its limit
+        self.parts.append(_Part(content, name, scene))
+        return scene
+
+    def add_dark(self, seconds: float | None) -> None:
+        """Add darkness for some seconds, or until the key."""
+        nothing: Mapping[str, Any] = {"items": [], "background": "#000000", "frames": None}
+        self.parts.append(_Part({**nothing, "seconds": seconds}))
+
+    def add_wait(self, seconds: float | None) -> None:
+        """Add more time of what was shown last."""
+        content = {**self.parts[-1].content, "seconds": seconds, "frames": None, "goes_on": True}
+        self.parts.append(_Part(content))
+
+    def step(self, keys: Keys | None, since: int | None) -> PageStep:
+        """Return the step for a page; a key is timed from the last part that has columns, and
+        heard from the part `since` on (None: from that one).
+        """
+        timed = max(k for k, part in enumerate(self.parts) if part.name)
+        asked = {
+            "options": list(map(str, keys.options)),
+            "limit_s": keys.limit_s,
+            "from": timed,
+            "since": timed if since is None else since,
+            "question": keys.name,
+        } if keys is not None else None  # fmt: skip
+        return PageStep("show", {"parts": [part.content for part in self.parts], "keys": asked})
+
+
+def colour_on_page(colour: Any) -> str:
+    """Return a colour as "#rrggbb"."""
+    return "#{:02x}{:02x}{:02x}".format(*rgb_of(colour))
+
+
+def item_on_page(item: Flat, files: Callable[[Any], Mapping[str, Any]]) -> dict[str, Any]:
+    """Return a flat stimulus as a page draws it; `files` describes pictures."""
+    content = {**asdict(item), "kind": type(item).__name__.lower(), "at_deg": list(item.at_deg)}
+    match item:
+        case Text() | Shape():
+            content |= {"rgb": colour_on_page(item.colour)}
+            return content | ({"shape": item.kind} if isinstance(item, Shape) else {})
+        case Grating():
+            return content
+        case Image():
+            return content | dict(files(item))
+
+
+def read_item(content: Mapping[str, Any]) -> Flat:
+    """Return the flat stimulus of which a page was told."""
+    kinds = {kind.__name__.lower(): kind for kind in (Text, Image, Shape, Grating)}
+    kind = kinds[content["kind"]]
+    own = {f.name: content[f.name] for f in fields(kind) if f.name != "kind"}
+    own = {name: tuple(v) if isinstance(v, list) else v for name, v in own.items()}
+    item: Flat = kind(**own, **({"kind": content["shape"]} if kind is Shape else {}))
+    return item
+
+
+@dataclass(frozen=True)
+class Lit:
+    """The light of one part, in milliseconds of the page's clock: from its first frame to the
+    first without it, with the frames that it had and those that its browser left out.
+    """
+
+    on_ms: float
+    off_ms: float
+    frames: int
+    frames_dropped: int
+
+
+def read_lit(content: Mapping[str, Any]) -> list[Lit]:
+    """Read what a page says of the light of every part.
+
+    Raises:
+        PageError: the content is malformed.
+    """
+    parts = content.get("parts")
+    if not isinstance(parts, list) or not 1 <= len(parts) <= MAX_PARTS:
+        raise PageError("parts are what was shown")
+    return [
+        Lit(
+            number(mapping(part, "a part").get("on_ms"), "on_ms"),
+            number(part.get("off_ms"), "off_ms"),
+            count(part.get("frames"), "frames"),
+            count(part.get("dropped"), "dropped"),
+        )
+        for part in parts
+    ]
+
+
+def read_screen(content: Any) -> PageScreen:
+    """Read the screen on which a page says that it showed something.
+
+    Raises:
+        PageError: it is none.
+    """
+    screen = mapping(content, "a screen")
+    read = measured_screen(screen.get("px_per_mm"), screen.get("distance_mm"))
+    number(read.px_per_mm, "px_per_mm")
+    check_distance(read.distance_mm)
+    return read
+
+
+def check_distance(distance_mm: Any) -> None:
+    """Refuse an impossible distance.
+
+    Raises:
+        PageError: it is one.
+    """
+    if not MIN_DISTANCE_MM <= number(distance_mm, "distance_mm") <= MAX_DISTANCE_MM:
+        raise PageError(f"distance_mm is {distance_mm}")
+
+
+def check_shown(step: PageStep, content: Mapping[str, Any]) -> None:
+    """Refuse a reply that does not tell how a step's parts were shown.
+
+    Raises:
+        PageError: saying what is wrong.
+    """
+    if content.get("failed") is not None:
+        mapping(content["failed"], "what failed")
+        return
+    lit, asked = read_lit(content), step.content["keys"]
+    parts = len(step.content["parts"])
+    if len(lit) > parts or (asked is None and len(lit) < parts):
+        raise PageError(f"{len(lit)} parts were shown, not {parts}")
+    if asked is not None and len(lit) <= asked["from"]:
+        raise PageError("what the key answers to was not shown")
+    if any(not one.on_ms <= one.off_ms for one in lit):
+        raise PageError("a part was gone before it was there")
+    read_screen(content.get("screen"))
+    count(content.get("outside"), "outside")
+    answer = content.get("answer")
+    if answer is None:
+        return
+    if asked is None:
+        raise PageError("no key was asked for")
+    pressed = mapping(answer, "the answer")
+    number(pressed.get("at_ms"), "at_ms")
+    if pressed.get("option") not in asked["options"] or pressed.get("by") not in WAYS:
+        raise PageError(f"{str(pressed.get('option'))[:40]!r} is none of its keys")
+
+
+def shown_columns(sequence: Sequence, reply: Reply) -> dict[str, Any]:
+    """Return the columns of a trial's row that follow from what a page showed.
+
+    What a key ended before its turn has no columns. What `t.wait` left there ends with that.
+    """
+    row: dict[str, Any] = {}
+    lit = read_lit(reply.content)
+    screen = read_screen(reply.content.get("screen"))
+    for k, (part, light) in enumerate(zip(sequence.parts, lit, strict=False)):
+        if not part.name:
+            continue
+        last, frames, dropped = light, light.frames, light.frames_dropped
+        for later, more in zip(sequence.parts[k + 1 :], lit[k + 1 :], strict=False):
+            if not later.content.get("goes_on"):
+                break
+            last, frames, dropped = more, frames + more.frames, dropped + more.frames_dropped
+        row |= {
+            f"{part.name}_on_ns": reply.t_ns_of(light.on_ms),
+            f"{part.name}_off_ns": reply.t_ns_of(last.off_ms),
+            f"{part.name}_frames": frames,
+            f"{part.name}_frames_dropped": dropped,
+        }
+        if part.scene is not None:
+            on_ns, off_ns = row[f"{part.name}_on_ns"], row[f"{part.name}_off_ns"]
+            part.scene.__dict__.update(on_ns=on_ns, off_ns=off_ns, ms=(off_ns - on_ns) / 1e6)
+    row |= {
+        "px_per_deg": round(screen.px_per_deg, 3),
+        "size_error_01": screen.size_error_01,
+        "stimuli_outside": count(reply.content.get("outside"), "outside"),
+    }
+    return row

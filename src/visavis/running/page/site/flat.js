@@ -1,0 +1,248 @@
+// Flat stimuli: texts, pictures, shapes and gratings on a canvas over the whole window, in degrees of
+// visual angle, one after another without a break. Every picture is loaded once, and decoded before
+// anything of its step is shown.
+
+import * as wire from "./wire.js";
+
+const TRIES = 4;
+const NAMES = { " ": ["space", "trigger"], enter: ["enter", "select"], arrowleft: ["left"], arrowright: ["right"], arrowup: ["up"], arrowdown: ["down"] };
+const LINE_EM = 1.2;
+const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
+const files = new Map();
+
+// ---- pictures -------------------------------------------------------------------------------
+
+export async function load(picture, key) {
+  if (files.has(picture.picture)) return files.get(picture.picture).report;
+  let why = "";
+  for (let attempt = 1; attempt <= TRIES; attempt += 1) {
+    const startMs = performance.now();
+    try {
+      const response = await wire.asset(picture.picture, key);
+      if (!response.ok) throw new Error(`the server answered ${response.status}`);
+      const buffer = await response.arrayBuffer();
+      if (buffer.byteLength !== picture.bytes) throw new Error("it came in part");
+      const blob = new Blob([buffer], { type: "image/png" });
+      (await decoded(blob)).close();
+      const report = { attempts: attempt, ms: performance.now() - startMs };
+      files.set(picture.picture, { blob, report });
+      return report;
+    } catch (error) {
+      why = String(error.message || error);
+      await pause(300 * 2 ** (attempt - 1));
+    }
+  }
+  throw new Error(why);
+}
+
+const decoded = (blob) => createImageBitmap(blob, { colorSpaceConversion: "none" });
+
+// ---- places and sizes -----------------------------------------------------------------------
+
+const rad = (deg) => deg * Math.PI / 180;
+
+// Left, top, width and height in pixels of the canvas: angles count along each axis, from the middle.
+export function boxOf(atDeg, sizeDeg, canvas, distancePx) {
+  const edge = (axis, sign) => distancePx * Math.tan(rad(atDeg[axis] + sign * sizeDeg[axis] / 2));
+  const left = Math.round(canvas.width / 2 + edge(0, -1));
+  const top = Math.round(canvas.height / 2 - edge(1, 1));
+  const right = Math.max(left + 1, Math.round(canvas.width / 2 + edge(0, 1)));
+  const bottom = Math.max(top + 1, Math.round(canvas.height / 2 - edge(1, -1)));
+  return [left, top, right - left, bottom - top];
+}
+
+// The height of a line is that from the top of an h to the bottom of a g.
+function fontOf(context, linePx) {
+  const family = 'system-ui, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif';
+  const heightAt = (px) => {
+    context.font = `${px}px ${family}`;
+    const m = context.measureText("hg");
+    return [m.actualBoundingBoxAscent, m.actualBoundingBoxDescent];
+  };
+  const [up, down] = heightAt(100);
+  return heightAt(100 * linePx / (up + down));
+}
+
+function sizeOf(item, context) {
+  if (item.kind === "text") {
+    const lines = item.text.split("\n");
+    const [up, down] = fontOf(context, 100);
+    const wide = Math.max(...lines.map((line) => context.measureText(line).width));
+    return [(wide / (up + down) + 0.1) * item.height_deg, lines.length * LINE_EM * item.height_deg];
+  }
+  if (item.kind === "image") {
+    const shape = item.width_px / item.height_px;
+    if (item.width_deg === null) return [item.height_deg * shape, item.height_deg];
+    return [item.width_deg, item.height_deg ?? item.width_deg / shape];
+  }
+  return [item.width_deg, item.height_deg ?? item.width_deg];
+}
+
+// ---- drawing --------------------------------------------------------------------------------
+
+// The pixels of a grating, as `visavis.stimuli.flat_pixels` makes them.
+export function gratingPixels(item, wide, high) {
+  const pixels = new Uint8ClampedArray(4 * wide * high);
+  const degPerPx = item.width_deg / wide;
+  const turn = rad(item.orientation_deg);
+  for (let row = 0; row < high; row += 1) {
+    const y = (high / 2 - row - 0.5) * degPerPx;
+    for (let column = 0; column < wide; column += 1) {
+      const x = (column + 0.5 - wide / 2) * degPerPx;
+      const across = x * Math.cos(turn) + y * Math.sin(turn);
+      const radius = Math.hypot(x, y);
+      let wave = item.contrast_01 * Math.cos(2 * Math.PI * item.cycles_per_deg * across + rad(item.phase_deg));
+      if (item.mask === "gauss") wave *= Math.exp(-0.5 * (radius / item.sd_deg) ** 2);
+      const at = 4 * (row * wide + column);
+      pixels.fill(127.5 + 127.5 * wave, at, at + 3); // a clamped array rounds halves to even
+      pixels[at + 3] = item.mask === "circle" && radius > item.width_deg / 2 ? 0 : 255;
+    }
+  }
+  return pixels;
+}
+
+function drawGrating(context, item, [left, top, wide, high]) {
+  const own = new OffscreenCanvas(wide, high);
+  own.getContext("2d").putImageData(new ImageData(gratingPixels(item, wide, high), wide, high), 0, 0);
+  context.drawImage(own, left, top);
+}
+
+function drawText(context, item, [left, top, wide, high]) {
+  const lines = item.text.split("\n");
+  const linePx = high / (lines.length * LINE_EM);
+  const [up, down] = fontOf(context, linePx);
+  context.fillStyle = item.rgb;
+  context.textAlign = "center";
+  context.textBaseline = "alphabetic";
+  lines.forEach((line, k) => {
+    const middle = top + high * (k + 0.5) / lines.length;
+    context.fillText(line, left + wide / 2, middle + (up - down) / 2);
+  });
+}
+
+function drawShape(context, item, [left, top, wide, high]) {
+  const line = Math.round(item.line_deg / item.width_deg * wide);
+  const path = new Path2D();
+  context.fillStyle = context.strokeStyle = item.rgb;
+  if (item.shape === "cross") {
+    const bar = line || Math.floor(Math.min(wide, high) / 5);
+    context.fillRect(left + (wide - bar) / 2, top, bar, high);
+    context.fillRect(left, top + (high - bar) / 2, wide, bar);
+    return;
+  }
+  if (item.shape === "ellipse") path.ellipse(left + wide / 2, top + high / 2, wide / 2, high / 2, 0, 0, 2 * Math.PI);
+  else if (item.shape === "rectangle") path.rect(left, top, wide, high);
+  else { path.moveTo(left + wide / 2, top); path.lineTo(left + wide, top + high); path.lineTo(left, top + high); path.closePath(); }
+  if (!line) { context.fill(path); return; }
+  context.save(); // an outline lies within its shape
+  context.clip(path);
+  context.lineWidth = 2 * line;
+  context.stroke(path);
+  context.restore();
+}
+
+function drawPicture(context, item, [left, top, wide, high], bitmaps) {
+  context.imageSmoothingEnabled = true;
+  context.imageSmoothingQuality = "high";
+  context.drawImage(bitmaps.get(item.picture), left, top, wide, high);
+}
+
+const DRAW = { text: drawText, shape: drawShape, grating: drawGrating, image: drawPicture };
+
+// ---- one step -------------------------------------------------------------------------------
+
+// Shows the parts of a step one after another in `holder`; `done` gets when each was there, by the
+// page's clock, and the key. A part is drawn within a frame and lit from the next one on.
+export async function open(step, holder, screen, frameMs, done) {
+  const canvas = document.createElement("canvas");
+  const ratio = devicePixelRatio || 1;
+  canvas.className = "flat";
+  canvas.width = Math.max(1, Math.round(innerWidth * ratio));
+  canvas.height = Math.max(1, Math.round(innerHeight * ratio));
+  const context = canvas.getContext("2d", { alpha: false });
+  const distancePx = screen.distance_mm * screen.px_per_mm * ratio;
+  const bitmaps = new Map();
+  for (const item of step.parts.flatMap((part) => part.items)) {
+    if (item.kind !== "image" || bitmaps.has(item.picture)) continue;
+    const file = files.get(item.picture);
+    if (!file) throw Object.assign(new Error("it was not loaded"), { file: item.file });
+    bitmaps.set(item.picture, await decoded(file.blob));
+  }
+  let outside = 0;
+  const pages = step.parts.map((part) => {
+    const page = new OffscreenCanvas(canvas.width, canvas.height);
+    const on = page.getContext("2d", { alpha: false });
+    on.fillStyle = part.background;
+    on.fillRect(0, 0, page.width, page.height);
+    for (const item of part.items) {
+      const box = boxOf(item.at_deg, sizeOf(item, on), canvas, distancePx);
+      const isWhole = box[0] >= 0 && box[1] >= 0 && box[0] + box[2] <= page.width && box[1] + box[3] <= page.height;
+      if (!isWhole && !part.goes_on) outside += 1;
+      DRAW[item.kind](on, item, box, bitmaps);
+    }
+    return page;
+  });
+  for (const bitmap of bitmaps.values()) bitmap.close();
+  const draw = (k) => {
+    canvas.dataset.part = k;
+    if (k < pages.length) context.drawImage(pages[k], 0, 0);
+    else { context.fillStyle = step.parts.at(-1).background; context.fillRect(0, 0, canvas.width, canvas.height); }
+  };
+
+  const { keys } = step;
+  const lit = [];
+  const presses = [];
+  let answer = null;
+  let isOver = false;
+  let isLate = false;
+  const optionOf = (e) => {
+    const name = e.key.toLowerCase();
+    return [name, ...(NAMES[name] || [])].find((one) => keys.options.includes(one));
+  };
+  const onKey = (e) => {
+    if (e.repeat || e.ctrlKey || e.altKey || e.metaKey || !keys) return;
+    const option = optionOf(e);
+    if (option === undefined) return;
+    e.preventDefault();
+    presses.push({ option, at_ms: e.timeStamp, by: "keys" });
+  };
+  document.addEventListener("keydown", onKey);
+  const close = () => { isOver = true; document.removeEventListener("keydown", onKey); };
+
+  // `drawn` is the part that the frame before drew; it has been lit since this one.
+  let drawn = -1;
+  let frames = 0;
+  let dropped = 0;
+  let before = null;
+  const show = (k) => { draw(k); drawn = k; };
+  const onFrame = (now) => {
+    if (isOver) return;
+    requestAnimationFrame(onFrame);
+    const missed = before === null ? 0 : Math.max(0, Math.round((now - before) / frameMs) - 1);
+    before = now;
+    if (lit.length === drawn) { // its first frame, and the first without the one before
+      if (drawn > 0) Object.assign(lit[drawn - 1], { off_ms: now, frames, dropped: dropped + missed });
+      lit.push({ on_ms: now });
+      frames = dropped = 0;
+      if (drawn === step.parts.length || answer || isLate) { finish(); return; }
+    } else dropped += missed;
+    if (drawn < 0) { show(0); return; }
+    frames += 1;
+    const part = step.parts[drawn];
+    const onMs = lit[drawn].on_ms;
+    if (keys && drawn >= keys.since) {
+      const fromMs = lit[keys.from].on_ms;
+      const heardMs = lit[keys.since].on_ms;
+      answer = presses.find((p) => p.at_ms > heardMs && p.at_ms <= fromMs + 1000 * keys.limit_s) || null;
+      isLate = !answer && now + frameMs / 2 > fromMs + 1000 * keys.limit_s;
+      if (answer || isLate) { draw(step.parts.length); drawn += 1; return; }
+    }
+    const lasts = part.frames !== null ? frames >= part.frames
+      : part.seconds !== null && now + 1.5 * frameMs > onMs + 1000 * part.seconds;
+    if (lasts) show(drawn + 1);
+  };
+  const finish = () => { close(); done({ parts: lit.slice(0, -1), answer, outside, canvas_px: [canvas.width, canvas.height] }); };
+  holder.append(canvas);
+  requestAnimationFrame(onFrame);
+  return { close };
+}
