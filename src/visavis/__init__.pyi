@@ -40,6 +40,7 @@ from visavis.study.films import Lens as Lens
 from visavis.study.films import Pair as Pair
 from visavis.study.films import Placed as Placed
 from visavis.study.held_keys import key_held as key_held
+from visavis.study.items import Items as Items
 from visavis.study.live import Live as Live
 from visavis.study.live import LiveScene as LiveScene
 from visavis.study.live import Moulded as Moulded

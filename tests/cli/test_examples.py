@@ -20,13 +20,17 @@ SHORT = {
     "quick_press.py": {"repetitions": 1},
     "stroop.py": {"repetitions": 1},
     "contrast.py": {"repetitions": 2},
+    "faces.py": {"repetitions": 2},
     "lively_films.py": {"repetitions": 1, "film_s": 0.2},
 }
 
 
 def test_examples_are_written_once_and_overwrite_nothing(tmp_path: Path) -> None:
     written = write_examples(tmp_path / "here")
-    assert {"README.md", "means.R", "means.py", *SHORT} == {path.name for path in written}
+    pictures = {path.name for path in written if path.suffix == ".png"}
+    others = {"README.md", "means.R", "means.py", "faces.csv", *SHORT}
+    assert others == {path.name for path in written} - pictures
+    assert 8 == len(pictures)
     assert sorted({"means.py", *SHORT}) == STUDIES
     with pytest.raises(UsageError, match="there already"):
         write_examples(tmp_path / "here")

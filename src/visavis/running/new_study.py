@@ -46,12 +46,16 @@ def write_examples(folder: Path) -> tuple[Path, ...]:
     Raises:
         UsageError: one of them is there already.
     """
-    contents = {path.stem: path.read_text("utf-8") for path in sorted(READY.glob("*.txt"))}
+    contents: dict[str, str | bytes] = {
+        path.stem: path.read_text("utf-8") for path in sorted(READY.glob("*.txt"))
+    }
+    for path in sorted(READY.glob("*/*.png")):
+        contents[path.relative_to(READY).as_posix()] = path.read_bytes()
     return write_files(folder, contents)
 
 
-def write_files(folder: Path, contents: Mapping[str, str]) -> tuple[Path, ...]:
-    """Write files below a folder, from their names and texts; return their paths.
+def write_files(folder: Path, contents: Mapping[str, str | bytes]) -> tuple[Path, ...]:
+    """Write files below a folder, from their names and contents; return their paths.
 
     Raises:
         UsageError: one of them is there already.
@@ -66,7 +70,7 @@ def write_files(folder: Path, contents: Mapping[str, str]) -> tuple[Path, ...]:
     for name, text in contents.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8", newline="\n")
+        path.write_bytes(text.encode() if isinstance(text, str) else text)
         paths.append(path)
     return tuple(paths)
 

@@ -261,11 +261,13 @@ def rename_levels(study: Study) -> Study:
             study.design.check_of(_translate_levels(parameters, old))
 
     practice, intertrial = study.design.practice, study.procedure.intertrial_of
+    items = study.design.items
     return study.with_changes(
         factors=tuple(
             dataclasses.replace(f, levels=tuple(new[f.name].values())) for f in study.design.factors
         ),
         practice=practice if isinstance(practice, int) else [_translate(c, new) for c in practice],
+        items=None if items is None else dataclasses.replace(items, levels=old),
         derived={name: _of_old(of, old) for name, of in study.design.derived.items()},
         constraints=[_rule_for_old_names(rule, old) for rule in study.design.constraints],
         plan_of=with_old_names(study.trial_plan),

@@ -21,6 +21,7 @@ from visavis.lab.errors import DesignError
 from visavis.lab.parts import missing_attribute, part_of, parts_from, takes_keywords_of
 from visavis.protocol.plan.design import Design, Factor
 from visavis.protocol.plan.parameters import parameters_from
+from visavis.study.items import order_rules
 from visavis.study.parts import (
     KINDS,
     SETTABLE,
@@ -327,7 +328,7 @@ class Study:
             blocked_by=own.blocked_by,
             block_order=own.block_order,
             phased_by=own.phased_by,
-            constraints=tuple(own.constraints),
+            constraints=(*own.constraints, *order_rules(own.items, factors)),
             practice=practice
             if isinstance(practice, int)
             else tuple(_possible(cell, factors) for cell in practice),

@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Any, Final
 
@@ -27,8 +28,10 @@ from visavis.study.comparisons import Compare, possible
 from visavis.study.declaration import Study
 from visavis.study.dry_run import TrialRead, first_lit, read_trial, read_trials
 from visavis.study.films import Film, films_of
+from visavis.study.items import ItemTable, fits, items_of_plan, read_items
 from visavis.study.live import Live, Slider
 from visavis.study.parameters import parameters_in_force
+from visavis.study.parts import RESERVED_NAMES
 from visavis.study.performing import perform
 from visavis.study.responses import Keys, Pointing, Rating, Response
 from visavis.study.scenes import FLAT
@@ -100,9 +103,10 @@ class StudyExperiment:
     def read(self) -> Mapping[tuple[tuple[str, Any], ...], TrialRead]:
         """What every condition shows and asks."""
         design = self.study.design_with(self.parameters)
+        cells = (self._with_derived_columns(cell) for cell in combinations_of(design.factors))
         trials = (
-            Trial(f"T{i}", i, 0, False, self._with_derived_columns(cell), i)
-            for i, cell in enumerate(combinations_of(design.factors), start=1)
+            Trial(f"T{i}", i, 0, False, cell, i)
+            for i, cell in enumerate(chain.from_iterable(map(self._with_items, cells)), start=1)
         )
         return read_trials(self.study.trial_plan, trials, self.settings)
 
@@ -123,6 +127,37 @@ class StudyExperiment:
             film for t in self.read.values() for of in t.films for film in films_of(of).values()
         )
         return tuple(dict.fromkeys(films))
+
+    @cached_property
+    def item_table(self) -> ItemTable | None:
+        """The table of the study's items; None where it has none.
+
+        Raises:
+            DesignError: the table is wrong, by line.
+        """
+        own = self.study.design
+        if own.items is None:
+            return None
+        factors = self.study.design_with(self.parameters).factors
+        table = read_items(own.items, self.settings.folder, factors)
+        taken = {*self.parameters, *own.derived, *RESERVED_NAMES} - {f.name for f in own.factors}
+        for column in table.columns:
+            if column in taken:
+                raise DesignError(
+                    f"{table.file}: the column {column!r} is a name of the study's or the kit's; "
+                    "name it otherwise"
+                )
+        return table
+
+    def _with_items(self, cell: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+        """Yield a condition with every item that it may show."""
+        items, table = self.study.design.items, self.item_table
+        if items is None or table is None:
+            yield cell
+            return
+        for row, item in enumerate(table.rows):
+            if fits(items, table, row, cell):
+                yield {**item, **cell}
 
     @cached_property
     def flats(self) -> tuple[Flat, ...]:
@@ -305,6 +340,9 @@ class StudyExperiment:
         plan = make_plan(
             design, seed=seed, participant_index=participant_index, group=group or None
         )
+        rows: Mapping[str, Mapping[str, Any]] = {}
+        if self.study.design.items is not None and self.item_table is not None:
+            rows = items_of_plan(self.study.design.items, self.item_table, plan, design.factors)
         values = self.values_of(plan)
         own = 1 if plan.blocks[0].trials and plan.blocks[0].trials[0].is_practice else 0
         parts = len(plan.blocks) - own
@@ -321,7 +359,17 @@ class StudyExperiment:
                 replace(
                     block,
                     trials=tuple(
-                        replace(t, factors=self._with_derived_columns(t.factors))
+                        replace(
+                            t,
+                            factors={
+                                **self._with_derived_columns(t.factors),
+                                **{
+                                    name: value
+                                    for name, value in rows.get(t.trial_id, {}).items()
+                                    if name not in t.factors
+                                },
+                            },
+                        )
                         for t in block.trials
                     ),
                     name=self.texts.find(*titles, values=text_values) or block.name,

@@ -17,6 +17,7 @@ from visavis.protocol.plan.steps import Scalar
 from visavis.study.comparisons import Compare
 from visavis.study.conditions import Groups
 from visavis.study.exclusions import STANDARD_RULES, Exclusion
+from visavis.study.items import Items
 from visavis.study.look_measures import LooksOn
 from visavis.study.measures import Measure
 from visavis.study.names import impossible_levels, is_name, reserved_names
@@ -101,6 +102,8 @@ class StudyDesign:
     factors: Sequence[Factor] = ()
     """What varies between trials or people. A factor between people that has one level makes no
     groups."""
+    items: Items | None = None
+    """A table of stimuli, of which every trial shows one."""
     repetitions: int = 1
     """Number of repetitions of every combination of the factors within people."""
     practice: int | Sequence[Mapping[str, Any]] = 0

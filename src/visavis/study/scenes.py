@@ -394,7 +394,7 @@ def flat(
         raise DesignError("t.show: there is nothing to show; give a stimulus, or several in a list")
     for item in items:
         if isinstance(item, Image):
-            _require_picture(picture_path(item, staging.folder))
+            picture_size(picture_path(item, staging.folder))
     scene = FlatScene(
         name=FLAT,
         agents=(),
@@ -407,10 +407,15 @@ def flat(
     return _StagedFlat(scene)
 
 
-def _require_picture(path: Path) -> None:
-    """Refuse a picture that cannot be shown; its reader is loaded for studies of pictures only."""
+def picture_size(path: Path) -> tuple[int, int]:
+    """Return width and height of a picture in pixels; its reader is loaded only for such studies.
+
+    Raises:
+        DesignError: it cannot be shown.
+    """
     read = named_function(PICTURE_SIZE, "reads pictures")
-    read(path, path.stat().st_mtime_ns if path.is_file() else 0)
+    wide, high = read(path, path.stat().st_mtime_ns if path.is_file() else 0)
+    return wide, high
 
 
 SCENES: Final[Mapping[str, Maker]] = {

@@ -74,6 +74,10 @@ def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> d
         )
         columns[name] = Column(name, "ns", words)
     columns |= film_columns(max((len(t.films) for t in experiment.read.values()), default=0))
+    table = experiment.item_table
+    if table is not None:
+        for name in table.columns:
+            columns.setdefault(name, Column(name, "", f"{name.replace('_', ' ')} of {table.file}"))
     columns |= {c.name: c for c in PAGE_COLUMNS} if experiment.flats else {}
     lives = dict.fromkeys(name for t in experiment.read.values() for name in t.lives)
     columns |= live_columns(lives)
