@@ -30,6 +30,7 @@ from visavis.results.analysis import (
 from visavis.results.claims import printed_orders
 from visavis.results.family_tests import DEFAULT_TEST_RULES, TestRules
 from visavis.results.fidelity import design_names, names_of, refuse_unknown_names
+from visavis.results.flat_again import flat_views
 from visavis.results.intake import SessionIntake, questionnaire, take_in, with_remarks
 from visavis.results.locked_plan.review import PlanReview
 from visavis.results.picture_delay import SETTING, delay_of
@@ -55,7 +56,7 @@ from visavis.study.moulding import FIGURE_ON, FIGURE_TURNED, SLIDER_MOVED, stage
 from visavis.study.moulding import SCENE as LIVE_SCENE
 from visavis.study.pieces import MeasuredTrial, Pieces
 from visavis.study.responses import Choice
-from visavis.study.scenes import Scene, Staging, stage
+from visavis.study.scenes import FLAT, Scene, Staging, stage
 from visavis.study.sections import Confusion
 from visavis.study.study_errors import line_saying
 from visavis.study.texts import label_of
@@ -343,6 +344,11 @@ class OpenedStudy:
         if figure is not None and record.scene.name == LIVE_SCENE:
             yield self._moulded(record, figure[1])
             return
+        if record.scene.name == FLAT:
+            views = list(flat_views(record, self.study.files.trial_folder))
+            if views:
+                yield from views
+                return
         latest = record.latest("shown")
         if latest is None or not record.scene.agents:
             yield replace(

@@ -1,0 +1,99 @@
+"""Flat stimuli of a recorded frame, made again from the event that describes them."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from visavis.lab.config import Screen
+from visavis.lab.errors import DataError
+from visavis.lab.geometry import Pose
+from visavis.lab.screen import PlacedScreen
+from visavis.protocol.plan.shown_scene import RecordedScene, of_part
+from visavis.stimuli.flat import Flat, Grating, Image, Shape, Text, rgb_of
+from visavis.stimuli.panels import IN_HEADSET, Surface
+from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.scenes.flat import DRESSED_BY, FlatScene
+
+KINDS = {kind.__name__: kind for kind in (Text, Image, Shape, Grating)}
+LAST_SAMPLES = 3
+"""How many samples of the head may have been the newest when something was shown."""
+
+
+def flat_views(record: RecordedScene, folder: Path) -> Iterator[SceneFrame]:
+    """Yield the frames of flat stimuli that a recorded frame may be, the likeliest first; none
+    where no event describes them.
+
+    Raises:
+        DataError: the event cannot be read.
+    """
+    payload = record.with_onset("shown")
+    if payload is None or "option_items" not in payload:
+        return
+    screen = record.recording.manifest.configuration.get("screen")
+    surface, heads = IN_HEADSET, _heads(record)
+    if screen is not None:
+        lab_screen = Screen(**screen)
+        upright = Pose(
+            np.array([0.0, lab_screen.eye_height_m, 0.0]), np.array([1.0, 0.0, 0.0, 0.0])
+        )
+        surface, heads = Surface(PlacedScreen(lab_screen.flat, upright)), heads[:1]
+    items = read_items_text(str(payload["option_items"]))
+    for head in heads:
+        scene = FlatScene(
+            name=record.scene.name,
+            agents=(),
+            brightness_01=record.scene.brightness_01,
+            dressed_by=DRESSED_BY,
+            items=items,
+            background_srgb=rgb_of(read_colour(payload["option_background"])),
+            head=head,
+            surface=surface,
+            folder=folder,
+            answered_by=str(payload.get("option_answered_by", "")),
+        )
+        yield SceneFrame(scene, record.t_scene_ns, np.zeros((0, 3)), np.zeros(0))
+
+
+def read_items_text(text: str) -> tuple[Flat, ...]:
+    """Return flat stimuli from the text by which the event "shown" describes them.
+
+    Raises:
+        DataError: it is no such text.
+    """
+    try:
+        tree = ast.parse(text, mode="eval").body
+        calls = tree.elts if isinstance(tree, ast.Tuple) else []
+        return tuple(_item(call) for call in calls)
+    except (SyntaxError, ValueError, KeyError, TypeError) as error:
+        raise DataError(f"no flat stimuli are described by {text[:60]!r}") from error
+
+
+def _item(call: ast.expr) -> Flat:
+    if not isinstance(call, ast.Call) or not isinstance(call.func, ast.Name) or call.args:
+        raise ValueError("no stimulus")
+    values = {str(k.arg): ast.literal_eval(k.value) for k in call.keywords}
+    item: Flat = KINDS[call.func.id](**values)
+    return item
+
+
+def read_colour(text: str) -> str | tuple[int, int, int]:
+    """Return a colour from its text in an event: a name, "#rrggbb", or "(r, g, b)"."""
+    if text.startswith("("):
+        red, green, blue = ast.literal_eval(text)
+        return red, green, blue
+    return text
+
+
+def _heads(record: RecordedScene) -> list[Pose]:
+    """Return where the head was when the stimuli were shown, newest sample first."""
+    head = of_part(record.recording, "head", record.part)
+    rows = np.flatnonzero(head["valid"] & (head["t_host_ns"] <= record.since_ns))
+    return [
+        Pose(
+            head["position_m"][i].astype(np.float64),
+            head["orientation_wxyz"][i].astype(np.float64),
+        )
+        for i in rows[::-1][:LAST_SAMPLES]
+    ] or [Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))]

@@ -1,0 +1,81 @@
+"""Flat stimuli are seen again: in a frame that is drawn anew, and in a film."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from visavis.cli.film.film import pictures_of
+from visavis.cli.recorded_trial import recorded_trial
+from visavis.cli.redraw import redraw
+from visavis.lab.config import load_config
+from visavis.lab.config_files import SCREEN_EXAMPLE
+from visavis.lab.errors import DataError
+from visavis.recording.cached import CachedRecording
+from visavis.results.flat_again import read_colour, read_items_text
+from visavis.results.opened_study import find_study
+from visavis.running.sessions.perform import perform_new
+from visavis.running.sessions.session_request import simulated_request
+from visavis.stimuli.flat import Grating, Image, Shape, Text
+
+STUDY = """
+from visavis import Factor, Grating, Shape, Study, Text
+
+study = Study("again", factors=[Factor("ink", ["red"])], calibrate=False)
+
+@study.trial
+def trial(t):
+    yield t.show(Shape("rectangle", 8, colour=t.ink), seconds=0.3, background="white")
+    yield t.show([Grating(6), Text("ä 'x'", at_deg=(6, 0))], seconds=0.3, background=(9, 9, 9))
+"""
+"""A red square on white, then a grating and a text."""
+
+
+def test_a_description_in_an_event_is_read_back_whole() -> None:
+    items = (
+        Text("a 'quoted'\n\"line\"", colour=(1, 2, 3)),
+        Image("ä b😀.png", width_deg=3),
+        Shape("cross", 2, line_deg=0.2),
+        Grating(3, 2, 0.5, mask="circle"),
+    )
+    assert items == read_items_text(str(items))
+    assert (items[0],) == read_items_text(str(items[:1]))
+    assert ("grey", (1, 2, 3)) == (read_colour("grey"), read_colour("(1, 2, 3)"))
+
+
+@pytest.mark.parametrize("text", ["(Text(", "(open('x'),)", "(Text('x'),)", "(Text(text=f()),)"])
+def test_a_text_that_describes_none_is_no_stimulus(text: str) -> None:
+    with pytest.raises(DataError, match="no flat stimuli"):
+        read_items_text(text)
+
+
+def test_a_frame_is_drawn_again_with_what_was_shown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "again.py").write_text(STUDY, "utf-8")
+    study = find_study(str(tmp_path / "again.py"))
+    config = load_config(SCREEN_EXAMPLE).model_copy(
+        update={"data_root": tmp_path / "data", "key_root": tmp_path / "keys"}
+    )
+    request = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
+    recording = CachedRecording(perform_new(request))
+    monkeypatch.setattr("visavis.cli.redraw.study_of_folder", lambda *of: (study, ""))
+    row = recording.trials().iloc[0]
+    frames = recording.stream_arrays("frames", part=1)
+
+    def frame_after(t_ns: int) -> int:
+        return int(frames["frame_index"][np.searchsorted(frames["t_host_ns"], t_ns + 100_000_000)])
+
+    square, _ = redraw(recording, frame_after(int(row["stimulus_on_ns"])))
+    height, width, _ = square.shape
+    assert [255, 0, 0] == square[height // 2, width // 2].tolist()
+    assert [255, 255, 255] == square[5, 5].tolist()
+    grating, _ = redraw(recording, frame_after(int(row["stimulus2_on_ns"])))
+    assert [9, 9, 9] == grating[5, 5].tolist()
+    middle = grating[height // 2 - 60 : height // 2 + 60, width // 2 - 60 : width // 2 + 60, 0]
+    assert 200 < middle.max()
+    assert 60 > middle.min()
+
+    film = pictures_of(study, recorded_trial(recording, str(row["trial_id"])))
+    assert 1 == len(film(int(row["stimulus_on_ns"]) + 100_000_000).sheets)
+    assert 2 == len(film(int(row["stimulus2_on_ns"]) + 100_000_000).sheets)
