@@ -147,7 +147,7 @@ class Everybody:
         self.arrivals += 1
         return {"key": "key"}
 
-    async def session_of(self, key: str) -> None:
+    async def session_of(self, key: str, new_tab: str = "") -> None:
         """Return no session."""
 
     async def board(self) -> Mapping[str, Any]:

@@ -69,6 +69,7 @@ from visavis.study.responses import Number as Number
 from visavis.study.responses import Pointing as Pointing
 from visavis.study.responses import Rating as Rating
 from visavis.study.responses import SideBySide as SideBySide
+from visavis.study.returning import Returning as Returning
 from visavis.study.scenes import Scene as Scene
 from visavis.study.scenes import Staging as Staging
 from visavis.study.sections import Conclusion as Conclusion

@@ -50,13 +50,9 @@ def _when(scene: str) -> str:
 
 def _of(scene: str, value: Any) -> Of:
     def of(record: TrialRecord) -> Scalar | None:
-        start, end = record.number("t_start_ns"), record.number("t_end_ns")
-        window = record.window(scene) if scene else (start, end)
+        window = record.window(scene) if scene else _whole(record)
         recording = record.recording
         if window is None or recording is None:
-            return None
-        begins_ns, ends_ns = window
-        if begins_ns is None or ends_ns is None:
             return None
         if GAZE not in recording.stream_names:
             return None
@@ -65,7 +61,7 @@ def _of(scene: str, value: Any) -> Of:
         signal = _signal(recording, int(record.row["recording_part"]))
         if signal is None:
             return None
-        from_ns, to_ns = int(begins_ns), int(ends_ns)
+        from_ns, to_ns = window
         seen_ns = signal.seen_ns(from_ns, to_ns)
         if to_ns <= from_ns or seen_ns < MIN_SEEN_01 * (to_ns - from_ns):
             return None
@@ -74,6 +70,11 @@ def _of(scene: str, value: Any) -> Of:
         return made
 
     return of
+
+
+def _whole(record: TrialRecord) -> tuple[int, int] | None:
+    start, end = record.number("t_start_ns"), record.number("t_end_ns")
+    return None if start is None or end is None else (int(start), int(end))
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,7 +28,15 @@ ABOUT_PAGE: Final[Mapping[str, str]] = {
 }
 """What a page says about its browser and screen, and the fact that covers it."""
 
-PAGE_HAPPENINGS: Final = ("opened", "about", "visibility", "fullscreen", "resize", "problem")
+PAGE_HAPPENINGS: Final = (
+    "opened",
+    "about",
+    "visibility",
+    "fullscreen",
+    "resize",
+    "problem",
+    "rewound",
+)
 """Kinds of page events that are no answers."""
 
 EVENT_FACTS: Final[Mapping[str, tuple[str, ...]]] = {

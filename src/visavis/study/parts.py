@@ -24,6 +24,7 @@ from visavis.study.names import impossible_levels, is_name, reserved_names
 from visavis.study.pairs import Family
 from visavis.study.pieces import Pieces
 from visavis.study.responses import Response
+from visavis.study.returning import Returning
 from visavis.study.scenes import Maker
 from visavis.study.sections import ConcludeOf, Confusion, SectionOf, import_object
 from visavis.study.source import Source
@@ -204,6 +205,8 @@ class Procedure:
     screening: Sequence[Screening] = ()
     """What a page checks before its first trial: "card", the size of the screen; "sound", whether
     spoken digits are heard."""
+    returning: Returning = field(default_factory=Returning)
+    """How old a visit to a page may be that somebody comes back to, and where it goes on."""
 
     def problems(self) -> list[str]:
         """Say what is wrong with it."""
@@ -213,7 +216,14 @@ class Procedure:
             *(wrong_posture if self.posture not in (None, *get_args(Posture)) else ()),
             *(wrong_reading if self.instructions not in get_args(Instructions) else ()),
             *self._screening_problems(),
+            *self._returning_problems(),
         ]
+
+    def _returning_problems(self) -> list[str]:
+        given: Any = self.returning
+        if isinstance(given, Returning):
+            return []
+        return [f"returning is {given!r}; write returning=Returning(within_h=24)"]
 
     def _screening_problems(self) -> list[str]:
         return [

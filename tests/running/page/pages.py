@@ -18,11 +18,12 @@ from visavis.recording.writer import VIRTUAL_TIME_BATCH_NS, Recorder
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.running.film_store import film_store
 from visavis.running.page.course import Notes, Visit, course
-from visavis.running.page.desk import EarlierParts, PageDesk
-from visavis.running.page.perform import past_of
+from visavis.running.page.desk import PageDesk
+from visavis.running.page.earlier_parts import EarlierParts, back_to
 from visavis.running.page.steps import PageStep
 from visavis.running.page.visitor import Visitor, visitor_of
 from visavis.study.experiment import StudyExperiment
+from visavis.study.returning import Resumes
 
 STUDY = Path(__file__).parents[2] / "studies" / "films.py"
 SEED = 1
@@ -96,11 +97,11 @@ def begun(root: Path, label: str = "S01") -> Iterator[tuple[Page, Path]]:
 
 
 @contextmanager
-def gone_on(path: Path) -> Iterator[Page]:
+def gone_on(path: Path, checkpoint: Resumes = "step") -> Iterator[Page]:
     """Go on with a session that broke off."""
     folder, _ = open_session(path)
     with folder:
-        yield page_of(folder, past_of(Recording(path)))
+        yield page_of(folder, back_to(Recording(path), checkpoint))
 
 
 def page_of(folder: SessionFolder, past: EarlierParts | None) -> Page:
@@ -122,6 +123,7 @@ def page_of(folder: SessionFolder, past: EarlierParts | None) -> Page:
         lambda film: store.describe(film, is_simulated=True),
         clock.now_ns,
         notes,
+        {} if past is None else past.attempts,
     )
     desk = PageDesk(course(visit), recorder, clock, notes, past, key="key")
     person = study().participant(0, SEED, effect=True, experiment=made)

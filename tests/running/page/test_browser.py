@@ -21,7 +21,8 @@ from visavis.lab.clock import StopWatch
 from visavis.lab.config_files import EXAMPLE
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
-from visavis.running.page.desk import RELOAD_FLAG, RESTART_FLAG, SLEEP_FLAG
+from visavis.running.page.desk import RELOAD_FLAG, SLEEP_FLAG
+from visavis.running.page.earlier_parts import RESTART_FLAG
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 PATIENCE_S = 120.0

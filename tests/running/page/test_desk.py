@@ -13,7 +13,8 @@ from tests.running.page.pages import TAB, begun, gone_on, study
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.recording.reader import Recording
-from visavis.running.page.desk import LEASE_NS, RELOAD_FLAG, RESTART_FLAG, SLEEP_FLAG
+from visavis.running.page.desk import LEASE_NS, RELOAD_FLAG, SLEEP_FLAG
+from visavis.running.page.earlier_parts import RESTART_FLAG
 from visavis.running.page.server import FILES, SITE
 from visavis.running.page.spoken_digits import HOW_MANY, hear_digits, say_digits, spoken_digits
 from visavis.running.page.steps import OpenElsewhereError, PageError

@@ -20,8 +20,8 @@ from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.running.film_store import film_store
 from visavis.running.live_store import LiveStore, page_files, until_on_page
 from visavis.running.page.course import Notes, Visit, course
-from visavis.running.page.desk import EarlierParts, PageDesk
-from visavis.running.page.perform import past_of
+from visavis.running.page.desk import PageDesk
+from visavis.running.page.earlier_parts import EarlierParts, past_of
 from visavis.running.page.steps import PageError, PageStep
 from visavis.running.page.visitor import visitor_of
 from visavis.stimuli.motion.synthesis.pose_distance import Likeness, compared_joints

@@ -96,6 +96,8 @@ class Visit:
     files: FilmFiles
     now_ns: Callable[[], int]
     notes: Notes = field(default_factory=Notes)
+    attempts: Mapping[str, int] = field(default_factory=dict)
+    """How often each trial has been performed already, where it is performed again."""
 
     @cached_property
     def settings(self) -> Settings:
@@ -259,7 +261,9 @@ def _trial(visit: Visit, block: Block, trial: Trial) -> Generator[Out, Reply | N
         "is_practice": trial.is_practice,
     }
     start_ns = visit.now_ns()
-    yield Event("trial_start", {"trial_id": trial.trial_id, "attempt": 1, "block": block.index})
+    attempt = 1 + visit.attempts.get(trial.trial_id, 0)
+    about = {"trial_id": trial.trial_id, "attempt": attempt, "block": block.index}
+    yield Event("trial_start", about)
     visit.notes.flags.clear()
     script = TrialScript(trial, visit.settings)
     performing = perform_on_page(script, visit.experiment.study.trial_plan, visit.files)
@@ -304,7 +308,7 @@ def _trial(visit: Visit, block: Block, trial: Trial) -> Generator[Out, Reply | N
             "number": trial.number,
             "block": trial.block,
             "is_practice": trial.is_practice,
-            "attempt": 1,
+            "attempt": attempt,
             "status": status,
             "reason": reason,
             "flags": ";".join(visit.notes.all),

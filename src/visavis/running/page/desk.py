@@ -8,6 +8,7 @@ from typing import Any, Final
 from visavis.lab.clock import NS_PER_S, Clock
 from visavis.recording.writer import Recorder
 from visavis.running.page.course import DONE, Course, Event, Notes, TrialRow
+from visavis.running.page.earlier_parts import PAGE_EVENT, REWOUND, REWOUND_FLAG, EarlierParts
 from visavis.running.page.replies import check_reply
 from visavis.running.page.steps import (
     MOULDER,
@@ -29,31 +30,10 @@ LEASE_NS: Final = 12 * NS_PER_S
 MAX_EVENTS: Final = 500
 """How many events a page may send at once."""
 KINDS: Final = ("reply", "moved", "about", "visibility", "fullscreen", "resize", "problem")
-PAGE_EVENT: Final = "page_event"
-RESTART_FLAG: Final = "server restarted"
 RELOAD_FLAG: Final = "page reloaded"
 SLEEP_FLAG: Final = "computer asleep"
 ASLEEP_NS: Final = 5 * NS_PER_S
 """A page's clock that stops for longer than this means that the computer slept."""
-
-
-@dataclass(frozen=True)
-class EarlierParts:
-    """Content of the earlier parts of a session: page events in order, and what else was written.
-
-    `events` are (part, session time, payload). `rows` are trials that have a row, `answers` pairs
-    (questionnaire, question), `answered_questions` pairs (trial, question), `complete` finished
-    questionnaires. A trial that continues in a later part is flagged with `broken_by`; "" means
-    that nothing interrupted it.
-    """
-
-    events: Sequence[tuple[int, int, Mapping[str, Any]]] = ()
-    rows: frozenset[str] = frozenset()
-    started: frozenset[str] = frozenset()
-    answers: frozenset[tuple[str, str]] = frozenset()
-    answered_questions: frozenset[tuple[str, str]] = frozenset()
-    complete: frozenset[str] = frozenset()
-    broken_by: str = RESTART_FLAG
 
 
 @dataclass
@@ -128,6 +108,8 @@ class PageDesk:
         if self.past is not None:
             self._replay(self.past)
             self._is_replaying = False
+            if self.past.rewinding is not None:
+                self.recorder.event(PAGE_EVENT, self.clock.now_ns(), **self.past.rewinding)
 
     # ---- what a page asks --------------------------------------------------------------------
 
@@ -219,6 +201,11 @@ class PageDesk:
         if tab == self._tab:
             self._has_left = True
 
+    def is_left_for(self, tab: str) -> bool:
+        """Tell whether another page says hello after this session's page was closed."""
+        is_begun = self.step.kind != "consent" and not self.is_over
+        return bool(tab) and is_begun and tab != self._tab and self._has_left
+
     @property
     def is_over(self) -> bool:
         """Whether nothing is left to do."""
@@ -302,6 +289,9 @@ class PageDesk:
             origin.add_event(float(payload["at_ms"]), t_ns)
         if payload["kind"] == "problem":
             self.notes.add("page problem")
+        elif payload["kind"] == REWOUND:
+            self.notes.add(REWOUND_FLAG)
+            self.step_number = int(payload["number"])
         elif payload["kind"] == "moved" and payload.get("step") == self.step_number:
             self._moves.append(payload)
         elif payload["kind"] == "reply":

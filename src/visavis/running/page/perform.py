@@ -1,12 +1,12 @@
 """Perform a session on a page in a browser, new or resumed, and leave a closed recording behind."""
 
 import asyncio
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-from visavis.lab.errors import ConfigError, SessionAborted
+from visavis.lab.errors import ConfigError, SessionAborted, UsageError
 from visavis.protocol.people.key_file import KeyFile
 from visavis.protocol.plan.experiment import no_progress
 from visavis.protocol.plan.questionnaires import Questionnaire
@@ -38,7 +38,8 @@ from visavis.running.page.course import (
     course,
     texts_of_page,
 )
-from visavis.running.page.desk import EarlierParts, PageDesk
+from visavis.running.page.desk import PageDesk
+from visavis.running.page.earlier_parts import EarlierParts, returning_to
 from visavis.running.page.server import PageServer, PageSession
 from visavis.running.page.visitor import Visitor, visitor_of
 from visavis.running.picture_store import PictureStore
@@ -118,6 +119,7 @@ def perform_rest(request: Request, session_path: Path) -> Path:
 
     Raises:
         ConfigError: the plan in the manifest is not the one this version would make.
+        UsageError: it is older than the study lets people go on.
     """
     use_recorded_cast(Recording(session_path))
     experiment = experiment_of(request)
@@ -127,8 +129,14 @@ def perform_rest(request: Request, session_path: Path) -> Path:
         recording = Recording(session_path)
         plan = experiment.plan(request.person.index, request.seed, request.person.group)
         refuse_other_plan(recording, plan)
-        port = port_before(recording)
-        _perform_part(request, experiment, store, folder, past_of(recording), port)
+        port, policy = port_before(recording), experiment.study.procedure.returning
+        past = returning_to(recording, policy, request.clock.wall_iso())
+        if past is None:
+            raise UsageError(
+                f"{session_path} was begun more than {policy.within_h:g} h ago, and the study lets "
+                "nobody go on after that (returning=…); what is finished is kept"
+            )
+        _perform_part(request, experiment, store, folder, past, port)
         return folder.path
 
 
@@ -141,36 +149,6 @@ def prepared_films(
     if not request.clock.is_virtual:
         store.build(experiment.films, report_progress)
     return store
-
-
-def past_of(recording: Recording) -> EarlierParts:
-    """Return the content of the earlier parts of a session."""
-    events = recording.events()
-    pages: list[tuple[int, int, Mapping[str, Any]]] = []
-    started_trials, answers, answered_questions, complete = set(), set(), set(), set()
-    for event in events.to_dict("records"):
-        payload = event["payload"]
-        match event["name"]:
-            case "page_event":
-                pages.append((int(event["recording_part"]), int(event["t_ns"]), payload))
-            case "trial_start":
-                started_trials.add(str(payload["trial_id"]))
-            case "answer":
-                answers.add((str(payload["questionnaire"]), str(payload["question"])))
-            case "answered":
-                answered_questions.add((str(payload["trial_id"]), str(payload["question"])))
-            case "questionnaire_complete":
-                complete.add(str(payload["questionnaire"]))
-    trials = recording.trials()
-    rows = frozenset(map(str, trials["trial_id"])) if "trial_id" in trials else frozenset()
-    return EarlierParts(
-        pages,
-        rows,
-        frozenset(started_trials),
-        frozenset(answers),
-        frozenset(answered_questions),
-        frozenset(complete),
-    )
 
 
 def simulated_visitor(request: Request, experiment: StudyExperiment, store: FilmStore) -> Visitor:
@@ -262,6 +240,7 @@ def page_session_of(
         describe,
         request.clock.now_ns,
         notes,
+        {} if past is None else past.attempts,
     )
     desk = PageDesk(course(visit_of), recorder, request.clock, notes, past, key=key)
     files = (

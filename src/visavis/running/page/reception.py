@@ -30,6 +30,7 @@ from visavis.running.page.arrivals import (
 )
 from visavis.running.page.board import ARRIVED, COUNTING, Board, Place, board_of
 from visavis.running.page.course import DECLINED, DONE, FULL, WITHDRAWN, texts_of_page
+from visavis.running.page.earlier_parts import returning_to
 from visavis.running.page.perform import (
     ENDINGS,
     SERVED_EVENT,
@@ -39,7 +40,6 @@ from visavis.running.page.perform import (
     key_of,
     manifest_of,
     page_session_of,
-    past_of,
 )
 from visavis.running.page.rate_limit import ArrivalLimits
 from visavis.running.page.server import EndedSession, PageServer, PageSession
@@ -52,6 +52,7 @@ from visavis.running.sessions.recorded_part import (
     refuse_other_plan,
 )
 from visavis.running.sessions.session_request import Request, SessionPerson
+from visavis.study.returning import EXPIRED
 
 IDLE_NS: Final = 30 * 60 * NS_PER_S
 """After this silence a page counts as left: its place is filled again, its session is kept."""
@@ -119,6 +120,7 @@ class Reception:
         self._withdraw, self._say = withdraw, say
         self._simulated = is_simulated(base.config)
         self._contact = base.config.privacy.contact
+        self._returning = self._experiment.study.procedure.returning
         self._root = base.config.data_root
         self._open: dict[str, _OpenSession] = {}
         self._keys: dict[str, str] = {}
@@ -178,21 +180,29 @@ class Reception:
             self._keep(session)
             return {"key": session.page.desk.key}
 
-    async def session_of(self, key: str) -> PageSession | EndedSession | None:
+    async def session_of(self, key: str, new_tab: str = "") -> PageSession | EndedSession | None:
         """Return the session of a key, continued where it was left; None if there is none.
+
+        `new_tab` is a page that says hello: a study may let it go on from a checkpoint alone.
 
         Raises:
             PageError: it cannot continue; the operator of the server is told why.
         """
         if key in self._open:
-            return self._open[key].page
+            session = self._open[key]
+            if self._returning.is_usual or not session.page.desk.is_left_for(new_tab):
+                return session.page
+            await self._close(session, "aborted", LEFT)
         await self._notice_withdrawals()
         async with self._turn:
             if key not in self._open and key in self._keys:
                 if (ending := self._ending_of(key)) is not None:
                     return ending
                 try:
-                    self._keep(await self._run(self._go_on, key))
+                    continued = await self._run(self._go_on, key)
+                    if continued is None:
+                        return self._ended(self._keys[key], EXPIRED)
+                    self._keep(continued)
                 except LabError as error:
                     self._say(f"{self._keys[key]} came again and could not go on: {error}")
                     raise PageError(CANNOT_GO_ON) from error
@@ -364,7 +374,8 @@ class Reception:
         plan = self._experiment.plan(index, self._base.seed)
         return self._ledger.add(index=index, group=plan.group)
 
-    def _go_on(self, key: str) -> _OpenSession:
+    def _go_on(self, key: str) -> _OpenSession | None:
+        """Go on with a session where it was left; None where it is too old for that."""
         entry = self._ledger.resolve(self._keys[key])
         path, request = self._path(entry), self._request(entry)
         arrival = self._arrival(entry.label)
@@ -375,7 +386,10 @@ class Reception:
             recording = Recording(path)
             plan = self._experiment.plan(entry.index, request.seed, entry.group)
             refuse_other_plan(recording, plan)
-            session = self._part(request, entry, folder, past_of(recording), key, arrival)
+            past = returning_to(recording, self._returning, request.clock.wall_iso())
+            if past is None:
+                return None
+            session = self._part(request, entry, folder, past, key, arrival)
             session.stack = stack.pop_all()
         return session
 
@@ -384,8 +398,9 @@ class Reception:
         label = self._keys[key]
         state = self._states.get(label, "")
         outcome = DONE if state == "complete" else state
-        if outcome not in (DONE, *ENDINGS):
-            return None
+        return self._ended(label, outcome) if outcome in (DONE, *ENDINGS) else None
+
+    def _ended(self, label: str, outcome: str) -> EndedSession:
         arrival = self._arrival(label)
         about = about_of(self._experiment, self._simulated, self._contact)
         where = self._rules.completion

@@ -124,8 +124,11 @@ class Reception(Protocol):
         """
         ...
 
-    async def session_of(self, key: str) -> PageSession | EndedSession | None:
-        """Return the session of a key, continued where it was left."""
+    async def session_of(self, key: str, new_tab: str = "") -> PageSession | EndedSession | None:
+        """Return the session of a key, continued where it was left.
+
+        `new_tab` is a page that says hello.
+        """
         ...
 
     async def board(self) -> Mapping[str, Any]:
@@ -299,7 +302,8 @@ class PageServer(LocalServer):
 
     async def _hello(self, request: web.Request) -> web.StreamResponse:
         body = await body_of(request)
-        session, tab = await self._of(request.headers.get(KEY, "")), text_of(body, "tab")
+        tab = text_of(body, "tab")
+        session = await self._of(request.headers.get(KEY, ""), tab)
         if isinstance(session, EndedSession):
             return web.json_response({**session.about, **session.state()})
         about = body.get("about")
@@ -390,10 +394,10 @@ class PageServer(LocalServer):
                 session.over.set()
             return message
 
-    async def _of(self, key: str) -> PageSession | EndedSession:
+    async def _of(self, key: str, new_tab: str = "") -> PageSession | EndedSession:
         session: PageSession | EndedSession | None = self._sessions.get(key)
         if session is None and self._reception is not None:
-            session = await self._reception.session_of(key)
+            session = await self._reception.session_of(key, new_tab)
         if session is None:
             raise PageError("this address leads to no session; ask for a new one")
         return session

@@ -11,6 +11,7 @@ import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from math import isfinite
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import urlsplit
@@ -76,6 +77,12 @@ def write_bundle(
         raise UsageError(f"--places takes 1 to {MAX_PLACES}, not {places}")
     if results and is_archive:
         raise UsageError("JATOS takes the results itself; leave --results out")
+    returning = experiment_of(request).study.procedure.returning
+    if returning.resumes != "step" or returning.later != "refuse":
+        raise DesignError(
+            f"{request.study.name} has resumes={returning.resumes!r}, later={returning.later!r}; "
+            "a bundle goes on at its step or not at all: serve the study (visavis serve)"
+        )
     if path.exists() and (path.is_file() or any(path.iterdir())):
         raise UsageError(f"{path} is there already; name a new one")
     draft = path.with_name(f".{path.name}.draft")
@@ -164,6 +171,7 @@ def _write(
     is_archive: bool,
 ) -> int:
     experiment = experiment_of(request)
+    returning = experiment.study.procedure.returning
     (folder / "places").mkdir(parents=True)
     digests = []
     for index in range(places):
@@ -180,6 +188,7 @@ def _write(
         "about": about,
         "completion": completion,
         "results": results,
+        **({"within_h": returning.within_h} if isfinite(returning.within_h) else {}),
     }
     bundle["id"] = hashlib.sha256(_json([bundle, digests])).hexdigest()[:12]
     (folder / "bundle.json").write_bytes(_json(bundle))

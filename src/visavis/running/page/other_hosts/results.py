@@ -25,7 +25,8 @@ from visavis.recording.writer import REAL_TIME_BATCH_NS, CloseStatus, Recorder
 from visavis.running.film_store import FilmStore
 from visavis.running.page.arrivals import LINK, Arrival, arrival_of
 from visavis.running.page.course import DECLINED, DONE, WITHDRAWN, course
-from visavis.running.page.desk import EarlierParts, PageDesk
+from visavis.running.page.desk import PageDesk
+from visavis.running.page.earlier_parts import EarlierParts, past_of
 from visavis.running.page.other_hosts.bundle import (
     FORMAT,
     digest_of,
@@ -38,7 +39,6 @@ from visavis.running.page.perform import (
     experiment_of,
     manifest_of,
     page_session_of,
-    past_of,
 )
 from visavis.running.page.reception import LEFT
 from visavis.running.page.steps import PageError, PageStep, count, mapping, number, unix_ms

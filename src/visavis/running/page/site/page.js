@@ -677,7 +677,7 @@ const steps = {
   async end(step) {
     isOver = true;
     forgetSession();
-    const textName = { done: "thanks", stopped: "stopped", withdrawn: "stopped", declined: "declined", full: "full" }[step.outcome] || "thanks";
+    const textName = { done: "thanks", stopped: "stopped", withdrawn: "stopped", declined: "declined", full: "full", expired: "expired" }[step.outcome] || "thanks";
     put("narrow", element("h1", {}, say(textName)), whomToAsk());
     let file = null;
     let isTold = true;

@@ -146,6 +146,8 @@ async function openRun(run) {
   const rest = lines.filter((line) => line.line > handed);
   at = { run, steps: place.steps, ack: 0, number: 1, index: 0, outcome: "", next: lines.at(-1).line + 1, parameters: parametersOf(first.arrived) };
   for (const line of lines) if (line.event) Object.assign(at, after(at, line.event));
+  // What is too old to go on with is kept and told as far as it came.
+  if (!at.outcome && bundle.within_h && nowMs() - first.at_ms > bundle.within_h * 3600000) at.outcome = "expired";
   // kept as the connection was lost, or the page closed
   if (rest.length && !isBeforeConsent(at)) await write(run, rest);
   return true;
