@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
@@ -26,9 +27,11 @@ from visavis.cli.viewer.models import LEVEL_OF_MANY, Models
 from visavis.cli.viewer.motion import key_samples, one_way_round
 from visavis.devices.streams import body_schema
 from visavis.protocol.people.exports_register import registered_exports
+from visavis.recording.annotations import annotations_of
 from visavis.recording.cached import CachedRecording
 from visavis.recording.folder import study_dir
-from visavis.recording.reader import component_names
+from visavis.recording.reader import Recording, component_names
+from visavis.results.outputs import write_tables
 from visavis.running.sessions.study_folder import settle, wanted_settings
 from visavis.stage.card.vertices import person_vertices
 from visavis.stage.errors import StageError
@@ -367,6 +370,54 @@ def test_keys_show_fixations_dwell_and_order_and_the_walked_path(tab: Any) -> No
         if layer in ("fixations", "dwell"):
             assert tab.evaluate(inked) > before
         tab.keyboard.press(key)
+
+
+def test_spans_coded_on_the_page_are_placed_beside_the_session_and_read_by_analyse(
+    tab: Any, page: Path, tmp_path: Path
+) -> None:
+    folder = study_dir(page.parent, "duel", is_simulated=True)
+    person = next(folder.glob("sub-*"))
+    recording = CachedRecording(person / "ses-001")
+    start_ns = int(recording.trials().iloc[-1]["t_start_ns"])
+    recorded_files = {p.name: p.stat().st_mtime_ns for p in (person / "ses-001").rglob("*")}
+    for coder, late_s in (("AM", 0.0), ("B. K.", 0.2)):
+        tab.evaluate("viewer.coding.spans = []")
+        tab.evaluate("document.getElementById('coding-box').open = true")
+        tab.fill("#coder", coder)
+        tab.fill("#code-labels", "smile, frown")
+        tab.evaluate("document.activeElement.blur()")
+        tab.evaluate("late => viewer.seek(viewer.header.trials.at(-1).t0 + 0.1 + late)", late_s)
+        tab.keyboard.press("a")
+        tab.evaluate("viewer.seek(viewer.t + 0.5)")
+        tab.keyboard.press("a")
+        tab.select_option(".span select", "frown")
+        tab.fill(".span input", 'looks "away", then back')
+        with tab.expect_download() as download:
+            tab.click("#save-codes")
+        file = tmp_path / download.value.suggested_filename
+        download.value.save_as(file)
+        done = CliRunner().invoke(app, ["import", "annotations", str(folder), str(file)])
+        assert done.exit_code == 0, done.output or done.exception
+    first, second = annotations_of(person)
+    assert ("AM", "frown", "T04", 'looks "away", then back') == (
+        first.coder,
+        first.label,
+        first.trial_id,
+        first.comment,
+    )
+    assert abs(first.begin_ns - start_ns - 100_000_000) < 2_000
+    assert 500_000_000 == pytest.approx(second.end_ns - second.begin_ns, abs=2_000)
+    assert recorded_files == {p.name: p.stat().st_mtime_ns for p in recording.path.rglob("*")}
+    study = opened("duel")
+    experiment = study.experiment({"repetitions": 1, "practice": 0})
+    analysis = study.analysis_of([study.measure(Recording(recording.path))])
+    (tmp_path / "out").mkdir()
+    write_tables(analysis, experiment, [], tmp_path / "out")
+    spans = pd.read_csv(tmp_path / "out" / "annotations.csv")
+    assert [100.0, 300.0] == pytest.approx(list(spans["begin_ms"]), abs=0.01)
+    agreement = pd.read_csv(tmp_path / "out" / "annotation_agreement.csv")
+    assert ["frown", "any"] == list(agreement["label"])
+    assert 0 < agreement["kappa"].iloc[0] < 1
 
 
 def test_the_pointer_over_a_trial_and_a_head_says_what_they_are(tab: Any) -> None:

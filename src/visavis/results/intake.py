@@ -22,10 +22,12 @@ from visavis.protocol.plan.questionnaires import (
     unanswered_questions,
 )
 from visavis.protocol.session.gaze_setup import TARGETS
+from visavis.recording.annotations import annotations_of
 from visavis.recording.integrity import analysed_trials, damage_of
 from visavis.recording.manifest import Manifest
 from visavis.recording.reader import Recording
 from visavis.recording.remarks import Remark, exclusions_in_force, reason_of, remarks_of
+from visavis.results.coding import coded_spans
 from visavis.results.picture_delay import LATE, LatePictures, answer_times_from_light
 from visavis.results.reevaluation import ahead_ms, paired_by_arrival
 from visavis.results.selection import HAND_PERSON, HAND_TRIAL
@@ -60,11 +62,14 @@ class SessionIntake:
     """What was noted or excluded by hand after the session."""
     course: pd.DataFrame = field(repr=False, default_factory=pd.DataFrame)
     """Looks over time, a row for each trial and step of time."""
+    coding: pd.DataFrame = field(repr=False, default_factory=pd.DataFrame)
+    """Spans that people coded afterwards."""
 
     def without_tables(self) -> "SessionIntake":
         """Return the intake without its tables, once they are joined with those of others."""
         empty = pd.DataFrame()
-        return replace(self, rows=empty, sensitivity=empty, blocks=empty, course=empty, tables={})
+        measured = replace(self, rows=empty, sensitivity=empty, blocks=empty, tables={})
+        return replace(measured, course=empty, coding=empty)
 
     @property
     def planned_count(self) -> int:
@@ -215,6 +220,22 @@ def with_remarks(intake: SessionIntake, recording: Recording) -> SessionIntake:
         is_meant = rows["trial_id"] == exclusion.trial_id if exclusion.trial_id else column == ""
         rows = rows.assign(**{name: column.mask(is_meant, reason_of(exclusion))})
     return replace(intake, rows=rows, remarks=mine)
+
+
+def with_coding(intake: SessionIntake, recording: Recording) -> SessionIntake:
+    """Return an intake with the spans that people coded in its session.
+
+    Raises:
+        DataError: the file of spans cannot be read.
+    """
+    spans = annotations_of(recording.path.resolve().parent)
+    manifest = recording.manifest  # the label may have been corrected since
+    mine = [
+        replace(one, participant=manifest.participant)
+        for one in spans
+        if one.session == manifest.session
+    ]
+    return replace(intake, coding=coded_spans(mine, intake.rows))
 
 
 def _clock_jump_ms(gaze: PartGaze, row: Mapping[Any, Any]) -> float | None:

@@ -28,10 +28,17 @@ from visavis.results.analysis import (
     measures_of,
 )
 from visavis.results.claims import printed_orders
+from visavis.results.coding import ANNOTATIONS
 from visavis.results.family_tests import DEFAULT_TEST_RULES, TestRules
 from visavis.results.fidelity import design_names, names_of, refuse_unknown_names
 from visavis.results.flat_again import flat_views
-from visavis.results.intake import SessionIntake, questionnaire, take_in, with_remarks
+from visavis.results.intake import (
+    SessionIntake,
+    questionnaire,
+    take_in,
+    with_coding,
+    with_remarks,
+)
 from visavis.results.locked_plan.review import PlanReview
 from visavis.results.picture_delay import SETTING, delay_of
 from visavis.results.planned_tests import primary_tests
@@ -434,7 +441,7 @@ class OpenedStudy:
             answers=tuple(experiment.responses),
             picture_delay_ms=delay_of(settings or {}),
         )
-        intake = with_remarks(intake, recording)
+        intake = with_coding(with_remarks(intake, recording), recording)
         if pieces is None:
             return intake
         how = pieces.how_with(settings or {})
@@ -504,13 +511,18 @@ class OpenedStudy:
         )
 
     def _tables(self, sessions: Sequence[SessionIntake]) -> dict[str, pd.DataFrame]:
-        """Return the further tables of all sessions: answers after blocks, and the study's own."""
-        every = [{"blocks": s.blocks, TIME_COURSE: s.course, **s.tables} for s in sessions]
+        """Return the further tables of all sessions: answers after blocks, looks over time, what
+        was coded, and the study's own.
+        """
+        every = [
+            {"blocks": s.blocks, TIME_COURSE: s.course, ANNOTATIONS: s.coding, **s.tables}
+            for s in sessions
+        ]
         tables = {
             name: pd.concat([t[name] for t in every], ignore_index=True)
             for name in dict.fromkeys(name for t in every for name in t)
         }
-        optional = ("blocks", TIME_COURSE)
+        optional = ("blocks", TIME_COURSE, ANNOTATIONS)
         return {name: t for name, t in tables.items() if len(t.columns) or name not in optional}
 
     def analysis_of_rows(

@@ -21,6 +21,7 @@ from visavis.results.claims import (
     published_agreement,
     published_effect_in_interval,
 )
+from visavis.results.coding import AGREEMENT, ANNOTATIONS, CODING_COLUMNS, agreement_of_coders
 from visavis.results.confusion import confusion_section
 from visavis.results.family_tests import columns_of_tests, published_cells
 from visavis.results.figures.family_figures import family_figures
@@ -190,10 +191,15 @@ def write_tables(
             else dictionary
         )
         own = () if pieces is None else pieces.tables.get(name, ())
-        own = TIME_COURSE_COLUMNS if name == TIME_COURSE else own
+        own = {TIME_COURSE: TIME_COURSE_COLUMNS, ANNOTATIONS: CODING_COLUMNS}.get(name, own)
         columns = {**columns, **{c.name: c for c in own}}
         write_table(table.assign(**marks), columns, out_dir / f"{name}.csv")
         table.assign(**marks).to_parquet(out_dir / f"{name}.parquet", index=False)
+    coded = analysis.tables.get(ANNOTATIONS)
+    if coded is not None and coded["coder"].nunique() > 1:
+        table = agreement_of_coders(coded, analysis.selection.rows).assign(**marks)
+        columns = {**dictionary, **{c.name: c for c in CODING_COLUMNS}}
+        write_table(table, columns, out_dir / f"{AGREEMENT}.csv")
     test_dictionary = {c.name: c for c in (*PEOPLE, *STATISTICS)}
     test_dictionary |= {name: dictionary[name] for name in marks}
     test_dictionary |= (

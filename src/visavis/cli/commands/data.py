@@ -1,6 +1,7 @@
 """import, init: data in, and a lab to start from."""
 
 import re
+import shlex
 import shutil
 from pathlib import Path
 from typing import Annotated
@@ -10,17 +11,24 @@ import typer
 from visavis.analysis.foreign_motion import import_motion
 from visavis.analysis.gaze.mapped_csv import read_mapping
 from visavis.cli.app import (
+    ConfigOption,
     app,
     say,
     verbatim,
 )
 from visavis.cli.printed_columns import print_columns
+from visavis.cli.studies import folder_of
 from visavis.lab.config_files import CONFIG_NAME, EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.errors import UsageError
 from visavis.lab.screen import FlatScreen
+from visavis.protocol.people.file_lock import locked
+from visavis.recording.annotations import Annotation, place_annotations, read_annotations
+from visavis.recording.durable import protect_files
+from visavis.running.sessions.study_folder import sessions_of
 
 SCREEN = re.compile(r"(\d+)x(\d+),([\d.]+)x([\d.]+),([\d.]+)m?")
 MAX_SCREEN_M = 50.0
+ANNOTATIONS_LOCK = ".annotations.lock"
 
 import_app = typer.Typer(help="Read data recorded by other programs.")
 app.add_typer(import_app, name="import")
@@ -97,6 +105,42 @@ def import_motion_files(
         for remark in remarks:
             say(f"[yellow]{verbatim(remark)}[/]")
     say(f"tables in [b]{verbatim(output)}[/]")
+
+
+@import_app.command("annotations")
+def import_annotations(
+    study: Annotated[Path, typer.Argument(help="A study: its folder, its file, or its name.")],
+    files: Annotated[list[Path], typer.Argument(help="Files that the page of view saved.")],
+    config: ConfigOption = None,
+) -> None:
+    """Put spans that people coded on pages of `visavis view` beside the sessions.
+
+    They are then rows of `annotations.csv` in the person's folder, which `analyse` reads; they
+    replace what the same coder had in the same session. All files are read first; if one is refused
+    nothing is written.
+
+    Example: visavis import annotations stare stare_S01B_ses-001_AM_annotations.csv
+    """
+    folder = folder_of(study, config, "import annotations")
+    people = {session.parent for session in sessions_of(folder)}
+    new: dict[Path, list[Annotation]] = {}
+    for file in files:
+        for one in read_annotations(file):
+            person = folder / f"sub-{one.participant}"
+            if person not in people or not (person / f"ses-{one.session:03}").is_dir():
+                raise UsageError(
+                    f"{file}: {folder} has no session {one.session} of {one.participant}"
+                )
+            new.setdefault(person, []).append(one)
+    if not new:
+        raise UsageError(f"{', '.join(map(str, files))}: no span is in there")
+    for person, spans in new.items():
+        with locked(folder / ANNOTATIONS_LOCK):
+            path = place_annotations(person, spans)
+        protect_files([path])
+        coders = ", ".join(sorted({one.coder for one in spans}))
+        say(f"{len(spans)} spans by {verbatim(coders)} in [b]{verbatim(path)}[/]")
+    say(f"next: visavis analyse {verbatim(shlex.quote(str(folder)))}")
 
 
 def screen_of(text: str) -> FlatScreen | None:

@@ -90,6 +90,14 @@ def page_content(
     models = models_for(bundle, samples_by_trial)
     return {
         **session_content(study, recording, samples_by_trial, models, bundle, times),
+        "parts": [
+            {
+                "number": part.number,
+                "t0": times.s(part.number, part.started_ns),
+                "started_ns": part.started_ns,
+            }
+            for part in recording.manifest.parts
+        ],
         "trials": list(_trials(recording, times, set(trial_ids))),
         "events": list(_events(recording, times)),
         "findings": _findings(recording),

@@ -36,7 +36,7 @@ CODE = (
     Path(pages_of_people.__path__[0]) / "site" / "painting.js",
     *(
         _HERE / f"{name}.js"
-        for name in ("drawing", "quick", "scene", "looks", "pages", "timeline", "viewer")
+        for name in ("drawing", "quick", "scene", "looks", "coding", "pages", "timeline", "viewer")
     ),
 )
 """Files of the page's code, in the order in which they stand in it."""

@@ -98,6 +98,7 @@ class Timeline {
     }
     if (row.name === 'looks at') return this.whom().filter(([, spans]) => within(spans)).map(([name, spans]) => `${inWords(name)} for ${(within(spans)[1] - within(spans)[0]).toFixed(2)} s`).join(', ');
     if (row.name === 'events') return this.marks.filter(e => Math.abs(e.t - t) <= near).slice(0, 6).map(e => `${clockText(e.t)} ${inWords(e.name)} ${e.text}`.slice(0, 160)).join('\n');
+    if (row.name === 'coded') { const one = this.coded.find(s => t >= s.from - near && t <= s.to + near); return one ? `${one.label} ${one.comment}` : ''; }
     const span = within(this.header.lanes.find(l => l.name === row.name)?.spans || []);
     return span ? `${row.name} ${(span[1] - span[0]).toFixed(2)} s ${span[2]}` : '';
   }
@@ -134,6 +135,7 @@ class Timeline {
     }});
     for (const lane of this.header.lanes)
       rows.push({name: lane.name, draw: (c, y) => this.spans(c, y, lane.spans, lane.kind === 'contact' ? '#ff6b5e' : '#5ec8ff')});
+    if (this.coded?.length) rows.push({name: 'coded', draw: (c, y) => this.coded.forEach(s => this.spans(c, y, [[s.from, s.to]], '#b388eb', s.label))});
     rows.push({name: 'events', draw: (c, y) => this.drawEvents(c, y)});
     return rows;
   }

@@ -40,6 +40,7 @@ class Viewer {
     this.over = $('overlay').getContext('2d', {willReadFrequently: this.drawing.slow});
     this.segments = this.segmentsOf();
     this.page();
+    this.coding = new Coding(this);
     this.listen();
     this.startView();
     this.line.tip = (text, x, y) => this.tip(text, x, y);
@@ -817,6 +818,7 @@ class Viewer {
     else if (key === ' ') this.play();
     else if (key === 'arrowleft') this.seek(this.t - (e.shiftKey ? 1 : 0.05));
     else if (key === 'arrowright') this.seek(this.t + (e.shiftKey ? 1 : 0.05));
+    else if (key === 'a') this.coding.mark();
     else if (key === ',') this.step(-1);
     else if (key === '.') this.step(1);
     else if (CAMERAS[Number(key) - 1]) this.setCamera(CAMERAS[Number(key) - 1]);
