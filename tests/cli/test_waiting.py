@@ -1,13 +1,21 @@
 """What takes long says so before it begins; what is refused is refused before it is worked out."""
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
 
 from visavis.cli import main as command
 from visavis.cli.commands import preview, session
+from visavis.cli.notifier import build_missing_films
 from visavis.lab.config_files import EXAMPLE
+from visavis.results.opened_study import find_study
+from visavis.running.film_store import FilmFile, FilmStore, film_store
 from visavis.running.sessions.session_request import Request
+from visavis.study.films import Film
+from visavis.study.scenes import Scene
+
+FILMS = (Film(Scene("person", motion="wave"), 0.1), Film(Scene("person", motion="idle"), 0.1))
 
 
 @pytest.mark.usefixtures("hooks_restored")
@@ -44,3 +52,31 @@ def test_a_window_of_a_page_is_refused_before_anything_is_performed(
     assert 2 == ended.value.code
     said = capsys.readouterr().err.replace("\n", " ")
     assert "hybrid shows its films on a page: give --png, --sheet or --video FILE" in said
+
+
+def test_films_are_looked_for_and_drawn_with_a_word_before_each(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said_before: list[str] = []
+
+    class Slow(FilmStore):
+        """Films of which one is missing; notes what was said before work begins."""
+
+        def file_of(self, film: Film) -> FilmFile | None:
+            said_before.append(capsys.readouterr().err)
+            return None if film is FILMS[1] else FilmFile(tmp_path, "", 0)
+
+        def build(self, films: Sequence[Film], report_progress: Callable[[int, int], None]) -> None:
+            assert [FILMS[1]] == films
+            report_progress(0, 30)
+            said_before.append(capsys.readouterr().err)
+
+    build_missing_films(Slow({}, tmp_path, tmp_path), FILMS)
+    looks, _, draws = said_before
+    assert "looking for films" in looks
+    assert "drawing 1 film" in draws
+
+
+def test_a_session_finds_the_names_of_its_films_once() -> None:
+    experiment = find_study("hybrid").experiment({})
+    assert film_store(experiment) is film_store(experiment)

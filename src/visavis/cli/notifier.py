@@ -1,6 +1,6 @@
 """Messages, warnings and progress bars of long work."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING
@@ -15,13 +15,16 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from visavis.analysis.report.notation import count_of
 from visavis.cli.app import console, errors, say_plainly
 from visavis.lab.clock import StopWatch
 
 if TYPE_CHECKING:
     from visavis.lab.config import LabConfig
     from visavis.results.opened_study import OpenedStudy
+    from visavis.running.film_store import FilmStore
     from visavis.study.experiment import StudyExperiment
+    from visavis.study.films import Film
 
 MEASURED_PICTURES = 8
 """Number of pictures from which a film's time is estimated, after the first, which loads
@@ -60,13 +63,20 @@ class TerminalNotifier:
 
     @contextmanager
     def progress(self, what: str) -> Iterator[Callable[[int, int], None]]:
-        """Show a bar."""
+        """Show a bar from the first second; without a terminal, a line when there is work to do."""
+        is_announced = console.is_terminal
         with counting(console) as bar:
             line = bar.add_task(what, total=None)
-            # Show no bar when there is nothing to do.
-            yield lambda count, total: bar.update(
-                line, completed=count, total=total, visible=total > 0
-            )
+
+            def report(count: int, total: int) -> None:
+                nonlocal is_announced
+                if not is_announced and count < total:
+                    errors.print(f"{what} …", soft_wrap=True, highlight=False, markup=False)
+                    is_announced = True
+                # Show no bar when there is nothing to do.
+                bar.update(line, completed=count, total=total, visible=total > 0)
+
+            yield report
 
 
 NOTIFIER = TerminalNotifier()
@@ -78,6 +88,17 @@ def say_when_compiling() -> None:
     from visavis.lab.compiled import announce_compiling  # late: it loads numba
 
     announce_compiling(lambda: errors.print(f"[dim]{COMPILING_NOTE}[/]", soft_wrap=True))
+
+
+def build_missing_films(store: "FilmStore", films: "Sequence[Film]") -> None:
+    """Build the films of a study that are missing, and say from the first second what is done."""
+    with NOTIFIER.progress("looking for films drawn before") as on_progress:
+        missing = store.missing(films, on_progress)
+    if missing:
+        with NOTIFIER.progress(
+            f"drawing {count_of(len(missing), 'film')}, pictures"
+        ) as on_progress:
+            store.build(missing, on_progress)
 
 
 def make_ready(study: "OpenedStudy", experiment: "StudyExperiment", config: "LabConfig") -> None:

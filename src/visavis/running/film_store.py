@@ -29,6 +29,7 @@ from visavis.lab.errors import ConfigError, DesignError
 from visavis.lab.geometry import Pose
 from visavis.lab.plain_files import parse_json, read_plain
 from visavis.lab.version import version
+from visavis.protocol.plan.experiment import no_progress
 from visavis.running.film_edges import refuse_cut_off
 from visavis.running.page.spoken_digits import spoken_digits
 from visavis.stimuli.characters.character import Character
@@ -133,6 +134,21 @@ class FilmStore:
         except (OSError, ValueError, KeyError, TypeError):
             return "unknown"
 
+    def missing(
+        self, films: Sequence[Film], report_progress: Callable[[int, int], None]
+    ) -> list[Film]:
+        """Return the films that are not built; to find a film's name takes a second or so.
+
+        `report_progress` is called with the number of films looked for and of all.
+        """
+        missing = []
+        for count, film in enumerate(films):
+            report_progress(count, len(films))
+            if self.file_of(film) is None:
+                missing.append(film)
+        report_progress(len(films), len(films))
+        return missing
+
     def build(self, films: Sequence[Film], report_progress: Callable[[int, int], None]) -> None:
         """Draw and encode the missing films; none if one of them cuts off a moving body.
 
@@ -141,7 +157,7 @@ class FilmStore:
         Raises:
             DesignError: a film's still camera does not show somebody whole who moves.
         """
-        missing = [film for film in films if self.file_of(film) is None]
+        missing = self.missing(films, no_progress)
         total, frames_done = sum(film.frame_count for film in missing), 0
         report_progress(0, total)
         if not missing:
@@ -262,7 +278,13 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
         )
     if "sound" in experiment.study.procedure.screening:
         spoken_digits(experiment.language, experiment.settings.folder)
-    return FilmStore(experiment.settings.makers, experiment.settings.folder)
+    return _store_of(experiment, cache_folder())
+
+
+@lru_cache(maxsize=4)
+def _store_of(experiment: StudyExperiment, folder: Path) -> FilmStore:
+    """Return one store for an experiment, which finds the name of a film once."""
+    return FilmStore(experiment.settings.makers, experiment.settings.folder, folder)
 
 
 @lru_cache(maxsize=512)

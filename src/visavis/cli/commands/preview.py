@@ -45,6 +45,7 @@ from visavis.cli.preview.pictures import (
 from visavis.cli.studies import study_here
 from visavis.lab.clock import NS_PER_S, SystemClock
 from visavis.lab.errors import UsageError
+from visavis.running.sessions.trial_counter import repeating
 from visavis.stage.card.context import draws_on_processor
 from visavis.stage.card.targets import EyeTarget
 from visavis.stage.mirror import Mirror
@@ -187,8 +188,15 @@ class _TrialPreview:
         Raises:
             UsageError: the trial showed nothing.
         """
-        with console.status("performing the trial"):
-            frames = self.capture.perform(until_s)
+        with console.status("performing the trial") as shown:
+
+            def tell() -> None:
+                seconds = self.passed_s(self.capture.frames[-1]) if self.capture.frames else 0.0
+                goal = "" if until_s is None else f" of {until_s:g}"
+                shown.update(f"performing the trial: {seconds:.1f}{goal} s of it")
+
+            with repeating(tell):
+                frames = self.capture.perform(until_s)
         if not frames:
             raise UsageError(
                 f"trial {self.capture.trial.number} showed nothing but darkness; the study shows "
@@ -206,7 +214,7 @@ def _write_picture(showing: _TrialPreview, path: Path, at_s: float | None) -> No
     if at_s is None and (has_board(frame.view) or not is_lit(frame.view) or length_s < USUAL_AT_S):
         lit_frames = [f for f in frames if is_lit(f.view) and not has_board(f.view)] or frames
         frame = lit_frames[len(lit_frames) // 2]
-    with Stills() as stills:
+    with console.status("drawing the picture"), Stills() as stills:
         image = stills.image(*showing.at(frame), showing.size_px)
     time_s = showing.passed_s(frame) if at_s is None else at_s
     add_label(image, f"{SIMULATED}  ·  {showing.label}, {time_s:.1f} s").save(path)

@@ -25,7 +25,7 @@ from visavis.cli.app import (
     verbatim,
 )
 from visavis.cli.commands.session import ENDING_SIGNALS, LanguageOption, SeedOption, SetOption
-from visavis.cli.notifier import NOTIFIER
+from visavis.cli.notifier import NOTIFIER, build_missing_films
 from visavis.cli.studies import StudyHere, people_here, study_of_lab
 from visavis.lab.clock import SystemClock
 from visavis.lab.errors import UsageError
@@ -163,8 +163,7 @@ def build_films(base: Request) -> "FilmStore":
     assert isinstance(experiment, StudyExperiment)  # noqa: S101  # page_study has checked it
     store = film_store(experiment)
     if experiment.films:
-        with NOTIFIER.progress("building films") as on_progress:
-            store.build(experiment.films, on_progress)
+        build_missing_films(store, experiment.films)
     return store
 
 
