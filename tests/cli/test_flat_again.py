@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 
 from visavis.cli.film.film import pictures_of
+from visavis.cli.film.on_page import FilmPictures, page_picture
 from visavis.cli.recorded_trial import recorded_trial
 from visavis.cli.redraw import redraw
 from visavis.lab.config import load_config
-from visavis.lab.config_files import SCREEN_EXAMPLE
+from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.errors import DataError
 from visavis.recording.cached import CachedRecording
 from visavis.results.flat_again import read_colour, read_items_text
 from visavis.results.opened_study import find_study
+from visavis.running.page.perform import perform_new as perform_page
+from visavis.running.page.seen_trial import seen_trial
 from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.session_request import simulated_request
 from visavis.stimuli.flat import Grating, Image, Shape, Text
@@ -79,3 +82,43 @@ def test_a_frame_is_drawn_again_with_what_was_shown(
     film = pictures_of(study, recorded_trial(recording, str(row["trial_id"])))
     assert 1 == len(film(int(row["stimulus_on_ns"]) + 100_000_000).sheets)
     assert 2 == len(film(int(row["stimulus2_on_ns"]) + 100_000_000).sheets)
+
+
+ON_PAGE = """
+from visavis import Factor, Rating, Shape, Staircase, Study
+
+RULE = Staircase("level", start=0.5, step=0.1, down=1)
+study = Study("seen", factors=[Factor("ink", ["red", "blue"])], on="browser", uses=(),
+              calibrate=False)
+
+@study.trial
+def trial(t):
+    level = t.staircase(RULE)
+    yield t.show(Shape("rectangle", 10 * level.level, colour=t.ink), 0.3, background="white")
+    yield t.ask(Rating("liked", 1, 7))
+    level.take(True)
+"""
+
+
+def test_a_film_of_a_page_shows_what_was_lit_and_then_what_was_asked(tmp_path: Path) -> None:
+    (tmp_path / "seen.py").write_text(ON_PAGE, "utf-8")
+    study = find_study(str(tmp_path / "seen.py"))
+    config = load_config(EXAMPLE).model_copy(
+        update={"data_root": tmp_path / "data", "key_root": tmp_path / "keys"}
+    )
+    request = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
+    recording = CachedRecording(perform_page(request))
+    rows = recording.trials()
+    for (_, row), size_deg in zip(rows.iterrows(), (5.0, 4.0), strict=True):
+        trial = seen_trial(study, recording, dict(row))
+        shown, asked = trial.steps
+        (part,) = shown.parts
+        assert (row["stimulus_on_ns"], row["stimulus_off_ns"]) == (part.on_ns, part.off_ns)
+        assert size_deg == pytest.approx(part.scene.items[0].width_deg)
+        assert ["liked"] == [question.name for question in asked.questions]
+        films = FilmPictures(trial.store, 100, lambda *of: np.zeros((1, 1, 3), np.uint8))
+        lit = page_picture(shown, part.on_ns, films, (640, 360))
+        assert {"red": [255, 0, 0], "blue": [0, 80, 255]}[row["ink"]] == lit[180, 320].tolist()
+        assert [255, 255, 255] == lit[5, 5].tolist()
+        wide_px = int((lit[180, :, 1] < 200).sum())
+        assert wide_px == pytest.approx(39.6 * size_deg * 640 / 1280, rel=0.03)

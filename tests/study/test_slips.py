@@ -100,7 +100,7 @@ def test_of_an_unlike_keyword_none_of_the_list_is_what_decorators_set(tmp_path: 
     with pytest.raises(DesignError) as refused:
         find_study(str(path))
     _, _, listed = str(refused.value).partition("it takes ")
-    assert "factors, repetitions" in listed
+    assert "factors, items, repetitions" in listed
     assert [] == [n for n in listed.split(", ") if n.endswith("_of") or n == "makers"]
 
 

@@ -84,7 +84,9 @@ def test_stroop_runs_on_a_page_through_a_killed_server_to_its_report(
     assert (abs(cross_ms - 500) <= FRAME_MS).all()
     assert (rows["stimulus2_on_ns"] == rows["stimulus_off_ns"]).all()
     assert (rows["answer_ms"] > 0).all()
-    assert set(rows["answer"]) <= {"r", "g", "b"}
+    answers = rows["answer"].dropna()  # a busy processor may miss the two seconds
+    assert len(answers) > 4
+    assert set(answers) <= {"r", "g", "b"}
     assert {0} == set(rows["stimuli_outside"])
     events = recording.events()
     (measured,) = events.loc[events["name"] == "screen_measured", "payload"]

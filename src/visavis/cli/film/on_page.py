@@ -1,6 +1,7 @@
 """A trial on a page, drawn again: its films in time, questions below, and answers as given."""
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,8 +15,10 @@ from visavis.lab.clock import NS_PER_S
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.film_store import FilmStore, film_drawing
-from visavis.running.page.seen_trial import Question, SeenStep, seen_trial
+from visavis.running.page.seen_trial import Question, SeenPart, SeenStep, seen_trial
 from visavis.stage.movie import open_movie, picture_times_ns
+from visavis.stimuli.dressing.flat import box_px, size_deg
+from visavis.stimuli.flat_pixels import pixels_of
 from visavis.stimuli.picture import Picture
 from visavis.stimuli.text_font import font_for
 from visavis.study.films import Film
@@ -155,6 +158,8 @@ def page_picture(
     page = Image.new("RGB", size_px, BACK)
     if step is None:
         return np.asarray(page)
+    if step.parts:
+        return np.asarray(_flat_page(step.parts, t_ns, size_px))
     pen = ImageDraw.Draw(page)
     size = max(11, height // 28)
     font = font_for(step.caption, size)
@@ -174,6 +179,26 @@ def page_picture(
     for question in step.questions:
         y = _draw_question(pen, size, question, t_ns, y, width)
     return np.asarray(page)
+
+
+def _flat_page(parts: Sequence[SeenPart], t_ns: int, size_px: tuple[int, int]) -> Image.Image:
+    """Return the flat stimuli that were lit at a time: the page made small, its bars dark."""
+    page = Image.new("RGB", size_px)
+    part = next((p for p in parts if p.on_ns <= t_ns < p.off_ns), None)
+    if part is None:
+        return page
+    seen = part.screen
+    share = min(size_px[0] / seen.width_px, size_px[1] / seen.height_px)
+    wide, high = round(seen.width_px * share), round(seen.height_px * share)
+    screen = replace(seen, width_px=wide, height_px=high)
+    small = Image.new("RGB", (wide, high), part.scene.background_srgb)
+    for item in part.scene.items:
+        box = box_px(item.at_deg, size_deg(item, part.scene), screen)
+        size = (box[2] - box[0], box[3] - box[1])
+        pixels = Image.fromarray(pixels_of(item, size, part.scene.folder))
+        small.paste(pixels, box[:2], pixels)
+    page.paste(small, ((size_px[0] - wide) // 2, (size_px[1] - high) // 2))
+    return page
 
 
 def _draw_question(

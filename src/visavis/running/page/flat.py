@@ -8,16 +8,20 @@ shown, each for some `seconds` or `frames`, or until the key, which is timed fro
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
 from typing import Any, Final
 
 from visavis.lab.errors import DesignError
 from visavis.running.page.steps import WAYS, PageError, PageStep, Reply, count, mapping, number
 from visavis.stimuli.flat import Flat, Grating, Image, Shape, Text, rgb_of
+from visavis.stimuli.scenes.flat import FlatScene
 from visavis.study.actions import Action
 from visavis.study.dry_run import still_view
 from visavis.study.responses import Keys
+from visavis.study.scenes import FLAT
 
 MAX_PARTS: Final = 1000
+MAX_VIEW_PX: Final = 100_000
 BY_CARD: Final = "card"
 TYPED: Final = "typed"
 ASSUMED: Final = "assumed"
@@ -180,6 +184,17 @@ def read_item(content: Mapping[str, Any]) -> Flat:
     return item
 
 
+def flat_scene(part: Mapping[str, Any], folder: Path) -> FlatScene:
+    """Return a part of a step as the scene that it is elsewhere; pictures lie in `folder`."""
+    return FlatScene(
+        name=FLAT,
+        agents=(),
+        items=tuple(read_item(item) for item in part["items"]),
+        background_srgb=rgb_of(part["background"]),
+        folder=folder,
+    )
+
+
 @dataclass(frozen=True)
 class Lit:
     """The light of one part, in milliseconds of the page's clock: from its first frame to the
@@ -254,6 +269,8 @@ def check_shown(step: PageStep, content: Mapping[str, Any]) -> None:
         raise PageError("a part was gone before it was there")
     read_screen(content.get("screen"))
     count(content.get("outside"), "outside")
+    if "view_px" in content:
+        _check_view(content["view_px"])
     answer = content.get("answer")
     if answer is None:
         return
@@ -263,6 +280,14 @@ def check_shown(step: PageStep, content: Mapping[str, Any]) -> None:
     number(pressed.get("at_ms"), "at_ms")
     if pressed.get("option") not in asked["options"] or pressed.get("by") not in WAYS:
         raise PageError(f"{str(pressed.get('option'))[:40]!r} is none of its keys")
+
+
+def _check_view(view_px: Any) -> None:
+    if not isinstance(view_px, list) or len(view_px) != 2:
+        raise PageError("view_px are width and height of the page")
+    for px in view_px:
+        if not 1 <= count(px, "view_px") <= MAX_VIEW_PX:
+            raise PageError(f"view_px is {px}")
 
 
 def shown_columns(sequence: Sequence, reply: Reply) -> dict[str, Any]:

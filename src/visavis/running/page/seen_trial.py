@@ -5,21 +5,28 @@ put there, and the times are those from which the trial's row was made.
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from pathlib import Path
+from typing import Any, Final
 
+from visavis.lab.screen import FlatScreen
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import Mark
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy, overrides_of
 from visavis.running.film_store import FilmStore, film_store
+from visavis.running.page.flat import flat_scene, read_lit, read_screen
 from visavis.running.page.steps import PageError, PageStep, Reply, ns_of_ms
 from visavis.running.page.trial import FilmFailed, perform_on_page
+from visavis.stimuli.scenes.flat import FlatScene
 from visavis.study.actions import Action
 from visavis.study.experiment import StudyExperiment
 from visavis.study.films import Film, Viewing, films_of
 from visavis.study.trial import TrialScript
+
+USUAL_VIEW_PX: Final = (1280, 720)
+"""Size of a simulated person's page."""
 
 
 @dataclass(frozen=True)
@@ -34,10 +41,21 @@ class Question:
 
 
 @dataclass(frozen=True, eq=False)
+class SeenPart:
+    """Flat stimuli that were lit from `on_ns` to `off_ns`, on a page that was `screen`."""
+
+    on_ns: int
+    off_ns: int
+    scene: FlatScene
+    screen: FlatScreen
+
+
+@dataclass(frozen=True, eq=False)
 class SeenStep:
     """One step of a page, in session time: from `shown_ns` to `gone_ns`.
 
-    `films` holds the films by place on the page; they repeat from `films_on_ns` on.
+    `films` holds the films by place on the page; they repeat from `films_on_ns` on. `parts` are the
+    flat stimuli that it showed one after another.
     """
 
     shown_ns: int
@@ -46,6 +64,7 @@ class SeenStep:
     films: Mapping[str, Film]
     caption: str
     questions: tuple[Question, ...]
+    parts: tuple[SeenPart, ...] = ()
 
     def film_time_s(self, film: Film, t_ns: int) -> float:
         """Return which second of a film was on the page at a session time."""
@@ -88,7 +107,15 @@ def seen_trial(study: OpenedStudy, recording: Recording, row: Mapping[str, Any])
     trial_content = next(
         t for block in plan["blocks"] for t in block["trials"] if t["trial_id"] == row["trial_id"]
     )
-    script = TrialScript(Trial(**trial_content), experiment.settings)
+    # A staircase stood where the rows of the trials before lead it.
+    earlier = recording.trials().to_dict("records")
+    before: list[Mapping[str, Any]] = [
+        {str(name): value for name, value in r.items()}
+        for r in earlier
+        if int(r["t_start_ns"]) < int(row["t_start_ns"])
+    ]
+    settings = replace(experiment.settings, memory={}, rows=before)
+    script = TrialScript(Trial(**trial_content), settings)
     watched_steps: list[Viewing | None] = []
 
     def note_steps(t: TrialScript) -> Any:
@@ -115,13 +142,14 @@ def seen_trial(study: OpenedStudy, recording: Recording, row: Mapping[str, Any])
                 out = performing.send(None)
             reply = Reply(payload["reply"], t_ns, t_ns_of, moves)
             if part == int(row["recording_part"]):
-                seen_steps.append(_step(out, watched_steps[-1], reply))
+                watched = watched_steps[-1] if out.kind == "watch" else None
+                seen_steps.append(_step(out, watched, reply, settings.folder))
     except (StopIteration, FilmFailed, PageError):
         pass  # a reply to what the study no longer shows: an earlier version of it was performed
     return SeenTrial(row, tuple(seen_steps), film_store(experiment))
 
 
-def _step(step: PageStep, watch: Viewing | None, reply: Reply) -> SeenStep:
+def _step(step: PageStep, watch: Viewing | None, reply: Reply, folder: Path) -> SeenStep:
     content = reply.content
     shown_ns = reply.t_ns_of(float(content.get("shown_ms") or 0.0))
     if step.kind == "blank":
@@ -151,6 +179,24 @@ def _step(step: PageStep, watch: Viewing | None, reply: Reply) -> SeenStep:
         films,
         str(step.content.get("caption", "")),
         tuple(questions),
+        _parts(step, reply, folder) if step.kind == "show" and "parts" in content else (),
+    )
+
+
+def _parts(step: PageStep, reply: Reply, folder: Path) -> tuple[SeenPart, ...]:
+    """Return the flat stimuli that a step showed, as large as the page said that it was."""
+    page = read_screen(reply.content["screen"])
+    wide, high = reply.content.get("view_px", USUAL_VIEW_PX)
+    m_per_px = 1 / (1000 * page.px_per_mm)
+    screen = FlatScreen(wide * m_per_px, high * m_per_px, wide, high, page.distance_mm / 1000)
+    return tuple(
+        SeenPart(
+            reply.t_ns_of(light.on_ms),
+            reply.t_ns_of(light.off_ms),
+            flat_scene(part, folder),
+            screen,
+        )
+        for part, light in zip(step.content["parts"], read_lit(reply.content), strict=False)
     )
 
 

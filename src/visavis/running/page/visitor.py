@@ -17,19 +17,17 @@ from visavis.lab.errors import ConfigError, DataError
 from visavis.people.moulder import Task
 from visavis.people.person import StudyPerson
 from visavis.running.film_store import FilmStore
-from visavis.running.page.flat import read_item
+from visavis.running.page.flat import flat_scene
 from visavis.running.page.spoken_digits import hear_digits, spoken_digits
 from visavis.running.page.steps import BY_LIMIT, PageStep
-from visavis.stimuli.flat import rgb_of
 from visavis.stimuli.motion.synthesis.pose_distance import Likeness
 from visavis.stimuli.scene import SceneFrame
-from visavis.stimuli.scenes.flat import FlatScene
 from visavis.study.dry_run import still_view
 from visavis.study.experiment import StudyExperiment
 from visavis.study.films import Film, Lens, Pair, films_of, scene_of, seconds_of
 from visavis.study.live import Live, LiveScene
 from visavis.study.responses import Keys, Response
-from visavis.study.scenes import FLAT, Staging, stage
+from visavis.study.scenes import Staging, stage
 
 READING_S: Final = 4.0
 """Time to read a page of text."""
@@ -132,14 +130,7 @@ class Visitor:
                 self.person.see(self._flat_frame(part), 0)
 
     def _flat_frame(self, part: Mapping[str, Any]) -> SceneFrame:
-        items = tuple(read_item(item) for item in part["items"])
-        scene = FlatScene(
-            name=FLAT,
-            agents=(),
-            items=items,
-            background_srgb=rgb_of(part["background"]),
-            folder=self.store.study_folder,
-        )
+        scene = flat_scene(part, self.store.study_folder)
         return SceneFrame(scene, 0, np.zeros((0, 3)), np.zeros(0))
 
     def _show(self, content: Mapping[str, Any]) -> dict[str, Any]:

@@ -241,7 +241,7 @@ export async function open(step, holder, screen, frameMs, done) {
       : part.seconds !== null && now + 1.5 * frameMs > onMs + 1000 * part.seconds;
     if (lasts) show(drawn + 1);
   };
-  const finish = () => { close(); done({ parts: lit.slice(0, -1), answer, outside, canvas_px: [canvas.width, canvas.height] }); };
+  const finish = () => { close(); done({ parts: lit.slice(0, -1), answer, outside, view_px: [Math.round(canvas.width / ratio), Math.round(canvas.height / ratio)] }); };
   holder.append(canvas);
   requestAnimationFrame(onFrame);
   return { close };
