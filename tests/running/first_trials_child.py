@@ -20,8 +20,6 @@ from visavis.running.sessions.perform import get_ready, perform_new
 
 PERFORMED = (SessionState.INTERTRIAL, SessionState.TRIAL)
 TRIALS = 12
-FEWER_FILMS = {"adjectives": {"emotion": ["depression"]}}
-"""Films take long to draw where none are kept."""
 
 
 class Enough(BaseException):
@@ -62,7 +60,7 @@ def main(reference: str, root: Path, *, is_ready: bool) -> None:
             raise Enough
 
     study = on_kit(reference)
-    request = request_for(study, reference, root, 0, FEWER_FILMS.get(reference))
+    request = request_for(study, reference, root, 0)
     request = replace(request, timing=TIMING, on_trial=on_trial, on="lab")
     if is_ready:
         assert get_ready(study, request.experiment, request.config) == ""

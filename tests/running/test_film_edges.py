@@ -26,7 +26,7 @@ def store_and_films(name: str) -> tuple[FilmStore, tuple[Film, ...]]:
     return film_store(made), made.films
 
 
-@pytest.mark.parametrize("name", ["interpolation", "hybrid", "adjectives", "gestures", str(STUDY)])
+@pytest.mark.parametrize("name", ["interpolation", "hybrid", "gestures", str(STUDY)])
 def test_no_film_of_a_study_cuts_off_a_body_that_moves(name: str) -> None:
     store, films = store_and_films(name)
     assert films
