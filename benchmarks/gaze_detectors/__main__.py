@@ -29,11 +29,12 @@ from benchmarks.gaze_detectors.sets import SETS, Labels, Recording, is_tuned_on
 from visavis.analysis.gaze.events import IDT_SCREEN, IVT_HEADSET, IVT_SCREEN, detect_idt, detect_ivt
 from visavis.analysis.gaze.movements.detect import detect_movements
 from visavis.analysis.gaze.movements.kinds import Movement
-from visavis.analysis.gaze.movements.parameters import AUTO
+from visavis.analysis.gaze.movements.parameters import AUTO, STILL
 from visavis.lab.clock import cpu_time_s
 
 Detect = Callable[[Recording], Labels]
 PEOPLE = "people"
+STILL_ROW = "auto, still pictures"
 MEAN = "mean of sets"
 GOAL_SETS = ("lund images", "lund dots", "hooge adults", "hooge infants", "gazecom", "lookatpoint")
 GOALS = {"mean": 0.93, "least": 0.85, "pursuit": 0.60, "speed": 1e6}
@@ -48,6 +49,7 @@ def _adaptive(name: str) -> Detect:
 
 OWN: Mapping[str, Detect] = {
     "auto": _adaptive("auto"),
+    STILL_ROW: lambda r: detect_movements(r.t_ns, r.direction, STILL).movement,
     "Engbert-Kliegl": _adaptive("engbert_kliegl"),
     "Nyström-Holmqvist": _adaptive("nystrom_holmqvist"),
     "I2MC": _adaptive("i2mc"),
@@ -168,7 +170,9 @@ def rows_of(folder: Path, *, with_peers: bool) -> list[Row]:
         rows += [measured(data, name, recordings, detect) for name, detect in OWN.items()]
         if with_peers:
             part = part_of(recordings, PEER_SAMPLES)
-            rows.append(measured(data, "auto, part", part, OWN["auto"]))
+            rows += [
+                measured(data, f"{name}, part", part, OWN[name]) for name in ("auto", STILL_ROW)
+            ]
             for name, settings in available_peers().items():
                 tried = [measured(data, f"{name}, part", part, detect) for detect in settings]
                 rows.append(max(tried, key=lambda row: row.fixation_f1))

@@ -168,3 +168,8 @@ class MovementParameters:
 
 
 AUTO: Final = MovementParameters()
+STILL: Final = MovementParameters(pursuit=False, minimum_deg_s=20.0)
+"""For pictures in which nothing moves: no pursuit, so that slower saccades part fixations, too.
+
+What moves makes drift and catch-up saccades of such speeds. Take it for all trials or for none.
+"""
