@@ -44,14 +44,19 @@ console.log(JSON.stringify({ before, taken, body }));
 
 def run_wire(folder: Path, choice: str) -> dict[str, Any]:
     """Return what a host took from somebody who agrees or declines."""
+    return in_node(folder, HOST, choice)
+
+
+def in_node(folder: Path, code: str, *arguments: str) -> dict[str, Any]:
+    """Return what a host of the wire prints in Node."""
     node = shutil.which("node")
     if node is None:
         pytest.skip("there is no node; apt install nodejs")
     wire, host = folder / "wire.mjs", folder / "host.mjs"
     wire.write_bytes((SITE / "bundle" / "wire.js").read_bytes())
-    host.write_text(HOST, "utf-8")
+    host.write_text(code, "utf-8")
     done = subprocess.run(
-        [node, str(host), wire.as_uri(), choice], capture_output=True, text=True, timeout=60
+        [node, str(host), wire.as_uri(), *arguments], capture_output=True, text=True, timeout=60
     )
     assert done.returncode == 0, done.stderr
     answer: dict[str, Any] = json.loads(done.stdout)
@@ -78,3 +83,39 @@ def test_of_a_refusal_the_refusal_alone_is_handed_over(tmp_path: Path) -> None:
     ]
     assert "5f3a99c" not in json.dumps(answer["taken"])
     assert {"kind": "end", "outcome": "declined"} == answer["body"]["step"]
+
+
+ARRIVALS = """
+const drawn = [];
+for (const place of [undefined, undefined, undefined, "1", "2", "5", "x"]) {
+  const { body } = await wire.post("/api/arrive", "", { parameters: { place } });
+  const { arrived } = taken.at(-1);
+  drawn.push(arrived.place);
+  if (drawn.length === 1) {
+    const { body: state } = await wire.post("/api/hello", body.key, { tab: "t", at_ms: 12.5 });
+    drawn.state = state.step;
+  }
+}
+console.log(JSON.stringify({ drawn, step: drawn.state }));
+"""
+
+
+@pytest.mark.parametrize(
+    ("within_h", "step"),
+    [(24, {"kind": "text"}), (1e-9, {"kind": "end", "outcome": "expired"})],
+)
+def test_bundle_hands_out_its_own_places_and_goes_on_with_no_visit_that_is_too_old(
+    within_h: float, step: dict[str, str], tmp_path: Path
+) -> None:
+    head = HOST.partition("const agreed")[0]
+    head = head.replace("places: 1,", f"places: [1, 4], within_h: {within_h!r},")
+    for place in (1, 4):
+        head = head.replace(
+            '"places/0.json"',
+            f'"places/{place}.json": {{ sha256: "x", steps: [TEXT] }}, "places/0.json"',
+        ).replace("TEXT", '{ kind: "text" }')
+    answer = in_node(tmp_path, head + ARRIVALS)
+    *by_chance, first, second, fifth, other = answer["drawn"]
+    assert {1, 4} >= {*by_chance, first, other}
+    assert (1, 4) == (second, fifth)
+    assert step == answer["step"]

@@ -8,6 +8,7 @@ import http.server
 import json
 import threading
 import zipfile
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -24,9 +25,14 @@ from visavis.protocol.session.operator import UnattendedOperator
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
 from visavis.running.film_store import FILM_QUALITY, FilmStore, film_store
-from visavis.running.page.other_hosts.bundle import steps_of_place, write_bundle
+from visavis.running.page.other_hosts.bundle import (
+    completed_places,
+    open_places,
+    steps_of_place,
+    write_bundle,
+)
 from visavis.running.page.other_hosts.results import import_runs, read_runs
-from visavis.running.page.perform import DRAWN_EVENT
+from visavis.running.page.perform import DRAWN_EVENT, experiment_of
 from visavis.running.page.spoken_digits import hear_digits, spoken_digits
 from visavis.running.sessions.session_request import Request, SessionPerson
 from visavis.study.experiment import StudyExperiment
@@ -374,6 +380,53 @@ def test_two_places_have_the_orders_of_the_plan(host: Host) -> None:
     other = replace(host.base, seed=8)
     assert first == steps_of_place(host.base, host.store, 0)
     assert len(first) == len(steps_of_place(other, host.store, 0))
+
+
+GROUPS = STUDY.replace("factors=[", 'factors=[Factor("training", ["none", "long"], between=True), ')
+
+
+def places_in(bundle: Path) -> list[int]:
+    return sorted(int(file.stem) for file in (bundle / "places").glob("*.json"))
+
+
+def test_place_that_nobody_completed_is_given_back_by_a_second_bundle(host: Host) -> None:
+    first = host.exported(places=open_places(host.base, 4, None, {}))
+    assert [0, 1, 2, 3] == places_in(first)
+    file = written(
+        host.root / "r.jsonl",
+        lines_of(first, 0, key="r0"),
+        lines_of(first, 2, key="r2"),
+        lines_of(first, 3, key="r3", replies=1),  # left
+    )
+    host.imported(file, unfinished_too=True)
+    done = completed_places(host.ledger.path.parent)
+    assert {0: 1, 2: 1} == done
+    second = host.exported("second", places=open_places(host.base, 4, None, done))
+    assert [1, 3] == places_in(second)
+    assert [1, 3] == json.loads((second / "bundle.json").read_text("utf-8"))["places"]
+    # What comes of it is recorded as of the first, at the place that it had.
+    rest = written(host.root / "s.jsonl", *[lines_of(second, k, key=f"s{k}") for k in (1, 3)])
+    assert 2 == len(host.imported(rest).sessions)
+    with pytest.raises(UsageError, match="as many people as that have completed"):
+        open_places(host.base, 4, None, completed_places(host.ledger.path.parent))
+
+
+@pytest.mark.parametrize("done", [{}, {0: 1}, {0: 1, 1: 2, 5: 1}, {40: 1}])
+def test_each_group_gets_as_many_places_as_it_lacks(tmp_path: Path, done: dict[int, int]) -> None:
+    base = Host(tmp_path, GROUPS).base
+
+    def group_of(place: int) -> str:
+        return experiment_of(base).plan(place, base.seed).group
+
+    places = open_places(base, None, 3, done)
+    assert not set(places) & set(done)
+    counts = Counter(map(group_of, places))
+    for index, n in done.items():
+        counts[group_of(index)] += n
+    assert {3} == set(counts.values())
+    assert 2 == len(counts)
+    with pytest.raises(UsageError, match="--places takes 1 to"):
+        open_places(base, None, 6000, {})
 
 
 def test_one_damaged_line_leaves_the_results_of_everybody_else(host: Host) -> None:

@@ -15,7 +15,12 @@ from visavis.cli.app import (
     errors,
     verbatim,
 )
-from visavis.cli.commands.serving import CompletionOption, build_films, page_study
+from visavis.cli.commands.serving import (
+    CompletionOption,
+    build_films,
+    page_study,
+    people_wanted,
+)
 from visavis.cli.commands.session import LanguageOption, SeedOption, SetOption
 from visavis.lab.errors import DataError, UsageError
 from visavis.running.page.arrivals import check_completion
@@ -29,8 +34,17 @@ def export_web(
         typer.Option("--output", "-o", help="A new folder; NAME.jzip makes an archive for JATOS."),
     ],
     places: Annotated[
-        int, typer.Option("--places", help="For how many people; plan more than you want.")
-    ] = 100,
+        str,
+        typer.Option("--places", help="For how many people, or 20/group; plan more than you want."),
+    ] = "100",
+    unused: Annotated[
+        bool,
+        typer.Option(
+            "--unused",
+            help="Only for those who are still missing: places that nobody completed, after "
+            "import-web.",
+        ),
+    ] = False,
     results: Annotated[
         str,
         typer.Option("--results", help="Address that takes answers as they come; not with JATOS."),
@@ -47,18 +61,28 @@ def export_web(
     Every place of the plan is written down beforehand, so what a study shows may not depend on
     answers. Without JATOS or --results people save their answers as a file at the end.
 
-    Example: visavis export-web ./lively.py --places 60 -o lively.jzip
+    Places that people took and left are given back by a second bundle: import the results of the
+    first, then write those that nobody completed with --unused.
+
+    Example: visavis export-web ./lively.py --places 20/group -o lively.jzip
     """
     # Late: aiohttp comes with visavis[browser], which labs without pages need not install.
-    from visavis.running.page.other_hosts.bundle import ARCHIVE, write_bundle
+    from visavis.running.page.other_hosts.bundle import (
+        ARCHIVE,
+        completed_places,
+        open_places,
+        write_bundle,
+    )
 
     check_completion(completion)
     parts = urlsplit(results)
     if results and (parts.scheme not in ("http", "https") or not parts.hostname):
         raise UsageError(f"--results takes an address, https://…, not {results!r}")
     here, base = page_study(study, devices, config, seed, assignments, language)
+    done = completed_places(here.ledger.path.parent) if unused else {}
+    indices = open_places(base, *people_wanted(places, "--places"), done)
     bundle = write_bundle(
-        base, build_films(base), output, places=places, completion=completion, results=results
+        base, build_films(base), output, places=indices, completion=completion, results=results
     )
     mark = "[magenta]REHEARSAL[/]  " if here.is_simulated else ""
     films = f" and {bundle.films} films" if bundle.films else ""

@@ -99,7 +99,7 @@ def serve(
     asyncio.run(_serve(here, base, public, host, port, wanted, completion))
 
 
-def people_wanted(text: str) -> tuple[int | None, int | None]:
+def people_wanted(text: str, option: str = "--participants") -> tuple[int | None, int | None]:
     """Return how many people may take part, of all and of each group; None without a limit.
 
     Raises:
@@ -107,7 +107,7 @@ def people_wanted(text: str) -> tuple[int | None, int | None]:
     """
     match = re.fullmatch(r"([1-9][0-9]{0,6})(/group)?", text.strip())
     if match is None and text:
-        raise UsageError(f"--participants takes a number such as 40, or 20/group, not {text!r}")
+        raise UsageError(f"{option} takes a number such as 40, or 20/group, not {text!r}")
     if match is None:
         return None, None
     return (None, int(match[1])) if match[2] else (int(match[1]), None)

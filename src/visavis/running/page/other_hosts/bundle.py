@@ -8,6 +8,7 @@ import json
 import shutil
 import uuid
 import zipfile
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -19,9 +20,11 @@ from urllib.parse import urlsplit
 import numpy as np
 
 from visavis.lab.errors import DesignError, UsageError
+from visavis.recording.manifest import read_manifest
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.film_store import FilmStore
 from visavis.running.live_store import LiveStore, page_files
+from visavis.running.page.arrivals import PLACES_AHEAD
 from visavis.running.page.course import Notes, Visit, course
 from visavis.running.page.perform import about_of, experiment_of
 from visavis.running.page.server import FILES, LIVE_FILES, SITE
@@ -55,26 +58,74 @@ class Bundle:
     size_bytes: int
 
 
+def completed_places(study_folder: Path) -> Counter[int]:
+    """Return how many people completed each place of the plan, of all sessions of a study.
+
+    A place that somebody left, declined or withdrew from, or that nobody had, is in none.
+    """
+    done: Counter[int] = Counter()
+    for path in sorted(study_folder.glob("sub-*/ses-*/manifest.json")):
+        manifest = read_manifest(path.parent)
+        if manifest.parts and manifest.parts[-1].status == "complete":
+            done[int(manifest.plan["participant_index"])] += 1
+    return done
+
+
+def open_places(
+    request: Request, wanted: int | None, of_group: int | None, done: Mapping[int, int]
+) -> tuple[int, ...]:
+    """Return the first places of the plan for as many people as are missing.
+
+    `wanted` people in all or `of_group` of each group are to complete the study, `done` of each
+    place have. A place that somebody completed is given to nobody else.
+
+    Raises:
+        UsageError: as many as are wanted have completed it, or they are too many.
+    """
+    experiment, most = experiment_of(request), of_group or wanted or 0
+
+    def group_of(index: int) -> str:
+        return experiment.plan(index, request.seed).group if of_group else ""
+
+    missing = dict.fromkeys(map(group_of, range(PLACES_AHEAD if of_group else 1)), most)
+    if not 1 <= most * len(missing) <= MAX_PLACES:
+        raise UsageError(f"--places takes 1 to {MAX_PLACES} in all, not {most * len(missing)}")
+    for index, n in done.items():
+        missing[group_of(index)] -= n
+    places: list[int] = []
+    index = 0
+    while any(n > 0 for n in missing.values()):
+        if not done.get(index) and missing[group_of(index)] > 0:
+            missing[group_of(index)] -= 1
+            places.append(index)
+        index += 1
+    if not places:
+        raise UsageError("as many people as that have completed the study; raise --places")
+    return tuple(places)
+
+
 def write_bundle(
     request: Request,
     store: FilmStore,
     path: Path,
     *,
-    places: int,
+    places: int | Sequence[int],
     completion: str = "",
     results: str = "",
 ) -> Bundle:
     """Write a study for another web host: a folder, or JATOS's archive if the name ends in .jzip.
 
-    `results` is an address to which each line of results is posted.
+    `places` are places of the plan (from 0), or how many of its first ones. `results` is an address
+    to which each line of results is posted.
 
     Raises:
         UsageError: the path exists already, or the options do not fit together.
         DesignError: its steps depend on answers; only a server can perform it.
     """
     is_archive = path.suffix == ARCHIVE
-    if not 1 <= places <= MAX_PLACES:
-        raise UsageError(f"--places takes 1 to {MAX_PLACES}, not {places}")
+    indices = tuple(range(places)) if isinstance(places, int) else tuple(places)
+    if not 1 <= len(indices) <= MAX_PLACES:
+        raise UsageError(f"--places takes 1 to {MAX_PLACES}, not {len(indices)}")
     if results and is_archive:
         raise UsageError("JATOS takes the results itself; leave --results out")
     returning = experiment_of(request).study.procedure.returning
@@ -88,7 +139,7 @@ def write_bundle(
     draft = path.with_name(f".{path.name}.draft")
     shutil.rmtree(draft, ignore_errors=True)
     try:
-        films = _write(request, store, draft, places, completion, results, is_archive)
+        films = _write(request, store, draft, indices, completion, results, is_archive)
         if is_archive:
             _archive(request, draft, path)
         else:
@@ -96,7 +147,7 @@ def write_bundle(
     finally:
         shutil.rmtree(draft, ignore_errors=True)
     files = [path] if is_archive else [f for f in path.rglob("*") if f.is_file()]
-    return Bundle(path, places, films, sum(f.stat().st_size for f in files))
+    return Bundle(path, len(indices), films, sum(f.stat().st_size for f in files))
 
 
 def steps_of_place(request: Request, store: FilmStore, index: int) -> tuple[PageStep, ...]:
@@ -165,7 +216,7 @@ def _write(
     request: Request,
     store: FilmStore,
     folder: Path,
-    places: int,
+    places: tuple[int, ...],
     completion: str,
     results: str,
     is_archive: bool,
@@ -174,7 +225,7 @@ def _write(
     returning = experiment.study.procedure.returning
     (folder / "places").mkdir(parents=True)
     digests = []
-    for index in range(places):
+    for index in places:
         steps = steps_of_place(request, store, index)
         digests.append(digest_of(steps))
         content = {"sha256": digests[-1], "steps": _as_data(steps)}
@@ -184,7 +235,7 @@ def _write(
     head = {"format": FORMAT, "study": request.study.name, "seed": request.seed}
     bundle = {
         **head,
-        "places": places,
+        "places": len(places) if places == tuple(range(len(places))) else list(places),
         "about": about,
         "completion": completion,
         "results": results,

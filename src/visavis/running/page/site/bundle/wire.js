@@ -23,6 +23,8 @@ async function keepFiles() {
 await keepFiles();
 
 const bundle = await (await fetch("bundle.json", { cache: "no-store" })).json();
+// The places of the plan that this bundle has: so many from the first, or a list of them.
+const PLACES = Array.isArray(bundle.places) ? bundle.places : Array.from({ length: bundle.places }, (_, k) => k);
 const CLAIM_TRIES = 12;
 const CLAIM_PAUSE_MS = 400;
 const AGAIN_MS = 2000;
@@ -186,7 +188,7 @@ const claimName = (place) => `visavis-${bundle.id}-${place}`;
 async function claimed(run) {
   for (let attempt = 0; attempt < CLAIM_TRIES; attempt += 1) {
     const claims = jatos.batchSession.getAll() || {};
-    const place = Array.from({ length: bundle.places }, (_, k) => k).find((k) => claims[claimName(k)] === undefined);
+    const place = PLACES.find((k) => claims[claimName(k)] === undefined);
     if (place === undefined) return null;
     try {
       await jatos.batchSession.set(claimName(place), run);
@@ -201,8 +203,8 @@ async function claimed(run) {
 async function placeOf(parameters, run) {
   if (jatos?.batchSession) return claimed(run);
   const number = Number(parameters.place ?? NaN);
-  if (Number.isInteger(number) && number >= 1 && number <= bundle.places) return number - 1;
-  return crypto.getRandomValues(new Uint32Array(1))[0] % bundle.places;
+  if (PLACES.includes(number - 1)) return number - 1;
+  return PLACES[crypto.getRandomValues(new Uint32Array(1))[0] % PLACES.length];
 }
 
 // The run that somebody of a panel has in this browser; JATOS's own address says which it is.
