@@ -1,16 +1,26 @@
-"""The clips of both studies: one speech in three parts, with three bodies, in four versions."""
+"""The clips of both studies: one speech in three parts, with three bodies, in four versions.
 
-from functools import cache
+A lab that has its own speaker changes `SCRIPT`, `speaker` and `CHARACTER` here
+(docs/gestures.md).
+"""
+
+from collections.abc import Callable
+from functools import cache, partial
 from pathlib import Path
 from typing import Final
 
+from visavis.lab.errors import DataError
 from visavis.stimuli.dressing.casting import build_of, default_casting
 from visavis.stimuli.motion.clip import Clip, cut
 from visavis.stimuli.motion.speaking.body_plan import Fill
 from visavis.stimuli.motion.speaking.gesture_script import GestureScript, read_script
+from visavis.stimuli.motion.speaking.mouth import Mouth, mouth_of
 from visavis.stimuli.motion.speaking.performance import perform
+from visavis.stimuli.motion.speaking.speaker import Speaker
+from visavis.stimuli.motion.speaking.speech import speech_of
 from visavis.stimuli.motion.speaking.synthetic_speaker import synthetic_speaker
 
+SCRIPT: Final = Path(__file__).with_name("speech.yaml")
 CHARACTER: Final = "male_02"
 RATE_HZ: Final = 30.0
 PARTS: Final = (1, 2, 3)
@@ -24,16 +34,38 @@ PART_S: Final = 11.0
 @cache
 def speech() -> GestureScript:
     """Return the gestures of the whole speech."""
-    return read_script(Path(__file__).with_name("speech.yaml"))
+    return read_script(SCRIPT)
+
+
+def speech_file() -> Path:
+    """Return the recording that the script names.
+
+    Raises:
+        DataError: it names none.
+    """
+    recording = speech().speech
+    if recording is None:
+        raise DataError(f"{SCRIPT}: names no recording; give speech: FILE.wav")
+    return recording
+
+
+@cache
+def mouth() -> Mouth:
+    """Return how the lips move through the whole speech."""
+    return mouth_of(speech_of(speech_file()))
+
+
+@cache
+def speaker() -> Speaker:
+    """Return whose body it is: a synthetic speaker, which stands in for one that a lab records."""
+    return synthetic_speaker()[0]
 
 
 @cache
 def whole(body: str, version: int) -> Clip:
     """Return the whole speech with a body."""
-    # The synthetic speaker stands in for one that a lab records.
-    speaker, _ = synthetic_speaker()
     build = build_of(default_casting(CHARACTER))
-    return perform(speech(), speaker, build, fill=FILLS[body], seed=version, rate_hz=RATE_HZ)
+    return perform(speech(), speaker(), build, fill=FILLS[body], seed=version, rate_hz=RATE_HZ)
 
 
 @cache
@@ -42,3 +74,13 @@ def clip_of(body: str, part: int, version: int) -> Clip:
     version = VERSIONS[0] if body == "still" else version
     frames = round(PART_S * RATE_HZ)
     return cut(whole(body, version), (part - 1) * frames, part * frames)
+
+
+@cache
+def mouth_of_part(part: int) -> Callable[[float], tuple[float, float]]:
+    """Return how the lips move in a part of the speech, whatever the body does."""
+    return partial(_mouth_at, part)
+
+
+def _mouth_at(part: int, t_s: float) -> tuple[float, float]:
+    return mouth().at(t_s + PART_S * (part - 1)) if 0.0 <= t_s <= PART_S else (0.0, 0.0)

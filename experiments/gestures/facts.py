@@ -32,8 +32,6 @@ OF_BOTH: Final = (
         "sound",
         "the speech is heard",
         WHERE,
-        "without sound; the words stand above the film",
-        because="films carry no sound yet",
     ),
     Fact(
         "procedure",

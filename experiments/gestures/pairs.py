@@ -49,6 +49,7 @@ study = Study(
     uses=(),
     calibrate=False,
     validate=False,
+    screening=("sound",),
     questionnaires=("about_listeners",),
     exclusions=COMPLETENESS_RULES,
     measures=[
@@ -69,7 +70,7 @@ study = Study(
     methods=(
         "The same part of a speech with the same gestures stood on both sides, once with gaps "
         "filled from a corpus and once with interpolation and holds; sides were drawn for every "
-        "trial. Both films could be seen again and again."
+        "trial. Both films, with the speech, could be seen again and again."
     ),
     references=(CITATION,),
 )
@@ -83,7 +84,7 @@ def trial(t: TrialScript) -> Iterator[Action]:
     corpus, holds = (film_of(body, int(t.part), int(t.version)) for body in ("corpus", "holds"))
     pair = Pair(corpus, holds) if is_left else Pair(holds, corpus)
     votes = Choice("vote", VOTES, means=MEANINGS if is_left else MEANINGS[::-1])
-    answers: Any = yield t.watch(pair, votes, caption=t.text(f"captions.part_{t.part}"))
+    answers: Any = yield t.watch(pair, votes)
     vote: Answer = answers["vote"]
     for_right = None if vote.option is None else VOTES.index(vote.option) - 2
     t.row["vote_for_holds"] = None if for_right is None else for_right if is_left else -for_right

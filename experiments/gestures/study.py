@@ -19,6 +19,8 @@ from visavis.experiments.gestures.clips import (
     RATE_HZ,
     VERSIONS,
     clip_of,
+    mouth_of_part,
+    speech_file,
 )
 from visavis.experiments.gestures.facts import OF_CLIPS, ORDERS_OF_CLIPS, WHERE
 from visavis.experiments.gestures.viewing import looks_of
@@ -30,7 +32,7 @@ from visavis.study.careless_answers import Careless
 from visavis.study.comparisons import Compare
 from visavis.study.declaration import Study
 from visavis.study.exclusions import COMPLETENESS_RULES
-from visavis.study.films import Film, Lens
+from visavis.study.films import Film, Lens, Voice
 from visavis.study.responses import Rating, Response
 from visavis.study.scenes import Scene, StagedScene, Staging, scene_of_people
 from visavis.study.source import Source
@@ -51,7 +53,9 @@ STILL_PERSON_SD: Final = 0.56
 """Viewers differ in what they feel, and more so about bodies that stand still."""
 ERROR_SD: Final = 0.90
 
-CARELESS: Final = Careless("naturalness", max_same=SAME_MOST - 0.5, max_patterned_01=0.95)
+CARELESS: Final = Careless(
+    "naturalness", max_same=SAME_MOST - 0.5, max_patterned_01=0.95, max_sound_failed=0
+)
 study = Study(
     "gestures",
     "Gestures with and without a moving body",
@@ -65,6 +69,7 @@ study = Study(
     uses=(),
     calibrate=False,
     validate=False,
+    screening=("sound",),
     questionnaires=("about_listeners",),
     exclusions=(*CARELESS.rules, *COMPLETENESS_RULES),
     columns=CARELESS.columns,
@@ -102,7 +107,7 @@ study = Study(
         "with three bodies: none, one whose gaps between gestures were filled by motion of a "
         "corpus, and one that interpolated and held there; the latter two in four versions each. "
         "The corpus was a synthetic speaker. Each of 36 films (480 × 640 pixels, 30 pictures a "
-        "second, without sound, the words of the speech above) was shown once, in random order."
+        "second, lips that move with the speech) was seen and heard once, in random order."
     ),
     references=(CITATION,),
 )
@@ -111,7 +116,7 @@ study = Study(
 @study.scene("speaking")
 def speaking(staging: Staging, *, body: str, part: int, version: int) -> StagedScene:
     """Return the speaker of a part of the speech, with a body."""
-    does = Recorded(clip_of(body, part, version))
+    does = Recorded(clip_of(body, part, version), mouth_of_part(part))
     one = Standing(CHARACTER, "person", 0.0, -AWAY_M, 180.0, does, 7)
     return scene_of_people(staging, "speaking", (one,), "person", "averted")
 
@@ -120,7 +125,8 @@ def film_of(body: str, part: int, version: int) -> Film:
     """Return the film of a part; without a body every version is the same film."""
     shown_version = VERSIONS[0] if body == "still" else version
     scene = Scene("speaking", body=body, part=part, version=shown_version)
-    return Film(scene, PART_S, FILM_PX, rate_hz=round(RATE_HZ), lens=LENS)
+    voice = Voice(speech_file().name, PART_S * (part - 1))
+    return Film(scene, PART_S, FILM_PX, rate_hz=round(RATE_HZ), lens=LENS, voice=voice)
 
 
 study.facts(CARELESS.facts)
@@ -131,7 +137,7 @@ def trial(t: TrialScript) -> Iterator[Action]:
     """Show a part of the speech once and have it rated."""
     film = film_of(t.body, int(t.part), int(t.version))
     rating = Rating("naturalness", -2, 2)
-    yield t.watch(film, rating, caption=t.text(f"captions.part_{t.part}"), replay=False)
+    yield t.watch(film, rating, replay=False)
 
 
 @study.answer

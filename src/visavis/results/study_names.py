@@ -41,7 +41,10 @@ TABLES: Final[Mapping[str, str]] = {
     **dict.fromkeys(columns_of_tests(()), "statistics"),
     **{c.name: "participants" for c in (*PEOPLE, *QUALITY_TABLE)},
     **{c.name: "trials" for c in (*LOOK_COLUMNS, LATE, CLOCK_JUMP, *WALK_COLUMNS, *HAND_COLUMNS)},
-    **dict.fromkeys((*film_columns(1), *live_columns(("mould", "live"))), "trials"),
+    **dict.fromkeys(
+        (*film_columns(1, heard=True), *live_columns(("mould", "live"))),
+        "trials",
+    ),
     **{c.name: "trials" for c in PAGE_COLUMNS},
     **dict.fromkeys((LOST_COLUMN, HEAD_LOST_COLUMN), "trials"),
 }

@@ -36,9 +36,10 @@ from visavis.stimuli.characters.character import Character
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.picture import Camera, Picture, Prop, Room
 from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.sound import Sound, part_of, read_sound
 from visavis.study.dry_run import still_view
 from visavis.study.experiment import StudyExperiment
-from visavis.study.films import MIME, Film, Lens
+from visavis.study.films import MIME, SOUND_MIME, Film, Lens
 from visavis.study.scenes import Maker, StagedScene, Staging, stage
 
 if TYPE_CHECKING:
@@ -181,9 +182,8 @@ class FilmStore:
             ConfigError: it was not built.
         """
         # To hash what a film shows takes seconds; without a file its parameters are enough.
-        name = (
-            hashlib.sha256(repr(film).encode()).hexdigest() if is_simulated else self.name_of(film)
-        )
+        words = repr(film) if film.voice is None else f"{film!r} {film.voice!r}"
+        name = hashlib.sha256(words.encode()).hexdigest() if is_simulated else self.name_of(film)
         description = {
             "film": name,
             "seconds": film.frame_count / film.rate_hz,
@@ -191,7 +191,8 @@ class FilmStore:
             "rate_hz": film.rate_hz,
             "width_px": film.size_px[0],
             "height_px": film.size_px[1],
-            "mime": MIME,
+            "mime": MIME if film.voice is None else SOUND_MIME,
+            **({} if film.voice is None else {"sound": True}),
         }
         if is_simulated:
             return description | {"sha256": "", "bytes": 0}
@@ -215,6 +216,18 @@ class FilmStore:
     def pictures(self, film: Film) -> Iterator[Picture]:
         """Yield every picture of a film, to be drawn."""
         return (picture_of(frame) for frame in self.frames(film))
+
+    def sound_of(self, film: Film) -> Sound | None:
+        """Return what is heard with a film; None where it has no voice.
+
+        Raises:
+            DataError: its recording cannot be played, or is over by then.
+        """
+        voice = film.voice
+        if voice is None:
+            return None
+        whole = read_sound(self.study_folder / voice.file)
+        return part_of(whole, voice.from_s, film.frame_count / film.rate_hz)
 
     def check_edges(self, film: Film) -> None:
         """Refuse a film whose still camera cuts off a moving body, unless it may.
@@ -248,6 +261,13 @@ class FilmStore:
                 container.mux(stream.encode(frame))
                 yield number
             container.mux(stream.encode())
+        if (sound := self.sound_of(film)) is not None:
+            # Opened only now: a film without a voice needs none of it.
+            from visavis.stage.film_sound import add_sound
+
+            heard = draft.with_name(f".{path.stem}.{os.getpid()}.heard.webm")
+            add_sound(draft, heard, sound)
+            heard.replace(draft)
         digest = hashlib.sha256(draft.read_bytes()).hexdigest()
         about = {
             "sha256": digest,
@@ -293,6 +313,8 @@ def _name_of(store: FilmStore, film: Film) -> str:
     drawn = (*FILM_QUALITY.items(), *ENCODING.items())
     settings = (FILM_VERSION, drawn, film.size_px, film.rate_hz, film.frame_count, film.lens)
     digest.update(repr(settings).encode())
+    if (sound := store.sound_of(film)) is not None:
+        digest.update(sound.sha256.encode())
     if not isinstance(film.lens, Lens):
         digest.update(_rounded(store.film_seen(film).poses))
     for picture in store.pictures(film):

@@ -82,6 +82,23 @@ def read_sound(path: Path) -> Sound:
     return Sound(path.stem, np.clip(samples, -1, 1), int(rate_hz))
 
 
+def part_of(sound: Sound, from_s: float, seconds: float) -> Sound:
+    """Return so many seconds of a recording; silence where it is over.
+
+    Raises:
+        DataError: it is over before `from_s`.
+    """
+    if not 0.0 <= from_s < sound.duration_s:
+        raise DataError(
+            f"{sound.name} lasts {sound.duration_s:.2f} s; nothing of it is left at {from_s:g} s"
+        )
+    first, count = round(from_s * sound.rate_hz), round(seconds * sound.rate_hz)
+    samples = np.zeros((count, sound.samples.shape[1]), np.float32)
+    own = sound.samples[first : first + count]
+    samples[: len(own)] = own
+    return Sound(f"{sound.name} from {from_s:g} s", samples, sound.rate_hz)
+
+
 def _as_float(raw: npt.NDArray[np.generic]) -> npt.NDArray[np.float32]:
     """Return samples of any kind of WAV file on the scale from −1 to 1."""
     if raw.dtype.kind == "u":  # 8 bits stand about 128

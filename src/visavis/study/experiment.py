@@ -21,13 +21,13 @@ from visavis.protocol.session.boards import DwellRule, Ways
 from visavis.stimuli.flat import Flat, Image
 from visavis.stimuli.scene import Scene as StageScene
 from visavis.stimuli.scene import SceneFrame
-from visavis.stimuli.sound import Sound
+from visavis.stimuli.sound import Sound, part_of
 from visavis.study.actions import Action
 from visavis.study.asking import frame
 from visavis.study.comparisons import Compare, possible
 from visavis.study.declaration import Study
 from visavis.study.dry_run import TrialRead, first_lit, read_trial, read_trials
-from visavis.study.films import Film, films_of
+from visavis.study.films import Film, Voice, films_of
 from visavis.study.items import ItemTable, fits, items_of_plan, read_items
 from visavis.study.live import Live, Slider
 from visavis.study.parameters import parameters_in_force
@@ -240,7 +240,7 @@ class StudyExperiment:
     @property
     def needed_roles(self) -> tuple[str, ...]:
         """Devices the study cannot do without, beside the headset."""
-        plays = ("sound",) if any(t.sounds for t in self.read.values()) else ()
+        plays = ("sound",) if self.voices or any(t.sounds for t in self.read.values()) else ()
         return tuple(dict.fromkeys((*self.study.devices.needs, *plays)))
 
     @property
@@ -288,13 +288,23 @@ class StudyExperiment:
             DesignError: a file cannot be played.
         """
         of = self.settings.sound_of
-        sounds = (of(sound) for trial in self.read.values() for sound in trial.sounds)
+        sounds = [of(sound) for trial in self.read.values() for sound in trial.sounds]
+        for film in self.films:
+            if (voice := film.voice) is not None:
+                whole = of(self.settings.folder / voice.file)
+                sounds.append(part_of(whole, voice.from_s, film.frame_count / film.rate_hz))
         return tuple({sound.sha256: sound for sound in sounds}.values())
+
+    @property
+    def voices(self) -> tuple[Voice, ...]:
+        """What is heard with films, each once."""
+        return tuple(dict.fromkeys(film.voice for film in self.films if film.voice is not None))
 
     @property
     def unplayable(self) -> tuple[str, ...]:
         """The error of each sound file that cannot be played."""
         files = {s for trial in self.read.values() for s in trial.sounds if isinstance(s, Path)}
+        files |= {self.settings.folder / voice.file for voice in self.voices}
         problems = []
         for file in sorted(files):
             try:

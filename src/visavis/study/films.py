@@ -24,6 +24,17 @@ MAX_SIDE_PX: Final = 1920
 CODEC: Final = "vp09.00.31.08"
 """Codec to ask browsers for, before they play our films: VP9, profile 0, level 3.1, 8 bit."""
 MIME: Final = f'video/webm; codecs="{CODEC}"'
+SOUND_MIME: Final = f'video/webm; codecs="{CODEC}, opus"'
+SOUND_COLUMNS: Final = (
+    Column(
+        "sound_on_ns",
+        "ns",
+        "session time at which the film's sound began: on a page by the film's own clock (what the "
+        "sound card adds is not in it); empty if it was not heard",
+    ),
+    Column("volume_01", "1", "volume of the film in the browser, 0 where it was muted"),
+)
+"""Beside `FILM_COLUMNS` where films have a voice."""
 FILM_COLUMNS: Final = (
     Column("wait_ms", "ms", "from the page's step to the first picture that was presented"),
     Column("rounds", "1", "whole rounds that were shown (of a pair: of the one with fewer)"),
@@ -126,6 +137,22 @@ def _check_view(fov_v_deg: float) -> None:
         raise DesignError(f"a camera sees {fov_v_deg} degrees up and down; give 5 to 120")
 
 
+@dataclass(frozen=True)
+class Voice:
+    """The sound of a film: a recording (WAV) beside the study, from `from_s` seconds on.
+
+    Before a headset or a monitor it comes from the head of whoever plays the role `speaker`.
+    """
+
+    file: str
+    from_s: float = 0.0
+    speaker: str = "active"
+
+    def __post_init__(self) -> None:
+        if not self.file or not 0.0 <= self.from_s < MAX_FILM_S:
+            raise DesignError(f"{self} is no sound; name a WAV file, and a time from 0 s on")
+
+
 Moving: TypeAlias = Directed | Following | Placed
 """Cameras that follow the person they film; any other camera is a `Lens`."""
 
@@ -146,6 +173,8 @@ class Film:
     lens: Lens | Moving = Lens()
     may_crop: bool = field(default=False, repr=False)
     """Whether a still camera may cut off people who move; else such a film is not built."""
+    voice: Voice | None = field(default=None, repr=False)
+    """What is heard with it; of a pair one film alone is heard (`voiced_film`)."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.scene, Scene):
@@ -231,6 +260,11 @@ def scene_of(stimulus: Film | Pair) -> Scene:
     return Scene(PAIR, left=stimulus.left.scene, right=stimulus.right.scene)
 
 
+def voiced_film(stimulus: Stimulus) -> Film | None:
+    """Return the film that is heard: of a pair the left one if it has a voice, else the right."""
+    return next((film for film in films_of(stimulus).values() if film.voice is not None), None)
+
+
 def seconds_of(stimulus: Stimulus) -> float:
     """Return how long one round takes."""
     if isinstance(stimulus, LiveScene):
@@ -238,8 +272,11 @@ def seconds_of(stimulus: Stimulus) -> float:
     return max(film.seconds for film in films_of(stimulus).values())
 
 
-def film_columns(films: int) -> dict[str, Column]:
-    """Return descriptions of the columns of this number of films (or pairs) in a trial, by name."""
+def film_columns(films: int, *, heard: bool = False) -> dict[str, Column]:
+    """Return descriptions of the columns of this number of films (or pairs) in a trial, by name;
+    `heard` where films have a voice.
+    """
+    of = (*FILM_COLUMNS, *SOUND_COLUMNS) if heard else FILM_COLUMNS
     names = ["film", *(f"film{k}" for k in range(2, films + 1))][:films]
-    columns = (replace(c, name=f"{name}_{c.name}") for name in names for c in FILM_COLUMNS)
+    columns = (replace(c, name=f"{name}_{c.name}") for name in names for c in of)
     return {c.name: c for c in columns}

@@ -3,15 +3,20 @@
 from collections.abc import Callable
 from typing import Final
 
+import numpy as np
+
 from visavis.lab.clock import NS_PER_S
+from visavis.lab.errors import DesignError
 from visavis.protocol.plan.session_plan import Trial
-from visavis.protocol.plan.steps import FrameView, Mark, Scalar
+from visavis.protocol.plan.steps import FrameView, Mark, PlaySound, Scalar
 from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.sound import part_of
 from visavis.study.actions import Performing, ShownScene
 from visavis.study.asking import Answer, frame, press_in
+from visavis.study.films import Film
 from visavis.study.frames import dark_view, gaze_has_arrived, show_frame
 from visavis.study.responses import Keys
-from visavis.study.scenes import PassingScene, Scene, StagedScene, Staging, stage
+from visavis.study.scenes import PAIR, PassingScene, Scene, StagedScene, Staging, stage
 from visavis.study.showing import Showing
 from visavis.study.trial_settings import Settings
 
@@ -163,9 +168,16 @@ class LitTrial:
             answer = Answer(None, "nothing in time", on_ns, view.t_ns, view)
         return answer
 
-    def _show(self, showing: Showing, until: Callable[[FrameView], bool] | None) -> Performing:
+    def _show(
+        self,
+        showing: Showing,
+        until: Callable[[FrameView], bool] | None,
+        heard: Film | None = None,
+    ) -> Performing:
         staged_scene: StagedScene
         name, staged_scene, view = yield from self._light(showing)
+        if heard is not None:
+            yield from self._let_speak(heard, name, staged_scene)
         on_ns = view.t_ns
         end_ns = on_ns + round(showing.seconds * NS_PER_S)
         off_ns = end_ns
@@ -186,6 +198,25 @@ class LitTrial:
             "t_end_ns": off_ns,
         }
         return ShownScene(on_ns, off_ns, staged_scene.roles, view)
+
+    def _let_speak(self, film: Film, name: str, staged_scene: StagedScene) -> Performing:
+        """Begin a film's sound: from its speaker's head, or of a pair from between both."""
+        voice, agents = film.voice, staged_scene.scene.agents
+        if voice is None:
+            return
+        who = staged_scene.roles.get(voice.speaker)
+        if who is None:
+            raise DesignError(
+                f"{film.scene.name} is spoken by {voice.speaker!r}, whom nobody in it plays; "
+                f"there are {', '.join(staged_scene.roles)}"
+            )
+        speakers = agents if staged_scene.scene.name == PAIR else (agents[who],)
+        x, y, z = (float(v) for v in np.mean([a.head_centre_m for a in speakers], axis=0))
+        column = f"{name}_sound_on_ns"
+        self.row[column] = None
+        whole = self.settings.sound_of(self.settings.folder / voice.file)
+        sound = part_of(whole, voice.from_s, film.frame_count / film.rate_hz)
+        yield PlaySound(column, sound, (x, y, z), 0.0, loops=False)
 
     def _stage(self, scene: Scene, seconds: float, number: int, start_ns: int) -> StagedScene:
         rng = self.trial.rng(SCENE_STREAM + number)

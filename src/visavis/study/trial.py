@@ -46,7 +46,7 @@ from visavis.study.asking import (
     direction_columns,
 )
 from visavis.study.background import BackgroundExecutor
-from visavis.study.films import Stimulus, Viewing, scene_of, seconds_of
+from visavis.study.films import Stimulus, Viewing, scene_of, seconds_of, voiced_film
 from visavis.study.frames import dark_frame, dark_view, show_frame
 from visavis.study.lit_trial import LitTrial
 from visavis.study.live import (
@@ -258,7 +258,8 @@ class TrialScript(LitTrial):
         returns the `Answer` to each response by name. Before a headset or a monitor the scene
         itself is shown for so many rounds (one at least), figures on until a button is pressed or
         30 s are over; then questions follow on boards. The `caption` of films is read on pages
-        alone.
+        alone. A film with a `Voice` is heard, once before a headset or a monitor, and adds
+        `film_sound_on_ns`.
         """
         viewing = Viewing(stimulus, responses, caption, min_rounds, replay)
         seconds = max(1, min_rounds) * seconds_of(stimulus)
@@ -398,7 +399,8 @@ class TrialScript(LitTrial):
         if isinstance(stimulus, LiveScene):
             yield from self._watch_figures(stimulus, viewing.caption, seconds)
         else:
-            yield from self._show(Showing(scene_of(stimulus), seconds, None, "film"), None)
+            showing = Showing(scene_of(stimulus), seconds, None, "film")
+            yield from self._show(showing, None, voiced_film(stimulus))
         answers = {}
         for response in viewing.responses:
             answers[response.name] = yield from self._ask(response, _Board())

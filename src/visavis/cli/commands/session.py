@@ -165,6 +165,14 @@ def plan(
         say_json(asdict(session_plan))
     else:
         _print_plan(session_plan, plan_inputs.label, plan_inputs.note, plan_inputs.experiment.texts)
+    if not as_json:
+        for voice in plan_inputs.experiment.voices:
+            console.print(
+                f"{verbatim(voice.file)} from {voice.from_s:g} s: heard with films; before a "
+                f"headset or a monitor from the head of {verbatim(voice.speaker)} (of a pair from "
+                "between both), for which the lab needs the role sound",
+                soft_wrap=True,
+            )
     for problem in plan_inputs.experiment.unplayable:
         errors.print(
             f"[yellow]{verbatim(problem)}; `visavis run` will refuse: put the file there, or name "

@@ -73,7 +73,10 @@ def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> d
             "session time at which the sound's first sample left the card; empty if nobody knows"
         )
         columns[name] = Column(name, "ns", words)
-    columns |= film_columns(max((len(t.films) for t in experiment.read.values()), default=0))
+    columns |= film_columns(
+        max((len(t.films) for t in experiment.read.values()), default=0),
+        heard=bool(experiment.voices),
+    )
     table = experiment.item_table
     if table is not None:
         for name in table.columns:

@@ -51,7 +51,7 @@ from visavis.running.sessions.session_request import PageAddress, Request, behav
 from visavis.study.cast import use_cast_of, use_recorded_cast
 from visavis.study.catalogue import typed_reference
 from visavis.study.experiment import StudyExperiment
-from visavis.study.films import MIME
+from visavis.study.films import MIME, SOUND_MIME
 
 SERVED_EVENT: Final = "page_served"
 DRAWN_EVENT: Final = "films_drawn"
@@ -356,6 +356,6 @@ def about_of(experiment: StudyExperiment, simulated: bool, contact: str) -> dict
         "words": dict(texts_of_page(experiment)),
         "contact": contact,
         "is_simulated": simulated,
-        "mime": MIME if experiment.films else "",
+        "mime": "" if not experiment.films else SOUND_MIME if experiment.voices else MIME,
         **({"draws": True} if experiment.lives else {}),
     }

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Generator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from visavis.lab.clock import NS_PER_MS
@@ -83,6 +83,10 @@ class FilmPlayback:
     frames_dropped: int
     rounds: int
     stalls: int
+    sound_ms: float | None = None
+    """When its sound began; None for a silent film, or one that was not heard."""
+    volume_01: float | None = None
+    """How loud the browser played it, 0 where it was muted; None for a silent film."""
 
 
 def put(step: PageStep) -> Generator[PageStep, Reply | None, Reply]:
@@ -157,7 +161,12 @@ def read_film(content: Any) -> FilmPlayback:
     """
     report = mapping(content, "what was presented of a film")
     counts = [count(report.get(name), name) for name in ("frames", "dropped", "rounds", "stalls")]
-    return FilmPlayback(number(report.get("first_ms"), "first_ms"), *counts)
+    sound_ms, volume_01 = (
+        None if report.get(name) is None else number(report[name], name)
+        for name in ("sound_ms", "volume_01")
+    )
+    film = FilmPlayback(number(report.get("first_ms"), "first_ms"), *counts)
+    return replace(film, sound_ms=sound_ms, volume_01=volume_01)
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from visavis.stimuli.flat import Image
 from visavis.study.actions import Action
 from visavis.study.asking import Answer
 from visavis.study.dry_run import still_view
-from visavis.study.films import Film, Viewing, films_of
+from visavis.study.films import Film, Viewing, films_of, voiced_film
 from visavis.study.live import (
     LIVE_COLUMNS,
     MOULD_COLUMNS,
@@ -222,6 +222,11 @@ def _watch(script: TrialScript, watch: Viewing, files: FilmFiles) -> OnPage:
     on_ns = reply.t_ns_of(first_ms)
     script.row.setdefault("t_start_ns", on_ns)
     script.row |= _film_columns(name, playback, content, on_ns, first_ms)
+    if (voiced := voiced_film(watch.stimulus)) is not None:
+        heard = playback[next(place for place, film in films.items() if film is voiced)]
+        began_ms = heard.sound_ms
+        script.row[f"{name}_sound_on_ns"] = None if began_ms is None else reply.t_ns_of(began_ms)
+        script.row[f"{name}_volume_01"] = heard.volume_01
     script.row[f"{name}_sha256"] = (
         ",".join(f["sha256"] for f in film_entries if f["sha256"]) or None
     )

@@ -351,6 +351,7 @@ class Visitor:
                     "dropped": 0,
                     "rounds": rounds,
                     "stalls": 0,
+                    **({"sound_ms": first_ms, "volume_01": 1.0} if f.get("sound") else {}),
                 }
                 for place, f in film_entries.items()
             },

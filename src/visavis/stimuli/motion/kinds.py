@@ -26,6 +26,7 @@ from visavis.stimuli.motion.standing_kernels import idle_rows
 Kernel = Callable[
     [npt.NDArray[np.int64], Vector, npt.NDArray[np.int64], Vector, Vector, Vector], None
 ]
+Mouth = Callable[[float], tuple[float, float]]
 NUMBERS: Final = 12
 """Largest number of parameters of a kernel per person."""
 
@@ -271,9 +272,13 @@ class Run:
 class Recorded:
     """Play a clip (or any motion) of the canonical joints, its floor at y = 0 and its origin at
     one's place; eyes and lids are still steered by the gaze, the head is the clip's own.
+
+    `mouth` says how far the jaw is open and the lips are wide, 0 to 1, at seconds from the clip's
+    zero; without it the mouth stays shut.
     """
 
     motion: Motion
+    mouth: Mouth | None = None
 
     def __post_init__(self) -> None:
         if self.motion.skeleton.names != _CANONICAL_NAMES:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +23,7 @@ from visavis.stimuli.motion.errors import MotionError
 from visavis.stimuli.motion.kinds import (
     NUMBERS,
     Kind,
+    Mouth,
     Phone,
     Recorded,
     Run,
@@ -35,6 +37,7 @@ from visavis.stimuli.motion.skeleton import Skeleton
 from visavis.stimuli.picture import PosedPeople
 
 Index = npt.NDArray[np.int64]
+MOUTH: Final = [MORPHS.index("jaw_open"), MORPHS.index("smile")]
 
 
 @dataclass(frozen=True)
@@ -195,6 +198,8 @@ class PeopleMotion:
         morphs = np.zeros((n, len(MORPHS)))
         morphs[:, MORPHS.index("jaw_open")] = controls[:, p.JAW]
         morphs[:, MORPHS.index("smile")] = controls[:, p.SMILE]
+        for i, start_s, mouth in self._mouths:
+            morphs[i, MOUTH] = mouth(t_s - start_s)
         look_rows(root, joints, offsets, skeleton_of, eyes, head)
         aim = gaze.aim(t_s, Look(eyes, head, front, seeds))
         aim_rows(
@@ -217,6 +222,16 @@ class PeopleMotion:
             for i, person in enumerate(self.people)
             if any(isinstance(d.kind, Recorded) for d in person.plan)
         }
+
+    @cached_property
+    def _mouths(self) -> tuple[tuple[int, float, Mouth], ...]:
+        """Return whose mouth moves with a recording, and from when on."""
+        return tuple(
+            (i, d.start_s if np.isfinite(d.start_s) else 0.0, d.kind.mouth)
+            for i, person in enumerate(self.people)
+            for d in person.plan
+            if isinstance(d.kind, Recorded) and d.kind.mouth is not None
+        )
 
     @cached_property
     def _around(self) -> Gaze:

@@ -15,6 +15,11 @@ async function hashOf(buffer) {
   return [...new Uint8Array(digest)].map((b) => b.toString(16).padStart(2, "0")).join("");
 }
 
+// Browsers begin sound only after a click or a key: a page loaded anew has had neither.
+export function mayBeHeard() {
+  return navigator.userActivation?.hasBeenActive !== false;
+}
+
 export function isLoaded(film) {
   return cache.has(film.film);
 }
@@ -71,6 +76,8 @@ class Player {
     this.rounds = 0;
     this.stalls = 0;
     this.mediaS = 0;
+    this.soundMs = null;
+    this.volume = 0;
     this.isOver = false;
     this.hasFrameTimes = "requestVideoFrameCallback" in video;
     video.addEventListener("waiting", () => { if (this.firstMs !== null && !video.ended) this.stalls += 1; });
@@ -79,7 +86,10 @@ class Player {
   watch(onFrame) {
     const onPresented = (now, data) => {
       if (this.isOver) return;
-      if (this.firstMs === null) this.firstMs = data.expectedDisplayTime || now;
+      if (this.firstMs === null) {
+        this.firstMs = data.expectedDisplayTime || now;
+        this.hear(data.mediaTime);
+      }
       this.frames = Math.max(this.frames + (data.presentedFrames ? 0 : 1), data.presentedFrames || 0);
       this.mediaS = data.mediaTime;
       onFrame(this);
@@ -94,7 +104,7 @@ class Player {
       if (this.isOver) return;
       const at = this.video.currentTime;
       if (at !== last && this.video.readyState >= 2 && !this.video.paused) {
-        if (this.firstMs === null) this.firstMs = now;
+        if (this.firstMs === null) { this.firstMs = now; this.hear(at); }
         this.frames += 1;
         this.mediaS = at;
         onFrame(this);
@@ -105,7 +115,15 @@ class Player {
     requestAnimationFrame(look);
   }
 
+  // Sound and pictures of a film share one clock: its sound began when that stood at zero.
+  hear(mediaS) {
+    if (!this.film.sound) return;
+    this.volume = this.video.muted ? 0 : this.video.volume;
+    if (this.volume > 0) this.soundMs = this.firstMs - 1000 * mediaS;
+  }
+
   report() {
+    const isSilent = this.video.webkitAudioDecodedByteCount === 0 || this.video.mozHasAudio === false; // undefined where a browser does not say
     const quality = this.video.getVideoPlaybackQuality?.();
     return {
       first_ms: this.firstMs,
@@ -113,6 +131,7 @@ class Player {
       dropped: quality ? quality.droppedVideoFrames : 0,
       rounds: this.rounds,
       stalls: this.stalls,
+      ...(this.film.sound ? { sound_ms: isSilent ? null : this.soundMs, volume_01: isSilent ? 0 : this.volume } : {}),
     };
   }
 }
@@ -146,7 +165,7 @@ export function play(films, videos, onRound, once = false) {
   });
   const again = () => {
     if (players.some((p) => p.isOver || !p.video.ended)) return;
-    for (const player of players) player.rounds += 1;
+    for (const player of players) { player.rounds += 1; player.mediaS = 0; }
     onRound(players[0].rounds);
     if (once) return;
     for (const { video } of players) { video.currentTime = 0; video.play().catch(() => {}); }

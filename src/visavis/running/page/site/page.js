@@ -505,7 +505,7 @@ const steps = {
   },
 
   async watch(step) {
-    const shownMs = performance.now();
+    let shownMs = performance.now();
     hiddenMs = 0;
     if (hiddenSince !== null) hiddenSince = shownMs;
     const hint = paragraph(step.min_rounds ? say(step.live ? "figures_first" : "watch_first") : "", "hint");
@@ -520,7 +520,9 @@ const steps = {
     update();
     const videos = step.films.map((f) => element("video", { playsinline: true, muted: true, preload: "auto", width: f.width_px, height: f.height_px,
       "aria-label": say(f.place) || step.caption || "film", disablepictureinpicture: true }));
-    for (const v of videos) v.muted = true;
+    // Of a pair one film is heard: both say the same.
+    const heard = step.films.findIndex((f) => f.sound);
+    videos.forEach((v, i) => { v.muted = i !== heard; v.volume = 1; });
     // Live figures stand where films do: somebody may turn and zoom the view.
     const canvas = step.live ? element("canvas", { class: "figure", tabindex: 0, "aria-label": step.caption || say("figure") }) : null;
     const films = canvas ? element("div", { class: "films" }, canvas) : step.films.length ? element("div", { class: `films ${step.films.length > 1 ? "pair" : ""}` },
@@ -596,6 +598,16 @@ const steps = {
       return;
     }
     if (current !== step) return;
+    if (heard >= 0 && !film.mayBeHeard()) {
+      await new Promise((resolve) => {
+        const start = button(say("sound_play"), () => { start.remove(); resolve(); });
+        hint.before(start);
+        start.focus();
+      });
+      if (current !== step) return;
+      shownMs = performance.now();
+      hiddenMs = 0;
+    }
     player = film.play(step.films, videos, (rounds) => { if (rounds >= step.min_rounds && !isOpen) open(); }, step.once);
     try {
       await player.first;

@@ -140,12 +140,3 @@ def speech_of(path: Path) -> Speech:
     except OSError as problem:
         raise DataError(f"{path}: cannot be read ({problem.strerror or problem})") from problem
     return _read_once(path, changed_ns)
-
-
-def part_of(sound: Sound, from_s: float, seconds: float) -> Sound:
-    """Return so many seconds of a recording; silence where it is over."""
-    first, count = round(from_s * sound.rate_hz), round(seconds * sound.rate_hz)
-    samples = np.zeros((count, sound.samples.shape[1]), np.float32)
-    own = sound.samples[first : first + count]
-    samples[: len(own)] = own
-    return Sound(f"{sound.name} from {from_s:g} s", samples, sound.rate_hz)
