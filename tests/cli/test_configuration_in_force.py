@@ -121,6 +121,7 @@ SAYS_IT = {
     "analyse": "nothing",
     "report": "nothing",
     "power": "nothing",
+    "import annotations": "nothing a.csv",
     "export session": "nothing",
     "export character": "nobody -o a.glb",
     "export motion": "walk --character nobody -o a.glb",

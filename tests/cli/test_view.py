@@ -20,6 +20,7 @@ from visavis.analysis.gaze.aoi import LOST
 from visavis.analysis.gaze.looks import measure_trial
 from visavis.cli.app import app
 from visavis.cli.film.stand_in import resting_joints
+from visavis.cli.viewer import content
 from visavis.cli.viewer.bundle import MISSING, Bundle
 from visavis.cli.viewer.content import Times, _fact, _labels
 from visavis.cli.viewer.fixations import fixations_of
@@ -93,9 +94,9 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def header_of(page: Path) -> dict[str, Any]:
     text = page.read_text(encoding="utf-8")
     packed = text.partition('id="data">')[2].partition("<")[0]
-    content = zlib.decompress(base64.b64decode(packed))
-    length = int.from_bytes(content[:8], "little")
-    found: dict[str, Any] = json.loads(content[8 : 8 + length])
+    raw = zlib.decompress(base64.b64decode(packed))
+    length = int.from_bytes(raw[:8], "little")
+    found: dict[str, Any] = json.loads(raw[8 : 8 + length])
     return found
 
 
@@ -144,8 +145,8 @@ def test_numbers_come_back_within_a_part_of_their_range_and_missing_ones_stay_mi
     values = np.array([[1.0, -5.0], [np.nan, 7.0], [3.0, np.inf], [2.0, 7.0]])
     bundle = Bundle()
     header = bundle.add_quantised(values)
-    content = zlib.decompress(base64.b64decode(bundle.text({})))
-    body = np.frombuffer(content, "<u2", 8, 16 + header["o"]).reshape(2, 4)
+    raw = zlib.decompress(base64.b64decode(bundle.text({})))
+    body = np.frombuffer(raw, "<u2", 8, 16 + header["o"]).reshape(2, 4)
     codes = np.cumsum(body, axis=1, dtype=np.uint16)
     back = np.where(codes == MISSING, np.nan, codes * np.c_[header["step"]] + np.c_[header["low"]])
     wanted = np.where(np.isfinite(values), values, np.nan).T
@@ -260,6 +261,35 @@ def test_a_light_mesh_has_the_eyes_last_and_fewer_triangles_where_there_are_many
     light = many.people[0]["light"]
     assert light["index"]["s"][0] < 0.5 * len(built.indices)
     assert light["place"]["s"][0] < 0.5 * len(built.vertices)
+
+
+def test_trials_that_do_not_fit_into_a_page_are_loaded_from_beside_it(
+    page: Path, tmp_path: Path, browser: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(content, "PACKED_BYTES", 1)  # the first trial fits
+    folder = study_dir(page.parent, "duel", is_simulated=True)
+    session = next(folder.glob("sub-*/ses-001"))
+    path = tmp_path / "a duel.html"
+    done = CliRunner().invoke(app, ["view", str(session), "-o", str(path)])
+    assert done.exit_code == 0, done.output or done.exception
+    files = sorted((tmp_path / "a duel_trials").iterdir())
+    assert ["000_T02.js", "001_T03.js", "002_T04.js"] == [file.name for file in files]
+    assert {0o600} == {stat.S_IMODE(file.stat().st_mode) for file in files}
+    registered = registered_exports(folder)[-1]
+    assert 4 == len(registered.files)
+    window = browser.new_page()
+    window.goto(path.as_uri())
+    window.wait_for_selector("body[data-ready]", timeout=60_000)
+    fell = """id => { const t = viewer.header.trials.find(t => t.id === id);
+        return viewer.session.fell(t.t0, t.t1).map(f => f && [f.hit, f.on]); }"""
+    assert {""} == {one[1] for one in window.evaluate(fell, "T03") if one}
+    window.evaluate("viewer.seek(viewer.header.trials[2].t0 + 0.5)")
+    window.wait_for_function("viewer.sceneAt(viewer.t) !== null", timeout=60_000)
+    assert 1 < len({one[1] for one in window.evaluate(fell, "T03") if one})
+    assert window.evaluate("viewer.header.scenes.some(s => s.isBeside && s.trial === 'T04')")
+    files[2].unlink()
+    window.evaluate("viewer.seek(viewer.header.trials[3].t0 + 0.5)")
+    window.wait_for_function("document.querySelector('#nothing').textContent.includes('beside')")
 
 
 @pytest.fixture(scope="module")

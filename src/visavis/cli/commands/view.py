@@ -19,7 +19,7 @@ from visavis.cli.app import (
 from visavis.cli.personal_copies import protect_and_register, require_whole
 from visavis.cli.studies import folder_of, label_of_session, session_of
 from visavis.cli.viewer.content import page_content, trial_lengths_ns
-from visavis.cli.viewer.page import page_of
+from visavis.cli.viewer.page import TrialsBeside, page_of
 from visavis.cli.viewer.rerun_file import write_rerun
 from visavis.cli.viewer.together import together_content
 from visavis.lab.errors import UsageError
@@ -93,6 +93,7 @@ def view(
         console.print(f"[yellow]{verbatim(change_note)}[/]", soft_wrap=True)
     lengths = trial_lengths_ns(recording)
     trial_names = trial or list(lengths)
+    beside = TrialsBeside(path)
     with Progress(console=console, transient=True) as bar:
         line = bar.add_task("looking at trials", total=len(trial_names))
         if rerun is not None:
@@ -110,13 +111,20 @@ def view(
             recording,
             trial_names,
             lambda count, total: bar.update(line, completed=count, total=total),
+            beside.write,
         )
     path.write_text(page_of(header, bundle), encoding="utf-8")
-    size_mb = path.stat().st_size / 1e6
+    size_mb = sum(file.stat().st_size for file in (path, *beside.files)) / 1e6
     summary = f"{len(trial_names)} of {len(lengths)} trials in space, {size_mb:.1f} MB"
     console.print(f"written [b]{verbatim(path)}[/], {summary}", soft_wrap=True)
+    if beside.files:
+        console.print(
+            f"{len(beside.files)} trials are in [b]{verbatim(beside.folder)}[/], which the page "
+            "loads them from: keep both together",
+            soft_wrap=True,
+        )
     # A page is personal data: protect and register it, so that a withdrawal finds it.
-    protect_and_register("page", [session_path], path.parent, [path])
+    protect_and_register("page", [session_path], path.parent, [path, *beside.files])
     if show:
         webbrowser.open(path.resolve().as_uri())
 

@@ -17,7 +17,8 @@ class Bundle:
 
     def __init__(self) -> None:
         self._pieces: list[bytes] = []
-        self._size = 0
+        self.size = 0
+        """Bytes of all arrays, before they are packed."""
 
     def add(self, values: npt.NDArray[Any]) -> dict[str, Any]:
         """Take an array in; return where it lies: kind and number of elements, shape, first byte.
@@ -29,13 +30,13 @@ class Bundle:
             if values.ndim > 1
             else values
         )
-        reference = {"d": values.dtype.str[1:], "s": list(values.shape), "o": self._size}
+        reference = {"d": values.dtype.str[1:], "s": list(values.shape), "o": self.size}
         self._append(flat.astype(flat.dtype.newbyteorder("<")).tobytes())
         return reference
 
     def add_bytes(self, content: bytes) -> dict[str, Any]:
         """Take a file in."""
-        reference = {"d": "u1", "s": [len(content)], "o": self._size}
+        reference = {"d": "u1", "s": [len(content)], "o": self.size}
         self._append(content)
         return reference
 
@@ -69,7 +70,7 @@ class Bundle:
     def _append(self, content: bytes) -> None:
         content += bytes(-len(content) % 8)
         self._pieces.append(content)
-        self._size += len(content)
+        self.size += len(content)
 
     def text(self, header: dict[str, Any]) -> str:
         """Return header and arrays, packed, as characters that any page may hold."""

@@ -15,7 +15,7 @@ from visavis.cli.film.stand_in import StandIn, posture_of, resting_joints, someb
 from visavis.cli.recorded_trial import RecordedTrial, factors_of, recorded_trial
 from visavis.cli.session_lanes import lanes_of
 from visavis.cli.viewer.bundle import Bundle
-from visavis.cli.viewer.fixations import ends_m, fixations_of
+from visavis.cli.viewer.fixations import fixations_of
 from visavis.cli.viewer.models import LEVEL_OF_FEW, LEVEL_OF_MANY, MAX_FEW, Models
 from visavis.cli.viewer.motion import key_samples, one_way_round
 from visavis.cli.viewer.pages import pages_of
@@ -50,6 +50,8 @@ WIDE: Final = 60
 AROUND_NS: Final = NS_PER_S
 """Margin around a shown trial within which every row is kept."""
 MAX_TEXT: Final = 400
+PACKED_BYTES: Final = 60_000_000
+"""Of a page's arrays: later trials are files beside it, loaded when they are looked at."""
 TOLD_ELSEWHERE: Final = frozenset(
     "recording_part participant participant_index session group part trial_id status attempt "
     "is_practice".split()
@@ -73,8 +75,12 @@ def page_content(
     recording: CachedRecording,
     trial_ids: Sequence[str],
     on_trial: Callable[[int, int], None] | None = None,
+    beside: Callable[[str, str], str] | None = None,
 ) -> tuple[dict[str, Any], Bundle]:
     """Return a page's header and arrays; `trial_ids` are the trials it shows in space.
+
+    With `beside`, trials that no longer fit into the page are given to it one by one: their name
+    and the text of a bundle; it returns the place that the page loads it from.
 
     Raises:
         UsageError: the session has no such trial.
@@ -86,10 +92,28 @@ def page_content(
         pages_of(study, recording, trial_ids, bundle, times.s, on_trial) if on_page else ([], [])
     )
     trials = [] if on_page else [recorded_trial(recording, name) for name in trial_ids]
-    samples_by_trial = samples_in_space(study, trials, on_trial)
-    models = models_for(bundle, samples_by_trial)
+    in_space, models = InSpace(study, recording, times), None
+    places: dict[str, str] = {}
+    contents = []
+    # Samples of a long trial with many people are large: one trial's are held at a time.
+    for k, trial in enumerate(trials):
+        samples = in_space.samples(trial)
+        models = models or models_for(bundle, samples)
+        name = str(trial.row["trial_id"])
+        if beside is None or bundle.size < PACKED_BYTES:
+            contents.append(in_space.content(trial, samples, models, bundle))
+        else:
+            own = Bundle()
+            content = in_space.content(trial, samples, models, own)
+            places[name] = beside(name, own.text(content))
+            contents.append(_without_arrays(content))
+        if on_trial is not None:
+            on_trial(k + 1, len(trials))
+    models = models or models_for(bundle, [])
     return {
-        **session_content(study, recording, samples_by_trial, models, bundle, times),
+        **whose(recording),
+        **_joined(contents),
+        "rest": at_rest(study, recording, trials),
         "parts": [
             {
                 "number": part.number,
@@ -98,7 +122,10 @@ def page_content(
             }
             for part in recording.manifest.parts
         ],
-        "trials": list(_trials(recording, times, set(trial_ids))),
+        "trials": [
+            {**row, "beside": places.get(row["id"]) if row["shown"] else None}
+            for row in _trials(recording, times, set(trial_ids))
+        ],
         "events": list(_events(recording, times)),
         "findings": _findings(recording),
         "lanes": _lanes(recording, times, list(times.offset_s)),
@@ -111,30 +138,44 @@ def page_content(
     }, bundle
 
 
-SamplesByTrial = Sequence[tuple[RecordedTrial, list["Sample"]]]
+class InSpace:
+    """The trials of a session as they are packed, one after the other."""
+
+    def __init__(self, study: OpenedStudy, recording: CachedRecording, times: Times) -> None:
+        self._study, self._recording, self._times = study, recording, times
+        self._stand_ins: StandIns = {}
+
+    def samples(self, trial: RecordedTrial) -> "list[Sample]":
+        """Return what was shown in a trial, with the participant in it."""
+        samples = samples_of(self._study, trial)
+        return with_participant(self._study, trial, samples, self._stand_ins)
+
+    def content(
+        self, trial: RecordedTrial, samples: "list[Sample]", models: Models, bundle: Bundle
+    ) -> dict[str, Any]:
+        """Return a trial's scenes, ends of gaze and fixations; their arrays go into a bundle."""
+        scenes = [_scene(trial, run, models, bundle, self._times) for run in _runs(samples)]
+        gaze = _gaze(self._recording, trial, samples, models.level, bundle, self._times)
+        return {"scenes": scenes, **gaze}
 
 
-def samples_in_space(
-    study: OpenedStudy,
-    trials: Sequence[RecordedTrial],
-    on_trial: Callable[[int, int], None] | None,
-) -> SamplesByTrial:
-    """Return what was shown in each of a session's trials, with the participant in it."""
-    stand_ins: StandIns = {}
-    samples_by_trial = []
-    for k, trial in enumerate(trials):
-        samples = samples_of(study, trial)
-        samples_by_trial.append((trial, with_participant(study, trial, samples, stand_ins)))
-        if on_trial is not None:
-            on_trial(k + 1, len(trials))
-    return samples_by_trial
+def _joined(contents: Sequence[Mapping[str, list[Any]]]) -> dict[str, list[Any]]:
+    """Return scenes, ends of gaze and fixations of all trials."""
+    names = ("scenes", "gazeEnds", "fixations")
+    return {name: [one for content in contents for one in content[name]] for name in names}
 
 
-def models_for(bundle: Bundle, samples_by_trial: SamplesByTrial) -> Models:
+def _without_arrays(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a page says of a trial before its file beside the page is loaded."""
+    names = ("trial", "t0", "t1", "agents")
+    stubs = [{**{n: scene[n] for n in names}, "isBeside": True} for scene in content["scenes"]]
+    return {"scenes": stubs, "gazeEnds": [], "fixations": content["fixations"]}
+
+
+def models_for(bundle: Bundle, samples: "Sequence[Sample]") -> Models:
     """Return the models of a page; many people in one place are drawn at their lightest."""
-    casts = (len(s.dressed.cast) for _, samples in samples_by_trial for s in samples)
-    level = LEVEL_OF_FEW if max(casts, default=0) <= MAX_FEW else LEVEL_OF_MANY
-    return Models(bundle, level=level)
+    most = max((len(s.dressed.cast) for s in samples), default=0)
+    return Models(bundle, level=LEVEL_OF_FEW if most <= MAX_FEW else LEVEL_OF_MANY)
 
 
 def drawn(models: Models) -> dict[str, Any]:
@@ -142,15 +183,8 @@ def drawn(models: Models) -> dict[str, Any]:
     return {"people": models.people, "rooms": models.rooms, "textures": models.textures}
 
 
-def session_content(
-    study: OpenedStudy,
-    recording: CachedRecording,
-    samples_by_trial: SamplesByTrial,
-    models: Models,
-    bundle: Bundle,
-    times: Times,
-) -> dict[str, Any]:
-    """Return a header's part about one session: whose it is, its scenes and gaze in space."""
+def whose(recording: CachedRecording) -> dict[str, Any]:
+    """Return the part of a header that says whose session it is."""
     manifest = recording.manifest
     return {
         "study": manifest.study,
@@ -160,13 +194,6 @@ def session_content(
         "status": recording.status,
         "created": manifest.created_wall_iso,
         "version": manifest.provenance.packages.get("visavis", ""),
-        "scenes": [
-            _scene(trial, samples, models, bundle, times)
-            for trial, trial_samples in samples_by_trial
-            for samples in _runs(trial_samples)
-        ],
-        **_gaze(recording, samples_by_trial, models.level, bundle, times),
-        "rest": _at_rest(study, recording, [trial for trial, _ in samples_by_trial]),
     }
 
 
@@ -199,7 +226,7 @@ def trial_content(
     }
 
 
-def _at_rest(
+def at_rest(
     study: OpenedStudy, recording: CachedRecording, trials: Sequence[RecordedTrial]
 ) -> dict[str, Any] | None:
     """Return the joints of a participant whose body was not measured, in the study's posture.
@@ -357,13 +384,18 @@ def _stream(
     every = max(1, -(-n // (MAX_ROWS_OF_WIDE if width > WIDE else MAX_ROWS)))
     is_kept = np.zeros(n, bool) if alone else np.arange(n) % every == 0
     when_ns = _when_ns(name, arrays)
+    inside = np.zeros(n, bool)
     for trial in trials if every > 1 or alone else ():
         start_ns, end_ns = trial.span_ns
-        is_kept |= (
+        inside |= (
             (arrays["recording_part"] == trial.part)
             & (when_ns >= start_ns - AROUND_NS)
             & (when_ns < end_ns + AROUND_NS)
         )
+    # Wide streams of very long sessions are thinned in trials, too, others never.
+    many = int(np.count_nonzero(inside))
+    every_inside = max(1, -(-many // MAX_ROWS)) if width > WIDE else 1
+    is_kept |= inside & (np.arange(n) % every_inside == 0)
     part, host_ns, when_ns = (
         a[is_kept] for a in (arrays["recording_part"], arrays.get("t_host_ns", when_ns), when_ns)
     )
@@ -396,6 +428,7 @@ def _stream(
         "name": name,
         "t": bundle.add(np.diff(micros, prepend=0).astype(np.int32)),
         "every": every,
+        "everyInside": every_inside if every > 1 or alone else 1,
         "rows": n,
         "columns": columns,
     }
@@ -482,65 +515,70 @@ def samples_of(study: OpenedStudy, trial: RecordedTrial) -> list[Sample]:
 
 def _gaze(
     recording: CachedRecording,
-    samples_by_trial: Sequence[tuple[RecordedTrial, list[Sample]]],
+    trial: RecordedTrial,
+    samples: Sequence[Sample],
     level: int,
     bundle: Bundle,
     times: Times,
-) -> dict[str, Any]:
-    """Return for every sample of gaze in the shown trials its time, how far away it ended, and on
-    what: surfaces as the page draws them (`gazeEnds`); and the trials' `fixations`. In the dark
-    gaze ends nowhere.
+) -> dict[str, list[Any]]:
+    """Return for every sample of gaze in a trial its time, how far away it ended, and on what:
+    surfaces as the page draws them (`gazeEnds`); and the trial's `fixations`. In the dark gaze
+    ends nowhere.
     """
     if "gaze_targets" not in recording.stream_names:
-        return {"gazeEnds": None, "fixations": []}
+        return {"gazeEnds": [], "fixations": []}
     arrays = recording.stream_arrays("gaze_targets")
     when_ns, surfaces = _when_ns("gaze_targets", arrays), Surfaces(level)
-    micros: list[int] = []
-    far_m: list[float] = []
-    things: list[str] = []
-    fixations: list[dict[str, Any]] = []
-    for trial, samples in samples_by_trial:
-        start_ns, end_ns = trial.span_ns
-        rows = np.flatnonzero(
-            (arrays["recording_part"] == trial.part) & (start_ns <= when_ns) & (when_ns <= end_ns)
-        )
-        is_valid = arrays["valid"][rows].astype(bool)
-        origin_m = arrays["origin_world_m"][rows].astype(np.float64)
-        direction = arrays["direction_world"][rows].astype(np.float64)
-        direction[~is_valid] = np.nan
-        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-        trial_ends_m, on = np.full((len(rows), 3), np.nan), np.full(len(rows), "", dtype=object)
-        shown = (when_ns[rows] - start_ns + NS_PER_S // (2 * SAMPLES_PER_S)) * SAMPLES_PER_S
-        shown = np.minimum(shown // NS_PER_S, len(samples) - 1)
-        for k in np.unique(shown[is_valid]):
-            here, sample = np.flatnonzero((shown == k) & is_valid), samples[k]
-            if sample.picture.brightness_01 <= 0:
-                continue
-            ends = surfaces.ends(sample.picture, origin_m[here], direction[here])
-            trial_ends_m[here] = ends_m(origin_m[here], direction[here], ends)
-            on[here] = ends.name
-            micros += [round(1e6 * times.s(trial.part, int(t))) for t in when_ns[rows[here]]]
-            far_m += ends.distance_m.tolist()
-            things += ends.name.tolist()
-        hit = arrays["hit"][rows].astype(np.int64)
-        fixations += [
+    start_ns, end_ns = trial.span_ns
+    rows = np.flatnonzero(
+        (arrays["recording_part"] == trial.part) & (start_ns <= when_ns) & (when_ns <= end_ns)
+    )
+    rows = rows[np.argsort(when_ns[rows], kind="stable")]
+    is_valid = arrays["valid"][rows].astype(bool)
+    origin_m = arrays["origin_world_m"][rows].astype(np.float64)
+    direction = arrays["direction_world"][rows].astype(np.float64)
+    direction[~is_valid] = np.nan
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    far_m, on = np.full(len(rows), np.nan), np.full(len(rows), "", dtype=object)
+    is_lit = np.zeros(len(rows), bool)
+    shown = (when_ns[rows] - start_ns + NS_PER_S // (2 * SAMPLES_PER_S)) * SAMPLES_PER_S
+    shown = np.minimum(shown // NS_PER_S, len(samples) - 1)
+    for k in np.unique(shown[is_valid]):
+        here, sample = np.flatnonzero((shown == k) & is_valid), samples[k]
+        if sample.picture.brightness_01 <= 0:
+            continue
+        ends = surfaces.ends(sample.picture, origin_m[here], direction[here])
+        far_m[here], on[here], is_lit[here] = ends.distance_m, ends.name, True
+    far_m[~np.isfinite(far_m)] = np.nan
+    fixations = fixations_of(
+        when_ns[rows],
+        direction,
+        origin_m + far_m[:, None] * direction,
+        arrays["hit"][rows].astype(np.int64),
+        on,
+    )
+    t_s = [times.s(trial.part, int(t)) for t in when_ns[rows[is_lit]]]
+    micros = np.rint(1e6 * np.array(t_s)).astype(np.int64)
+    kinds, number = np.unique(on[is_lit].astype(str), return_inverse=True)
+    return {
+        "gazeEnds": [
+            {
+                "t0": times.s(trial.part, start_ns),
+                "t1": times.s(trial.part, end_ns),
+                "t": bundle.add(np.diff(micros, prepend=0).astype(np.float64)),
+                "far": bundle.add_quantised(far_m[is_lit][:, None]),
+                "on": bundle.add(number.astype(np.uint16)),
+                "names": kinds.tolist(),
+            }
+        ],
+        "fixations": [
             {
                 "t0": times.s(trial.part, one.pop("begin_ns")),
                 "t1": times.s(trial.part, one.pop("end_ns")),
                 **one,
             }
-            for one in fixations_of(when_ns[rows], direction, trial_ends_m, hit, on)
-        ]
-    order = np.argsort(micros, kind="stable")
-    kinds, number = np.unique(np.array(things, str), return_inverse=True)
-    return {
-        "gazeEnds": {
-            "t": bundle.add(np.diff(np.array(micros, np.int64)[order], prepend=0).astype(np.int32)),
-            "far": bundle.add_quantised(np.array(far_m)[order][:, None]),
-            "on": bundle.add(number[order].astype(np.uint16)),
-            "names": kinds.tolist(),
-        },
-        "fixations": fixations,
+            for one in fixations
+        ],
     }
 
 

@@ -7,7 +7,6 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.analysis.gaze.events import IVT_HEADSET, detect_ivt
-from visavis.stimuli.surfaces import RayEnds
 
 MIN_SAMPLES = 3
 """Fewer samples show no rate."""
@@ -48,12 +47,3 @@ def fixations_of(
             }
         )
     return fixations
-
-
-def ends_m(
-    origin_m: npt.NDArray[np.float64], direction: npt.NDArray[np.float64], ends: RayEnds
-) -> npt.NDArray[np.float64]:
-    """Return where rays (n, 3) end, (n, 3) in metres; NaN where they meet nothing."""
-    far_m = np.where(np.isfinite(ends.distance_m), ends.distance_m, np.nan)
-    places: npt.NDArray[np.float64] = origin_m + far_m[:, None] * direction
-    return places

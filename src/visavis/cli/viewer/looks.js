@@ -17,10 +17,29 @@ class Session {
 
   sceneAt(t) {
     const data = this.header.scenes.find(s => t >= s.t0 && t < s.t1);
-    if (!data) return null;
+    if (!data || data.isBeside) return null;
     if (!this.scenes.has(data)) this.scenes.set(data, new Scene(this.content, data));
     return this.scenes.get(data);
   }
+  // Load a trial whose scenes are in a file beside the page; `done` is called with a problem, or nothing.
+  load(trial, done) {
+    if (!trial?.beside || trial.asked) return;
+    trial.asked = true;
+    const script = document.createElement('script');
+    script.onerror = () => done(`${trial.beside} is not beside the page: keep them together`);
+    Session.waiting.set(trial.beside, async text => {
+      const own = await unpacked(text), {scenes, gazeEnds} = own.header;
+      const rest = this.header.scenes.filter(s => !(s.isBeside && s.trial === trial.id && s.t0 >= trial.t0 && s.t0 < trial.t1));
+      this.header.scenes = [...rest, ...scenes.map(s => ({...s, content: own}))].sort((a, b) => a.t0 - b.t0);
+      this.header.gazeEnds.push(...gazeEnds.map(e => ({...e, content: own})));
+      trial.isLoaded = true;
+      this.measured.clear();
+      done();
+    });
+    script.src = trial.beside;
+    document.head.append(script);
+  }
+
   trialAt(t) { return this.header.trials.find(s => t >= s.t0 && t < s.t1); }
 
   // Rows of gaze between two times, and where each fell; null where it was lost.
@@ -95,6 +114,10 @@ class Session {
     return on ? {kind: 'thing', name: on} : null;
   }
 }
+
+Session.waiting = new Map();
+// Called by files beside the page.
+window.visavisTrial = (place, text) => Session.waiting.get(place)?.(text);
 
 // Which person's head or body, or which thing, a ray from an eye meets first: {kind, name, far}; null for none.
 // A body whose figure somebody else has, too, is told by its head alone.

@@ -1,11 +1,14 @@
 """The page itself: one HTML file with everything in it, that works without a network."""
 
 import html
+import json
 import re
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from visavis.cli.viewer.bundle import Bundle
+from visavis.recording.durable import make_folder
 from visavis.running import page as pages_of_people
 
 _HERE = Path(__file__).parent
@@ -24,6 +27,27 @@ def page_of(header: dict[str, Any], bundle: Bundle) -> str:
         .replace("/*code*/", "".join(map(_script, CODE)))
         .replace("<!--data-->", bundle.text(header))
     )
+
+
+class TrialsBeside:
+    """Files of the trials that do not fit into a page, in a folder beside it."""
+
+    def __init__(self, page: Path) -> None:
+        self.folder = page.with_name(f"{page.stem}_trials")
+        self.files: list[Path] = []
+
+    def write(self, trial_id: str, text: str) -> str:
+        """Write a trial's file; return the place that the page loads it from.
+
+        Pages opened as files may read scripts, and nothing else.
+        """
+        make_folder(self.folder, exist_ok=True)
+        name = re.sub(r"[^A-Za-z0-9_-]", "-", trial_id)
+        file = self.folder / f"{len(self.files):03}_{name}.js"
+        place = f"{quote(self.folder.name)}/{file.name}"
+        file.write_text(f"visavisTrial({json.dumps(place)},{json.dumps(text)})", encoding="utf-8")
+        self.files.append(file)
+        return place
 
 
 def _script(file: Path) -> str:

@@ -35,11 +35,11 @@ class Keys {
 class Scene {
   constructor(content, data) {
     this.data = data;
-    this.content = content;
-    this.root = new Keys(content, data.root);
-    this.turns = new Keys(content, data.turns);
-    this.morphs = new Keys(content, data.morphs);
-    this.light = content.columns(data.light)[0];
+    const own = this.content = data.content || content; // a trial beside the page has its own arrays
+    this.root = new Keys(own, data.root);
+    this.turns = new Keys(own, data.turns);
+    this.morphs = new Keys(own, data.morphs);
+    this.light = own.columns(data.light)[0];
     const n = data.cast.length, joints = data.joints;
     this.bones = new Float32Array(n * joints * 12);
     this.shapes = new Float32Array(6 * n);
@@ -168,11 +168,12 @@ class Streams {
 
   // How far from the eyes the sample of gaze of time t ended on what is drawn, and on what.
   endAt(t) {
-    const ends = this.header.gazeEnds;
+    const ends = this.header.gazeEnds.find(e => t >= e.t0 - 1e-3 && t <= e.t1 + 1e-3);
     if (!ends) return {far: NaN, on: ''};
-    this.ends ||= {t: this.content.seconds(ends.t), far: this.content.columns(ends.far)[0], on: this.content.flat(ends.on)};
-    const i = lastAt(this.ends.t, t + 2e-6);
-    return i >= 0 && t - this.ends.t[i] < 2e-6 ? {far: this.ends.far[i], on: ends.names[this.ends.on[i]]} : {far: NaN, on: ''};
+    const own = ends.content || this.content;
+    const read = ends.read ||= {t: own.seconds(ends.t), far: own.columns(ends.far)[0], on: own.flat(ends.on)};
+    const i = lastAt(read.t, t + 2e-6);
+    return i >= 0 && t - read.t[i] < 2e-6 ? {far: read.far[i], on: ends.names[read.on[i]]} : {far: NaN, on: ''};
   }
 }
 

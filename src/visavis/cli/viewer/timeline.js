@@ -153,7 +153,7 @@ class Timeline {
       const stream = this.streams.byName.get(plot.stream), {field, values, times} = this.of(plot);
       const now = lastAt(times, this.t), value = now >= 0 ? values[now] : NaN;
       const reading = (Number.isNaN(value) ? '–' : shortNumber(value)) + (field.unit && field.unit !== '1' ? ' ' + field.unit : '');
-      const text = reading + (stream.every > 1 && outside ? `\n1 row of ${stream.every} here` : ''), box = this.values.children[k];
+      const text = reading + ((outside ? stream.every : stream.everyInside) > 1 ? `\n1 row of ${outside ? stream.every : stream.everyInside} here` : ''), box = this.values.children[k];
       if (box.textContent !== text) box.textContent = text;
     });
   }

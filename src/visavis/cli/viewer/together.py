@@ -3,16 +3,17 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from visavis.cli.recorded_trial import RecordedTrial, recorded_trial
+from visavis.cli.recorded_trial import recorded_trial
 from visavis.cli.viewer.bundle import Bundle
 from visavis.cli.viewer.content import (
     AROUND_NS,
+    InSpace,
     Times,
+    at_rest,
     drawn,
     models_for,
-    samples_in_space,
-    session_content,
     trial_content,
+    whose,
 )
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import UsageError
@@ -36,27 +37,29 @@ def together_content(
     Raises:
         UsageError: the trial is none in space, or a session has no such trial.
     """
-    bundle = Bundle()
-    parts: list[tuple[CachedRecording, RecordedTrial, Any]] = []
+    bundle, models = Bundle(), None
+    sessions = []
     for number, recording in enumerate(recordings):
         if is_on_page(recording):
             raise UsageError("trials on a page have no place to show several participants in")
         use_recorded_cast(recording)
         trial = recorded_trial(recording, trial_id)
-        parts.append((recording, trial, samples_in_space(study, [trial], None)))
-        on_session(number + 1, len(recordings))
-    models = models_for(bundle, [one for _, _, samples in parts for one in samples])
-    sessions = []
-    for recording, trial, samples in parts:
         begin_ns = trial.span_ns[0] - AROUND_NS
         # Clocks of other parts do not matter: nothing of them is on the page.
         times = Times({p.number: -begin_ns / NS_PER_S for p in recording.manifest.parts})
+        in_space = InSpace(study, recording, times)
+        samples = in_space.samples(trial)
+        models = models or models_for(bundle, samples)
         sessions.append(
             {
-                **session_content(study, recording, samples, models, bundle, times),
+                **whose(recording),
+                **in_space.content(trial, samples, models, bundle),
+                "rest": at_rest(study, recording, [trial]),
                 **trial_content(recording, trial, bundle, times),
             }
         )
+        on_session(number + 1, len(recordings))
+    models = models or models_for(bundle, [])
     return {
         "title": f"{study.name} {trial_id}: {len(sessions)} participants",
         "simulated": any(one["simulated"] for one in sessions),

@@ -217,6 +217,7 @@ class Viewer {
     const width = Math.max(2, Math.round(stage.clientWidth * ratio)), height = Math.max(2, Math.round(stage.clientHeight * ratio));
     const scene = this.sceneAt(this.t), t = this.t;
     if (scene) scene.pose(t);
+    else this.session.load(this.trialAt(t), problem => { this.problem = problem; this.line.take(this.header, this.streams); this.dirty = true; });
     const view = this.view(scene, width, height);
     const light = scene ? this.show.light ? 1 : scene.brightness(t) : 1;
     const room = scene ? this.content.header.rooms[scene.data.room] : null;
@@ -523,7 +524,7 @@ class Viewer {
     $('said').textContent = [...recent.map(e => inWords(e.name)), ...felt].join('\n');
     const dark = scene && light <= 0;
     $('nothing').style.display = step || scene && !dark ? 'none' : 'grid';
-    $('nothing').textContent = dark ? 'dark' : trial ? trial.shown ? '' : `${trial.id} is not in this page in space\nvisavis view … --trial ${trial.id}`
+    $('nothing').textContent = dark ? 'dark' : trial ? trial.shown ? trial.beside && !trial.isLoaded ? this.problem || `loading ${trial.id} …` : '' : `${trial.id} is not in this page in space\nvisavis view … --trial ${trial.id}`
       : `between trials: . goes to the next`;
     const key = trial ? trial.id + trial.t0 : '';
     if (key !== this.panelTrial) { this.panelTrial = key; this.tellTrial(trial); }
@@ -702,7 +703,7 @@ class Viewer {
     for (const text of [own ? 'who' : 'trial', 'dwell (s)', 'fixations', 'first after (s)']) { const th = document.createElement('th'); th.textContent = text; head.append(th); }
     const body = table.createTBody(), now = this.trialAt(this.t), rows = [];
     const measured = own ? this.sessions.map(one => ({name: one.label, m: one.measures(key, one.trialAt(this.t) || one.header.trials[0]), is: one === this.session && this.picked >= 0, k: this.sessions.indexOf(one)}))
-      : this.header.trials.filter(trial => trial.shown).map(trial => ({name: trial.id, m: this.session.measures(key, trial), is: trial === now, t: trial.t0}));
+      : this.header.trials.filter(trial => trial.shown && (key.kind === 'person' || !trial.beside || trial.isLoaded)).map(trial => ({name: trial.id, m: this.session.measures(key, trial), is: trial === now, t: trial.t0}));
     for (const one of measured) if (one.m) rows.push(one);
     const mean = pick => { const v = rows.map(r => pick(r.m)).filter(n => n !== null); return v.length ? v.reduce((a, b) => a + b, 0) / v.length : null; };
     const write = (name, m, strong) => {
