@@ -5,6 +5,7 @@ import json
 import shutil
 import stat
 import zlib
+from collections import Counter
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -400,6 +401,18 @@ def test_keys_show_fixations_dwell_and_order_and_the_walked_path(tab: Any) -> No
         if layer in ("fixations", "dwell"):
             assert tab.evaluate(inked) > before
         tab.keyboard.press(key)
+
+
+def test_moves_of_gaze_are_those_from_one_fixation_to_the_next(tab: Any) -> None:
+    way, shown = tab.evaluate("""() => { viewer.pick(-1); viewer.draw();
+        const s = viewer.session, t = viewer.trialAt(viewer.t);
+        return [s.fixations(t).map(f => s.keyOf(f.hit, f.on, f.t0)?.name).filter(Boolean),
+        transitionsOf(viewer.seen, t).moves]; }""")
+    wanted = Counter((one, two) for one, two in pairwise(way) if one != two)
+    assert wanted == {(m["from"], m["to"]): m["n"] for m in shown}
+    assert wanted
+    named = tab.evaluate("document.querySelector('#transitions svg').getAttribute('aria-label')")
+    assert all(f"{one} to {two}" in named for one, two in wanted)
 
 
 def test_spans_coded_on_the_page_are_placed_beside_the_session_and_read_by_analyse(

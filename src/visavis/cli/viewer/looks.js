@@ -115,6 +115,28 @@ class Session {
   }
 }
 
+// From what to what fixations of a trial went, of all these sessions together: things and heads by the time on them,
+// at most `most`, and moves between these with how many there were. What lies between two of them is passed over.
+function transitionsOf(sessions, trial, most = 8) {
+  const nodes = new Map(), moves = new Map(), ways = [];
+  for (const one of sessions) {
+    const mine = trial && (one.trialAt(trial.t0 + 1e-6) || trial);
+    const way = mine ? one.fixations(mine).map(f => ({name: one.keyOf(f.hit, f.on, f.t0)?.name, s: f.t1 - f.t0})).filter(f => f.name) : [];
+    for (const {name, s} of way) nodes.set(name, (nodes.get(name) || 0) + s);
+    ways.push(way);
+  }
+  const top = [...nodes].map(([name, s]) => ({name, s})).sort((a, b) => b.s - a.s).slice(0, most), names = new Set(top.map(n => n.name));
+  for (const way of ways) {
+    const steps = way.map(f => f.name).filter(name => names.has(name));
+    for (let k = 1; k < steps.length; k++) if (steps[k] !== steps[k - 1]) {
+      const id = steps[k - 1] + '→' + steps[k];
+      if (!moves.has(id)) moves.set(id, {from: steps[k - 1], to: steps[k], n: 0});
+      moves.get(id).n++;
+    }
+  }
+  return {nodes: top, moves: [...moves.values()].sort((a, b) => b.n - a.n)};
+}
+
 Session.waiting = new Map();
 // Called by files beside the page.
 window.visavisTrial = (place, text) => Session.waiting.get(place)?.(text);

@@ -527,10 +527,45 @@ class Viewer {
     $('nothing').textContent = dark ? 'dark' : trial ? trial.shown ? trial.beside && !trial.isLoaded ? this.problem || `loading ${trial.id} …` : '' : `${trial.id} is not in this page in space\nvisavis view … --trial ${trial.id}`
       : `between trials: . goes to the next`;
     const key = trial ? trial.id + trial.t0 : '';
-    if (key !== this.panelTrial) { this.panelTrial = key; this.tellTrial(trial); }
+    if (key !== this.panelTrial) { this.panelTrial = key; this.tellTrial(trial); this.tellTransitions(trial); }
     this.tellEvents();
     const place = trial ? `trial ${trial.id} at ${(this.t - trial.t0).toFixed(1)} s` : 'between trials';
     $('overlay').setAttribute('aria-label', `The scene, ${place}, camera ${inWords(this.camera)}` + (this.session.streams.gazeAt(this.t)?.on ? `, gaze on ${inWords(this.session.streams.gazeAt(this.t).on)}` : ''));
+  }
+
+  // From what to what gaze went in the trial: the most looked at on a circle, lines as wide as the moves are many.
+  tellTransitions(trial) {
+    const box = $('transitions'), {nodes, moves} = transitionsOf(this.seen, trial);
+    $('transitions-box').hidden = !moves.length;
+    if (!moves.length) { box.replaceChildren(); return; }
+    const colour = this.seen.length > 1 ? 'var(--quiet)' : this.session.colour;
+    box.innerHTML = '<svg viewBox="0 0 360 220"></svg>';
+    const svg = box.firstChild;
+    const make = (name, attributes, parent) => {
+      const one = document.createElementNS(svg.namespaceURI, name);
+      for (const [k, v] of Object.entries(attributes)) one.setAttribute(k, v);
+      parent.append(one);
+      return one;
+    };
+    svg.setAttribute('role', 'img');
+    svg.setAttribute('aria-label', 'Moves of gaze: ' + moves.map(m => `${m.from} to ${m.to} ${m.n}`).join(', '));
+    const place = new Map(nodes.map((n, k) => { const a = 2 * Math.PI * k / nodes.length - Math.PI / 2; return [n.name, [180 + 75 * Math.cos(a), 110 + 75 * Math.sin(a)]]; }));
+    for (const m of moves) {
+      const a = place.get(m.from), b = place.get(m.to);
+      if (!a || !b) continue;
+      const c = [(a[0] + b[0]) / 2 + (b[1] - a[1]) * 0.15, (a[1] + b[1]) / 2 - (b[0] - a[0]) * 0.15]; // there and back side by side
+      const line = make('path', {d: `M${a} Q${c} ${b}`, fill: 'none', stroke: colour, 'stroke-width': 1 + m.n, 'stroke-opacity': 0.55}, svg);
+      make('title', {}, line).textContent = `${inWords(m.from)} → ${inWords(m.to)}: ${m.n}`;
+      const q = t => [0, 1].map(k => (1 - t) ** 2 * a[k] + 2 * t * (1 - t) * c[k] + t * t * b[k]), tip = q(0.72), tail = q(0.66), turn = Math.atan2(tip[1] - tail[1], tip[0] - tail[0]) * 180 / Math.PI;
+      make('path', {d: 'M0 0L-8 -4L-8 4Z', transform: `translate(${tip}) rotate(${turn})`, fill: colour}, svg);
+    }
+    for (const n of nodes) {
+      const [x, y] = place.get(n.name);
+      make('circle', {cx: x, cy: y, r: 3 + 5 * Math.sqrt(n.s), fill: colour}, svg);
+const right = (x - 180) / 75, name = inWords(n.name);
+      make('text', {x: x + 13 * right, y: y + 16 * (y - 110) / 75 + 4, 'text-anchor': Math.abs(right) < 0.3 ? 'middle' : right > 0 ? 'start' : 'end'}, svg)
+        .textContent = `${name.length > 17 ? name.slice(0, 16) + '…' : name} ${n.s.toFixed(1)} s`;
+    }
   }
 
   tellTrial(trial) {
@@ -652,6 +687,7 @@ class Viewer {
       return;
     }
     const lines = [[GAZE, 'gaze: where it ends on what is drawn; area it is on'], ['#d8d8d8', 'area of interest'], ['#78dcff', 'path of gaze, 2 s'],
+      ...this.header.trials.some(t => t.shown && this.session.walked(t).length) ? [[GAZE, 'walked path, on the floor: what is to come is faint']] : [],
       ...this.header.lanes.some(l => l.kind === 'contact') ? [['#ff6b5e', 'contact']] : [], ...this.header.lanes.some(l => l.kind !== 'contact') ? [['#5ec8ff', 'vibration']] : [],
       [STATUS.complete, 'trial: complete'], [STATUS.damaged, 'trial: damaged'], [STATUS.interrupted, 'trial: interrupted or aborted'], [PRACTICE, 'trial: practice']];
     const seen = new Set(this.header.trials.map(t => t.practice ? 'practice' : t.status));
