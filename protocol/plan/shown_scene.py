@@ -76,6 +76,14 @@ class RecordedScene:
         row = past.iloc[-1]
         return int(row["t_ns"]), dict(row["payload"])
 
+    def with_onset(self, event: str) -> dict[str, Any] | None:
+        """Return the payload of the event of a name that says of itself that it began with the
+        scene; None without one. It is written a frame later, when the scene is lit.
+        """
+        payloads = _events(self.recording, event, self.part)["payload"]
+        mine = (p for p in payloads if p.get("start_ns") == self.since_ns)
+        return next((dict(payload) for payload in mine), None)
+
     def since(self, event: str) -> list[dict[str, Any]]:
         """Return the payloads of a name's events from the scene's beginning up to this frame."""
         events = _events(self.recording, event, self.part)
