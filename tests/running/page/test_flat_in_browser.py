@@ -17,6 +17,7 @@ from tests.running.page.test_browser import (
     step_on,
 )
 from tests.running.page.test_browser import server as server
+from tests.running.page.test_elsewhere import Host, recorded, saved, served_files
 from visavis.cli.main import app
 from visavis.lab.clock import StopWatch
 from visavis.recording.reader import Recording
@@ -154,3 +155,38 @@ def test_pictures_are_asked_for_once_and_gratings_are_those_of_a_monitor(
     lasted_ms = (rows["stimulus2_off_ns"] - rows["stimulus2_on_ns"]) / 1e6
     assert (lasted_ms > 5 * FRAME_MS + 100 - FRAME_MS).all()  # it stays while a key is waited for
     assert (rows["answer_ms"] > 5 * FRAME_MS + 100 - FRAME_MS).all()
+
+
+APART = """
+from visavis import Factor, Image, Keys, Study
+
+study = Study("apart", factors=[Factor("place", [1, 2, 3])], on="browser", uses=(),
+              calibrate=False)
+
+
+@study.trial
+def trial(t):
+    yield t.show(Image("ü.png", width_deg=4), until=Keys("f", "j"), limit_s=20)
+"""
+
+
+def test_a_bundle_shows_pictures_and_remembers_its_screen_through_a_reload(
+    tmp_path: Path, browser: Any
+) -> None:
+    Files.new("RGB", (40, 30), (200, 30, 40)).save(tmp_path / "ü.png")
+    host = Host(tmp_path, APART)
+    with served_files(host.exported()) as address:
+        context = browser.new_context(
+            accept_downloads=True, viewport={"width": 1200, "height": 800}
+        )
+        page = context.new_page()
+        page.goto(f"{address}?place=1")
+        perform(page, "f", "1", 0)
+        page.reload()
+        perform(page, "f", "Save my answers", 0)
+        results = saved(page, host)
+    _, recording = recorded(host, results)
+    rows = recording.trials()
+    assert ["f"] * 3 == list(rows["answer"])
+    assert 1 == rows["px_per_deg"].nunique()
+    assert 0.102 == rows["size_error_01"].iloc[-1]
