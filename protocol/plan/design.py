@@ -8,7 +8,7 @@ drawn before it.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise, product
-from typing import Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
@@ -29,6 +29,8 @@ TrialOrder: TypeAlias = Literal["fixed", "random", "balanced_blocks", "latin_squ
 BlockOrder: TypeAlias = Literal["fixed", "random", "latin_square", "williams"]
 
 _ORDER, _TRIAL, _PRACTICE, _GROUP, _STREAM = range(5)
+SESSION: Final = "session"
+"""The name of the factor that sessions of one person make."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +93,7 @@ class Design:
     calibrate_practice: bool = True
     questionnaires: tuple[str, ...] = ()
     parameters: Mapping[str, Scalar] = field(default_factory=dict)
+    sessions: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         _check(self)
@@ -104,6 +107,17 @@ class Design:
     def between(self) -> tuple[Factor, ...]:
         """Factors with one level per participant."""
         return tuple(f for f in self.factors if f.between)
+
+    @property
+    def session_factor(self) -> Factor | None:
+        """The factor that changes from session to session of a person; None without one."""
+        return Factor(SESSION, self.sessions) if self.sessions else None
+
+    @property
+    def all_factors(self) -> tuple[Factor, ...]:
+        """Its factors, then that of sessions."""
+        of_sessions = self.session_factor
+        return self.factors if of_sessions is None else (*self.factors, of_sessions)
 
     @property
     def groups(self) -> tuple[str, ...]:
@@ -128,10 +142,15 @@ def combinations_of(factors: Sequence[Factor]) -> list[Cell]:
 
 
 def trial_seed(
-    study_seed: int, participant_index: int, number: int, *, practice: bool = False
+    study_seed: int,
+    participant_index: int,
+    number: int,
+    *,
+    practice: bool = False,
+    session: int = 1,
 ) -> int:
     """Return the seed of a trial, 0 <= seed < 2**63; trials run before it do not change it."""
-    key = (participant_index, _PRACTICE if practice else _TRIAL, number)
+    key = (participant_index, _PRACTICE if practice else _TRIAL, number, *_further(session))
     return int(_sequence(study_seed, key).generate_state(1, np.uint64)[0] >> np.uint64(1))
 
 
@@ -147,13 +166,27 @@ def group_of(design: Design, *, seed: int, participant_index: int) -> str:
     return groups[int(rng.permutation(len(groups))[place])]
 
 
+def _further(session: int) -> tuple[int, ...]:
+    """Return what sets the chance of a further session apart; nothing for the first."""
+    return (session,) if session > 1 else ()
+
+
 def make_plan(
-    design: Design, *, seed: int, participant_index: int, group: str | None = None
+    design: Design,
+    *,
+    seed: int,
+    participant_index: int,
+    group: str | None = None,
+    session: int = 1,
 ) -> SessionPlan:
     """Make the plan of one participant's session.
 
-    `group` overrides the assignment by index (the ledger's record). Raises DesignError when the
-    design cannot be balanced or ordered as asked.
+    Where sessions are a factor of the design, `session` (from 1) has an order and trials of its
+    own; otherwise all sessions of a person are alike. `group` overrides the assignment by index
+    (the ledger's record).
+
+    Raises:
+        DesignError: the design cannot be balanced or ordered as asked.
     """
     group_by_index = group_of(design, seed=seed, participant_index=participant_index)
     own_group = group_by_index if group is None else group
@@ -163,7 +196,8 @@ def make_plan(
             f"the groups are {', '.join(map(repr, design.groups))}"
         )
     between = combinations_of(design.between)[design.groups.index(own_group)]
-    rng = np.random.default_rng(_sequence(seed, (participant_index, _ORDER)))
+    session = session if design.sessions else 1
+    rng = np.random.default_rng(_sequence(seed, (participant_index, _ORDER, *_further(session))))
     blocks: list[Block] = []
     practice = _practice_cells(design, rng)
     if practice:
@@ -176,6 +210,7 @@ def make_plan(
             practice=True,
             seed=seed,
             participant_index=participant_index,
+            session=session,
         )
         blocks.append(
             Block(0, "Practice", design.practice_instruction, trials, design.calibrate_practice)
@@ -191,6 +226,7 @@ def make_plan(
             practice=False,
             seed=seed,
             participant_index=participant_index,
+            session=session,
         )
         blocks.append(Block(len(blocks), name, design.instruction, trials, design.calibrate_blocks))
         number += len(cells)
@@ -224,6 +260,7 @@ def _trials(
     practice: bool,
     seed: int,
     participant_index: int,
+    session: int,
 ) -> tuple[Trial, ...]:
     width = 1 if practice else max(2, len(str(total)))
     return tuple(
@@ -233,7 +270,7 @@ def _trials(
             block=block,
             is_practice=practice,
             factors={**between, **cell},
-            seed=trial_seed(seed, participant_index, number, practice=practice),
+            seed=trial_seed(seed, participant_index, number, practice=practice, session=session),
         )
         for number, cell in enumerate(cells, start=first)
     )

@@ -21,6 +21,7 @@ SHORT = {
     "stroop.py": {"repetitions": 1},
     "contrast.py": {"repetitions": 2},
     "faces.py": {"repetitions": 2},
+    "before_after.py": {"repetitions": 1, "scene_s": 0.5},
     "lively_films.py": {"repetitions": 1, "film_s": 0.2},
 }
 

@@ -29,6 +29,7 @@ from visavis.lab.geometry import Pose, Vector, quat_conjugate, quat_from_yaw_pit
 from visavis.recording.cached import CachedRecording
 from visavis.recording.csv_file import write_csv
 from visavis.results.opened_study import OpenedStudy
+from visavis.results.several_sessions import SESSION_NUMBER
 from visavis.running.scripts import StudyData
 from visavis.stimuli.surfaces import Surfaces
 from visavis.study.texts import label_of
@@ -115,11 +116,12 @@ def _looks(
     looks: list[TrialGaze] = []
     first: RecordedTrial | None = None
     surfaces, number = Surfaces(COARSE), 0
+    numbers = trials.get(SESSION_NUMBER.name, trials["session"])
     for session in data.sessions:
         manifest = session.recording.manifest
         mine = trials[
             (trials["participant"].astype(str) == manifest.participant)
-            & (trials["session"].astype(int) == manifest.session)
+            & (numbers.astype(int) == manifest.session)
         ]
         recording = CachedRecording(session.path)
         if "gaze_targets" not in recording.stream_names:

@@ -62,6 +62,8 @@ HAND_AT_M: Final = (0.26, -0.42, -0.30)
 """Position of the pointing right hand, relative to the eyes."""
 HAND_REST: Final = (0.30, -0.85, -1.0)
 """Point that the hand points to before a question, relative to the eyes."""
+SEED_STEP: Final = 1_000_003
+"""By how much the seed of what is simulated differs from one session of a person to the next."""
 PRESS_S: Final = 0.1
 STEP_S: Final = 0.25
 """Time between two presses on the way to a choice."""
@@ -81,7 +83,8 @@ FITTED_PEOPLE: Final = 11
 class StudyPerson(Observer):
     """An `Observer` who also answers: by ray and trigger on boards, by keys, in words.
 
-    `words` maps the text of a board to the response that it asks for.
+    `words` maps the text of a board to the response that it asks for. `visit` counts the sessions
+    of a person, of which this one is called `session`: leanings stay, chance does not.
     """
 
     _panel_text: str
@@ -100,10 +103,14 @@ class StudyPerson(Observer):
         responses: Mapping[str, Response],
         answer_of: AnswerOf | None = None,
         population: Population = DEFAULT_POPULATION,
+        visit: int = 1,
+        session: str = "",
     ) -> None:
         self._responses = responses
         self._answer_of = answer_of or neutral_answer
-        self._leaning = float(generator((seed, index), _LEANING_STREAM).standard_normal())
+        of_person = (seed - SEED_STEP * (visit - 1), index)
+        self._leaning = float(generator(of_person, _LEANING_STREAM).standard_normal())
+        self._session = session
         self._board_controls: tuple[str, ...] = ()
         self._forget()
         super().__init__(index, seed, effect, population=population)
@@ -369,6 +376,7 @@ class StudyPerson(Observer):
             self._live,
             self._caption,
             self._figures,
+            self._session,
         )
 
     def _reply_to(self, response: Response) -> str | None:

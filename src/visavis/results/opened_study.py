@@ -17,6 +17,7 @@ from visavis.lab.garbage import collecting_seldom
 from visavis.lab.yaml_lines import did_you_mean
 from visavis.people.person import StudyPerson
 from visavis.protocol.people.simulated_participant import SimulatedParticipant
+from visavis.protocol.plan.design import SESSION
 from visavis.protocol.plan.experiment import ValidationPoint, ValidationVerdict
 from visavis.protocol.plan.questionnaires import Questionnaire
 from visavis.protocol.plan.shown_scene import RecordedScene
@@ -44,6 +45,11 @@ from visavis.results.picture_delay import SETTING, delay_of
 from visavis.results.planned_tests import primary_tests
 from visavis.results.reevaluation import pair_by_own_time
 from visavis.results.selection import Selection, left_out_lines, select
+from visavis.results.several_sessions import (
+    people_of,
+    planned_counts_of,
+    with_session_names,
+)
 from visavis.results.study_names import refuse_unusable_names
 from visavis.results.tables.dictionary import PEOPLE, of_shown, people_columns, trial_columns
 from visavis.results.time_course import TIME_COURSE, with_time_course
@@ -123,7 +129,8 @@ class OpenedStudy:
             DataError: its study no longer has one of them, or refuses its value.
         """
         try:
-            return self.experiment(overrides_of(recording.manifest.plan))
+            experiment = self.experiment(overrides_of(recording.manifest.plan))
+            return experiment.of_session(recording.manifest.session)
         except ConfigError as error:
             raise DataError(
                 f"{recording.path} was recorded with parameters that its study does not have now "
@@ -143,6 +150,7 @@ class OpenedStudy:
             *(f.name for f in self.study.design.factors),
             *self.study.design.derived,
             *groups,
+            *((SESSION,) if self.study.design.sessions else ()),
         )
         uses = [
             *((c.dv, "measure", measure_columns) for c in self.study.analysis.compare),
@@ -220,6 +228,7 @@ class OpenedStudy:
         """
         levels = {f.name: tuple(map(str, f.levels)) for f in self.study.design.factors}
         levels |= {name: tuple(of) for name, of in self.study.analysis.groups.items()}
+        levels |= {SESSION: tuple(self.study.design.sessions)} if self.study.design.sessions else {}
         for compare in (c for c in self.study.analysis.compare if c.within or c.between):
             texts = [(compare.expects, compare.orders)]
             texts += [
@@ -320,6 +329,8 @@ class OpenedStudy:
             effect,
             responses=study_experiment.words,
             answer_of=self.study.simulated.answer_of,
+            visit=study_experiment.session if study_experiment.session_name else 1,
+            session=study_experiment.session_name,
         )
 
     def judge_validation(
@@ -442,6 +453,7 @@ class OpenedStudy:
             picture_delay_ms=delay_of(settings or {}),
         )
         intake = with_coding(with_remarks(intake, recording), recording)
+        intake = with_session_names(intake, study.design.sessions)
         if pieces is None:
             return intake
         how = pieces.how_with(settings or {})
@@ -503,8 +515,8 @@ class OpenedStudy:
         return self.analysis_of_rows(
             experiment,
             rows,
-            pd.DataFrame([dict(s.person) for s in sessions]),
-            planned_counts={str(s.manifest.participant): s.planned_count for s in sessions},
+            pd.DataFrame(people_of(sessions, self.study.design.sessions)),
+            planned_counts=planned_counts_of(sessions),
             settings=settings,
             sensitivity_rows=pd.concat([s.sensitivity for s in sessions], ignore_index=True),
             tables=self._tables(sessions),
@@ -587,7 +599,11 @@ class OpenedStudy:
     ) -> Selection:
         """Decide by the study's rules which trials count; `people` hold what they answered."""
         rules, facts_of = self.study.analysis.exclusions, self.study.analysis.facts_of
-        cell_factors = self.study.analysis.cells_of(self.study.design_with(experiment.parameters))
+        design = self.study.design_with(experiment.parameters)
+        # Who did not come to a session still counts where sessions are not compared.
+        cell_factors = [
+            f for f in self.study.analysis.cells_of(design) if f != design.session_factor
+        ]
         return select(
             rows,
             rules,

@@ -35,6 +35,7 @@ from visavis.results.quality import QUALITY_TABLE, Quality, quality_of
 from visavis.results.report.references import bibtex, references_of, ris
 from visavis.results.report.study_report import REPORT_NAME, build_report, picture_of
 from visavis.results.sensitivity import sensitivity_columns
+from visavis.results.several_sessions import later_columns
 from visavis.results.tables.column_types import with_column_types
 from visavis.results.tables.dictionary import (
     PEOPLE,
@@ -172,7 +173,12 @@ def write_tables(
         quality_rows = quality.participants.drop(columns=twice)
         people = people.merge(quality_rows, on="participant", how="left")
     people = people.assign(**marks)
-    described_people = {**dictionary, **people_columns(questionnaires)}
+    answers = people_columns(questionnaires)
+    described_people = {
+        **dictionary,
+        **answers,
+        **later_columns(answers, study.design.sessions),
+    }
     described_people |= {c.name: c for c in QUALITY_TABLE}
     write_table(people, described_people, out_dir / "participants.csv")
     means = analysis.cell_means().assign(**marks)

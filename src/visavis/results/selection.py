@@ -283,7 +283,9 @@ def _damaged_trials(rows: pd.DataFrame, name: str) -> pd.DataFrame:
         bool
     )
     mine = rows["participant"].astype(str) == name
-    return rows[is_damaged & mine].drop_duplicates("trial_id")
+    return rows[is_damaged & mine].drop_duplicates(
+        [c for c in ("session", "trial_id") if c in rows]
+    )
 
 
 def mean_error_deg(rows: pd.DataFrame) -> float:
@@ -292,5 +294,5 @@ def mean_error_deg(rows: pd.DataFrame) -> float:
         return float("nan")
     each = rows.dropna(subset=["calibration_accuracy_deg"])
     if "calibration_id" in each and each["calibration_id"].notna().all():
-        each = each.drop_duplicates("calibration_id")
+        each = each.drop_duplicates([c for c in ("session", "calibration_id") if c in each])
     return float(each["calibration_accuracy_deg"].astype(float).mean()) if len(each) else np.nan

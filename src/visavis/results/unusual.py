@@ -12,6 +12,7 @@ from visavis.analysis.report import Cell, Column, Table
 from visavis.analysis.report.notation import count_of, decimal
 from visavis.results.analysis import StudyAnalysis
 from visavis.results.selection import IS_ANALYSED, PERFORMED_AGAIN, PERSON_OUT, PRACTICE, REASON
+from visavis.results.several_sessions import SESSION_NUMBER
 from visavis.study.measures import Measure
 
 VIEWS: Final = "views"
@@ -87,7 +88,8 @@ def _apart(analysis: StudyAnalysis) -> Iterator[tuple[tuple[str, str, str], str]
 
 
 def _key(row: Mapping[str, Any] | pd.Series) -> tuple[str, str, str]:
-    return str(row["participant"]), f"ses-{int(row['session']):03d}", str(row["trial_id"])
+    number = int(row.get(SESSION_NUMBER.name, row["session"]))
+    return str(row["participant"]), f"ses-{number:03d}", str(row["trial_id"])
 
 
 def _far(measure: Measure, value: float, score: float) -> str:

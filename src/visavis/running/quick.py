@@ -20,7 +20,9 @@ from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Pose
 from visavis.lab.schema import SampleBatch, empty_values
+from visavis.people.person import SEED_STEP
 from visavis.protocol.people.simulated_participant import SimulatedParticipant
+from visavis.protocol.plan.design import SESSION
 from visavis.protocol.plan.questionnaires import Questionnaire, read_answers, score
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import (
@@ -88,16 +90,22 @@ def quick_study(
         questionnaire(name, study.folders) for name in study.asks.questionnaires if needs_answers
     ]
     tables, people = [], []
+    quick_of = study.simulated.quick_of
+    numbers = range(1, len(study.design.sessions or (1,)) + 1)
+    sessions = [experiment.of_session(number) for number in numbers]
     for index in indices:
-        person = _person(opened_study, experiment, index, seed, effect)
-        tracker = make_tracker(seed, index)
-        quick_of = study.simulated.quick_of
-        if quick_of is None:
-            rows = quick_rows(experiment, person, tracker, measures, index=index, seed=seed)
-        else:
-            trial_rows = quick_of(experiment, person, tracker)(experiment.plan(index, seed))
-            rows = pd.DataFrame([_row_of(trial, own, index) for trial, own in trial_rows])
-        tables.append(rows)
+        for number, one in zip(numbers, sessions, strict=True):
+            own_seed = seed + SEED_STEP * (number - 1)
+            person = _person(opened_study, one, index, own_seed, effect)
+            tracker = make_tracker(own_seed, index)
+            if quick_of is None:
+                rows = quick_rows(one, person, tracker, measures, index=index, seed=seed)
+            else:
+                trial_rows = quick_of(one, person, tracker)(one.plan(index, seed))
+                rows = pd.DataFrame([_row_of(trial, own, index) for trial, own in trial_rows])
+            if one.session_name:
+                rows[SESSION] = one.session_name
+            tables.append(rows)
         person_row: dict[str, Any] = {"participant": _name(index)}
         for questions in questionnaires:
             answers = answers_of(person, questions)

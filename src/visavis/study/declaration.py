@@ -335,6 +335,7 @@ class Study:
             calibrate_blocks=self.devices.calibrate_blocks,
             calibrate_practice=self.devices.calibrate,
             questionnaires=tuple(self.asks.questionnaires),
+            sessions=tuple(own.sessions),
         )
 
     @property

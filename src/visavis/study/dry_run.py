@@ -4,7 +4,7 @@ A trial is a generator, so it can be run through with made-up replies: every con
 that the needs of the study (agents, responses, devices, time) are known in advance.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
@@ -248,7 +248,7 @@ def read_trial(
 
 
 def read_trials(
-    plan: TrialPlan, trials: Iterator[Trial], settings: Settings
+    plan: TrialPlan, trials: Iterable[Trial], settings: Settings
 ) -> Mapping[tuple[tuple[str, Any], ...], TrialRead]:
     """Run through every condition among some trials once."""
     by_condition: dict[tuple[tuple[str, Any], ...], TrialRead] = {}

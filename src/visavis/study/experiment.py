@@ -6,14 +6,14 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Self
 
 import numpy as np
 
 from visavis.lab.clock import NS_PER_MS
 from visavis.lab.errors import ConfigError, DesignError
 from visavis.lab.geometry import Vector
-from visavis.protocol.plan.design import combinations_of, make_plan
+from visavis.protocol.plan.design import SESSION, combinations_of, make_plan
 from visavis.protocol.plan.experiment import Demands, no_progress
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.protocol.plan.steps import Plan
@@ -56,9 +56,33 @@ class StudyExperiment:
 
     study: Study
     overrides: Mapping[str, Any] = field(default_factory=dict)
+    session: int = field(default=1, kw_only=True)
+    """The number of the session, from 1; it matters where sessions are a factor of the study."""
 
     def __post_init__(self) -> None:
         _ = self.read  # so that errors appear before anything begins
+
+    def of_session(self, number: int) -> Self:
+        """Return the experiment of one session of everybody.
+
+        Raises:
+            DesignError: the study names fewer sessions.
+        """
+        names = self.study.design.sessions
+        if number == self.session or not names:
+            return self
+        if number > len(names):
+            raise DesignError(
+                f"study {self.name} has {len(names)} sessions ({', '.join(names)}); there is no "
+                f"session {number}"
+            )
+        return replace(self, session=number)
+
+    @property
+    def session_name(self) -> str:
+        """What the study calls this session; "" where it names none."""
+        names = self.study.design.sessions
+        return names[self.session - 1] if names else ""
 
     @property
     def name(self) -> str:
@@ -84,11 +108,14 @@ class StudyExperiment:
     @cached_property
     def settings(self) -> Settings:
         """What all trials share."""
+        return self._settings_of(self.session_name)
+
+    def _settings_of(self, session_name: str) -> Settings:
         p = self.parameters
         if p["answer_by"] not in WAYS:
             raise ConfigError(f"{self.name}: answer_by is {p['answer_by']!r}; {', '.join(WAYS)}")
         return Settings(
-            parameters=p,
+            parameters={**p, SESSION: session_name} if session_name else p,
             texts=self.texts,
             values={k: v for k, v in p.items() if isinstance(v, str | int | float)},
             makers=self.study.procedure.makers,
@@ -101,14 +128,22 @@ class StudyExperiment:
 
     @cached_property
     def read(self) -> Mapping[tuple[tuple[str, Any], ...], TrialRead]:
-        """What every condition shows and asks."""
+        """What every condition shows and asks, in all sessions."""
         design = self.study.design_with(self.parameters)
         cells = (self._with_derived_columns(cell) for cell in combinations_of(design.factors))
-        trials = (
+        trials = [
             Trial(f"T{i}", i, 0, False, cell, i)
             for i, cell in enumerate(chain.from_iterable(map(self._with_items, cells)), start=1)
-        )
-        return read_trials(self.study.trial_plan, trials, self.settings)
+        ]
+        if not design.sessions:
+            return read_trials(self.study.trial_plan, trials, self.settings)
+        return {
+            (*key, (SESSION, name)): read
+            for name in design.sessions
+            for key, read in read_trials(
+                self.study.trial_plan, trials, self._settings_of(name)
+            ).items()
+        }
 
     def first_lit(self, trial: Trial) -> SceneFrame | None:
         """Return the first lit frame of a trial before it is performed; None where it has none."""
@@ -348,7 +383,11 @@ class StudyExperiment:
         self.settings.rows.clear()
         design = self.study.design_with(self.parameters)
         plan = make_plan(
-            design, seed=seed, participant_index=participant_index, group=group or None
+            design,
+            seed=seed,
+            participant_index=participant_index,
+            group=group or None,
+            session=self.session,
         )
         rows: Mapping[str, Mapping[str, Any]] = {}
         if self.study.design.items is not None and self.item_table is not None:
@@ -453,9 +492,13 @@ class StudyExperiment:
 
     @cached_property
     def levels(self) -> dict[str, tuple[Any, ...]]:
-        """The levels of every factor, and the values of columns derived from factors."""
+        """The levels of every factor, sessions among them, and the values of columns derived from
+        factors.
+        """
         design = self.study.design_with(self.parameters)
-        levels = {f.name: tuple(f.levels) for f in design.factors}
+        levels: dict[str, tuple[Any, ...]] = {f.name: tuple(f.levels) for f in design.factors}
+        if design.sessions:
+            levels[SESSION] = design.sessions
         cells = list(self.conditions())
         return levels | {
             n: tuple(dict.fromkeys(c[n] for c in cells)) for n in self.study.design.derived

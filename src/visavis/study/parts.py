@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias, get_args
 
 from visavis.protocol.plan.columns import Column
-from visavis.protocol.plan.design import BlockOrder, Design, Factor, TrialOrder
+from visavis.protocol.plan.design import SESSION, BlockOrder, Design, Factor, TrialOrder
 from visavis.protocol.plan.orders import Constraint
 from visavis.protocol.plan.parameters import Range
 from visavis.protocol.plan.steps import Scalar
@@ -83,6 +83,7 @@ KINDS: Final[Mapping[str, tuple[type[Any], ...]]] = {
             "balanced",
             "primary",
             "references",
+            "sessions",
         ),
         (str,),
     ),
@@ -124,6 +125,11 @@ class StudyDesign:
     block_order: BlockOrder = "fixed"
     """Order of the levels of `blocked_by`, over participants: "fixed", "random", "latin_square" or
     "williams"."""
+    sessions: Sequence[str] = ()
+    """The sessions that everybody comes to, in their order, such as "before" and "after". They are
+    a factor within people called "session"; each has an order of trials of its own."""
+    days_between: tuple[float, float] | None = None
+    """The fewest and the most days from the end of one session to the next; None: any."""
     phased_by: str | None = None
     """The factor whose levels follow one another as listed in every block, such as a guess and then
     an adjustment; the others come in `order` at each of them."""
@@ -171,7 +177,24 @@ class StudyDesign:
                 for n in self.parameters
                 if n in SETTABLE
             ),
+            *self._session_problems(),
         ]
+
+    def _session_problems(self) -> list[str]:
+        problems = list(impossible_levels(SESSION, self.sessions))
+        if len(self.sessions) == 1:
+            problems.append("sessions names one; name two or more, or leave it out")
+        if len(set(self.sessions)) < len(self.sessions):
+            problems.append(f"sessions names one twice: {', '.join(self.sessions)}")
+        if self.sessions and SESSION in self.parameters:
+            problems.append("'session' is the factor that sessions= makes; name the parameter else")
+        days = self.days_between
+        if days is not None and not (self.sessions and len(days) == 2 and 0 <= days[0] <= days[1]):
+            problems.append(
+                f"days_between is {days!r}; give the fewest and the most days, such as (6, 8), "
+                "with sessions="
+            )
+        return problems
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -343,8 +366,12 @@ class AnalysisPlan:
         return pieces
 
     def cells_of(self, design: Design) -> tuple[Factor, ...]:
-        """Return the factors within people whose combinations are compared and described."""
-        return tuple(f for f in design.within if not self.cells or f.name in self.cells)
+        """Return the factors within people whose combinations are compared and described.
+
+        Sessions are always among them.
+        """
+        own = tuple(f for f in design.within if not self.cells or f.name in self.cells)
+        return own if design.session_factor is None else (design.session_factor, *own)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -56,6 +56,9 @@ class Seen:
     """What stands above it."""
     figures: "LiveScene | None" = None
     """The live figures that are watched."""
+    session: str = ""
+    """Which of a person's sessions this is, where the study names them; what lies between two of
+    them happened to the person, not to what is shown."""
 
     @property
     def stimuli(self) -> tuple[Flat, ...]:

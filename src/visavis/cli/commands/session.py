@@ -58,6 +58,7 @@ from visavis.running.sessions.device_setup import (
     is_simulated,
     require_picture,
 )
+from visavis.running.sessions.next_session import next_session
 from visavis.running.sessions.perform import perform_new, perform_rest
 from visavis.running.sessions.recorded_design import (
     changes_of_design,
@@ -90,7 +91,12 @@ ENDING_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 ParticipantOption = Annotated[
     str, typer.Option("--participant", help="Identifier from the ledger, such as 07.")
 ]
-SessionOption = Annotated[int, typer.Option("--session", help="Session number.")]
+SessionOption = Annotated[
+    int | None,
+    typer.Option(
+        "--session", min=1, help="Session number; left out: 1, or the next one that is due."
+    ),
+]
 SeedOption = Annotated[
     int | None, typer.Option("--seed", help="Seed of the whole study; kept with its folder.")
 ]
@@ -141,6 +147,7 @@ def plan(
         str | None,
         typer.Option(help="Identifier from the ledger, such as 07; left out: the next new one."),
     ] = None,
+    session: Annotated[int, typer.Option("--session", min=1, help="Session number.")] = 1,
     seed: SeedOption = None,
     devices: DevicesOption = None,
     config: ConfigOption = None,
@@ -158,7 +165,7 @@ def plan(
     if here.study.study.procedure.on == "lab":  # a page needs none of the lab's devices
         plan_inputs.experiment.check_live_figures()
         check_rig(devices_for(lab, plan_inputs.experiment))
-    session_plan = plan_inputs.experiment.plan(
+    session_plan = plan_inputs.experiment.of_session(session).plan(
         plan_inputs.index, plan_inputs.seed, plan_inputs.group
     )
     if as_json:
@@ -296,7 +303,7 @@ def legends(session_plan: SessionPlan, texts: Texts) -> Iterator[str]:
 def run(
     study: StudyArgument,
     participant: ParticipantOption,
-    session: SessionOption = 1,
+    session: SessionOption = None,
     seed: SeedOption = None,
     devices: DevicesOption = None,
     fast: FastOption = False,
@@ -338,6 +345,8 @@ def run(
     if note:
         errors.print(f"[yellow]{verbatim(note)}[/]", soft_wrap=True)
     entry = here.participant(settings, participant)
+    if session is None:
+        session = _session_due(here, entry)
     # A session is never overwritten: say how to go on with it, or how to run a further one.
     path = _session_dir(here, entry, session)
     if path.exists():
@@ -367,6 +376,32 @@ def run(
         on=where,
         port=port,
     )
+
+
+def _session_due(here: StudyHere, entry: Participant) -> int:
+    """Return the number of the session that comes next, and tell whether it is late.
+
+    Raises:
+        UsageError: it is not due yet, one is not finished, or there were all.
+    """
+    design = here.study.study.design
+    if not design.sessions:
+        return 1
+    person = _session_dir(here, entry, 1).parent
+    # A rehearsal waits for no day.
+    days = None if here.is_simulated else design.days_between
+    due = next_session(person, design.sessions, days, SystemClock().wall_iso())
+    if due.is_early:
+        raise UsageError(
+            f"{entry.label}: {due.words}, and {due.days:.1f} days have passed; come back then, or "
+            f"run it all the same: add --session {due.number}"
+        )
+    late = f"; it is late, after {due.days:.1f} days" if due.is_late else ""
+    errors.print(
+        f"session {due.number} of {len(design.sessions)}: {verbatim(due.name)}{late}",
+        soft_wrap=True,
+    )
+    return due.number
 
 
 def where_performed(study: OpenedStudy, on: str | None) -> str:
@@ -514,7 +549,7 @@ def _perform(
     port: int = 0,
 ) -> None:
     is_rehearsal = here.is_simulated
-    experiment = here.study.experiment(settings.parameters)
+    experiment = here.study.experiment(settings.parameters).of_session(session)
     if not fast and on == "browser" and isinstance(experiment, StudyExperiment):
         build_missing_films(film_store(experiment), experiment.films)
     # Compute and compile before the operator's screen opens, which would stay empty meanwhile.

@@ -73,6 +73,10 @@ def simulate(
         typer.Option("--set", help="Replace a parameter of the study: --set trial_s=8"),
     ] = None,
     language: LanguageOption = None,
+    session: Annotated[
+        int | None,
+        typer.Option("--session", min=1, help="Only the session of this number; all left out."),
+    ] = None,
     processes: ProcessesOption = None,
     scheduler: SchedulerOption = None,
     config: ConfigOption = None,
@@ -106,6 +110,7 @@ def simulate(
         output,
         processes=processes,
         scheduler=scheduler,
+        session=session,
         notifier=NOTIFIER,
     )
     say(f"[magenta]SIMULATED[/] study in [b]{verbatim(folder)}[/]")

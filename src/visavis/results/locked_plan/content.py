@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, fields
 from typing import Any, Final
 
+from visavis.protocol.plan.design import SESSION
 from visavis.recording.journal import as_json
 from visavis.recording.provenance import Provenance
 from visavis.results.family_tests import DEFAULT_TEST_RULES
@@ -56,6 +57,7 @@ def plan_content(
     groups = study.analysis.groups
     levels = {f.name: tuple(map(str, f.levels)) for f in design.factors}
     levels |= {name: tuple(of) for name, of in groups.items()}
+    levels |= {SESSION: design.sessions} if design.sessions else {}
     limits = limits_in_force(study.analysis.exclusions, settings or {})
     rules = DEFAULT_TEST_RULES.with_settings(settings or {})
     thresholds, pieces = study.thresholds_with(settings or {}), study.analysis.measured_in_pieces
@@ -70,7 +72,8 @@ def plan_content(
         "seed": seed,
         "parameters": dict(experiment.parameters),
         "factors": {
-            f.name: {"levels": list(f.levels), "between": bool(f.between)} for f in design.factors
+            f.name: {"levels": list(f.levels), "between": bool(f.between)}
+            for f in design.all_factors
         },
         "questionnaires": list(study.asks.questionnaires),
         "measures": {

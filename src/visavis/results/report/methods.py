@@ -58,16 +58,17 @@ def _design(experiment: StudyExperiment) -> str:
     blocks = len({t.block for t in trials})
     practice = len(plan.trials) - len(trials)
     factors = []
-    for factor in experiment.study.design_with(experiment.parameters).factors:
+    for factor in experiment.study.design_with(experiment.parameters).all_factors:
         kind = "between" if factor.between else "within"
         levels = ", ".join(label_of(experiment.texts, str(v)) for v in factor.levels)
         name = label_in_unit(experiment.texts, factor.name)
         factors.append(f"{name} ({levels}; {kind} participants)")
     repetitions = int(experiment.parameters["repetitions"])
     times = "once" if repetitions == 1 else f"{repetitions} times"
+    every = "In each session every" if experiment.session_name else "Every"
     practice_note = f" after {practice} for practice" if practice else ""
     return (
-        f"Factors were {'; '.join(factors)}. Every combination came {times}: {len(trials)} trials"
+        f"Factors were {'; '.join(factors)}. {every} combination came {times}: {len(trials)} trials"
         f"{practice_note}, in {_blocks(blocks)}. {_order(experiment, blocks)}"
     )
 

@@ -10,10 +10,12 @@ import pandas as pd
 
 from visavis.lab.errors import DataError
 from visavis.protocol.plan.columns import ANALYSED_COLUMNS, ENGINE_COLUMNS, Column, read_columns
+from visavis.protocol.plan.design import SESSION
 from visavis.protocol.plan.questionnaires import Questionnaire, score_range
 from visavis.recording.csv_file import note_escaped_columns, write_csv
 from visavis.results.picture_delay import LATE
 from visavis.results.selection import HAND_PERSON, HAND_TRIAL
+from visavis.results.several_sessions import SESSION_NUMBER
 from visavis.study.exclusions import ANSWERED_COLUMN
 from visavis.study.experiment import StudyExperiment
 from visavis.study.films import film_columns
@@ -65,6 +67,10 @@ def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> d
         kind = "between" if factor.between else "within"
         words = experiment.texts.find(f"labels.{factor.name}") or factor.name.replace("_", " ")
         columns[factor.name] = Column(factor.name, "", f"{words} ({kind} participants): {levels}")
+    if experiment.study.design.sessions:
+        words = f"session (within participants): {', '.join(experiment.study.design.sessions)}"
+        columns[SESSION] = Column(SESSION, "", words)
+        columns[SESSION_NUMBER.name] = SESSION_NUMBER
     for response in experiment.responses.values():
         columns |= {c.name: c for c in response.columns()}
     columns |= {c.name: c for c in (*WALK_COLUMNS, *HAND_COLUMNS)}
@@ -108,6 +114,7 @@ def fixed_columns(experiment: StudyExperiment) -> tuple[Column, ...]:
     )
     looks = LOOK_COLUMNS if experiment.study.analysis.looks else ()
     factors = {f.name for f in experiment.study.design.factors if not f.between}
+    factors |= {SESSION} if experiment.study.design.sessions else set()
     return tuple(c for c in (*ENGINE_COLUMNS, *own, *looks) if c.name not in factors)
 
 

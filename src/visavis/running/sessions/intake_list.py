@@ -6,6 +6,7 @@ from pathlib import Path
 
 from visavis.lab.errors import DataError, RecordingError
 from visavis.recording.integrity import damage_of
+from visavis.recording.manifest import read_manifest
 from visavis.recording.reader import Recording
 from visavis.running.page.board import STATES, state_of
 from visavis.running.page.course import WITHDRAWN
@@ -26,8 +27,10 @@ class IntakeList:
         )
 
 
-def intake_list(sessions: Sequence[Path]) -> IntakeList:
+def intake_list(sessions: Sequence[Path], names: Sequence[str] = ()) -> IntakeList:
     """Return what is measured: each person's first complete session, if it holds a trial.
+
+    Where sessions are a factor with `names`, everybody's session of every name is measured.
 
     To come and leave, to decline, to break off before the first trial is ordinary, and no damage;
     damaged sessions stay on the list, so that their damage is reported.
@@ -36,10 +39,14 @@ def intake_list(sessions: Sequence[Path]) -> IntakeList:
         DataError: nobody has begun a trial.
     """
     reasons = {path: reason for path in sessions if (reason := _left_out_because(path))}
-    measured, repeated = one_per_participant(tuple(p for p in sessions if p not in reasons))
-    reasons |= dict.fromkeys(
-        repeated, "of several sessions of one person the first complete one is analysed"
-    )
+    candidates = tuple(p for p in sessions if p not in reasons)
+    if names:
+        measured = tuple(p for p in candidates if read_manifest(p).session <= len(names))
+        reason = f"the study has {len(names)} sessions: {', '.join(names)}"
+    else:
+        measured, _ = one_per_participant(candidates)
+        reason = "of several sessions of one person the first complete one is analysed"
+    reasons |= dict.fromkeys((p for p in candidates if p not in measured), reason)
     left_out = tuple((path, reasons[path]) for path in sessions if path in reasons)
     if not measured:
         raise DataError(

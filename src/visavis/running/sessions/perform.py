@@ -71,6 +71,7 @@ def perform_new(request: Request) -> Path:
         UsageError: the session exists already.
         SessionAborted, DeviceError: it ended early; what is finished is kept.
     """
+    request = _of_its_session(request)
     if request.is_on_page:
         session_path: Path = _pages().perform_new(request)
         return session_path
@@ -117,6 +118,7 @@ def perform_rest(request: Request, session_path: Path) -> Path:
     Raises:
         ConfigError: the plan in the manifest is not the one this version would make.
     """
+    request = _of_its_session(request)
     if request.is_on_page:
         rest: Path = _pages().perform_rest(request, session_path)
         return rest
@@ -136,6 +138,12 @@ def perform_rest(request: Request, session_path: Path) -> Path:
             request.experiment.recall([{str(k): v for k, v in row.items()} for row in rows])
         _perform_part(request, devices, folder, plan, progress_of_recording(recording))
         return folder.path
+
+
+def _of_its_session(request: Request) -> Request:
+    """Return a request whose experiment is that of the session asked for."""
+    experiment = request.experiment.of_session(request.person.session)
+    return replace(request, experiment=experiment)
 
 
 def _pages() -> ModuleType:
@@ -240,7 +248,7 @@ def get_ready(
     """
     if experiment in _READY:
         return ""
-    few = FewTrials(experiment.study, experiment.overrides)
+    few = FewTrials(experiment.study, experiment.overrides, session=experiment.session)
     trials, steps = len(few.plan(0, 0).trials), 0
 
     def report_preparation(count: int, of: int) -> None:
@@ -261,9 +269,10 @@ def get_ready(
         request = simulated_request(
             study, few, lab, label="REHEARSAL", index=0, seed=0, on_trial=report_rehearsal
         )
+        person = replace(request.person, session=experiment.session)
         try:
             with of_no_session():
-                perform_new(replace(request, on="lab"))
+                perform_new(replace(request, person=person, on="lab"))
         except LabError as problem:
             trouble = f"not rehearsed, so the first frames may be late: {problem}"
     forget_old_kernels()

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from visavis.lab.errors import DataError, RecordingError, UsageError
+from visavis.protocol.plan.design import SESSION
 from visavis.recording.journal import as_json
 from visavis.recording.manifest import Manifest, read_manifest
 from visavis.results.locked_plan.deviations import NOTHING, Deviation, differing
@@ -27,7 +28,7 @@ MAX_VALUES: Final = 12
 def design_of(experiment: StudyExperiment) -> dict[str, Any]:
     """Return what a study's sessions show and ask, and in which order, as plain data."""
     study = experiment.study
-    factors = study.design_with(experiment.parameters).factors
+    factors = study.design_with(experiment.parameters).all_factors
     factor_names = {f.name for f in study.design.factors}  # whose levels may be set like parameters
     content = {
         "parameters": {k: v for k, v in experiment.parameters.items() if k not in factor_names},
@@ -175,9 +176,17 @@ def as_recorded(study: OpenedStudy, manifests: Sequence[Manifest]) -> OpenedStud
         else f
         for f in study.study.design.factors
     ]
-    if factors == list(study.study.design.factors):
+    now = study.study.design
+    sessions = recorded_sessions(manifests) or tuple(now.sessions)
+    if factors == list(now.factors) and sessions == tuple(now.sessions):
         return study
-    return replace(study, study=study.study.with_changes(factors=factors))
+    return replace(study, study=study.study.with_changes(factors=factors, sessions=sessions))
+
+
+def recorded_sessions(manifests: Sequence[Manifest]) -> tuple[str, ...]:
+    """Return what the design of these recordings calls sessions; () where it names none."""
+    designs = (design_of_session(m).get("factors", {}) for m in manifests)
+    return next((tuple(d[SESSION]["levels"]) for d in designs if SESSION in d), ())
 
 
 def require_recorded_factors(
@@ -195,7 +204,7 @@ def require_recorded_factors(
         for trial in block["trials"]
         for name in trial["factors"]
     }
-    new = [name for name in experiment.levels if name not in old]
+    new = [name for name in experiment.levels if name not in old and name != SESSION]
     if old and new:
         raise DataError(
             f"no session in {folder} had the factor {', '.join(new)}, which the study has now; "

@@ -8,6 +8,7 @@ from typing import Protocol
 from visavis.devices.contracts import Device
 from visavis.lab.clock import Clock, SimClock
 from visavis.lab.config import LabConfig
+from visavis.people.person import SEED_STEP
 from visavis.protocol.plan.experiment import Respondent, demands_of
 from visavis.protocol.session.gaze_setup import TargetTiming
 from visavis.protocol.session.operator import Operator, UnattendedOperator
@@ -128,7 +129,7 @@ class Companion(Protocol):
 
 def behaviour_seed(request: "Request") -> int:
     """Return the seed of what is simulated: another one in every further session of a person."""
-    return request.seed + 1_000_003 * (request.person.session - 1)
+    return request.seed + SEED_STEP * (request.person.session - 1)
 
 
 def device_seed(seed: int, participant_index: int) -> int:
@@ -147,13 +148,14 @@ def simulated_request(
     effect: bool = True,
     group: str = "",
     on_trial: Callable[[str, int, int], None] | None = None,
+    session: int = 1,
 ) -> Request:
     """Return a request on the virtual clock, unattended."""
     return Request(
         study=study,
         experiment=experiment,
         config=config,
-        person=SessionPerson(label, index, group),
+        person=SessionPerson(label, index, group, session),
         seed=seed,
         clock=SimClock(),
         operator=UnattendedOperator(),

@@ -36,6 +36,7 @@ class SimulationTask:
     seed: int
     effect: bool
     parameters: dict[str, Any]
+    session: int = 1
 
 
 def worker_count(processes: int | None) -> int:
@@ -64,8 +65,10 @@ def simulate_one(task: SimulationTask) -> Path:
         seed=task.seed,
         effect=task.effect,
         group=task.group,
+        session=task.session,
     )
-    path = session_dir(task.config.data_root, study.name, task.label, 1, is_simulated=True)
+    root = task.config.data_root
+    path = session_dir(root, study.name, task.label, task.session, is_simulated=True)
     return perform_rest(request, path) if path.exists() else perform_new(request)
 
 

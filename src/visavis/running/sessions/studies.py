@@ -32,6 +32,7 @@ from visavis.results.opened_study import OpenedStudy, overrides_of
 from visavis.results.picture_delay import SETTING, read_sync_test, required_for
 from visavis.results.planned_tests import planned_tests
 from visavis.results.selection import IS_ANALYSED
+from visavis.results.several_sessions import absence_lines
 from visavis.results.unusual import UnusualTrial
 from visavis.running.sessions.bill_of_lading import short_bill_hash
 from visavis.running.sessions.damage import count_damage, describe, require_intact, write_damage
@@ -48,6 +49,7 @@ from visavis.running.sessions.recorded_design import (
     as_recorded,
     compare_designs,
     in_words,
+    recorded_sessions,
     require_recorded_factors,
     require_same_design,
 )
@@ -125,12 +127,16 @@ def simulate_study(
     *,
     processes: int | None = None,
     scheduler: str | None = None,
+    session: int | None = None,
     notifier: Notifier = QUIET,
 ) -> Path:
     """Simulate what is missing of a study; sessions already there are kept.
 
+    Where sessions are a factor, everybody comes to all of them, or to the one of this number.
+
     Raises:
         UsageError: the folder was begun with other settings, or with another design.
+        DesignError: the study has no such session.
     """
     study, effect = reference_of(opened_study.study), requested_settings.effect
     data_root = data_root.resolve()
@@ -160,25 +166,30 @@ def simulate_study(
         for number in range(1, participants + 1)
     ]
     # Simulate only what is neither complete nor being recorded by another process.
-    sessions = [p.parent for p in folder.glob("sub-*/ses-001/manifest.json")]
-    present = {p.parent.name for p in sessions if Recording(p).status in ("complete", "running")}
+    numbers = _session_numbers(experiment, session)
+    sessions = [p.parent for n in numbers for p in folder.glob(f"sub-*/ses-{n:03d}/manifest.json")]
+    present = {p for p in sessions if Recording(p).status in ("complete", "running")}
     tasks = [
         SimulationTask(
-            study, lab, e.label, e.index, e.group, settings.seed, effect, settings.parameters
+            study, lab, e.label, e.index, e.group, settings.seed, effect, settings.parameters, n
         )
         for e in entries
-        if f"sub-{e.label}" not in present
+        for n in numbers
+        if folder / f"sub-{e.label}" / f"ses-{n:03d}" not in present
     ]
     if present:
         notifier.say(f"{len(present)} sessions are there already and are kept")
     if len(sessions) > len(present):
         notifier.say(f"{len(sessions) - len(present)} were interrupted; their rest is simulated")
     watch = StopWatch()
+    simulated = count_of(len({t.label for t in tasks}), "participant")
+    if experiment.study.design.sessions:
+        simulated += f" in {count_of(len(tasks), 'session')}"
     work = _Work(
         simulate_one,
         tasks,
         kernels_of(experiment, SIMULATING),
-        f"simulating {count_of(len(tasks), 'participant')}, trials",
+        f"simulating {simulated}, trials",
         _progress_in_trials(tasks, experiment),
     )
     try:
@@ -189,10 +200,16 @@ def simulate_study(
             "it goes on from there"
         ) from stop
     if tasks:
-        notifier.say(
-            f"{count_of(len(tasks), 'participant')} simulated in {watch.elapsed_s():.0f} s"
-        )
+        notifier.say(f"{simulated} simulated in {watch.elapsed_s():.0f} s")
     return folder
+
+
+def _session_numbers(experiment: StudyExperiment, only: int | None) -> tuple[int, ...]:
+    """Return the sessions to simulate: all that the study names, or the one asked for."""
+    if only is not None:
+        experiment.of_session(only)
+        return (only,)
+    return tuple(range(1, len(experiment.study.design.sessions or (1,)) + 1))
 
 
 def _entry(folder: Path, number: int, plan: Any, seed: int) -> Participant:
@@ -240,11 +257,14 @@ def analyse_study(
             "if you mean it (everything is then marked as simulated)"
         )
     study = names.pop()
-    intake = intake_list([*manifest_of])
+    session_names = recorded_sessions([*manifest_of.values()])
+    intake = intake_list([*manifest_of], session_names)
     sessions = intake.measured
     for line in intake.lines():
         notifier.warn(line)
     manifests = [manifest_of[session] for session in sessions]
+    for line in absence_lines(manifests, session_names):
+        notifier.warn(line)
     # A blinded study shows no results before it is complete, unless they are asked for.
     locked_plan, clock = read_lock(folder), SystemClock()
     peeks = check_interim_analysis(
@@ -366,16 +386,15 @@ def _with_recorded_design(
 
 def _unfinished(sessions: Sequence[SessionIntake]) -> dict[str, str]:
     """Describe how far unfinished sessions came, by participant."""
-    summaries = {}
+    summaries: dict[str, str] = {}
     for one in sessions:
         parts = one.manifest.parts
         if not parts or parts[-1].status != "complete":
             counts = one.rows[~one.rows["is_practice"].astype(bool)]
             trials_done = counts.loc[counts["status"] == "complete", "trial_id"].nunique()
-            summaries[str(one.manifest.participant)] = (
-                f"session of {one.manifest.participant}, {trials_done} of "
-                f"{count_of(one.planned_count, 'trial')}"
-            )
+            who = str(one.manifest.participant)
+            summary = f"session of {who}, {trials_done} of {count_of(one.planned_count, 'trial')}"
+            summaries[who] = "; ".join(filter(None, (summaries.get(who), summary)))
     return summaries
 
 
@@ -435,7 +454,7 @@ def _progress_in_trials(
     """Return what tells how many trials of all simulated sessions are finished, and how many."""
     counter = TrialCounter(
         [
-            session_dir(t.config.data_root, experiment.name, t.label, 1, is_simulated=True)
+            session_dir(t.config.data_root, experiment.name, t.label, t.session, is_simulated=True)
             for t in tasks
         ]
     )

@@ -128,9 +128,9 @@ def _require_same_plan(recording: Recording, study: OpenedStudy) -> None:
     manifest = recording.manifest
     plan: Mapping[str, Any] = manifest.plan
     new_plan = as_json(
-        study.experiment(overrides_of(plan)).plan(
-            int(plan["participant_index"]), manifest.seed, str(plan.get("group") or "")
-        )
+        study.experiment(overrides_of(plan))
+        .of_session(manifest.session)
+        .plan(int(plan["participant_index"]), manifest.seed, str(plan.get("group") or ""))
     )
     if new_plan != plan:
         raise DataError(
