@@ -56,6 +56,15 @@ def _shrink_into(
     height, width, colours = small.shape
     down, across = large.shape[0] // height, large.shape[1] // width
     count = down * across
+    if down == across == 2:  # as films are drawn: without loops and division it takes a quarter
+        for y in range(height):
+            above, below = large[2 * y], large[2 * y + 1]
+            for x in range(width):
+                for c in range(colours):
+                    left = light_of_code[above[2 * x, c]] + light_of_code[below[2 * x, c]]
+                    right = light_of_code[above[2 * x + 1, c]] + light_of_code[below[2 * x + 1, c]]
+                    small[y, x, c] = code_of_light[(left + right) >> 2]
+        return
     for y in range(height):
         for x in range(width):
             for c in range(colours):
