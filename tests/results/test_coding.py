@@ -17,7 +17,7 @@ from visavis.recording.annotations import (
     read_annotations,
     table_of_annotations,
 )
-from visavis.results.coding import ANY_LABEL, agreement_of_coders, coded_spans
+from visavis.results.coding import ANY_LABEL, agreement_of_coders, span_rows
 
 S = 1_000_000_000
 SPAN = Annotation("S01B", 1, 1, "T01", "AM", "smile", 2 * S, 3 * S, "wide")
@@ -78,10 +78,10 @@ def test_a_file_that_is_no_coding_is_refused_with_its_line(
 
 def test_spans_are_rows_with_times_in_their_trial_and_none_between_trials() -> None:
     between = replace(SPAN, begin_ns=4 * S, end_ns=round(4.5 * S), trial_id="")
-    rows = coded_spans([SPAN, between], trials())
+    rows = span_rows([SPAN, between], trials())
     assert [1000.0, pd.NA] == list(rows["begin_ms"])
     assert [1000.0, 500.0] == list(rows["duration_ms"])
-    assert not len(coded_spans([], trials()).columns)
+    assert not len(span_rows([], trials()).columns)
 
 
 def test_two_coders_agree_as_statsmodels_says() -> None:

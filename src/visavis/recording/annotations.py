@@ -13,7 +13,7 @@ from typing import Final
 import pandas as pd
 
 from visavis.lab.errors import DataError
-from visavis.recording.csv_file import unescaped, write_csv
+from visavis.recording.csv_file import unescape, write_csv
 
 ANNOTATIONS_NAME: Final = "annotations.csv"
 
@@ -60,7 +60,7 @@ def read_annotations(path: Path) -> tuple[Annotation, ...]:
 
 
 def _span(path: Path, line: int, row: dict[str, str]) -> Annotation:
-    texts = {name: unescaped((row[name] or "").strip()) for name in COLUMNS}
+    texts = {name: unescape((row[name] or "").strip()) for name in COLUMNS}
     try:
         session, part, begin_ns, end_ns = (
             int(texts[name]) for name in ("session", "recording_part", "begin_ns", "end_ns")
@@ -101,9 +101,9 @@ def place_annotations(person_folder: Path, new: Sequence[Annotation]) -> Path:
 
     They replace what the same coders had in the same sessions; others' spans stay.
     """
-    coded_anew = {(one.coder, one.session) for one in new}
+    new_keys = {(one.coder, one.session) for one in new}
     before = annotations_of(person_folder)
-    rest = [one for one in before if (one.coder, one.session) not in coded_anew]
+    rest = [one for one in before if (one.coder, one.session) not in new_keys]
     path = person_folder / ANNOTATIONS_NAME
     write_csv(table_of_annotations([*rest, *new]), path)
     return path

@@ -96,7 +96,7 @@ def note_escaped_columns(sidecar: Path, columns: Collection[str]) -> None:
     replace_file(sidecar, text.encode())
 
 
-def unescaped(text: str) -> str:
+def unescape(text: str) -> str:
     """Return a text as it was before `write_csv` put an apostrophe before a formula."""
     return text[1:] if text.startswith("'") and _is_formula(text[1:]) else text
 

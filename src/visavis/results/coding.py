@@ -41,7 +41,7 @@ CODING_COLUMNS: Final = (
 )
 
 
-def coded_spans(spans: Sequence[Annotation], rows: pd.DataFrame) -> pd.DataFrame:
+def span_rows(spans: Sequence[Annotation], rows: pd.DataFrame) -> pd.DataFrame:
     """Return a session's spans as rows, with times after the start of their trial; without columns
     where there is none.
     """
@@ -68,7 +68,7 @@ def agreement_of_coders(spans: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame
     They are compared over the complete trials of the sessions that both coded, step by step: at
     each step's middle a label is on or off; of all together the category is the labels that are on.
     """
-    found = []
+    agreements = []
     for first, second in combinations(sorted(spans["coder"].unique()), 2):
         both = _sessions(spans, first) & _sessions(spans, second)
         mine = [(row, _inside(spans, row)) for row in _trials(rows, both)]
@@ -77,7 +77,7 @@ def agreement_of_coders(spans: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame
             first_codes, second_codes = (
                 np.concatenate([np.empty(0, object), *(one[k] for one in codes)]) for k in (0, 1)
             )
-            found.append(
+            agreements.append(
                 {
                     "coder_1": first,
                     "coder_2": second,
@@ -90,7 +90,7 @@ def agreement_of_coders(spans: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame
                     "kappa": _kappa(first_codes, second_codes),
                 }
             )
-    return pd.DataFrame(found)
+    return pd.DataFrame(agreements)
 
 
 def _sessions(spans: pd.DataFrame, coder: str) -> set[tuple[str, int]]:

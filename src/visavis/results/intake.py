@@ -27,7 +27,7 @@ from visavis.recording.integrity import analysed_trials, damage_of
 from visavis.recording.manifest import Manifest
 from visavis.recording.reader import Recording
 from visavis.recording.remarks import Remark, exclusions_in_force, reason_of, remarks_of
-from visavis.results.coding import coded_spans
+from visavis.results.coding import span_rows
 from visavis.results.picture_delay import LATE, LatePictures, answer_times_from_light
 from visavis.results.reevaluation import ahead_ms, paired_by_arrival
 from visavis.results.selection import HAND_PERSON, HAND_TRIAL
@@ -68,8 +68,8 @@ class SessionIntake:
     def without_tables(self) -> "SessionIntake":
         """Return the intake without its tables, once they are joined with those of others."""
         empty = pd.DataFrame()
-        measured = replace(self, rows=empty, sensitivity=empty, blocks=empty, tables={})
-        return replace(measured, course=empty, coding=empty)
+        intake = replace(self, rows=empty, sensitivity=empty, blocks=empty, tables={})
+        return replace(intake, course=empty, coding=empty)
 
     @property
     def planned_count(self) -> int:
@@ -235,7 +235,7 @@ def with_coding(intake: SessionIntake, recording: Recording) -> SessionIntake:
         for one in spans
         if one.session == manifest.session
     ]
-    return replace(intake, coding=coded_spans(mine, intake.rows))
+    return replace(intake, coding=span_rows(mine, intake.rows))
 
 
 def _clock_jump_ms(gaze: PartGaze, row: Mapping[Any, Any]) -> float | None:

@@ -201,9 +201,9 @@ def write_tables(
         columns = {**columns, **{c.name: c for c in own}}
         write_table(table.assign(**marks), columns, out_dir / f"{name}.csv")
         table.assign(**marks).to_parquet(out_dir / f"{name}.parquet", index=False)
-    coded = analysis.tables.get(ANNOTATIONS)
-    if coded is not None and coded["coder"].nunique() > 1:
-        table = agreement_of_coders(coded, analysis.selection.rows).assign(**marks)
+    spans = analysis.tables.get(ANNOTATIONS)
+    if spans is not None and spans["coder"].nunique() > 1:
+        table = agreement_of_coders(spans, analysis.selection.rows).assign(**marks)
         columns = {**dictionary, **{c.name: c for c in CODING_COLUMNS}}
         write_table(table, columns, out_dir / f"{AGREEMENT}.csv")
     test_dictionary = {c.name: c for c in (*PEOPLE, *STATISTICS)}

@@ -153,13 +153,15 @@ def _sessions_with(folder: Path, participants: str, trial_id: str) -> list[Path]
                 there = ", ".join(dict.fromkeys(labels.values()))
                 raise UsageError(f"{name} has no session in {folder}; there are {there}")
         sessions = [s for s in sessions if any(means_label(name, labels[s]) for name in wanted)]
-    having = [s for s in sessions if trial_id in trial_lengths_ns(CachedRecording(s))]
-    if not having:
+    sessions_with_trial = [s for s in sessions if trial_id in trial_lengths_ns(CachedRecording(s))]
+    if not sessions_with_trial:
         raise UsageError(f"nobody of {participants} in {folder} has a whole trial {trial_id}")
-    without = [label_of_session(s) for s in sessions if s not in having]
-    if without:
-        console.print(f"[yellow]without a whole {trial_id}: {verbatim(', '.join(without))}[/]")
-    return having
+    labels_without = [label_of_session(s) for s in sessions if s not in sessions_with_trial]
+    if labels_without:
+        console.print(
+            f"[yellow]without a whole {trial_id}: {verbatim(', '.join(labels_without))}[/]"
+        )
+    return sessions_with_trial
 
 
 def _write_together(folder: Path, sessions: list[Path], trial_id: str, path: Path) -> None:

@@ -112,7 +112,7 @@ def page_content(
     models = models or models_for(bundle, [])
     return {
         **whose(recording),
-        **_joined(contents),
+        **_join(contents),
         "rest": at_rest(study, recording, trials),
         "parts": [
             {
@@ -134,7 +134,7 @@ def page_content(
         ],
         "pages": pages,
         "films": films,
-        **drawn(models),
+        **models_content(models),
     }, bundle
 
 
@@ -159,7 +159,7 @@ class InSpace:
         return {"scenes": scenes, **gaze}
 
 
-def _joined(contents: Sequence[Mapping[str, list[Any]]]) -> dict[str, list[Any]]:
+def _join(contents: Sequence[Mapping[str, list[Any]]]) -> dict[str, list[Any]]:
     """Return scenes, ends of gaze and fixations of all trials."""
     names = ("scenes", "gazeEnds", "fixations")
     return {name: [one for content in contents for one in content[name]] for name in names}
@@ -174,11 +174,11 @@ def _without_arrays(content: Mapping[str, Any]) -> dict[str, Any]:
 
 def models_for(bundle: Bundle, samples: "Sequence[Sample]") -> Models:
     """Return the models of a page; many people in one place are drawn at their lightest."""
-    most = max((len(s.dressed.cast) for s in samples), default=0)
+    most = max((len(s.full_picture.cast) for s in samples), default=0)
     return Models(bundle, level=LEVEL_OF_FEW if most <= MAX_FEW else LEVEL_OF_MANY)
 
 
-def drawn(models: Models) -> dict[str, Any]:
+def models_content(models: Models) -> dict[str, Any]:
     """Return the part of a header that says what scenes are drawn with."""
     return {"people": models.people, "rooms": models.rooms, "textures": models.textures}
 
@@ -475,7 +475,7 @@ class Sample:
     t_ns: int
     picture: Picture
     agents: tuple[Agent, ...]
-    dressed: Picture
+    full_picture: Picture
     """The same with the participant in it, last, where somebody can stand in for them."""
 
 
@@ -496,7 +496,7 @@ def with_participant(
     key = trial.part, somebody_else(samples[0].picture).name
     person = stand_ins.setdefault(key, StandIn(trial, study.study.procedure.posture))
     return [
-        replace(s, dressed=person.in_picture(s.picture, s.t_ns, trial.head_at(s.t_ns)))
+        replace(s, full_picture=person.in_picture(s.picture, s.t_ns, trial.head_at(s.t_ns)))
         for s in samples
     ]
 
@@ -588,8 +588,11 @@ def _runs(samples: list[Sample]) -> Iterator[list[Sample]]:
     def same(a: Sample, b: Sample) -> bool:
         return (
             a.picture.room is b.picture.room
-            and len(a.dressed.cast) == len(b.dressed.cast)
-            and all(one is two for one, two in zip(a.dressed.cast, b.dressed.cast, strict=True))
+            and len(a.full_picture.cast) == len(b.full_picture.cast)
+            and all(
+                one is two
+                for one, two in zip(a.full_picture.cast, b.full_picture.cast, strict=True)
+            )
             and [m.prop for m in a.picture.moving] == [m.prop for m in b.picture.moving]
             and a.picture.panels == b.picture.panels
             and [x.agent_id for x in a.agents] == [x.agent_id for x in b.agents]
@@ -610,9 +613,9 @@ def _scene(
     first = samples[0].picture
     n = len(samples)
     # Samples come first in these arrays (samples, people, ...); tracks of keys want people first.
-    root = np.array([s.dressed.people.root_m for s in samples])
-    turns = one_way_round(np.array([s.dressed.people.orientation_wxyz for s in samples]))
-    morphs = np.array([s.dressed.people.morphs_01 for s in samples])
+    root = np.array([s.full_picture.people.root_m for s in samples])
+    turns = one_way_round(np.array([s.full_picture.people.orientation_wxyz for s in samples]))
+    morphs = np.array([s.full_picture.people.morphs_01 for s in samples])
     people = root.shape[1]
     joints = turns.shape[2] if people else 0
     return {
@@ -622,8 +625,10 @@ def _scene(
         "rate": SAMPLES_PER_S,
         "n": n,
         "room": models.room(first.room),
-        "cast": [models.person(c) for c in samples[0].dressed.cast],
-        "participant": len(first.cast) if len(samples[0].dressed.cast) > len(first.cast) else -1,
+        "cast": [models.person(c) for c in samples[0].full_picture.cast],
+        "participant": len(first.cast)
+        if len(samples[0].full_picture.cast) > len(first.cast)
+        else -1,
         "joints": joints,
         "root": _keys(bundle, root.transpose(1, 0, 2), OFF_BY_M, 1e-3 / 4),
         "turns": _keys(

@@ -29,18 +29,18 @@ def fixations_of(
     _, rows = np.unique(t_ns, return_index=True)
     if len(rows) < MIN_SAMPLES:
         return []
-    detected = detect_ivt(t_ns[rows], direction[rows], IVT_HEADSET)
+    events = detect_ivt(t_ns[rows], direction[rows], IVT_HEADSET)
     fixations = []
-    for k in range(len(detected)):
-        here = rows[detected.first_row[k] : detected.last_row[k] + 1]
+    for k in range(len(events)):
+        here = rows[events.first_row[k] : events.last_row[k] + 1]
         ended = np.isfinite(end_m[here]).all(axis=1)
         if not ended.any():
             continue
         agents, things = Counter(hit[here][ended].tolist()), Counter(on[here][ended].tolist())
         fixations.append(
             {
-                "begin_ns": int(detected.onset_ns[k]),
-                "end_ns": int(detected.onset_ns[k] + detected.duration_ns[k]),
+                "begin_ns": int(events.onset_ns[k]),
+                "end_ns": int(events.onset_ns[k] + events.duration_ns[k]),
                 "at": [round(float(v), 4) for v in np.median(end_m[here][ended], axis=0)],
                 "hit": agents.most_common(1)[0][0],
                 "on": things.most_common(1)[0][0],

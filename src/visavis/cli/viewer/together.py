@@ -10,7 +10,7 @@ from visavis.cli.viewer.content import (
     InSpace,
     Times,
     at_rest,
-    drawn,
+    models_content,
     models_for,
     trial_content,
     whose,
@@ -66,5 +66,5 @@ def together_content(
         "sessions": sessions,
         "pages": [],
         "films": [],
-        **drawn(models),
+        **models_content(models),
     }, bundle
