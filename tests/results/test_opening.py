@@ -10,7 +10,9 @@ from visavis.analysis.report import Picture, Verdict
 from visavis.experiments.stare.study import study
 from visavis.lab.errors import UsageError
 from visavis.results.figures.family_figures import opening_name
+from visavis.results.opened_study import find_study
 from visavis.results.report.opening import MAX_PLACE_BYTES, opening_of, place_of
+from visavis.study.catalogue import SHIPPED_STUDIES
 from visavis.study.parts import StudyFiles
 
 ANSWER = Verdict("found", "Yes", "because")
@@ -57,3 +59,8 @@ def test_a_picture_that_fits_no_page_is_refused_with_the_command_that_makes_one(
 ) -> None:
     with pytest.raises(UsageError, match=f"stare_place.jpg .*{words}.*visavis preview stare"):
         place_of(with_place(tmp_path, content))
+
+
+@pytest.mark.parametrize("name", SHIPPED_STUDIES)
+def test_every_study_that_comes_along_shows_what_participants_see(name: str) -> None:
+    assert place_of(find_study(name).study) is not None

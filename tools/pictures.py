@@ -1,0 +1,323 @@
+"""Make the pictures of the documentation: `python -m tools.pictures [NAME …]` (`--list` says how).
+
+Every picture in docs/pictures has a line here. Those that need people from elsewhere, or hands on a
+page, say in a sentence how they were made. Pages are photographed by Chromium.
+"""
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from PIL import Image
+
+from visavis.lab.clock import StopWatch
+from visavis.lab.errors import UsageError
+
+ROOT: Final = Path(__file__).resolve().parents[1]
+FOLDER: Final = ROOT / "docs" / "pictures"
+MAX_BYTES: Final = 150_000
+QUALITIES: Final = (86, 80, 72, 64, 56)
+"""Of JPEG; the first that is small enough is taken."""
+PLACE_PX: Final = 720
+MAX_WAIT_S: Final = 240.0
+WITHIN_TRIAL: Final = re.compile(r"T0[1-9]\s+trial ends in\s+\d")
+"""What the desk says then."""
+PEOPLE: Final = "simulate stare --participants 8 --seed 1"
+"""Sessions that several pictures show."""
+STUDY: Final = "data/dry_runs/stare_n8_seed1/simulated/stare"
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How a picture is made: commands of visavis, then the file of them that is the picture.
+
+    `{file}` in a command is a new PNG, which is taken if no `found` (a pattern) names another. Of a
+    page the first screen of `screen_px` is taken.
+    """
+
+    commands: tuple[str, ...]
+    found: str = ""
+    screen_px: tuple[int, int] | None = None
+    width_px: int = 960
+
+
+@dataclass(frozen=True)
+class FilmRecipe:
+    """One film of a study at moments of it, side by side; `film` is its place among the films."""
+
+    study: str
+    film: int
+    moments_01: tuple[float, ...] = (0.15, 0.5, 0.85)
+    height_px: int = 300
+
+
+@dataclass(frozen=True)
+class DeskRecipe:
+    """The desk beside a session in real time, within a trial."""
+
+    study: str
+    screen_px: tuple[int, int] = (1280, 800)
+
+
+@dataclass(frozen=True)
+class ByHand:
+    """Why no command makes a picture, and how it was made."""
+
+    how: str
+
+
+PICTURES: Final[Mapping[str, Recipe | FilmRecipe | DeskRecipe | ByHand]] = {
+    "stare_eyes.jpg": Recipe(("preview stare --trial 5 --png {file}",)),
+    "crowd_eyes.jpg": Recipe(("preview crowd --trial 8 --at 3 --png {file}",)),
+    "waving_eyes.jpg": Recipe(("preview waving --trial 16 --at 1.5 --png {file}",)),
+    "gaze_map.jpg": Recipe(
+        (PEOPLE, f"gaze-map {STUDY} --by condition"), "**/gaze_map_by_condition.png"
+    ),
+    "desk.jpg": DeskRecipe("stare"),
+    "report.jpg": Recipe((PEOPLE, f"analyse {STUDY}"), "**/report.html", (1280, 800)),
+    "viewer.jpg": Recipe(
+        (PEOPLE, f"view {STUDY}/sub-S01B/ses-001 --output view.html"), "view.html", (1280, 800)
+    ),
+    "interpolation_film.jpg": FilmRecipe("interpolation", 4),
+    "hybrid_film.jpg": FilmRecipe("hybrid", 0, height_px=400),
+    "gestures_film.jpg": FilmRecipe("gestures", 0, (0.0, 0.2, 0.4, 0.6, 0.8, 0.98), 320),
+    "lexemes.jpg": Recipe(("corpus lexemes -o {file}",), width_px=1000),
+    "reach_set_b.png": Recipe(("blend --examples set_b --reach {file}",), width_px=1215),
+    "walks_set_b.jpg": ByHand("`python -m benchmarks.blind_walks`, its tiles in rows of emotions"),
+    "film_and_page.jpg": ByHand("`python -m benchmarks.live_figure --out FOLDER`"),
+    "moulding_page.jpg": ByHand("the study of docs/moulding.md in Chromium, its slider moved"),
+    "moulding_monitor.jpg": ByHand("the same study before a monitor (`display.show: screen`)"),
+    "matching_page.jpg": ByHand("`visavis run matching --devices sim` in Chromium, an adjustment"),
+    "matching_survival.png": ByHand("figure `survival` of `visavis simulate matching`"),
+    "adjectives_dendrogram.png": ByHand("figure `dendrogram` of `visavis simulate adjectives`"),
+    "valid_stare.jpg": ByHand("`visavis preview stare` with VALID figures (`cast:`), once fetched"),
+    "valid_crowd.jpg": ByHand("`visavis preview crowd` with VALID figures (`cast:`)"),
+    "valid_waving.jpg": ByHand("`visavis preview waving` with VALID figures (`cast:`)"),
+}
+"""Every picture in docs/pictures by its name."""
+PLACES: Final[Mapping[str, FilmRecipe]] = {
+    "interpolation/interpolation_place.jpg": FilmRecipe("interpolation", 4),
+    "hybrid/hybrid_place.jpg": FilmRecipe("hybrid", 0),
+    "gestures/gestures_place.jpg": FilmRecipe("gestures", 0),
+    "gestures/gesture_pairs_place.jpg": FilmRecipe("gestures", 0),
+    "cameras/cameras_place.jpg": FilmRecipe("cameras", 0, (0.2, 0.8), 240),
+    "adjectives/adjectives_place.jpg": FilmRecipe("adjectives", 3),
+}
+"""What reports of studies of films show as the place (`results.report.opening`)."""
+
+
+@dataclass
+class Workshop:
+    """A folder in which commands run, each once."""
+
+    folder: Path
+    done: set[str] = field(default_factory=set)
+
+    def run(self, command: str) -> None:
+        """Run a command of visavis, unless it was run before.
+
+        Raises:
+            UsageError: it failed.
+        """
+        if command in self.done:
+            return
+        self.done.add(command)
+        sys.stdout.write(f"  visavis {command}\n")
+        words = [sys.executable, "-m", "visavis.cli.main", *command.split()]
+        done = subprocess.run(  # noqa: S603  # commands of this file
+            words, cwd=self.folder, capture_output=True, text=True, check=False
+        )
+        if done.returncode:
+            raise UsageError(f"visavis {command} failed:\n{done.stdout}{done.stderr}")
+
+
+def make(name: str, shop: Workshop, folder: Path = FOLDER) -> Path | None:
+    """Make a picture anew; None for one that is made by hand.
+
+    Raises:
+        UsageError: a command failed, or wrote no such file; or the picture stays too large.
+    """
+    if name in PLACES:
+        path = ROOT / "experiments" / name
+        save(_at_most(_moments(PLACES[name]), PLACE_PX), path)
+        return path
+    recipe = PICTURES[name]
+    match recipe:
+        case ByHand():
+            return None
+        case FilmRecipe():
+            image = _moments(recipe)
+        case DeskRecipe():
+            image = _desk(recipe, shop)
+        case Recipe():
+            image = _by_commands(name, recipe, shop)
+    path = folder / name
+    save(image, path)
+    return path
+
+
+def save(image: Image.Image, path: Path) -> None:
+    """Write a picture in no more bytes than a page should load.
+
+    Raises:
+        UsageError: it stays larger.
+    """
+    draft = path.with_name(f".{path.name}")
+    for quality in QUALITIES if path.suffix == ".jpg" else (None,):
+        if quality is None:
+            image.quantize(128).save(draft, "PNG", optimize=True)
+        else:
+            image.convert("RGB").save(draft, "JPEG", quality=quality, optimize=True)
+        if draft.stat().st_size <= MAX_BYTES:
+            draft.replace(path)
+            return
+    size = draft.stat().st_size
+    draft.unlink()
+    raise UsageError(f"{path.name} has {size} bytes, more than {MAX_BYTES}; give it fewer pixels")
+
+
+def _by_commands(name: str, recipe: Recipe, shop: Workshop) -> Image.Image:
+    png = shop.folder / f"{Path(name).stem}.png"
+    for command in recipe.commands:
+        shop.run(command.format(file=png.name))
+    files = sorted(shop.folder.glob(recipe.found)) if recipe.found else [png]
+    if not files or not files[0].exists():
+        raise UsageError(f"{recipe.commands[-1]} wrote no {recipe.found or png.name}")
+    if recipe.screen_px is None:
+        image = Image.open(files[0]).convert("RGB")
+    else:
+        image = photograph(files[0].as_uri(), recipe.screen_px, shop.folder / "page.png")
+    return _at_most(image, recipe.width_px)
+
+
+def _at_most(image: Image.Image, width_px: int) -> Image.Image:
+    if image.width <= width_px:
+        return image
+    return image.resize(
+        (width_px, round(image.height * width_px / image.width)), Image.Resampling.LANCZOS
+    )
+
+
+def photograph(
+    address: str,
+    screen_px: tuple[int, int],
+    path: Path,
+    ready: Callable[[str], bool] = lambda words: True,
+    settle_ms: int = 2_000,
+) -> Image.Image:
+    """Return the first screen of a page in Chromium, once its words are `ready`."""
+    from playwright.sync_api import sync_playwright  # late: previews need no browser
+
+    with sync_playwright() as started:
+        program = next((p for p in CHROMIUM if Path(p).exists()), None)
+        browser = started.chromium.launch(
+            executable_path=program, args=["--no-sandbox", "--use-gl=swiftshader"]
+        )
+        page = browser.new_page(viewport={"width": screen_px[0], "height": screen_px[1]})
+        page.goto(address)
+        for _ in range(600):
+            if ready(page.inner_text("body")):
+                break
+            page.wait_for_timeout(500)
+        page.wait_for_timeout(settle_ms)
+        page.evaluate(WITHOUT_FOLDER, str(path.parent))
+        page.screenshot(path=str(path), timeout=120_000)
+        browser.close()
+    return Image.open(path).convert("RGB")
+
+
+WITHOUT_FOLDER: Final = """folder => {
+    const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+    while (texts.nextNode())
+        texts.currentNode.nodeValue = texts.currentNode.nodeValue.replaceAll(folder + "/", "");
+}"""
+"""Takes the scratch folder's path out of what a page says."""
+CHROMIUM: Final = ("/usr/bin/chromium", "/usr/bin/chromium-browser", "/usr/bin/google-chrome")
+
+
+def _moments(recipe: FilmRecipe) -> Image.Image:
+    """Return pictures of a film as its raters see them."""
+    from visavis.results.opened_study import find_study
+    from visavis.running.film_store import film_drawing, film_store
+
+    experiment = find_study(recipe.study).experiment({})
+    store, film = film_store(experiment), experiment.films[recipe.film]
+    frames = [round(m * (film.frame_count - 1)) for m in recipe.moments_01]
+    pictures, cameras = list(store.pictures(film)), store.cameras(film)
+    width = round(recipe.height_px * film.size_px[0] / film.size_px[1] / 2) * 2
+    size_px = (width, recipe.height_px)
+    gap = np.full((recipe.height_px, 8, 3), 255, np.uint8)
+    with film_drawing() as draw:
+        tiles = [tile for k in frames for tile in (draw(pictures[k], cameras[k], size_px), gap)]
+    return Image.fromarray(np.hstack(tiles[:-1]))
+
+
+def _desk(recipe: DeskRecipe, shop: Workshop) -> Image.Image:
+    """Begin a rehearsal and a desk, look, and end both."""
+    base = [sys.executable, "-m", "visavis.cli.main"]
+    environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
+    session = [*base, "run", recipe.study, "--participant", "1", "--devices", "sim"]
+    opened = [
+        subprocess.Popen(  # noqa: S603  # our own command
+            words,
+            cwd=shop.folder,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        for words, output in (
+            (session, (shop.folder / "session.txt").open("w")),
+            ([*base, "desk"], subprocess.PIPE),
+        )
+    ]
+    try:
+        out = opened[1].stdout
+        assert out is not None  # noqa: S101  # it is a pipe
+        address = next(line.strip() for line in out if "http://" in line)
+        watch = StopWatch()
+
+        def is_under_way(words: str) -> bool:
+            return bool(WITHIN_TRIAL.search(words)) or watch.elapsed_s() > MAX_WAIT_S
+
+        image = photograph(address, recipe.screen_px, shop.folder / "desk.png", is_under_way, 300)
+    finally:
+        for process in reversed(opened):
+            process.terminate()
+            process.communicate(timeout=60)
+    return _at_most(image, 960)
+
+
+def main() -> None:
+    """Make the pictures named, or all; or list how each is made."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", help="as --list has them; all left out")
+    parser.add_argument("--list", action="store_true", help="say how each is made")
+    options = parser.parse_args()
+    every = {**PICTURES, **PLACES}
+    if strange := [name for name in options.names if name not in every]:
+        parser.error(f"no picture {', '.join(strange)}; there are {', '.join(every)}")
+    if options.list:
+        for name, recipe in every.items():
+            sys.stdout.write(f"{name}: {recipe}\n")
+        return
+    with tempfile.TemporaryDirectory() as scratch:
+        shop = Workshop(Path(scratch))
+        shop.run("init")
+        for name in options.names or every:
+            sys.stdout.write(f"{name}\n")
+            if make(name, shop) is None:
+                sys.stdout.write(f"  by hand: {every[name]}\n")
+
+
+if __name__ == "__main__":
+    main()
