@@ -104,8 +104,8 @@ class _Stops(UnattendedOperator):
         return [Command(Action.ABORT)] if self._left == 0 else []
 
 
-def request_of(folder, operator=None):
-    source = (READY / "contrast.py.txt").read_text("utf-8")
+def request_of(folder, operator=None, text=None):
+    source = text or (READY / "contrast.py.txt").read_text("utf-8")
     (folder / "contrast.py").write_text(source, "utf-8")
     study = find_study(str(folder / "contrast.py"))
     config = load_config(SCREEN_EXAMPLE).model_copy(

@@ -33,6 +33,7 @@ from visavis.study.background import BackgroundExecutor
 from visavis.study.films import Stimulus
 from visavis.study.lit_trial import SCENE_STREAM
 from visavis.study.live import Live, LiveScene, Moulded
+from visavis.study.quest_plus import QuestPlus
 from visavis.study.responses import Response
 from visavis.study.scenes import Scene, Staging, stage
 from visavis.study.staircase import Staircase
@@ -83,7 +84,7 @@ class TrialRead:
     """The armbands that it lets vibrate."""
     dressings: frozenset[str] = frozenset()
     """What makes pictures of its scenes: "module:function"."""
-    staircases: tuple[Staircase, ...] = ()
+    staircases: tuple[Staircase | QuestPlus, ...] = ()
     """The staircases of which a level is asked."""
 
 

@@ -20,10 +20,11 @@ from visavis.lab.errors import DataError, DesignError, UsageError
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.steps import Scalar
 from visavis.recording.reader import Recording, flat_components
+from visavis.study.quest_plus import QuestPlus, columns_of_quest
 from visavis.study.staircase import Staircase
 from visavis.study.study_errors import users_mistake
 
-Aggregate = Literal["mean", "median", "share"]
+Aggregate = Literal["mean", "median", "share", "last"]
 
 
 class SamplesUnreadable(DataError):
@@ -163,7 +164,9 @@ class Measure:
     def axis(self) -> str:
         """The label of a figure's axis."""
         unit_text = {"1": "", "": ""}.get(self.unit, f" ({self.unit})")
-        kind = {"mean": "", "median": "median ", "share": "share: "}[self.aggregate]
+        kind = {"mean": "", "median": "median ", "share": "share: ", "last": "last "}[
+            self.aggregate
+        ]
         return f"{kind}{self.words}{unit_text}".capitalize() if kind else f"{self.words}{unit_text}"
 
     @property
@@ -301,9 +304,18 @@ def column(
     return Measure(name, unit, words or name.replace("_", " ").capitalize(), None, aggregate)
 
 
-def staircase_measures(staircase: Staircase) -> tuple[Measure, ...]:
-    """Return the columns of a staircase as measures: levels, and the threshold they lead to."""
+def staircase_measures(staircase: Staircase | QuestPlus) -> tuple[Measure, ...]:
+    """Return the columns of a staircase as measures: levels, and the threshold they lead to.
+
+    Of QUEST+, threshold and slope with their intervals, as they are after the last answer.
+    """
     words = staircase.name.replace("_", " ")
+    if isinstance(staircase, QuestPlus):
+        return tuple(
+            column(c.name, "1", c.description.capitalize(), aggregate="last")
+            for c in columns_of_quest(staircase)
+            if c.name.startswith((f"{staircase.name}_threshold", f"{staircase.name}_slope"))
+        )
     return (
         column(f"{staircase.name}_level", "1", f"Level of {words}"),
         column(f"{staircase.name}_threshold", "1", f"Threshold of {words}, levels at reversals"),
@@ -355,7 +367,13 @@ def aggregate_cells(
             continue
         values = pd.to_numeric(trials[measure.column], errors="coerce").astype(float)
         cell = values.groupby([trials[k] for k in keys], sort=True, observed=True)
-        columns[measure.column] = cell.median() if measure.aggregate == "median" else cell.mean()
+        columns[measure.column] = (
+            cell.median()
+            if measure.aggregate == "median"
+            else cell.last()  # of those that are there, in the order of trials
+            if measure.aggregate == "last"
+            else cell.mean()
+        )
     return pd.DataFrame(columns).reset_index()
 
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Final, Literal, TypeAlias, get_args
+from typing import Any, Final, Literal, TypeAlias, get_args, overload
 
 import numpy as np
 
@@ -60,6 +60,7 @@ from visavis.study.live import (
     SliderMove,
 )
 from visavis.study.moulding import BoardWords, moulded
+from visavis.study.quest_plus import QuestPlus, QuestPlusTrial
 from visavis.study.responses import FreeText, Keys, Pointing, Rating, Response, labels_of
 from visavis.study.scenes import FLAT, PassingScene, Scene, StagedScene
 from visavis.study.showing import Showing, awaited_keys, duration, shown_seconds
@@ -100,7 +101,7 @@ class TrialScript(LitTrial):
     def __init__(self, trial: Trial, settings: Settings) -> None:
         super().__init__(trial, settings)
         self.is_read = False
-        self.staircases: dict[str, Staircase] = {}
+        self.staircases: dict[str, Staircase | QuestPlus] = {}
 
     def __getattr__(self, name: str) -> Any:
         """Return a factor's level in this trial, or a parameter of the study."""
@@ -130,7 +131,9 @@ class TrialScript(LitTrial):
 
     @property
     def session_memory(self) -> dict[str, Any]:
-        """Data left by earlier trials of this session; empty again in a resumed session."""
+        """Data left by earlier trials of this session; empty again in a resumed session, so that
+        nothing may rest on it that rows do not hold (`t.staircase` rests on rows).
+        """
         return self.settings.memory
 
     @property
@@ -146,14 +149,25 @@ class TrialScript(LitTrial):
         """Return one of the study's texts with its placeholders filled."""
         return self.settings.texts.get(name, {**self.settings.values, **values})
 
-    def staircase(self, staircase: Staircase, of: object = "") -> StaircaseTrial:
-        """Return a staircase in this trial: its `level`, and `take(is_right)` for the answer.
+    @overload
+    def staircase(self, staircase: Staircase, of: object = "") -> StaircaseTrial: ...
+
+    @overload
+    def staircase(self, staircase: QuestPlus, of: object = "") -> QuestPlusTrial: ...
+
+    def staircase(
+        self, staircase: Staircase | QuestPlus, of: object = ""
+    ) -> StaircaseTrial | QuestPlusTrial:
+        """Return a staircase, or QUEST+, in this trial: its `level`, and `take(is_right)` for the
+        answer.
 
         Several of one rule run beside each other, each `of` something, such as a level of a factor.
-        Answers of practice move only practice. Columns: see `StaircaseTrial`.
+        Answers of practice move only practice. Columns: see `StaircaseTrial`, `QuestPlusTrial`.
         """
         self.staircases[staircase.name] = staircase
         rows = [r for r in self.settings.rows if bool(r["is_practice"]) == self.is_practice]
+        if isinstance(staircase, QuestPlus):
+            return QuestPlusTrial(staircase, str(of), rows, self.row)
         return StaircaseTrial(staircase, str(of), rows, self.row)
 
     def remember(self, row: Mapping[str, Any]) -> None:

@@ -22,6 +22,7 @@ from visavis.study.films import film_columns
 from visavis.study.live import live_columns
 from visavis.study.look_measures import LOOK_COLUMNS
 from visavis.study.measures import CLOCK_JUMP, Measure
+from visavis.study.quest_plus import QuestPlus, columns_of_quest
 from visavis.study.showing import PAGE_COLUMNS
 from visavis.study.staircase import columns_of
 
@@ -91,7 +92,12 @@ def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> d
     lives = dict.fromkeys(name for t in experiment.read.values() for name in t.lives)
     columns |= live_columns(lives)
     for staircase in dict.fromkeys(s for t in experiment.read.values() for s in t.staircases):
-        columns |= {c.name: c for c in columns_of(staircase)}
+        own = (
+            columns_of_quest(staircase)
+            if isinstance(staircase, QuestPlus)
+            else columns_of(staircase)
+        )
+        columns |= {c.name: c for c in own}
     columns |= {m.column: m.description() for m in measures}
     columns |= {c.name: c for c in experiment.study.analysis.columns}
     for name in experiment.study.design.derived:
