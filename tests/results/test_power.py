@@ -252,3 +252,31 @@ def test_effect_between_none_and_published_is_refused(power: KitPower) -> None:
 def test_folder_without_a_table_says_how_to_make_it(power: KitPower, tmp_path: Path) -> None:
     with pytest.raises(DataError, match="visavis analyse"):
         power.people_of(tmp_path, effect=1)
+
+
+TIMES = """
+from visavis import Compare, Factor, Keys, Race, Study, Text
+study = Study("timed", factors=[Factor("size", [1, 2])], calibrate=False,
+    compare=[Compare("answer_ms", within="size"), Compare("answer_is_right", within="size")])
+
+@study.trial
+def trial(t):
+    yield t.show(Text("x", height_deg=t.size), until=Keys("r", "g", right="r"), limit_s=2)
+"""
+
+
+@pytest.mark.parametrize(
+    ("imports", "answer", "expected"),
+    [
+        ("", "", ("answer_ms",)),
+        ("", "'r'", ("answer_ms",)),
+        ("Race, ", "Race({'r': 2.0, 'g': 1.0})", ()),
+    ],
+)
+def test_power_of_times_that_no_model_makes_cannot_be_known(tmp_path, imports, answer, expected):
+    text = TIMES.replace("Race, ", imports)
+    if answer:
+        text += f"\n@study.answer\ndef answer(seen, response, rng):\n    return {answer}\n"
+    (tmp_path / "timed.py").write_text(text, "utf-8")
+    power = KitPower(str(tmp_path / "timed.py"), tracker_of, quick_study)
+    assert expected == power.unplanted_times

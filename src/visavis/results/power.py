@@ -63,6 +63,7 @@ from visavis.study.declaration import Study
 from visavis.study.experiment import StudyExperiment
 from visavis.study.measures import aggregate_cells, count_column
 from visavis.study.pairs import Correlate, Family, Pairs
+from visavis.study.race import Race
 from visavis.study.study_functions import MakeTracker
 
 MIN_N = 3
@@ -212,6 +213,22 @@ class KitPower:
             f"Simulated people whose responses to what is shown are scaled by {effect:g} "
             "(durations multiplied, factors raised to that power)"
         )
+
+    @property
+    def unplanted_times(self) -> tuple[str, ...]:
+        """Times to answer that are compared though simulated people have no model of them.
+
+        A study with people of its own makes what it makes.
+        """
+        opened_study = self._opened_study
+        simulated = opened_study.study.simulated
+        if simulated.person_of or simulated.scaled_of or simulated.quick_of:
+            return ()
+        if simulated.answer_of is not None and _names_a_race(simulated.answer_of):
+            return ()
+        experiment = opened_study.experiment(self.overrides)
+        times = {f"{name}_ms" for name in experiment.responses}
+        return tuple(dict.fromkeys(c.dv for c in experiment.compare if c.dv in times))
 
     def prepare(self, on_progress: Callable[[int, int], None]) -> None:
         """Prepare the study before its first trial: a study on waving makes its waves."""
@@ -432,6 +449,12 @@ def _what_finds(analysis: StudyAnalysis) -> Iterator[tuple[str, bool]]:
         return
     for test in (test for results in analysis.results for test in results.tests):
         yield name_of_test(test), bool(test.is_significant)
+
+
+def _names_a_race(answer_of: Callable[..., Any]) -> bool:
+    """Tell whether the file of a function that answers names the model of times to answer."""
+    names = getattr(answer_of, "__globals__", {}).values()
+    return any(value is Race or getattr(value, "__name__", "") == "visavis" for value in names)
 
 
 def _printed_t(study: Study, of: Family) -> Iterator[tuple[str, PrintedTest]]:

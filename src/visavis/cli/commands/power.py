@@ -71,7 +71,7 @@ def power_study(
     name: str,
     of_lab: Mapping[str, Path] | None = None,
     assignments: Sequence[str] | None = None,
-) -> PowerStudy:
+) -> KitPower:
     """Return a study's power simulation.
 
     Raises:
@@ -165,6 +165,12 @@ def power(
     if source is None:
         run.prepare()
     people, kind, are_simulated, notes = run.people(source, fast=fast, pool=pool)
+    if source is None and (times := simulation.unplanted_times):
+        notes = (
+            f"the power of {', '.join(times)} cannot be known: simulated people answer after a "
+            "time that does not depend on what they see; let @study.answer return a Race",
+            *notes,
+        )
     if assignments:
         notes = (f"the study with {', '.join(assignments)}", *notes)
     # A replicate that simulates its own people is a job; drawing from a pool is so quick that
