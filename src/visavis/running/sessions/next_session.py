@@ -47,21 +47,21 @@ def next_session(
     Raises:
         UsageError: a session is not finished, or there were all of them.
     """
-    last = None
+    last, label = None, person.name.removeprefix("sub-")
     for number, name in enumerate(names, start=1):
         path = person / f"ses-{number:03d}"
         if not path.exists():
             break
         if Recording(path).status != "complete":
             raise UsageError(
-                f"session {number} ({name}) of {person.name} is not finished; go on with it: "
-                f"visavis resume {path}; or run another: add --session {number + 1}"
+                f"session {number} ({name}) of {label} is not finished; go on with it: "
+                f"visavis resume {path}"
             )
         last = path
     else:
         raise UsageError(
-            f"{person.name} has been to all {len(names)} sessions ({', '.join(names)}); a further "
-            f"one, which is not analysed: add --session {len(names) + 1}"
+            f"{label} has been to all {len(names)} sessions ({', '.join(names)}); nothing is left "
+            "to do"
         )
     if last is None or days_between is None:
         return NextSession(number, name)
