@@ -65,10 +65,13 @@ class Found:
 def decoded(path: Path) -> tuple[list[Image.Image], Vector, Vector]:
     """Return pictures, their times, and the sound (48 kHz, one channel)."""
     with av.open(str(path)) as film:
-        frames = [(float(f.time or 0.0), f.to_image()) for f in film.decode(video=0)]
+        frames = [
+            (float(f.time or 0.0), f.to_ndarray(format="rgb24")) for f in film.decode(video=0)
+        ]
     with av.open(str(path)) as film:
         blocks = [np.asarray(f.to_ndarray(), np.float64).ravel() for f in film.decode(audio=0)]
-    return [image for _, image in frames], np.array([t for t, _ in frames]), np.concatenate(blocks)
+    pictures = [Image.fromarray(image) for _, image in frames]
+    return pictures, np.array([t for t, _ in frames]), np.concatenate(blocks)
 
 
 def loudness_db(sound: Vector) -> Vector:

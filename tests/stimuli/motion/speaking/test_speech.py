@@ -12,7 +12,6 @@ from visavis.stimuli.motion.speaking.mouth import mouth_of
 from visavis.stimuli.motion.speaking.speech import (
     Speech,
     Utterance,
-    part_of,
     read_speech,
     words_path,
     write_speech,
@@ -24,7 +23,7 @@ from visavis.stimuli.motion.speaking.synthesiser import (
     read_text,
     synthesised,
 )
-from visavis.stimuli.sound import Sound
+from visavis.stimuli.sound import Sound, part_of
 
 RATE_HZ = 16_000
 
