@@ -308,6 +308,7 @@ def tab(page: Path) -> Iterator[Any]:
         window.goto(page.as_uri())
         window.wait_for_selector("body[data-ready]", timeout=60_000)
         window.evaluate("viewer.seek(viewer.header.trials.at(-1).t0 + 0.5)")
+        window.wait_for_function("viewer.panelTrial?.startsWith('T04')", timeout=60_000)
         yield window
         browser.close()
     assert [] == problems
@@ -408,6 +409,7 @@ def test_moves_of_gaze_are_those_from_one_fixation_to_the_next(tab: Any) -> None
         const s = viewer.session, t = viewer.trialAt(viewer.t);
         return [s.fixations(t).map(f => s.keyOf(f.hit, f.on, f.t0)?.name).filter(Boolean),
         transitionsOf(viewer.seen, t).moves]; }""")
+    tab.wait_for_selector("#transitions svg", state="attached", timeout=60_000)
     wanted = Counter((one, two) for one, two in pairwise(way) if one != two)
     assert wanted == {(m["from"], m["to"]): m["n"] for m in shown}
     assert wanted
