@@ -15,8 +15,9 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from tests.sessions import opened, perform
+from tests.stage import figures
 from visavis.cli.app import app
-from visavis.cli.film.cameras import ViewpointCamera
+from visavis.cli.film.cameras import CameraKind, FollowCamera, ViewpointCamera, camera_for
 from visavis.cli.film.film import FilmedTrial, pictures_of
 from visavis.cli.film.on_page import FilmPictures, film_share, page_picture
 from visavis.cli.film.stand_in import StandIn
@@ -26,7 +27,7 @@ from visavis.cli.recorded_trial import recorded_trial, trial_row
 from visavis.cli.redraw import board_at
 from visavis.cli.session_lanes import lanes_of
 from visavis.lab.errors import DesignError, UsageError
-from visavis.lab.geometry import Pose
+from visavis.lab.geometry import Pose, quat_conjugate, rotate
 from visavis.protocol.people.exports_register import registered_exports
 from visavis.recording.cached import CachedRecording
 from visavis.recording.folder import study_dir
@@ -37,8 +38,9 @@ from visavis.running.sessions.study_folder import settle, wanted_settings
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import LIGHTEST, Renderer
 from visavis.stimuli.camera.sheet import FilmLog
-from visavis.stimuli.dressing.picture_of import picture_of
+from visavis.stimuli.dressing.picture_of import NOBODY, picture_of
 from visavis.stimuli.motion.skeleton import forward
+from visavis.stimuli.picture import Picture, Room
 from visavis.stimuli.surfaces import Surfaces
 from visavis.study.films import Film
 from visavis.study.parts import Posture
@@ -139,6 +141,7 @@ def test_a_room_without_a_place_for_the_camera_names_other_cameras_and_leaves_no
     assert isinstance(done.exception, UsageError)
     assert "--camera follow, eyes, above or orbit" in str(done.exception)
     assert [] == list(tmp_path.iterdir())
+    monkeypatch.setattr("visavis.cli.film.film.posture_of", lambda eye_m: "standing")
     done = filmed(session, tmp_path / "a.avi")
     assert done.exit_code == 0, done.output
     assert "filmed by --camera orbit" in done.output
@@ -148,7 +151,8 @@ def test_a_room_without_a_place_for_the_camera_names_other_cameras_and_leaves_no
 def test_a_film_goes_on_in_the_dark_where_no_camera_finds_a_place(
     session: Path, tmp_path: Path
 ) -> None:
-    done = filmed(session, tmp_path / "a.avi", "--seconds", "20", "--rate", "1")
+    longer = ("--seconds", "20", "--rate", "1", "--camera", "topology")
+    done = filmed(session, tmp_path / "a.avi", *longer)
     assert done.exit_code == 0, done.output  # the question is asked in the dark
     views = json.loads((tmp_path / "a.json").read_text())["views"]
     start_ns, end_ns = recorded_trial(CachedRecording(session), "T01").span_ns
@@ -368,3 +372,36 @@ def test_contacts_last_until_their_end_and_vibrations_until_the_next_command() -
     assert wanted == vibration.spans
     assert vibration.is_on(91_000_000)
     assert not vibration.is_on(200_000_000)
+
+
+@pytest.mark.parametrize(
+    ("posture", "has_places", "camera"),
+    [
+        ("seated", True, CameraKind.FOLLOW),
+        ("seated", False, CameraKind.FOLLOW),
+        ("standing", True, CameraKind.TOPOLOGY),
+        ("standing", False, CameraKind.ORBIT),
+    ],
+)
+def test_who_sits_is_filmed_over_the_shoulder_towards_what_they_look_at(
+    posture: Posture, has_places: bool, camera: CameraKind
+) -> None:
+    assert camera is camera_for(posture, has_places=has_places)
+
+
+@pytest.mark.parametrize(("wall_m", "behind_m"), [(9.0, 1.6), (0.9, 0.9)])
+def test_the_camera_over_the_shoulder_stays_before_the_wall(wall_m: float, behind_m: float) -> None:
+    wall = figures.plane("wall", (-4, 0, wall_m), (8, 0, 0), (0, 4, 0), (160, 160, 160))
+    room = Room("walled", (wall,), (), np.full(3, 0.6), np.full(3, 0.6))
+    head = Pose(np.array([0.0, 1.2, 0.0]), LEVEL)
+    camera = FollowCamera(16 / 9).at(0, Picture(0, room, (), NOBODY), head)
+    behind = float(camera.pose.position_m[2])
+    assert 0.3 < behind <= behind_m
+    assert behind == pytest.approx(1.6) or behind < wall_m - 0.2
+    # Whoever is straight ahead is in the picture, and so is the head that looks at them.
+    for place_m in (np.array([0.0, 1.2, -3.0]), head.position_m):
+        seen = place_m - camera.pose.position_m
+        own = rotate(quat_conjugate(camera.pose.orientation_wxyz), seen)
+        assert own[2] < 0
+        assert camera.left < own[0] / -own[2] < camera.right
+        assert camera.bottom < own[1] / -own[2] < camera.top

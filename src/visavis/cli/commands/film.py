@@ -60,8 +60,9 @@ def film(
     """Film a recorded trial of any study by a camera of your choice, whatever was drawn in it.
 
     The topology camera looks for places in the room that see the participant, and cuts by the
-    rules of film; what it decides is written beside the film (.json), to film it so again. Where
-    no place is found in the room, a film that names no camera is made by the orbit camera.
+    rules of film; what it decides is written beside the film (.json), to film it so again. A film
+    that names no camera looks over the shoulder of somebody who sits, and is made by the orbit
+    camera where no place is found in the room.
 
     Example: visavis film data/simulated/crowd/sub-S01B/ses-001 --trial T02 -o T02.mp4
     """
@@ -118,6 +119,8 @@ def film(
     summary = f"written [b]{verbatim(output)}[/], {result.pictures / rate:.1f} s"
     if camera == "auto" and result.camera is CameraKind.ORBIT:
         summary += "; no place for the topology camera in this room, so filmed by --camera orbit"
+    if camera == "auto" and result.camera is CameraKind.FOLLOW:
+        summary += "; over the shoulder of somebody who sits (--camera follow)"
     console.print(summary, soft_wrap=True)
     if result.decisions is not None:
         result.decisions.write(decisions_path)

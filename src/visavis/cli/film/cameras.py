@@ -24,10 +24,14 @@ from visavis.stimuli.camera.director import (
 from visavis.stimuli.camera.filming import camera_of_view, capsules
 from visavis.stimuli.camera.shots import ShotSize
 from visavis.stimuli.picture import Camera, Picture, Room
+from visavis.stimuli.surfaces import Surfaces
+from visavis.study.parts import Posture
 
 FOLLOW_BACK_M: Final = 1.6
 FOLLOW_UP_M: Final = 0.4
 FOLLOW_TANGENT: Final = 0.6
+FOLLOW_CLEAR_M: Final = 0.25
+"""How far before a surface the camera over the shoulder stays."""
 HEAD_ABOVE_EYES: Final = 1 / 0.936
 PEOPLE_EVERY_NS: Final = NS_PER_S // 5
 """How often people who may hide the subject are looked at again."""
@@ -36,7 +40,8 @@ PEOPLE_EVERY_NS: Final = NS_PER_S // 5
 class CameraKind(StrEnum):
     """Cameras that films know by name; any other is the file of a film's decisions.
 
-    By default a film takes the topology camera, or orbit where that finds no place to stand.
+    By default a film of somebody seated takes the camera that follows, over their shoulder; another
+    film the topology camera, or orbit where that finds no place to stand.
     """
 
     AUTO = "auto"
@@ -79,16 +84,22 @@ class ViewpointCamera:
 
 @dataclass(frozen=True, eq=False)
 class FollowCamera:
-    """A camera over the participant's shoulder, behind the direction in which they face."""
+    """A camera over the participant's shoulder, behind the direction in which they face; it sees
+    what they look at, and stays before walls behind them.
+    """
 
     aspect: float
+    surfaces: Surfaces = field(default_factory=Surfaces)
 
     def at(self, t_ns: int, picture: Picture, head: Pose) -> Camera:
         """Return the camera at a time."""
-        del t_ns, picture
+        del t_ns
         yaw_deg, _ = yaw_pitch_deg_of(rotate(head.orientation_wxyz, np.array([0.0, 0.0, -1.0])))
         level = quat_from_yaw_pitch_deg(float(yaw_deg))
-        place = head.position_m + rotate(level, np.array([0.35, FOLLOW_UP_M, FOLLOW_BACK_M]))
+        back = rotate(level, np.array([0.35, FOLLOW_UP_M, FOLLOW_BACK_M]))
+        away_m = float(np.linalg.norm(back))
+        free_m = self.surfaces.end_m(picture, head.position_m, back / away_m) - FOLLOW_CLEAR_M
+        place = head.position_m + back * min(1.0, max(0.2, free_m / away_m))
         turn = quat_from_yaw_pitch_deg(float(yaw_deg), -9.0)
         return symmetric_camera(Pose(place, turn), FOLLOW_TANGENT, self.aspect)
 
@@ -187,6 +198,17 @@ def _json_value(value: Any) -> Any:
     if isinstance(value, list):
         return [_json_value(v) for v in value]
     return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def camera_for(posture: Posture, *, has_places: bool) -> CameraKind:
+    """Return the camera of a film that names none.
+
+    People who sit look at what is before them, which is seen over their shoulder; a camera that
+    looks for places to see them by would show the back of what they look at.
+    """
+    if posture == "seated":
+        return CameraKind.FOLLOW
+    return CameraKind.TOPOLOGY if has_places else CameraKind.ORBIT
 
 
 def films_by_topology(pictures: Iterable[Picture]) -> bool:

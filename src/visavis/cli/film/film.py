@@ -26,12 +26,13 @@ from visavis.cli.film.cameras import (
     RecordedCamera,
     TopologyCamera,
     ViewpointCamera,
+    camera_for,
     films_by_topology,
     style_of,
 )
 from visavis.cli.film.on_page import write_page_film
 from visavis.cli.film.renderer import session_drawing
-from visavis.cli.film.stand_in import StandIn
+from visavis.cli.film.stand_in import StandIn, posture_of
 from visavis.cli.preview.pictures import SIMULATED, Viewpoint, add_label
 from visavis.cli.recorded_trial import RecordedTrial, factors_of, recorded_trial
 from visavis.cli.redraw import board_at
@@ -158,16 +159,19 @@ def write_film(
     label = f"{SIMULATED}  ·  {label}" if recording.is_simulated else label
 
     shown_at = pictures_of(study, trial)
+    posture = study.study.procedure.posture
     # The camera that knows the place needs room to stand in every scene of the trial.
     if camera is CameraKind.AUTO:
         scenes = recording.events_named("scene", trial.part)["t_ns"]
         scene_starts_ns = [start_ns, *(int(t) for t in scenes if start_ns < t <= end_ns)]
-        is_place = films_by_topology(shown_at(t) for t in scene_starts_ns)
-        camera = CameraKind.TOPOLOGY if is_place else CameraKind.ORBIT
+        sits_or_stands = posture or posture_of(float(trial.head_at(start_ns).position_m[1]))
+        camera = camera_for(
+            sits_or_stands,
+            has_places=films_by_topology(shown_at(t) for t in scene_starts_ns),
+        )
         settings = replace(settings, camera=camera)
     looks = _camera(settings, start_ns, trial, shown_at)
     log = FilmLog(None if isinstance(camera, Path) or camera is CameraKind.EYES else settings.shot)
-    posture = study.study.procedure.posture
     scene = FilmedTrial(trial, shown_at, looks, settings.overlays, settings.size_px, log, posture)
     with ExitStack() as stack:
         drawing = stack.enter_context(session_drawing())
