@@ -23,6 +23,8 @@ from tests.running.page.test_browser import (
     state_of,
     until,
 )
+from tests.running.page.test_elsewhere import Host, recorded, saved, served_files
+from tests.running.page.test_live_scenes import STUDY as WATCHED
 from visavis.experiments.adjectives.pairs import PAIRS
 from visavis.experiments.matching.interfaces import target_shares
 from visavis.lab.config_files import EXAMPLE
@@ -341,4 +343,33 @@ def test_raters_turn_two_figures_and_answer_the_list_beside_them(
         began_ns = moves.loc[moves["what"] == name, "t_ns"]
         assert len(began_ns) >= row["live_rounds"]
         assert began_ns.between(row["live_on_ns"], row["live_off_ns"]).all()
+    assert not problems
+
+
+def test_figures_are_drawn_from_files_alone_and_the_results_are_taken(
+    tmp_path: Path, browser: Any
+) -> None:
+    host = Host(tmp_path, WATCHED)
+    page = browser.new_context(
+        accept_downloads=True, viewport={"width": 360, "height": 560}
+    ).new_page()
+    problems: list[str] = []
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    with served_files(host.exported(places=1)) as address:
+        page.goto(address)
+        page.locator("#main button").click(timeout=PATIENCE_S * 1000)  # what the block is about
+        for trial in range(2):
+            page.wait_for_selector("fieldset input:not([disabled])", timeout=PATIENCE_S * 1000)
+            for i in range(2):
+                page.locator("fieldset").nth(i).locator("input").nth(trial + i).click()
+            page.locator("#main button:not(.quiet)").click()
+            page.wait_for_selector("input:checked", state="detached", timeout=PATIENCE_S * 1000)
+        page.wait_for_selector("#main a[download]", timeout=PATIENCE_S * 1000)
+        results = saved(page, host)
+    _, recording = recorded(host, results)
+    rows = recording.trials()
+    assert list(rows["status"]) == ["complete"] * 2
+    assert [list(rows[name]) for name in ("lively", "heavy")] == [[1, 2], [2, 3]]
+    assert (rows["live_rounds"] >= 2).all()
+    assert {"camera", "round", "round_beside"} == set(moves_of(recording)["what"])
     assert not problems
