@@ -192,7 +192,7 @@ def test_power_simulates_agreement(tmp_path: Path) -> None:
     path = tmp_path / "liked.py"
     path.write_text(STUDY, encoding="utf-8")
     power = KitPower(str(path), tracker_of, quick_study)
-    assert 3 == len(power.tests)  # and that anything is found
+    assert 4 == len(power.tests)  # and that a primary claim, and that anything is found
     with_effect, without = (
         power.simulate([8], list(power.tests), effect=effect, seed=3, alpha=0.05)[8]
         for effect in (1.0, 0.0)
