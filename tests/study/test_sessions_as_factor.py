@@ -43,7 +43,7 @@ def trial(t):
 
 @study.answer
 def answer(seen, response, rng):
-    return round(3 + 2 * (seen.session == "after") + 0.5 * rng.standard_normal())
+    return round(3 + 2 * (seen.visit == 2) + 0.5 * rng.standard_normal())
 """
 
 

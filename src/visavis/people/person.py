@@ -84,7 +84,7 @@ class StudyPerson(Observer):
     """An `Observer` who also answers: by ray and trigger on boards, by keys, in words.
 
     `words` maps the text of a board to the response that it asks for. `visit` counts the sessions
-    of a person, of which this one is called `session`: leanings stay, chance does not.
+    of a person: leanings stay, chance does not.
     """
 
     _panel_text: str
@@ -104,13 +104,12 @@ class StudyPerson(Observer):
         answer_of: AnswerOf | None = None,
         population: Population = DEFAULT_POPULATION,
         visit: int = 1,
-        session: str = "",
     ) -> None:
         self._responses = responses
         self._answer_of = answer_of or neutral_answer
         of_person = (seed - SEED_STEP * (visit - 1), index)
         self._leaning = float(generator(of_person, _LEANING_STREAM).standard_normal())
-        self._session = session
+        self._visit = visit
         self._board_controls: tuple[str, ...] = ()
         self._forget()
         super().__init__(index, seed, effect, population=population)
@@ -376,7 +375,7 @@ class StudyPerson(Observer):
             self._live,
             self._caption,
             self._figures,
-            self._session,
+            self._visit,
         )
 
     def _reply_to(self, response: Response) -> str | None:

@@ -330,7 +330,6 @@ class OpenedStudy:
             responses=study_experiment.words,
             answer_of=self.study.simulated.answer_of,
             visit=study_experiment.session if study_experiment.session_name else 1,
-            session=study_experiment.session_name,
         )
 
     def judge_validation(

@@ -56,9 +56,9 @@ class Seen:
     """What stands above it."""
     figures: "LiveScene | None" = None
     """The live figures that are watched."""
-    session: str = ""
-    """Which of a person's sessions this is, where the study names them; what lies between two of
-    them happened to the person, not to what is shown."""
+    visit: int = 1
+    """Which session of this person it is, counted from 1: what lies between two sessions happened
+    to the person, not to what is shown. Nobody tells people what a study calls a session."""
 
     @property
     def stimuli(self) -> tuple[Flat, ...]:
