@@ -7,6 +7,7 @@ study = Study(
     "heard",
     "Films that are heard",
     factors=[Factor("motion", ["idle"])],
+    repetitions=2,
     parameters={"clip_s": 2.0, "from_s": 2.5, "speaker": "active"},
     on="browser",
     uses=(),

@@ -276,6 +276,7 @@ def rename_levels(study: Study) -> Study:
         ranges={k: v for k, v in study.design.ranges.items() if k not in new},
         prepare_of=None,  # it would only save time
         compare=(),
+        primary=(),
         sections=[],
     )
 

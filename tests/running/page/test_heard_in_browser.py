@@ -101,7 +101,8 @@ def wavs_in(content: Any) -> Iterator[str]:
 def test_a_film_is_heard_from_its_first_picture_on_and_its_sound_is_the_speech(
     server: Server, browser: Any
 ) -> None:
-    address = server.start("run", str(STUDY), "--participant", "1", "--on", "browser")
+    once = ("--set", "repetitions=1")
+    address = server.start("run", str(STUDY), "--participant", "1", "--on", "browser", *once)
     page = browser.new_context().new_page()
     page.add_init_script(TAP)
     responses: list[Any] = []
