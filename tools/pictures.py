@@ -95,6 +95,12 @@ PICTURES: Final[Mapping[str, Recipe | FilmRecipe | DeskRecipe | ByHand]] = {
     "film_and_page.jpg": ByHand("`python -m benchmarks.live_figure --out FOLDER`"),
     "moulding_page.jpg": ByHand("the study of docs/moulding.md in Chromium, its slider moved"),
     "moulding_monitor.jpg": ByHand("the same study before a monitor (`display.show: screen`)"),
+    "viewer_together.jpg": ByHand(
+        "`visavis view STUDY --trial T02 --participants all` of three people in Chromium, keys F, N"
+    ),
+    "gestures_heard.jpg": ByHand(
+        "a picture of every half second of gestures_heard.webm, above its sound's spectrogram"
+    ),
     "matching_page.jpg": ByHand("`visavis run matching --devices sim` in Chromium, an adjustment"),
     "matching_survival.png": ByHand("figure `survival` of `visavis simulate matching`"),
     "adjectives_dendrogram.png": ByHand("figure `dendrogram` of `visavis simulate adjectives`"),
@@ -103,13 +109,13 @@ PICTURES: Final[Mapping[str, Recipe | FilmRecipe | DeskRecipe | ByHand]] = {
     "valid_waving.jpg": ByHand("`visavis preview waving` with VALID figures (`cast:`)"),
 }
 """Every picture in docs/pictures by its name."""
-PLACES: Final[Mapping[str, FilmRecipe]] = {
+PLACES: Final[Mapping[str, FilmRecipe | ByHand]] = {
     "interpolation/interpolation_place.jpg": FilmRecipe("interpolation", 4),
     "hybrid/hybrid_place.jpg": FilmRecipe("hybrid", 0),
     "gestures/gestures_place.jpg": FilmRecipe("gestures", 0),
     "gestures/gesture_pairs_place.jpg": FilmRecipe("gestures", 0),
     "cameras/cameras_place.jpg": FilmRecipe("cameras", 0, (0.2, 0.8), 240),
-    "adjectives/adjectives_place.jpg": FilmRecipe("adjectives", 3),
+    "adjectives/adjectives_place.jpg": ByHand("two live figures of `adjectives` at three moments"),
 }
 """What reports of studies of films show as the place (`results.report.opening`)."""
 
@@ -145,11 +151,12 @@ def make(name: str, shop: Workshop, folder: Path = FOLDER) -> Path | None:
     Raises:
         UsageError: a command failed, or wrote no such file; or the picture stays too large.
     """
-    if name in PLACES:
+    place = PLACES.get(name)
+    if isinstance(place, FilmRecipe):
         path = ROOT / "experiments" / name
-        save(_at_most(_moments(PLACES[name]), PLACE_PX), path)
+        save(_at_most(_moments(place), PLACE_PX), path)
         return path
-    recipe = PICTURES[name]
+    recipe = place or PICTURES[name]
     match recipe:
         case ByHand():
             return None

@@ -70,7 +70,7 @@ def test_before_a_headset_the_same_sound_comes_from_the_speakers_head(tmp_path: 
     frame_ns = 50_000_000
     assert 0 <= row["film_sound_on_ns"] - row["film_on_ns"] < frame_ns
     assert 0 <= row["film2_sound_on_ns"] - row["film2_on_ns"] < frame_ns
-    alone, of_pair = recording.events_named("sound", 1)["payload"]
+    alone, of_pair = recording.events_named("sound", 1)["payload"][:2]
     assert alone["sound_sha256"] == of_pair["sound_sha256"]
     assert alone["seconds"] == 2.0
     assert 1.4 < alone["y_m"] < 1.8

@@ -16,13 +16,19 @@ SHOWN = re.compile(r"!\[[^\]]+\]\([^)]*pictures/([^)]+)\)")
 """A picture with words for those who do not see it."""
 
 
+FILMS = frozenset({"gestures_heard.webm"})
+"""Films stand beside pictures; a page links to them, and a reader asks for one."""
+MAX_FILM_BYTES = 400_000
+
+
 def test_the_command_knows_every_picture() -> None:
-    assert sorted(PICTURES) == sorted(path.name for path in FOLDER.iterdir())
+    assert sorted({*PICTURES, *FILMS}) == sorted(path.name for path in FOLDER.iterdir())
 
 
 def test_every_picture_is_small_enough_for_a_page() -> None:
-    sizes = {path.name: path.stat().st_size for path in FOLDER.iterdir()}
-    assert {} == {name: size for name, size in sizes.items() if size > MAX_BYTES}
+    for path in FOLDER.iterdir():
+        limit = MAX_FILM_BYTES if path.name in FILMS else MAX_BYTES
+        assert path.stat().st_size <= limit, path.name
 
 
 def test_every_picture_is_shown_on_some_page() -> None:
