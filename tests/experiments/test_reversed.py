@@ -54,6 +54,7 @@ def table_of(
                 "is_practice": False,
                 "status": "complete",
                 "reason": None,
+                "flags": "",
                 "t_start_ns": len(rows),
                 **trial.factors,
             }
