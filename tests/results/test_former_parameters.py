@@ -12,7 +12,7 @@ from visavis.results.opened_study import find_study
 
 
 def recorded_with(**parameters: Any) -> Recording:
-    manifest = SimpleNamespace(plan={"parameters": parameters})
+    manifest = SimpleNamespace(plan={"parameters": parameters}, session=1)
     return cast(Recording, SimpleNamespace(path=Path("sub-S01/ses-001"), manifest=manifest))
 
 

@@ -22,7 +22,7 @@ from visavis.cli.main import app
 from visavis.lab.clock import StopWatch
 from visavis.recording.reader import Recording
 from visavis.running.new_study import write_examples
-from visavis.running.page.desk import RESTART_FLAG
+from visavis.running.page.earlier_parts import RESTART_FLAG
 from visavis.stimuli.flat import Grating
 from visavis.stimuli.flat_pixels import pixels_of
 
