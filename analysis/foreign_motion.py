@@ -80,7 +80,7 @@ def read_bids_motion(path: Path) -> ForeignMotion:
         raise UsageError(f"{path} is no BIDS motion; give a file that ends in {ENDING}")
     channels = _channels(path)
     names = [f"{name}/{k}" for k, name in enumerate(channels.column("name"))]
-    table = read_text_table(path, delimiter="\t", names=names)
+    table = read_text_table(path, delimiter="\t", names=names, decimal=".")
     sidecar = sidecar_of(path)
     frames = sidecar_of(path, "channels").get("reference_frame", {}).get("Levels", {})
     kinds = [cell.strip().upper() for cell in channels.column("type")]
@@ -106,7 +106,7 @@ def _channels(path: Path) -> TextTable:
     file = path.with_name(path.name.removesuffix(ENDING) + "_channels.tsv")
     if not file.is_file():
         raise DataError(f"{path}: {file.name} is not beside it; BIDS motion needs its channels")
-    channels = read_text_table(file, delimiter="\t")
+    channels = read_text_table(file, delimiter="\t", decimal=".")
     for name in ("name", "component", "type", "tracked_point", "units"):
         channels.column(name)
     return channels

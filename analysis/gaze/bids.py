@@ -242,9 +242,8 @@ def _read_rows(path: Path, sidecar: Mapping[str, Any]) -> TextTable:
         text, _ = decode_text(read_packed(path))
     except (OSError, ValueError) as error:
         raise DataError(f"{path}: not a whole gzip text ({error}); copy it again") from error
-    return read_text_table(
-        path, delimiter="\t", text=text, names=[str(c) for c in sidecar["Columns"]]
-    )
+    names = [str(c) for c in sidecar["Columns"]]
+    return read_text_table(path, delimiter="\t", text=text, names=names, decimal=".")
 
 
 def _time_unit(path: Path, sidecar: Mapping[str, Any]) -> str:

@@ -194,11 +194,13 @@ def read_text_table(
     delimiter: str | None,
     text: str | None = None,
     names: Sequence[str] | None = None,
+    decimal: str = "",
 ) -> TextTable:
     """Read all cells as text; empty lines are passed over, a last line that is cut is left out.
 
     `delimiter` None is found in the header. `text` is the content where the file itself is packed;
-    `names` stands for a header line the file lacks. Raises UsageError when the file is not there,
+    `names` stands for a header line the file lacks, `decimal` is the sign that a format asks for,
+    which holds where the file itself shows none. Raises UsageError when the file is not there,
     DataError when it is not text, ragged, names a column twice, or holds no row of data.
     """
     remarks: tuple[str, ...] = ()
@@ -212,8 +214,9 @@ def read_text_table(
     read = read_rows(text, what=str(path), delimiter=delimiter, names=names)
     columns = zip(*read.rows, strict=True) if read.rows else iter(() for _ in read.names)
     cells = dict(zip(read.names, columns, strict=True))
-    decimal = "" if read.delimiter == "," else file_decimal(cells)
-    return TextTable(path, cells, read.lines, (*remarks, *read.remarks), read.delimiter, decimal)
+    shown = "" if read.delimiter == "," else file_decimal(cells)
+    remarks = (*remarks, *read.remarks)
+    return TextTable(path, cells, read.lines, remarks, read.delimiter, shown or decimal)
 
 
 def plain_value(text: str) -> str:

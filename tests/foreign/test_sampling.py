@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from visavis.lab.sampling import gaps_beyond, sampling_of, step_ns_of, time_returns
@@ -56,6 +56,7 @@ def test_a_host_that_stamps_by_ticks_loses_nothing_but_what_is_lost(
 
 
 @settings(max_examples=30, deadline=None)
+@example(rate_hz=50, packet=26, lost=2, seed=0)  # losses of more than a second
 @given(
     rate_hz=st.sampled_from([50, 100, 250, 500]),
     packet=st.integers(2, 40),

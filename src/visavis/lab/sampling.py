@@ -181,6 +181,9 @@ def _pattern(t_ns: Times) -> _Pattern:
     steps = np.diff(t_ns)
     median_ns = int(np.median(steps))
     holes = steps > max(HOLE_S * NS_PER_S, HOLE_PERIODS * median_ns)
+    between_packets = steps[(2 * steps > 3 * median_ns) & ~holes]
+    if len(between_packets) >= FEW_HOLES:  # a lost packet is no pause
+        holes &= steps > HOLE_PACKETS * np.median(between_packets)
     n_holes = int(holes.sum())
     if 0 < n_holes and (n_holes < FEW_HOLES or len(t_ns) > MAX_PACKET_ROWS * n_holes):
         # Pauses say nothing of the period: the stamps are looked at as if there had been none.
