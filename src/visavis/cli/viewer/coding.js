@@ -7,7 +7,7 @@ class Coding {
     this.viewer = viewer;
     const h = viewer.content.header;
     this.header = h;
-    this.key = `visavis coding ${h.study} ${h.participant} ${h.session} ${h.created}`;
+    this.key = `visavis.coding ${h.study} ${h.participant} ${h.session} ${h.created}`;
     this.spans = []; this.open = null;
     $('coding-box').hidden = viewer.sessions.length > 1; // a span belongs to one session
     const stored = this.stored();
