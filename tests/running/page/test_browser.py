@@ -123,7 +123,11 @@ def step_on(page: Any, words: str = "") -> None:
     # The button first: once the page has gone on, it is nobody's, and a click on it fails.
     button = page.query_selector("#main button:not([disabled]):not(.quiet)")
     if button and not (words and words in state_of(page)["text"]):
-        button.click(timeout=2000)
+        try:
+            button.click(timeout=2000)
+        except Exception as gone:  # of playwright, which need not be installed
+            if "not attached" not in str(gone):
+                raise  # else the page went on by itself meanwhile
 
 
 def until(page: Any, words: str, *, steps: bool = True) -> None:
