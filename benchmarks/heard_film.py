@@ -40,7 +40,7 @@ MIN_LOUDER_DB = 10.0
 
 
 @dataclass
-class Found:
+class FilmSound:
     """What a film was found to hold."""
 
     pictures: int
@@ -81,17 +81,18 @@ def loudness_db(sound: Vector) -> Vector:
     return np.asarray(10 * np.log10((blocks**2).mean(axis=1) + 1e-10))
 
 
-def measured(path: Path) -> Found:
+def measure(path: Path) -> FilmSound:
     """Return what is found in a film of the speech's first part."""
     pictures, times, sound = decoded(path)
     seconds = len(pictures) * float(times[-1]) / (len(pictures) - 1)
     speech = speech_of(speech_file())
-    said = part_of(speech.sound, 0.0, seconds).at_rate(RATE_HZ).samples[:, 0].astype(np.float64)
-    product = correlate(sound, said, mode="full", method="fft")
-    late = int(np.argmax(product)) - (len(said) - 1)
+    first_part = part_of(speech.sound, 0.0, seconds).at_rate(RATE_HZ)
+    speech_samples = first_part.samples[:, 0].astype(np.float64)
+    product = correlate(sound, speech_samples, mode="full", method="fft")
+    late = int(np.argmax(product)) - (len(speech_samples) - 1)
     own = sound[max(late, 0) :]
-    count = min(len(own), len(said))
-    alike = float(np.corrcoef(own[:count], said[max(-late, 0) :][:count])[0, 1])
+    count = min(len(own), len(speech_samples))
+    alike = float(np.corrcoef(own[:count], speech_samples[max(-late, 0) :][:count])[0, 1])
     level = loudness_db(sound)
     at_s = (np.arange(len(level)) + 0.5) * STEP_S
     words = words_within(speech.words, seconds)
@@ -100,7 +101,7 @@ def measured(path: Path) -> Found:
     louder_db = 10 * np.log10(power[in_word].mean() / power[~in_word].mean())
     jaw = np.array([mouth().at(t)[0] for t in at_s])
     together = float(np.corrcoef(jaw, np.maximum(level, -60.0))[0, 1])
-    return Found(
+    return FilmSound(
         len(pictures),
         seconds,
         1000 * late / RATE_HZ,
@@ -150,18 +151,18 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--sheet", type=Path, help="draw a contact sheet with the spectrogram")
     parser.add_argument("--json", action="store_true", help="print JSON")
     options = parser.parse_args(arguments)
-    found = measured(options.film)
+    film_sound = measure(options.film)
     if options.sheet:
         draw_sheet(options.sheet, options.film)
     if options.json:
-        print(json.dumps(asdict(found), indent=2))
-        return not found.is_well
-    print(f"{found.pictures} pictures in {found.seconds:.2f} s, {found.words} words")
-    print(f"sound late by {found.late_ms:.1f} ms (limit half a picture)")
-    print(f"alike the recording {found.alike:.3f} (limit {MIN_ALIKE:g})")
-    print(f"louder in words by {found.louder_in_words_db:.1f} dB (limit {MIN_LOUDER_DB:g})")
-    print(f"mouth opens with loudness, correlation {found.mouth_with_loudness:.2f}")
-    return not found.is_well
+        print(json.dumps(asdict(film_sound), indent=2))
+        return not film_sound.is_well
+    print(f"{film_sound.pictures} pictures in {film_sound.seconds:.2f} s, {film_sound.words} words")
+    print(f"sound late by {film_sound.late_ms:.1f} ms (limit half a picture)")
+    print(f"alike the recording {film_sound.alike:.3f} (limit {MIN_ALIKE:g})")
+    print(f"louder in words by {film_sound.louder_in_words_db:.1f} dB (limit {MIN_LOUDER_DB:g})")
+    print(f"mouth opens with loudness, correlation {film_sound.mouth_with_loudness:.2f}")
+    return not film_sound.is_well
 
 
 if __name__ == "__main__":

@@ -210,16 +210,16 @@ def _without_pauses(recording: GazeRecording, pauses: Pauses) -> GazeRecording:
         has_gaze |= np.isfinite(eye.direction).all(axis=1)
     for begin_ns, end_ns in edges_ns:
         fills |= (recording.t_ns >= begin_ns) & (recording.t_ns < end_ns) & ~has_gaze
-    kept = rows_of(recording, np.flatnonzero(~fills)) if fills.any() else recording
+    own = rows_of(recording, np.flatnonzero(~fills)) if fills.any() else recording
     # No row lies in the middle of a pause; at its edges stamps are rounded.
-    first = np.searchsorted(kept.t_ns, [(a + b) // 2 for a, b in edges_ns])
-    resumed_ns = tuple(int(kept.t_ns[row]) for row in first if 0 < row < len(kept))
+    first = np.searchsorted(own.t_ns, [(a + b) // 2 for a, b in edges_ns])
+    resumed_ns = tuple(int(own.t_ns[row]) for row in first if 0 < row < len(own))
     if not resumed_ns:
-        return kept
+        return own
     what = f"the recorder was paused {len(resumed_ns)} times; pauses are no loss"
     if fills.any():
         what += f", and {int(fills.sum())} rows that fill them were left out"
-    return replace(kept, resumed_ns=resumed_ns, remarks=(*kept.remarks, what))
+    return replace(own, resumed_ns=resumed_ns, remarks=(*own.remarks, what))
 
 
 def _read_sidecar(path: Path) -> dict[str, Any]:

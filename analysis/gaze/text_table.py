@@ -214,9 +214,9 @@ def read_text_table(
     read = read_rows(text, what=str(path), delimiter=delimiter, names=names)
     columns = zip(*read.rows, strict=True) if read.rows else iter(() for _ in read.names)
     cells = dict(zip(read.names, columns, strict=True))
-    shown = "" if read.delimiter == "," else file_decimal(cells)
+    decimal_in_file = "" if read.delimiter == "," else file_decimal(cells)
     remarks = (*remarks, *read.remarks)
-    return TextTable(path, cells, read.lines, remarks, read.delimiter, shown or decimal)
+    return TextTable(path, cells, read.lines, remarks, read.delimiter, decimal_in_file or decimal)
 
 
 def plain_value(text: str) -> str:

@@ -40,15 +40,15 @@ class FixationScore:
 
 def score(recordings: Sequence[Recording], params: MovementParameters) -> FixationScore:
     """Return how fixations agree with all labellings of some recordings together."""
-    labelled = found = pairs = 0
+    labels = detections = pairs = 0
     for recording in recordings:
         movement = detect_movements(recording.t_ns, recording.direction, params).movement
         runs = runs_of(movement == Movement.FIXATION)
         for labelling in recording.by.values():
-            labelled += len(labelling.fixations)
-            found += len(runs)
+            labels += len(labelling.fixations)
+            detections += len(runs)
             pairs += matched(labelling.fixations, runs)
-    return FixationScore(2 * pairs / (labelled + found), found / labelled)
+    return FixationScore(2 * pairs / (labels + detections), detections / labels)
 
 
 def rows_of(folder: Path) -> Iterator[str]:
@@ -56,8 +56,9 @@ def rows_of(folder: Path) -> Iterator[str]:
     for name, read in SETS.items():
         recordings = [r for r in read(folder) if not is_tuned_on(name, r)]
         for change, params in CHANGES.items() if recordings else ():
-            found = score(recordings, params)
-            yield f"{name:14} {change:20} F1 {found.f1:.3f}  {found.count_ratio:.2f} found for each"
+            agreement = score(recordings, params)
+            share = f"{agreement.count_ratio:.2f} found for each"
+            yield f"{name:14} {change:20} F1 {agreement.f1:.3f}  {share}"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

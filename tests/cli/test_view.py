@@ -2,7 +2,6 @@
 
 import base64
 import json
-import shutil
 import stat
 import zlib
 from collections import Counter
@@ -16,6 +15,7 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+from tests.cli.viewer_tab import CHROMIUM, viewer_tab
 from tests.sessions import opened, perform
 from visavis.analysis.gaze.aoi import LOST
 from visavis.analysis.gaze.looks import measure_trial
@@ -40,9 +40,6 @@ from visavis.stage.errors import StageError
 from visavis.stage.renderer import LIGHTEST, Renderer
 from visavis.stimuli.characters.cast import load_character
 from visavis.stimuli.dressing.casting import default_casting
-
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-
 
 ROOM_KEPT = """() => {
     const gl = viewer.drawing.gl, d = viewer.drawing;
@@ -296,21 +293,10 @@ def test_trials_that_do_not_fit_into_a_page_are_loaded_from_beside_it(
 @pytest.fixture(scope="module")
 def tab(page: Path) -> Iterator[Any]:
     """The page in a real browser, at a moment of its first trial."""
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    if CHROMIUM is None:
-        pytest.skip("there is no chromium; apt install chromium")
-    with playwright.sync_playwright() as driver:
-        flags = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=flags)
-        window = browser.new_page(viewport={"width": 1000, "height": 700})
-        problems: list[str] = []
-        window.on("pageerror", lambda error: problems.append(str(error)))
-        window.goto(page.as_uri())
-        window.wait_for_selector("body[data-ready]", timeout=60_000)
+    with viewer_tab(page, 1000, 700) as (window, problems):
         window.evaluate("viewer.seek(viewer.header.trials.at(-1).t0 + 0.5)")
         window.wait_for_function("viewer.panelTrial?.startsWith('T04')", timeout=60_000)
         yield window
-        browser.close()
     assert [] == problems
 
 

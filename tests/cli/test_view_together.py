@@ -1,6 +1,5 @@
 """One trial of several participants on one page: what is in it, and a browser that opens it."""
 
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from tests.cli.test_view import header_of
+from tests.cli.viewer_tab import viewer_tab
 from tests.sessions import opened, perform
 from visavis.analysis.gaze.aoi import LOST
 from visavis.analysis.gaze.looks import measure_trial
@@ -19,7 +19,6 @@ from visavis.recording.cached import CachedRecording
 from visavis.recording.folder import study_dir
 from visavis.running.sessions.study_folder import settle, wanted_settings
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 RING = """k => { viewer.pick(-1); viewer.setCamera('eyes'); viewer.draw();
     const ring = viewer.rings.find(r => r.k === k); viewer.click(ring.x, ring.y);
     return [viewer.picked, viewer.seen.length, viewer.header.participant]; }"""
@@ -49,17 +48,7 @@ def page(folder: Path) -> Path:
 @pytest.fixture(scope="module")
 def tab(page: Path) -> Iterator[Any]:
     """The page in a real browser, in the middle of the trial."""
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    if CHROMIUM is None:
-        pytest.skip("there is no chromium; apt install chromium")
-    with playwright.sync_playwright() as driver:
-        flags = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=flags)
-        window = browser.new_page(viewport={"width": 1000, "height": 700})
-        problems: list[str] = []
-        window.on("pageerror", lambda error: problems.append(str(error)))
-        window.goto(page.as_uri())
-        window.wait_for_selector("body[data-ready]", timeout=60_000)
+    with viewer_tab(page, 1000, 700) as (window, problems):
         window.evaluate(
             """() => { const both = t => viewer.sessions.every(s => { const g =
             s.streams.gazeAt(t); return g && g.valid && !Number.isNaN(g.far); });
@@ -67,7 +56,6 @@ def tab(page: Path) -> Iterator[Any]:
             viewer.seek(t); }"""
         )
         yield window
-        browser.close()
     assert [] == problems
 
 

@@ -16,7 +16,7 @@ from visavis.recording.reader import Recording
 from visavis.study.measures import Measure, TrialRecord
 
 RESPONSES: Final = "responses"
-LONGEST_S: Final = 60.0
+MAX_HELD_S: Final = 60.0
 """A key is looked for so long after it was pressed."""
 FRAME_MS: Final = 50.0
 """A board takes a press up to so long after it was heard."""
@@ -64,7 +64,7 @@ def _answered(
 def _held_ms(record: TrialRecord, answered_ns: int) -> float | None:
     """Return how long a button was held; None where its press or its release is not certain."""
     earliest_ns = answered_ns - round(FRAME_MS * NS_PER_MS)
-    rows = record.stream(RESPONSES, earliest_ns, answered_ns + round(LONGEST_S * NS_PER_S))
+    rows = record.stream(RESPONSES, earliest_ns, answered_ns + round(MAX_HELD_S * NS_PER_S))
     t_ns, control, level = rows["t_host_ns"], rows["control"], rows["value_01"]
     pressed = np.flatnonzero((t_ns <= answered_ns) & (level > 0.5))
     exact = pressed[t_ns[pressed] == answered_ns]

@@ -31,7 +31,7 @@ ITEM_STREAM: Final = 0x17E
 TRIES: Final = 300
 """How often an order is begun anew that its limits led nowhere."""
 MAX_ROWS: Final = 20_000
-MOST_PROBLEMS: Final = 8
+MAX_PROBLEMS: Final = 8
 PICTURES: Final = (".png", ".jpg", ".jpeg", ".gif", ".bmp", ".webp", ".tif", ".tiff")
 NUMBER: Final = re.compile(r"[+-]?(0|[1-9]\d*)(\.\d+)?")
 
@@ -87,9 +87,9 @@ def read_items(items: Items, folder: Path, factors: Sequence[Factor]) -> ItemTab
     problems = [*_of_columns(items, table, factors), *_of_rows(items, table, factors)]
     problems = problems or list(_of_pictures(items, table, folder))
     if problems:
-        more = len(problems) - MOST_PROBLEMS
-        shown = [*problems[:MOST_PROBLEMS], *([f"and {more} more"] if more > 0 else [])]
-        raise DesignError("\n  ".join([f"{table.file}: {shown[0]}", *shown[1:]]))
+        more = len(problems) - MAX_PROBLEMS
+        lines = [*problems[:MAX_PROBLEMS], *([f"and {more} more"] if more > 0 else [])]
+        raise DesignError("\n  ".join([f"{table.file}: {lines[0]}", *lines[1:]]))
     return table
 
 

@@ -146,14 +146,16 @@ class Sequence:
         heard from the part `since` on (None: from that one).
         """
         timed = max(k for k, part in enumerate(self.parts) if part.name)
-        asked = {
-            "options": list(map(str, keys.options)),
-            "limit_s": keys.limit_s,
-            "from": timed,
-            "since": timed if since is None else since,
-            "question": keys.name,
-        } if keys is not None else None  # fmt: skip
-        return PageStep("show", {"parts": [part.content for part in self.parts], "keys": asked})
+        content: dict[str, Any] = {"parts": [part.content for part in self.parts], "keys": None}
+        if keys is not None:
+            content["keys"] = {
+                "options": list(map(str, keys.options)),
+                "limit_s": keys.limit_s,
+                "from": timed,
+                "since": timed if since is None else since,
+                "question": keys.name,
+            }
+        return PageStep("show", content)
 
 
 def colour_on_page(colour: Any) -> str:
