@@ -84,7 +84,7 @@ def test_stroop_runs_on_a_page_through_a_killed_server_to_its_report(
     cross_ms = (whole["stimulus_off_ns"] - whole["stimulus_on_ns"]) / 1e6
     assert (abs(cross_ms - 500) <= FRAME_MS).all()
     assert (rows["stimulus2_on_ns"] == rows["stimulus_off_ns"]).all()
-    assert (rows["answer_ms"] > 0).all()
+    assert (rows["answer_ms"] >= 0).all()  # the test presses without looking, to a tenth of a ms
     answers = rows["answer"].dropna()  # a busy processor may miss the two seconds
     assert len(answers) > 4
     assert set(answers) <= {"r", "g", "b"}
