@@ -1,0 +1,368 @@
+"""Read the areas of interest of a picture: YAML, CSV of corners, SVG, or a painted PNG."""
+
+import csv
+import io
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final
+from xml.etree import ElementTree
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.lab.errors import ConfigError, DesignError
+from visavis.lab.plain_files import read_plain
+from visavis.lab.yaml_lines import did_you_mean, read_document
+from visavis.stimuli.areas import Area, pack_runs
+from visavis.stimuli.flat import COLOURS, rgb_of
+from visavis.stimuli.flat_pixels import read_picture
+
+SUFFIXES: Final = (".yaml", ".yml", ".csv", ".svg", ".png")
+FORMS: Final = ("polygon", "rectangle", "ellipse", "mask")
+PER_AREA: Final = (*FORMS, "colour", "salience", "turn_deg")
+COLOUR_NAMES: Final = {rgb: name for name, rgb in reversed(COLOURS.items()) if name != "gray"}
+NUMBER: Final = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+MAX_BYTES: Final = 16 * 1024 * 1024
+OPAQUE: Final = 128
+
+
+def read_areas(path: Path, size_px: tuple[int, int]) -> tuple[Area, ...]:
+    """Return the areas of a picture of so many pixels, in the order of their file.
+
+    Raises:
+        DesignError: the file cannot be read, has none, or one is not possible, with its line.
+    """
+    modified_ns = path.stat().st_mtime_ns if path.is_file() else 0
+    return _read(path, modified_ns, size_px)
+
+
+@lru_cache(maxsize=512)
+def _read(path: Path, modified_ns: int, size_px: tuple[int, int]) -> tuple[Area, ...]:
+    if not path.is_file():
+        near = did_you_mean(path.name, (p.name for p in path.parent.glob("*.*")))
+        near = near if near.startswith("; did") else "; put it beside the study's file"
+        raise DesignError(f"there is no file of areas {path}{near}")
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise DesignError(f"{path}: areas are read from {', '.join(SUFFIXES)}")
+    if suffix == ".png":
+        placed = list(_painted(path, size_px))
+    else:
+        read = {".csv": _of_csv, ".svg": _of_svg}.get(suffix, _of_yaml)
+        placed = list(read(path, size_px))
+    if not placed:
+        raise DesignError(f"{path} has no areas; describe or paint one at least")
+    first_at: dict[str, str] = {}
+    for where, area in placed:
+        _check(where, area, size_px)
+        if area.name in first_at:
+            raise DesignError(f"{where}: there are two areas {area.name!r}; name one otherwise")
+        first_at[area.name] = where
+    return tuple(area for _, area in placed)
+
+
+def _check(where: str, area: Area, size_px: tuple[int, int]) -> None:
+    """Refuse an area with a name, form or place that is not possible."""
+    if not area.name.isidentifier():
+        raise DesignError(
+            f"{where}: an area is called {area.name!r}; columns bear its name: give letters, "
+            "digits and _"
+        )
+    if area.salience is not None and not 0 < area.salience < np.inf:
+        raise DesignError(f"{where}: the salience of {area.name} is {area.salience}; above 0")
+    if area.pixels:
+        return
+    corners = area.corners()
+    if not np.isfinite(corners).all():
+        raise DesignError(f"{where}: a corner of {area.name} is no number")
+    if area.ellipse is None and len(corners) < 3:
+        raise DesignError(
+            f"{where}: area {area.name} has {len(corners)} corners; it takes three at least"
+        )
+    crossing = None if area.ellipse else _crossing(corners)
+    if crossing is not None:
+        raise DesignError(
+            f"{where}: the outline of area {area.name} crosses itself between corners "
+            f"{crossing[0] + 1} and {crossing[1] + 1}; give its corners in order"
+        )
+    if not area.size_px2() > 0 or (area.ellipse and min(area.ellipse[2:4]) < 0):
+        raise DesignError(f"{where}: area {area.name} is empty: its corners lie on one line")
+    beyond = (corners < -1e-6) | (corners > np.array(size_px) + 1e-6)
+    if beyond.any():
+        x, y = corners[beyond.any(axis=1)][0]
+        raise DesignError(
+            f"{where}: area {area.name} reaches to ({x:g}, {y:g}), outside its picture of "
+            f"{size_px[0]} × {size_px[1]} pixels"
+        )
+
+
+def _crossing(corners: npt.NDArray[np.float64]) -> tuple[int, int] | None:
+    """Return two edges of an outline that cross; None without any."""
+    ends = np.roll(corners, -1, axis=0)
+    n = len(corners)
+
+    def side(a: Any, b: Any, c: Any) -> Any:
+        return np.sign(
+            (b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1])
+            - (b[..., 1] - a[..., 1]) * (c[..., 0] - a[..., 0])
+        )
+
+    for i in range(n - 2):
+        others = np.arange(i + 2, n - (i == 0))
+        a, b = corners[i], ends[i]
+        c, d = corners[others], ends[others]
+        crosses = (side(a, b, c) * side(a, b, d) < 0) & (side(c, d, a) * side(c, d, b) < 0)
+        if crosses.any():
+            return i, int(others[crosses.argmax()])
+    return None
+
+
+def _of_yaml(path: Path, size_px: tuple[int, int]) -> Iterator[tuple[str, Area]]:
+    try:
+        document = read_document(path)
+    except ConfigError as error:
+        raise DesignError(str(error)) from error
+    if document.problems:
+        problem = document.problems[0]
+        raise DesignError(f"{path}, line {problem.line}: {problem.key}: {problem.message}")
+    data = document.data or {}
+    if not isinstance(data, dict):
+        raise DesignError(f"{path}: write NAME: {{polygon: [[x, y], …]}} for each area")
+    for name, of in data.items():
+        where = f"{path}, line {document.line_of((str(name),))}"
+        if not isinstance(of, dict):
+            raise DesignError(f"{where}: area {name}: write {{polygon: [[x, y], …]}} or the like")
+        for key in of:
+            if key not in PER_AREA:
+                raise DesignError(f"{where}: area {name}: {key!r}{did_you_mean(key, PER_AREA)}")
+        given = [form for form in FORMS if form in of]
+        if len(given) != 1:
+            raise DesignError(f"{where}: area {name}: give one of {', '.join(FORMS)}")
+        yield where, _area_of(where, path, str(name), of, size_px)
+
+
+def _area_of(
+    where: str, path: Path, name: str, of: dict[str, Any], size_px: tuple[int, int]
+) -> Area:
+    salience = of.get("salience")
+    try:
+        if "mask" in of:
+            picture = path.parent / str(of["mask"])
+            colour = rgb_of(of.get("colour", ""))
+            labels = _mask(picture, size_px)
+            is_inside = (labels[..., :3] == colour).all(axis=-1) & (labels[..., 3] >= OPAQUE)
+            if not is_inside.any():
+                raise DesignError(
+                    f"{where}: no pixel of {picture.name} has the colour {of['colour']!r} of area "
+                    f"{name}; there are {', '.join(_colours_of(labels)) or 'none'}"
+                )
+            return Area(name, pixels=pack_runs(is_inside), salience=salience)
+        if "ellipse" in of:
+            x, y, wide, high = map(float, of["ellipse"])
+            turn = float(of.get("turn_deg", 0.0))
+            return Area(name, ellipse=(x, y, wide, high, turn), salience=salience)
+        if "rectangle" in of:
+            left, top, wide, high = map(float, of["rectangle"])
+            return Area(name, _rectangle(left, top, wide, high), salience=salience)
+        outline = tuple((float(x), float(y)) for x, y in of["polygon"])
+        return Area(name, outline, salience=None if salience is None else float(salience))
+    except (TypeError, ValueError) as error:
+        raise DesignError(
+            f"{where}: area {name}: polygon is [[x, y], …], rectangle [left, top, width, height], "
+            "ellipse [x, y, width, height] around its middle, all in pixels"
+        ) from error
+
+
+def _rectangle(
+    left: float, top: float, wide: float, high: float
+) -> tuple[tuple[float, float], ...]:
+    right, bottom = left + wide, top + high
+    return (left, top), (right, top), (right, bottom), (left, bottom)
+
+
+def _of_csv(path: Path, size_px: tuple[int, int]) -> Iterator[tuple[str, Area]]:
+    text = _text(path)
+    head = text.partition("\n")[0]
+    delimiter = max(",;\t", key=head.count)
+    rows = csv.DictReader(io.StringIO(text), delimiter=delimiter)
+    there = [name.strip() for name in rows.fieldnames or ()]
+    missing = [name for name in ("area", "x", "y") if name not in there]
+    if missing:
+        raise DesignError(
+            f"{path}: there is no column {missing[0]!r}; a table of areas has area, x and y, one "
+            "row for each corner, in order"
+        )
+    corners: dict[str, list[tuple[float, float]]] = {}
+    lines: dict[str, int] = {}
+    saliences: dict[str, float] = {}
+    last = ""
+    for raw in rows:
+        row = {str(k).strip(): (v or "").strip() for k, v in raw.items() if isinstance(v, str)}
+        name = row.get("area", "")
+        if not any(row.values()):
+            continue
+        if name in corners and name != last:
+            raise DesignError(
+                f"{path}, line {rows.line_num}: area {name!r} begins a second time (first in line "
+                f"{lines[name]}); its corners follow one another, and names stand once"
+            )
+        try:
+            corner = float(row.get("x", "")), float(row.get("y", ""))
+            if row.get("salience"):
+                saliences[name] = float(row["salience"])
+        except ValueError as error:
+            raise DesignError(
+                f"{path}, line {rows.line_num}: area {name}: {error}; write numbers with a point"
+            ) from error
+        corners.setdefault(name, []).append(corner)
+        lines.setdefault(name, rows.line_num)
+        last = name
+    for name, of in corners.items():
+        yield f"{path}, line {lines[name]}", Area(name, tuple(of), salience=saliences.get(name))
+
+
+def _of_svg(path: Path, size_px: tuple[int, int]) -> Iterator[tuple[str, Area]]:
+    text = _text(path)
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise DesignError(f"{path}: save it as a plain SVG, without a DOCTYPE")
+    try:
+        root = ElementTree.fromstring(text)  # noqa: S314 - entities are refused above
+    except ElementTree.ParseError as error:
+        raise DesignError(f"{path} is no SVG: {error}") from error
+    box = _numbers(root.get("viewBox", ""))
+    if not box:
+        extent = [v for n in ("width", "height") for v in _numbers(root.get(n, ""))[:1]]
+        box = [0.0, 0.0, *(extent or map(float, size_px))]
+    if len(box) != 4 or min(box[2:]) <= 0:
+        raise DesignError(f"{path}: its viewBox is {root.get('viewBox')!r}; four numbers")
+    left, top, wide, high = box
+    if abs(wide / high * size_px[1] / size_px[0] - 1) > 0.01:
+        raise DesignError(
+            f"{path} is drawn on {wide:g} × {high:g}, and its picture has {size_px[0]} × "
+            f"{size_px[1]} pixels; draw it over the picture, with the same shape"
+        )
+    scale = size_px[0] / wide, size_px[1] / high
+    for element in root.iter():
+        kind = str(element.tag).rpartition("}")[2]
+        if kind not in ("polygon", "rect", "circle", "ellipse", "path", "polyline"):
+            continue
+        name = element.get("id", "")
+        where = f"{path}, {kind} {name!r}"
+        if element.get("transform") or _is_moved(root, element):
+            raise DesignError(f"{where} is moved by a transform; apply it in the drawing program")
+        area = _svg_area(where, kind, name, element)
+        moved = tuple(((x - left) * scale[0], (y - top) * scale[1]) for x, y in area.outline)
+        ellipse = area.ellipse
+        if ellipse is not None:
+            x, y, w, h, turn = ellipse
+            x, y = (x - left) * scale[0], (y - top) * scale[1]
+            ellipse = x, y, w * scale[0], h * scale[1], turn
+        salience = _numbers(element.get("data-salience", ""))[:1]
+        yield (
+            where,
+            replace(area, outline=moved, ellipse=ellipse, salience=next(iter(salience), None)),
+        )
+
+
+def _is_moved(root: ElementTree.Element, element: ElementTree.Element) -> bool:
+    """Tell whether a group around an element bears a transform."""
+    return any(
+        group.get("transform") and any(one is element for one in group.iter())
+        for group in root.iter()
+        if str(group.tag).endswith("g")
+    )
+
+
+def _svg_area(where: str, kind: str, name: str, element: ElementTree.Element) -> Area:
+    def number(key: str) -> float:
+        found = _numbers(element.get(key, "0"))
+        return found[0] if found else 0.0
+
+    if kind == "rect":
+        return Area(name, _rectangle(*(number(k) for k in ("x", "y", "width", "height"))))
+    if kind in ("circle", "ellipse"):
+        radii = ("r", "r") if kind == "circle" else ("rx", "ry")
+        wide, high = (2 * number(r) for r in radii)
+        return Area(name, ellipse=(number("cx"), number("cy"), wide, high, 0.0))
+    if kind == "path":
+        return Area(name, _path(where, element.get("d", "")))
+    flat = _numbers(element.get("points", ""))
+    return Area(name, tuple(zip(flat[::2], flat[1::2], strict=False)))
+
+
+def _path(where: str, text: str) -> tuple[tuple[float, float], ...]:
+    """Return the corners of a path of straight lines."""
+    corners: list[tuple[float, float]] = []
+    x = y = 0.0
+    for command, rest in re.findall(r"([A-Za-z])([^A-Za-z]*)", re.sub(r"(?<=\d)[eE]", "e", text)):
+        values = _numbers(rest)
+        is_relative, kind = command.islower(), command.upper()
+        if kind == "Z":
+            continue
+        if kind not in "MLHV" or (kind == "M" and corners):
+            raise DesignError(
+                f"{where} has curves or several pieces ({command}); draw straight lines, or paint"
+            )
+        pairs: Sequence[tuple[float | None, float | None]]
+        if kind == "H":
+            pairs = [(v, None) for v in values]
+        elif kind == "V":
+            pairs = [(None, v) for v in values]
+        else:
+            pairs = list(zip(values[::2], values[1::2], strict=False))
+        for right, down in pairs:
+            x = x if right is None else right + (x if is_relative else 0.0)
+            y = y if down is None else down + (y if is_relative else 0.0)
+            corners.append((x, y))
+    if len(corners) > 1 and corners[0] == corners[-1]:
+        corners.pop()
+    return tuple(corners)
+
+
+def _numbers(text: str) -> list[float]:
+    return [float(v) for v in NUMBER.findall(text)]
+
+
+def _painted(path: Path, size_px: tuple[int, int]) -> Iterator[tuple[str, Area]]:
+    labels = _mask(path, size_px)
+    for text, is_inside in _colours_of(labels).items():
+        if text.startswith("#"):
+            row, column = np.argwhere(is_inside)[0]
+            raise DesignError(
+                f"{path}: {int(is_inside.sum())} pixels have the colour {text}, the first at "
+                f"({column}, {row}), which names no area; paint with {', '.join(COLOURS)} and "
+                "without smoothed edges, or name colours in a YAML file"
+            )
+        yield f"{path}, {text}", Area(text, pixels=pack_runs(is_inside))
+
+
+def _mask(path: Path, size_px: tuple[int, int]) -> npt.NDArray[np.uint8]:
+    picture = read_picture(path)
+    if picture.size != size_px:
+        wide, high = picture.size
+        raise DesignError(
+            f"{path} has {wide} × {high} pixels, and its picture {size_px[0]} × {size_px[1]}; "
+            "paint it over the picture, with the same size"
+        )
+    return np.asarray(picture)
+
+
+def _colours_of(labels: npt.NDArray[np.uint8]) -> dict[str, npt.NDArray[np.bool_]]:
+    """Return where each colour is that was painted, by its name or "#rrggbb"; black is none."""
+    red, green, blue = (labels[..., i].astype(np.int32) for i in range(3))
+    packed = np.where(labels[..., 3] >= OPAQUE, (red << 16) | (green << 8) | blue, 0)
+    colours = {}
+    for value in np.unique(packed[packed != 0]).tolist():
+        rgb = value >> 16, value >> 8 & 255, value & 255
+        colours[COLOUR_NAMES.get(rgb, f"#{value:06x}")] = packed == value
+    return colours
+
+
+def _text(path: Path) -> str:
+    try:
+        return read_plain(path, max_bytes=MAX_BYTES).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise DesignError(f"{path} is not UTF-8; save it so") from error
