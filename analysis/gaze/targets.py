@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from visavis.analysis.gaze.aoi import LOST, aoi_of_samples
 from visavis.analysis.gaze.loss import frozen_samples
+from visavis.analysis.gaze.pupil import pupil_mm_of
 from visavis.lab.clock import NS_PER_MS
 from visavis.lab.device_clock import ClockJump
 from visavis.lab.errors import DataError
@@ -25,7 +26,8 @@ class GazeTargets:
 
     `t_ns` (n,) when each was taken; `valid` (n,); `direction_world` (n, 3), NaN where lost;
     `angle_deg`, `radius_deg`, `pad_limit_deg` (n, m) and `hit` (n,) as in `GazeView`;
-    `direction_head` (n, 3) the eye in the head, None where it is not known.
+    `direction_head` (n, 3) the eye in the head, `origin_world_m` (n, 3) where its ray starts, and
+    `pupil_mm` (n,), each None where it is not known.
     """
 
     t_ns: npt.NDArray[np.int64]
@@ -36,6 +38,8 @@ class GazeTargets:
     pad_limit_deg: npt.NDArray[np.floating[Any]]
     hit: npt.NDArray[np.integer[Any]]
     direction_head: npt.NDArray[np.floating[Any]] | None = None
+    origin_world_m: npt.NDArray[np.floating[Any]] | None = None
+    pupil_mm: npt.NDArray[np.floating[Any]] | None = None
 
     @classmethod
     def from_columns(cls, columns: Mapping[str, npt.NDArray[Any]]) -> Self:
@@ -56,7 +60,10 @@ class GazeTargets:
                 "session with an eye tracker"
             )
         by_field = {own: columns[name] for own, name in names.items()}
-        return cls(**by_field, direction_head=columns.get("direction_head"))
+        more: dict[str, Any] = {
+            name: columns.get(name) for name in ("direction_head", "origin_world_m", "pupil_mm")
+        }
+        return cls(**by_field, **more)
 
     def between(self, start_ns: int, end_ns: int) -> Self:
         """Return the samples of a stretch of time and the one before it, as views."""
@@ -152,6 +159,9 @@ def gaze_of_part(recording: Recording, part: int) -> PartGaze:
         columns["angle_deg"] = np.where(is_lost[:, None], np.nan, columns["angle_deg"])
         columns["direction_world"] = np.where(is_lost[:, None], np.nan, columns["direction_world"])
     columns["direction_head"] = _in_head(gaze, rows, is_match)
+    pupil_mm = pupil_mm_of(gaze)
+    if pupil_mm is not None and len(pupil_mm):
+        columns["pupil_mm"] = np.where(is_match, pupil_mm[rows], np.nan)
     return PartGaze(GazeTargets.from_columns(columns), is_frozen, misdated_ns, times.jumps)
 
 

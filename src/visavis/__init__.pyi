@@ -24,6 +24,8 @@ from visavis.stimuli.flat import Image as Image
 from visavis.stimuli.flat import Shape as Shape
 from visavis.stimuli.flat import Text as Text
 from visavis.stimuli.sound import Sound as Sound
+from visavis.study.area_measures import looks_at as looks_at
+from visavis.study.area_measures import transitions as transitions
 from visavis.study.blink_measures import blink_count as blink_count
 from visavis.study.blink_measures import blink_rate as blink_rate
 from visavis.study.careless_answers import Careless as Careless

@@ -32,12 +32,13 @@ from visavis.people.moulder import (
 )
 from visavis.people.observer import DEFAULT_POPULATION, Observer, Population
 from visavis.people.observer.observer import Layout
+from visavis.people.observer.picture_layout import PictureLayout
 from visavis.people.observer.state import HEAD, ROOM, SPEAKER_SIDE
 from visavis.protocol.session.boards import HAND, keys_of_choice
 from visavis.stimuli.motion.synthesis.pose_distance import Likeness, compared_joints
 from visavis.stimuli.panels import PanelFrame, choice_centre_m, place_m, track_01
 from visavis.stimuli.picture import Panel
-from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.scene import Scene, SceneFrame
 from visavis.stimuli.scenes.flat import FlatScene
 from visavis.study.live import Live, LiveScene, Moulding
 from visavis.study.moulding import MouldingFrame, press_step
@@ -52,6 +53,7 @@ from visavis.study.responses import (
     Response,
     SideBySide,
 )
+from visavis.study.scenes import areas_of
 from visavis.study.study_functions import AnswerOf, Seen
 
 if TYPE_CHECKING:
@@ -235,12 +237,20 @@ class StudyPerson(Observer):
 
     # ---- within ----
 
-    def _appeal_of(self, what: Layout) -> npt.NDArray[np.float64]:
+    def _layout_of(self, scene: Scene) -> Layout | PictureLayout | None:
+        placed = areas_of(scene) if isinstance(scene, FlatScene) else ()
+        if placed:
+            return PictureLayout(scene, placed, self._seat)
+        return super()._layout_of(scene)
+
+    def _appeal_of(self, what: Layout | PictureLayout) -> npt.NDArray[np.float64]:
         """Return the appeal of each target; a room attracts less with few people than with many.
 
         The model's room was fitted with an audience; here no speaker is known to stand aside.
         """
         appeal = super()._appeal_of(what)
+        if isinstance(what, PictureLayout):
+            return appeal
         kind = what.targets["kind"]
         people = int((kind == HEAD).sum())
         appeal[kind == ROOM] *= min(1.0, people / FITTED_PEOPLE)

@@ -169,6 +169,9 @@ class OpenedStudy:
                 uses.append((section.shown, "factor or column", columns))
                 uses += [(section.by, "factor", factors)] if section.by else []
         roles = frozenset().union(*(t.roles for t in experiment.read.values()))
+        areas = frozenset().union(*(t.areas for t in experiment.read.values()))
+        seen = tuple(sorted(roles | areas))
+        uses += [(n, "area or role", seen) for m in self.study.analysis.measures for n in m.areas]
         if roles:
             who = tuple(sorted(roles))
             uses += [(m.role, "role", who) for m in self.study.analysis.measures if m.role]
@@ -413,7 +416,8 @@ class OpenedStudy:
         measures = measures_of(self.study, experiment.responses)
         if self.study.analysis.looks:
             return measures
-        loss_measure = lost_gaze() if any(m.needs_gaze for m in measures) else lost_head()
+        of_gaze = [m.scene or "scene" for m in measures if m.needs_gaze]
+        loss_measure = lost_gaze(of_gaze[0]) if of_gaze else lost_head()
         return (
             measures
             if loss_measure.column in {m.column for m in measures}

@@ -5,7 +5,7 @@ What they look like is `visavis.stimuli.flat_pixels`'s; where they stand before 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal, TypeAlias, get_args
@@ -97,16 +97,18 @@ class Text:
 @dataclass(frozen=True)
 class Image:
     """A picture of a file beside the study's (PNG, JPEG, …), `width_deg` wide or `height_deg` high;
-    the other follows from its pixels.
+    the other follows from its pixels. `areas` names a file of areas of interest in its pixels.
     """
 
     file: str
     width_deg: float | None = None
     height_deg: float | None = None
     at_deg: tuple[float, float] = (0.0, 0.0)
+    areas: str = ""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "file", str(self.file))
+        object.__setattr__(self, "areas", str(self.areas))
         sizes = {n: getattr(self, n) for n in ("width_deg", "height_deg")}
         given = {name: deg for name, deg in sizes.items() if deg is not None}
         if not given:
@@ -182,7 +184,11 @@ Flat: TypeAlias = Text | Image | Shape | Grating
 
 
 def as_flats(what: object) -> tuple[Flat, ...]:
-    """Return one or several flat stimuli as several; () for anything else."""
+    """Return one or several flat stimuli, or those of a mapping by name, as several; () for
+    anything else.
+    """
+    if isinstance(what, Mapping):
+        return as_flats(list(what.values()))
     if isinstance(what, Flat):
         return (what,)
     if isinstance(what, Sequence) and not isinstance(what, str) and what:

@@ -86,6 +86,8 @@ class TrialRead:
     """What makes pictures of its scenes: "module:function"."""
     staircases: tuple[Staircase | QuestPlus, ...] = ()
     """The staircases of which a level is asked."""
+    areas: frozenset[str] = frozenset()
+    """The names of the areas of interest in its flat stimuli."""
 
 
 def still_view(t_ns: int = 0) -> FrameView:
@@ -128,6 +130,7 @@ def read_trial(
     scene_columns: list[str] = []
     vibrating_roles: list[str] = []
     roles: set[str] = set()
+    areas: set[str] = set()
     dressings: set[str] = set()
     reply: Any = None
     steps: Any = plan(script)
@@ -165,6 +168,7 @@ def read_trial(
                         lit_frame = staged_scene.frame(script.view, 0)
                     agents = max(agents, len(staged_scene.scene.agents))
                     roles |= set(staged_scene.roles)
+                    areas |= {a.name for p in getattr(staged_scene, "areas", ()) for a in p.areas}
                     dressings.add(staged_scene.scene.dressed_by)
                     prefix = script.next_prefix(step.column)
                     endings = (*SCENE_ENDINGS, *staged_scene.roles)
@@ -237,6 +241,7 @@ def read_trial(
             vibrating_roles=tuple(dict.fromkeys(vibrating_roles)),
             dressings=frozenset(dressings - {""}),
             staircases=tuple(script.staircases.values()),
+            areas=frozenset(areas),
         )
     except (DesignError, TypeError) as error:
         reason = explain(error)

@@ -9,6 +9,7 @@ from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import FrameView, Mark, PlaySound, Scalar
+from visavis.stimuli.areas import areas_text
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.sound import part_of
 from visavis.study.actions import Performing, ShownScene
@@ -239,9 +240,11 @@ class LitTrial:
 def _payload(
     trial: Trial, name: str, scene: Scene, staged_scene: StagedScene, start_ns: int
 ) -> dict[str, Scalar | None]:
+    areas = getattr(staged_scene, "areas", ())
     return {
         "trial_id": trial.trial_id,
         "name": name,
+        **({"areas": areas_text(areas)} if areas else {}),
         "scene": scene.name,
         "start_ns": start_ns,
         **{

@@ -159,6 +159,10 @@ class Measure:
     """The ends of a rating's scale; figures show the whole of it."""
     held: str = ""
     """The answer whose key it times from press to release, if any."""
+    areas: tuple[str, ...] = ()
+    """The areas of interest, or roles, that it is about, if any."""
+    scene: str = ""
+    """The columns of what is shown while gaze is measured, if any."""
 
     @property
     def axis(self) -> str:

@@ -17,6 +17,7 @@ from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector
 from visavis.lab.yaml_lines import did_you_mean
 from visavis.protocol.plan.steps import FrameView, GazeView, UpdateAhead
+from visavis.stimuli.areas import PlacedAreas
 from visavis.stimuli.dressing.casting import default_casting
 from visavis.stimuli.dressing.gathering import agents_of
 from visavis.stimuli.dressing.picture_of import named_function
@@ -56,6 +57,7 @@ BEYOND_S: Final = 120.0
 FLAT: Final = "flat"
 """The scene of flat stimuli, which `t.show(Text(…))` makes."""
 PICTURE_SIZE: Final = "visavis.stimuli.flat_pixels:picture_size"
+AREAS_OF: Final = "visavis.stimuli.dressing.flat:areas_of"
 PAIR: Final = "pair"
 """The scene that shows two others side by side: `Scene("pair", left=Scene(…), right=Scene(…))`."""
 BESIDE_M: Final = 0.75
@@ -367,6 +369,7 @@ class _StagedFlat:
 
     scene: FlatScene
     roles: Mapping[str, int] = field(default_factory=dict)
+    areas: tuple[PlacedAreas, ...] = ()
     _is_shown: bool = False
 
     def frame(self, view: FrameView, elapsed_ns: int) -> SceneFrame | None:
@@ -375,6 +378,8 @@ class _StagedFlat:
             return None
         self._is_shown = True
         self.scene = replace(self.scene, head=view.head, surface=view.surface)
+        if self.areas:
+            self.areas = areas_of(self.scene)
         return SceneFrame(self.scene, view.t_ns, np.zeros((0, 3)), np.zeros(0))
 
 
@@ -384,11 +389,13 @@ def flat(
     items: tuple[Flat, ...] = (),
     background: Colour = "black",
     answered_by: str = "",
+    names: tuple[str, ...] = (),
 ) -> StagedScene:
-    """Return flat stimuli before a background, the last in front.
+    """Return flat stimuli before a background, the last in front; those with names are areas.
 
     Raises:
-        DesignError: there is none, a colour does not exist, or a picture cannot be read.
+        DesignError: there is none, a colour does not exist, or a picture or its areas cannot be
+            read.
     """
     if not items:
         raise DesignError("t.show: there is nothing to show; give a stimulus, or several in a list")
@@ -403,8 +410,21 @@ def flat(
         background_srgb=rgb_of(background),
         folder=staging.folder,
         answered_by=answered_by,
+        names=names,
     )
-    return _StagedFlat(scene)
+    return _StagedFlat(scene, areas=areas_of(scene))
+
+
+def areas_of(scene: FlatScene) -> tuple[PlacedAreas, ...]:
+    """Return the areas of interest of flat stimuli; their reader is loaded only where there are.
+
+    Raises:
+        DesignError: they cannot be read.
+    """
+    if not scene.names and not any(getattr(item, "areas", "") for item in scene.items):
+        return ()
+    placed: tuple[PlacedAreas, ...] = named_function(AREAS_OF, "places areas of interest")(scene)
+    return placed
 
 
 def picture_size(path: Path) -> tuple[int, int]:

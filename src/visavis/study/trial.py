@@ -182,7 +182,7 @@ class TrialScript(LitTrial):
 
     def show(
         self,
-        what: Scene | Flat | Sequence[Flat],
+        what: Scene | Flat | Sequence[Flat] | Mapping[str, Flat],
         seconds: float | None = None,
         *,
         frames: int | None = None,
@@ -193,6 +193,7 @@ class TrialScript(LitTrial):
     ) -> Action:
         """Show a scene, or flat stimuli (`Text`, `Image`, `Shape`, `Grating`; the last in front),
         for some seconds or frames, or until `until` is true for a frame or a key of it is pressed.
+        Stimuli in a mapping have names, which make areas of interest of them.
 
         Columns: `NAME_on_ns` and `NAME_off_ns` (a second scene of a trial: `NAME2_on_ns`),
         `NAME_frames`, and `NAME_ROLE` for the agent that plays a role; NAME is "scene", and
@@ -207,7 +208,10 @@ class TrialScript(LitTrial):
         keys = awaited_keys(until, limit_s)
         flats = as_flats(what)
         if flats:
-            options = {"background": background, "answered_by": keys.name if keys else ""}
+            options: dict[str, Any] = {"background": background}
+            options["answered_by"] = keys.name if keys else ""
+            if isinstance(what, Mapping):
+                options |= {"names": tuple(map(str, what))}
             scene = Scene(FLAT, items=flats, **options)
         elif isinstance(what, Scene):
             scene = what

@@ -15,6 +15,7 @@ from visavis.devices.contracts import EYES_DTYPE, PressesNothing
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.geometry import Vector, direction_from_yaw_pitch_deg
 from visavis.people.observer import attention, attention_causes, state
+from visavis.people.observer.picture_layout import PictureLayout
 from visavis.people.observer.self_report import answer_question
 from visavis.people.observer.temperament import (
     DEFAULT_POPULATION,
@@ -79,7 +80,7 @@ class Observer(PressesNothing):
         self._targets = np.zeros(1, dtype=state.TARGET_DTYPE)
         self._scratch = np.zeros(1)
         self._agent_eyes = np.zeros((0, 3))
-        self._layout: Layout | None = None
+        self._layout: Layout | PictureLayout | None = None
         self._appeal: npt.NDArray[np.float64] = np.zeros(0)
         self._scene: Scene | None = None
         self._gaze: npt.NDArray[np.float64] | None = None
@@ -287,12 +288,12 @@ class Observer(PressesNothing):
         """Receive a scene: its targets and their appeal."""
         self._plan_number += 1
         self._scene = scene
-        is_lit = scene.brightness_01 > 0 and len(scene.agents) > 0
-        if is_lit:
-            if self._layout is None or self._layout.scene is not scene:
-                self._layout = Layout(scene, self._seat)
-                self._appeal = self._appeal_of(self._layout)
-            what = self._layout
+        what = self._layout
+        if scene.brightness_01 > 0 and (what is None or what.scene is not scene):
+            what = self._layout = self._layout_of(scene)
+            self._appeal = np.zeros(0) if what is None else self._appeal_of(what)
+        is_lit = scene.brightness_01 > 0 and what is not None
+        if is_lit and what is not None:
             self._agent_eyes = what.agent_eyes
             self._targets = what.targets.copy()
             self._targets["appeal"] = self._appeal
@@ -309,7 +310,13 @@ class Observer(PressesNothing):
         elif self._instructed_point is None:
             attention_causes.release(self._mind, self._person, t_ns)
 
-    def _appeal_of(self, what: "Layout") -> npt.NDArray[np.float64]:
+    def _layout_of(self, scene: Scene) -> "Layout | PictureLayout | None":
+        """Return where there is something to look at in a scene; None where nothing is known."""
+        return Layout(scene, self._seat) if scene.agents else None
+
+    def _appeal_of(self, what: "Layout | PictureLayout") -> npt.NDArray[np.float64]:
+        if isinstance(what, PictureLayout):
+            return what.appeal_by_size if not self._effect else what.appeal
         q, who = self._population, self.temperament
         by_kind = np.array(
             [

@@ -180,7 +180,7 @@ def read_item(content: Mapping[str, Any]) -> Flat:
     """Return the flat stimulus of which a page was told."""
     kinds = {kind.__name__.lower(): kind for kind in (Text, Image, Shape, Grating)}
     kind = kinds[content["kind"]]
-    own = {f.name: content[f.name] for f in fields(kind) if f.name != "kind"}
+    own = {f.name: content[f.name] for f in fields(kind) if f.name != "kind" and f.name in content}
     own = {name: tuple(v) if isinstance(v, list) else v for name, v in own.items()}
     item: Flat = kind(**own, **({"kind": content["shape"]} if kind is Shape else {}))
     return item

@@ -4,15 +4,19 @@ On a screen a stimulus lies in the screen's plane and on whole pixels, so that i
 screen's own. In a headset it stands upright at a distance, facing the head as it was at the onset.
 """
 
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import Final
 
 import numpy as np
 
+from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg, quat_multiply, rotate
 from visavis.lab.screen import FlatScreen, PlacedScreen
+from visavis.stimuli.area_files import read_areas
+from visavis.stimuli.areas import Area, PlacedAreas
 from visavis.stimuli.dressing.picture_of import NOBODY
-from visavis.stimuli.flat import Flat, Image, Text, picture_path
+from visavis.stimuli.flat import Flat, Image, Shape, Text, picture_path
 from visavis.stimuli.flat_pixels import picture_size, pixels_of, text_size_em
 from visavis.stimuli.panels import board_pose
 from visavis.stimuli.picture import Picture, Room, Sheet
@@ -37,10 +41,64 @@ def picture_of_flat(frame: SceneFrame) -> Picture:
 @lru_cache(maxsize=16)
 def _sheets_of(scene: FlatScene) -> tuple[Room, tuple[Sheet, ...]]:
     room = Room("flat", (), (), np.zeros(3), np.zeros(3), scene.background_srgb)
+    return room, tuple(_sheet(item, scene) for item in scene.items)
+
+
+def _sheet(item: Flat, scene: FlatScene) -> Sheet:
+    pose, size_m, size_px = place_of(item, scene)
+    is_exact = scene.surface.screen is not None
+    return Sheet(pixels_of(item, size_px, scene.folder), pose, size_m, is_exact=is_exact)
+
+
+def place_of(item: Flat, scene: FlatScene) -> tuple[Pose, tuple[float, float], tuple[int, int]]:
+    """Return the pose of a stimulus in the world, and its size in metres and in pixels drawn.
+
+    Raises:
+        DesignError: its picture cannot be read.
+    """
     screen = scene.surface.screen
-    if screen is not None:
-        return room, tuple(_on_screen(item, scene, screen) for item in scene.items)
-    return room, tuple(_around_head(item, scene) for item in scene.items)
+    return _around_head(item, scene) if screen is None else _on_screen(item, scene, screen)
+
+
+def areas_of(scene: FlatScene) -> tuple[PlacedAreas, ...]:
+    """Return the areas of interest of a scene's stimuli, from the back to the front.
+
+    Raises:
+        DesignError: a file of areas cannot be read, or two areas have one name.
+    """
+    placed = list(_placed_areas(scene))
+    names: set[str] = set()
+    for area in (area for one in placed for area in one.areas):
+        if not area.name.isidentifier():
+            raise DesignError(
+                f"t.show: a stimulus is called {area.name!r}; columns bear its name: give letters, "
+                "digits and _"
+            )
+        if area.name in names:
+            raise DesignError(
+                f"t.show: two areas that are shown together are called {area.name!r}; name one "
+                "otherwise"
+            )
+        names.add(area.name)
+    return tuple(placed)
+
+
+def _placed_areas(scene: FlatScene) -> Iterator[PlacedAreas]:
+    for item, name in zip(scene.items, scene.names or ("",) * len(scene.items), strict=True):
+        if not name and not (isinstance(item, Image) and item.areas):
+            continue
+        pose, size_m, size_px = place_of(item, scene)
+        if isinstance(item, Image):
+            path = picture_path(item, scene.folder)
+            size_px = picture_size(path, path.stat().st_mtime_ns if path.is_file() else 0)
+        wide, high = map(float, size_px)
+        whole = Area(name, ((0.0, 0.0), (wide, 0.0), (wide, high), (0.0, high)))
+        if isinstance(item, Shape) and item.kind == "ellipse":
+            whole = Area(name, ellipse=(wide / 2, high / 2, wide, high, 0.0))
+        own: tuple[Area, ...] = ()
+        if isinstance(item, Image) and item.areas:
+            own = read_areas(scene.folder / item.areas, size_px)
+        yield PlacedAreas(pose, size_m, size_px, (*((whole,) if name else ()), *own))
 
 
 def size_deg(flat: Flat, scene: FlatScene) -> tuple[float, float]:
@@ -84,7 +142,9 @@ def box_px(
     return left, top, right, bottom
 
 
-def _on_screen(item: Flat, scene: FlatScene, screen: PlacedScreen) -> Sheet:
+def _on_screen(
+    item: Flat, scene: FlatScene, screen: PlacedScreen
+) -> tuple[Pose, tuple[float, float], tuple[int, int]]:
     flat = screen.flat
     left, top, right, bottom = box_px(item.at_deg, size_deg(item, scene), flat)
     left_m, _, _, top_m = flat.edges_m()
@@ -93,11 +153,10 @@ def _on_screen(item: Flat, scene: FlatScene, screen: PlacedScreen) -> Sheet:
         left_m + (left + right) / 2 * px_wide_m, top_m - (top + bottom) / 2 * px_high_m
     )
     size_px = (right - left, bottom - top)
-    size_m = (size_px[0] * px_wide_m, size_px[1] * px_high_m)
-    return Sheet(pixels_of(item, size_px, scene.folder), pose, size_m, is_exact=True)
+    return pose, (size_px[0] * px_wide_m, size_px[1] * px_high_m), size_px
 
 
-def _around_head(item: Flat, scene: FlatScene) -> Sheet:
+def _around_head(item: Flat, scene: FlatScene) -> tuple[Pose, tuple[float, float], tuple[int, int]]:
     wide_deg, high_deg = size_deg(item, scene)
     head = scene.head or Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
     upright = board_pose(head).orientation_wxyz
@@ -105,6 +164,5 @@ def _around_head(item: Flat, scene: FlatScene) -> Sheet:
     turn = quat_multiply(upright, quat_from_yaw_pitch_deg(-right_deg, up_deg))
     at_m = head.position_m + rotate(turn, np.array([0.0, 0.0, -DISTANCE_M]))
     width_m, height_m = (2 * DISTANCE_M * np.tan(np.radians(d) / 2) for d in (wide_deg, high_deg))
-    size_px = tuple(max(1, min(MAX_PX, round(d * PX_PER_DEG))) for d in (wide_deg, high_deg))
-    pixels = pixels_of(item, (size_px[0], size_px[1]), scene.folder)
-    return Sheet(pixels, Pose(at_m, turn), (float(width_m), float(height_m)))
+    wide, high = (max(1, min(MAX_PX, round(d * PX_PER_DEG))) for d in (wide_deg, high_deg))
+    return Pose(at_m, turn), (float(width_m), float(height_m)), (wide, high)

@@ -18,6 +18,7 @@ class FlatScene(Scene):
 
     `background_srgb` fills what they leave free; pictures lie in `folder`. `answered_by` names the
     response for which somebody presses a key while this is shown, as their instruction says.
+    `names` (one for each item, or none) make areas of interest of whole stimuli.
     """
 
     items: tuple[Flat, ...] = ()
@@ -26,6 +27,7 @@ class FlatScene(Scene):
     surface: Surface = IN_HEADSET
     folder: Path = Path()
     answered_by: str = ""
+    names: tuple[str, ...] = ()
 
     # A scene is what is shown at one time; two with the same content are two.
     __eq__ = object.__eq__
