@@ -9,6 +9,7 @@ from visavis.lab.clock import NS_PER_MS
 from visavis.protocol.plan.steps import AskReply, FrameView, Step
 from visavis.stimuli.sound import Sound
 from visavis.study.films import Viewing
+from visavis.study.gaze_on import GazeOn
 from visavis.study.live import Moulding
 from visavis.study.responses import Response
 from visavis.study.scenes import Scene
@@ -47,7 +48,8 @@ class Action:
 
     `response` is the question, `scene` the scene shown, `sound` the sound played, each with the
     name by which its `column` begins, `role` the armband that vibrates: for reading a trial without
-    performing it. `showing` is how flat stimuli are shown where no condition ends them.
+    performing it. `showing` is how flat stimuli are shown where no condition ends them, `gaze_on`
+    the gaze that ends a step.
     """
 
     name: str
@@ -62,6 +64,7 @@ class Action:
     role: str = ""
     waits_for_end: bool = False
     showing: Showing | None = None
+    gaze_on: GazeOn | None = None
 
     @property
     def responses(self) -> tuple[Response, ...]:

@@ -69,7 +69,7 @@ def gaze_by_area(record: TrialRecord, scene: str, pad_deg: float) -> GazeByArea 
         str(column).removeprefix(prefix): int(value)
         for column, value in record.row.items()
         if str(column).startswith(prefix) and isinstance(value, int | float | np.number)
-        if value == value and str(column).removeprefix(prefix) not in ("on_ns", "off_ns", "frames")
+        if value == value and not str(column).endswith(("_ns", "_ms", "_frames"))
     }
     if not samples.angle_deg.shape[1] or not roles:
         return None

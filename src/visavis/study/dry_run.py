@@ -31,6 +31,7 @@ from visavis.study.actions import Action, PlayedSound, ShownScene
 from visavis.study.asking import Answer
 from visavis.study.background import BackgroundExecutor
 from visavis.study.films import Stimulus
+from visavis.study.gaze_on import gaze_columns
 from visavis.study.lit_trial import SCENE_STREAM
 from visavis.study.live import Live, LiveScene, Moulded
 from visavis.study.quest_plus import QuestPlus
@@ -88,6 +89,8 @@ class TrialRead:
     """The staircases of which a level is asked."""
     areas: frozenset[str] = frozenset()
     """The names of the areas of interest in its flat stimuli."""
+    waits_for_gaze: bool = False
+    """Whether gaze ends a step."""
 
 
 def still_view(t_ns: int = 0) -> FrameView:
@@ -131,6 +134,7 @@ def read_trial(
     vibrating_roles: list[str] = []
     roles: set[str] = set()
     areas: set[str] = set()
+    waits_for_gaze = False
     dressings: set[str] = set()
     reply: Any = None
     steps: Any = plan(script)
@@ -150,6 +154,7 @@ def read_trial(
                 seconds += step.seconds
                 script.view = still_view(round(seconds * NS_PER_S))
                 vibrates = vibrates or step.name == "vibrate"
+                waits_for_gaze = waits_for_gaze or step.gaze_on is not None
                 vibrating_roles += [step.role] if step.role else []
                 # Every reply has the type and columns of the real one: the trial may go on with it.
                 if step.sound is not None:
@@ -173,6 +178,9 @@ def read_trial(
                     prefix = script.next_prefix(step.column)
                     endings = (*SCENE_ENDINGS, *staged_scene.roles)
                     scene_columns += [f"{prefix}_{ending}" for ending in endings]
+                    if step.gaze_on is not None:
+                        step.gaze_on.watch(staged_scene)
+                        scene_columns += [column.name for column in gaze_columns(prefix)]
                     reply = ShownScene(
                         0, round(step.seconds * NS_PER_S), staged_scene.roles, script.view
                     )
@@ -242,6 +250,7 @@ def read_trial(
             dressings=frozenset(dressings - {""}),
             staircases=tuple(script.staircases.values()),
             areas=frozenset(areas),
+            waits_for_gaze=waits_for_gaze,
         )
     except (DesignError, TypeError) as error:
         reason = explain(error)

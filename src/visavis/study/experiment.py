@@ -276,7 +276,13 @@ class StudyExperiment:
     def needed_roles(self) -> tuple[str, ...]:
         """Devices the study cannot do without, beside the headset."""
         plays = ("sound",) if self.voices or any(t.sounds for t in self.read.values()) else ()
-        return tuple(dict.fromkeys((*self.study.devices.needs, *plays)))
+        follows = ("eye_tracker",) if self._waits_for_gaze else ()
+        return tuple(dict.fromkeys((*self.study.devices.needs, *plays, *follows)))
+
+    @property
+    def _waits_for_gaze(self) -> bool:
+        """Whether gaze ends a step of a trial."""
+        return any(t.waits_for_gaze for t in self.read.values())
 
     @property
     def useful_roles(self) -> tuple[str, ...]:
@@ -367,7 +373,7 @@ class StudyExperiment:
         devices = self.study.devices
         if devices.spares is not None:
             return tuple(devices.spares)
-        needed_roles = set(devices.needs)
+        needed_roles = {*devices.needs, *(("eye_tracker",) if self._waits_for_gaze else ())}
         needed_roles |= {"eye_tracker"} if devices.calibrate and devices.validate else set()
         asks_presses = any(isinstance(r, Keys | Pointing | Slider) for r in self.responses.values())
         needed_roles |= {"responses"} if asks_presses or self.settings.answer_by == "ray" else set()

@@ -1,7 +1,7 @@
 """What is lit during a trial, frame by frame: the dark, scenes, and flat stimuli to the frame."""
 
 from collections.abc import Callable
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -16,12 +16,15 @@ from visavis.study.actions import Performing, ShownScene
 from visavis.study.asking import Answer, frame, press_in
 from visavis.study.films import Film
 from visavis.study.frames import dark_view, gaze_has_arrived, show_frame
+from visavis.study.gaze_on import GazeOn, GazeWatch
 from visavis.study.responses import Keys
 from visavis.study.scenes import PAIR, PassingScene, Scene, StagedScene, Staging, stage
 from visavis.study.showing import Showing
 from visavis.study.trial_settings import Settings
 
 SCENE_STREAM: Final = 100
+Until: TypeAlias = Callable[[FrameView], bool] | GazeOn
+"""What ends a showing before its time."""
 
 
 class LitTrial:
@@ -37,6 +40,7 @@ class LitTrial:
         self._sound_on_ns = 0
         self._names: dict[str, int] = {}
         self._lit_column = ""
+        self._gaze_watch: GazeWatch | None = None
 
     def _frame(
         self,
@@ -82,6 +86,7 @@ class LitTrial:
         yield from show_frame(staged_scene.frame(before, 0))
         view = yield from self._frame()
         self._end_light(view.t_ns)
+        self._gaze_watch = None
         self._onset_ns = view.t_ns
         self.row.setdefault("t_start_ns", view.t_ns)
         yield Mark("shown", _payload(self.trial, name, showing.scene, staged_scene, before.t_ns))
@@ -91,11 +96,22 @@ class LitTrial:
         """Note that flat stimuli were lit up to now."""
         if self._lit_column:
             self.row[self._lit_column] = t_ns
+            self._note_gaze(self._lit_column.removesuffix("_off_ns"), t_ns)
             self._lit_column = ""
 
-    def _show_exactly(
-        self, showing: Showing, until: Callable[[FrameView], bool] | None
-    ) -> Performing:
+    def _condition(
+        self, until: Until | None, staged_scene: StagedScene, on_ns: int
+    ) -> Callable[[FrameView], bool] | None:
+        """Return what ends a showing; gaze that it waits for counts from its onset."""
+        self._gaze_watch = until.watch(staged_scene, on_ns) if isinstance(until, GazeOn) else None
+        return self._gaze_watch if isinstance(until, GazeOn) else until
+
+    def _note_gaze(self, name: str, off_ns: int) -> None:
+        """Note the gaze for which a showing waited that is over at a time."""
+        if self._gaze_watch is not None:
+            self.row |= self._gaze_watch.columns(name, off_ns)
+
+    def _show_exactly(self, showing: Showing, ends: Until | None) -> Performing:
         """Show flat stimuli for so many frames, or the frames nearest to so many seconds.
 
         `NAME_off_ns` is the frame in which they were gone; where the trial ends before it, the one
@@ -103,6 +119,7 @@ class LitTrial:
         """
         name, staged_scene, view = yield from self._light(showing)
         on_ns, frames = view.t_ns, 1
+        until = self._condition(ends, staged_scene, on_ns)
 
         def pass_frame(view: FrameView) -> None:
             nonlocal frames
@@ -121,6 +138,7 @@ class LitTrial:
     ) -> None:
         columns = {f"{name}_on_ns": on_ns, f"{name}_off_ns": off_ns, f"{name}_frames": frames}
         self.row |= {**columns, **self._role_columns(name, staged_scene), "t_end_ns": off_ns}
+        self._note_gaze(name, off_ns)
         self._lit_column = f"{name}_off_ns"
 
     def _role_columns(self, name: str, staged_scene: StagedScene) -> dict[str, int]:
@@ -172,7 +190,7 @@ class LitTrial:
     def _show(
         self,
         showing: Showing,
-        until: Callable[[FrameView], bool] | None,
+        ends: Until | None,
         heard: Film | None = None,
     ) -> Performing:
         staged_scene: StagedScene
@@ -183,6 +201,7 @@ class LitTrial:
         end_ns = on_ns + round(showing.seconds * NS_PER_S)
         off_ns = end_ns
         passing = PassingScene(staged_scene, on_ns)
+        until = self._condition(ends, staged_scene, on_ns)
         while True:
             if until is not None and until(view):
                 off_ns = view.t_ns
@@ -198,6 +217,7 @@ class LitTrial:
             **self._role_columns(name, staged_scene),
             "t_end_ns": off_ns,
         }
+        self._note_gaze(name, off_ns)
         return ShownScene(on_ns, off_ns, staged_scene.roles, view)
 
     def _let_speak(self, film: Film, name: str, staged_scene: StagedScene) -> Performing:

@@ -10,6 +10,7 @@ from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.steps import FrameView
+from visavis.study.gaze_on import GazeOn
 from visavis.study.responses import Keys
 from visavis.study.scenes import Scene
 
@@ -51,7 +52,7 @@ class Showing:
 
 
 def awaited_keys(
-    until: Callable[[FrameView], bool] | Keys | None, limit_s: float | None
+    until: Callable[[FrameView], bool] | GazeOn | Keys | None, limit_s: float | None
 ) -> Keys | None:
     """Return the keys that end what is shown, with how long they are waited for.
 

@@ -48,7 +48,8 @@ from visavis.study.asking import (
 from visavis.study.background import BackgroundExecutor
 from visavis.study.films import Stimulus, Viewing, scene_of, seconds_of, voiced_film
 from visavis.study.frames import dark_frame, dark_view, show_frame
-from visavis.study.lit_trial import LitTrial
+from visavis.study.gaze_on import GazeOn
+from visavis.study.lit_trial import LitTrial, Until
 from visavis.study.live import (
     RENDERER,
     Live,
@@ -186,13 +187,14 @@ class TrialScript(LitTrial):
         seconds: float | None = None,
         *,
         frames: int | None = None,
-        until: Callable[[FrameView], bool] | Keys | None = None,
+        until: Until | Keys | None = None,
         limit_s: float | None = None,
         background: Colour = "black",
         name: str | None = None,
     ) -> Action:
         """Show a scene, or flat stimuli (`Text`, `Image`, `Shape`, `Grating`; the last in front),
-        for some seconds or frames, or until `until` is true for a frame or a key of it is pressed.
+        for some seconds or frames, or until `until` is true for a frame (`gaze_on` says of gaze
+        when) or a key of it is pressed.
         Stimuli in a mapping have names, which make areas of interest of them.
 
         Columns: `NAME_on_ns` and `NAME_off_ns` (a second scene of a trial: `NAME2_on_ns`),
@@ -226,10 +228,10 @@ class TrialScript(LitTrial):
         if keys is not None:
             perform = partial(self._answer_shown, showing, keys)
         else:
-            stop = until if callable(until) else None
+            stop = None if isinstance(until, Keys) else until
             perform = partial(self._show_exactly if flats else self._show, showing, stop)
         lasts_s = min(seconds, 0.0 if keys is None else keys.limit_s) if keys else seconds
-        of_page = showing if flats and not callable(until) else None
+        of_page = showing if flats and (until is None or keys is not None) else None
         return Action(
             "show",
             perform,
@@ -238,6 +240,7 @@ class TrialScript(LitTrial):
             scene=scene,
             column=name,
             showing=of_page,
+            gaze_on=until if isinstance(until, GazeOn) else None,
         )
 
     def ask(

@@ -316,7 +316,7 @@ class Observer(PressesNothing):
 
     def _appeal_of(self, what: "Layout | PictureLayout") -> npt.NDArray[np.float64]:
         if isinstance(what, PictureLayout):
-            return what.appeal_by_size if not self._effect else what.appeal
+            return what.appeal if self._effect else what.appeal_anywhere
         q, who = self._population, self.temperament
         by_kind = np.array(
             [

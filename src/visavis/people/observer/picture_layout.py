@@ -18,7 +18,8 @@ ELSEWHERE_APPEAL: Final = 0.5
 
 class PictureLayout:
     """The areas of a picture seen from a seat, each with its appeal: the salience that its study
-    gives, or else the root of its share of the mean size.
+    gives, or else the root of its share of the mean size. Somebody to whom areas make no difference
+    looks all over the picture.
     """
 
     def __init__(self, scene: Scene, placed: Sequence[PlacedAreas], seat: Vector) -> None:
@@ -38,13 +39,13 @@ class PictureLayout:
         elsewhere = [back.place_m(x * width, y * height) for x in ELSEWHERE for y in ELSEWHERE]
         rest = np.full(len(elsewhere), ELSEWHERE_APPEAL / len(elsewhere))
         self.appeal = np.concatenate([given, rest])
-        self.appeal_by_size = np.concatenate([by_size, rest])
+        self.appeal_anywhere = np.concatenate([np.zeros(len(points)), rest])
         offset = np.array([*points, *elsewhere]) - seat
         distance = np.linalg.norm(offset, axis=1)
         t = np.zeros(len(offset), dtype=state.TARGET_DTYPE)
         t["kind"], t["agent"], t["lost_ns"] = state.ROOM, -1, -1
         t["direction"], t["distance_m"] = offset / distance[:, None], distance
-        t["radius_rad"] = np.radians(1.0)
+        t["radius_rad"] = np.radians(back.degrees_px(seat)[0] * width / 3)
         t["radius_rad"][: len(points)] = np.radians(np.sqrt(size_deg2 / np.pi))
         self.targets = t
         self.agent_eyes = np.zeros((0, 3))

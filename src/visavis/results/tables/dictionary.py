@@ -19,6 +19,7 @@ from visavis.results.several_sessions import SESSION_NUMBER
 from visavis.study.exclusions import ANSWERED_COLUMN
 from visavis.study.experiment import StudyExperiment
 from visavis.study.films import film_columns
+from visavis.study.gaze_on import ENDINGS as GAZE_ENDINGS
 from visavis.study.live import live_columns
 from visavis.study.look_measures import LOOK_COLUMNS
 from visavis.study.measures import CLOCK_JUMP, Measure
@@ -140,6 +141,7 @@ def scene_column(name: str, columns: Collection[str] | None = None) -> Column | 
     column begins. Without them the ending alone decides.
     """
     for ending, unit, words in (
+        *GAZE_ENDINGS,
         ("_on_ns", "ns", "session time at which the first frame that showed {} began"),
         (
             "_off_ns",
@@ -171,7 +173,11 @@ def scene_column(name: str, columns: Collection[str] | None = None) -> Column | 
 
 def of_shown(name: str, roles: Iterable[str]) -> bool:
     """Tell whether a shown scene, whatever its name, can add a column of this name."""
-    endings = ("_on_ns", "_off_ns", "_frames", "_frames_dropped", *(f"_{role}" for role in roles))
+    endings = (
+        *("_on_ns", "_off_ns", "_frames", "_frames_dropped"),
+        *(ending for ending, _, _ in GAZE_ENDINGS),
+        *(f"_{role}" for role in roles),
+    )
     return any(name.endswith(ending) and name != ending for ending in endings)
 
 

@@ -1,0 +1,147 @@
+"""Gaze in charge: a step that ends when somebody has looked at an area for so long."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from visavis.analysis.gaze.aoi import DEFAULT_PAD_DEG, LOST, aoi_of_samples
+from visavis.analysis.gaze.looks import DEFAULT_LOOK_PARAMETERS
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
+from visavis.lab.errors import DesignError
+from visavis.lab.yaml_lines import did_you_mean
+from visavis.protocol.plan.columns import Column
+from visavis.protocol.plan.steps import FrameView, GazeView, Scalar
+from visavis.stimuli.areas import PlacedAreas, areas_under
+from visavis.study.scenes import StagedScene
+
+BRIDGE_NS: Final = round(DEFAULT_LOOK_PARAMETERS.bridge_ms * NS_PER_MS)
+"""A loss of gaze up to this, in a blink that is short, does not end a look; as in measures."""
+ENDINGS: Final = (
+    ("_gaze_on_ns", "ns", "when the look began for which {} waited; empty: none was long enough"),
+    (
+        "_gaze_delay_ms",
+        "ms",
+        "from the sample of gaze with which that look was long enough to the first frame without "
+        "{}: the delay of the whole loop",
+    ),
+)
+"""Endings of the columns that a step adds which waits for gaze, their units and words."""
+
+
+@dataclass(frozen=True)
+class GazeOn:
+    """What a step waits for: a look at an area, or at the person of a role, that lasts `seconds`;
+    `pad_deg` widens the area.
+    """
+
+    name: str
+    seconds: float
+    pad_deg: float = DEFAULT_PAD_DEG
+
+    def __post_init__(self) -> None:
+        if not 0 < self.seconds < 60:
+            raise DesignError(f"gaze_on: seconds is {self.seconds:g}; above 0 and below 60")
+        if not 0 <= self.pad_deg < 45:
+            raise DesignError(f"gaze_on: pad_deg is {self.pad_deg:g}; from 0 to 45 degrees")
+
+    def watch(self, staged_scene: StagedScene, on_ns: int = 0) -> "GazeWatch":
+        """Begin to wait for gaze on what is shown since `on_ns`.
+
+        Raises:
+            DesignError: it has no such area or role.
+        """
+        placed: tuple[PlacedAreas, ...] = getattr(staged_scene, "areas", ())
+        areas = [area.name for one in placed for area in one.areas]
+        names = [*areas, *staged_scene.roles]
+        if self.name not in names:
+            near = did_you_mean(self.name, names) or "; nothing that is shown has a name"
+            raise DesignError(f"gaze_on: there is no area or role {self.name!r}{near}")
+        agent = None if self.name in areas else staged_scene.roles[self.name]
+        return GazeWatch(self, placed, agent, on_ns)
+
+
+def gaze_on(name: str, seconds: float, *, pad_deg: float = DEFAULT_PAD_DEG) -> GazeOn:
+    """Return the condition that somebody has looked at an area, by its name, or at the person of a
+    role, for so long without looking elsewhere: `t.show(…, 5, until=gaze_on("cross", 0.5))`.
+
+    Losses of up to 75 ms do not end a look. Columns: `NAME_gaze_on_ns`, when the look began (empty
+    where time ran out), and `NAME_gaze_delay_ms`, the delay from the sample that decided to the
+    first frame without the stimulus.
+
+    Raises:
+        DesignError: a value is not possible.
+    """
+    return GazeOn(name, float(seconds), float(pad_deg))
+
+
+class GazeWatch:
+    """Follow gaze while something is shown, sample by sample, until a look was long enough."""
+
+    def __init__(
+        self, asked: GazeOn, placed: Sequence[PlacedAreas], agent: int | None, on_ns: int
+    ) -> None:
+        self._asked, self._placed, self._agent = asked, placed, agent
+        self._from_ns = on_ns
+        self._since_ns: int | None = None
+        self._last_ns = 0
+        self.met_ns: int | None = None
+        """The time of the sample with which the look was long enough."""
+
+    def __call__(self, view: FrameView) -> bool:
+        """Take the gaze of a frame; tell whether the look was long enough."""
+        if self.met_ns is None and view.gaze.sample_count:
+            here = self._here(view.gaze)
+            for t_ns, on in zip(view.gaze.t_ns.tolist(), here.tolist(), strict=True):
+                self._take(t_ns, on)
+        return self.met_ns is not None
+
+    def _take(self, t_ns: int, on: int) -> None:
+        """Take a sample: 1 on the area, 0 elsewhere, `LOST`."""
+        if self.met_ns is not None or t_ns < self._from_ns:
+            return
+        if on == LOST:
+            return
+        if on == 0:
+            self._since_ns = None
+            return
+        if self._since_ns is None or t_ns - self._last_ns > BRIDGE_NS:
+            self._since_ns = t_ns
+        self._last_ns = t_ns
+        if t_ns - self._since_ns >= self._asked.seconds * NS_PER_S:
+            self.met_ns = t_ns
+
+    def _here(self, gaze: GazeView) -> npt.NDArray[np.int16]:
+        if self._agent is not None:
+            agents = aoi_of_samples(
+                gaze.angle_deg,
+                gaze.radius_deg,
+                gaze.pad_limit_deg,
+                gaze.hit,
+                pad_deg=self._asked.pad_deg,
+            )
+            return np.where(agents == LOST, LOST, agents == self._agent).astype(np.int16)
+        under = areas_under(
+            self._placed,
+            [self._asked.name],
+            gaze.origin_world_m,
+            gaze.direction_world,
+            self._asked.pad_deg,
+        )
+        return np.where(gaze.valid, under == 0, LOST).astype(np.int16)
+
+    def columns(self, name: str, off_ns: int) -> dict[str, Scalar | None]:
+        """Return the columns of a step that ended at a time."""
+        begin, delay = (f"{name}{ending}" for ending, _, _ in ENDINGS)
+        if self.met_ns is None:
+            return {begin: None, delay: None}
+        return {begin: self._since_ns, delay: (off_ns - self.met_ns) / NS_PER_MS}
+
+
+def gaze_columns(name: str) -> tuple[Column, ...]:
+    """Return the columns that a step adds which waits for gaze."""
+    return tuple(
+        Column(f"{name}{ending}", unit, words.format(name)) for ending, unit, words in ENDINGS
+    )
