@@ -21,6 +21,7 @@ SHORT = {
     "stroop.py": {"repetitions": 1},
     "contrast.py": {"repetitions": 2},
     "faces.py": {"repetitions": 2},
+    "search.py": {"repetitions": 2},
     "before_after.py": {"repetitions": 1, "scene_s": 0.5},
     "lively_films.py": {"repetitions": 1, "film_s": 0.2},
 }
@@ -28,10 +29,10 @@ SHORT = {
 
 def test_examples_are_written_once_and_overwrite_nothing(tmp_path: Path) -> None:
     written = write_examples(tmp_path / "here")
-    pictures = {path.name for path in written if path.suffix == ".png"}
-    others = {"README.md", "means.R", "means.py", "faces.csv", *SHORT}
+    pictures = {path.name for path in written if path.suffix in (".png", ".yaml")}
+    others = {"README.md", "means.R", "means.py", "faces.csv", "search.csv", *SHORT}
     assert others == {path.name for path in written} - pictures
-    assert 8 == len(pictures)
+    assert 8 + 16 == len(pictures)
     assert sorted({"means.py", *SHORT}) == STUDIES
     with pytest.raises(UsageError, match="there already"):
         write_examples(tmp_path / "here")

@@ -49,7 +49,7 @@ def write_examples(folder: Path) -> tuple[Path, ...]:
     contents: dict[str, str | bytes] = {
         path.stem: path.read_text("utf-8") for path in sorted(READY.glob("*.txt"))
     }
-    for path in sorted(READY.glob("*/*.png")):
+    for path in sorted((*READY.glob("*/*.png"), *READY.glob("*/*.yaml"))):
         contents[path.relative_to(READY).as_posix()] = path.read_bytes()
     return write_files(folder, contents)
 

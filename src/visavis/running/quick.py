@@ -240,7 +240,7 @@ def _row(
         rules = looks.rules({"parameters": experiment.parameters})
         never = np.zeros(gaze.t_ns.size, np.bool_)  # a model's samples do not freeze
         row |= looks.columns(TrialRecord(row, None, gaze), never, rules)
-    record = TrialRecord(row, None, gaze)
+    record = TrialRecord(row, None, gaze, shown=tuple(frames.shown))
     return row | {m.column: value_of(m, record) for m in measures}
 
 
@@ -267,6 +267,8 @@ class _Frames:
         self._samples = 0
         self._view: SceneFrame | None = None
         self._sounds: list[SoundOnset] = []
+        self.shown: list[Mapping[str, Any]] = []
+        """What the events that describe what was shown would hold."""
         person.prepare(stretch, 0)
 
     def run(self, plan: Plan) -> dict[str, Any]:
@@ -281,6 +283,8 @@ class _Frames:
                 elif isinstance(step, Show):
                     self._view = step.view
                     self._observer.show(step.view.scene)
+                elif isinstance(step, Mark) and step.name == "shown":
+                    self.shown.append(step.payload)
                 elif isinstance(step, PlaySound):
                     self._sounds.append(SoundOnset(step.key, self._t_ns))
                 elif isinstance(step, Ask):
@@ -298,6 +302,7 @@ class _Frames:
             "t_sample_ns",
             "valid",
             "direction_world",
+            "origin_world_m",
             "angle_deg",
             "radius_deg",
             "pad_limit_deg",

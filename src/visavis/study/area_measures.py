@@ -3,10 +3,11 @@
 All come from the recording alone: gaze, and the areas with the place where they stood.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise, permutations
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +16,7 @@ from visavis.analysis.gaze.aoi import LOST, NONE
 from visavis.analysis.gaze.looks import LookMeasures, Looks, looks_on, measure_trial
 from visavis.analysis.gaze.targets import GazeTargets
 from visavis.lab.clock import NS_PER_MS
-from visavis.lab.errors import DesignError, UsageError
+from visavis.lab.errors import DesignError
 from visavis.protocol.plan.steps import Scalar
 from visavis.stimuli.areas import PlacedAreas, areas_under, read_areas_text
 from visavis.study.measures import LOOKS, Measure, Of, TrialRecord
@@ -47,16 +48,8 @@ class GazeByArea:
 def gaze_by_area(record: TrialRecord, scene: str, pad_deg: float) -> GazeByArea | None:
     """Return a trial's gaze by area while what `scene` names was shown; None where it was not, or
     without a tracker.
-
-    Raises:
-        UsageError: the trial was not recorded.
     """
     window = record.window(scene)
-    if record.recording is None:
-        raise UsageError(
-            "areas are measured from recordings, which the quick path of power does not make; "
-            "simulate sessions and give their folder with --from"
-        )
     if record.gaze is None or window is None:
         return None
     samples = record.gaze.between(*window)
@@ -82,12 +75,13 @@ def gaze_by_area(record: TrialRecord, scene: str, pad_deg: float) -> GazeByArea 
 
 def areas_shown(record: TrialRecord, scene: str) -> tuple[PlacedAreas, ...]:
     """Return the areas of what a trial showed under a name, where they stood; () without any."""
-    assert record.recording is not None  # noqa: S101 - whoever calls this has looked
-    part = int(record.row["recording_part"])
-    events = record.recording.events_named("shown", part)
+    shown: Iterable[Mapping[str, Any]] = record.shown
+    if record.recording is not None:
+        part = int(record.row["recording_part"])
+        shown = record.recording.events_named("shown", part)["payload"]
     mine = [
         payload
-        for payload in events["payload"]
+        for payload in shown
         if payload.get("trial_id") == record.row.get("trial_id") and payload.get("name") == scene
     ]
     return read_areas_text(str(mine[-1]["areas"])) if mine and "areas" in mine[-1] else ()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from visavis.lab.geometry import Vector
+from visavis.lab.geometry import Pose, Vector, quat_conjugate, rotate
 from visavis.protocol.people.simulated_participant import SimulatedParticipant
 from visavis.protocol.plan.experiment import Demands
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
@@ -17,6 +17,7 @@ from visavis.stimuli.flat import Flat
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.flat import FlatScene
 from visavis.study.responses import Response
+from visavis.study.scenes import areas_of
 from visavis.study.sections import AnalysisOfStudy, ExperimentOfStudy
 from visavis.study.trial import TrialScript
 
@@ -65,6 +66,31 @@ class Seen:
         """The texts, pictures, shapes and gratings that are shown; () where a scene is."""
         scene = None if self.first is None else self.first.scene
         return scene.items if isinstance(scene, FlatScene) else ()
+
+    @property
+    def areas(self) -> dict[str, tuple[float, float]]:
+        """The areas of interest of these, each with degrees to the right and upwards of its middle
+        from straight ahead.
+        """
+        scene = None if self.first is None else self.first.scene
+        if not isinstance(scene, FlatScene):
+            return {}
+        screen = scene.surface.screen
+        eyes = screen.place if screen is not None else scene.head
+        return {
+            area.name: direction_deg(one.place_m(*area.middle()), eyes)
+            for one in areas_of(scene)
+            for area in one.areas
+        }
+
+
+def direction_deg(place_m: Vector, eyes: Pose | None) -> tuple[float, float]:
+    """Return degrees to the right and upwards of a place, for eyes that look straight ahead."""
+    offset = place_m
+    if eyes is not None:
+        offset = rotate(quat_conjugate(eyes.orientation_wxyz), place_m - eyes.position_m)
+    x, y, z = offset.tolist()
+    return float(np.degrees(np.arctan2(x, -z))), float(np.degrees(np.arctan2(y, -z)))
 
 
 class TrackerModel(Protocol):
