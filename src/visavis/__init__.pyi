@@ -25,6 +25,7 @@ from visavis.stimuli.flat import Shape as Shape
 from visavis.stimuli.flat import Text as Text
 from visavis.stimuli.sound import Sound as Sound
 from visavis.study.area_measures import looks_at as looks_at
+from visavis.study.area_measures import pointer_at as pointer_at
 from visavis.study.area_measures import transitions as transitions
 from visavis.study.blink_measures import blink_count as blink_count
 from visavis.study.blink_measures import blink_rate as blink_rate

@@ -104,16 +104,16 @@ def gaze_of(area, names=("a", "b", "c")):
     return GazeByArea(samples, area, names, (0, n * 10_000_000))
 
 
-def values(measures, gaze, monkeypatch):
-    monkeypatch.setattr("visavis.study.area_measures.gaze_by_area", lambda *of: gaze)
+def values(measures_of, areas, gaze, monkeypatch):
+    monkeypatch.setattr("visavis.study.area_measures.gaze_by_area", lambda record, **how: gaze)
     record = TrialRecord({}, None)
-    return {m.column: m.of(record) for m in measures}
+    return {m.column: m.of(record) for m in measures_of(*areas)}
 
 
 def test_measures_of_an_area_count_what_came_to_it(monkeypatch):
     # 20 ms nowhere, 30 ms on a, 20 ms lost, 30 ms on a (bridged), 10 ms on b, 20 ms on a
     gaze = gaze_of([NONE] * 2 + [0] * 3 + [LOST] * 2 + [0] * 3 + [1] + [0] * 2)
-    row = values(looks_at("a", "c", "d"), gaze, monkeypatch)
+    row = values(looks_at, ["a", "c", "d"], gaze, monkeypatch)
     assert row["a_dwell_ms"] == 80
     assert row["a_first_look_ms"] == 20
     assert row["a_entries"] == 2
@@ -125,14 +125,14 @@ def test_measures_of_an_area_count_what_came_to_it(monkeypatch):
 
 def test_transitions_are_counted_between_the_areas_asked_for(monkeypatch):
     gaze = gaze_of([0, NONE, 1, 2, 0, 0, LOST, 1, NONE, 1])
-    row = values(transitions("a", "b"), gaze, monkeypatch)
+    row = values(transitions, ["a", "b"], gaze, monkeypatch)
     assert row == {"a_to_b": 2, "b_to_a": 1}
-    row = values(transitions("a", "b", "c"), gaze, monkeypatch)
+    row = values(transitions, ["a", "b", "c"], gaze, monkeypatch)
     assert row == {"a_to_b": 2, "b_to_c": 1, "c_to_a": 1, "a_to_c": 0, "b_to_a": 0, "c_to_b": 0}
 
 
 def test_without_usable_gaze_a_measure_is_missing(monkeypatch):
-    row = values(looks_at("a"), gaze_of([LOST] * 5), monkeypatch)
+    row = values(looks_at, ["a"], gaze_of([LOST] * 5), monkeypatch)
     assert set(row.values()) == {None}
 
 

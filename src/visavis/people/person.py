@@ -59,7 +59,7 @@ from visavis.study.study_functions import AnswerOf, Seen
 if TYPE_CHECKING:
     from visavis.study.moving_camera import FilmSeen
 
-_MIND_STREAM, _LEANING_STREAM, _PACE_STREAM, _MOULD_STREAM = 11, 12, 13, 14
+_MIND_STREAM, _LEANING_STREAM, _PACE_STREAM, _MOULD_STREAM, _POINTER_STREAM = 11, 12, 13, 14, 15
 HAND_AT_M: Final = (0.26, -0.42, -0.30)
 """Position of the pointing right hand, relative to the eyes."""
 HAND_REST: Final = (0.30, -0.85, -1.0)
@@ -67,6 +67,8 @@ HAND_REST: Final = (0.30, -0.85, -1.0)
 SEED_STEP: Final = 1_000_003
 """By how much the seed of what is simulated differs from one session of a person to the next."""
 PRESS_S: Final = 0.1
+POINTER_STOP_S: Final = 0.6
+"""How long a pointer rests on what it reveals."""
 STEP_S: Final = 0.25
 """Time between two presses on the way to a choice."""
 THINKING_S: Final = 1.1
@@ -222,6 +224,27 @@ class StudyPerson(Observer):
         reply, takes_s = self._timed_reply_to(response)
         usual_s = NOTICE_S * self.takes_s(response) / THINKING_S
         return reply, usual_s if takes_s is None else takes_s
+
+    def pointer_path(self, scene: FlatScene, seconds: float) -> list[tuple[float, float, float]]:
+        """Return where this person moves a pointer over a picture with areas of interest: from when
+        on, in seconds, and degrees to the right and upwards.
+        """
+        placed = areas_of(scene)
+        if not placed:
+            return []
+        layout = PictureLayout(scene, placed, np.zeros(3))
+        rng = self._rng(_POINTER_STREAM, self.stretch())
+        path, t_s, last = [], STEP_S, -1
+        while t_s < seconds:
+            appeal = self._appeal_of(layout).copy()
+            if last >= 0:
+                appeal[last] = 0.0
+            last = int(rng.choice(len(appeal), p=appeal / appeal.sum()))
+            x, y, z = layout.targets["direction"][last].tolist()
+            right_deg, up_deg = (float(np.degrees(np.arctan2(v, -z))) for v in (x, y))
+            path.append((t_s, right_deg, up_deg))
+            t_s += float(POINTER_STOP_S * np.exp(THINKING_LOG_SD * rng.standard_normal()))
+        return path
 
     # ---- KeyPresser ----
 

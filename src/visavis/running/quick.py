@@ -173,18 +173,11 @@ def quick_rows(
     rows: list[dict[str, Any]] = []
     if experiment.study.procedure.on == "browser":
         trial_rows = _page_rows(experiment, person, index=index, seed=seed)
-        rows = [_row_of(trial, own, index) for trial, own in trial_rows]
-        return pd.DataFrame(
-            [
-                row
-                | {
-                    m.column: value_of(m, TrialRecord(row, None, None))
-                    for m in measures
-                    if m.of is not None
-                }
-                for row in rows
-            ]
-        )
+        for trial, own, marks in trial_rows:
+            row = _row_of(trial, own, index)
+            record = TrialRecord(row, None, None, shown=marks)
+            rows.append(row | {m.column: value_of(m, record) for m in measures if m.of is not None})
+        return pd.DataFrame(rows)
     plan = experiment.plan(index, seed)
     for block in plan.blocks:
         person.wear(block.index + 1)
@@ -195,8 +188,8 @@ def quick_rows(
 
 def _page_rows(
     experiment: StudyExperiment, person: SimulatedParticipant, *, index: int, seed: int
-) -> Iterator[tuple[Trial, Mapping[str, Any]]]:
-    """Perform every trial of a person's plan but practice; yield each with its row."""
+) -> Iterator[tuple[Trial, Mapping[str, Any], tuple[tuple[str, Mapping[str, Any]], ...]]]:
+    """Perform every trial of a person's plan but practice; yield each with its row and events."""
     store = film_store(experiment)
     visitor = visitor_of(person, experiment, store)
     describe = page_files(store, LiveStore(experiment.lives), is_simulated=True)
@@ -206,12 +199,15 @@ def _page_rows(
         script = TrialScript(trial, experiment.settings)
         performing = perform_on_page(script, experiment.study.trial_plan, describe)
         reply: Reply | None = None
+        marks: list[tuple[str, Mapping[str, Any]]] = []
         trial_position = {"trial": trial.number, "is_practice": False}
         try:
             while True:
                 out = performing.send(reply)
                 reply = None
-                if not isinstance(out, Mark):
+                if isinstance(out, Mark):
+                    marks.append((out.name, out.payload))
+                else:
                     step = PageStep(out.kind, {**out.content, **trial_position})
                     content = visitor.reply(step)
                     check_reply(step, content)
@@ -221,7 +217,7 @@ def _page_rows(
         except StopIteration as end:
             row = dict(end.value or {})
             script.remember(row)
-            yield trial, row
+            yield trial, row, tuple(marks)
 
 
 def _row(
@@ -240,7 +236,7 @@ def _row(
         rules = looks.rules({"parameters": experiment.parameters})
         never = np.zeros(gaze.t_ns.size, np.bool_)  # a model's samples do not freeze
         row |= looks.columns(TrialRecord(row, None, gaze), never, rules)
-    record = TrialRecord(row, None, gaze, shown=tuple(frames.shown))
+    record = TrialRecord(row, None, gaze, shown=tuple(frames.marks))
     return row | {m.column: value_of(m, record) for m in measures}
 
 
@@ -267,8 +263,8 @@ class _Frames:
         self._samples = 0
         self._view: SceneFrame | None = None
         self._sounds: list[SoundOnset] = []
-        self.shown: list[Mapping[str, Any]] = []
-        """What the events that describe what was shown would hold."""
+        self.marks: list[tuple[str, Mapping[str, Any]]] = []
+        """The events that would be recorded."""
         person.prepare(stretch, 0)
 
     def run(self, plan: Plan) -> dict[str, Any]:
@@ -283,8 +279,8 @@ class _Frames:
                 elif isinstance(step, Show):
                     self._view = step.view
                     self._observer.show(step.view.scene)
-                elif isinstance(step, Mark) and step.name == "shown":
-                    self.shown.append(step.payload)
+                elif isinstance(step, Mark):
+                    self.marks.append((step.name, step.payload))
                 elif isinstance(step, PlaySound):
                     self._sounds.append(SoundOnset(step.key, self._t_ns))
                 elif isinstance(step, Ask):

@@ -3,11 +3,12 @@
 All come from the recording alone: gaze, and the areas with the place where they stood.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise, permutations
-from typing import Any
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -17,9 +18,15 @@ from visavis.analysis.gaze.looks import LookMeasures, Looks, looks_on, measure_t
 from visavis.analysis.gaze.targets import GazeTargets
 from visavis.lab.clock import NS_PER_MS
 from visavis.lab.errors import DesignError
+from visavis.lab.screen import FlatScreen
 from visavis.protocol.plan.steps import Scalar
 from visavis.stimuli.areas import PlacedAreas, areas_under, read_areas_text
 from visavis.study.measures import LOOKS, Measure, Of, TrialRecord
+
+POINTER_WINDOW: Final = "pointer_window"
+"""The event that says where the window was that followed the pointer on a page."""
+POINTER_STEP_NS: Final = 10 * NS_PER_MS
+"""A pointer's path is measured in steps of this length; a page moves its window every 17 ms."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +49,10 @@ class GazeByArea:
         """Return the look measures of an area."""
         place = self.names.index(name)
         return measure_trial(self.samples.t_ns, self.area, place, *self.window, params=LOOKS)
+
+
+Pick: TypeAlias = Callable[[GazeByArea], float | int | None]
+"""Picks a measure out of a trial's gaze."""
 
 
 @lru_cache(maxsize=8)
@@ -75,16 +86,8 @@ def gaze_by_area(record: TrialRecord, scene: str, pad_deg: float) -> GazeByArea 
 
 def areas_shown(record: TrialRecord, scene: str) -> tuple[PlacedAreas, ...]:
     """Return the areas of what a trial showed under a name, where they stood; () without any."""
-    shown: Iterable[Mapping[str, Any]] = record.shown
-    if record.recording is not None:
-        part = int(record.row["recording_part"])
-        shown = record.recording.events_named("shown", part)["payload"]
-    mine = [
-        payload
-        for payload in shown
-        if payload.get("trial_id") == record.row.get("trial_id") and payload.get("name") == scene
-    ]
-    return read_areas_text(str(mine[-1]["areas"])) if mine and "areas" in mine[-1] else ()
+    shown = _payload_of(record, "shown", scene)
+    return () if shown is None or "areas" not in shown else read_areas_text(str(shown["areas"]))
 
 
 def on_areas(
@@ -121,12 +124,12 @@ def looks_at(
 def _measures_of(area: str, scene: str, pad_deg: float, prefix: str) -> tuple[Measure, ...]:
     words = area.replace("_", " ")
 
-    def measure(column: str, unit: str, what: str, pick: Callable[[GazeByArea], object]) -> Measure:
+    def measure(column: str, unit: str, what: str, pick: Pick) -> Measure:
         return Measure(
             f"{prefix}{area}_{column}",
             unit,
             f"{what} {words}",
-            _of(area, scene, pad_deg, pick),
+            _of(area, partial(gaze_by_area, scene=scene, pad_deg=pad_deg), pick),
             needs_gaze=True,
             areas=(area,),
             scene=scene,
@@ -159,7 +162,11 @@ def transitions(
             f"{prefix}{begin}_to_{end}",
             "1",
             f"Transitions from {begin.replace('_', ' ')} to {end.replace('_', ' ')}",
-            _of(begin, scene, pad_deg, _transition(begin, end, areas)),
+            _of(
+                begin,
+                partial(gaze_by_area, scene=scene, pad_deg=pad_deg),
+                _transition(begin, end, areas),
+            ),
             needs_gaze=True,
             areas=(begin, end),
             scene=scene,
@@ -168,13 +175,88 @@ def transitions(
     )
 
 
-def _of(area: str, scene: str, pad_deg: float, pick: Callable[[GazeByArea], object]) -> Of:
+def pointer_at(*areas: str, scene: str = "stimulus", pad_deg: float = 0.0) -> tuple[Measure, ...]:
+    """Return the measures of the pointer on each area that `reveal="pointer"` let it uncover on a
+    page: `AREA_pointer_ms`, `AREA_pointer_share_01` of the time, `AREA_pointer_first_ms` (missing
+    without any) and `AREA_pointer_entries`. It is where the middle of the window was, not gaze.
+
+    Raises:
+        DesignError: no area is named.
+    """
+    if not areas:
+        raise DesignError("pointer_at: name one area at least, as its file or its stimulus does")
+    read = partial(pointer_by_area, scene=scene, pad_deg=pad_deg)
+
+    def measures(area: str) -> Iterator[Measure]:
+        words = area.replace("_", " ")
+        for column, unit, what, pick in (
+            ("ms", "ms", "Time of the pointer on", lambda p: p.measures(area).dwell_ms),
+            ("share_01", "1", "Share of time of the pointer on", lambda p: _share(p, area)),
+            ("first_ms", "ms", "Time to the pointer's first visit to", lambda p: _first(p, area)),
+            ("entries", "1", "Visits of the pointer to", lambda p: len(p.looks(area).onset_ns)),
+        ):
+            of = _of(area, read, pick)
+            name = f"{area}_pointer_{column}"
+            yield Measure(name, unit, f"{what} {words}", of, areas=(area,), scene=scene)
+
+    return tuple(measure for area in areas for measure in measures(area))
+
+
+def _share(pointer: GazeByArea, area: str) -> float | None:
+    return pointer.measures(area).dwell_of_valid_01
+
+
+@lru_cache(maxsize=8)
+def pointer_by_area(record: TrialRecord, scene: str, pad_deg: float) -> GazeByArea | None:
+    """Return where a trial's pointer was while a page showed something through a window after it,
+    as `gaze_by_area` returns gaze; None where nothing was shown so.
+    """
+    window = record.window(scene)
+    shown = _payload_of(record, POINTER_WINDOW, scene)
+    if window is None or shown is None:
+        return None
+    wide, high = int(shown["width_px"]), int(shown["height_px"])
+    px_per_m = 1000 * shown["px_per_mm"]
+    screen = FlatScreen(wide / px_per_m, high / px_per_m, wide, high, shown["distance_mm"] / 1000)
+    path = np.array(json.loads(shown["path"]), np.float64).reshape(-1, 3)
+    t_ns = np.arange(window[0], window[1], POINTER_STEP_NS)
+    # Before it was moved nobody knows where a pointer is, and nothing is uncovered.
+    last = np.searchsorted(path[:, 0], t_ns, side="right") - 1
+    at_px = np.full((len(t_ns), 2), np.nan)
+    at_px[last >= 0] = path[last[last >= 0], 1:]
+    direction = screen.directions_of(at_px)
+    placed = read_areas_text(str(shown["areas"]))
+    names = tuple(area.name for one in placed for area in one.areas)
+    under = areas_under(placed, names, np.zeros_like(direction), direction, pad_deg)
+    samples = GazeTargets(
+        t_ns=t_ns.astype(np.int64),
+        valid=last >= 0,
+        direction_world=direction,
+        angle_deg=np.zeros((len(t_ns), 0)),
+        radius_deg=np.zeros((len(t_ns), 0)),
+        pad_limit_deg=np.zeros((len(t_ns), 0)),
+        hit=under,
+    )
+    return GazeByArea(samples, under, names, window)
+
+
+def _payload_of(record: TrialRecord, event: str, scene: str) -> Mapping[str, Any] | None:
+    """Return the payload of the last event of a trial that tells of what was shown as `scene`."""
+    told: Iterable[Mapping[str, Any]] = (p for name, p in record.shown if name == event)
+    if record.recording is not None:
+        part = int(record.row["recording_part"])
+        told = record.recording.events_named(event, part)["payload"]
+    trial_id = record.row.get("trial_id")
+    mine = [p for p in told if p.get("trial_id") == trial_id and p.get("name") == scene]
+    return mine[-1] if mine else None
+
+
+def _of(area: str, read: Callable[[TrialRecord], GazeByArea | None], pick: Pick) -> Of:
     def of(record: TrialRecord) -> Scalar | None:
-        gaze = gaze_by_area(record, scene, pad_deg)
+        gaze = read(record)
         if gaze is None or area not in gaze.names or gaze.measures(area).lost_01 in (None, 1.0):
             return None  # without gaze the value is missing, not zero
-        value: Scalar | None = pick(gaze)  # type: ignore[assignment]  # a number, or missing
-        return value
+        return pick(gaze)
 
     return of
 

@@ -91,6 +91,8 @@ class TrialRead:
     """The names of the areas of interest in its flat stimuli."""
     waits_for_gaze: bool = False
     """Whether gaze ends a step."""
+    is_revealed: bool = False
+    """Whether a window that follows a pointer shows something: a page is needed."""
 
 
 def still_view(t_ns: int = 0) -> FrameView:
@@ -134,7 +136,7 @@ def read_trial(
     vibrating_roles: list[str] = []
     roles: set[str] = set()
     areas: set[str] = set()
-    waits_for_gaze = False
+    waits_for_gaze = is_revealed = False
     dressings: set[str] = set()
     reply: Any = None
     steps: Any = plan(script)
@@ -155,6 +157,7 @@ def read_trial(
                 script.view = still_view(round(seconds * NS_PER_S))
                 vibrates = vibrates or step.name == "vibrate"
                 waits_for_gaze = waits_for_gaze or step.gaze_on is not None
+                is_revealed |= step.showing is not None and step.showing.window_deg > 0
                 vibrating_roles += [step.role] if step.role else []
                 # Every reply has the type and columns of the real one: the trial may go on with it.
                 if step.sound is not None:
@@ -251,6 +254,7 @@ def read_trial(
             staircases=tuple(script.staircases.values()),
             areas=frozenset(areas),
             waits_for_gaze=waits_for_gaze,
+            is_revealed=is_revealed,
         )
     except (DesignError, TypeError) as error:
         reason = explain(error)

@@ -216,6 +216,18 @@ class StudyExperiment:
         apart = replace(self.settings, memory={})
         return read_trial(self.study.trial_plan, trial, apart).lives
 
+    def check_without_page(self) -> None:
+        """Refuse to be performed before a monitor or in a headset if something needs a page.
+
+        Raises:
+            DesignError: a window follows the pointer.
+        """
+        if any(t.is_revealed for t in self.read.values()):
+            raise DesignError(
+                f'{self.name}: reveal="pointer" is for pages; give --on browser, or leave it out '
+                "and measure gaze with an eye tracker"
+            )
+
     def check_live_figures(self) -> None:
         """Check that live figures can be drawn before a monitor or in a headset.
 

@@ -55,6 +55,7 @@ EVENT_FACTS: Final[Mapping[str, tuple[str, ...]]] = {
     "shown": ("films",),
     "screen_measured": ("card",),
     "sound_checked": ("voice",),
+    "pointer_window": ("pointer",),
 }
 """Facts that cover the events of a session on a page. Plans of what is shown are about nobody."""
 
@@ -177,6 +178,7 @@ def information_on_page(
     facts += ["films"] if experiment.films else []
     facts += ["moulding"] if experiment.lives else []
     facts += ["flats"] if experiment.flats else []
+    facts += ["pointer"] if any(t.is_revealed for t in experiment.read.values()) else []
     facts += ["card"] if "card" in screening or experiment.flats else []
     facts += ["distance"] if experiment.flats else []
     facts += ["voice"] if "sound" in screening else []
@@ -231,6 +233,7 @@ def facts_in_event(name: str, payload: Mapping[str, Any]) -> frozenset[str]:
         answers = [a for a in (reply.get("answers") or {}).values() if isinstance(a, Mapping)]
         facts |= {"holding"} if any("released_ms" in answer for answer in answers) else set()
         facts |= {"flats"} if "parts" in reply else set()
+        facts |= {"pointer"} if any("pointer" in p for p in reply.get("parts", ())) else set()
         facts |= {"card"} if "px_per_mm" in reply else set()
         facts |= {"distance"} if "distance_mm" in reply or "screen" in reply else set()
         return frozenset(facts)

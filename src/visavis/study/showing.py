@@ -29,13 +29,17 @@ PAGE_COLUMNS: Final = (
 
 @dataclass(frozen=True)
 class Showing:
-    """What is shown, and for how long: the frames, or else the seconds. Its columns' name."""
+    """What is shown, and for how long: the frames, or else the seconds. Its columns' name.
+
+    With `window_deg` it is blurred but for a window so wide, which follows the pointer.
+    """
 
     scene: Scene
     seconds: float
     frames: int | None
     name: str
     is_flat: bool = False
+    window_deg: float = 0.0
 
     def calm_until_ns(self, view: FrameView, on_ns: int) -> int:
         """Return until when nothing of it changes, two frames before its end."""
@@ -105,3 +109,18 @@ def duration(step: str, seconds: float) -> float:
     if not 0 <= seconds < np.inf:
         raise DesignError(f"t.{step}({seconds}): give seconds from 0")
     return float(seconds)
+
+
+def window_of(reveal: str | None, window_deg: float) -> float:
+    """Return how wide a window in a blurred picture is; 0 where nothing is blurred.
+
+    Raises:
+        DesignError: it is none.
+    """
+    if reveal is None:
+        return 0.0
+    if reveal != "pointer":
+        raise DesignError(f't.show: reveal is {reveal!r}; there is "pointer"')
+    if not 0.1 <= window_deg <= 60:
+        raise DesignError(f"t.show: window_deg is {window_deg:g}; from 0.1 to 60 degrees")
+    return float(window_deg)

@@ -64,7 +64,7 @@ from visavis.study.moulding import BoardWords, moulded
 from visavis.study.quest_plus import QuestPlus, QuestPlusTrial
 from visavis.study.responses import FreeText, Keys, Pointing, Rating, Response, labels_of
 from visavis.study.scenes import FLAT, PassingScene, Scene, StagedScene
-from visavis.study.showing import Showing, awaited_keys, duration, shown_seconds
+from visavis.study.showing import Showing, awaited_keys, duration, shown_seconds, window_of
 from visavis.study.staircase import Staircase, StaircaseTrial
 from visavis.study.trial_settings import Settings, is_on_board
 
@@ -191,11 +191,14 @@ class TrialScript(LitTrial):
         limit_s: float | None = None,
         background: Colour = "black",
         name: str | None = None,
+        reveal: Literal["pointer"] | None = None,
+        window_deg: float = 4.0,
     ) -> Action:
         """Show a scene, or flat stimuli (`Text`, `Image`, `Shape`, `Grating`; the last in front),
         for some seconds or frames, or until `until` is true for a frame (`gaze_on` says of gaze
         when) or a key of it is pressed.
-        Stimuli in a mapping have names, which make areas of interest of them.
+        Stimuli in a mapping have names, which make areas of interest of them. On a page,
+        `reveal="pointer"` blurs all but a window `window_deg` wide, which follows the pointer.
 
         Columns: `NAME_on_ns` and `NAME_off_ns` (a second scene of a trial: `NAME2_on_ns`),
         `NAME_frames`, and `NAME_ROLE` for the agent that plays a role; NAME is "scene", and
@@ -224,7 +227,8 @@ class TrialScript(LitTrial):
             )
         name = name or ("stimulus" if flats else "scene")
         seconds = shown_seconds(seconds, frames, keys, until)
-        showing = Showing(scene, seconds, frames, name, is_flat=bool(flats))
+        wide_deg = window_of(reveal if flats else None, window_deg)
+        showing = Showing(scene, seconds, frames, name, bool(flats), wide_deg)
         if keys is not None:
             perform = partial(self._answer_shown, showing, keys)
         else:

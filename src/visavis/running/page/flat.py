@@ -5,20 +5,29 @@ stimuli: until a key is waited for, or something else is asked for. A step's `pa
 shown, each for some `seconds` or `frames`, or until the key, which is timed from the part `from`.
 """
 
+import json
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, fields
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from visavis.lab.errors import DesignError
+from visavis.lab.geometry import Pose
+from visavis.lab.screen import FlatScreen, PlacedScreen
+from visavis.protocol.plan.steps import Mark
 from visavis.running.page.steps import WAYS, PageError, PageStep, Reply, count, mapping, number
+from visavis.stimuli.areas import areas_text
 from visavis.stimuli.flat import Flat, Grating, Image, Shape, Text, rgb_of
+from visavis.stimuli.panels import Surface
 from visavis.stimuli.scenes.flat import FlatScene
 from visavis.study.actions import Action
+from visavis.study.area_measures import POINTER_WINDOW
 from visavis.study.dry_run import still_view
 from visavis.study.responses import Keys
-from visavis.study.scenes import FLAT
+from visavis.study.scenes import FLAT, areas_of
 
 MAX_PARTS: Final = 1000
 MAX_VIEW_PX: Final = 100_000
@@ -39,6 +48,10 @@ ASSUMED_SIZE_ERROR_01: Final = 0.25
 ASSUMED_DISTANCE_ERROR_01: Final = 0.25
 """Screens and habits differ: a size in degrees is then little more than an order of magnitude."""
 NO_PRESS: Final = "nothing in time"
+BLUR_OF_WINDOW: Final = 0.125
+"""How far a picture is blurred, as a share of the window that follows the pointer."""
+MAX_PATH: Final = 20_000
+"""Places of a pointer in one part; more than five minutes of frames."""
 
 
 @dataclass(frozen=True)
@@ -120,12 +133,17 @@ class Sequence:
         showing, scene = action.showing, ComingScene()
         assert showing is not None  # noqa: S101 - whoever calls this has looked
         options = showing.scene.options
-        content = {
+        content: dict[str, Any] = {
             "items": [item_on_page(item, files) for item in options["items"]],
             "background": colour_on_page(options["background"]),
             "seconds": None if showing.frames is not None else showing.seconds,
             "frames": showing.frames,
         }
+        if "names" in options:
+            content["names"] = list(options["names"])
+        if showing.window_deg:
+            blur_deg = showing.window_deg * BLUR_OF_WINDOW
+            content["reveal"] = {"window_deg": showing.window_deg, "blur_deg": blur_deg}
         if isinstance(action.response, Keys) and showing.seconds >= action.response.limit_s:
             content["seconds"] = None  # until the key, or its limit
         self.parts.append(_Part(content, name, scene))
@@ -194,6 +212,7 @@ def flat_scene(part: Mapping[str, Any], folder: Path) -> FlatScene:
         items=tuple(read_item(item) for item in part["items"]),
         background_srgb=rgb_of(part["background"]),
         folder=folder,
+        names=tuple(part.get("names", ())),
     )
 
 
@@ -273,6 +292,10 @@ def check_shown(step: PageStep, content: Mapping[str, Any]) -> None:
     count(content.get("outside"), "outside")
     if "view_px" in content:
         _check_view(content["view_px"])
+    for part, asked_part in zip(content["parts"], step.content["parts"], strict=False):
+        if "reveal" in asked_part:
+            read_path(part)
+            _check_view(content.get("view_px"))
     answer = content.get("answer")
     if answer is None:
         return
@@ -282,6 +305,57 @@ def check_shown(step: PageStep, content: Mapping[str, Any]) -> None:
     number(pressed.get("at_ms"), "at_ms")
     if pressed.get("option") not in asked["options"] or pressed.get("by") not in WAYS:
         raise PageError(f"{str(pressed.get('option'))[:40]!r} is none of its keys")
+
+
+def read_path(part: Mapping[str, Any]) -> list[tuple[float, float, float]]:
+    """Return where the window of a part was: since when, in ms, and its middle in pixels from the
+    page's top left.
+
+    Raises:
+        PageError: the content is malformed.
+    """
+    path = part.get("pointer")
+    if not isinstance(path, list) or len(path) > MAX_PATH:
+        raise PageError("a pointer's path is a list of [ms, x, y]")
+    if any(not isinstance(row, list) or len(row) != 3 for row in path):
+        raise PageError("a pointer's path has rows of ms, x and y")
+    return [(number(ms, "ms"), number(x, "x"), number(y, "y")) for ms, x, y in path]
+
+
+def pointer_events(sequence: Sequence, reply: Reply, folder: Path, trial_id: str) -> Iterator[Mark]:
+    """Yield what is recorded of every part that was seen through a window after the pointer: where
+    that was, and where the areas of interest were, on the page's screen.
+    """
+    shown = list(zip(sequence.parts, reply.content["parts"], strict=False))
+    for k, (part, told) in enumerate(shown):
+        if not part.name or "reveal" not in part.content:
+            continue
+        rows = read_path(told)
+        for later, more in shown[k + 1 :]:  # what `t.wait` left there
+            if not later.content.get("goes_on"):
+                break
+            rows += read_path(more)
+        screen, (wide, high) = read_screen(reply.content.get("screen")), reply.content["view_px"]
+        size_m = (wide / screen.px_per_mm / 1000, high / screen.px_per_mm / 1000)
+        flat = FlatScreen(*size_m, wide, high, screen.distance_mm / 1000)
+        at = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+        surface = Surface(PlacedScreen(flat, at))
+        areas = areas_of(replace(flat_scene(part.content, folder), surface=surface))
+        path = [(reply.t_ns_of(ms), round(x, 1), round(y, 1)) for ms, x, y in rows]
+        yield Mark(
+            POINTER_WINDOW,
+            {
+                "trial_id": trial_id,
+                "name": part.name,
+                "window_deg": part.content["reveal"]["window_deg"],
+                "width_px": wide,
+                "height_px": high,
+                "px_per_mm": screen.px_per_mm,
+                "distance_mm": screen.distance_mm,
+                "path": json.dumps(path, separators=(",", ":")),
+                "areas": areas_text(areas),
+            },
+        )
 
 
 def _check_view(view_px: Any) -> None:

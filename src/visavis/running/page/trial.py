@@ -7,7 +7,7 @@ from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.protocol.plan.steps import Mark, Row, TrialInterrupted
 from visavis.running.live_store import until_on_page
-from visavis.running.page.flat import NO_PRESS, Sequence, shown_columns
+from visavis.running.page.flat import NO_PRESS, Sequence, pointer_events, shown_columns
 from visavis.running.page.steps import (
     Drawn,
     FilmPlayback,
@@ -130,6 +130,8 @@ def _shown(
     columns["stimuli_outside"] += script.row.get("stimuli_outside", 0)
     script.row |= columns | {"t_end_ns": end_ns}
     script.view = still_view(end_ns)
+    trial_id = script.trial.trial_id
+    yield from pointer_events(coming, reply, script.settings.folder, trial_id)
     coming.parts.clear()
     if keys is None:
         return None

@@ -35,6 +35,8 @@ FIRST_FRAME_MS: Final = 40.0
 """From a step to the first picture that a simulated browser presents."""
 PX_PER_MM: Final = 96 / 25.4
 """Size of a CSS pixel by its standard (96 to the inch)."""
+VIEW_PX: Final = (1280, 800)
+"""Size of a simulated person's page where it matters."""
 DISTANCE_MM: Final = 600.0
 """Distance from a simulated person's eyes to their screen."""
 MOVE_MS: Final = 50.0
@@ -137,7 +139,8 @@ class Visitor:
         """See what is shown, part by part, and press a key where one is asked for."""
         shown_ms = self.now_ms
         self._see_parts(content)
-        keys, parts, at_ms = content["keys"], [], self.now_ms + FIRST_FRAME_MS
+        keys, at_ms = content["keys"], self.now_ms + FIRST_FRAME_MS
+        parts: list[dict[str, Any]] = []
         answer, end_ms = None, math.inf
         for k, part in enumerate(content["parts"]):
             if keys is not None and k == keys["from"]:
@@ -150,6 +153,13 @@ class Visitor:
             frames = max(1, math.ceil((min(at_ms + lasts_ms, end_ms) - at_ms) / FRAME_MS - 1e-6))
             off_ms = at_ms + frames * FRAME_MS
             parts.append({"on_ms": at_ms, "off_ms": off_ms, "frames": frames, "dropped": 0})
+            if "reveal" in part:
+                scene = flat_scene(part, self.store.study_folder)
+                path = self.person.pointer_path(scene, (off_ms - at_ms) / 1000)
+                parts[-1]["pointer"] = [
+                    [at_ms + 1000 * t_s, *_page_px(right_deg, up_deg)]
+                    for t_s, right_deg, up_deg in path
+                ]
             at_ms = off_ms
             if at_ms >= end_ms:
                 break
@@ -161,6 +171,7 @@ class Visitor:
             "screen": {"px_per_mm": PX_PER_MM, "distance_mm": DISTANCE_MM},
             "outside": 0,
             "answer": answer,
+            **({"view_px": list(VIEW_PX)} if any("pointer" in part for part in parts) else {}),
         }
 
     def look(self, content: Mapping[str, Any]) -> float:
@@ -364,6 +375,13 @@ class Visitor:
         if answer is None or not labels:
             return answer
         return next((str(o["value"]) for o in question["options"] if o["label"] == answer), None)
+
+
+def _page_px(right_deg: float, up_deg: float) -> tuple[float, float]:
+    """Return the pixel of the page in a direction."""
+    tangents = np.tan(np.radians([right_deg, -up_deg]))
+    x, y = (np.array(VIEW_PX) / 2 + tangents * DISTANCE_MM * PX_PER_MM).tolist()
+    return x, y
 
 
 def _lasts_ms(part: Mapping[str, Any]) -> float:

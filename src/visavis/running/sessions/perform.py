@@ -76,6 +76,7 @@ def perform_new(request: Request) -> Path:
         session_path: Path = _pages().perform_new(request)
         return session_path
     if isinstance(request.experiment, StudyExperiment):
+        request.experiment.check_without_page()
         request.experiment.check_live_figures()
     cast = use_cast_of(request.config)
     plan = request.experiment.plan(request.person.index, request.seed, request.person.group)

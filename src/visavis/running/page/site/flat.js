@@ -7,6 +7,7 @@ import * as wire from "./wire.js";
 const TRIES = 4;
 const NAMES = { " ": ["space", "trigger"], enter: ["enter", "select"], arrowleft: ["left"], arrowright: ["right"], arrowup: ["up"], arrowdown: ["down"] };
 const LINE_EM = 1.2;
+const MAX_PATH = 20000; // places of the pointer in a part
 const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 const files = new Map();
 
@@ -147,6 +148,19 @@ function drawPicture(context, item, [left, top, wide, high], bitmaps) {
   context.drawImage(bitmaps.get(item.picture), left, top, wide, high);
 }
 
+// A blurred copy of a page: drawn small, and large again. Not every browser has a filter for it.
+function blurred(page, blurPx) {
+  const small = new OffscreenCanvas(Math.max(1, Math.round(page.width / blurPx)), Math.max(1, Math.round(page.height / blurPx)));
+  const large = new OffscreenCanvas(page.width, page.height);
+  for (const [from, to] of [[page, small], [small, large]]) {
+    const on = to.getContext("2d", { alpha: false });
+    on.imageSmoothingEnabled = true;
+    on.imageSmoothingQuality = "high";
+    on.drawImage(from, 0, 0, to.width, to.height);
+  }
+  return large;
+}
+
 const DRAW = { text: drawText, shape: drawShape, grating: drawGrating, image: drawPicture };
 
 // ---- one step -------------------------------------------------------------------------------
@@ -183,8 +197,26 @@ export async function open(step, holder, screen, frameMs, done) {
     return page;
   });
   for (const bitmap of bitmaps.values()) bitmap.close();
+  const pxOf = (deg) => distancePx * rad(deg);
+  const veils = step.parts.map((part, k) => part.reveal ? blurred(pages[k], pxOf(part.reveal.blur_deg)) : null);
+  let pointer = null; // where it was last, in pixels of the window
+  const onPointer = (e) => { pointer = [e.clientX, e.clientY]; };
+  document.addEventListener("pointermove", onPointer);
+  document.addEventListener("pointerdown", onPointer);
+  // The veil, and the window in it around the pointer.
+  const reveal = (k) => {
+    context.drawImage(veils[k], 0, 0);
+    if (!pointer) return;
+    context.save();
+    context.beginPath();
+    context.arc(pointer[0] * ratio, pointer[1] * ratio, pxOf(step.parts[k].reveal.window_deg) / 2, 0, 2 * Math.PI);
+    context.clip();
+    context.drawImage(pages[k], 0, 0);
+    context.restore();
+  };
   const draw = (k) => {
     canvas.dataset.part = k;
+    if (k < pages.length && veils[k]) { reveal(k); return; }
     if (k < pages.length) context.drawImage(pages[k], 0, 0);
     else { context.fillStyle = step.parts.at(-1).background; context.fillRect(0, 0, canvas.width, canvas.height); }
   };
@@ -207,14 +239,20 @@ export async function open(step, holder, screen, frameMs, done) {
     presses.push({ option, at_ms: e.timeStamp, by: "keys" });
   };
   document.addEventListener("keydown", onKey);
-  const close = () => { isOver = true; document.removeEventListener("keydown", onKey); };
+  const close = () => {
+    isOver = true;
+    document.removeEventListener("keydown", onKey);
+    document.removeEventListener("pointermove", onPointer);
+    document.removeEventListener("pointerdown", onPointer);
+  };
 
   // `drawn` is the part that the frame before drew; it has been lit since this one.
   let drawn = -1;
   let frames = 0;
   let dropped = 0;
   let before = null;
-  const show = (k) => { draw(k); drawn = k; };
+  let windowAt = null; // where the window is that was drawn last
+  const show = (k) => { draw(k); drawn = k; windowAt = pointer; };
   const onFrame = (now) => {
     if (isOver) return;
     requestAnimationFrame(onFrame);
@@ -223,12 +261,18 @@ export async function open(step, holder, screen, frameMs, done) {
     if (lit.length === drawn) { // its first frame, and the first without the one before
       if (drawn > 0) Object.assign(lit[drawn - 1], { off_ms: now, frames, dropped: dropped + missed });
       lit.push({ on_ms: now });
+      if (step.parts[drawn] && step.parts[drawn].reveal) lit[drawn].pointer = windowAt ? [[now, ...windowAt]] : [];
       frames = dropped = 0;
       if (drawn === step.parts.length || answer || isLate) { finish(); return; }
     } else dropped += missed;
     if (drawn < 0) { show(0); return; }
     frames += 1;
     const part = step.parts[drawn];
+    if (part.reveal && pointer && pointer !== windowAt && lit[drawn].pointer.length < MAX_PATH) { // what is drawn now is lit from the next frame on
+      reveal(drawn);
+      windowAt = pointer;
+      lit[drawn].pointer.push([now + frameMs, ...pointer]);
+    }
     const onMs = lit[drawn].on_ms;
     if (keys && drawn >= keys.since) {
       const fromMs = lit[keys.from].on_ms;
