@@ -229,10 +229,10 @@ class StudyPerson(Observer):
         """Return where this person moves a pointer over a picture with areas of interest: from when
         on, in seconds, and degrees to the right and upwards.
         """
-        placed = areas_of(scene)
-        if not placed:
+        sheets = areas_of(scene)
+        if not sheets:
             return []
-        layout = PictureLayout(scene, placed, np.zeros(3))
+        layout = PictureLayout(scene, sheets, np.zeros(3))
         rng = self._rng(_POINTER_STREAM, self.stretch())
         path, t_s, last = [], STEP_S, -1
         while t_s < seconds:
@@ -261,9 +261,9 @@ class StudyPerson(Observer):
     # ---- within ----
 
     def _layout_of(self, scene: Scene) -> Layout | PictureLayout | None:
-        placed = areas_of(scene) if isinstance(scene, FlatScene) else ()
-        if placed:
-            return PictureLayout(scene, placed, self._seat)
+        sheets = areas_of(scene) if isinstance(scene, FlatScene) else ()
+        if sheets:
+            return PictureLayout(scene, sheets, self._seat)
         return super()._layout_of(scene)
 
     def _appeal_of(self, what: Layout | PictureLayout) -> npt.NDArray[np.float64]:

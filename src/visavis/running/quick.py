@@ -175,7 +175,7 @@ def quick_rows(
         trial_rows = _page_rows(experiment, person, index=index, seed=seed)
         for trial, own, marks in trial_rows:
             row = _row_of(trial, own, index)
-            record = TrialRecord(row, None, None, shown=marks)
+            record = TrialRecord(row, None, None, events=marks)
             rows.append(row | {m.column: value_of(m, record) for m in measures if m.of is not None})
         return pd.DataFrame(rows)
     plan = experiment.plan(index, seed)
@@ -236,7 +236,7 @@ def _row(
         rules = looks.rules({"parameters": experiment.parameters})
         never = np.zeros(gaze.t_ns.size, np.bool_)  # a model's samples do not freeze
         row |= looks.columns(TrialRecord(row, None, gaze), never, rules)
-    record = TrialRecord(row, None, gaze, shown=tuple(frames.marks))
+    record = TrialRecord(row, None, gaze, events=tuple(frames.marks))
     return row | {m.column: value_of(m, record) for m in measures}
 
 

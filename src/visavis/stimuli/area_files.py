@@ -49,19 +49,19 @@ def _read(path: Path, modified_ns: int, size_px: tuple[int, int]) -> tuple[Area,
     if suffix not in SUFFIXES:
         raise DesignError(f"{path}: areas are read from {', '.join(SUFFIXES)}")
     if suffix == ".png":
-        placed = list(_painted(path, size_px))
+        areas = list(_of_png(path, size_px))
     else:
-        read = {".csv": _of_csv, ".svg": _of_svg}.get(suffix, _of_yaml)
-        placed = list(read(path, size_px))
-    if not placed:
+        reader = {".csv": _of_csv, ".svg": _of_svg}.get(suffix, _of_yaml)
+        areas = list(reader(path, size_px))
+    if not areas:
         raise DesignError(f"{path} has no areas; describe or paint one at least")
     first_at: dict[str, str] = {}
-    for where, area in placed:
+    for where, area in areas:
         _check(where, area, size_px)
         if area.name in first_at:
             raise DesignError(f"{where}: there are two areas {area.name!r}; name one otherwise")
         first_at[area.name] = where
-    return tuple(area for _, area in placed)
+    return tuple(area for _, area in areas)
 
 
 def _check(where: str, area: Area, size_px: tuple[int, int]) -> None:
@@ -138,8 +138,8 @@ def _of_yaml(path: Path, size_px: tuple[int, int]) -> Iterator[tuple[str, Area]]
         for key in of:
             if key not in PER_AREA:
                 raise DesignError(f"{where}: area {name}: {key!r}{did_you_mean(key, PER_AREA)}")
-        given = [form for form in FORMS if form in of]
-        if len(given) != 1:
+        forms = [form for form in FORMS if form in of]
+        if len(forms) != 1:
             raise DesignError(f"{where}: area {name}: give one of {', '.join(FORMS)}")
         yield where, _area_of(where, path, str(name), of, size_px)
 
@@ -254,7 +254,7 @@ def _of_svg(path: Path, size_px: tuple[int, int]) -> Iterator[tuple[str, Area]]:
         if element.get("transform") or _is_moved(root, element):
             raise DesignError(f"{where} is moved by a transform; apply it in the drawing program")
         area = _svg_area(where, kind, name, element)
-        moved = tuple(((x - left) * scale[0], (y - top) * scale[1]) for x, y in area.outline)
+        outline = tuple(((x - left) * scale[0], (y - top) * scale[1]) for x, y in area.outline)
         ellipse = area.ellipse
         if ellipse is not None:
             x, y, w, h, turn = ellipse
@@ -263,7 +263,7 @@ def _of_svg(path: Path, size_px: tuple[int, int]) -> Iterator[tuple[str, Area]]:
         salience = _numbers(element.get("data-salience", ""))[:1]
         yield (
             where,
-            replace(area, outline=moved, ellipse=ellipse, salience=next(iter(salience), None)),
+            replace(area, outline=outline, ellipse=ellipse, salience=next(iter(salience), None)),
         )
 
 
@@ -326,7 +326,7 @@ def _numbers(text: str) -> list[float]:
     return [float(v) for v in NUMBER.findall(text)]
 
 
-def _painted(path: Path, size_px: tuple[int, int]) -> Iterator[tuple[str, Area]]:
+def _of_png(path: Path, size_px: tuple[int, int]) -> Iterator[tuple[str, Area]]:
     labels = _mask(path, size_px)
     for text, is_inside in _colours_of(labels).items():
         if text.startswith("#"):

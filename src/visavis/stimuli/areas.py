@@ -161,7 +161,7 @@ class PlacedAreas:
 
 
 def areas_under(
-    placed: Sequence[PlacedAreas],
+    sheets: Sequence[PlacedAreas],
     names: Sequence[str],
     origin_m: Vector,
     direction: Vector,
@@ -173,10 +173,10 @@ def areas_under(
     Names that are not asked for count as nowhere, but still stand before others.
     """
     under = np.full(len(direction), NOWHERE, np.int16)
-    for one in placed:
+    for one in sheets:
         x, y = one.pixels_met(origin_m, direction)
-        seen = origin_m[np.isfinite(origin_m).all(axis=1)]
-        unit_px = one.degrees_px(seen[0]) if len(seen) else (1.0, 1.0)
+        eyes_m = origin_m[np.isfinite(origin_m).all(axis=1)]
+        unit_px = one.degrees_px(eyes_m[0]) if len(eyes_m) else (1.0, 1.0)
         at = areas_at(one.areas, x, y, pad=pad_deg, unit_px=unit_px)
         places = [names.index(a.name) if a.name in names else NOWHERE for a in one.areas]
         hit = at != NOWHERE
@@ -184,9 +184,9 @@ def areas_under(
     return under
 
 
-def areas_text(placed: Iterable[PlacedAreas]) -> str:
+def areas_text(sheets: Iterable[PlacedAreas]) -> str:
     """Return placed areas as the text by which an event describes them."""
-    return json.dumps([_as_json(one) for one in placed], separators=(",", ":"))
+    return json.dumps([_as_json(one) for one in sheets], separators=(",", ":"))
 
 
 @lru_cache(maxsize=64)
@@ -197,7 +197,7 @@ def read_areas_text(text: str) -> tuple[PlacedAreas, ...]:
         DataError: it is no such text.
     """
     try:
-        return tuple(_placed(one) for one in json.loads(text))
+        return tuple(_from_json(one) for one in json.loads(text))
     except (ValueError, KeyError, TypeError) as error:
         raise DataError(f"no areas are described by {text[:60]!r}") from error
 
@@ -214,7 +214,7 @@ def _as_json(one: PlacedAreas) -> dict[str, Any]:
     }
 
 
-def _placed(raw: Mapping[str, Any]) -> PlacedAreas:
+def _from_json(raw: Mapping[str, Any]) -> PlacedAreas:
     areas = []
     for of in raw["areas"]:
         ellipse = of.get("ellipse")
@@ -272,16 +272,16 @@ def _in_polygon(corners: Values, x: Values, y: Values) -> Is:
 
 def _in_runs(runs: npt.NDArray[np.int32], x: Values, y: Values) -> Is:
     inside = np.zeros(x.shape, np.bool_)
-    seen = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
-    column, row = np.floor(x[seen]), np.floor(y[seen])
+    inner = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
+    column, row = np.floor(x[inner]), np.floor(y[inner])
     wide = int(runs[:, 2].max()) + 1
     # runs come row by row: the last that begins at or before a pixel is the one that may hold it
     key = runs[:, 0].astype(np.int64) * wide + runs[:, 1]
     here = (column >= 0) & (column < wide) & (row >= 0) & (row <= runs[-1, 0])
-    seen, column, row = seen[here], column[here].astype(np.int64), row[here].astype(np.int64)
+    inner, column, row = inner[here], column[here].astype(np.int64), row[here].astype(np.int64)
     k = np.searchsorted(key, row * wide + column, side="right") - 1
     holds = (k >= 0) & (runs[k, 0] == row) & (column < runs[k, 2])
-    inside[seen[holds]] = True
+    inside[inner[holds]] = True
     return inside
 
 

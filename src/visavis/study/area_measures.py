@@ -64,10 +64,10 @@ def gaze_by_area(record: TrialRecord, scene: str, pad_deg: float) -> GazeByArea 
     if record.gaze is None or window is None:
         return None
     samples = record.gaze.between(*window)
-    placed = areas_shown(record, scene)
-    if placed:
-        names = tuple(area.name for one in placed for area in one.areas)
-        return GazeByArea(samples, on_areas(samples, placed, names, pad_deg), names, window)
+    sheets = areas_shown(record, scene)
+    if sheets:
+        names = tuple(area.name for one in sheets for area in one.areas)
+        return GazeByArea(samples, on_areas(samples, sheets, names, pad_deg), names, window)
     prefix = f"{scene}_"
     roles = {
         str(column).removeprefix(prefix): int(value)
@@ -86,18 +86,20 @@ def gaze_by_area(record: TrialRecord, scene: str, pad_deg: float) -> GazeByArea 
 
 def areas_shown(record: TrialRecord, scene: str) -> tuple[PlacedAreas, ...]:
     """Return the areas of what a trial showed under a name, where they stood; () without any."""
-    shown = _payload_of(record, "shown", scene)
-    return () if shown is None or "areas" not in shown else read_areas_text(str(shown["areas"]))
+    payload = _payload_of(record, "shown", scene)
+    return (
+        () if payload is None or "areas" not in payload else read_areas_text(str(payload["areas"]))
+    )
 
 
 def on_areas(
-    samples: GazeTargets, placed: Sequence[PlacedAreas], names: Sequence[str], pad_deg: float
+    samples: GazeTargets, sheets: Sequence[PlacedAreas], names: Sequence[str], pad_deg: float
 ) -> npt.NDArray[np.int16]:
     """Return the area (n,) that each sample is on: a place in `names`, `NONE` or `LOST`."""
     direction = samples.direction_world.astype(np.float64)
     origin = samples.origin_world_m
     eyes_m = np.zeros_like(direction) if origin is None else origin.astype(np.float64)
-    under = areas_under(placed, names, eyes_m, direction, pad_deg)
+    under = areas_under(sheets, names, eyes_m, direction, pad_deg)
     area = np.where(under < 0, NONE, under).astype(np.int16)
     area[~samples.valid | (samples.hit == LOST)] = LOST
     return area
@@ -185,7 +187,7 @@ def pointer_at(*areas: str, scene: str = "stimulus", pad_deg: float = 0.0) -> tu
     """
     if not areas:
         raise DesignError("pointer_at: name one area at least, as its file or its stimulus does")
-    read = partial(pointer_by_area, scene=scene, pad_deg=pad_deg)
+    path_of = partial(pointer_by_area, scene=scene, pad_deg=pad_deg)
 
     def measures(area: str) -> Iterator[Measure]:
         words = area.replace("_", " ")
@@ -195,7 +197,7 @@ def pointer_at(*areas: str, scene: str = "stimulus", pad_deg: float = 0.0) -> tu
             ("first_ms", "ms", "Time to the pointer's first visit to", lambda p: _first(p, area)),
             ("entries", "1", "Visits of the pointer to", lambda p: len(p.looks(area).onset_ns)),
         ):
-            of = _of(area, read, pick)
+            of = _of(area, path_of, pick)
             name = f"{area}_pointer_{column}"
             yield Measure(name, unit, f"{what} {words}", of, areas=(area,), scene=scene)
 
@@ -212,22 +214,22 @@ def pointer_by_area(record: TrialRecord, scene: str, pad_deg: float) -> GazeByAr
     as `gaze_by_area` returns gaze; None where nothing was shown so.
     """
     window = record.window(scene)
-    shown = _payload_of(record, POINTER_WINDOW, scene)
-    if window is None or shown is None:
+    event = _payload_of(record, POINTER_WINDOW, scene)
+    if window is None or event is None:
         return None
-    wide, high = int(shown["width_px"]), int(shown["height_px"])
-    px_per_m = 1000 * shown["px_per_mm"]
-    screen = FlatScreen(wide / px_per_m, high / px_per_m, wide, high, shown["distance_mm"] / 1000)
-    path = np.array(json.loads(shown["path"]), np.float64).reshape(-1, 3)
+    wide, high = int(event["width_px"]), int(event["height_px"])
+    px_per_m = 1000 * event["px_per_mm"]
+    screen = FlatScreen(wide / px_per_m, high / px_per_m, wide, high, event["distance_mm"] / 1000)
+    path = np.array(json.loads(event["path"]), np.float64).reshape(-1, 3)
     t_ns = np.arange(window[0], window[1], POINTER_STEP_NS)
     # Before it was moved nobody knows where a pointer is, and nothing is uncovered.
     last = np.searchsorted(path[:, 0], t_ns, side="right") - 1
     at_px = np.full((len(t_ns), 2), np.nan)
     at_px[last >= 0] = path[last[last >= 0], 1:]
     direction = screen.directions_of(at_px)
-    placed = read_areas_text(str(shown["areas"]))
-    names = tuple(area.name for one in placed for area in one.areas)
-    under = areas_under(placed, names, np.zeros_like(direction), direction, pad_deg)
+    sheets = read_areas_text(str(event["areas"]))
+    names = tuple(area.name for one in sheets for area in one.areas)
+    under = areas_under(sheets, names, np.zeros_like(direction), direction, pad_deg)
     samples = GazeTargets(
         t_ns=t_ns.astype(np.int64),
         valid=last >= 0,
@@ -242,18 +244,18 @@ def pointer_by_area(record: TrialRecord, scene: str, pad_deg: float) -> GazeByAr
 
 def _payload_of(record: TrialRecord, event: str, scene: str) -> Mapping[str, Any] | None:
     """Return the payload of the last event of a trial that tells of what was shown as `scene`."""
-    told: Iterable[Mapping[str, Any]] = (p for name, p in record.shown if name == event)
+    payloads: Iterable[Mapping[str, Any]] = (p for name, p in record.events if name == event)
     if record.recording is not None:
         part = int(record.row["recording_part"])
-        told = record.recording.events_named(event, part)["payload"]
+        payloads = record.recording.events_named(event, part)["payload"]
     trial_id = record.row.get("trial_id")
-    mine = [p for p in told if p.get("trial_id") == trial_id and p.get("name") == scene]
+    mine = [p for p in payloads if p.get("trial_id") == trial_id and p.get("name") == scene]
     return mine[-1] if mine else None
 
 
-def _of(area: str, read: Callable[[TrialRecord], GazeByArea | None], pick: Pick) -> Of:
+def _of(area: str, gaze_of: Callable[[TrialRecord], GazeByArea | None], pick: Pick) -> Of:
     def of(record: TrialRecord) -> Scalar | None:
-        gaze = read(record)
+        gaze = gaze_of(record)
         if gaze is None or area not in gaze.names or gaze.measures(area).lost_01 in (None, 1.0):
             return None  # without gaze the value is missing, not zero
         return pick(gaze)

@@ -89,10 +89,8 @@ class TrialRead:
     """The staircases of which a level is asked."""
     areas: frozenset[str] = frozenset()
     """The names of the areas of interest in its flat stimuli."""
-    waits_for_gaze: bool = False
-    """Whether gaze ends a step."""
-    is_revealed: bool = False
-    """Whether a window that follows a pointer shows something: a page is needed."""
+    rests_on: frozenset[str] = frozenset()
+    """What steps cannot do without: "gaze" that ends one, a "pointer" whose window shows one."""
 
 
 def still_view(t_ns: int = 0) -> FrameView:
@@ -136,7 +134,7 @@ def read_trial(
     vibrating_roles: list[str] = []
     roles: set[str] = set()
     areas: set[str] = set()
-    waits_for_gaze = is_revealed = False
+    rests_on: set[str] = set()
     dressings: set[str] = set()
     reply: Any = None
     steps: Any = plan(script)
@@ -156,8 +154,9 @@ def read_trial(
                 seconds += step.seconds
                 script.view = still_view(round(seconds * NS_PER_S))
                 vibrates = vibrates or step.name == "vibrate"
-                waits_for_gaze = waits_for_gaze or step.gaze_on is not None
-                is_revealed |= step.showing is not None and step.showing.window_deg > 0
+                rests_on |= {"gaze"} if step.gaze_on is not None else set()
+                is_by_pointer = step.showing is not None and step.showing.window_deg > 0
+                rests_on |= {"pointer"} if is_by_pointer else set()
                 vibrating_roles += [step.role] if step.role else []
                 # Every reply has the type and columns of the real one: the trial may go on with it.
                 if step.sound is not None:
@@ -253,8 +252,7 @@ def read_trial(
             dressings=frozenset(dressings - {""}),
             staircases=tuple(script.staircases.values()),
             areas=frozenset(areas),
-            waits_for_gaze=waits_for_gaze,
-            is_revealed=is_revealed,
+            rests_on=frozenset(rests_on),
         )
     except (DesignError, TypeError) as error:
         reason = explain(error)

@@ -222,7 +222,7 @@ class StudyExperiment:
         Raises:
             DesignError: a window follows the pointer.
         """
-        if any(t.is_revealed for t in self.read.values()):
+        if any("pointer" in t.rests_on for t in self.read.values()):
             raise DesignError(
                 f'{self.name}: reveal="pointer" is for pages; give --on browser, or leave it out '
                 "and measure gaze with an eye tracker"
@@ -294,7 +294,7 @@ class StudyExperiment:
     @property
     def _waits_for_gaze(self) -> bool:
         """Whether gaze ends a step of a trial."""
-        return any(t.waits_for_gaze for t in self.read.values())
+        return any("gaze" in t.rests_on for t in self.read.values())
 
     @property
     def useful_roles(self) -> tuple[str, ...]:

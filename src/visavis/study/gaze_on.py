@@ -53,14 +53,14 @@ class GazeOn:
         Raises:
             DesignError: it has no such area or role.
         """
-        placed: tuple[PlacedAreas, ...] = getattr(staged_scene, "areas", ())
-        areas = [area.name for one in placed for area in one.areas]
+        sheets: tuple[PlacedAreas, ...] = getattr(staged_scene, "areas", ())
+        areas = [area.name for one in sheets for area in one.areas]
         names = [*areas, *staged_scene.roles]
         if self.name not in names:
             near = did_you_mean(self.name, names) or "; nothing that is shown has a name"
             raise DesignError(f"gaze_on: there is no area or role {self.name!r}{near}")
         agent = None if self.name in areas else staged_scene.roles[self.name]
-        return GazeWatch(self, placed, agent, on_ns)
+        return GazeWatch(self, sheets, agent, on_ns)
 
 
 def gaze_on(name: str, seconds: float, *, pad_deg: float = DEFAULT_PAD_DEG) -> GazeOn:
@@ -81,9 +81,9 @@ class GazeWatch:
     """Follow gaze while something is shown, sample by sample, until a look was long enough."""
 
     def __init__(
-        self, asked: GazeOn, placed: Sequence[PlacedAreas], agent: int | None, on_ns: int
+        self, condition: GazeOn, sheets: Sequence[PlacedAreas], agent: int | None, on_ns: int
     ) -> None:
-        self._asked, self._placed, self._agent = asked, placed, agent
+        self._condition, self._sheets, self._agent = condition, sheets, agent
         self._from_ns = on_ns
         self._since_ns: int | None = None
         self._last_ns = 0
@@ -110,7 +110,7 @@ class GazeWatch:
         if self._since_ns is None or t_ns - self._last_ns > BRIDGE_NS:
             self._since_ns = t_ns
         self._last_ns = t_ns
-        if t_ns - self._since_ns >= self._asked.seconds * NS_PER_S:
+        if t_ns - self._since_ns >= self._condition.seconds * NS_PER_S:
             self.met_ns = t_ns
 
     def _here(self, gaze: GazeView) -> npt.NDArray[np.int16]:
@@ -120,15 +120,15 @@ class GazeWatch:
                 gaze.radius_deg,
                 gaze.pad_limit_deg,
                 gaze.hit,
-                pad_deg=self._asked.pad_deg,
+                pad_deg=self._condition.pad_deg,
             )
             return np.where(agents == LOST, LOST, agents == self._agent).astype(np.int16)
         under = areas_under(
-            self._placed,
-            [self._asked.name],
+            self._sheets,
+            [self._condition.name],
             gaze.origin_world_m,
             gaze.direction_world,
-            self._asked.pad_deg,
+            self._condition.pad_deg,
         )
         return np.where(gaze.valid, under == 0, LOST).astype(np.int16)
 

@@ -178,7 +178,7 @@ def information_on_page(
     facts += ["films"] if experiment.films else []
     facts += ["moulding"] if experiment.lives else []
     facts += ["flats"] if experiment.flats else []
-    facts += ["pointer"] if any(t.is_revealed for t in experiment.read.values()) else []
+    facts += ["pointer"] if any("pointer" in t.rests_on for t in experiment.read.values()) else []
     facts += ["card"] if "card" in screening or experiment.flats else []
     facts += ["distance"] if experiment.flats else []
     facts += ["voice"] if "sound" in screening else []

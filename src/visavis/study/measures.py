@@ -48,15 +48,15 @@ class TrialRecord:
     """One recorded trial: its row, and its part of the session's streams.
 
     `gaze` are the gaze samples of the whole session's part (None without an eye tracker);
-    `recording` is None for a trial of the quick path of power, which has the events that say
-    what it has `shown`. `damaged_streams` lost samples of this trial after they were recorded.
+    `recording` is None for a trial of the quick path of power, which has the `events`
+    that would be recorded. `damaged_streams` lost samples of this trial after they were recorded.
     """
 
     row: Mapping[str, Any]
     recording: Recording | None
     gaze: GazeTargets | None = field(repr=False, default=None)
     damaged_streams: frozenset[str] = frozenset()
-    shown: tuple[tuple[str, Mapping[str, Any]], ...] = ()
+    events: tuple[tuple[str, Mapping[str, Any]], ...] = ()
 
     @property
     def name(self) -> str:

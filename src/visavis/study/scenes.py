@@ -423,8 +423,8 @@ def areas_of(scene: FlatScene) -> tuple[PlacedAreas, ...]:
     """
     if not scene.names and not any(getattr(item, "areas", "") for item in scene.items):
         return ()
-    placed: tuple[PlacedAreas, ...] = named_function(AREAS_OF, "places areas of interest")(scene)
-    return placed
+    sheets: tuple[PlacedAreas, ...] = named_function(AREAS_OF, "places areas of interest")(scene)
+    return sheets
 
 
 def picture_size(path: Path) -> tuple[int, int]:

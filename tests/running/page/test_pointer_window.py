@@ -81,7 +81,7 @@ def test_time_of_the_window_on_areas_follows_from_its_recorded_path(tmp_path: Pa
     event = performing.send(reply)
     assert "pointer_window" == event.name
     row = {**script.row, "trial_id": "T1"}
-    record = TrialRecord(row, None, shown=((event.name, event.payload),))
+    record = TrialRecord(row, None, events=((event.name, event.payload),))
     measured = {m.column: m.of(record) for m in study.study.analysis.measures if m.of}
     assert pytest.approx(1000, abs=10) == measured["door_pointer_ms"]
     assert pytest.approx(0.5, abs=0.01) == measured["door_pointer_share_01"]

@@ -22,10 +22,10 @@ class PictureLayout:
     looks all over the picture.
     """
 
-    def __init__(self, scene: Scene, placed: Sequence[PlacedAreas], seat: Vector) -> None:
+    def __init__(self, scene: Scene, sheets: Sequence[PlacedAreas], seat: Vector) -> None:
         self.scene = scene
         points, sizes, saliences = [], [], []
-        for one in placed:
+        for one in sheets:
             wide, high = one.degrees_px(seat)
             for area in one.areas:
                 points.append(one.place_m(*area.middle()))
@@ -33,12 +33,12 @@ class PictureLayout:
                 saliences.append(area.salience)
         size_deg2 = np.array(sizes)
         by_size = np.sqrt(size_deg2 / size_deg2.mean())
-        given = [s if s is not None else by_size[i] for i, s in enumerate(saliences)]
-        back = max(placed, key=lambda one: one.size_m[0] * one.size_m[1])
+        appeals = [s if s is not None else by_size[i] for i, s in enumerate(saliences)]
+        back = max(sheets, key=lambda one: one.size_m[0] * one.size_m[1])
         width, height = back.size_px
         elsewhere = [back.place_m(x * width, y * height) for x in ELSEWHERE for y in ELSEWHERE]
         rest = np.full(len(elsewhere), ELSEWHERE_APPEAL / len(elsewhere))
-        self.appeal = np.concatenate([given, rest])
+        self.appeal = np.concatenate([appeals, rest])
         self.appeal_anywhere = np.concatenate([np.zeros(len(points)), rest])
         offset = np.array([*points, *elsewhere]) - seat
         distance = np.linalg.norm(offset, axis=1)

@@ -326,12 +326,12 @@ def pointer_events(sequence: Sequence, reply: Reply, folder: Path, trial_id: str
     """Yield what is recorded of every part that was seen through a window after the pointer: where
     that was, and where the areas of interest were, on the page's screen.
     """
-    shown = list(zip(sequence.parts, reply.content["parts"], strict=False))
-    for k, (part, told) in enumerate(shown):
+    parts = list(zip(sequence.parts, reply.content["parts"], strict=False))
+    for k, (part, light) in enumerate(parts):
         if not part.name or "reveal" not in part.content:
             continue
-        rows = read_path(told)
-        for later, more in shown[k + 1 :]:  # what `t.wait` left there
+        rows = read_path(light)
+        for later, more in parts[k + 1 :]:  # what `t.wait` left there
             if not later.content.get("goes_on"):
                 break
             rows += read_path(more)

@@ -66,9 +66,9 @@ def areas_of(scene: FlatScene) -> tuple[PlacedAreas, ...]:
     Raises:
         DesignError: a file of areas cannot be read, or two areas have one name.
     """
-    placed = list(_placed_areas(scene))
+    sheets = list(_placed_areas(scene))
     names: set[str] = set()
-    for area in (area for one in placed for area in one.areas):
+    for area in (area for one in sheets for area in one.areas):
         if not area.name.isidentifier():
             raise DesignError(
                 f"t.show: a stimulus is called {area.name!r}; columns bear its name: give letters, "
@@ -80,7 +80,7 @@ def areas_of(scene: FlatScene) -> tuple[PlacedAreas, ...]:
                 "otherwise"
             )
         names.add(area.name)
-    return tuple(placed)
+    return tuple(sheets)
 
 
 def _placed_areas(scene: FlatScene) -> Iterator[PlacedAreas]:
