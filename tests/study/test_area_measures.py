@@ -18,7 +18,7 @@ from visavis.study.area_measures import GazeByArea, gaze_by_area, looks_at, tran
 from visavis.study.measures import TrialRecord
 
 STUDY = """
-from visavis import Compare, Factor, Image, Study, Text, looks_at, transitions
+from visavis import Compare, Factor, Image, Study, Text, dwell_on, looks_at, transitions
 
 study = Study(
     "rooms", "S", factors=[Factor("side", ["left", "right"])], repetitions=2,
@@ -147,12 +147,15 @@ def test_without_usable_gaze_a_measure_is_missing(monkeypatch):
         ('"door", "lamp")', "", "transitions: name two areas"),
         ('"cross": Text("+")', '"cross": Text("+"), "cross ": Text("a")', "called 'cross '"),
         ("left.yaml", "", "there is no file of areas"),
+        ('looks_at("door", "lamp")', 'dwell_on("door")', "measure gaze on it by looks_at.'door'"),
     ],
 )
 def test_a_wrong_name_is_told_before_anybody_takes_part(tmp_path, line, by, says):
     study = STUDY.replace(line, by)
     if line == '"door", "lamp")':
         study = STUDY.replace('transitions("door", "lamp")', 'transitions("door")')
+    if by.startswith(("dwell", "*dwell")):
+        study = STUDY.replace('*looks_at("door", "lamp")', by).replace("door_dwell", "dwell")
     if line == "left.yaml":
         study = STUDY.replace("{t.side}.yaml", "{t.side}.yml")
     with pytest.raises(DesignError, match=says):

@@ -172,6 +172,11 @@ class OpenedStudy:
         areas = frozenset().union(*(t.areas for t in experiment.read.values()))
         seen = tuple(sorted(roles | areas))
         uses += [(n, "area or role", seen) for m in self.study.analysis.measures for n in m.areas]
+        for name in (m.role for m in self.study.analysis.measures if m.role in areas - roles):
+            raise DesignError(
+                f"{line_saying(self.study.files.path, name) or self.name}: {name!r} is an area of "
+                f"interest, and nobody's role; measure gaze on it by looks_at({name!r})"
+            )
         if roles:
             who = tuple(sorted(roles))
             uses += [(m.role, "role", who) for m in self.study.analysis.measures if m.role]
