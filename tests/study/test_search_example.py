@@ -30,6 +30,11 @@ def invoked(*words):
     return result.output
 
 
+def drawn_files(folder):
+    """Return the files below a folder, by their names from there."""
+    return {path.relative_to(folder).as_posix() for path in folder.rglob("*.svg")}
+
+
 @pytest.mark.timeout(600)
 def test_the_ready_search_goes_from_plan_to_report_and_on_after_a_kill(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -55,5 +60,7 @@ def test_the_ready_search_goes_from_plan_to_report_and_on_after_a_kill(tmp_path,
     assert {"cup_entries", "key_to_cup", "cup_pupil_mm", "key_share_01"} <= set(rows)
     findings = pd.read_csv(folder / "derived" / "statistics.csv")
     assert {"key_first_look_ms", "answer_ms"} <= set(findings["measure"])
+    invoked("gaze-map", str(folder), "--by", "clutter", "--during", "stimulus", "-o", "map")
+    assert "map/gaze_map_by_clutter.svg" in drawn_files(tmp_path)
     report = next(folder.rglob("report.html")).read_text("utf-8")
     assert "Time to the first look at key" in report

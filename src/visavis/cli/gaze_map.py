@@ -32,6 +32,8 @@ from visavis.results.opened_study import OpenedStudy
 from visavis.results.several_sessions import SESSION_NUMBER
 from visavis.running.scripts import StudyData
 from visavis.stimuli.surfaces import Surfaces
+from visavis.study.area_measures import areas_shown
+from visavis.study.measures import TrialRecord
 from visavis.study.texts import label_of
 
 PICTURE_EVERY_NS: Final = 4 * NS_PER_S
@@ -74,12 +76,21 @@ class GazeMaps:
     image: "np.ndarray[Any, np.dtype[np.uint8]]"
     clusters: tuple[Cluster, ...] | None
     why_not: str
+    outlines: tuple[tuple[str, Values], ...] = ()
+    """The areas of interest of the trial that is drawn, by name: tangents (corners, 2)."""
 
 
 def gaze_maps(
-    data: StudyData, factor: str, *, peek: str | None, on_trial: Callable[[int, int], None]
+    data: StudyData,
+    factor: str,
+    *,
+    peek: str | None,
+    on_trial: Callable[[int, int], None],
+    during: str = "",
 ) -> GazeMaps:
     """Return the maps of a study's trials that count, and where its first two levels differ.
+
+    Gaze counts while what the columns of the name `during` tell of was shown; without one, always.
 
     Raises:
         UsageError: there is no such factor, no gaze, or people looked from places too far apart.
@@ -91,7 +102,7 @@ def gaze_maps(
         raise UsageError(f"--by {factor}: {data.study.name} has the factors {names}")
     trials = analysis.selection.counted
     levels = tuple(str(v) for v in analysis.levels[factor] if (trials[factor] == v).any())
-    looks, first = _looks(data, trials, factor, on_trial)
+    looks, first = _looks(data, trials, factor, on_trial, during)
     eyes_m = np.concatenate([one.eyes_m for one in looks])
     middle_m = np.median(eyes_m, axis=0)
     apart_m = float(np.percentile(np.linalg.norm(eyes_m - middle_m, axis=1), 95))
@@ -100,17 +111,35 @@ def gaze_maps(
             f"people looked from places up to {apart_m:.1f} m apart: no one picture shows "
             "what they saw; visavis view shows a session as it was"
         )
-    image, seen_from, grid = _scene(data.study, first, middle_m, looks)
+    image, seen_from, grid = _scene(data.study, first, middle_m, looks, during)
     maps, people = {}, {}
     for level in levels:
         of_people = maps_of_people([one for one in looks if one.level == level], seen_from, grid)
         people[level], maps[level] = tuple(of_people), np.array(list(of_people.values()))
     clusters, why_not = _compare(levels, people, maps)
-    return GazeMaps(factor, levels, people, maps, grid, image, clusters, why_not)
+    outlines = _outlines(first, during, seen_from)
+    return GazeMaps(factor, levels, people, maps, grid, image, clusters, why_not, outlines)
+
+
+def _outlines(trial: RecordedTrial, during: str, seen_from: Pose) -> tuple[tuple[str, Values], ...]:
+    """Return the areas of interest of what a trial showed: name and tangents x, y (corners, 2)."""
+    outlines = []
+    sheets = areas_shown(TrialRecord(trial.row, trial.recording), during) if during else ()
+    for sheet in sheets:
+        for area in sheet.areas:
+            corners_m = np.array([sheet.place_m(x, y) for x, y in area.corners().tolist()])
+            if len(corners_m):  # a painted area has none
+                x, y, _ = _tangents(seen_from, corners_m)
+                outlines.append((area.name, np.stack([x, y], axis=1)))
+    return tuple(outlines)
 
 
 def _looks(
-    data: StudyData, trials: pd.DataFrame, factor: str, on_trial: Callable[[int, int], None]
+    data: StudyData,
+    trials: pd.DataFrame,
+    factor: str,
+    on_trial: Callable[[int, int], None],
+    during: str,
 ) -> tuple[list[TrialGaze], RecordedTrial]:
     """Return the gaze of every trial that counts, and the first of these trials."""
     looks: list[TrialGaze] = []
@@ -130,24 +159,26 @@ def _looks(
             continue
         for trial_id, level in zip(mine["trial_id"], mine[factor], strict=True):
             trial = recorded_trial(recording, str(trial_id))
-            ends = _ends(data.study, trial, surfaces)
+            ends = _ends(data.study, trial, surfaces, during)
             if ends is not None:
                 first = first or trial
                 looks.append(TrialGaze(manifest.participant, str(level), *ends))
             number += 1
             on_trial(number, len(trials))
     if first is None:
-        raise UsageError(f"{data.path}: no trial that counts has usable gaze on a scene")
+        what = f"while {during!r} was shown" if during else "on a scene"
+        raise UsageError(f"{data.path}: no trial that counts has usable gaze {what}")
     return looks, first
 
 
 def _ends(
-    study: OpenedStudy, trial: RecordedTrial, surfaces: Surfaces
+    study: OpenedStudy, trial: RecordedTrial, surfaces: Surfaces, during: str
 ) -> tuple[Vector, Vector, Values] | None:
     """Return eyes, ends and seconds of a trial's gaze; None without any on a scene."""
-    if trial.gaze is None:
+    span_ns = trial.span_of(during)
+    if trial.gaze is None or span_ns is None:
         return None
-    start_ns, end_ns = trial.span_ns
+    start_ns, end_ns = span_ns
     stamps = trial.gaze["t_sample_ns"]
     inside = (stamps >= start_ns) & (stamps < end_ns)
     if np.count_nonzero(inside) < 2:
@@ -187,7 +218,11 @@ def _tangents(seen_from: Pose, places_m: Vector) -> tuple[Values, Values, "np.nd
 
 
 def _scene(
-    study: OpenedStudy, first: RecordedTrial, eye_m: Vector, looks: Sequence[TrialGaze]
+    study: OpenedStudy,
+    first: RecordedTrial,
+    eye_m: Vector,
+    looks: Sequence[TrialGaze],
+    during: str,
 ) -> tuple[Any, Pose, Grid]:
     """Draw the first trial's scene from the middle of all eyes, towards the middle of all gaze."""
     ends_m = np.concatenate([one.ends_m for one in looks])
@@ -200,7 +235,7 @@ def _scene(
     aspect = SIZE_PX[0] / SIZE_PX[1]
     tangents = np.maximum(np.abs(x[before]) / aspect, np.abs(y[before]))
     top = float(np.clip(1.1 * np.quantile(tangents, WITHIN_01), MIN_TANGENT, MAX_TANGENT))
-    start_ns, end_ns = first.span_ns
+    start_ns, end_ns = first.span_of(during) or first.span_ns
     times = np.linspace(start_ns, end_ns, 9)[1:-1].astype(np.int64)
     shown_at = pictures_of(study, first)
     picture = next((p for t in times if (p := shown_at(int(t))).brightness_01 > 0), None)
@@ -295,6 +330,9 @@ def _figure(result: GazeMaps, names: Mapping[str, str]) -> Figure:
             extent=reach,
             interpolation="bilinear",
         )
+        for name, corners in result.outlines:
+            axes.fill(*corners.T, fill=False, edgecolor="white", linewidth=0.6)
+            axes.annotate(name, corners.min(axis=0), color="white", fontsize=5, va="top")
         axes.set_title(f"{names[level]} (n = {len(result.people[level])})", fontsize=9.5)
     figure.colorbar(
         colours, ax=every[: len(result.levels)], shrink=0.7, label="ms per deg² and trial"

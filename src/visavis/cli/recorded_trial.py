@@ -28,6 +28,16 @@ class RecordedTrial:
         """When the trial began and ended, in session time of its part."""
         return int(self.row["t_start_ns"]), int(self.row["t_end_ns"])
 
+    def span_of(self, name: str) -> tuple[int, int] | None:
+        """Return when what columns of a name tell of was shown, as `span_ns`; None if it was not;
+        the whole trial without a name.
+        """
+        if not name:
+            return self.span_ns
+        ends = [self.row.get(f"{name}_{end}_ns") for end in ("on", "off")]
+        begin, end = (None if v is None or v != v else int(v) for v in ends)
+        return None if begin is None or end is None else (begin, end)
+
     def head_at(self, t_ns: int) -> Pose:
         """Return the last valid head pose up to a time."""
         valid_rows = np.flatnonzero(self.head["valid"] & (self.head["t_host_ns"] <= t_ns))

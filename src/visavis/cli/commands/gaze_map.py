@@ -18,6 +18,9 @@ from visavis.running.sessions.study_folder import DERIVED_FOLDER
 def gaze_map(
     folder: StudyFolder,
     by: Annotated[str, typer.Option("--by", help="The factor whose levels get a picture each.")],
+    during: Annotated[
+        str, typer.Option("--during", help="Only while this was shown, such as stimulus.")
+    ] = "",
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Folder; derived/figures when left out.")
     ] = None,
@@ -28,7 +31,8 @@ def gaze_map(
     """Draw how long people looked where on the scene, by condition, and where two differ.
 
     Gaze ends on what was drawn: people, things, walls. The scene is that of one trial, from the
-    middle of all eyes; studies in which people walk have no such place and are refused.
+    middle of all eyes; studies in which people walk have no such place and are refused. With
+    --during, areas of interest of what was shown then are outlined.
 
     Example: visavis gaze-map data/simulated/stare --by condition
     """
@@ -38,7 +42,7 @@ def gaze_map(
     where = folder_of(folder, config, "gaze-map")
     data = open_study(where, accept_damage=accept_damage)
     with NOTIFIER.progress("gaze on the scene, trials") as on_trial:
-        maps = gaze_maps(data, by, peek=peek, on_trial=on_trial)
+        maps = gaze_maps(data, by, peek=peek, on_trial=on_trial, during=during)
     is_simulated = any(session.is_simulated for session in data)
     out = where / DERIVED_FOLDER / "figures" if output is None else output
     out.mkdir(parents=True, exist_ok=True)
