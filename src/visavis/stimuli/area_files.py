@@ -148,11 +148,18 @@ def _area_of(
     where: str, path: Path, name: str, of: dict[str, Any], size_px: tuple[int, int]
 ) -> Area:
     salience = of.get("salience")
+    if salience is not None and (
+        isinstance(salience, bool) or not isinstance(salience, int | float)
+    ):
+        raise DesignError(f"{where}: area {name}: salience is {salience!r}; a number above 0")
     try:
         if "mask" in of:
             picture = path.parent / str(of["mask"])
-            colour = rgb_of(of.get("colour", ""))
-            labels = _mask(picture, size_px)
+            try:
+                colour = rgb_of(of.get("colour", ""))
+                labels = _mask(picture, size_px)
+            except DesignError as error:
+                raise DesignError(f"{where}: area {name}: {error}") from error
             is_inside = (labels[..., :3] == colour).all(axis=-1) & (labels[..., 3] >= OPAQUE)
             if not is_inside.any():
                 raise DesignError(
@@ -168,7 +175,7 @@ def _area_of(
             left, top, wide, high = map(float, of["rectangle"])
             return Area(name, _rectangle(left, top, wide, high), salience=salience)
         outline = tuple((float(x), float(y)) for x, y in of["polygon"])
-        return Area(name, outline, salience=None if salience is None else float(salience))
+        return Area(name, outline, salience=salience)
     except (TypeError, ValueError) as error:
         raise DesignError(
             f"{where}: area {name}: polygon is [[x, y], …], rectangle [left, top, width, height], "

@@ -26,6 +26,7 @@ from visavis.running.sessions.session_request import simulated_request
 from visavis.study.information import facts_in_event, information_on_page
 from visavis.study.measures import TrialRecord
 from visavis.study.trial import TrialScript
+from visavis.testing import check_study
 
 STUDY = """
 from visavis import Compare, Factor, Image, Keys, Study, pointer_at
@@ -120,6 +121,11 @@ def test_simulated_people_uncover_what_is_salient(tmp_path: Path) -> None:
         )
     )
     assert "pointer" in facts
+
+
+def test_such_a_study_is_sound_and_its_power_can_be_simulated(tmp_path: Path) -> None:
+    opened(tmp_path)
+    check_study(tmp_path / "windows.py")
 
 
 def test_a_window_after_the_pointer_is_refused_before_a_monitor(tmp_path: Path) -> None:

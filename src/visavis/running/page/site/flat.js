@@ -171,6 +171,7 @@ export async function open(step, holder, screen, frameMs, done) {
   const canvas = document.createElement("canvas");
   const ratio = devicePixelRatio || 1;
   canvas.className = "flat";
+  canvas.style.touchAction = step.parts.some((part) => part.reveal) ? "none" : ""; // a finger uncovers, it does not scroll
   canvas.width = Math.max(1, Math.round(innerWidth * ratio));
   canvas.height = Math.max(1, Math.round(innerHeight * ratio));
   const context = canvas.getContext("2d", { alpha: false });
