@@ -2,8 +2,8 @@
 
     python -m benchmarks.areas [--points 100000] [--seed 1] [--json]
 
-Ten polygons of up to 40 corners with notches, and as many points over each; shapely comes with
-`pip install -e '.[dev]'`. Limits: the same answer for every point, distances within 1e-9 of it, and
+Ten polygons of up to 40 corners with notches, and as many points over each. Limits: the same answer
+for every point, distances within 1e-9 of it, and
 ten milliseconds for the gaze of a second at 1,000 Hz on ten areas.
 """
 
