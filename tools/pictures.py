@@ -94,6 +94,9 @@ PICTURES: Final[Mapping[str, Recipe | FilmRecipe | DeskRecipe | ByHand]] = {
     "walks_set_b.jpg": ByHand("`python -m benchmarks.blind_walks`, its tiles in rows of emotions"),
     "film_and_page.jpg": ByHand("`python -m benchmarks.live_figure --out FOLDER`"),
     "moulding_page.jpg": ByHand("the study of docs/moulding.md in Chromium, its slider moved"),
+    "headset_in_a_browser.jpg": ByHand(
+        "what `tests/running/page/headsets/standard.js` drew for both eyes, 480 pixels each"
+    ),
     "moulding_monitor.jpg": ByHand("the same study before a monitor (`display.show: screen`)"),
     "viewer_together.jpg": ByHand(
         "`visavis view STUDY --trial T02 --participants all` of three people in Chromium, keys F, N"

@@ -34,6 +34,12 @@ LIVE_FILES: Final = {
     "/painting.js": "painting.js",
 }
 """What pages with live figures load besides."""
+HEADSET_FILES: Final = {
+    "/headset.js": "headset.js",
+    "/headset_board.js": "headset_board.js",
+    "/streams.js": "streams.js",
+}
+"""What pages that enter a headset load besides."""
 BOARD_FILES: Final = {"/board": "board.html", "/board.js": "board.js"}
 KEY: Final = "X-Visavis-Key"
 MAX_REQUEST_BYTES: Final = 1 << 20
@@ -257,7 +263,7 @@ class PageServer(LocalServer):
     ) -> None:
         self._reception = reception
         self._sessions: dict[str, PageSession] = {}
-        files = FILES | LIVE_FILES
+        files = FILES | LIVE_FILES | HEADSET_FILES
         posts: dict[str, Handler] = {
             "/api/hello": self._hello,
             "/api/events": self._events,

@@ -10,7 +10,7 @@ from visavis.lab.errors import LabError
 from visavis.study.live import Slider
 from visavis.study.responses import Choice, FreeText, Number, Rating, Response, SideBySide
 
-WAYS: Final = ("keys", "mouse", "touch", "pen", "pasted")
+WAYS: Final = ("keys", "mouse", "touch", "pen", "pasted", "ray")
 BY_LIMIT: Final = "limit"
 """How a slider was answered that nobody moved before its step ended by itself."""
 MOULDER: Final = "moulder"

@@ -25,6 +25,7 @@ const MIST_M = [6, 16]; // where the floor's end is lost
 const GRID_M = 0.5;
 const APART_M = 0.55; // two figures stand so far to both sides
 const LANE_M = [0.95, 5];
+const PICTURES_A_DRAW = 5;
 const files = new Map();
 
 // A level is the floor or a lane below somebody; a shade is the light that a body keeps off it.
@@ -47,6 +48,16 @@ void main() {
   vec3 lit = shown(pow(texture(picture, v_uv).rgb, vec3(2.2)) * light_at(v_place, vec3(0.0, 1.0, 0.0), 0.0));
   o = vec4(mix(lit, mist, smoothstep(mist_m.x, mist_m.y, distance(eye, v_place))), 1.0);
 }`];
+
+// A card hangs anywhere: a board in a headset, a ray, the dot where it ends.
+const CARD = [`#version 300 es
+layout(location=0) in vec2 corner;
+uniform mat4 projection; uniform vec3 middle, across, along;
+out vec2 v_uv;
+void main() { v_uv = vec2(0.5 + corner.x, 0.5 - corner.y); gl_Position = projection * vec4(middle + across * corner.x + along * corner.y, 1.0); }`, `#version 300 es
+precision highp float;
+in vec2 v_uv; uniform sampler2D picture; uniform vec3 tint; out vec4 o;
+void main() { o = vec4(tint * texture(picture, v_uv).rgb, 1.0); }`];
 
 async function hashOf(buffer) {
   if (!globalThis.crypto?.subtle) return null; // not on a plain address of another machine
@@ -77,9 +88,9 @@ export async function load(asset, key) {
 }
 
 /** What draws a step's figures, its floor and what is below them. */
-class Stage extends Painter {
+export class Stage extends Painter {
   constructor(canvas, light) {
-    super(canvas, { antialias: true, programs: { person: [PERSON, "#define FINE"], level: [LEVEL] } });
+    super(canvas, { antialias: true, programs: { person: [PERSON, "#define FINE"], level: [LEVEL], card: [CARD] } });
     const { gl } = this;
     this.people = [];
     this.levels = [];
@@ -102,33 +113,88 @@ class Stage extends Painter {
     return texture;
   }
 
-  /** Take a person in; return their number. */
+  /** Take a person in; return their number. Parts are joined, as many as five pictures allow. */
   add({ rest, parts }) {
-    const { gl } = this;
-    const models = parts.map((part) => {
-      const vao = gl.createVertexArray();
-      gl.bindVertexArray(vao);
-      this.buffer(0, part.place, 3);
-      this.buffer(1, part.normal, 3);
-      if (part.uv) this.buffer(2, part.uv, 2);
-      if (part.colour) this.buffer(3, part.colour, part.colour.length / (part.place.length / 3), { normal: true });
-      this.buffer(5, part.joints, 4, { whole: true });
-      this.buffer(6, part.weights, 4);
-      const kind = this.indices(part.index);
-      const texture = part.picture ? this.sharp(part.picture) : this.white;
-      const mode = part.kind === "eye" ? 3 : part.picture ? 1 : 0;
-      return { vao, kind, bytes: part.index.BYTES_PER_ELEMENT, deltas: this.white, runs: [{ first: 0, count: part.index.length, picture: () => texture, mode }] };
-    });
+    const groups = [];
+    for (const part of parts) {
+      const last = groups.at(-1);
+      const pictures = new Set([...(last?.pictures || []), ...(part.picture ? [part.picture] : [])]);
+      if (last && pictures.size <= PICTURES_A_DRAW) { last.parts.push(part); last.pictures = [...pictures]; }
+      else groups.push({ parts: [part], pictures: part.picture ? [part.picture] : [] });
+    }
+    const models = groups.map((group) => this.joined(group));
     this.people.push({ models, rest, isSeen: true });
     return this.people.length - 1;
   }
 
+  joined({ parts, pictures }) {
+    const { gl } = this;
+    const vertices = parts.reduce((n, part) => n + part.place.length / 3, 0);
+    const all = { place: new Float32Array(3 * vertices), normal: new Float32Array(3 * vertices), uv: new Float32Array(2 * vertices),
+      colour: new Uint8Array(3 * vertices).fill(255), surface: new Uint8Array(4 * vertices),
+      joints: new parts[0].joints.constructor(4 * vertices), weights: new parts[0].weights.constructor(4 * vertices) };
+    const index = [];
+    let from = 0;
+    for (const part of parts) {
+      const n = part.place.length / 3;
+      for (const name of ["place", "normal"]) all[name].set(part[name], 3 * from);
+      for (const name of ["joints", "weights"]) all[name].set(part[name], 4 * from);
+      if (part.uv) all.uv.set(part.uv, 2 * from);
+      const wide = part.colour ? part.colour.length / n : 0;
+      for (let i = 0; i < n; i += 1) {
+        if (wide) for (let k = 0; k < 3; k += 1) all.colour[3 * (from + i) + k] = part.colour[wide * i + k];
+        all.surface[4 * (from + i)] = part.picture ? 1 + pictures.indexOf(part.picture) : 0;
+        all.surface[4 * (from + i) + 1] = part.kind === "eye" ? 1 : 0;
+      }
+      for (const i of part.index) index.push(from + i);
+      from += n;
+    }
+    const vao = gl.createVertexArray();
+    gl.bindVertexArray(vao);
+    this.buffer(0, all.place, 3);
+    this.buffer(1, all.normal, 3);
+    this.buffer(2, all.uv, 2);
+    this.buffer(3, all.colour, 3, { normal: true });
+    this.buffer(4, all.surface, 4, { whole: true });
+    this.buffer(5, all.joints, 4, { whole: true });
+    this.buffer(6, all.weights, 4);
+    const indices = vertices > 0xffff ? Uint32Array.from(index) : Uint16Array.from(index);
+    const kind = this.indices(indices);
+    const [first = this.white, ...others] = pictures.map((picture) => this.sharp(picture));
+    return { vao, kind, bytes: indices.BYTES_PER_ELEMENT, deltas: this.white, runs: [{ first: 0, count: indices.length, picture: () => first, others, mode: 1 }] };
+  }
+
   modelsOf(k) { return this.people[k].models; }
 
-  /** Draw everybody as they stand, `bones` of one after the other, as seen by a view. */
-  draw(bones, joints, { eye, projection }) {
+  /** Draw everybody as they stand, `bones` of one after the other, as seen by each view; on a headset's `target`, or on the canvas. */
+  draw(bones, joints, views, target = null) {
     const { gl, canvas } = this;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, target ? target.framebuffer : null);
     this.begin(canvas.width, canvas.height, this.background, 1);
+    for (const view of views) {
+      if (view.viewport) gl.viewport(...view.viewport);
+      this.drawView(bones, joints, view);
+      if (target) this.drawCards(target.cards, view.projection);
+    }
+  }
+
+  drawCards(cards, projection) {
+    const { gl } = this;
+    const at = this.use("card", projection, null, 1);
+    gl.bindVertexArray(this.square);
+    gl.activeTexture(gl.TEXTURE0);
+    for (const { middle, across, along, picture, colour } of cards) {
+      gl.bindTexture(gl.TEXTURE_2D, picture || this.white);
+      gl.uniform3fv(at.middle, middle);
+      gl.uniform3fv(at.across, across);
+      gl.uniform3fv(at.along, along);
+      gl.uniform3fv(at.tint, colour || [1, 1, 1]);
+      gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
+    }
+  }
+
+  drawView(bones, joints, { eye, projection }) {
+    const { gl } = this;
     const at = this.use("level", projection, this.room, 1);
     gl.bindVertexArray(this.square);
     gl.activeTexture(gl.TEXTURE0);
@@ -149,10 +215,7 @@ class Stage extends Painter {
       gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
     }
     gl.disable(gl.BLEND);
-    // Attributes that a part does without: white, a corner of its picture, no face that moves.
-    gl.vertexAttrib3f(2, 0, 0, 0);
-    gl.vertexAttrib3f(3, 1, 1, 1);
-    gl.vertexAttribI4ui(4, 0, 0, 0, 0);
+    // No face moves.
     gl.vertexAttribI4i(7, -1, -1, -1, -1);
     const cast = this.people.map((_, k) => k);
     this.drawPeople(cast, cast.filter((k) => this.people[k].isSeen), bones, joints, new Float32Array(6 * cast.length), projection, this.room, 1, null, eye);
@@ -233,7 +296,7 @@ function addLevel(stage, level) {
   return stage.levels.at(-1);
 }
 
-function addFloor(stage) {
+export function addFloor(stage) {
   return addLevel(stage, { picture: gridOf(stage, "#8f8a84", "#7d7872"), middle: [0, 0], size: [FLOOR_M, FLOOR_M], high: 0 });
 }
 
@@ -261,6 +324,7 @@ function walkerOf(blend, person, stage, level, x) {
     },
     hide() { stage.people[number].isSeen = shade.isSeen = false; },
     rounds: 0,
+    again() { this.rounds = 0; phase = 0; },
     step(seconds, bones) {
       const cycle = keyS[keyS.length - 1];
       // Who moves a slider in the middle of a walk sees it go on from the same moment of a step.
@@ -346,6 +410,9 @@ export async function open(step, canvas, key, say, ended, began = () => {}) {
   let request = 0;
   let problem = "";
   let isOpen = true;
+  let isPaused = false;
+  let headset = null;
+  let repeats = 0;
   let distance = null;
   const target = until && placesOf(blend, Float64Array.from(until.weights), until);
 
@@ -364,33 +431,40 @@ export async function open(step, canvas, key, say, ended, began = () => {}) {
   };
 
   const roundsOf = () => Math.min(...walkers.map((one) => one.rounds));
-  const draw = (nowMs) => {
-    if (!isOpen) return;
-    request = requestAnimationFrame(draw);
+  const frame = (nowMs, views, target) => {
     if (lastMs !== null) gapsMs.push(nowMs - lastMs);
     const seconds = lastMs === null ? 0 : Math.min(LONGEST_STEP_S, (nowMs - lastMs) / 1000);
     lastMs = nowMs;
-    resize();
     walkers.forEach((one, i) => {
       const before = one.rounds;
-      one.step(seconds, bones);
+      one.step(isPaused ? 0 : seconds, bones);
       if (motions.length && one.rounds > before) moves.rounds.push([performance.now(), i]);
     });
-    stage.draw(bones, blend.joints, viewOf(camera.eye(), aim, canvas.width / Math.max(1, canvas.height)));
+    stage.draw(bones, blend.joints, views, target);
     frames += 1;
     canvas.dataset.frames = frames;
+    canvas.dataset.draws = stage.people.reduce((n, person) => n + person.models.length, 0); // for each eye
     if (firstMs === null) firstMs = performance.now();
     for (const since of waiting) mostFrames = Math.max(mostFrames, frames - since);
     waiting = [];
+    if (isPaused) return;
     if (motions.length) { began(roundsOf()); return; }
     if (until && !step.is_blind && distance < until.within_m) ended("near");
     else if (performance.now() - firstMs >= step.limit_s * 1000) ended("limit");
+  };
+  const draw = (nowMs) => {
+    if (!isOpen || headset) return;
+    request = requestAnimationFrame(draw);
+    resize();
+    frame(nowMs, [viewOf(camera.eye(), aim, canvas.width / Math.max(1, canvas.height))]);
   };
   const pauseAt = () => { lastMs = null; };
   document.addEventListener("visibilitychange", pauseAt);
   canvas.addEventListener("webglcontextlost", () => {
     if (!isOpen) return;
-    problem = "the graphics chip was lost"; ended("failed");
+    problem = "the graphics chip was lost";
+    if (headset) headset.lost();
+    ended("failed");
   });
   let cameraMs = -Infinity;
   let cameraLater = 0;
@@ -419,16 +493,34 @@ export async function open(step, canvas, key, say, ended, began = () => {}) {
       weigh();
       waiting.push(frames);
     },
+    /** Draw in a headset from now on, and on the page again once it is null. */
+    async enter(into) {
+      if (headset && headset !== into) headset.detach(stage);
+      headset = into;
+      lastMs = null;
+      if (headset) await headset.attach(stage, (nowMs, views, target) => { if (isOpen) frame(nowMs, views, target); }, eye, aim);
+      else { cancelAnimationFrame(request); request = requestAnimationFrame(draw); }
+    },
+    pause() { isPaused = true; },
+    /** Go on, or begin anew: what was seen in part is seen whole. */
+    resume(again) {
+      isPaused = false;
+      lastMs = null;
+      if (!again) return;
+      repeats += 1;
+      for (const one of walkers) one.again();
+    },
     report() {
       const sorted = [...gapsMs].sort((a, b) => a - b);
       const period = sorted.length ? sorted[Math.floor(sorted.length / 10)] : 0;
       const dropped = period ? gapsMs.reduce((n, gap) => n + Math.max(0, Math.round(gap / period) - 1), 0) : 0;
       tellMoves();
       return { first_ms: firstMs ?? performance.now(), frames, dropped, slider_frames: mostFrames,
-        distance_m: distance, renderer: rendererOf(stage.gl), problem, ...(motions.length ? { rounds: roundsOf() } : {}) };
+        distance_m: distance, renderer: rendererOf(stage.gl), problem, ...(repeats ? { repeats } : {}), ...(motions.length ? { rounds: roundsOf() } : {}) };
     },
     close() {
       isOpen = false;
+      if (headset) headset.detach(stage);
       cancelAnimationFrame(request);
       clearInterval(teller);
       clearTimeout(cameraLater);

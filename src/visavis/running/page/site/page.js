@@ -12,11 +12,14 @@ const RETRY_MS = [200, 400, 800, 1500, 2000];
 const REPEAT_ASKING_MS = 2500;
 const MOST_AT_ONCE = 200;
 const MOST_BYTES = 256 * 1024;
+const MOST_WAITING = 4800; // events: ten minutes of a headset's four streams
+const MOST_HEARD = 64;
 
 const SESSION = `visavis-session${wire.scope}`;
 const ONWARD_MS = 4000;
 const BUSY_MS = 5000;
 const DOUBLE_MS = 500;
+const ENTERED_MS = 300;
 // A CSS pixel by its standard, and where a centimetre is a degree: for who could not measure theirs.
 const USUAL_PX_PER_MM = 96 / 25.4;
 const USUAL_DISTANCE_MM = 570;
@@ -41,6 +44,9 @@ let cleanUp = () => {};
 let hiddenSince = null;
 let hiddenMs = 0;
 let putMs = 0;
+let mostBytes = MOST_BYTES;
+let posts = 0;
+let heard = []; // of earlier posts: number, and when their answers came
 
 // ---- small things ---------------------------------------------------------------------------
 
@@ -81,6 +87,7 @@ const post = (path, body) => wire.post(path, key, body);
 
 async function send(kind, more = {}) {
   if ((isOver || !mayRecord()) && kind !== "reply") return;
+  if (kind === "stream" && queue.length >= MOST_WAITING) { giveUp(); return; }
   const event = { n: next++, kind, at_ms: performance.now(), ...more };
   queue.push(event);
   await store.put(event);
@@ -90,7 +97,7 @@ async function send(kind, more = {}) {
 // A post stays far below what a server takes at once, however long the connection was lost.
 function firstOf(events) {
   let bytes = 0;
-  const end = events.findIndex((e, i) => { bytes += JSON.stringify(e).length; return i >= MOST_AT_ONCE || (i > 0 && bytes > MOST_BYTES); });
+  const end = events.findIndex((e, i) => { bytes += JSON.stringify(e).length; return i >= MOST_AT_ONCE || (i > 0 && bytes > mostBytes); });
   return end < 0 ? events : events.slice(0, end);
 }
 
@@ -105,8 +112,12 @@ async function flush() {
       let answer;
       const waiting = setTimeout(() => { isLate = true; tell(say("waiting")); }, WAITING_MS);
       try {
-        const times = mayRecord() ? { sent_ms: performance.now(), wall_ms: Date.now() } : {};
+        // Four times of an exchange say how the clocks of page and server lie.
+        posts += 1;
+        const [number, told] = [posts, heard.slice(-MOST_HEARD)];
+        const times = mayRecord() ? { sent_ms: performance.now(), wall_ms: Date.now(), post: number, heard: told } : {};
         answer = await post("/api/events", { tab, events: sent, ...times });
+        heard = [...heard.slice(told.length), [number, performance.now()]];
       } catch {
         failures += 1;
         if (failures > 1) tell(say("lost"));
@@ -116,6 +127,7 @@ async function flush() {
         clearTimeout(waiting);
       }
       if (answer.status === 409) { elsewhere(); return; }
+      if (answer.status === 413 && sent.length > 1) { mostBytes /= 2; continue; }
       const bad = answer.body.event || (answer.status === 413 && sent.length === 1 ? sent[0].n : 0);
       if (bad && queue.some((e) => e.n === bad)) { await setAside(bad, answer.body.refused); continue; }
       if (answer.status === 400 && failures < 3) { // a server that began anew and knows us not yet
@@ -161,6 +173,14 @@ async function take(state) {
   }
 }
 
+// What waits has no end: a trial ends that was not recorded on, and says why.
+function giveUp() {
+  tell(say("away"));
+  if (!["watch", "mould"].includes(current.kind) || replyNumber === stepNumber) return;
+  cleanUp();
+  reply({ shown_ms: performance.now(), failed: { why: "the network was away" } });
+}
+
 async function hello(takesOver) {
   const before = await store.get("tab");
   const answer = await post("/api/hello", { tab, before: before && before !== tab ? before : "", takes_over: takesOver,
@@ -169,6 +189,7 @@ async function hello(takesOver) {
   if (answer.status !== 200 || answer.body.failed) return answer;
   await store.set("tab", tab);
   const state = answer.body;
+  nextRows = state.streams || {};
   // A reply to a step that has passed was given elsewhere; what is left is numbered anew.
   const rest = queue.filter((e) => e.n > state.ack && (e.kind !== "reply" || e.step === state.number));
   rest.forEach((e, i) => { e.n = state.ack + 1 + i; });
@@ -211,6 +232,7 @@ const reply = (content) => {
   if (replyNumber === stepNumber) return undefined; // pressed twice
   replyNumber = stepNumber;
   tell("");
+  headset?.close();
   const whole = mayRecord() ? { hidden_ms: hiddenNow(), ...content } : content;
   stop.hidden = true;
   return send("reply", { step: stepNumber, reply: whole });
@@ -260,6 +282,77 @@ stop.addEventListener("click", () => {
       button(say("stop_keep"), () => reply({ stop: "keep" }), true),
       button(say("stop_delete"), () => reply({ stop: "delete" }), true)));
 });
+
+// ---- a headset ------------------------------------------------------------------------------
+
+const around = document.getElementById("headset");
+let headset = null;
+let ofHeadset = null; // the step by which somebody entered
+let nextRows = {};
+let onHeadset = () => {};
+
+const WITHOUT = ["", "consent", "enter", "end"];
+const INTERRUPTS = ["blurred", "hidden", "off"];
+
+async function enterHeadset(step) {
+  const { enter } = await import("./headset.js");
+  headset = await enter(step, { main, notice: around, stop, say, send, happened, acknowledged: nextRows, waiting: queue });
+  ofHeadset = step;
+  await store.set("vr", step);
+  globalThis.dispatchEvent(new CustomEvent("headset", { detail: headset }));
+}
+
+function tellAround(text, ...more) {
+  around.replaceChildren(...(text ? [paragraph(text), element("div", { class: "buttons" }, ...more)] : []));
+}
+
+// Each is flagged by the server; here what was seen in part is shown again, and answers stay.
+function happened(what) {
+  if (what === "ended") {
+    headset = null;
+    if (!isOver && !WITHOUT.includes(current.kind)) offerHeadset();
+  } else if (INTERRUPTS.includes(what)) tellAround(say("vr_paused"));
+  else if (what === "controllers_asleep") tellAround(say("vr_controllers"));
+  else if (["visible", "on", "controllers_awake", "hands"].includes(what) && headset && !headset.isPaused()) tellAround("");
+  onHeadset(what);
+}
+
+// Somebody may come back, go on at the screen where the study allows it, or leave this trial out.
+function offerHeadset() {
+  main.inert = true;
+  const settle = () => { main.inert = false; tellAround(""); };
+  const isFigure = current.kind === "mould" || (current.kind === "watch" && current.live);
+  tellAround(say("vr_ended"),
+    button(say("vr_enter"), async () => {
+      try {
+        await enterHeadset(ofHeadset);
+        settle();
+        send("xr", { what: "entered", detail: "again" });
+        onHeadset("entered");
+      } catch (error) { tell(say("vr_failed", { why: String(error.message || error) })); }
+    }),
+    ofHeadset.xr === "optional" ? button(say("vr_screen"), () => { settle(); store.set("vr", null); onHeadset("screen"); }, true) : "",
+    isFigure ? button(say("skip"), () => {
+      settle();
+      cleanUp();
+      reply({ shown_ms: performance.now(), failed: { why: "VR ended" } });
+    }, true) : "");
+}
+
+// Let a step's figure be drawn in the headset, now and whenever somebody comes back.
+async function drawInHeadset(figure, repeated, mayRepeat) {
+  let isHeld = false;
+  const again = () => { isHeld = false; figure.resume(mayRepeat); if (mayRepeat) repeated(); };
+  onHeadset = async (what) => {
+    if (INTERRUPTS.includes(what)) { isHeld = true; figure.pause(); }
+    else if (what === "ended") { isHeld = true; figure.pause(); await figure.enter(null); }
+    else if (what === "entered") { await figure.enter(headset); again(); }
+    else if (what === "screen" || what === "reset") again();
+    else if (isHeld && ["visible", "on"].includes(what) && !headset?.isPaused()) again();
+  };
+  if (headset) await figure.enter(headset);
+  if (headset?.isPaused()) { isHeld = true; figure.pause(); }
+}
 
 // ---- keys -----------------------------------------------------------------------------------
 
@@ -360,11 +453,12 @@ async function describe() {
 }
 
 // Draw a step's figures and send how they and the camera move; null where another step came meanwhile.
-async function opened(step, canvas, ended, began) {
+async function opened(step, canvas, ended, began, repeated = () => {}) {
   const live = await import("./live.js");
   const own = { step: stepNumber, names: step.motions ? [] : step.questions.map((q) => q.name) };
   const figure = await live.open(step, canvas, key, (rows) => send("moved", { ...own, ...rows }), ended, began);
   if (current !== step) { figure.close(); return null; }
+  if (ofHeadset) await drawInHeadset(figure, repeated, Boolean(step.motions));
   canvas.dataset.ready = "true";
   return figure;
 }
@@ -493,6 +587,30 @@ const steps = {
     }
   },
 
+  // A browser enters a headset only where somebody presses a button.
+  async enter(step) {
+    const hint = paragraph("", "hint");
+    const go = button(say("vr_enter"), async () => {
+      go.disabled = true;
+      try {
+        await enterHeadset(step);
+        await new Promise((resolve) => setTimeout(resolve, ENTERED_MS)); // controllers wake, frames come
+        if (headset) reply({ ...headset.facts(), version: step.version });
+      } catch (error) {
+        hint.textContent = say("vr_failed", { why: String(error.message || error) });
+        go.disabled = false;
+      }
+    });
+    const screen = button(say("vr_screen"), () => reply({ entered: false, why: why || "by choice" }), true);
+    go.disabled = true;
+    put("narrow", element("h1", {}, say("vr_title")), element("ul", {}, ...(step.lines || []).map((line) => element("li", {}, line))), hint,
+      element("div", { class: "buttons" }, go, step.xr === "optional" ? screen : null));
+    const { whyNot } = await import("./headset.js");
+    const why = await whyNot();
+    go.disabled = Boolean(why);
+    if (why) hint.textContent = say(step.xr === "optional" ? "vr_none" : "vr_needed", { why });
+  },
+
   text(step) {
     put("narrow", element("h1", {}, step.title || ""), paragraph(step.text),
       element("div", { class: "buttons" }, button(say("next"), () => reply({}))));
@@ -516,8 +634,8 @@ const steps = {
     let player = null;
     let figure = null;
     const open = () => { isOpen = true; hint.textContent = ""; for (const q of questions) q.enable(true); update(); };
-    for (const q of questions) q.enable(false);
-    update();
+    const shut = () => { isOpen = false; for (const q of questions) q.enable(false); update(); };
+    shut();
     const videos = step.films.map((f) => element("video", { playsinline: true, muted: true, preload: "auto", width: f.width_px, height: f.height_px,
       "aria-label": say(f.place) || step.caption || "film", disablepictureinpicture: true }));
     // Of a pair one film is heard: both say the same.
@@ -561,6 +679,7 @@ const steps = {
       document.removeEventListener("visibilitychange", back);
       if (player) player.end();
       if (figure) figure.close();
+      onHeadset = () => {};
       cleanUp = () => {};
     };
     const showFailure = (which, why) => {
@@ -584,7 +703,7 @@ const steps = {
     if (canvas) {
       const lost = () => { if (current === step) showFailure(null, figure.report().problem); };
       try {
-        figure = await opened(step, canvas, lost, (rounds) => { if (rounds >= step.min_rounds && !isOpen) open(); });
+        figure = await opened(step, canvas, lost, (rounds) => { if (rounds >= step.min_rounds && !isOpen) open(); }, shut);
       } catch (error) {
         if (current === step) showFailure(null, String(error.message || error));
       }
@@ -664,7 +783,7 @@ const steps = {
         button(say("again"), () => show(step)),
         button(say("skip"), () => reply({ shown_ms: shownMs, failed: { why } }), true)));
     };
-    cleanUp = () => { if (figure) figure.close(); figure = null; cleanUp = () => {}; };
+    cleanUp = () => { if (figure) figure.close(); figure = null; onHeadset = () => {}; cleanUp = () => {}; };
     try {
       figure = await opened(step, canvas, (how) => end(how, "limit"));
       if (!figure) return;
@@ -704,7 +823,8 @@ const steps = {
 function show(step) {
   cleanUp();
   current = step;
-  stop.hidden = !["card", "sound", "preload", "text", "watch", "mould", "questions"].includes(step.kind);
+  headset?.begin();
+  stop.hidden = !["enter", "card", "sound", "preload", "text", "watch", "mould", "questions"].includes(step.kind);
   const progress = document.getElementById("progress");
   progress.textContent = step.trial ? (step.is_practice ? `${say("practice")} ` : "") + say("progress", { n: step.trial, m: step.trials }) : "";
   steps[step.kind](step);
@@ -840,8 +960,10 @@ async function begin(takesOver) {
     return;
   }
   isRemembered = false;
+  ofHeadset = state.xr ? await store.get("vr") || null : null;
   if (queue.length) { stepNumber = state.number; await flush(); if (stepNumber === state.number && current.kind === "") show(state.step); }
   else { stepNumber = -1; await take(state); }
+  if (ofHeadset && !headset && !isOver && !WITHOUT.includes(current.kind)) offerHeadset(); // the page was opened anew
 }
 
 setInterval(() => { if (stepNumber >= 0 && !isOver) flush(); }, BEAT_MS);

@@ -87,15 +87,26 @@ uniform sampler2D picture; uniform int look; uniform float brightness; uniform v
 out vec4 o;
 #ifdef FINE
 in vec3 v_place; in vec3 v_normal;
+uniform sampler2D picture2, picture3, picture4, picture5;
 ${LIGHT}
 ${FINE_LIGHT}
+// A person is one draw: every vertex says which of five pictures is its own, 0 for none.
+vec4 picture_at(uint which, vec2 uv) {
+  vec2 dx = dFdx(uv), dy = dFdy(uv);
+  if (which == 1u) return textureGrad(picture, uv, dx, dy);
+  if (which == 2u) return textureGrad(picture2, uv, dx, dy);
+  if (which == 3u) return textureGrad(picture3, uv, dx, dy);
+  if (which == 4u) return textureGrad(picture4, uv, dx, dy);
+  if (which == 5u) return textureGrad(picture5, uv, dx, dy);
+  return vec4(1.0);
+}
 void main() {
-  vec4 t = look == 0 ? vec4(1.0) : texture(picture, v_detail.xy);
+  vec4 t = picture_at(v_surface.x, v_detail.xy);
   if (t.a < 0.45) discard;
   vec3 n = normalize(v_normal);
   if (!gl_FrontFacing) n = -n;
   vec3 light = v_light * pow(t.rgb, vec3(2.2)) * light_at(v_place, n, 0.0);
-  if (look == 3) light += shine_at(v_place, n);
+  if (v_surface.y == 1u) light += shine_at(v_place, n);
   o = vec4(shown(light), 1.0);
 }
 #else
@@ -276,6 +287,12 @@ export class Painter {
       for (const run of model.runs) {
         gl.uniform1i(at.look, run.mode);
         gl.bindTexture(gl.TEXTURE_2D, run.picture());
+        (run.others || []).forEach((texture, k) => {
+          gl.activeTexture(gl.TEXTURE3 + k);
+          gl.bindTexture(gl.TEXTURE_2D, texture);
+          gl.uniform1i(at[`picture${k + 2}`], 3 + k);
+        });
+        gl.activeTexture(gl.TEXTURE0);
         gl.drawElements(gl.TRIANGLES, run.count, model.kind, model.bytes * run.first);
       }
     }

@@ -14,7 +14,9 @@ export async function post(path, key, body) {
     headers: { ...keyed(key), "Content-Type": "application/json" },
     body: JSON.stringify(body),
   });
-  return { status: response.status, body: await response.json() };
+  // Whatever stands before a server may answer in its own words.
+  const answer = response.ok ? await response.json() : await response.json().catch(() => ({ refused: `the server answered ${response.status}` }));
+  return { status: response.status, body: answer };
 }
 
 export function leave(key, tab) {

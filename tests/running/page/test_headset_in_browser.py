@@ -1,0 +1,229 @@
+"""The same page in a headset: stereo figures, a board pressed by rays, streams, interruptions."""
+
+import base64
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.running.page.headsets.stand_in import StandIn
+from tests.running.page.test_browser import PATIENCE_S, REPOSITORY, Server, state_of, until
+from tests.running.page.test_live_scenes import STUDY
+from visavis.lab.clock import StopWatch
+from visavis.lab.config_files import EXAMPLE
+from visavis.recording.folder import session_dir
+from visavis.recording.reader import Recording
+from visavis.running.page.server import SITE
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]  # a browser
+
+FILES = Path(__file__).parent / "headsets"
+WIDTHS = {"head": 9, "frame_timing": 6, "pointer": 10, "responses": 3}
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[Server]:
+    (tmp_path / "lab_config.yaml").write_text(EXAMPLE.read_text("utf-8"), "utf-8")
+    made = Server(tmp_path)
+    yield made
+    if made.process is not None:
+        made.kill()
+
+
+def emulator() -> str:
+    """Return IWER, which emulates WebXR; the test is skipped without it."""
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("there is no node; apt install nodejs npm")
+    found = subprocess.run(
+        [node, "-p", "require.resolve('iwer/package.json')"],
+        cwd=REPOSITORY,
+        capture_output=True,
+        text=True,
+    )
+    if found.returncode:
+        pytest.skip("there is no iwer; npm install --no-save iwer")
+    folder = Path(found.stdout.strip()).parent
+    return (folder / "build" / "iwer.min.js").read_text("utf-8")
+
+
+def opened(server: Server, browser: Any, which: str) -> tuple[Any, StandIn, list[str]]:
+    """Return a page before a headset, after the consent, at the step that enters VR."""
+    (server.root / "apart.py").write_text(STUDY, "utf-8")
+    address = server.start("run", "apart.py", "--participant", "1", "--on", "browser")
+    # The emulator draws as large as the window; without a graphics card that is slow.
+    page = browser.new_context(viewport={"width": 200, "height": 150}).new_page()
+    problems: list[str] = []
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    if which == "emulator":
+        page.add_init_script(emulator())
+    page.add_init_script(path=FILES / f"{which}.js")
+    page.add_init_script(path=FILES / "people.js")
+    wire = StandIn()
+    wire.install(page)
+    page.goto(address)
+    until(page, "Put the headset on")
+    return page, wire, problems
+
+
+def wait(page: Any, condition: str) -> None:
+    """Wait for a condition; the page's policy forbids the browser's own way."""
+    watch = StopWatch()
+    while not page.evaluate(condition):
+        assert watch.elapsed_s() < PATIENCE_S, (condition, state_of(page))
+        page.wait_for_timeout(50)
+
+
+def entered(page: Any) -> None:
+    """Enter VR by the page's button, read what comes first, and see the first trial's figures."""
+    page.locator("#main button:not(.quiet):not([disabled])").click()
+    wait(page, "() => window.worn && worn.board.texts().includes('Continue')")
+    press(page, "Continue")
+    figures(page)
+
+
+def figures(page: Any) -> None:
+    """Wait until figures have been seen for as many rounds as answers need."""
+    page.wait_for_selector("fieldset input:not([disabled])", timeout=PATIENCE_S * 1000)
+
+
+def press(page: Any, text: str, nth: int = 0) -> None:
+    page.evaluate("([text, nth]) => person.press(text, nth)", [text, nth])
+
+
+def values(wire: StandIn, stream: str) -> np.ndarray[Any, Any]:
+    """Return a stream's rows, after the first column's start."""
+    batches = wire.rows(stream)
+    rows = []
+    for batch in batches:
+        flat = np.frombuffer(base64.b64decode(batch["data"]), "<f4")
+        assert len(flat) == batch["rows"] * WIDTHS[stream]
+        assert batch["rows"] <= 2048
+        rows.append(flat.reshape(-1, WIDTHS[stream]).astype(np.float64))
+        rows[-1][:, 0] += batch["t0_ms"]
+    return np.concatenate(rows)
+
+
+@pytest.mark.parametrize("which", ["standard", "emulator"])
+def test_a_study_runs_from_consent_to_thanks_in_a_headset(
+    which: str, server: Server, browser: Any
+) -> None:
+    page, wire, problems = opened(server, browser, which)
+    assert "Clear the floor." in state_of(page)["text"]
+    entered(page)
+    for trial in range(2):
+        figures(page)
+        press(page, str(trial + 2))
+        press(page, str(trial + 3), 1)
+        assert page.locator("#main button:not(.quiet)").is_enabled()
+        press(page, "Continue")
+        page.wait_for_selector("input:checked", state="detached", timeout=PATIENCE_S * 1000)
+    until(page, "Thank you", steps=False)
+    assert page.evaluate("worn.isPresenting()")
+    press(page, "Leave VR")
+    wait(page, "() => !worn.isPresenting()")
+    said = server.end()
+    folder = session_dir(server.root / "data", "apart", "S01B", 1, is_simulated=True)
+    rows = Recording(folder).trials()
+    assert list(rows["status"]) == ["complete"] * 2, said
+    assert [list(rows[name]) for name in ("lively", "heavy")] == [[2, 3], [3, 4]]
+    assert {*rows["lively_by"], *rows["heavy_by"]} == {"ray"}
+    assert (rows["live_rounds"] >= 2).all()
+    # What the headset sent: frames are numbered, presses timed, rays where the hand pointed.
+    (entry,) = (e for e in wire.headset if e["kind"] == "reply")
+    assert entry["reply"]["entered"] is True
+    assert set(entry["reply"]["controllers"]) == {"left", "right"}
+    head, timing, presses = (values(wire, s) for s in ("head", "frame_timing", "responses"))
+    assert len(head) == len(timing)
+    assert (np.diff(head[:, 0]) >= 0).all()
+    assert np.nanmedian(head[:, 2]) == pytest.approx(1.6, abs=0.01)
+    drawn = timing[:, 5] == 1  # rows of frames that were left out say nothing
+    assert (head[drawn, 8] == 1).all()
+    assert np.isnan(head[~drawn][:, 1:8]).all()
+    triggers = presses[presses[:, 1] == 7][:, 2]
+    assert (triggers == 1 - np.arange(len(triggers)) % 2).all()  # pressed, released, pressed
+    assert len(triggers) >= 13
+    for name in WIDTHS:
+        ends = 0
+        for batch in wire.rows(name):
+            assert batch["seq0"] >= ends
+            ends = batch["seq0"] + batch["rows"]
+    assert not problems
+
+
+BATCHES = """async ([code]) => {
+    const { newStreams, nextNumbers } = await import(`data:text/javascript;base64,${code}`);
+    const sent = [];
+    const streams = newStreams((batch) => sent.push(batch), nextNumbers({ head: 7 },
+        [{ kind: "stream", stream: "head", seq0: 10, rows: 5 }, { kind: "reply" }]));
+    for (let i = 0; i < 5000; i += 1) streams.row("head", 1000 + i / 10, [i]);
+    streams.skip("head", 3);
+    streams.row("head", 1600, [1]);
+    streams.row("head", 1590, [2]);
+    streams.close();
+    return sent;
+}"""
+
+
+def test_batches_are_cut_by_rows_and_by_time_and_go_on_where_the_store_ends(browser: Any) -> None:
+    page = browser.new_page()
+    code = base64.b64encode((SITE / "streams.js").read_bytes()).decode()
+    sent = page.evaluate(BATCHES, [code])
+    assert [b["seq0"] for b in sent] == [15, 2063, 4111, 5018]
+    assert [b["rows"] for b in sent] == [2048, 2048, 904, 2]
+    decoded = [np.frombuffer(base64.b64decode(b["data"]), "<f4").reshape(-1, 2) for b in sent]
+    assert [len(rows) for rows in decoded] == [b["rows"] for b in sent]
+    assert decoded[3].tolist() == [[0.0, 1.0], [0.0, 2.0]]  # times never fall
+
+
+def test_a_ray_meets_a_board_where_geometry_says(browser: Any) -> None:
+    rng = np.random.default_rng(45)
+    boards, rays = [], []
+    for _ in range(1000):
+        turn = rng.normal(size=(3, 3))
+        basis, _ = np.linalg.qr(turn)
+        right, up = basis[:, 0], basis[:, 1]
+        middle = rng.uniform(-1, 1, 3)
+        boards.append({"middle": middle.tolist(), "right": right.tolist(), "up": up.tolist()})
+        target = middle + rng.uniform(-0.7, 0.7) * right + rng.uniform(-0.5, 0.5) * up
+        start = middle + rng.normal(size=3) * 2
+        way = (target - start) / np.linalg.norm(target - start)
+        rays.append([start.tolist(), way.tolist()])
+    page = browser.new_page()
+    page.route("http://board.test/**", serve_site)
+    page.goto("http://board.test/")
+    met = page.evaluate(
+        """async ([boards, rays]) => {
+            const { meet } = await import("/headset.js");
+            return boards.map((board, i) => meet(board, ...rays[i]));
+        }""",
+        [boards, rays],
+    )
+    differing = 0
+    for board, (start, way), hit in zip(boards, rays, met, strict=True):
+        middle, right, up = (np.array(board[n]) for n in ("middle", "right", "up"))
+        # The corners' plane by a linear system: start + t way = middle + a right + b up.
+        t, a, b = np.linalg.solve(np.stack([way, -right, -up], axis=1), middle - np.array(start))
+        is_front = np.dot(np.cross(right, up), way) < -1e-6
+        on_board = is_front and t > 0 and abs(a) <= 0.5 and abs(b) <= 0.5 * 704 / 1024
+        differing += on_board != (hit is not None)
+        if hit is not None and on_board:
+            place = middle + (hit["at"][0] - 0.5) * right
+            place = place + (0.5 - hit["at"][1]) * 704 / 1024 * up
+            assert np.linalg.norm(np.array(start) + t * np.array(way) - place) < 1e-9
+            assert hit["far_m"] == pytest.approx(t, abs=1e-9)
+    assert differing == 0
+    assert sum(hit is not None for hit in met) > 200
+
+
+def serve_site(route: Any) -> None:
+    """Answer with a file of the site, as a server would."""
+    name = route.request.url.rsplit("/", 1)[-1]
+    if not name:
+        route.fulfill(body="<!doctype html>", content_type="text/html")
+        return
+    route.fulfill(body=(SITE / name).read_text("utf-8"), content_type="text/javascript")
