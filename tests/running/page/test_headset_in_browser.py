@@ -155,6 +155,42 @@ def test_a_study_runs_from_consent_to_thanks_in_a_headset(
     assert not problems
 
 
+def test_what_interrupts_a_figure_in_a_headset_is_told_and_the_figure_is_seen_again(
+    server: Server, browser: Any
+) -> None:
+    page, wire, problems = opened(server, browser, "standard")
+    entered(page)
+    assert page.get_attribute("canvas.figure", "data-draws") == "2"  # of two people, for each eye
+    press(page, "2")
+    # Off the head: no head holds so still. What was answered stays.
+    page.evaluate("drive.wear(false)")
+    wait(page, "() => document.getElementById('headset').innerText.includes('Paused')")
+    assert page.evaluate("worn.isPaused()")
+    page.evaluate("drive.wear(true)")
+    wait(page, "() => !document.getElementById('headset').innerText")
+    assert page.locator("fieldset input:not([disabled])").count() == 0
+    assert page.locator("input:checked").count() == 1
+    figures(page)
+    # The boundary's pause, the view set anew, frames left out, controllers asleep.
+    page.evaluate("drive.visibility('visible-blurred'); drive.press('right')")
+    page.evaluate("drive.visibility('visible')")
+    page.evaluate("drive.reset(); drive.sleep(); drive.wake(); drive.track(false)")
+    page.wait_for_timeout(100)
+    page.evaluate("drive.track(true); drive.skip(20)")
+    figures(page)
+    page.wait_for_timeout(1000)
+    said = wire.happenings()
+    assert said[:6] == ["off", "on", "blurred", "visible", "reset", "controllers_asleep"]
+    assert said[6:] == ["controllers_awake"]
+    head, timing = values(wire, "head"), values(wire, "frame_timing")
+    assert np.isnan(head[head[:, 8] == 0][:, 1:8]).all()
+    skipped = timing[:, 4]
+    assert skipped.max() >= 19
+    last = wire.rows("head")[-1]
+    assert last["seq0"] + last["rows"] == len(head) + int(skipped[skipped > 8].sum())
+    assert not problems
+
+
 BATCHES = """async ([code]) => {
     const { newStreams, nextNumbers } = await import(`data:text/javascript;base64,${code}`);
     const sent = [];
