@@ -3,6 +3,7 @@
 python -m benchmarks.headset_page
 """
 
+import argparse
 import gzip
 import json
 import math
@@ -32,6 +33,7 @@ def draws_of(data: bytes) -> int:
 
 def main() -> None:
     """Print both."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     print(f"page in a headset: {page_bytes() / 1000:.0f} kB compressed (gzip)")
     for name in cast_names():
         data = glb_of_character(load_character(name))
