@@ -4,11 +4,14 @@ from collections.abc import Iterable
 from typing import Any, Final
 
 from visavis.lab.device_clock import DeviceTimes, device_times
+from visavis.recording.page_clock import PAGE_ROLE
 from visavis.recording.reader import Recording
 
 EXCHANGE_EVENT: Final = "clock_exchanges"
-STREAM_OF_ROLE: Final = {"eye_tracker": "gaze", "body_tracker": "body"}
+STREAM_OF_ROLE: Final = {"eye_tracker": "gaze", "body_tracker": "body", PAGE_ROLE: "head"}
 """Streams that are not called like their device."""
+STREAMS_OF_PAGE: Final = ("head", "frame_timing", "pointer", "responses", "hands", "view")
+"""Streams that a page dates by its one clock."""
 
 
 def session_times(recording: Recording, stream: str, part: int) -> DeviceTimes:
@@ -29,5 +32,7 @@ def exchanges_by_stream(payloads: Iterable[dict[str, Any]]) -> dict[str, list[li
     for payload in payloads:
         role = str(payload.get("role"))
         rows = payload.get("send_device_receive_ns", ())
-        exchanges.setdefault(STREAM_OF_ROLE.get(role, role), []).extend(rows)
+        own = STREAMS_OF_PAGE if role == PAGE_ROLE else (STREAM_OF_ROLE.get(role, role),)
+        for stream in own:
+            exchanges.setdefault(stream, []).extend(rows)
     return exchanges

@@ -25,6 +25,7 @@ from visavis.protocol.session.gaze_setup import TARGETS
 from visavis.recording.annotations import annotations_of
 from visavis.recording.integrity import analysed_trials, damage_of
 from visavis.recording.manifest import Manifest
+from visavis.recording.page_clock import PAGE_ROLE
 from visavis.recording.reader import Recording
 from visavis.recording.remarks import Remark, exclusions_in_force, reason_of, remarks_of
 from visavis.results.coding import span_rows
@@ -407,6 +408,7 @@ def _timing_facts(recording: Recording, rows: pd.DataFrame) -> dict[str, str]:
     trips_ms = [
         (receive - send) / NS_PER_MS
         for payload in events.loc[events["name"] == "clock_exchanges", "payload"]
+        if payload["role"] != PAGE_ROLE
         for send, _, receive in payload["send_device_receive_ns"]
     ]
     if trips_ms:

@@ -5,8 +5,8 @@ from typing import Any
 
 import pandas as pd
 
-from visavis.lab.clock import NS_PER_MS
 from visavis.protocol.plan.columns import Column
+from visavis.recording.page_clock import PageClocks
 from visavis.recording.reader import Recording
 from visavis.study.moulding import FIGURE_ON, FIGURE_TURNED, SLIDER_MOVED
 
@@ -43,7 +43,7 @@ def moves_of(recording: Recording) -> pd.DataFrame:
 def _rows(recording: Recording) -> Iterator[dict[str, Any]]:
     for part in recording.manifest.parts:
         trial_id, figure = "", 0
-        least_ns: dict[str, int] = {}
+        clocks = PageClocks()
         waiting: list[tuple[str, Mapping[str, Any]]] = []
         for event in recording.journal(part.number).events:
             payload, t_ns = event["payload"], int(event["t_ns"])
@@ -53,19 +53,16 @@ def _rows(recording: Recording) -> Iterator[dict[str, Any]]:
                 figure += 1
             elif event["name"] in (SLIDER_MOVED, FIGURE_TURNED):
                 yield _before_a_screen(payload, figure)
-            if event["name"] != "page_event" or "at_ms" not in payload:
+            if event["name"] != "page_event":
                 continue
             # The page's clock is placed as the trial's row has it: when its step is over.
-            tab = str(payload["tab"])
-            offset_ns = t_ns - round(NS_PER_MS * float(payload["at_ms"]))
-            before_ns = offset_ns if payload["kind"] == "slept" else least_ns.get(tab, offset_ns)
-            least_ns[tab] = min(offset_ns, before_ns)
+            clocks.follow(payload, t_ns)
             if payload["kind"] == "moved":
                 waiting.append((trial_id, payload))
             elif payload["kind"] == "reply":
-                yield from _placed(waiting, least_ns)
+                yield from _placed(waiting, clocks)
                 waiting = []
-        yield from _placed(waiting, least_ns)
+        yield from _placed(waiting, clocks)
 
 
 def _before_a_screen(payload: Mapping[str, Any], figure: int) -> dict[str, Any]:
@@ -78,20 +75,20 @@ def _before_a_screen(payload: Mapping[str, Any], figure: int) -> dict[str, Any]:
 
 
 def _placed(
-    waiting: list[tuple[str, Mapping[str, Any]]], least_ns: Mapping[str, int]
+    waiting: list[tuple[str, Mapping[str, Any]]], clocks: PageClocks
 ) -> Iterator[dict[str, Any]]:
     """Yield the rows of some events, each in order of time."""
     rows: list[dict[str, Any]] = []
     for trial_id, payload in waiting:
         own = {"trial_id": trial_id, "step": payload["step"]}
-        origin_ns = least_ns[str(payload["tab"])]
+        t_ns_of = clocks.of(str(payload["tab"])).placing()
         for at_ms, i, value in payload["sliders"]:
-            t_ns = origin_ns + round(NS_PER_MS * at_ms)
+            t_ns = t_ns_of(at_ms)
             rows.append(own | {"t_ns": t_ns, "what": payload["names"][int(i)], "value": value})
         for at_ms, x, y, z in payload["camera"]:
-            t_ns = origin_ns + round(NS_PER_MS * at_ms)
+            t_ns = t_ns_of(at_ms)
             rows.append(own | {"t_ns": t_ns, "what": "camera", "x_m": x, "y_m": y, "z_m": z})
         for at_ms, i in payload.get("rounds", ()):
-            t_ns = origin_ns + round(NS_PER_MS * at_ms)
+            t_ns = t_ns_of(at_ms)
             rows.append(own | {"t_ns": t_ns, "what": "round_beside" if i else "round"})
     yield from sorted(rows, key=lambda row: int(row["t_ns"]))

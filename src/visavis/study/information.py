@@ -36,11 +36,13 @@ PAGE_HAPPENINGS: Final = (
     "resize",
     "problem",
     "rewound",
+    "clock",
 )
 """Kinds of page events that are no answers."""
 
 EVENT_FACTS: Final[Mapping[str, tuple[str, ...]]] = {
     "page_served": (),
+    "clock_exchanges": ("course",),
     "block_start": (),
     "block_end": (),
     "trial_start": (),

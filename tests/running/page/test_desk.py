@@ -13,7 +13,7 @@ from tests.running.page.pages import TAB, begun, gone_on, study
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.recording.reader import Recording
-from visavis.running.page.desk import LEASE_NS, RELOAD_FLAG, SLEEP_FLAG
+from visavis.running.page.desk import LEASE_NS, RELOAD_FLAG, SLEEP_FLAG, Post
 from visavis.running.page.earlier_parts import RESTART_FLAG
 from visavis.running.page.server import FILES, SITE
 from visavis.running.page.spoken_digits import HOW_MANY, hear_digits, say_digits, spoken_digits
@@ -106,9 +106,9 @@ def test_a_computer_that_slept_is_told_and_its_page_dated_anew(
         while page.desk.state()["step"]["kind"] != "watch":
             page.answer()
         at_ms = page.visitor.now_ms
-        page.desk.take(TAB, [], (at_ms, 1.7e12))
+        page.desk.take(TAB, [], Post(at_ms, 1.7e12))
         page.clock.sleep_until_ns(page.clock.now_ns() + late_s * NS_PER_S)
-        page.desk.take(TAB, [], (at_ms, 1.7e12 + 1000 * wall_s))
+        page.desk.take(TAB, [], Post(at_ms, 1.7e12 + 1000 * wall_s))
         behind_ns = page.clock.now_ns() - round(at_ms * 1e6)
         while not page.desk.is_over:
             reply = page.event()
@@ -127,7 +127,7 @@ def test_that_a_computer_slept_outlives_its_server(tmp_path: Path) -> None:
             page.answer()
         for late_s in (0, 60):
             page.clock.sleep_until_ns(page.clock.now_ns() + late_s * NS_PER_S)
-            page.desk.take(TAB, [], (page.visitor.now_ms, 1.7e12 + 1000 * late_s))
+            page.desk.take(TAB, [], Post(page.visitor.now_ms, 1.7e12 + 1000 * late_s))
         page.desk.recorder.checkpoint()
     with gone_on(path) as page:
         page.answer_all()

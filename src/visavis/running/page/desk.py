@@ -2,10 +2,12 @@
 
 import secrets
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from typing import Any, Final
 
 from visavis.lab.clock import NS_PER_S, Clock
+from visavis.recording.page_clock import CLOCK, PAGE_ROLE, PageClocks, PageExchange
+from visavis.recording.session_times import EXCHANGE_EVENT
 from visavis.recording.writer import Recorder
 from visavis.running.page.course import DONE, Course, Event, Notes, TrialRow
 from visavis.running.page.earlier_parts import PAGE_EVENT, REWOUND, REWOUND_FLAG, EarlierParts
@@ -20,7 +22,6 @@ from visavis.running.page.steps import (
     check_moves,
     count,
     mapping,
-    ns_of_ms,
     number,
 )
 from visavis.study.information import about_with_facts
@@ -32,42 +33,22 @@ MAX_EVENTS: Final = 500
 KINDS: Final = ("reply", "moved", "about", "visibility", "fullscreen", "resize", "problem")
 RELOAD_FLAG: Final = "page reloaded"
 SLEEP_FLAG: Final = "computer asleep"
-ASLEEP_NS: Final = 5 * NS_PER_S
-"""A page's clock that stops for longer than this means that the computer slept."""
+CLOCK_FLAG: Final = "page clock set"
 
 
-@dataclass
-class _Origin:
-    """Zero of a page's clock in session time, estimated from the event with the least delay.
+@dataclass(frozen=True)
+class Post:
+    """A post of a page: its number there, when it came, and when answers to earlier posts were in.
 
-    `ahead_ms` is how far the time of day on that computer is ahead of the page's clock.
+    `out_ms` and `heard` (post, time in ms) are by the page's clock, `wall_ms` by the time of day
+    there.
     """
 
-    least_ns: int | None = None
-    ahead_ms: float | None = None
-
-    def has_slept(self, at_ms: float, wall_ms: float, t_ns: int) -> bool:
-        """Tell whether a page's clock stood still since its last events.
-
-        A slow network delays events, and setting a clock changes its time of day. A computer
-        that slept does both.
-        """
-        before_ms, self.ahead_ms = self.ahead_ms, wall_ms - at_ms
-        if before_ms is None or self.least_ns is None:
-            return False
-        late_ns = t_ns - ns_of_ms(at_ms) - self.least_ns
-        return min(late_ns, ns_of_ms(self.ahead_ms - before_ms)) > ASLEEP_NS
-
-    def begin_anew(self, at_ms: float, t_ns: int) -> None:
-        """Start a new estimate."""
-        self.least_ns = t_ns - ns_of_ms(at_ms)
-
-    def add_event(self, at_ms: float, t_ns: int) -> None:
-        offset_ns = t_ns - ns_of_ms(at_ms)
-        self.least_ns = offset_ns if self.least_ns is None else min(self.least_ns, offset_ns)
-
-    def t_ns(self, at_ms: float) -> int:
-        return (self.least_ns or 0) + ns_of_ms(at_ms)
+    out_ms: float
+    wall_ms: float
+    number: int | None = None
+    in_ns: int = 0
+    heard: tuple[tuple[int, float], ...] = ()
 
 
 @dataclass
@@ -100,7 +81,8 @@ class PageDesk:
         self._tab = ""
         self._heard_ns = -LEASE_NS
         self._has_left = True
-        self._origins: dict[str, _Origin] = {}
+        self._clocks = PageClocks()
+        self._exchanges: list[PageExchange] = []
         self._moves: list[Mapping[str, Any]] = []
         self._opened_before_consent: tuple[int, Mapping[str, Any]] | None = None
         self._is_replaying = self.past is not None
@@ -143,13 +125,11 @@ class PageDesk:
         self._apply_opening(payload, now_ns)
         self._heard_ns, self._has_left = now_ns, False
 
-    def take(
-        self, tab: str, events: Sequence[Any], sent_at_ms: tuple[float, float] | None = None
-    ) -> bool:
+    def take(self, tab: str, events: Sequence[Any], post: Post | None = None) -> bool:
         """Take numbered events of the page that has the session; skip acknowledged ones.
 
-        `sent_at_ms` is when they were sent, in ms: by the page's clock and by its time of day.
-        Return whether there may be something to write.
+        `post` is what is known of the post that brought them. Return whether there may be
+        something to write.
 
         Raises:
             OpenElsewhereError: another page has it.
@@ -162,11 +142,7 @@ class PageDesk:
             raise PageError(f"{len(events)} events at once; {MAX_EVENTS} are taken")
         now_ns = self.clock.now_ns()
         self._heard_ns = now_ns
-        slept = sent_at_ms is not None and self._origin(tab).has_slept(*sent_at_ms, now_ns)
-        if sent_at_ms is not None and slept:
-            payload = {"kind": "slept", "tab": tab, "at_ms": sent_at_ms[0]}
-            self._record(payload, now_ns)
-            self._apply_sleep(payload, now_ns)
+        is_changed = post is not None and self._take_times(tab, post, now_ns)
         for content in events:
             event = mapping(content, "an event")
             n = count(event.get("n"), "n")
@@ -186,7 +162,13 @@ class PageDesk:
             self._report_trial()
             self._record(payload, now_ns)
             self._apply(payload, now_ns)
-        return slept or bool(events)
+        return is_changed or bool(events)
+
+    def note_answer(self, tab: str, post: Post) -> None:
+        """Note that the answer to a post leaves now."""
+        if post.number is not None and self.step.kind != "consent":
+            clock, now_ns = self._clocks.of(tab), self.clock.now_ns()
+            clock.add_post(post.number, post.out_ms, post.in_ns, now_ns)
 
     def state(self) -> dict[str, Any]:
         """Return the state for the page: the last event on the disk, and the step to show."""
@@ -217,6 +199,28 @@ class PageDesk:
         return self._heard_ns
 
     # ---- within ------------------------------------------------------------------------------
+
+    def _take_times(self, tab: str, post: Post, now_ns: int) -> bool:
+        """Follow the page's clock by the stamps of a post; tell whether something was recorded."""
+        clock = self._clocks.of(tab)
+        if clock.has_slept(post.out_ms, post.wall_ms, now_ns):
+            payload: dict[str, Any] = {"kind": "slept", "tab": tab, "at_ms": post.out_ms}
+            self._record(payload, now_ns)
+            self._apply_sleep(payload, now_ns)
+            return True
+        exchanges = [clock.add_answer(number, in_ms) for number, in_ms in post.heard]
+        if self.step.kind == "consent":  # nothing about a page is recorded yet
+            return False
+        self._exchanges += filter(None, exchanges)
+        offset = clock.offset_to_place(now_ns)
+        if offset is None:
+            return False
+        payload = {**offset, "tab": tab}
+        self._record(payload, now_ns)
+        self._clocks.follow(payload, now_ns)
+        if payload["is_set"]:
+            self.notes.add(CLOCK_FLAG)
+        return True
 
     def _record(self, payload: Mapping[str, Any], t_ns: int) -> None:
         """Record an event of the page; before consent nothing, with a refusal only the refusal.
@@ -284,9 +288,7 @@ class PageDesk:
 
     def _apply(self, payload: Mapping[str, Any], t_ns: int) -> None:
         self.last_event_number = int(payload["n"])
-        origin = self._origin(str(payload.get("tab", "")))  # a refusal has neither tab nor time
-        if "at_ms" in payload:
-            origin.add_event(float(payload["at_ms"]), t_ns)
+        self._clocks.follow(payload, t_ns)
         if payload["kind"] == "problem":
             self.notes.add("page problem")
         elif payload["kind"] == REWOUND:
@@ -295,7 +297,8 @@ class PageDesk:
         elif payload["kind"] == "moved" and payload.get("step") == self.step_number:
             self._moves.append(payload)
         elif payload["kind"] == "reply":
-            self._advance(Reply(payload["reply"], t_ns, origin.t_ns, tuple(self._moves)))
+            clock = self._clocks.of(str(payload.get("tab", "")))
+            self._advance(Reply(payload["reply"], t_ns, clock.placing(), tuple(self._moves)))
 
     def _apply_opening(self, payload: Mapping[str, Any], t_ns: int) -> None:
         tab = str(payload["tab"])
@@ -303,14 +306,11 @@ class PageDesk:
             self.notes.add(RELOAD_FLAG)
             self._moves.clear()  # their times are of the other page's clock
         self._tab = tab
-        self._origin(tab).add_event(float(payload["at_ms"]), t_ns)
+        self._clocks.follow(payload, t_ns)
 
     def _apply_sleep(self, payload: Mapping[str, Any], t_ns: int) -> None:
         self.notes.add(SLEEP_FLAG)
-        self._origin(str(payload["tab"])).begin_anew(float(payload["at_ms"]), t_ns)
-
-    def _origin(self, tab: str) -> _Origin:
-        return self._origins.setdefault(tab, _Origin())
+        self._clocks.follow(payload, t_ns)
 
     def _advance(self, reply: Reply | None) -> None:
         try:
@@ -336,11 +336,27 @@ class PageDesk:
             self.trial_id, self.trial_steps = str(out.payload["trial_id"]), []
         if isinstance(out, TrialRow):
             self.trials_done += 1
+            self._record_exchanges()
             past = self.past if self._is_replaying else None
             if past is None or str(out.row["trial_id"]) not in past.rows:
                 self.recorder.trial(out.row)
         elif not (self._is_replaying and self.past is not None and _is_known(out, self.past)):
             self.recorder.event(out.name, self.clock.now_ns(), **out.payload)
+
+    def _record_exchanges(self) -> None:
+        """Note all stamps since the last trial, from which streams are dated afterwards."""
+        if self._exchanges and not self._is_replaying:
+            rows = [exchange.as_row for exchange in self._exchanges]
+            stamps = [list(astuple(exchange)) for exchange in self._exchanges]
+            self._exchanges.clear()
+            now_ns = self.clock.now_ns()
+            self.recorder.event(
+                EXCHANGE_EVENT,
+                now_ns,
+                role=PAGE_ROLE,
+                send_device_receive_ns=rows,
+                stamps_ns=stamps,
+            )
 
     def _replay(self, past: EarlierParts) -> None:
         """Replay the course up to its last reply; flag a trial that a restart interrupted."""
@@ -348,13 +364,17 @@ class PageDesk:
         for its_part, t_ns, payload in past.events:
             if part is not None and its_part != part:
                 self._flag_interruption(past)
+                self._clocks = PageClocks()  # session time began anew
             part = its_part
             if payload["kind"] == "opened":
                 self._apply_opening(payload, t_ns)
             elif payload["kind"] == "slept":
                 self._apply_sleep(payload, t_ns)
+            elif payload["kind"] == CLOCK:
+                self._clocks.follow(payload, t_ns)
             else:
                 self._apply(payload, t_ns)
+        self._clocks = PageClocks()
         self._flag_interruption(past)
         self._has_left = not self._tab  # nobody agreed yet: whoever comes has it
         self._heard_ns = self.clock.now_ns()

@@ -6,18 +6,18 @@ put there, and the times are those from which the trial's row was made.
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 from visavis.lab.screen import FlatScreen
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import Mark
+from visavis.recording.page_clock import PageClocks
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy, overrides_of
 from visavis.running.film_store import FilmStore, film_store
 from visavis.running.page.flat import flat_scene, read_lit, read_screen
-from visavis.running.page.steps import PageError, PageStep, Reply, ns_of_ms
+from visavis.running.page.steps import PageError, PageStep, Reply
 from visavis.running.page.trial import FilmFailed, perform_on_page
 from visavis.stimuli.scenes.flat import FlatScene
 from visavis.study.actions import Action
@@ -212,17 +212,14 @@ def _replies(
     is_here = False
     moves: list[Mapping[str, Any]] = []
     for part in recording.manifest.parts:
-        least_ns: dict[str, int] = {}
+        clocks = PageClocks()
         for event in recording.journal(part.number).events:
             payload, t_ns = event["payload"], int(event["t_ns"])
             if event["name"] == "trial_start":
                 is_here = payload["trial_id"] == trial_id
             if event["name"] != "page_event":
                 continue
-            tab = str(payload["tab"])
-            offset_ns = t_ns - ns_of_ms(float(payload["at_ms"]))
-            before_ns = offset_ns if payload["kind"] == "slept" else least_ns.get(tab, offset_ns)
-            least_ns[tab] = min(offset_ns, before_ns)
+            clocks.follow(payload, t_ns)
             if payload["kind"] == "moved":
                 moves.append(payload)
             if payload["kind"] == "reply":
@@ -230,9 +227,5 @@ def _replies(
                 step_moves = tuple(m for m in moves if is_own.items() <= m.items())
                 moves.clear()
                 if is_here:
-                    page_ns = partial(_page_ns, least_ns[tab])
-                    yield part.number, t_ns, payload, page_ns, step_moves
-
-
-def _page_ns(origin_ns: int, at_ms: float) -> int:
-    return origin_ns + ns_of_ms(at_ms)
+                    placing = clocks.of(str(payload["tab"])).placing()
+                    yield part.number, t_ns, payload, placing, step_moves

@@ -13,9 +13,17 @@ from aiohttp.http_exceptions import HttpProcessingError
 
 from visavis.lab.errors import DeviceError, RecordingError
 from visavis.lab.plain_files import parse_json, with_whole_characters
-from visavis.running.page.desk import PageDesk
+from visavis.recording.page_clock import MAX_POSTS
+from visavis.running.page.desk import PageDesk, Post
 from visavis.running.page.rate_limit import visitor_address
-from visavis.running.page.steps import BadEventError, OpenElsewhereError, PageError, number, unix_ms
+from visavis.running.page.steps import (
+    BadEventError,
+    OpenElsewhereError,
+    PageError,
+    count,
+    number,
+    unix_ms,
+)
 
 SITE: Final = Path(__file__).parent / "site"
 FILES: Final = {
@@ -327,21 +335,21 @@ class PageServer(LocalServer):
         return web.json_response({**session.about, **await self._act(session, hello)})
 
     async def _events(self, request: web.Request) -> web.StreamResponse:
-        body = await body_of(request)
-        session, tab = await self._of(request.headers.get(KEY, "")), text_of(body, "tab")
+        session = await self._of(request.headers.get(KEY, ""))
         if isinstance(session, EndedSession):
             return web.json_response(session.state())
+        in_ns = session.desk.clock.now_ns()  # before the body, which may take long
+        body = await body_of(request)
+        tab = text_of(body, "tab")
         events = body.get("events", [])
         if not isinstance(events, list):
             raise PageError("events are a list")
-        clocks_ms = body.get("sent_ms"), body.get("wall_ms")
-        times = (
-            None
-            if None in clocks_ms
-            else (number(clocks_ms[0], "sent_ms"), unix_ms(clocks_ms[1], "wall_ms"))
-        )
-        message = await self._act(session, lambda: session.desk.take(tab, events, times))
-        return web.json_response(message)
+        post = _post_of(body, in_ns)
+        message = await self._act(session, lambda: session.desk.take(tab, events, post))
+        response = web.json_response(message)
+        if post is not None:
+            session.desk.note_answer(tab, post)
+        return response
 
     async def _arrive(self, request: web.Request) -> web.StreamResponse:
         body = await body_of(request)
@@ -407,6 +415,25 @@ class PageServer(LocalServer):
         if session is None:
             raise PageError("this address leads to no session; ask for a new one")
         return session
+
+
+def _post_of(body: Mapping[str, Any], in_ns: int) -> Post | None:
+    """Return when a post left its page and when earlier answers came there; None if untold.
+
+    Raises:
+        PageError: what it says are no times.
+    """
+    if body.get("sent_ms") is None or body.get("wall_ms") is None:
+        return None
+    out_ms, wall_ms = number(body["sent_ms"], "sent_ms"), unix_ms(body["wall_ms"], "wall_ms")
+    heard = body.get("heard", [])
+    if not isinstance(heard, list) or len(heard) > MAX_POSTS:
+        raise PageError(f"heard is a list of at most {MAX_POSTS} answers")
+    if any(not isinstance(pair, list) or len(pair) != 2 for pair in heard):
+        raise PageError("heard are pairs of a post and when its answer came")
+    pairs = tuple((count(n, "heard"), number(at_ms, "heard")) for n, at_ms in heard)
+    of_page = body.get("post")
+    return Post(out_ms, wall_ms, None if of_page is None else count(of_page, "post"), in_ns, pairs)
 
 
 def _refusal(status: int, why: str, **more: int) -> web.Response:
