@@ -16,6 +16,9 @@ GREEN: Final = "#009e73"
 PURPLE: Final = "#a8478a"
 ORANGE: Final = "#e69f00"
 
+COLUMN_WIDTH_IN: Final = 4.7
+"""Width of a figure whose letters of 10 points are 7 points large in a column of 85 mm."""
+
 _WORD_LENGTH = 7.0  # of the watermark's word, in units of its font size
 _POINTS_PER_INCH = 72.0
 

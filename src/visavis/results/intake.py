@@ -35,6 +35,7 @@ from visavis.results.selection import HAND_PERSON, HAND_TRIAL
 from visavis.study.exclusions import ANSWERED_COLUMN
 from visavis.study.look_course import look_course
 from visavis.study.look_measures import LOOK_COLUMNS, LooksOn
+from visavis.study.look_order import fixation_order
 from visavis.study.measures import CLOCK_JUMP, Measure, SessionGaze, TrialRecord, value_of
 
 
@@ -63,6 +64,8 @@ class SessionIntake:
     """What was noted or excluded by hand after the session."""
     course: pd.DataFrame = field(repr=False, default_factory=pd.DataFrame)
     """Looks over time, a row for each trial and step of time."""
+    fixations: pd.DataFrame = field(repr=False, default_factory=pd.DataFrame)
+    """Every fixation of every trial, in order."""
     coding: pd.DataFrame = field(repr=False, default_factory=pd.DataFrame)
     """Spans that people coded afterwards."""
 
@@ -70,7 +73,7 @@ class SessionIntake:
         """Return the intake without its tables, once they are joined with those of others."""
         empty = pd.DataFrame()
         intake = replace(self, rows=empty, sensitivity=empty, blocks=empty, tables={})
-        return replace(intake, course=empty, coding=empty)
+        return replace(intake, course=empty, fixations=empty, coding=empty)
 
     @property
     def planned_count(self) -> int:
@@ -138,6 +141,7 @@ def take_in(
     look_rows: list[dict[str, Any]] = []
     sensitivity_rows: list[dict[str, Any]] = []
     course_rows: list[dict[str, Any]] = []
+    fixation_rows: list[dict[str, Any]] = []
     rules = [(on, on.rules(recording.manifest.plan)) for on in looks]
     unreadable = {
         (t.part, t.trial_id, t.attempt): frozenset(t.streams) for t in damage_of(recording).trials
@@ -174,6 +178,8 @@ def take_in(
                 if number == 0 and record.gaze is not None:
                     steps = look_course(record.gaze, on.row_of(record), params=params)
                     course_rows += [{**key, **step} for step in steps]
+                    order = fixation_order(record.gaze, on.row_of(record), params=params)
+                    fixation_rows += [{**key, **fixation} for fixation in order]
     new_columns = pd.DataFrame(values, index=rows.index)
     if looks or any(m.needs_gaze for m in measures):
         new_columns[CLOCK_JUMP.name] = jumps_ms
@@ -202,6 +208,7 @@ def take_in(
         own_streams(recording),
         blocks,
         course=pd.DataFrame(course_rows),
+        fixations=pd.DataFrame(fixation_rows),
     )
 
 

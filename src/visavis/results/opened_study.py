@@ -33,6 +33,7 @@ from visavis.results.coding import ANNOTATIONS
 from visavis.results.family_tests import DEFAULT_TEST_RULES, TestRules
 from visavis.results.fidelity import design_names, names_of, refuse_unknown_names
 from visavis.results.flat_again import flat_views
+from visavis.results.gaze_order import FIXATIONS, shown_trials, with_fixations
 from visavis.results.intake import (
     SessionIntake,
     questionnaire,
@@ -531,18 +532,24 @@ class OpenedStudy:
         )
 
     def _tables(self, sessions: Sequence[SessionIntake]) -> dict[str, pd.DataFrame]:
-        """Return the further tables of all sessions: answers after blocks, looks over time, what
-        was coded, and the study's own.
+        """Return the further tables of all sessions: answers after blocks, looks over time and in
+        order, what was coded, and the study's own.
         """
         every = [
-            {"blocks": s.blocks, TIME_COURSE: s.course, ANNOTATIONS: s.coding, **s.tables}
+            {
+                "blocks": s.blocks,
+                TIME_COURSE: s.course,
+                FIXATIONS: s.fixations,
+                ANNOTATIONS: s.coding,
+                **s.tables,
+            }
             for s in sessions
         ]
         tables = {
             name: pd.concat([t[name] for t in every], ignore_index=True)
             for name in dict.fromkeys(name for t in every for name in t)
         }
-        optional = ("blocks", TIME_COURSE, ANNOTATIONS)
+        optional = ("blocks", TIME_COURSE, FIXATIONS, ANNOTATIONS)
         return {name: t for name, t in tables.items() if len(t.columns) or name not in optional}
 
     def analysis_of_rows(
@@ -593,7 +600,11 @@ class OpenedStudy:
             in_force,
             is_simulated=bool(rows["is_simulated"].any()),
             sensitivity_rows=sensitivity_rows,
-            tables=with_time_course(tables or {}, selection, in_force.cells),
+            tables=with_fixations(
+                with_time_course(tables or {}, selection, in_force.cells),
+                selection,
+                in_force.cells,
+            ),
         )
 
     def selection_of(
@@ -671,7 +682,9 @@ class OpenedStudy:
             if self.tell is not None:
                 self.tell(line)
         if self.make_views is not None:
-            self.make_views(out_dir, unusual_trials(analysis)[:MAX_LISTED])
+            self.make_views(
+                out_dir, [*unusual_trials(analysis)[:MAX_LISTED], *shown_trials(analysis)]
+            )
         provenance = provenance_of_sessions(
             self.name,
             [s.manifest for s in sessions],

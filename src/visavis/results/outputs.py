@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import pandas as pd
 
@@ -25,9 +25,11 @@ from visavis.results.coding import AGREEMENT, ANNOTATIONS, CODING_COLUMNS, agree
 from visavis.results.confusion import confusion_section
 from visavis.results.family_tests import columns_of_tests, published_cells
 from visavis.results.figures.family_figures import family_figures
+from visavis.results.figures.gaze_order_figures import gaze_order_figures
 from visavis.results.figures.study_figures import figure_of_quality, study_figures
 from visavis.results.figures.time_course_figure import time_course_figure
 from visavis.results.findings import Finding
+from visavis.results.gaze_order import FIXATION_COLUMNS, FIXATIONS, MOVE_COLUMNS, MOVES
 from visavis.results.intake import questionnaire
 from visavis.results.locked_plan.review import PlanReview, review_section
 from visavis.results.planned_tests import effect_name
@@ -50,6 +52,14 @@ from visavis.results.time_course import TIME_COURSE, TIME_COURSE_COLUMNS
 from visavis.study.experiment import StudyExperiment
 from visavis.study.measures import count_column
 from visavis.study.sections import Confusion, Extra, SectionOf, import_object
+
+OWN_COLUMNS: Final[Mapping[str, Sequence[Column]]] = {
+    TIME_COURSE: TIME_COURSE_COLUMNS,
+    FIXATIONS: FIXATION_COLUMNS,
+    MOVES: MOVE_COLUMNS,
+    ANNOTATIONS: CODING_COLUMNS,
+}
+"""Columns of tables that any study may have."""
 
 
 def write_study(
@@ -137,6 +147,7 @@ def _figures(
     course = time_course_figure(analysis, texts)
     if course is not None:
         yield course
+    yield from gaze_order_figures(analysis, texts)
     if quality is not None:
         yield figure_of_quality(analysis, quality)
 
@@ -197,7 +208,7 @@ def write_tables(
             else dictionary
         )
         own = () if pieces is None else pieces.tables.get(name, ())
-        own = {TIME_COURSE: TIME_COURSE_COLUMNS, ANNOTATIONS: CODING_COLUMNS}.get(name, own)
+        own = OWN_COLUMNS.get(name, own)
         columns = {**columns, **{c.name: c for c in own}}
         write_table(table.assign(**marks), columns, out_dir / f"{name}.csv")
         table.assign(**marks).to_parquet(out_dir / f"{name}.parquet", index=False)

@@ -31,6 +31,7 @@ def with_session_names(intake: SessionIntake, names: Sequence[str]) -> SessionIn
         rows=named(intake.rows).assign(**{SESSION_NUMBER.name: number}),
         sensitivity=named(intake.sensitivity),
         course=named(intake.course),
+        fixations=named(intake.fixations),
         blocks=intake.blocks.assign(**{SESSION: name}) if len(intake.blocks) else intake.blocks,
     )
 

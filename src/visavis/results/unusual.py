@@ -48,7 +48,7 @@ def unusual_trials(analysis: StudyAnalysis) -> tuple[UnusualTrial, ...]:
     whys: dict[tuple[str, str, str], list[str]] = {}
     for record in rows[rows[REASON] != PRACTICE].to_dict("records"):
         row = {str(name): value for name, value in record.items()}
-        key = _key(row)
+        key = key_of_row(row)
         flags, reasons = row.get("flags"), []
         if row["status"] != "complete":
             reason = row.get("reason")
@@ -84,10 +84,14 @@ def _apart(analysis: StudyAnalysis) -> Iterator[tuple[tuple[str, str, str], str]
             continue
         score = deviations / spread
         for index in score.index[score.abs() > MAX_MODIFIED_Z]:
-            yield _key(rows.loc[index]), _far(measure, float(values[index]), float(score[index]))
+            yield (
+                key_of_row(rows.loc[index]),
+                _far(measure, float(values[index]), float(score[index])),
+            )
 
 
-def _key(row: Mapping[str, Any] | pd.Series) -> tuple[str, str, str]:
+def key_of_row(row: Mapping[str, Any] | pd.Series) -> tuple[str, str, str]:
+    """Return participant, folder of the session and trial of a row of the selection."""
     number = int(row.get(SESSION_NUMBER.name, row["session"]))
     return str(row["participant"]), f"ses-{number:03d}", str(row["trial_id"])
 
@@ -106,21 +110,25 @@ def view_name(participant: str, session: str) -> str:
     return f"{participant}_{session}.html"
 
 
+def trial_cell(one: UnusualTrial, folder: str, views: Path) -> Cell:
+    """Return a trial's name that opens its page in `views`, or copies the command that shows it."""
+    name = view_name(one.participant, one.session)
+    session = f"{folder}/sub-{one.participant}/{one.session}"
+    is_there = (views / name).is_file()
+    return Cell(
+        one.trial_id,
+        link=f"{VIEWS}/{name}#trial={one.trial_id}" if is_there else "",
+        command="" if is_there else f"visavis view {session} --trial {one.trial_id} --show",
+    )
+
+
 def looks_table(trials: tuple[UnusualTrial, ...], folder: str, views: Path) -> Table | None:
     """Return the trials to look at, each with its page in `views`, or the command that makes it."""
     if not trials:
         return None
-    rows = []
-    for one in trials[:MAX_LISTED]:
-        name = view_name(one.participant, one.session)
-        session = f"{folder}/sub-{one.participant}/{one.session}"
-        is_there = (views / name).is_file()
-        trial_cell = Cell(
-            one.trial_id,
-            link=f"{VIEWS}/{name}#trial={one.trial_id}" if is_there else "",
-            command="" if is_there else f"visavis view {session} --trial {one.trial_id} --show",
-        )
-        rows.append((one.participant, trial_cell, one.why))
+    rows = [
+        (one.participant, trial_cell(one, folder, views), one.why) for one in trials[:MAX_LISTED]
+    ]
     more = len(trials) - len(rows)
     beyond = f" {count_of(more, 'further trial')} in trials.csv." if more else ""
     return Table(

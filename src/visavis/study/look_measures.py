@@ -221,6 +221,20 @@ def _looks_within(
     )
 
 
+def samples_in_order(
+    targets: GazeTargets, span: TrialSpan, params: MeasureParameters
+) -> GazeTargets:
+    """Return a trial's samples in the order of their stamps, without repeated ones."""
+    samples = targets.between(span.start_ns, span.end_ns)
+    order = order_of(
+        samples.t_ns,
+        samples.hit,
+        backward=params.looks.backward,
+        conflicts=params.looks.conflicts,
+    )
+    return samples if order.rows is None else samples.rows(order.rows)
+
+
 def second_view(
     targets: GazeTargets, row: Row, *, params: MeasureParameters = DEFAULT_MEASURE_PARAMETERS
 ) -> dict[str, Scalar | None]:
@@ -230,15 +244,7 @@ def second_view(
     rule.
     """
     span = span_of_row(row)
-    samples = targets.between(span.start_ns, span.end_ns)
-    order = order_of(
-        samples.t_ns,
-        samples.hit,
-        backward=params.looks.backward,
-        conflicts=params.looks.conflicts,
-    )
-    if order.rows is not None:
-        samples = samples.rows(order.rows)
+    samples = samples_in_order(targets, span, params)
     t_ns, aoi = samples.t_ns, samples.areas(params.pad_deg)
     direction = np.where(samples.valid[:, None], samples.direction_world, np.nan)
     on_active = aoi == span.active

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from visavis.analysis.plots import ReportFigure, draw, new_figure
 from visavis.analysis.plots.panels import MIN_WITH_INTERVAL, Values, mean_interval
+from visavis.analysis.plots.style import COLUMN_WIDTH_IN
 from visavis.analysis.report.notation import count_of, fraction
 from visavis.recording.csv_file import csv_text
 from visavis.results.analysis import StudyAnalysis
@@ -68,8 +69,8 @@ def _panels(
     levels = [level for level in analysis.levels[factor] if (course[factor] == level).any()]
     people = sorted(course["participant"].unique())
     row_height = min(0.16, 2.4 / len(people))
-    heights = [2.4] + [max(0.5, row_height * len(people))] * len(levels)
-    figure = new_figure(7.6, sum(heights) + 0.45 * len(heights))
+    heights = [2.0] + [max(0.5, row_height * len(people))] * len(levels)
+    figure = new_figure(COLUMN_WIDTH_IN, sum(heights) + 0.5 * len(heights))
     axes = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
     for i, level in enumerate(levels):
         mine = course[course[factor] == level]
@@ -88,14 +89,14 @@ def _panels(
             interpolation="nearest",
             extent=(t_s[0] - half_s, t_s[-1] + half_s, len(people) - 0.5, -0.5),
         )
-        axes[i + 1].set_ylabel(name, rotation=0, ha="right", va="center")
+        axes[i + 1].set_title(name, fontsize=9.5, fontweight="normal", pad=3)
         axes[i + 1].set_yticks([])
         if str(level) in switches:
             axes[0].axvline(switches[str(level)], color=colour, linewidth=1, linestyle=":")
             axes[i + 1].axvline(switches[str(level)], color=colour, linewidth=1.4, linestyle=":")
     axes[0].set_ylabel("Share of gaze on the agent")
     axes[0].set_ylim(bottom=0)
-    axes[0].legend(loc="upper right", frameon=False, fontsize=8.5)
+    figure.legend(loc="outside upper center", ncols=min(2, len(levels)), frameon=False)
     axes[-1].set_xlabel("Time in the trial (s)")
     return figure
 

@@ -33,8 +33,10 @@ from visavis.recording.remarks import Remark
 from visavis.results.analysis import MIN_PARTICIPANTS, StudyAnalysis
 from visavis.results.claims import published_agreement
 from visavis.results.fidelity import fidelity_section
+from visavis.results.figures.gaze_order_figures import SCAN_PATHS
 from visavis.results.figures.study_figures import figure_name
 from visavis.results.findings import Contrast, Finding
+from visavis.results.gaze_order import MOVES, shown_trials
 from visavis.results.quality import LOSS_COLUMNS, Quality, quality_table
 from visavis.results.report.family_report import (
     NEITHER,
@@ -52,7 +54,7 @@ from visavis.results.report.reporting_list import ExclusionCounts, reporting_tab
 from visavis.results.report.reworded import with_caveats
 from visavis.results.selection import rule_words
 from visavis.results.time_course import TIME_COURSE
-from visavis.results.unusual import VIEWS, looks_table, unusual_trials
+from visavis.results.unusual import VIEWS, looks_table, trial_cell, unusual_trials
 from visavis.study.comparisons import trials_of
 from visavis.study.experiment import StudyExperiment
 from visavis.study.look_measures import LooksOn
@@ -110,6 +112,7 @@ def build_report(
                 *_measures(analysis, experiment, further),
                 *family_sections(analysis, pictures),
                 *_over_time(pictures),
+                *_in_order(analysis, pictures, provenance.folder, path.parent),
                 *sections,
                 *fidelity_section(analysis, experiment),
                 *quality_sections,
@@ -341,6 +344,21 @@ def _measures(
 def _over_time(pictures: Pictures) -> list[Section]:
     picture = pictures.get(TIME_COURSE)
     return [] if picture is None else [Section("over_time", "Looks over time", (picture,))]
+
+
+def _in_order(
+    analysis: StudyAnalysis, pictures: Pictures, folder: str, out_dir: Path
+) -> list[Section]:
+    if SCAN_PATHS not in pictures:
+        return []
+    rows = tuple(
+        (trial.participant, trial_cell(trial, folder, out_dir / VIEWS), trial.why)
+        for trial in shown_trials(analysis)
+    )
+    heads = (Column("Participant"), Column("Trial"), Column("Fixations"))
+    table = Table(heads, rows, "Trials whose scan paths are shown")
+    blocks = (pictures[SCAN_PATHS], table, pictures[MOVES])
+    return [Section("in_order", "Looks in their order", blocks)]
 
 
 def _nobody_has(measures: Sequence[str]) -> Paragraph:
