@@ -15,7 +15,6 @@ from visavis.results.gaze_order import (
     FIXATIONS,
     MOVES,
     PER_TRIAL,
-    moves_of,
     shown_trials,
     with_fixations,
 )
@@ -148,8 +147,10 @@ def test_without_fixations_there_is_no_figure() -> None:
     )
 
 
-def test_people_without_gaze_do_not_lower_the_mean() -> None:
-    trials = selection(("07K", "T01", "A"), ("S01B", "T01", "A")).counted
-    mine = fixations(("agent", 0), ("others", 1)).assign(condition="A")
-    moves = moves_of(mine, trials[["participant", "session", "trial_id", "attempt", "condition"]])
+def test_trials_without_any_fixation_do_not_lower_the_mean() -> None:
+    mine = fixations(("agent", 0), ("others", 1))
+    trials = selection(("07K", "T01", "A"), ("07K", "T02", "A"), ("S01B", "T01", "A"))
+    moves = with_fixations({FIXATIONS: mine}, trials, ["condition"])[MOVES]
     assert {"07K"} == set(moves["participant"])
+    assert {1} == set(moves["trials"])
+    assert 1.0 == moves[PER_TRIAL].sum()

@@ -44,7 +44,7 @@ MOVE_COLUMNS: Final = (
     Column(FROM, "", "what a fixation was on: agent, others (heads) or elsewhere"),
     Column(TO, "", "what the next one was on; others to others: to another head"),
     Column(PER_TRIAL, "1", "such moves in a trial, mean over the participant's trials"),
-    Column("trials", "1", "trials that count"),
+    Column("trials", "1", "trials that count, with at least one fixation"),
 )
 
 
@@ -61,17 +61,16 @@ def with_fixations(
     rest = [c.name for c in FIXATION_COLUMNS]
     mine = every.merge(trials, on=KEY, how="inner")[[*KEY, factor, *rest]]
     mine = mine.assign(**{HEAD: mine[HEAD].astype("Int64")})
-    return {**others, FIXATIONS: mine, MOVES: moves_of(mine, trials)}
+    return {**others, FIXATIONS: mine, MOVES: moves_of(mine, factor)}
 
 
-def moves_of(fixations: pd.DataFrame, trials: pd.DataFrame) -> pd.DataFrame:
+def moves_of(fixations: pd.DataFrame, factor: str) -> pd.DataFrame:
     """Return every participant's moves a trial, for each level of a factor, from and to each area.
 
     A move leads from a fixation to the next where that is on something else; two in a row on one
-    head, or elsewhere, are none. `trials` (`KEY` and the factor) say who had how many; trials of
-    people without any fixation do not count.
+    head, or elsewhere, are none. Of a trial without any fixation nothing is known: it does not
+    count.
     """
-    factor = str(trials.columns[-1])
     by = ["participant", factor]
     after = fixations.groupby(KEY, sort=False)[[ON, HEAD, NUMBER]].shift(-1)
     is_move = (after[NUMBER] == fixations[NUMBER] + 1) & (
@@ -79,7 +78,7 @@ def moves_of(fixations: pd.DataFrame, trials: pd.DataFrame) -> pd.DataFrame:
     )
     moves = fixations[is_move].assign(**{FROM: fixations[ON], TO: after[ON]})
     counts = moves.groupby([*by, FROM, TO], observed=True).size()
-    seen = trials[trials["participant"].isin(fixations["participant"])]
+    seen = fixations.drop_duplicates([*KEY, factor])
     of_people = seen.groupby(by, observed=True).size().reset_index(name="trials")
     rows = [
         (who, level, start, end, counts.get((who, level, start, end), 0) / n, n)
