@@ -14,7 +14,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from visavis.study.quest_plus import QuestPlus, share_right
+from visavis.analysis.psychometric import share_right
+from visavis.study.quest_plus import QuestPlus
 
 RULE = QuestPlus(
     "contrast",

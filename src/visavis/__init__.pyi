@@ -66,6 +66,8 @@ from visavis.study.pairs import Pairs as Pairs
 from visavis.study.pairs import Printed as Printed
 from visavis.study.pieces import MeasuredTrial as MeasuredTrial
 from visavis.study.pieces import Pieces as Pieces
+from visavis.study.psychometric import Psychometric as Psychometric
+from visavis.study.psychometric import psychometric_measures as psychometric_measures
 from visavis.study.quest_plus import QuestPlus as QuestPlus
 from visavis.study.race import Race as Race
 from visavis.study.responses import Choice as Choice

@@ -340,8 +340,10 @@ def answer_comparison(
     if compare.restrictions and trials.empty:
         why = f"no trial of {', '.join(compare.restrictions)} counts"
         return Finding(compare, measure, None, (), why)
-    if measure.column not in trials:
+    if not measure.is_in(trials):
         return Finding(compare, measure, None, (), f"no trial has {measure.column}")
+    if measure.of_cell is not None and (why := _unfit(compare, measure)):
+        return Finding(compare, measure, None, (), why)
     in_no_group = trials[list(factors)].isna().any(axis=1)
     notes: tuple[str, ...] = ()
     if in_no_group.any():
@@ -393,6 +395,16 @@ def answer_comparison(
         and compare.is_asked(str(row.get("term", "")))
     )
     return as_planned_sided(Finding(compare, measure, outcome, terms))
+
+
+def _unfit(compare: Compare, measure: Measure) -> str:
+    """Return why a number that is fitted to many trials cannot be compared so; "" if it can."""
+    if compare.model:
+        return f"{measure.column} is fitted to the trials of a cell; a model takes single trials"
+    levels = set(compare.within) & set(() if measure.of_cell is None else measure.of_cell.reads)
+    if levels:
+        return f"{measure.column} is fitted over {levels.pop()}, so that its levels have none each"
+    return ""
 
 
 def _agreement_rows(compare: Compare, frame: pd.DataFrame) -> tuple[pd.DataFrame, tuple[str, ...]]:

@@ -33,6 +33,7 @@ from visavis.results.gaze_order import FIXATION_COLUMNS, FIXATIONS, MOVE_COLUMNS
 from visavis.results.intake import questionnaire
 from visavis.results.locked_plan.review import PlanReview, review_section
 from visavis.results.planned_tests import effect_name
+from visavis.results.psychometric_section import psychometric_section
 from visavis.results.quality import QUALITY_TABLE, Quality, quality_of
 from visavis.results.report.references import bibtex, references_of, ris
 from visavis.results.report.study_report import REPORT_NAME, build_report, picture_of
@@ -82,7 +83,7 @@ def write_study(
         DataError: a column of a table is not described.
     """
     extras = [_section(of, analysis, experiment) for of in experiment.study.report.sections]
-    extras.append(choice_section(analysis, experiment))
+    extras += [choice_section(analysis, experiment), psychometric_section(analysis, experiment)]
     quality = quality_of(analysis, facts) if experiment.study.devices.validate else None
     try:
         out_dir.mkdir(parents=True, exist_ok=True)

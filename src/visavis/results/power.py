@@ -565,13 +565,18 @@ def _difference(
         return float("nan"), float("nan")
     if len(compare.within) != 1 or compare.between or len(levels[compare.within[0]]) != 2:
         return float("nan"), float("nan")
-    return _off(rows, compare.within[0], compare.dv, *levels[compare.within[0]])
+    factor, measure = compare.within[0], finding.measure
+    if measure.of_cell is not None:
+        rows = aggregate_cells(rows, [measure], [factor])
+    return _off(rows, factor, compare.dv, *levels[factor])
 
 
 def _off(
     rows: pd.DataFrame, factor: str, column: str, first: Any, second: Any
 ) -> tuple[float, float]:
     """Return the mean difference of two levels over people, second minus first, and dz."""
+    if column not in rows:
+        return float("nan"), float("nan")
     wide = rows.pivot_table(index="participant", columns=factor, values=column)
     if first not in wide or second not in wide:
         return float("nan"), float("nan")

@@ -237,7 +237,7 @@ def _row(
         never = np.zeros(gaze.t_ns.size, np.bool_)  # a model's samples do not freeze
         row |= looks.columns(TrialRecord(row, None, gaze), never, rules)
     record = TrialRecord(row, None, gaze, events=tuple(frames.marks))
-    return row | {m.column: value_of(m, record) for m in measures}
+    return row | {m.column: value_of(m, record) for m in measures if m.of_cell is None}
 
 
 class _Frames:

@@ -7,7 +7,7 @@ A measure is computed trial by trial from the recording alone. Answers are measu
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -24,7 +24,7 @@ from visavis.study.quest_plus import QuestPlus, columns_of_quest
 from visavis.study.staircase import Staircase
 from visavis.study.study_errors import users_mistake
 
-Aggregate = Literal["mean", "median", "share", "last"]
+Aggregate = Literal["mean", "median", "share", "last", "fit"]
 
 
 class SamplesUnreadable(DataError):
@@ -139,6 +139,19 @@ NO_ROLES: Final = ("on_ns", "off_ns", "frames")
 Of = Callable[[TrialRecord], Scalar | None]
 
 
+class OfCell(Protocol):
+    """A number of all trials of a cell, such as the threshold of a function fitted to them."""
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """The columns of trials that it reads."""
+        ...
+
+    def __call__(self, trials: pd.DataFrame, /) -> float | None:
+        """Return the number; None where it is missing."""
+        ...
+
+
 @dataclass(frozen=True)
 class Measure:
     """A measure of a trial.
@@ -164,20 +177,28 @@ class Measure:
     """The areas of interest, or roles, that it is about, if any."""
     scene: str = ""
     """The columns of what is shown while gaze is measured, if any."""
+    of_cell: OfCell | None = None
+    """Computes the number of a cell from its trials, which have none of their own: `aggregate` is
+    "fit"."""
 
     @property
     def axis(self) -> str:
         """The label of a figure's axis."""
         unit_text = {"1": "", "": ""}.get(self.unit, f" ({self.unit})")
-        kind = {"mean": "", "median": "median ", "share": "share: ", "last": "last "}[
+        kind = {"mean": "", "median": "median ", "share": "share: ", "last": "last ", "fit": ""}[
             self.aggregate
         ]
         return f"{kind}{self.words}{unit_text}".capitalize() if kind else f"{self.words}{unit_text}"
 
     @property
     def digits(self) -> int:
-        """Decimals to print: 0 for milliseconds, 3 for metres."""
-        return {"ms": 0, "m": 3}.get(self.unit, 2)
+        """Decimals to print: 0 for milliseconds, 3 for metres, 4 for what is fitted."""
+        return {"ms": 0, "m": 3}.get(self.unit, 2 if self.of_cell is None else 4)
+
+    def is_in(self, trials: pd.DataFrame) -> bool:
+        """Tell whether trials have it, or what it is computed from."""
+        needed = (self.column,) if self.of_cell is None else self.of_cell.reads
+        return set(needed) <= set(trials.columns)
 
     def description(self) -> Column:
         """Return the column as a dictionary describes it."""
@@ -368,7 +389,13 @@ def aggregate_cells(
     groups = trials.groupby(keys, sort=True, observed=True)
     columns: dict[str, Any] = {count_column(factors): groups.size()}
     for measure in measures:
-        if measure.column not in trials:
+        if not measure.is_in(trials):
+            continue
+        if (of_cell := measure.of_cell) is not None:
+            if not set(of_cell.reads) & set(factors):  # levels apart lead to no function
+                numbers = {key: of_cell(cell) for key, cell in groups}
+                index = columns[count_column(factors)].index
+                columns[measure.column] = pd.Series(list(numbers.values()), index, dtype=float)
             continue
         values = pd.to_numeric(trials[measure.column], errors="coerce").astype(float)
         cell = values.groupby([trials[k] for k in keys], sort=True, observed=True)

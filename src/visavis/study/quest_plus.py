@@ -7,20 +7,17 @@ Watson (2017), QUEST+: A general multidimensional Bayesian adaptive psychometric
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Final, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import ndtr
 
+from visavis.analysis.psychometric import INTERVAL_01, PsychometricFunction, share_right
 from visavis.lab.errors import DesignError
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.steps import Scalar
 
 Floats = npt.NDArray[np.float64]
-PsychometricFunction = Literal["weibull", "normal"]
-INTERVAL_01: Final = 0.95
-"""How much of the posterior an interval holds."""
 
 
 @dataclass(frozen=True)
@@ -84,22 +81,6 @@ class QuestPlus:
         """What is known before the first answer."""
         shape = (len(self.thresholds), len(self.slopes), len(self.lapses))
         return Posterior(self, np.full(shape, 1.0 / np.prod(shape)))
-
-
-def share_right(
-    level: Any,
-    threshold: Any,
-    slope: Any,
-    guess: Any,
-    lapse: Any,
-    function: PsychometricFunction = "weibull",
-) -> Floats:
-    """Return the share of right answers at a level; see `QuestPlus`."""
-    if function == "weibull":
-        rises = -np.expm1(-((np.asarray(level) / threshold) ** slope))
-    else:
-        rises = ndtr((np.asarray(level) - threshold) / slope)
-    return np.asarray(guess + (1.0 - guess - lapse) * rises, np.float64)
 
 
 @dataclass(frozen=True, eq=False)

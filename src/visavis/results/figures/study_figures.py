@@ -53,7 +53,7 @@ COLOURS: Final = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, BLACK)
 def study_figures(analysis: StudyAnalysis, texts: Texts) -> Iterator[ReportFigure]:
     """Yield every figure, each drawn on request; marked when the data are simulated."""
     for finding in {figure_name(f): f for f in analysis.findings}.values():
-        if finding.measure.column in analysis.selection.rows and _factors(finding):
+        if finding.measure.is_in(analysis.selection.rows) and _factors(finding):
             yield _comparison(analysis, finding, texts)
     yield exclusions_figure(
         analysis.selection, analysis.study.analysis.exclusions, is_simulated=analysis.is_simulated

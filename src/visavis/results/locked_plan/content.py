@@ -82,6 +82,7 @@ def plan_content(
                 "unit": m.unit,
                 "aggregate": m.aggregate,
                 "needs_gaze": m.needs_gaze,
+                **({} if m.of_cell is None else {"fitted": str(m.of_cell)}),
             }
             for m in measures
         },

@@ -322,8 +322,9 @@ def _measures(
             picture = pictures.get(figure_name(finding))
             blocks += [] if picture is None else [picture]
             blocks += _tests(finding, experiment.texts)
-        if column in analysis.selection.counted:
-            is_known = analysis.selection.counted[column].notna().any()
+        values = cells if measure.of_cell is not None else analysis.selection.counted
+        if column in values:
+            is_known = values[column].notna().any()
             means = _means_table(analysis, cells, column, experiment)
             blocks.append(means if is_known else _nobody_has([measure.words]))
         sections.append(Section(column, measure.words, tuple(blocks)))
