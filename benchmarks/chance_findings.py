@@ -1,7 +1,7 @@
 """Print how often each shipped study would find anything if nothing were there.
 
     python -m benchmarks.chance_findings [STUDY …] [--studies 200] [--participants 16] [--pool 48]
-        [--test NAME]
+        [--test NAME] [--seed 20]
 
 People to whom nothing shown makes a difference are simulated once (as by `visavis power STUDY
 --effect none`). A study draws some of them, gives each person's conditions out anew among their
@@ -10,7 +10,8 @@ differences of these people are not found again and again. Printed is the share 
 a primary claim, and in which any planned test finds something (an effect, a claim, in part or the
 other way round), with 95 % Wilson intervals; of a study that plans one test, the share in which
 that is significant. `--test` counts one test of the study alone (`visavis power STUDY --test
-list`). Exits 1 where a primary claim is found too often.
+list`). Another `--seed` simulates other people and draws other studies, so that a long run may be
+cut into pieces. Exits 1 where a primary claim is found too often.
 """
 
 import argparse
@@ -73,7 +74,9 @@ def without_effects(
     return study.astype(pool.dtypes.to_dict())
 
 
-def chance_findings(name: str, studies: int, n: int, pool: int, test: str = "") -> ChanceFindings:
+def chance_findings(
+    name: str, studies: int, n: int, pool: int, test: str = "", seed: int = SEED
+) -> ChanceFindings:
     """Simulate people without an effect and count studies that find something.
 
     Raises:
@@ -83,9 +86,9 @@ def chance_findings(name: str, studies: int, n: int, pool: int, test: str = "") 
     tests = [test] if test else [n for n in study.tests if n in (PRIMARY, ANYTHING)]
     tests = tests or list(study.tests)  # the only one
     study.prepare(lambda count, total: None)
-    people = study.simulate_people(range(pool), effect=0.0, seed=SEED)
+    people = study.simulate_people(range(pool), effect=0.0, seed=seed)
     factors = list(find_study(name).experiment({}).levels)
-    rng = np.random.default_rng(SEED)
+    rng = np.random.default_rng(seed)
     counts = dict.fromkeys(tests, 0)
     for _ in range(studies):
         rows = without_effects(people, factors, n, rng)
@@ -103,13 +106,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--participants", type=int, default=16)
     parser.add_argument("--pool", type=int, default=48)
     parser.add_argument("--test", default="")
+    parser.add_argument("--seed", type=int, default=SEED)
     options = parser.parse_args(arguments)
     print(f"{'study':14} {'n':>4} {'studies':>8}   find something, by test")
     is_wrong = False
     for name in options.names or SHIPPED_STUDIES:
         try:
             made = chance_findings(
-                name, options.studies, options.participants, options.pool, options.test
+                name,
+                options.studies,
+                options.participants,
+                options.pool,
+                options.test,
+                options.seed,
             )
         except UsageError as error:
             print(f"{name:14} {error}", flush=True)
