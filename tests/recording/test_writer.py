@@ -4,8 +4,10 @@ import json
 import os
 import subprocess
 import sys
+import threading
 import tracemalloc
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow as pa
@@ -22,10 +24,10 @@ from tests.recording.sessions import (
 from visavis.lab.clock import NS_PER_S, SimClock, SystemClock
 from visavis.lab.errors import RecordingError
 from visavis.lab.schema import Field, SampleBatch, StreamSchema, empty_values
-from visavis.recording import durable
+from visavis.recording import durable, writer
 from visavis.recording.columns import BatchEncoder
 from visavis.recording.folder import create_session
-from visavis.recording.journal import decode_line
+from visavis.recording.journal import JOURNAL_NAME, decode_line
 from visavis.recording.reader import Recording
 from visavis.recording.writer import Recorder
 
@@ -94,6 +96,37 @@ def test_threaded_files_hold_the_same_samples_as_inline_ones(tmp_path: Path) -> 
     assert recorder.close("complete").streams[0].rows == 900
     with pa.OSFile(str(tmp_path / "part-01" / "probe.arrows")) as source:
         assert pa.ipc.open_stream(source).read_all()["seq"].to_pylist() == list(range(900))
+
+
+def test_writer_rests_while_nothing_happens_and_is_woken_by_a_line_and_by_a_stream(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rests = threading.Semaphore(0)
+
+    class SeenCondition(threading.Condition):
+        def wait(self, timeout: float | None = None) -> bool:
+            if timeout is None:
+                rests.release()
+            return super().wait(timeout)
+
+    monkeypatch.setattr(writer, "_SYNC_EVERY_NS", 0)
+    own = {"Lock": threading.Lock, "Thread": threading.Thread, "Condition": SeenCondition}
+    monkeypatch.setattr(writer, "threading", SimpleNamespace(**own))
+    recorder = Recorder(
+        tmp_path, SystemClock(), threaded=True, max_batch_ns=NS_PER_S // 1000, is_simulated=True
+    )
+    assert rests.acquire(timeout=10)
+    for name in ("first", "second"):
+        recorder.event(name, 1)
+        assert rests.acquire(timeout=10), "it rests again once the line is on the disk"
+        lines = (tmp_path / JOURNAL_NAME).read_bytes().splitlines()
+        assert (decode_line(lines[-1]) or {})["name"] == name
+    recorder.declare(PROBE)
+    recorder.append(probe_batch(0, 3))
+    recorder.trial({"trial_id": "T1"})
+    summary = recorder.close("complete")
+    assert [stream.rows for stream in summary.streams] == [3]
+    assert not rests.acquire(blocking=False), "a stream has to be written when its time has come"
 
 
 def test_a_queue_that_overflows_raises_and_counts(tmp_path: Path) -> None:

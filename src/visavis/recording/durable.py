@@ -189,7 +189,7 @@ class AppendOnlyFile:
         self.path = path
         self.size = 0
         self._hash = hashlib.sha256()
-        self._needs_sync = False
+        self.needs_sync = False
         self._fd: int | None = None
         try:
             self._fd = open_private(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL)
@@ -210,11 +210,11 @@ class AppendOnlyFile:
             raise write_failure(self.path, error) from error
         self._hash.update(view)
         self.size += view.nbytes
-        self._needs_sync = True
+        self.needs_sync = True
 
     def sync(self) -> None:
         """Return once everything written is on the disk and the file still has its name."""
-        if not self._needs_sync:
+        if not self.needs_sync:
             return
         fd = self._open_fd()
         try:
@@ -224,7 +224,7 @@ class AppendOnlyFile:
             raise write_failure(self.path, error) from error
         if is_deleted:
             raise write_failure(self.path, FileNotFoundError(errno.ENOENT, "it was deleted"))
-        self._needs_sync = False
+        self.needs_sync = False
 
     def close(self) -> None:
         """Close and make the file read-only; idempotent."""

@@ -15,6 +15,7 @@ import numpy as np
 from visavis.lab.plain_files import parse_json
 
 JOURNAL_NAME = "events.jsonl"
+_PLAIN = frozenset({str, int, bool, type(None)})
 
 
 def as_json(value: Any) -> Any:
@@ -23,6 +24,8 @@ def as_json(value: Any) -> Any:
     Dataclasses become objects, sets sorted lists, NumPy values Python ones. NaN becomes null
     (missing); infinities become the texts "Infinity" and "-Infinity".
     """
+    if type(value) in _PLAIN:  # nearly everything of a plan, which is large
+        return value
     if value is None or (isinstance(value, str | bool | int) and not isinstance(value, Enum)):
         return value
     if isinstance(value, np.generic):

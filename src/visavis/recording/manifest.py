@@ -5,7 +5,7 @@ import json
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar, Literal
@@ -104,7 +104,7 @@ class Manifest:
 def write_manifest(session_dir: Path, manifest: Manifest) -> None:
     """Replace the session's manifest and its copy atomically, each with its checksum."""
     now = replace(manifest, format_version=MANIFEST_VERSION)
-    write_sealed(session_dir / MANIFEST_NAME, as_json(now))
+    write_sealed(session_dir / MANIFEST_NAME, {f.name: getattr(now, f.name) for f in fields(now)})
 
 
 def read_manifest(session_dir: Path) -> Manifest:

@@ -84,6 +84,7 @@ class Recorder:
         self._sync_wanted = 0
         self._sync_done = 0
         self._stopping = False
+        self._is_resting = False
         self._thread: threading.Thread | None = None
         if threaded:
             self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
@@ -299,13 +300,19 @@ class Recorder:
                     f"{self._journal.path}: {_MAX_QUEUED_EVENTS} events wait for the disk; "
                     "check the disk before going on"
                 )
-            if not self._lines:
+            is_first = not self._lines
+            if is_first:
                 self._oldest_line_ns = entry["t_ns"]
             self._lines.append(line)
             is_old = entry["t_ns"] - self._oldest_line_ns >= self._max_batch_ns
             due = is_old and entry["kind"] != "trial"  # whose samples come first
-        if self._thread is None and due:
-            self._guard(self._write_pending_lines)
+        if self._thread is None:
+            if due:
+                self._guard(self._write_pending_lines)
+        elif is_first:
+            with self._wake:
+                if self._is_resting:
+                    self._wake.notify_all()
 
     def _guard(self, action: Callable[..., None], *args: Any) -> None:
         """Run an action on the files; the first failure is stored and raised."""
@@ -377,7 +384,12 @@ class Recorder:
         period_s = self._max_batch_ns / NS_PER_S
         while True:
             with self._wake:
-                if not self._stopping and self._sync_wanted == self._sync_done:
+                # Of hundreds of served sessions most wait for somebody who thinks.
+                if self._is_settled() and self._has_nothing_to_write():
+                    self._is_resting = True
+                    self._wake.wait()
+                    self._is_resting = False
+                if self._is_settled():
                     self._wake.wait(period_s)
                 stopping, ticket = self._stopping, self._sync_wanted
             now_ns = self._clock.now_ns()
@@ -395,6 +407,13 @@ class Recorder:
                 self._wake.notify_all()
             if stopping or self._failure is not None:
                 return
+
+    def _is_settled(self) -> bool:
+        return not self._stopping and self._sync_wanted == self._sync_done
+
+    def _has_nothing_to_write(self) -> bool:
+        """Tell whether no stream runs, and every line is on the disk."""
+        return not self._streams and not self._lines and not self._journal.needs_sync
 
     def _stop_thread(self) -> None:
         if self._thread is not None:

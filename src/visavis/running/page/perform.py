@@ -10,6 +10,7 @@ from visavis.lab.errors import ConfigError, SessionAborted, UsageError
 from visavis.protocol.people.key_file import KeyFile
 from visavis.protocol.plan.experiment import no_progress
 from visavis.protocol.plan.questionnaires import Questionnaire
+from visavis.protocol.plan.session_plan import SessionPlan
 from visavis.protocol.session.operator import SessionStatus, TrialCounts
 from visavis.protocol.session.states import SessionState
 from visavis.recording.folder import SessionFolder, create_session, open_session, study_dir
@@ -74,17 +75,21 @@ def perform_new(request: Request) -> Path:
         SessionAborted: it ended early; what is finished is kept.
     """
     experiment = experiment_of(request)
-    manifest = manifest_of(request, experiment)
+    manifest = manifest_of(request, experiment, plan_of(request, experiment))
     store = prepared_films(request)
     with create_session(request.config.data_root, manifest) as folder:
         _perform_part(request, experiment, store, folder, None, 0)
         return folder.path
 
 
-def manifest_of(request: Request, experiment: StudyExperiment) -> Manifest:
+def plan_of(request: Request, experiment: StudyExperiment) -> SessionPlan:
+    """Return the plan of the session that is asked for."""
+    return experiment.plan(request.person.index, request.seed, request.person.group)
+
+
+def manifest_of(request: Request, experiment: StudyExperiment, plan: SessionPlan) -> Manifest:
     """Return the manifest with which a session on a page begins."""
     cast = use_cast_of(request.config)
-    plan = experiment.plan(request.person.index, request.seed, request.person.group)
     is_simulation = is_simulated(request.config)
     consent = consent_of(experiment, plan, questionnaires_of(request, experiment))
     folder = study_dir(request.config.data_root, request.study.name, is_simulated=is_simulation)
@@ -127,8 +132,7 @@ def perform_rest(request: Request, session_path: Path) -> Path:
     folder, _ = open_session(session_path)
     with folder:
         recording = Recording(session_path)
-        plan = experiment.plan(request.person.index, request.seed, request.person.group)
-        refuse_other_plan(recording, plan)
+        refuse_other_plan(recording, plan_of(request, experiment))
         port, policy = port_before(recording), experiment.study.procedure.returning
         past = returning_to(recording, policy, request.clock.wall_iso())
         if past is None:
@@ -213,6 +217,7 @@ def port_before(recording: Recording) -> int:
 def page_session_of(
     request: Request,
     experiment: StudyExperiment,
+    plan: SessionPlan,
     store: FilmStore,
     folder: SessionFolder,
     recorder: Recorder,
@@ -229,7 +234,6 @@ def page_session_of(
     lives = LiveStore(experiment.lives)
     pictures = PictureStore(experiment.pictures, experiment.settings.folder, lives.assets)
     describe = page_files(store, lives, is_simulated=virtual, pictures=pictures)
-    plan = experiment.plan(request.person.index, request.seed, request.person.group)
     visit_of = Visit(
         experiment,
         plan,
@@ -308,9 +312,9 @@ async def _serve(
     try:
         recorder.event(SERVED_EVENT, request.clock.now_ns(), port=0 if virtual else server.port)
         key = "simulated" if virtual else key_of(request)
-        session = page_session_of(request, experiment, store, folder, recorder, past, key)
+        plan = plan_of(request, experiment)
+        session = page_session_of(request, experiment, plan, store, folder, recorder, past, key)
         desk = session.desk
-        plan = experiment.plan(request.person.index, request.seed, request.person.group)
         desk.on_trial = lambda: _tell(request, desk, len(plan.trials))
         server.add(session)
         if virtual:

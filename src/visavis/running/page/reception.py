@@ -6,13 +6,14 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import Any, Final
 
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import LabError, LedgerError
 from visavis.protocol.people.ledger import Ledger, Participant
+from visavis.protocol.plan.session_plan import SessionPlan
 from visavis.recording.folder import SessionFolder, create_session, open_session, session_dir
 from visavis.recording.manifest import read_manifest
 from visavis.recording.reader import Recording
@@ -59,6 +60,8 @@ IDLE_NS: Final = 30 * 60 * NS_PER_S
 ARRIVED_IDLE_NS: Final = 5 * 60 * NS_PER_S
 """The same for a page whose participant has not consented yet; an open page is heard oftener."""
 ROUND_S: Final = 5.0
+PLANS_IN_MEMORY: Final = 8
+"""A plan is looked at several times while somebody arrives."""
 MAX_OPEN: Final = 500
 """Sessions that are open at once."""
 SQUARES: Final = ("latin_square", "williams")
@@ -115,7 +118,8 @@ class Reception:
     ) -> None:
         self.board_key = board_key_of(base)
         self._base, self._store, self._ledger, self._rules = base, store, ledger, rules
-        self._experiment = experiment_of(base)
+        self._experiment = experiment = experiment_of(base)
+        self._plan = lru_cache(PLANS_IN_MEMORY)(lambda index: experiment.plan(index, base.seed))
         self._identify, self._identity_of, self._forget = identify, identity_of, forget
         self._withdraw, self._say = withdraw, say
         self._simulated = is_simulated(base.config)
@@ -296,10 +300,16 @@ class Reception:
 
     def _order(self, index: int) -> Order:
         if index not in self._orders:
-            plan = self._experiment.plan(index, self._base.seed)
+            plan = self._plan(index)
             in_squares = self._experiment.study.design.order in SQUARES
             self._orders[index] = order_of(plan, trials_too=in_squares)
         return self._orders[index]
+
+    def _plan_of(self, entry: Participant) -> SessionPlan:
+        plan = self._plan(entry.index)
+        if entry.group in ("", plan.group):
+            return plan
+        return self._experiment.plan(entry.index, self._base.seed, entry.group)
 
     def _read(self, entry: Participant) -> None:
         """Register the key and the participant of a session that was begun earlier."""
@@ -327,7 +337,9 @@ class Reception:
         stack = ExitStack()
         with stack:
             folder = stack.enter_context(
-                create_session(self._root, manifest_of(request, self._experiment))
+                create_session(
+                    self._root, manifest_of(request, self._experiment, self._plan_of(entry))
+                )
             )
             session = self._part(request, entry, folder, None, key_of(request), arrival)
             session.stack = stack.pop_all()
@@ -371,8 +383,7 @@ class Reception:
             self._order,
             is_open=lambda place: self._order(place)[0] not in full_groups,
         )
-        plan = self._experiment.plan(index, self._base.seed)
-        return self._ledger.add(index=index, group=plan.group)
+        return self._ledger.add(index=index, group=self._plan(index).group)
 
     def _go_on(self, key: str) -> _OpenSession | None:
         """Go on with a session where it was left; None where it is too old for that."""
@@ -384,8 +395,7 @@ class Reception:
             folder, _ = open_session(path)
             stack.enter_context(folder)
             recording = Recording(path)
-            plan = self._experiment.plan(entry.index, request.seed, entry.group)
-            refuse_other_plan(recording, plan)
+            refuse_other_plan(recording, self._plan_of(entry))
             past = returning_to(recording, self._returning, request.clock.wall_iso())
             if past is None:
                 return None
@@ -434,7 +444,14 @@ class Reception:
             recorder = recorder_of(part_dir, clock, is_simulated=self._simulated)
             recorder.event(SERVED_EVENT, clock.now_ns(), port=self._port)
             page_session = page_session_of(
-                request, self._experiment, self._store, folder, recorder, past, key
+                request,
+                self._experiment,
+                self._plan_of(entry),
+                self._store,
+                folder,
+                recorder,
+                past,
+                key,
             )
         except BaseException as error:
             end_part(clock, folder, recorder, "aborted", str(error) or repr(error), error)

@@ -39,6 +39,7 @@ from visavis.running.page.perform import (
     experiment_of,
     manifest_of,
     page_session_of,
+    plan_of,
 )
 from visavis.running.page.reception import LEFT
 from visavis.running.page.steps import PageError, PageStep, count, mapping, number, unix_ms
@@ -467,7 +468,7 @@ def _import(
         person=SessionPerson(entry.label, run.place, group, consent_version=entry.consent_version),
         clock=clock,
     )
-    manifest = manifest_of(request, experiment)
+    manifest = manifest_of(request, experiment, plan_of(request, experiment))
     of_bundle = {"run": run.key, "bundle": str(run.header.get("bundle"))}
     manifest = replace(manifest, configuration={**manifest.configuration, IMPORT_KEY: of_bundle})
     with create_session(base.config.data_root, manifest) as folder:
@@ -497,7 +498,8 @@ def _record(
             is_simulated=is_simulated(request.config),
         )
         experiment = experiment_of(request)
-        session = page_session_of(request, experiment, store, folder, recorder, past, run.key)
+        plan = plan_of(request, experiment)
+        session = page_session_of(request, experiment, plan, store, folder, recorder, past, run.key)
         for _ in _replay_lines(session.desk, clock, run):
             pass
     except BaseException as error:
