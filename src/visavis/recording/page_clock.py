@@ -82,10 +82,10 @@ class PageExchange:
 class PageClock:
     """Place the clock of one page, which lives as long as its tab, in session time.
 
-    `placed` are offsets that were recorded, by the page's clock: `(page_ns, offset_ns)`, in order.
+    `offsets` are offsets that were recorded, by the page's clock: `(page_ns, offset_ns)`, in order.
     """
 
-    placed: list[tuple[int, int]] = field(default_factory=list)
+    offsets: list[tuple[int, int]] = field(default_factory=list)
     _exchanges: list[PageExchange] = field(default_factory=list)
     _posts: dict[int, tuple[int, int, int]] = field(default_factory=dict)
     _least_ns: int | None = None
@@ -97,11 +97,11 @@ class PageClock:
 
     def placing(self) -> Callable[[float], int]:
         """Return the conversion of page times to session time as it is now."""
-        placed, least_ns = tuple(self.placed), self._least_ns or 0
+        offsets, least_ns = tuple(self.offsets), self._least_ns or 0
 
         def t_ns_of(at_ms: float) -> int:
             at_ns = _ns_of_ms(at_ms)
-            return at_ns + (_offset_at(placed, at_ns) if placed else least_ns)
+            return at_ns + (_offset_at(offsets, at_ns) if offsets else least_ns)
 
         return t_ns_of
 
@@ -119,7 +119,7 @@ class PageClock:
         changes its time of day. A computer that slept does both.
         """
         before_ms, self._ahead_ms = self._ahead_ms, wall_ms - at_ms
-        if before_ms is None or (self._least_ns is None and not self.placed):
+        if before_ms is None or (self._least_ns is None and not self.offsets):
             return False
         late_ns = t_ns - self.t_ns(at_ms)
         return min(late_ns, _ns_of_ms(self._ahead_ms - before_ms)) > ASLEEP_NS
@@ -127,7 +127,7 @@ class PageClock:
     def begin_anew(self, at_ms: float, t_ns: int) -> None:
         """Forget what was known of the clock, which stood still or was set."""
         self._least_ns = t_ns - _ns_of_ms(at_ms)
-        self.placed.clear()
+        self.offsets.clear()
         self._exchanges.clear()
         self._posts.clear()
 
@@ -167,9 +167,9 @@ class PageClock:
         offset_ns = (out.way_there_ns - back.way_back_ns) // 2
         round_trip_ns = out.way_there_ns + back.way_back_ns
         before_ns = self.t_ns(page_ns / NS_PER_MS) - page_ns
-        is_first = not self.placed and self._least_ns is None
+        is_first = not self.offsets and self._least_ns is None
         is_set = self._is_set_at(page_ns, offset_ns, round_trip_ns)
-        is_older = bool(self.placed) and page_ns <= self.placed[-1][0] and not is_set
+        is_older = bool(self.offsets) and page_ns <= self.offsets[-1][0] and not is_set
         if is_older or (not is_first and abs(before_ns - offset_ns) < SAME_NS):
             return None
         return {
@@ -185,14 +185,14 @@ class PageClock:
         if payload.get("offset_ns") is None:  # a shared copy, without what tells of the page
             return
         if payload.get("is_set"):
-            self.placed.clear()
-        self.placed.append((_ns_of_ms(float(payload["page_ms"])), int(payload["offset_ns"])))
+            self.offsets.clear()
+        self.offsets.append((_ns_of_ms(float(payload["page_ms"])), int(payload["offset_ns"])))
 
     def _is_set_at(self, page_ns: int, offset_ns: int, round_trip_ns: int) -> bool:
         """Tell whether a clock was set between the last recorded offset and this one."""
-        if not self.placed:
+        if not self.offsets:
             return False
-        at_ns, before_ns = self.placed[-1]
+        at_ns, before_ns = self.offsets[-1]
         open_ns = STEP_NS + round_trip_ns + abs(page_ns - at_ns) * STEP_PPM // 1_000_000
         return abs(offset_ns - before_ns) > open_ns
 
@@ -220,14 +220,14 @@ class PageClocks:
             clock.add_event(float(payload["at_ms"]), t_ns)
 
 
-def _offset_at(placed: tuple[tuple[int, int], ...], at_ns: int) -> int:
+def _offset_at(offsets: tuple[tuple[int, int], ...], at_ns: int) -> int:
     """Return the offset at a page time: on the line between two recorded ones, else the nearest."""
-    after = bisect_right(placed, at_ns, key=lambda point: point[0])
+    after = bisect_right(offsets, at_ns, key=lambda point: point[0])
     if after == 0:
-        return placed[0][1]
-    if after == len(placed):
-        return placed[-1][1]
-    (from_ns, offset_ns), (to_ns, next_ns) = placed[after - 1], placed[after]
+        return offsets[0][1]
+    if after == len(offsets):
+        return offsets[-1][1]
+    (from_ns, offset_ns), (to_ns, next_ns) = offsets[after - 1], offsets[after]
     share = (at_ns - from_ns) / (to_ns - from_ns)
     return offset_ns + round(share * (next_ns - offset_ns))
 

@@ -78,8 +78,8 @@ def moves_of(fixations: pd.DataFrame, factor: str) -> pd.DataFrame:
     )
     moves = fixations[is_move].assign(**{FROM: fixations[ON], TO: after[ON]})
     counts = moves.groupby([*by, FROM, TO], observed=True).size()
-    seen = fixations.drop_duplicates([*KEY, factor])
-    of_people = seen.groupby(by, observed=True).size().reset_index(name="trials")
+    of_people_with_gaze = fixations.drop_duplicates([*KEY, factor])
+    of_people = of_people_with_gaze.groupby(by, observed=True).size().reset_index(name="trials")
     rows = [
         (who, level, start, end, counts.get((who, level, start, end), 0) / n, n)
         for who, level, n in of_people.itertuples(index=False)
@@ -100,7 +100,7 @@ def typical_trials(analysis: StudyAnalysis) -> list[tuple[object, UnusualTrial, 
     if fixations is None:
         return []
     factor, rows = str(fixations.columns[len(KEY)]), analysis.selection.counted
-    shown: list[tuple[object, UnusualTrial, pd.DataFrame]] = []
+    typical: list[tuple[object, UnusualTrial, pd.DataFrame]] = []
     for level in analysis.levels[factor][:MAX_LEVELS]:
         mine = fixations[fixations[factor] == level]
         counts = mine.groupby(KEY, sort=True).size()
@@ -110,8 +110,8 @@ def typical_trials(analysis: StudyAnalysis) -> list[tuple[object, UnusualTrial, 
         trial = mine[(mine[KEY] == key).all(axis=1)]
         row = rows[(rows[KEY] == key).all(axis=1)].iloc[0]
         why = f"{level}: {len(trial)} fixations, the median of its kind"
-        shown.append((level, UnusualTrial(*key_of_row(row), why), trial))
-    return shown
+        typical.append((level, UnusualTrial(*key_of_row(row), why), trial))
+    return typical
 
 
 def shown_trials(analysis: StudyAnalysis) -> list[UnusualTrial]:

@@ -171,8 +171,10 @@ class OpenedStudy:
                 uses += [(section.by, "factor", factors)] if section.by else []
         roles = frozenset().union(*(t.roles for t in experiment.read.values()))
         areas = frozenset().union(*(t.areas for t in experiment.read.values()))
-        seen = tuple(sorted(roles | areas))
-        uses += [(n, "area or role", seen) for m in self.study.analysis.measures for n in m.areas]
+        visible = tuple(sorted(roles | areas))
+        uses += [
+            (n, "area or role", visible) for m in self.study.analysis.measures for n in m.areas
+        ]
         for name in (m.role for m in self.study.analysis.measures if m.role in areas - roles):
             raise DesignError(
                 f"{line_saying(self.study.files.path, name) or self.name}: {name!r} is an area of "

@@ -67,15 +67,15 @@ def psychometric_section(analysis: StudyAnalysis, experiment: StudyExperiment) -
         rows += own
         figures.append(_figure_of(of, own, analysis, experiment))
         blocks += [picture_of(figures[-1]), _table(of, own, analysis, experiment)]
-    unfitted = [row for row in rows if row["why_not"] and row["fitted_to"] != EVERYBODY]
-    if unfitted:
+    without_fit = [row for row in rows if row["why_not"] and row["fitted_to"] != EVERYBODY]
+    if without_fit:
         whys = "; ".join(
-            f"{row['participant']}: {row['why_not']}" for row in unfitted[: 2 * MAX_ACROSS]
+            f"{row['participant']}: {row['why_not']}" for row in without_fit[: 2 * MAX_ACROSS]
         )
-        more = len(unfitted) - 2 * MAX_ACROSS
+        more = len(without_fit) - 2 * MAX_ACROSS
         blocks.append(
             Paragraph(
-                f"{count_of(len(unfitted), 'function')} could not be fitted and are missing "
+                f"{count_of(len(without_fit), 'function')} could not be fitted and are missing "
                 f"({whys}{f'; and {more} more, in psychometric.csv' if more > 0 else ''})."
             )
         )
@@ -111,11 +111,11 @@ def _rows(of: Psychometric, analysis: StudyAnalysis) -> Iterator[dict[str, Any]]
 
 def _fit_row(of: Psychometric, trials: pd.DataFrame) -> dict[str, Any]:
     names = [c.name for c in COLUMNS[2:-1]]
-    answered = int(trials[[of.level_column, of.right_column]].notna().all(axis=1).sum())
+    answers = int(trials[[of.level_column, of.right_column]].notna().all(axis=1).sum())
     try:
         fit = of.fit(trials)
     except NoFitError as error:
-        return {**dict.fromkeys(names, None), "trials": answered, "why_not": str(error)}
+        return {**dict.fromkeys(names, None), "trials": answers, "why_not": str(error)}
     return {**{name: getattr(fit, name) for name in names}, "why_not": ""}
 
 
@@ -215,8 +215,8 @@ def _figure(
 def _panel(
     axes: Axes, of: Psychometric, rows: Sequence[dict[str, Any]], trials: pd.DataFrame
 ) -> None:
-    answered = trials[[of.level_column, of.right_column]].dropna().astype(float)
-    shares = answered.groupby(of.level_column)[of.right_column].agg(["mean", "size"])
+    answers = trials[[of.level_column, of.right_column]].dropna().astype(float)
+    shares = answers.groupby(of.level_column)[of.right_column].agg(["mean", "size"])
     if shares.empty:
         return
     ends = shares.index.min(), shares.index.max()

@@ -285,8 +285,8 @@ def _is_moved(root: ElementTree.Element, element: ElementTree.Element) -> bool:
 
 def _svg_area(where: str, kind: str, name: str, element: ElementTree.Element) -> Area:
     def number(key: str) -> float:
-        found = _numbers(element.get(key, "0"))
-        return found[0] if found else 0.0
+        numbers = _numbers(element.get(key, "0"))
+        return numbers[0] if numbers else 0.0
 
     if kind == "rect":
         return Area(name, _rectangle(*(number(k) for k in ("x", "y", "width", "height"))))
@@ -360,11 +360,11 @@ def _mask(path: Path, size_px: tuple[int, int]) -> npt.NDArray[np.uint8]:
 def _colours_of(labels: npt.NDArray[np.uint8]) -> dict[str, npt.NDArray[np.bool_]]:
     """Return where each colour is that was painted, by its name or "#rrggbb"; black is none."""
     red, green, blue = (labels[..., i].astype(np.int32) for i in range(3))
-    packed = np.where(labels[..., 3] >= OPAQUE, (red << 16) | (green << 8) | blue, 0)
+    rgb_of_pixel = np.where(labels[..., 3] >= OPAQUE, (red << 16) | (green << 8) | blue, 0)
     colours = {}
-    for value in np.unique(packed[packed != 0]).tolist():
+    for value in np.unique(rgb_of_pixel[rgb_of_pixel != 0]).tolist():
         rgb = value >> 16, value >> 8 & 255, value & 255
-        colours[COLOUR_NAMES.get(rgb, f"#{value:06x}")] = packed == value
+        colours[COLOUR_NAMES.get(rgb, f"#{value:06x}")] = rgb_of_pixel == value
     return colours
 
 

@@ -139,18 +139,18 @@ class PlacedAreas:
         at, along = (origin_m - self.pose.position_m) @ turn, direction @ turn
         with np.errstate(divide="ignore", invalid="ignore"):
             reach = np.where(along[:, 2] < 0, -at[:, 2] / along[:, 2], np.nan)
-            met = at + reach[:, None] * along
-        met[~(reach > 0)] = np.nan
-        x = (met[:, 0] / self.size_m[0] + 0.5) * self.size_px[0]
-        y = (0.5 - met[:, 1] / self.size_m[1]) * self.size_px[1]
+            hit_m = at + reach[:, None] * along
+        hit_m[~(reach > 0)] = np.nan
+        x = (hit_m[:, 0] / self.size_m[0] + 0.5) * self.size_px[0]
+        y = (0.5 - hit_m[:, 1] / self.size_m[1]) * self.size_px[1]
         return x, y
 
     def place_m(self, x: float, y: float) -> Vector:
         """Return where a pixel is in the world."""
         right_m = (x / self.size_px[0] - 0.5) * self.size_m[0]
         up_m = (0.5 - y / self.size_px[1]) * self.size_m[1]
-        turned = rotate(self.pose.orientation_wxyz, np.array([right_m, up_m, 0.0]))
-        place: Vector = self.pose.position_m + turned
+        offset_m = rotate(self.pose.orientation_wxyz, np.array([right_m, up_m, 0.0]))
+        place: Vector = self.pose.position_m + offset_m
         return place
 
     def degrees_px(self, origin_m: Vector) -> tuple[float, float]:
@@ -236,8 +236,8 @@ def pack_runs(is_inside: Is) -> str:
     """Return the pixels of a mask (height, width) as text: row, first and end of every run in it,
     as compressed int32.
     """
-    edged = np.pad(is_inside.astype(np.int8), ((0, 0), (1, 1)))
-    step = np.diff(edged, axis=1)
+    with_edges = np.pad(is_inside.astype(np.int8), ((0, 0), (1, 1)))
+    step = np.diff(with_edges, axis=1)
     row, first = np.nonzero(step == 1)
     end = np.nonzero(step == -1)[1]
     runs = np.stack([row, first, end], axis=1).astype("<i4")

@@ -197,8 +197,8 @@ class Measure:
 
     def is_in(self, trials: pd.DataFrame) -> bool:
         """Tell whether trials have it, or what it is computed from."""
-        needed = (self.column,) if self.of_cell is None else self.of_cell.reads
-        return set(needed) <= set(trials.columns)
+        columns = (self.column,) if self.of_cell is None else self.of_cell.reads
+        return set(columns) <= set(trials.columns)
 
     def description(self) -> Column:
         """Return the column as a dictionary describes it."""

@@ -75,10 +75,10 @@ class Psychometric:
         missing = [c for c in (self.level_column, self.right_column) if c not in trials]
         if missing:
             raise NoFitError(f"no trial has {' and '.join(missing)}")
-        answered = trials[[self.level_column, self.right_column]].dropna()
+        rows = trials[[self.level_column, self.right_column]].dropna()
         answers = zip(
-            answered[self.level_column].astype(float),
-            answered[self.right_column].astype(bool),
+            rows[self.level_column].astype(float),
+            rows[self.right_column].astype(bool),
             strict=True,
         )
         return _fit(self, tuple(sorted(answers)))

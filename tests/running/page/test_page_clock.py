@@ -61,7 +61,7 @@ def follow(clock: PageClock, network: Network, until_s: float, from_s: float = 1
 
     def take(post: Post, in_ns: int) -> Callable[[int], None]:
         clock.add_event(post.out_ms, in_ns)
-        for number, in_ms in post.heard:
+        for number, in_ms in post.answers:
             clock.add_answer(number, in_ms)
         if (offset := clock.offset_to_place(in_ns)) is not None:
             clock.place(offset)

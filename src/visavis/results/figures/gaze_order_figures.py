@@ -41,7 +41,7 @@ MIN_DRAWN: Final = 0.05
 """Moves in a trial, of which fewer are not drawn."""
 WIDEST_PT: Final = 7.0
 
-_Shown = tuple[object, UnusualTrial, pd.DataFrame]
+_Typical = tuple[object, UnusualTrial, pd.DataFrame]
 
 
 def gaze_order_figures(analysis: StudyAnalysis, texts: Texts) -> list[ReportFigure]:
@@ -52,15 +52,15 @@ def gaze_order_figures(analysis: StudyAnalysis, texts: Texts) -> list[ReportFigu
     moves = analysis.tables[MOVES]
     factor = str(moves.columns[1])
     levels = analysis.levels[factor][:MAX_LEVELS]
-    shown = typical_trials(analysis)
+    typical = typical_trials(analysis)
     with_data = [level for level in levels if (moves[factor] == level).any()]
     n = count_of(int(moves["participant"].nunique()), "participant")
     by = label_of(texts, factor)
-    data = pd.concat([rows for _, _, rows in shown], ignore_index=True)
+    data = pd.concat([rows for _, _, rows in typical], ignore_index=True)
     return [
         draw(
             SCAN_PATHS,
-            lambda: _scan_paths(shown, texts),
+            lambda: _scan_paths(typical, texts),
             title=f"Scan paths by {by}",
             caption=f"Of each the first {MAX_SHOWN} fixations of the trial with the median number "
             "of them. Discs are fixations, numbered in their order, the larger the longer. "
@@ -93,10 +93,10 @@ def _panels(count: int, height_in: float) -> tuple[Figure, list[Axes]]:
     return figure, every[:count]
 
 
-def _scan_paths(shown: Sequence[_Shown], texts: Texts) -> Figure:
-    figure, every = _panels(len(shown), 2.3)
-    seen: set[str] = set()
-    for axes, (level, _, fixations) in zip(every, shown, strict=True):
+def _scan_paths(typical: Sequence[_Typical], texts: Texts) -> Figure:
+    figure, every = _panels(len(typical), 2.3)
+    in_legend: set[str] = set()
+    for axes, (level, _, fixations) in zip(every, typical, strict=True):
         in_order = fixations.sort_values(NUMBER)[:MAX_SHOWN]
         right, up = in_order[RIGHT].to_numpy(float), in_order[UP].to_numpy(float)
         # The middle of directions is where their mean vector points: degrees jump at ±180.
@@ -107,7 +107,7 @@ def _scan_paths(shown: Sequence[_Shown], texts: Texts) -> Figure:
         for area, colour in COLOURS.items():
             on = (in_order[ON] == area).to_numpy(bool)
             if on.any():
-                label = "" if area in seen else NAMES[area]
+                label = "" if area in in_legend else NAMES[area]
                 axes.scatter(
                     right[on],
                     up[on],
@@ -118,7 +118,7 @@ def _scan_paths(shown: Sequence[_Shown], texts: Texts) -> Figure:
                     label=label or None,
                     zorder=3,
                 )
-                seen.add(area)
+                in_legend.add(area)
         for first, last in _stays(right, up):
             name = str(first + 1) if first == last else f"{first + 1}–{last + 1}"
             middle = (right[first : last + 1].mean(), up[first : last + 1].mean())

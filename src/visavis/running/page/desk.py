@@ -40,7 +40,7 @@ CLOCK_FLAG: Final = "page clock set"
 class Post:
     """A post of a page: its number there, when it came, and when answers to earlier posts were in.
 
-    `out_ms` and `heard` (post, time in ms) are by the page's clock, `wall_ms` by the time of day
+    `out_ms` and `answers` (post, time in ms) are by the page's clock, `wall_ms` by the time of day
     there.
     """
 
@@ -48,7 +48,7 @@ class Post:
     wall_ms: float
     number: int | None = None
     in_ns: int = 0
-    heard: tuple[tuple[int, float], ...] = ()
+    answers: tuple[tuple[int, float], ...] = ()
 
 
 @dataclass
@@ -208,7 +208,7 @@ class PageDesk:
             self._record(payload, now_ns)
             self._apply_sleep(payload, now_ns)
             return True
-        exchanges = [clock.add_answer(number, in_ms) for number, in_ms in post.heard]
+        exchanges = [clock.add_answer(number, in_ms) for number, in_ms in post.answers]
         if self.step.kind == "consent":  # nothing about a page is recorded yet
             return False
         self._exchanges += filter(None, exchanges)

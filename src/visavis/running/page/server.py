@@ -426,12 +426,12 @@ def _post_of(body: Mapping[str, Any], in_ns: int) -> Post | None:
     if body.get("sent_ms") is None or body.get("wall_ms") is None:
         return None
     out_ms, wall_ms = number(body["sent_ms"], "sent_ms"), unix_ms(body["wall_ms"], "wall_ms")
-    heard = body.get("heard", [])
-    if not isinstance(heard, list) or len(heard) > MAX_POSTS:
+    answers = body.get("heard", [])
+    if not isinstance(answers, list) or len(answers) > MAX_POSTS:
         raise PageError(f"heard is a list of at most {MAX_POSTS} answers")
-    if any(not isinstance(pair, list) or len(pair) != 2 for pair in heard):
+    if any(not isinstance(pair, list) or len(pair) != 2 for pair in answers):
         raise PageError("heard are pairs of a post and when its answer came")
-    pairs = tuple((count(n, "heard"), number(at_ms, "heard")) for n, at_ms in heard)
+    pairs = tuple((count(n, "heard"), number(at_ms, "heard")) for n, at_ms in answers)
     of_page = body.get("post")
     return Post(out_ms, wall_ms, None if of_page is None else count(of_page, "post"), in_ns, pairs)
 
