@@ -20,6 +20,7 @@ SHORT = {
     "quick_press.py": {"repetitions": 1},
     "stroop.py": {"repetitions": 1},
     "contrast.py": {"repetitions": 2},
+    "dots.py": {"repetitions": 2},
     "faces.py": {"repetitions": 2},
     "search.py": {"repetitions": 2},
     "before_after.py": {"repetitions": 1, "scene_s": 0.5},

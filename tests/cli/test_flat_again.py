@@ -19,7 +19,9 @@ from visavis.running.page.perform import perform_new as perform_page
 from visavis.running.page.seen_trial import seen_trial
 from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.session_request import simulated_request
-from visavis.stimuli.flat import Grating, Image, Shape, Text
+from visavis.stimuli.dots import step_at
+from visavis.stimuli.flat import Dots, Grating, Image, Shape, Text
+from visavis.stimuli.flat_pixels import moving_pixels
 
 STUDY = """
 from visavis import Factor, Grating, Shape, Study, Text
@@ -40,6 +42,7 @@ def test_a_description_in_an_event_is_read_back_whole() -> None:
         Image("ä b😀.png", width_deg=3),
         Shape("cross", 2, line_deg=0.2),
         Grating(3, 2, 0.5, mask="circle"),
+        Dots(0.3, 90, lifetime_s=0.2, seed=5),
     )
     assert items == read_items_text(str(items))
     assert (items[0],) == read_items_text(str(items[:1]))
@@ -122,3 +125,53 @@ def test_a_film_of_a_page_shows_what_was_lit_and_then_what_was_asked(tmp_path: P
         assert [255, 255, 255] == lit[5, 5].tolist()
         wide_px = int((lit[180, :, 1] < 200).sum())
         assert wide_px == pytest.approx(39.6 * size_deg * 640 / 1280, rel=0.03)
+
+
+MOVING = """
+from visavis import Dots, Factor, Study, Text
+
+study = Study("moving", factors=[Factor("way", [0])], calibrate=False)
+
+@study.trial
+def trial(t):
+    yield t.show(Text("+"), seconds=0.2)
+    yield t.show([Dots(0.5, t.way, lifetime_s=0.2), Text("+")], seconds=0.3)
+    yield t.wait(0.2)
+    yield t.show(Dots(0.5, t.way), seconds=0.1)
+"""
+
+
+def test_moving_dots_are_drawn_again_as_they_stood_in_their_frame(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "moving.py").write_text(MOVING, "utf-8")
+    study = find_study(str(tmp_path / "moving.py"))
+    config = load_config(SCREEN_EXAMPLE).model_copy(
+        update={"data_root": tmp_path / "data", "key_root": tmp_path / "keys"}
+    )
+    request = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
+    recording = CachedRecording(perform_new(request))
+    monkeypatch.setattr("visavis.cli.redraw.study_of_folder", lambda *of: (study, ""))
+    row = recording.trials().iloc[0]
+    trial = recorded_trial(recording, str(row["trial_id"]))
+    events = recording.events()
+    shown = list(events.loc[events["name"] == "shown", "payload"])
+    (dots, _), (other,) = (read_items_text(shown[k]["option_items"]) for k in (1, 2))
+    assert dots.seed is not None
+    assert dots.seed != other.seed  # each showing has its own
+    on_ns = int(row["stimulus2_on_ns"])
+    assert abs(shown[1]["moves_since_ns"] - on_ns) < 3_000_000
+    film = pictures_of(study, trial)
+    frame_ns = 1e9 / 60
+    for frame in (0, 7, 12, 25):  # the last while the trial waits
+        t_ns = on_ns + round((frame + 0.9) * frame_ns)  # it stays as it is up to the next one
+        sheet = film(t_ns).sheets[0]
+        high, wide = sheet.pixels.shape[:2]
+        step = step_at(dots, frame / 60)
+        assert (moving_pixels(dots, (wide, high), step) == sheet.pixels).all(), frame
+    frames = recording.stream_arrays("frames", part=1)
+    k = int(np.searchsorted(frames["t_host_ns"], on_ns + 100_000_000))
+    first, again = (redraw(recording, int(frames["frame_index"][i]))[0] for i in (k, k))
+    (later, _) = redraw(recording, int(frames["frame_index"][k + 6]))
+    assert (first == again).all()
+    assert (first != later).any()

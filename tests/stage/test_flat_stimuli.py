@@ -10,10 +10,11 @@ from visavis.lab.screen import FlatScreen, PlacedScreen
 from visavis.stage.drawn_stage import eye_camera
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import Quality, Renderer
+from visavis.stimuli.dots import places_deg
 from visavis.stimuli.dressing.flat import box_px
 from visavis.stimuli.dressing.picture_of import picture_of
-from visavis.stimuli.flat import Grating, Image, Shape, Text, rgb_of
-from visavis.stimuli.flat_pixels import read_picture
+from visavis.stimuli.flat import Dots, Grating, Image, Shape, Text, rgb_of
+from visavis.stimuli.flat_pixels import moving_pixels, read_picture
 from visavis.stimuli.panels import IN_HEADSET, Surface
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.flat import DRESSED_BY, FlatScene
@@ -179,3 +180,31 @@ def test_a_name_in_other_letters_is_pointed_out(tmp_path):
 def test_a_stimulus_that_is_not_possible_is_refused_with_the_reason(make, says):
     with pytest.raises(DesignError, match=says):
         make()
+
+
+@pytest.mark.parametrize("surface", [None, IN_HEADSET])
+def test_dots_are_drawn_where_they_are_in_each_frame(surface):
+    dots = Dots(1.0, 90.0, width_deg=6, dot_deg=0.3, density_per_deg2=1, seed=3, rate_hz=60)
+    before = scene(dots, surface=surface)
+    camera = eye_camera(HEAD, SCREEN.view_from(np.zeros(3)))
+    try:
+        with Renderer(quality=Quality(samples=0)) as renderer:
+            images = []
+            for step in (0, 30, 31, 30):
+                t_ns = round(step * 1e9 / 60)
+                picture = picture_of(SceneFrame(before, t_ns, np.zeros((0, 3)), np.zeros(0)))
+                images.append(renderer.image(picture, camera, (640, 360)).astype(int))
+    except StageError as problem:
+        pytest.skip(str(problem))
+    first, later, next_one, again = images
+    assert (later == again).all()
+    assert (first != later).any()
+    assert (later != next_one).any()
+    if surface is None:  # the display's own pixels
+        left, top, right, bottom = box_px((0.0, 0.0), (6.0, 6.0), SCREEN)
+        expected = moving_pixels(dots, (right - left, bottom - top), 31)[..., 3]
+        assert (next_one[top:bottom, left:right, 0] == expected).all()
+    else:
+        shown = np.isfinite(places_deg(dots, 0)[:, 0]).sum()
+        expected_px = shown * np.pi * (px(0.3) / 2) ** 2
+        assert first.max(axis=2).sum() / 255 == pytest.approx(expected_px, rel=0.15)

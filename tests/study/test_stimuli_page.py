@@ -13,6 +13,7 @@ import visavis
 from tests.study.test_write_a_study_page import commands_of, typed_in
 from visavis.public_names import HOMES
 from visavis.running.new_study import READY
+from visavis.stimuli.flat import KINDS
 
 PAGE = Path(__file__).parents[2] / "docs" / "stimuli.md"
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -38,7 +39,7 @@ def test_code_on_the_page_stands_in_an_example_or_runs_by_itself(block: str) -> 
 
 def test_stimuli_are_called_as_the_page_says() -> None:
     shown = dict(SIGNATURE.findall(PAGE.read_text("utf-8")))
-    assert {"Text", "Image", "Shape", "Grating"} <= set(shown)
+    assert set(KINDS) <= set(shown)
     for name, arguments in shown.items():
         parameters = inspect.signature(getattr(visavis, name)).parameters
         named = re.findall(r"(\w+)=", arguments)

@@ -11,12 +11,11 @@ from visavis.lab.errors import DataError
 from visavis.lab.geometry import Pose
 from visavis.lab.screen import PlacedScreen
 from visavis.protocol.plan.shown_scene import RecordedScene, of_part
-from visavis.stimuli.flat import Flat, Grating, Image, Shape, Text, rgb_of
+from visavis.stimuli.flat import KINDS, Flat, rgb_of
 from visavis.stimuli.panels import IN_HEADSET, Surface
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.flat import DRESSED_BY, FlatScene
 
-KINDS = {kind.__name__: kind for kind in (Text, Image, Shape, Grating)}
 LAST_SAMPLES = 3
 """How many samples of the head may have been the newest when something was shown."""
 
@@ -52,8 +51,11 @@ def flat_views(record: RecordedScene, folder: Path) -> Iterator[SceneFrame]:
             surface=surface,
             folder=folder,
             answered_by=str(payload.get("option_answered_by", "")),
+            moves_since_ns=int(payload.get("moves_since_ns", 0)),
         )
-        yield SceneFrame(scene, record.t_scene_ns, np.zeros((0, 3)), np.zeros(0))
+        # What moves stood still between two frames.
+        t_ns = record.t_ns if scene.moves else record.t_scene_ns
+        yield SceneFrame(scene, t_ns, np.zeros((0, 3)), np.zeros(0))
 
 
 def read_items_text(text: str) -> tuple[Flat, ...]:

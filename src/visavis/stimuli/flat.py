@@ -1,14 +1,14 @@
-"""Flat stimuli as data: texts, pictures, shapes and gratings, in degrees of visual angle.
+"""Flat stimuli as data: texts, pictures, shapes, gratings and dots, in degrees of visual angle.
 
-What they look like is `visavis.stimuli.flat_pixels`'s; where they stand before somebody is
-`visavis.stimuli.scenes.flat`'s.
+What they look like is `visavis.stimuli.flat_pixels`'s, how dots move `visavis.stimuli.dots`'s;
+where they stand before somebody is `visavis.stimuli.scenes.flat`'s.
 """
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Final, Literal, TypeAlias, get_args
+from typing import Any, Final, Literal, TypeAlias, get_args
 
 from visavis.lab.errors import DesignError
 from visavis.lab.yaml_lines import did_you_mean
@@ -33,8 +33,14 @@ COLOURS: Final = {
 Colour: TypeAlias = str | tuple[int, int, int]
 Kind: TypeAlias = Literal["rectangle", "ellipse", "cross", "triangle"]
 Mask: TypeAlias = Literal["gauss", "circle", "none"]
+Noise: TypeAlias = Literal["direction", "position"]
+Aperture: TypeAlias = Literal["circle", "square"]
 MAX_DEG: Final = 150.0
 LEVELS: Final = 255
+MAX_DOTS: Final = 5000
+"""More are not placed and drawn within a frame."""
+MAX_STEPS_HZ: Final = 500.0
+MAX_SEED: Final = 2**32
 
 
 def rgb_of(colour: Colour) -> tuple[int, int, int]:
@@ -62,6 +68,14 @@ def rgb_of(colour: Colour) -> tuple[int, int, int]:
     return numbers
 
 
+def _write_plain_numbers(flat: Any) -> None:
+    """Make numbers of numpy plain ones: recorded events hold them as they are written."""
+    for one in fields(flat):
+        value = getattr(flat, one.name)
+        if hasattr(value, "item"):
+            object.__setattr__(flat, one.name, value.item())
+
+
 def _require_size(what: str, **sizes_deg: float) -> None:
     for name, deg in sizes_deg.items():
         if not 0.0 < deg <= MAX_DEG:
@@ -86,6 +100,7 @@ class Text:
     at_deg: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
+        _write_plain_numbers(self)
         if not str(self.text).strip():
             raise DesignError("Text: there is nothing to read; give at least one letter")
         object.__setattr__(self, "text", str(self.text))
@@ -107,6 +122,7 @@ class Image:
     areas: str = ""
 
     def __post_init__(self) -> None:
+        _write_plain_numbers(self)
         object.__setattr__(self, "file", str(self.file))
         object.__setattr__(self, "areas", str(self.areas))
         sizes = {n: getattr(self, n) for n in ("width_deg", "height_deg")}
@@ -131,6 +147,7 @@ class Shape:
     at_deg: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
+        _write_plain_numbers(self)
         if self.kind not in get_args(Kind):
             raise DesignError(
                 f"there is no shape {self.kind!r}{did_you_mean(self.kind, get_args(Kind))}; "
@@ -166,6 +183,7 @@ class Grating:
     at_deg: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
+        _write_plain_numbers(self)
         _require_size("Grating", width_deg=self.width_deg)
         if not self.cycles_per_deg > 0.0:
             raise DesignError(f"Grating: cycles_per_deg is {self.cycles_per_deg:g}; above 0")
@@ -179,8 +197,84 @@ class Grating:
         object.__setattr__(self, "at_deg", _require_place("Grating", self.at_deg))
 
 
-Flat: TypeAlias = Text | Image | Shape | Grating
+@dataclass(frozen=True)
+class Dots:
+    """Random dots in a field `width_deg` wide, of which the share `coherence_01` moves in one
+    direction (0 to the right, 90 upwards), at `speed_deg_per_s`, `rate_hz` times a second.
+
+    The other dots move each in a direction of its own at the same speed (`noise="direction"`) or
+    are somewhere else each time (`"position"`). After `lifetime_s` (left out: never) a dot
+    begins anew elsewhere. A dot that leaves the field comes in on the other side. `seed` settles
+    every place at every time; without one `t.show` gives each trial its own.
+    """
+
+    coherence_01: float = 0.5
+    direction_deg: float = 0.0
+    speed_deg_per_s: float = 5.0
+    width_deg: float = 8.0
+    density_per_deg2: float = 2.0
+    dot_deg: float = 0.12
+    lifetime_s: float | None = None
+    noise: Noise = "direction"
+    aperture: Aperture = "circle"
+    colour: Colour = "white"
+    seed: int | None = None
+    rate_hz: float = 60.0
+    at_deg: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        _write_plain_numbers(self)
+        _require_size("Dots", width_deg=self.width_deg, dot_deg=self.dot_deg)
+        if self.dot_deg >= self.width_deg:
+            raise DesignError(
+                f"Dots: dot_deg is {self.dot_deg:g}; smaller than the field, {self.width_deg:g}"
+            )
+        if not 0.0 <= self.coherence_01 <= 1.0:
+            raise DesignError(f"Dots: coherence_01 is {self.coherence_01:g}; from 0 to 1")
+        if not math.isfinite(self.direction_deg):
+            raise DesignError(f"Dots: direction_deg is {self.direction_deg:g}; give degrees")
+        if not 0.0 < self.rate_hz <= MAX_STEPS_HZ:
+            raise DesignError(f"Dots: rate_hz is {self.rate_hz:g}; up to {MAX_STEPS_HZ:g}")
+        if not 0.0 <= self.speed_deg_per_s <= self.width_deg * self.rate_hz / 4:
+            raise DesignError(
+                f"Dots: speed_deg_per_s is {self.speed_deg_per_s:g}; from 0 to a quarter of the "
+                f"field a step, {self.width_deg * self.rate_hz / 4:g}"
+            )
+        if self.lifetime_s is not None and not 0.0 < self.lifetime_s < math.inf:
+            raise DesignError(f"Dots: lifetime_s is {self.lifetime_s:g}; above 0, or left out")
+        for name, kinds in (("noise", Noise), ("aperture", Aperture)):
+            if getattr(self, name) not in get_args(kinds):
+                raise DesignError(
+                    f"Dots: {name} is {getattr(self, name)!r}; {' or '.join(get_args(kinds))}"
+                )
+        if self.seed is not None and not (isinstance(self.seed, int) and 0 <= self.seed < MAX_SEED):
+            raise DesignError(f"Dots: seed is {self.seed!r}; a whole number from 0, below 2**32")
+        count = self.density_per_deg2 * self.width_deg**2
+        if not 1.0 <= count <= MAX_DOTS:
+            raise DesignError(
+                f"Dots: {self.density_per_deg2:g} dots a square degree are {count:g} in a field "
+                f"{self.width_deg:g} degrees wide; from 1 to {MAX_DOTS}"
+            )
+        object.__setattr__(self, "at_deg", _require_place("Dots", self.at_deg))
+        rgb_of(self.colour)
+
+
+Flat: TypeAlias = Text | Image | Shape | Grating | Dots
 """What stands flat before somebody."""
+KINDS: Final[Mapping[str, type[Flat]]] = {kind.__name__: kind for kind in get_args(Flat)}
+"""The kinds of flat stimuli by name."""
+
+
+def is_round(flat: Flat) -> bool:
+    """Tell whether a stimulus fills an ellipse, not its whole box."""
+    match flat:
+        case Shape():
+            return flat.kind == "ellipse"
+        case Grating():
+            return flat.mask == "circle"
+        case Dots():
+            return flat.aperture == "circle"
+    return False
 
 
 def as_flats(what: object) -> tuple[Flat, ...]:

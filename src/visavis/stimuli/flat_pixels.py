@@ -1,4 +1,4 @@
-"""The pixels of flat stimuli: letters, pictures from files, shapes and gratings as sRGB bytes."""
+"""The pixels of flat stimuli: letters, files, shapes, gratings and dots as sRGB bytes."""
 
 from functools import lru_cache
 from pathlib import Path
@@ -10,7 +10,8 @@ from PIL import Image as Files
 from PIL import ImageDraw, ImageOps, UnidentifiedImageError
 
 from visavis.lab.errors import DesignError
-from visavis.stimuli.flat import Flat, Grating, Image, Shape, Text, rgb_of
+from visavis.stimuli.dots import places_deg
+from visavis.stimuli.flat import Dots, Flat, Grating, Image, Shape, Text, rgb_of
 from visavis.stimuli.text_font import font_for
 
 Pixels = npt.NDArray[np.uint8]
@@ -23,7 +24,7 @@ REACHES_EM: Final = 1.2
 
 @lru_cache(maxsize=32)
 def pixels_of(flat: Flat, size_px: tuple[int, int], folder: Path) -> Pixels:
-    """Return what a stimulus looks like in a box of so many pixels.
+    """Return what a stimulus looks like in a box of so many pixels; what moves, at its onset.
 
     Raises:
         DesignError: its picture cannot be read.
@@ -38,6 +39,30 @@ def pixels_of(flat: Flat, size_px: tuple[int, int], folder: Path) -> Pixels:
             return _shape(flat, size_px)
         case Grating():
             return _grating(flat, size_px)
+        case Dots():
+            return moving_pixels(flat, size_px, 0)
+
+
+@lru_cache(maxsize=4)
+def moving_pixels(dots: Dots, size_px: tuple[int, int], step: int) -> Pixels:
+    """Return what dots look like in a box of so many pixels after so many steps.
+
+    Each is the same disc of whole pixels; those that reach over the box are cut off by it.
+    """
+    wide, high = size_px
+    places = places_deg(dots, step)
+    x, y = places[np.isfinite(places[:, 0])].T
+    disc_px = max(1, int(np.floor(dots.dot_deg / dots.width_deg * wide + 0.5)))
+    left = np.floor((x / dots.width_deg + 0.5) * wide - disc_px / 2 + 0.5).astype(np.int64)
+    top = np.floor((0.5 - y / dots.width_deg) * high - disc_px / 2 + 0.5).astype(np.int64)
+    from_middle = np.arange(disc_px) + 0.5 - disc_px / 2
+    down, right = np.nonzero(np.hypot(from_middle[:, None], from_middle) <= disc_px / 2)
+    rows, columns = (top[:, None] + down).ravel(), (left[:, None] + right).ravel()
+    is_within = (rows >= 0) & (rows < high) & (columns >= 0) & (columns < wide)
+    pixels = np.empty((high, wide, 4), np.uint8)
+    pixels[...] = (*rgb_of(dots.colour), 0)
+    pixels[rows[is_within], columns[is_within], 3] = 255
+    return pixels
 
 
 def text_size_em(text: Text) -> tuple[float, float]:

@@ -146,13 +146,14 @@ class Sheet:
 
     `pixels` (h, w, 4) are sRGB bytes with opacity, top row first, the same object for the same
     content; `pose` and `size_m` are as those of a `Panel`. With `is_exact` they are meant to fall
-    on the display's own pixels.
+    on the display's own pixels. Sheets of one `course` show one thing that moves, one at a time.
     """
 
     pixels: npt.NDArray[np.uint8]
     pose: Pose
     size_m: tuple[float, float]
     is_exact: bool = False
+    course: object = None
 
 
 @dataclass(frozen=True, eq=False)

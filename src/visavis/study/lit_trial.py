@@ -11,6 +11,7 @@ from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import FrameView, Mark, PlaySound, Scalar
 from visavis.stimuli.areas import areas_text
 from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.scenes.flat import FlatScene
 from visavis.stimuli.sound import part_of
 from visavis.study.actions import Performing, ShownScene
 from visavis.study.asking import Answer, frame, press_in
@@ -260,11 +261,12 @@ class LitTrial:
 def _payload(
     trial: Trial, name: str, scene: Scene, staged_scene: StagedScene, start_ns: int
 ) -> dict[str, Scalar | None]:
-    areas = getattr(staged_scene, "areas", ())
+    areas, flat = getattr(staged_scene, "areas", ()), staged_scene.scene
     return {
         "trial_id": trial.trial_id,
         "name": name,
         **({"areas": areas_text(areas)} if areas else {}),
+        **(_movement(flat) if isinstance(flat, FlatScene) else {}),
         "scene": scene.name,
         "start_ns": start_ns,
         **{
@@ -273,3 +275,8 @@ def _payload(
         },
         **{f"role_{role}": index for role, index in staged_scene.roles.items()},
     }
+
+
+def _movement(scene: FlatScene) -> dict[str, Scalar | None]:
+    """Return since when a scene moves; nothing of one that stands still."""
+    return {"moves_since_ns": scene.moves_since_ns} if scene.moves else {}

@@ -377,7 +377,10 @@ class _StagedFlat:
         if self._is_shown:
             return None
         self._is_shown = True
-        self.scene = replace(self.scene, head=view.head, surface=view.surface)
+        since_ns = view.t_ns + view.surface.frame_ns
+        self.scene = replace(
+            self.scene, head=view.head, surface=view.surface, moves_since_ns=since_ns
+        )
         if self.areas:
             self.areas = areas_of(self.scene)
         return SceneFrame(self.scene, view.t_ns, np.zeros((0, 3)), np.zeros(0))

@@ -63,7 +63,7 @@ class Seen:
 
     @property
     def stimuli(self) -> tuple[Flat, ...]:
-        """The texts, pictures, shapes and gratings that are shown; () where a scene is."""
+        """The texts, pictures, shapes, gratings and dots that are shown; () where a scene is."""
         scene = None if self.first is None else self.first.scene
         return scene.items if isinstance(scene, FlatScene) else ()
 

@@ -31,7 +31,7 @@ from visavis.protocol.plan.steps import (
     SoundOnset,
     Step,
 )
-from visavis.stimuli.flat import Colour, Flat, Text, as_flats
+from visavis.stimuli.flat import MAX_SEED, Colour, Dots, Flat, Text, as_flats
 from visavis.stimuli.panels import SIZE_M, PanelFrame, Surface, board_before
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import SceneFrame
@@ -69,6 +69,7 @@ from visavis.study.staircase import Staircase, StaircaseTrial
 from visavis.study.trial_settings import Settings, is_on_board
 
 OWN_STREAM: Final = 200
+DOTS_STREAM: Final = 0xD075
 
 MAX_GAIN_DB: Final = 20.0
 LEAVE_S: Final = 30.0
@@ -103,6 +104,7 @@ class TrialScript(LitTrial):
         super().__init__(trial, settings)
         self.is_read = False
         self.staircases: dict[str, Staircase | QuestPlus] = {}
+        self._dots_count = 0
 
     def __getattr__(self, name: str) -> Any:
         """Return a factor's level in this trial, or a parameter of the study."""
@@ -194,9 +196,9 @@ class TrialScript(LitTrial):
         reveal: Literal["pointer"] | None = None,
         window_deg: float = 4.0,
     ) -> Action:
-        """Show a scene, or flat stimuli (`Text`, `Image`, `Shape`, `Grating`; the last in front),
-        for some seconds or frames, or until `until` is true for a frame (`gaze_on` says of gaze
-        when) or a key of it is pressed.
+        """Show a scene, or flat stimuli (`Text`, `Image`, `Shape`, `Grating`, `Dots`; the last in
+        front), for some seconds or frames, or until `until` is true for a frame (`gaze_on` says of
+        gaze when) or a key of it is pressed.
         Stimuli in a mapping have names, which make areas of interest of them. On a page,
         `reveal="pointer"` blurs all but a window `window_deg` wide, which follows the pointer.
 
@@ -211,7 +213,7 @@ class TrialScript(LitTrial):
             DesignError: there is nothing to show, or nothing says how long.
         """
         keys = awaited_keys(until, limit_s)
-        flats = as_flats(what)
+        flats = tuple(self._with_seed(flat) for flat in as_flats(what))
         if flats:
             options: dict[str, Any] = {"background": background}
             options["answered_by"] = keys.name if keys else ""
@@ -222,12 +224,14 @@ class TrialScript(LitTrial):
             scene = what
         else:
             raise DesignError(
-                "t.show shows a Scene, Text, Image, Shape or Grating, or a list of the latter; "
-                f"not {what!r}"
+                "t.show shows a Scene, Text, Image, Shape, Grating or Dots, or a list of the "
+                f"latter; not {what!r}"
             )
         name = name or ("stimulus" if flats else "scene")
         seconds = shown_seconds(seconds, frames, keys, until)
         wide_deg = window_of(reveal if flats else None, window_deg)
+        if wide_deg and any(isinstance(flat, Dots) for flat in flats):
+            raise DesignError("t.show: reveal uncovers what stands still; dots move")
         showing = Showing(scene, seconds, frames, name, bool(flats), wide_deg)
         if keys is not None:
             perform = partial(self._answer_shown, showing, keys)
@@ -246,6 +250,16 @@ class TrialScript(LitTrial):
             showing=of_page,
             gaze_on=until if isinstance(until, GazeOn) else None,
         )
+
+    def _with_seed(self, flat: Flat) -> Flat:
+        """Return a stimulus; dots without a seed get one of the trial."""
+        if not isinstance(flat, Dots):
+            return flat
+        self._dots_count += 1
+        if flat.seed is not None:
+            return flat
+        rng = self.trial.rng(DOTS_STREAM + self._dots_count)
+        return replace(flat, seed=int(rng.integers(MAX_SEED)))
 
     def ask(
         self,

@@ -190,3 +190,45 @@ def test_a_bundle_shows_pictures_and_remembers_its_screen_through_a_reload(
     assert ["f"] * 3 == list(rows["answer"])
     assert 1 == rows["px_per_deg"].nunique()
     assert 0.102 == rows["size_error_01"].iloc[-1]
+
+
+MOVING = """
+from visavis import Dots, Factor, Keys, Study, Text
+
+study = Study("moving", factors=[Factor("way", [0, 180])], on="browser", uses=(), calibrate=False)
+
+
+@study.trial
+def trial(t):
+    yield t.show([Dots(0.5, t.way, 4, lifetime_s=0.2), Text("+")], frames=30)
+    yield t.wait(5)
+    yield t.key(Keys("f"))
+"""
+CANVAS = """() => {
+    const canvas = document.querySelector("canvas.flat[data-part='1']");
+    if (!canvas) return null;
+    const wide = 300, left = Math.round((canvas.width - wide) / 2);
+    const top = Math.round((canvas.height - wide) / 2);
+    const drawn = canvas.getContext("2d").getImageData(left, top, wide, wide).data;
+    return drawn.filter((_, at) => at % 4 === 0).join("");
+}"""
+
+
+def test_dots_move_on_while_a_page_waits(server: Server, browser: Any) -> None:
+    (server.root / "moving.py").write_text(MOVING, "utf-8")
+    address = server.start("run", "./moving.py", "--participant", "1", "--on", "browser")
+    page = browser.new_context(viewport={"width": 1200, "height": 800}).new_page()
+    problems: list[str] = []
+    page.on("pageerror", lambda error: problems.append(str(error)))
+    page.goto(address)
+    seen: list[str] = []
+    watch = StopWatch()
+    while len(seen) < 2:
+        assert watch.elapsed_s() < PATIENCE_S, state_of(page)
+        drawn = page.evaluate(CANVAS)
+        if drawn is None:
+            perform(page, "x", "0", 0)
+        elif drawn not in seen:
+            seen.append(drawn)
+    assert all("255" in drawn for drawn in seen)
+    assert [] == problems

@@ -116,7 +116,7 @@ def in_node(folder: Path, code: str, argument: str) -> dict[str, Any]:
     node = shutil.which("node")
     if node is None:
         pytest.skip("there is no node; apt install nodejs")
-    for name in ("page.js", "store.js", "film.js", "flat.js", "wire.js"):
+    for name in ("page.js", "store.js", "film.js", "flat.js", "dots.js", "wire.js"):
         shutil.copyfile(SITE / name, folder / name)
     (folder / "package.json").write_text('{"type": "module"}', "utf-8")
     host = folder / "host.mjs"
@@ -253,7 +253,7 @@ def ask_page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[Any
     if node is None:
         pytest.skip("there is no node; apt install nodejs")
     folder = tmp_path_factory.mktemp("page")
-    for name in ("page.js", "store.js", "film.js", "flat.js", "wire.js"):
+    for name in ("page.js", "store.js", "film.js", "flat.js", "dots.js", "wire.js"):
         shutil.copyfile(SITE / name, folder / name)
     (folder / "package.json").write_text('{"type": "module"}', "utf-8")
     host = folder / "host.mjs"

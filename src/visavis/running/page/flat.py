@@ -20,7 +20,7 @@ from visavis.lab.screen import FlatScreen, PlacedScreen
 from visavis.protocol.plan.steps import Mark
 from visavis.running.page.steps import WAYS, PageError, PageStep, Reply, count, mapping, number
 from visavis.stimuli.areas import areas_text
-from visavis.stimuli.flat import Flat, Grating, Image, Shape, Text, rgb_of
+from visavis.stimuli.flat import KINDS, Dots, Flat, Grating, Image, Shape, Text, rgb_of
 from visavis.stimuli.panels import Surface
 from visavis.stimuli.scenes.flat import FlatScene
 from visavis.study.actions import Action
@@ -185,7 +185,7 @@ def item_on_page(item: Flat, files: Callable[[Any], Mapping[str, Any]]) -> dict[
     """Return a flat stimulus as a page draws it; `files` describes pictures."""
     content = {**asdict(item), "kind": type(item).__name__.lower(), "at_deg": list(item.at_deg)}
     match item:
-        case Text() | Shape():
+        case Text() | Shape() | Dots():
             content |= {"rgb": colour_on_page(item.colour)}
             return content | ({"shape": item.kind} if isinstance(item, Shape) else {})
         case Grating():
@@ -196,8 +196,7 @@ def item_on_page(item: Flat, files: Callable[[Any], Mapping[str, Any]]) -> dict[
 
 def read_item(content: Mapping[str, Any]) -> Flat:
     """Return the flat stimulus of which a page was told."""
-    kinds = {kind.__name__.lower(): kind for kind in (Text, Image, Shape, Grating)}
-    kind = kinds[content["kind"]]
+    kind = next(kind for name, kind in KINDS.items() if name.lower() == content["kind"])
     own = {f.name: content[f.name] for f in fields(kind) if f.name != "kind" and f.name in content}
     own = {name: tuple(v) if isinstance(v, list) else v for name, v in own.items()}
     item: Flat = kind(**own, **({"kind": content["shape"]} if kind is Shape else {}))

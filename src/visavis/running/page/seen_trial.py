@@ -189,15 +189,13 @@ def _parts(step: PageStep, reply: Reply, folder: Path) -> tuple[SeenPart, ...]:
     wide, high = reply.content.get("view_px", USUAL_VIEW_PX)
     m_per_px = 1 / (1000 * page.px_per_mm)
     screen = FlatScreen(wide * m_per_px, high * m_per_px, wide, high, page.distance_mm / 1000)
-    return tuple(
-        SeenPart(
-            reply.t_ns_of(light.on_ms),
-            reply.t_ns_of(light.off_ms),
-            flat_scene(part, folder),
-            screen,
-        )
-        for part, light in zip(step.content["parts"], read_lit(reply.content), strict=False)
-    )
+    parts, since_ns = [], 0
+    for part, light in zip(step.content["parts"], read_lit(reply.content), strict=False):
+        on_ns, off_ns = reply.t_ns_of(light.on_ms), reply.t_ns_of(light.off_ms)
+        since_ns = since_ns if part.get("goes_on") else on_ns
+        scene = replace(flat_scene(part, folder), moves_since_ns=since_ns)
+        parts.append(SeenPart(on_ns, off_ns, scene, screen))
+    return tuple(parts)
 
 
 def _replies(

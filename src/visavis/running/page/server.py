@@ -32,6 +32,7 @@ FILES: Final = {
     "/store.js": "store.js",
     "/film.js": "film.js",
     "/flat.js": "flat.js",
+    "/dots.js": "dots.js",
     "/wire.js": "wire.js",
     "/page.css": "page.css",
 }

@@ -26,7 +26,7 @@ class Overlays:
         corners = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], np.float32) / 2
         self._corners = context.buffer(corners.tobytes())
         self._panels: dict[tuple[object, ...], moderngl.Texture] = {}
-        self._sheets: dict[int, tuple[object, moderngl.Texture]] = {}
+        self._sheets: dict[int, tuple[object, object, moderngl.Texture]] = {}
         self._arrays: dict[str, moderngl.VertexArray] = {}
         self._programs: dict[str, moderngl.Program] = {}
 
@@ -68,20 +68,28 @@ class Overlays:
         return self._arrays[name]
 
     def _sheet(self, sheet: Sheet) -> moderngl.Texture:
-        """Return the texture of a sheet; its pixels are held, so that their identity stays."""
-        entry = self._sheets.get(id(sheet.pixels))
+        """Return the texture of a sheet, one for all of a course; what it is found by is held, so
+        that its identity stays.
+        """
+        owner: object = sheet.pixels if sheet.course is None else sheet.course
+        entry = self._sheets.get(id(owner))
+        if entry is not None and entry[1] is not sheet.pixels:
+            _, _, texture = entry
+            texture.write(np.ascontiguousarray(sheet.pixels).tobytes())
+            if not sheet.is_exact:
+                texture.build_mipmaps()
+            entry = self._sheets[id(owner)] = owner, sheet.pixels, texture
         if entry is None:
             while len(self._sheets) >= MAX_SHEETS:
-                self._sheets.pop(next(iter(self._sheets)))[1].release()
+                self._sheets.pop(next(iter(self._sheets)))[2].release()
             height, width = sheet.pixels.shape[:2]
             pixels = np.ascontiguousarray(sheet.pixels)
             texture = self._texture_of((width, height), pixels.tobytes())
             if sheet.is_exact:
                 # Smaller copies and skewed views would blend pixels that are the display's own.
                 texture.filter, texture.anisotropy = (moderngl.LINEAR, moderngl.LINEAR), 1.0
-            entry = sheet.pixels, texture
-            self._sheets[id(sheet.pixels)] = entry
-        return entry[1]
+            entry = self._sheets[id(owner)] = owner, sheet.pixels, texture
+        return entry[2]
 
     def _texture_of(self, size_px: tuple[int, int], pixels: bytes) -> moderngl.Texture:
         texture = self._context.texture(size_px, 4, pixels)
@@ -109,7 +117,7 @@ class Overlays:
         for things in (self._arrays, self._programs, self._panels):
             for thing in things.values():
                 thing.release()
-        for _, texture in self._sheets.values():
+        for _, _, texture in self._sheets.values():
             texture.release()
         self._corners.release()
 

@@ -5,19 +5,22 @@ screen's own. In a headset it stands upright at a distance, facing the head as i
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import lru_cache
 from typing import Final
 
 import numpy as np
 
+from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg, quat_multiply, rotate
 from visavis.lab.screen import FlatScreen, PlacedScreen
 from visavis.stimuli.area_files import read_areas
 from visavis.stimuli.areas import Area, PlacedAreas
+from visavis.stimuli.dots import step_at
 from visavis.stimuli.dressing.picture_of import NOBODY
-from visavis.stimuli.flat import Flat, Image, Shape, Text, picture_path
-from visavis.stimuli.flat_pixels import picture_size, pixels_of, text_size_em
+from visavis.stimuli.flat import Dots, Flat, Image, Text, is_round, picture_path
+from visavis.stimuli.flat_pixels import moving_pixels, picture_size, pixels_of, text_size_em
 from visavis.stimuli.panels import board_pose
 from visavis.stimuli.picture import Picture, Room, Sheet
 from visavis.stimuli.scene import SceneFrame
@@ -35,6 +38,11 @@ def picture_of_flat(frame: SceneFrame) -> Picture:
     scene = frame.scene
     assert isinstance(scene, FlatScene)  # noqa: S101 - the scene names this function
     room, sheets = _sheets_of(scene)
+    if any(sheet.course is not None for sheet in sheets):
+        elapsed_s = (frame.t_ns - scene.moves_since_ns) / NS_PER_S
+        sheets = tuple(
+            _moved(sheet, item, elapsed_s) for sheet, item in zip(sheets, scene.items, strict=True)
+        )
     return Picture(frame.t_ns, room, (), NOBODY, sheets=sheets)
 
 
@@ -47,7 +55,16 @@ def _sheets_of(scene: FlatScene) -> tuple[Room, tuple[Sheet, ...]]:
 def _sheet(item: Flat, scene: FlatScene) -> Sheet:
     pose, size_m, size_px = place_of(item, scene)
     is_exact = scene.surface.screen is not None
-    return Sheet(pixels_of(item, size_px, scene.folder), pose, size_m, is_exact=is_exact)
+    course = object() if isinstance(item, Dots) else None
+    return Sheet(pixels_of(item, size_px, scene.folder), pose, size_m, is_exact, course)
+
+
+def _moved(sheet: Sheet, item: Flat, elapsed_s: float) -> Sheet:
+    """Return a sheet as it is some time after its onset."""
+    if not isinstance(item, Dots):
+        return sheet
+    high, wide = sheet.pixels.shape[:2]
+    return replace(sheet, pixels=moving_pixels(item, (wide, high), step_at(item, elapsed_s)))
 
 
 def place_of(item: Flat, scene: FlatScene) -> tuple[Pose, tuple[float, float], tuple[int, int]]:
@@ -93,7 +110,7 @@ def _placed_areas(scene: FlatScene) -> Iterator[PlacedAreas]:
             size_px = picture_size(path, path.stat().st_mtime_ns if path.is_file() else 0)
         wide, high = map(float, size_px)
         whole = Area(name, ((0.0, 0.0), (wide, 0.0), (wide, high), (0.0, high)))
-        if isinstance(item, Shape) and item.kind == "ellipse":
+        if is_round(item):
             whole = Area(name, ellipse=(wide / 2, high / 2, wide, high, 0.0))
         own: tuple[Area, ...] = ()
         if isinstance(item, Image) and item.areas:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Final
 
 from visavis.lab.geometry import Pose
-from visavis.stimuli.flat import Flat
+from visavis.stimuli.flat import Dots, Flat
 from visavis.stimuli.panels import IN_HEADSET, Surface
 from visavis.stimuli.scene import Scene
 
@@ -18,7 +18,8 @@ class FlatScene(Scene):
 
     `background_srgb` fills what they leave free; pictures lie in `folder`. `answered_by` names the
     response for which somebody presses a key while this is shown, as their instruction says.
-    `names` (one for each item, or none) make areas of interest of whole stimuli.
+    `names` (one for each item, or none) make areas of interest of whole stimuli. What moves began
+    to at `moves_since_ns`.
     """
 
     items: tuple[Flat, ...] = ()
@@ -28,6 +29,12 @@ class FlatScene(Scene):
     folder: Path = Path()
     answered_by: str = ""
     names: tuple[str, ...] = ()
+    moves_since_ns: int = 0
+
+    @property
+    def moves(self) -> bool:
+        """Whether one of the stimuli moves by itself."""
+        return any(isinstance(item, Dots) for item in self.items)
 
     # A scene is what is shown at one time; two with the same content are two.
     __eq__ = object.__eq__

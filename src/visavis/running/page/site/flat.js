@@ -1,7 +1,8 @@
-// Flat stimuli: texts, pictures, shapes and gratings on a canvas over the whole window, in degrees of
-// visual angle, one after another without a break. Every picture is loaded once, and decoded before
+// Flat stimuli: texts, pictures, shapes, gratings and dots on a canvas over the whole window, in degrees
+// of visual angle, one after another without a break. Every picture is loaded once, and decoded before
 // anything of its step is shown.
 
+import { dotsPixels, stepAt } from "./dots.js";
 import * as wire from "./wire.js";
 
 const TRIES = 4;
@@ -102,11 +103,13 @@ export function gratingPixels(item, wide, high) {
   return pixels;
 }
 
-function drawGrating(context, item, [left, top, wide, high]) {
+function drawPixels(context, pixels, [left, top, wide, high]) {
   const own = new OffscreenCanvas(wide, high);
-  own.getContext("2d").putImageData(new ImageData(gratingPixels(item, wide, high), wide, high), 0, 0);
+  own.getContext("2d").putImageData(new ImageData(pixels, wide, high), 0, 0);
   context.drawImage(own, left, top);
 }
+
+const drawGrating = (context, item, box) => drawPixels(context, gratingPixels(item, box[2], box[3]), box);
 
 function drawText(context, item, [left, top, wide, high]) {
   const lines = item.text.split("\n");
@@ -184,19 +187,32 @@ export async function open(step, holder, screen, frameMs, done) {
     bitmaps.set(item.picture, await decoded(file.blob));
   }
   let outside = 0;
-  const pages = step.parts.map((part) => {
+  // What stands still is drawn beforehand: up to the first dots on `pages`, the rest in layers over it.
+  const layers = step.parts.map(() => []);
+  const pages = step.parts.map((part, k) => {
     const page = new OffscreenCanvas(canvas.width, canvas.height);
-    const on = page.getContext("2d", { alpha: false });
+    let on = page.getContext("2d", { alpha: false });
     on.fillStyle = part.background;
     on.fillRect(0, 0, page.width, page.height);
     for (const item of part.items) {
       const box = boxOf(item.at_deg, sizeOf(item, on), canvas, distancePx);
       const isWhole = box[0] >= 0 && box[1] >= 0 && box[0] + box[2] <= page.width && box[1] + box[3] <= page.height;
       if (!isWhole && !part.goes_on) outside += 1;
-      DRAW[item.kind](on, item, box, bitmaps);
+      if (item.kind === "dots") {
+        const over = new OffscreenCanvas(canvas.width, canvas.height);
+        on = over.getContext("2d");
+        layers[k].push({ item, box, over });
+      } else DRAW[item.kind](on, item, box, bitmaps);
     }
     return page;
   });
+  const move = (k, elapsedMs) => {
+    context.drawImage(pages[k], 0, 0);
+    for (const { item, box, over } of layers[k]) {
+      drawPixels(context, dotsPixels(item, box[2], box[3], stepAt(item, elapsedMs / 1000)), box);
+      context.drawImage(over, 0, 0);
+    }
+  };
   for (const bitmap of bitmaps.values()) bitmap.close();
   const pxOf = (deg) => distancePx * rad(deg);
   const veils = step.parts.map((part, k) => part.reveal ? blurred(pages[k], pxOf(part.reveal.blur_deg)) : null);
@@ -215,8 +231,9 @@ export async function open(step, holder, screen, frameMs, done) {
     context.drawImage(pages[k], 0, 0);
     context.restore();
   };
-  const draw = (k) => {
+  const draw = (k, elapsedMs) => {
     canvas.dataset.part = k;
+    if (k < pages.length && layers[k].length) { move(k, elapsedMs); return; }
     if (k < pages.length && veils[k]) { reveal(k); return; }
     if (k < pages.length) context.drawImage(pages[k], 0, 0);
     else { context.fillStyle = step.parts.at(-1).background; context.fillRect(0, 0, canvas.width, canvas.height); }
@@ -253,7 +270,13 @@ export async function open(step, holder, screen, frameMs, done) {
   let dropped = 0;
   let before = null;
   let windowAt = null; // where the window is that was drawn last
-  const show = (k) => { draw(k); drawn = k; windowAt = pointer; };
+  // How long what moves in a part will have moved in the next frame; it goes on from part to part.
+  const movedMs = (k, now) => {
+    let first = k;
+    while (step.parts[first] && step.parts[first].goes_on) first -= 1;
+    return lit[first] ? now + frameMs - lit[first].on_ms : 0;
+  };
+  const show = (k, now) => { draw(k, movedMs(k, now)); drawn = k; windowAt = pointer; };
   const onFrame = (now) => {
     if (isOver) return;
     requestAnimationFrame(onFrame);
@@ -266,7 +289,7 @@ export async function open(step, holder, screen, frameMs, done) {
       frames = dropped = 0;
       if (drawn === step.parts.length || answer || isLate) { finish(); return; }
     } else dropped += missed;
-    if (drawn < 0) { show(0); return; }
+    if (drawn < 0) { show(0, now); return; }
     frames += 1;
     const part = step.parts[drawn];
     if (part.reveal && pointer && pointer !== windowAt && lit[drawn].pointer.length < MAX_PATH) { // what is drawn now is lit from the next frame on
@@ -284,7 +307,8 @@ export async function open(step, holder, screen, frameMs, done) {
     }
     const lasts = part.frames !== null ? frames >= part.frames
       : part.seconds !== null && now + 1.5 * frameMs > onMs + 1000 * part.seconds;
-    if (lasts) show(drawn + 1);
+    if (lasts) show(drawn + 1, now);
+    else if (layers[drawn].length) move(drawn, movedMs(drawn, now));
   };
   const finish = () => { close(); done({ parts: lit.slice(0, -1), answer, outside, view_px: [Math.round(canvas.width / ratio), Math.round(canvas.height / ratio)] }); };
   holder.append(canvas);
