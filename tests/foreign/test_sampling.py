@@ -185,3 +185,11 @@ def test_rows_that_came_late_are_disorder(at: int, size: int, way: str) -> None:
     returns = time_returns(t_ns)
     assert () == returns.restarts
     assert returns.disorder
+
+
+@pytest.mark.parametrize("n", [5, 6, 7])
+def test_few_stamps_of_which_most_are_far_apart_have_the_usual_of_their_steps(n: int) -> None:
+    usual_ns, long_ns = 6_000_000, 60_000_000
+    steps = [long_ns] * (n - 3) + [usual_ns] * 2
+    t_ns = np.concatenate([[0], np.cumsum(steps)])
+    assert usual_ns == step_ns_of(t_ns)

@@ -22,6 +22,7 @@ Rows = npt.NDArray[np.int64]
 USUAL_STEPS = 1.5
 """A step of more than this many median steps may be a gap."""
 BLOCK_ROWS = 64
+MIN_BLOCK_ROWS = 8
 MANY_BLOCKS = 8
 MAX_WANDERING = 1.7
 """Residuals over 8 blocks spread as over one where nothing is lost, and √8 as far where samples
@@ -207,11 +208,13 @@ def _pattern(t_ns: Times) -> _Pattern:
     if chance >= MIN_TRIPLES and triples < MAX_TRIPLES_01 * chance:
         of_two = steps[2 * steps <= 5 * median_ns]
         return _Pattern(float(of_two.mean()), False, 2.5 * median_ns, is_of_ticks=True)
+    if len(t_ns) < MIN_BLOCK_ROWS:  # too few to lie near a line
+        return even
     # Stamps near a line, or long steps at regular distances; packets must lie whole in a block.
     packet = len(steps) / n_long
     block = round(packet) * max(1, round(BLOCK_ROWS / packet), 4 if packet > BLOCK_ROWS / 4 else 1)
     if len(t_ns) < 2 * block:
-        block = max(8, len(t_ns) // 4)
+        block = max(MIN_BLOCK_ROWS, len(t_ns) // 4)
     many = min(MANY_BLOCKS * block, len(t_ns))
     narrow, wide = _wandering_ns(t_ns, block), _wandering_ns(t_ns, many)
     distances = np.diff(np.flatnonzero(is_long))
