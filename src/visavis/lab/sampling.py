@@ -143,7 +143,11 @@ def sampling_of(t_ns: Times) -> Sampling:
         stretches.append(Stretch(int(first), int(after), step_ns, away_ns))
         if first:
             pause_ns = float(t_ns[first] - t_ns[first - 1])
-            missing[first] = max(0, round(pause_ns / step_ns) - 1)
+            # Between two packets a pause is usual; only what is longer lost samples.
+            is_in_packets = pattern.packet > 1 and 2 * np.quantile(steps, 0.25) < step_ns
+            between = steps[steps > pattern.longest_ns] if is_in_packets else steps[:0]
+            usual_ns = float(np.median(between)) if between.size else step_ns
+            missing[first] = max(0, round((pause_ns - usual_ns) / step_ns))
     rows = np.array([s.after - s.first for s in stretches], np.float64)
     step_ns = float(np.average([s.step_ns for s in stretches], weights=rows))
     return Sampling(tuple(stretches), step_ns, missing, pattern.is_even)
