@@ -382,3 +382,17 @@ def test_a_studys_own_keys_stand_beside_the_options_and_each_is_a_letter() -> No
     for keys in (["f"], ["f", "f"], ["f", "1"], ["f", "ä"], ["f", "up"]):
         with pytest.raises(DesignError, match="give each option a letter of its own"):
             Choice("side", ["left", "right"], keys=keys)
+
+
+def test_a_bundle_keeps_every_script_that_its_page_imports() -> None:
+    scripts, waiting = set(), ["page.js"]
+    while waiting:
+        name = waiting.pop()
+        scripts.add(name)
+        imports = re.findall(
+            r'^import .* from "\./(.+?)";', (SITE / name).read_text("utf-8"), re.MULTILINE
+        )
+        waiting += [other for other in imports if other not in scripts]
+    worker = (SITE / "bundle" / "worker.js").read_text("utf-8")
+    (files,) = re.findall(r"const PAGE = (\[.*?\]);", worker)
+    assert scripts <= set(json.loads(files))
