@@ -14,7 +14,7 @@ from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.errors import DataError
 from visavis.recording.cached import CachedRecording
 from visavis.results.flat_again import read_colour, read_items_text
-from visavis.results.opened_study import find_study
+from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.running.page.perform import perform_new as perform_page
 from visavis.running.page.seen_trial import seen_trial
 from visavis.running.sessions.perform import perform_new
@@ -55,17 +55,24 @@ def test_a_text_that_describes_none_is_no_stimulus(text: str) -> None:
         read_items_text(text)
 
 
+def performed(
+    file: Path, text: str, monkeypatch: pytest.MonkeyPatch
+) -> tuple[OpenedStudy, CachedRecording]:
+    """Return a study file and a session of it, which is drawn again by that file."""
+    file.write_text(text, "utf-8")
+    study = find_study(str(file))
+    config = load_config(SCREEN_EXAMPLE).model_copy(
+        update={"data_root": file.parent / "data", "key_root": file.parent / "keys"}
+    )
+    request = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
+    monkeypatch.setattr("visavis.cli.redraw.study_of_folder", lambda *of: (study, ""))
+    return study, CachedRecording(perform_new(request))
+
+
 def test_a_frame_is_drawn_again_with_what_was_shown(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "again.py").write_text(STUDY, "utf-8")
-    study = find_study(str(tmp_path / "again.py"))
-    config = load_config(SCREEN_EXAMPLE).model_copy(
-        update={"data_root": tmp_path / "data", "key_root": tmp_path / "keys"}
-    )
-    request = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
-    recording = CachedRecording(perform_new(request))
-    monkeypatch.setattr("visavis.cli.redraw.study_of_folder", lambda *of: (study, ""))
+    study, recording = performed(tmp_path / "again.py", STUDY, monkeypatch)
     row = recording.trials().iloc[0]
     frames = recording.stream_arrays("frames", part=1)
 
@@ -144,14 +151,7 @@ def trial(t):
 def test_moving_dots_are_drawn_again_as_they_stood_in_their_frame(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "moving.py").write_text(MOVING, "utf-8")
-    study = find_study(str(tmp_path / "moving.py"))
-    config = load_config(SCREEN_EXAMPLE).model_copy(
-        update={"data_root": tmp_path / "data", "key_root": tmp_path / "keys"}
-    )
-    request = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
-    recording = CachedRecording(perform_new(request))
-    monkeypatch.setattr("visavis.cli.redraw.study_of_folder", lambda *of: (study, ""))
+    study, recording = performed(tmp_path / "moving.py", MOVING, monkeypatch)
     row = recording.trials().iloc[0]
     trial = recorded_trial(recording, str(row["trial_id"]))
     events = recording.events()

@@ -217,7 +217,7 @@ def test_areas_are_read_from_a_table_of_corners_and_from_a_painting(tmp_path):
         ("a.svg", "<!DOCTYPE svg><svg/>", "without a DOCTYPE"),
         ("a.txt", "", "areas are read from"),
     ],
-)  # fmt: skip
+)
 def test_what_is_wrong_with_a_file_is_told_by_name_and_line(tmp_path, name, text, says):
     painted(tmp_path)
     with pytest.raises(DesignError, match=says) as problem:

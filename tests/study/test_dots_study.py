@@ -5,10 +5,9 @@ from dataclasses import replace
 
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
 
+from tests.study.simulated_study import simulate_and_analyse
 from tests.study.test_staircase import _Stops
-from visavis.cli.main import app
 from visavis.lab.config import load_config
 from visavis.lab.config_files import SCREEN_EXAMPLE
 from visavis.lab.errors import SessionAborted
@@ -68,14 +67,8 @@ def test_a_resumed_session_has_the_levels_of_its_rows_and_the_dots_of_an_unbroke
 
 
 def test_planted_thresholds_of_motion_are_found_in_their_order(tmp_path):
-    (tmp_path / "dots.py").write_text((READY / "dots.py.txt").read_text("utf-8"), "utf-8")
-    words = ["simulate", str(tmp_path / "dots.py"), "--participants", "2", "--processes=1"]
-    words += ["--output", str(tmp_path), "--config", str(SCREEN_EXAMPLE)]
-    result = CliRunner().invoke(app, words)
-    assert result.exit_code == 0, result.output
-    folder = tmp_path / "simulated" / "dots"
-    result = CliRunner().invoke(app, ["analyse", str(folder), "--processes", "1"])
-    assert result.exit_code == 0, result.output
+    text = (READY / "dots.py.txt").read_text("utf-8")
+    folder = simulate_and_analyse(tmp_path / "dots.py", text, participants=2)
     means = pd.read_csv(folder / "derived" / "cell_means.csv")
     by_speed = means.groupby("speed")["coherence_threshold"].mean()
     assert by_speed[2] > by_speed[6]  # planted are 0.28 and 0.16

@@ -4,11 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 import statsmodels.api as sm
-from typer.testing import CliRunner
 
+from tests.study.simulated_study import simulate_and_analyse
 from visavis.analysis.psychometric import NoFitError, fit_psychometric, share_right
-from visavis.cli.main import app
-from visavis.lab.config_files import SCREEN_EXAMPLE
 from visavis.lab.errors import DesignError
 from visavis.study.measures import aggregate_cells
 from visavis.study.psychometric import Psychometric, psychometric_measures
@@ -152,14 +150,7 @@ def answer(seen, response, rng):
 
 
 def test_constant_stimuli_lead_to_functions_in_tables_and_report(tmp_path):
-    (tmp_path / "constant.py").write_text(STUDY, "utf-8")
-    words = ["simulate", str(tmp_path / "constant.py"), "--participants", "4", "--processes=1"]
-    words += ["--output", str(tmp_path), "--config", str(SCREEN_EXAMPLE)]
-    result = CliRunner().invoke(app, words)
-    assert result.exit_code == 0, result.output
-    folder = tmp_path / "simulated" / "constant"
-    result = CliRunner().invoke(app, ["analyse", str(folder), "--processes", "1"])
-    assert result.exit_code == 0, result.output
+    folder = simulate_and_analyse(tmp_path / "constant.py", STUDY, participants=4)
     functions = pd.read_csv(folder / "derived" / "psychometric.csv", dtype={"participant": str})
     assert 4 * 2 + 2 == len(functions)
     of_all = functions[functions["fitted_to"] == "everybody"].set_index("cycles")

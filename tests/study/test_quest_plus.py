@@ -6,11 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from typer.testing import CliRunner
 
+from tests.study.simulated_study import simulate_and_analyse
 from tests.study.test_staircase import _Stops, request_of
-from visavis.cli.main import app
-from visavis.lab.config_files import SCREEN_EXAMPLE
 from visavis.lab.errors import DesignError, SessionAborted
 from visavis.recording.reader import Recording
 from visavis.running.new_study import READY
@@ -151,14 +149,8 @@ def test_a_resumed_session_goes_on_at_the_level_that_its_rows_lead_to(tmp_path):
 @pytest.mark.parametrize("rule", ["Staircase", "QuestPlus"])
 def test_a_study_of_thresholds_is_analysed(tmp_path, rule):
     text = source() if rule == "QuestPlus" else (READY / "contrast.py.txt").read_text("utf-8")
-    (tmp_path / "contrast.py").write_text(text, "utf-8")
-    words = ["simulate", str(tmp_path / "contrast.py"), "--participants", "3", "--processes=1"]
-    words += ["--output", str(tmp_path), "--set", "repetitions=8", "--config", str(SCREEN_EXAMPLE)]
-    result = CliRunner().invoke(app, words)
-    assert result.exit_code == 0, result.output
-    folder = tmp_path / "simulated" / "contrast"
-    result = CliRunner().invoke(app, ["analyse", str(folder), "--processes", "1"])
-    assert result.exit_code == 0, result.output
+    file, short = tmp_path / "contrast.py", ("--set", "repetitions=8")
+    folder = simulate_and_analyse(file, text, *short, participants=3)
     means = pd.read_csv(folder / "derived" / "cell_means.csv")
     assert means["contrast_threshold"].notna().any()
     described = json.loads((folder / "derived" / "trials.json").read_text("utf-8"))

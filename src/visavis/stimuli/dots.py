@@ -60,17 +60,17 @@ def _places_and_lives(dots: Dots, step: int) -> tuple[Floats, npt.NDArray[np.int
     life, age = np.zeros(count, np.int64), np.full(count, step)
     if dots.lifetime_s is not None:
         lasts = max(1, int(np.floor(dots.lifetime_s * dots.rate_hz + 0.5)))
-        begun = step + np.floor(_random_01(dots, dot, 0, _PHASE) * lasts).astype(np.int64)
-        life, age = begun // lasts, begun % lasts
+        whole_age = step + np.floor(_random_01(dots, dot, 0, _PHASE) * lasts).astype(np.int64)
+        life, age = whole_age // lasts, whole_age % lasts
     is_signal = dot < np.floor(dots.coherence_01 * count + 0.5)
     own_rad = 2 * np.pi * _random_01(dots, dot, life, _DIRECTION)
     rad = np.where(is_signal, np.radians(dots.direction_deg), own_rad)
-    gone_deg = dots.speed_deg_per_s / dots.rate_hz * age
+    way_deg = dots.speed_deg_per_s / dots.rate_hz * age
     if dots.noise == "position":  # a life of noise lasts one step
-        life, gone_deg = np.where(is_signal, life, step), np.where(is_signal, gone_deg, 0.0)
+        life, way_deg = np.where(is_signal, life, step), np.where(is_signal, way_deg, 0.0)
     wide = dots.width_deg
-    x = wide * _random_01(dots, dot, life, _COLUMN) + gone_deg * np.cos(rad)
-    y = wide * _random_01(dots, dot, life, _ROW) + gone_deg * np.sin(rad)
+    x = wide * _random_01(dots, dot, life, _COLUMN) + way_deg * np.cos(rad)
+    y = wide * _random_01(dots, dot, life, _ROW) + way_deg * np.sin(rad)
     places = np.stack([x, y], axis=1)
     places = places - wide * np.floor(places / wide) - wide / 2
     if dots.aperture == "circle":

@@ -396,20 +396,25 @@ def test_a_double_click_passes_over_no_page_and_a_sleep_is_told(
     assert [SLEEP_FLAG, "", ""] == list(recorded(server).trials()["flags"])
 
 
-def axe() -> str:
-    """Return axe-core, which looks for what shuts people out; the test is skipped without it."""
+def npm_script(package: str, inside: str) -> str:
+    """Return a script of a package of npm's; the test is skipped without it."""
     node = shutil.which("node")
     if node is None:
         pytest.skip("there is no node; apt install nodejs npm")
     found = subprocess.run(
-        [node, "-p", "require.resolve('axe-core/axe.min.js')"],
+        [node, "-p", f"require.resolve('{package}/package.json')"],
         cwd=REPOSITORY,
         capture_output=True,
         text=True,
     )
     if found.returncode:
-        pytest.skip("there is no axe-core; npm install --no-save axe-core")
-    return Path(found.stdout.strip()).read_text("utf-8")
+        pytest.skip(f"there is no {package}; npm install --no-save {package}")
+    return (Path(found.stdout.strip()).parent / inside).read_text("utf-8")
+
+
+def axe() -> str:
+    """Return axe-core, which looks for what shuts people out."""
+    return npm_script("axe-core", "axe.min.js")
 
 
 SIZES = ({"width": 1280, "height": 800}, {"width": 390, "height": 780})

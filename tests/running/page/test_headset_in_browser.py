@@ -1,9 +1,6 @@
 """The same page in a headset: stereo figures, a board pressed by rays, streams, interruptions."""
 
 import base64
-import shutil
-import subprocess
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,44 +8,19 @@ import numpy as np
 import pytest
 
 from tests.running.page.headsets.stand_in import StandIn
-from tests.running.page.test_browser import PATIENCE_S, REPOSITORY, Server, state_of, until
+from tests.running.page.test_browser import PATIENCE_S, Server, npm_script, state_of, until
+from tests.running.page.test_browser import server as server
 from tests.running.page.test_live_scenes import STUDY
 from visavis.lab.clock import StopWatch
-from visavis.lab.config_files import EXAMPLE
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
 from visavis.running.page.server import SITE
+from visavis.running.page.streams import COLUMNS
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]  # a browser
 
 FILES = Path(__file__).parent / "headsets"
-WIDTHS = {"head": 9, "frame_timing": 6, "pointer": 10, "responses": 3}
-
-
-@pytest.fixture
-def server(tmp_path: Path) -> Iterator[Server]:
-    (tmp_path / "lab_config.yaml").write_text(EXAMPLE.read_text("utf-8"), "utf-8")
-    made = Server(tmp_path)
-    yield made
-    if made.process is not None:
-        made.kill()
-
-
-def emulator() -> str:
-    """Return IWER, which emulates WebXR; the test is skipped without it."""
-    node = shutil.which("node")
-    if node is None:
-        pytest.skip("there is no node; apt install nodejs npm")
-    found = subprocess.run(
-        [node, "-p", "require.resolve('iwer/package.json')"],
-        cwd=REPOSITORY,
-        capture_output=True,
-        text=True,
-    )
-    if found.returncode:
-        pytest.skip("there is no iwer; npm install --no-save iwer")
-    folder = Path(found.stdout.strip()).parent
-    return (folder / "build" / "iwer.min.js").read_text("utf-8")
+WIDTHS = {name: len(COLUMNS[name]) for name in ("head", "frame_timing", "pointer", "responses")}
 
 
 def opened(server: Server, browser: Any, which: str) -> tuple[Any, StandIn, list[str]]:
@@ -60,7 +32,7 @@ def opened(server: Server, browser: Any, which: str) -> tuple[Any, StandIn, list
     problems: list[str] = []
     page.on("pageerror", lambda error: problems.append(str(error)))
     if which == "emulator":
-        page.add_init_script(emulator())
+        page.add_init_script(npm_script("iwer", "build/iwer.min.js"))
     page.add_init_script(path=FILES / f"{which}.js")
     page.add_init_script(path=FILES / "people.js")
     wire = StandIn()

@@ -8,7 +8,6 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ from tests.running.page.test_browser import (
     state_of,
     until,
 )
+from tests.running.page.test_browser import server as server
 from tests.running.page.test_elsewhere import Host, recorded, saved, served_files
 from tests.running.page.test_live_scenes import STUDY as WATCHED
 from visavis.experiments.adjectives.pairs import PAIRS
@@ -102,15 +102,6 @@ def test_a_page_blends_as_python_does_over_a_thousand_settings(browser: Any) -> 
         assert drawn[i]["place"] == pytest.approx(blend.at(t_s).root_m, abs=1e-9)
         phase = float(blend.phase_of(times[i])) % 4.0
         assert drawn[i]["phase"] == pytest.approx(phase, abs=1e-9)
-
-
-@pytest.fixture
-def server(tmp_path: Path) -> Iterator[Server]:
-    (tmp_path / "lab_config.yaml").write_text(EXAMPLE.read_text("utf-8"), "utf-8")
-    made = Server(tmp_path)
-    yield made
-    if made.process is not None:
-        made.kill()
 
 
 def leave(page: Any) -> None:

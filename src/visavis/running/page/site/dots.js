@@ -25,15 +25,15 @@ export function placesDeg(item, step) {
   const within = (v) => v - wide * Math.floor(v / wide) - wide / 2;
   const places = [];
   for (let dot = 0; dot < count; dot += 1) {
-    const begun = step + (lasts ? Math.floor(random01(seed, dot, 0, PHASE) * lasts) : 0);
-    let life = lasts ? Math.floor(begun / lasts) : 0;
-    const age = lasts ? begun % lasts : step;
+    const wholeAge = step + (lasts ? Math.floor(random01(seed, dot, 0, PHASE) * lasts) : 0);
+    let life = lasts ? Math.floor(wholeAge / lasts) : 0;
+    const age = lasts ? wholeAge % lasts : step;
     const isSignal = dot < signals;
     const angle = isSignal ? item.direction_deg * (Math.PI / 180) : 2 * Math.PI * random01(seed, dot, life, DIRECTION);
-    let gone = item.speed_deg_per_s / item.rate_hz * age;
-    if (item.noise === "position" && !isSignal) { life = step; gone = 0; }
-    const x = within(wide * random01(seed, dot, life, COLUMN) + gone * Math.cos(angle));
-    const y = within(wide * random01(seed, dot, life, ROW) + gone * Math.sin(angle));
+    let wayDeg = item.speed_deg_per_s / item.rate_hz * age;
+    if (item.noise === "position" && !isSignal) { life = step; wayDeg = 0; }
+    const x = within(wide * random01(seed, dot, life, COLUMN) + wayDeg * Math.cos(angle));
+    const y = within(wide * random01(seed, dot, life, ROW) + wayDeg * Math.sin(angle));
     if (item.aperture === "square" || Math.hypot(x, y) <= (wide - item.dot_deg) / 2) places.push([x, y]);
   }
   return places;

@@ -106,7 +106,7 @@ function present(session, space, hall, page) {
   const streams = newStreams((batch) => page.send("stream", batch), nextNumbers(page.acknowledged, page.waiting));
   const board = newBoard(page.main, page.notice, page.stop, page.say, () => session.end());
   const isSeen = () => session.visibilityState === "visible";
-  let shown = null; // a step's stage, its drawing and where one stands in it
+  let stage = null; // a step's stage, its drawing and where one stands in it
   let layer = null;
   let place = null; // of the board, on the floor's axes
   let pictures = new WeakMap();
@@ -138,9 +138,9 @@ function present(session, space, hall, page) {
     const way = rotated(q, [0, 0, -1]);
     const flat = Math.hypot(way[0], way[2]);
     // A step with a figure has it straight ahead on the floor's axes; else the board is where one looks.
-    const [fx, fz] = shown || flat < 0.2 ? [0, -1] : [way[0] / flat, way[2] / flat];
-    const [ahead, below] = shown ? [BOARD.figure_ahead_m, BOARD.figure_below_m] : [BOARD.ahead_m, BOARD.below_m];
-    const tilt = shown ? BOARD.tilt : 0.1;
+    const [fx, fz] = stage || flat < 0.2 ? [0, -1] : [way[0] / flat, way[2] / flat];
+    const [ahead, below] = stage ? [BOARD.figure_ahead_m, BOARD.figure_below_m] : [BOARD.ahead_m, BOARD.below_m];
+    const tilt = stage ? BOARD.tilt : 0.1;
     const [c, s] = [Math.cos(tilt), Math.sin(tilt)];
     place = { middle: [p.x + ahead * fx, p.y - below, p.z + ahead * fz], right: [-fz, 0, fx], up: [s * fx, c, s * fz] };
     isPlaced = true;
@@ -296,7 +296,7 @@ function present(session, space, hall, page) {
     const isKnown = head !== NOT_THERE && layer;
     if (isKnown) {
       if (!isPlaced) placeBoard(viewer.transform);
-      const { painter, draw, stand } = shown || { painter: hall, draw: null, stand: standAt([0, 0, 0], [0, 0, -1]) };
+      const { painter, draw, stand } = stage || { painter: hall, draw: null, stand: standAt([0, 0, 0], [0, 0, -1]) };
       const { position: p } = viewer.transform;
       const target = { framebuffer: layer.framebuffer, width: layer.framebufferWidth, height: layer.framebufferHeight, cards: cardsOf(painter, [p.x, p.y, p.z], stand.toWorld) };
       const views = viewer.views.map((view) => {
@@ -326,13 +326,13 @@ function present(session, space, hall, page) {
     async attach(painter, draw, eye, aim) {
       await painter.gl.makeXRCompatible();
       if (isOver) return;
-      shown = { painter, draw, stand: standAt(eye, aim) };
+      stage = { painter, draw, stand: standAt(eye, aim) };
       isPlaced = false;
       base(painter);
     },
     detach(painter) {
-      if (isOver || shown?.painter !== painter) return;
-      shown = null;
+      if (isOver || stage?.painter !== painter) return;
+      stage = null;
       isPlaced = false;
       base(hall);
     },

@@ -63,12 +63,12 @@ export function newBoard(main, notice, stop, say, leave) {
   const pen = canvas.getContext("2d");
   let places = [];
   let first = 0;
-  let shown = "";
+  let lastLooks = "";
   let hovered = null;
 
   const lay = (text, x, y, width, how) => { places.push({ x, y, width, height: how.height || BUTTON_PX, ...how, text }); };
   const isAnswered = ({ options, slider }) => options.some((o) => o.control.checked) || (slider && !slider.closest(".untouched"));
-  const turn = (to) => { first = to; shown = ""; };
+  const turn = (to) => { first = to; lastLooks = ""; };
 
   function drawPlaces() {
     for (const place of places) {
@@ -150,8 +150,8 @@ export function newBoard(main, notice, stop, say, leave) {
       const looks = JSON.stringify([first, hovered?.text, hovered?.x, hovered?.y, content.lines, content.hasTyped, stop.hidden,
         content.questions.map((q) => [q.text, q.slider?.value, q.options.map((o) => [o.text, o.control.checked, o.control.disabled])]),
         content.buttons.map((b) => [b.text, b.control.disabled, b.control.checked])]);
-      if (looks === shown) return false;
-      shown = looks;
+      if (looks === lastLooks) return false;
+      lastLooks = looks;
       draw(content);
       if (hovered) hovered = places.find((p) => p.x === hovered.x && p.y === hovered.y) || null;
       return true;

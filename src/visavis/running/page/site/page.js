@@ -46,7 +46,7 @@ let hiddenMs = 0;
 let putMs = 0;
 let mostBytes = MOST_BYTES;
 let posts = 0;
-let heard = []; // of earlier posts: number, and when their answers came
+let arrivals = []; // of earlier posts: number, and when their answers came
 
 // ---- small things ---------------------------------------------------------------------------
 
@@ -114,10 +114,10 @@ async function flush() {
       try {
         // Four times of an exchange say how the clocks of page and server lie.
         posts += 1;
-        const [number, told] = [posts, heard.slice(-MOST_HEARD)];
-        const times = mayRecord() ? { sent_ms: performance.now(), wall_ms: Date.now(), post: number, heard: told } : {};
+        const [number, latest] = [posts, arrivals.slice(-MOST_HEARD)];
+        const times = mayRecord() ? { sent_ms: performance.now(), wall_ms: Date.now(), post: number, heard: latest } : {};
         answer = await post("/api/events", { tab, events: sent, ...times });
-        heard = [...heard.slice(told.length), [number, performance.now()]];
+        arrivals = [...arrivals.slice(latest.length), [number, performance.now()]];
       } catch {
         failures += 1;
         if (failures > 1) tell(say("lost"));
