@@ -4,9 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from PIL import Image as Files
+from typer.testing import CliRunner
 
 from visavis.analysis.gaze.aoi import LOST, NONE
 from visavis.analysis.gaze.targets import GazeTargets
+from visavis.cli.main import app
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.errors import DesignError
@@ -160,6 +162,18 @@ def test_a_wrong_name_is_told_before_anybody_takes_part(tmp_path, line, by, says
         study = STUDY.replace("{t.side}.yaml", "{t.side}.yml")
     with pytest.raises(DesignError, match=says):
         written(tmp_path, study).experiment({})
+
+
+def test_an_area_that_some_pictures_lack_is_named_at_plan_with_the_first_of_them(tmp_path):
+    study = written(tmp_path)
+    assert study.experiment({}).areas_in_part == ()
+    (tmp_path / "right.yaml").write_text(RIGHT.replace("door", "dor"))
+    (note,) = find_study(str(tmp_path / "rooms.py")).experiment({}).areas_in_part
+    assert "1 of 2 conditions show no area 'door'" in note
+    assert note.endswith("side right, practice False; did you mean 'dor'?")
+    (tmp_path / "lab_config.yaml").write_text(SCREEN_EXAMPLE.read_text("utf-8"), "utf-8")
+    words = ["plan", str(tmp_path / "rooms.py"), "--config", str(tmp_path / "lab_config.yaml")]
+    assert note in CliRunner().invoke(app, words).output
 
 
 def test_people_in_a_scene_are_areas_by_their_role():

@@ -13,6 +13,7 @@ import numpy as np
 from visavis.lab.clock import NS_PER_MS
 from visavis.lab.errors import ConfigError, DesignError
 from visavis.lab.geometry import Vector
+from visavis.lab.yaml_lines import did_you_mean
 from visavis.protocol.plan.design import SESSION, combinations_of, make_plan
 from visavis.protocol.plan.experiment import Demands, no_progress
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
@@ -216,24 +217,18 @@ class StudyExperiment:
         apart = replace(self.settings, memory={})
         return read_trial(self.study.trial_plan, trial, apart).lives
 
-    def check_without_page(self) -> None:
-        """Refuse to be performed before a monitor or in a headset if something needs a page.
+    def check_at_devices(self) -> None:
+        """Check that everything can be shown before a monitor or in a headset.
 
         Raises:
-            DesignError: a window follows the pointer.
+            DesignError: a window follows the pointer, or the examples of a live figure are for
+                another body.
         """
         if any("pointer" in t.rests_on for t in self.read.values()):
             raise DesignError(
-                f'{self.name}: reveal="pointer" is for pages; give --on browser, or leave it out '
-                "and measure gaze with an eye tracker"
+                f'{self.name}: reveal="pointer" is for pages; write on="browser" in the study (or '
+                "give --on browser), or leave it out and measure gaze with an eye tracker"
             )
-
-    def check_live_figures(self) -> None:
-        """Check that live figures can be drawn before a monitor or in a headset.
-
-        Raises:
-            DesignError: the examples of one are for another body.
-        """
         for live in self.lives:
             live.check_bodies()
 
@@ -365,6 +360,22 @@ class StudyExperiment:
             except DesignError as problem:
                 problems.append(str(problem))
         return tuple(problems)
+
+    @property
+    def areas_in_part(self) -> tuple[str, ...]:
+        """Of each measured area that some conditions with areas lack: how many, and which first."""
+        with_areas = {key: trial for key, trial in self.read.items() if trial.areas}
+        notes = []
+        for area in dict.fromkeys(a for m in self.study.analysis.measures for a in m.areas):
+            lacking = [k for k, t in with_areas.items() if area not in t.areas | t.roles]
+            if lacking:
+                first = ", ".join(f"{name} {level}" for name, level in lacking[0])
+                notes.append(
+                    f"{len(lacking)} of {len(with_areas)} conditions show no area {area!r}, "
+                    "so that their trials have no value of its measures: the first with "
+                    f"{first}{did_you_mean(area, with_areas[lacking[0]].areas)}"
+                )
+        return tuple(notes)
 
     def prepare(self, on_progress: Callable[[int, int], None] = no_progress) -> None:
         """Load and compute in advance; `on_progress` gets how many steps are done and the total."""

@@ -19,7 +19,7 @@ from tests.running.page.test_browser import server as server
 from visavis.cli.main import app
 from visavis.lab.clock import StopWatch
 from visavis.lab.config import load_config
-from visavis.lab.config_files import EXAMPLE
+from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.errors import DesignError
 from visavis.protocol.plan.session_plan import Trial
 from visavis.recording.reader import Recording
@@ -135,10 +135,15 @@ def test_such_a_study_is_sound_and_its_power_can_be_simulated(tmp_path: Path) ->
     check_study(tmp_path / "windows.py")
 
 
-def test_a_window_after_the_pointer_is_refused_before_a_monitor(tmp_path: Path) -> None:
+def test_a_window_after_the_pointer_is_refused_before_a_monitor_at_plan_already(
+    tmp_path: Path,
+) -> None:
     text = STUDY.replace('on="browser", uses=(),', "")
-    with pytest.raises(DesignError, match="is for pages; give --on browser"):
+    with pytest.raises(DesignError, match='is for pages; write on="browser" in the study'):
         perform_new(request_of(tmp_path, text))
+    (tmp_path / "lab_config.yaml").write_text(SCREEN_EXAMPLE.read_text("utf-8"), "utf-8")
+    words = ["plan", str(tmp_path / "windows.py"), "--config", str(tmp_path / "lab_config.yaml")]
+    assert "is for pages" in str(CliRunner().invoke(app, words).exception)
     wrong = STUDY.replace('"pointer", w', '"mouse", w')
     with pytest.raises(DesignError, match="reveal is 'mouse'"):
         opened(tmp_path, wrong).experiment({})

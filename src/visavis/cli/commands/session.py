@@ -163,7 +163,7 @@ def plan(
     here = study_here(study, lab)
     plan_inputs = plan_inputs_of(here, participant, seed, assignments, language)
     if here.study.study.procedure.on == "lab":  # a page needs none of the lab's devices
-        plan_inputs.experiment.check_live_figures()
+        plan_inputs.experiment.check_at_devices()
         check_rig(devices_for(lab, plan_inputs.experiment))
     session_plan = plan_inputs.experiment.of_session(session).plan(
         plan_inputs.index, plan_inputs.seed, plan_inputs.group
@@ -180,6 +180,8 @@ def plan(
                 "between both), for which the lab needs the role sound",
                 soft_wrap=True,
             )
+    for note in plan_inputs.experiment.areas_in_part:
+        errors.print(f"[yellow]{verbatim(note)}[/]", soft_wrap=True)
     for problem in plan_inputs.experiment.unplayable:
         errors.print(
             f"[yellow]{verbatim(problem)}; `visavis run` will refuse: put the file there, or name "

@@ -76,8 +76,7 @@ def perform_new(request: Request) -> Path:
         session_path: Path = _pages().perform_new(request)
         return session_path
     if isinstance(request.experiment, StudyExperiment):
-        request.experiment.check_without_page()
-        request.experiment.check_live_figures()
+        request.experiment.check_at_devices()
     cast = use_cast_of(request.config)
     plan = request.experiment.plan(request.person.index, request.seed, request.person.group)
     config = devices_for(request.config, request.experiment, request.without)
