@@ -245,6 +245,9 @@ def test_no_button_moves_when_something_waits_or_breaks(
         link.show(calm)
         for width in WIDTHS_PX:
             page = opened(browser, address, viewport={"width": width, "height": 900})
+            shown(
+                page, "#f-done", "5 of 73"
+            )  # before its first news the page says the same, and less
             shown(page, "#prompt", "Goes on by itself.")
             places = {page.locator("#do-flag").bounding_box()["y"]}
             for status, kind, words, is_asked in shown_as:
@@ -255,6 +258,18 @@ def test_no_button_moves_when_something_waits_or_breaks(
                 places.add(page.locator("#do-flag").bounding_box()["y"])
             assert len(places) <= 2  # it may have grown once, and never shrinks
             page.close()
+
+
+def test_no_button_moves_when_the_first_news_of_a_session_comes(
+    address: str, browser: Any, tmp_path: Path
+) -> None:
+    with session(tmp_path) as link:
+        page = opened(browser, address, viewport={"width": WIDTHS_PX[0], "height": 900})
+        shown(page, "#prompt", "Goes on by itself.")
+        before = page.locator("#do-flag").bounding_box()["y"]
+        link.show(replace(STATUS, faults=(), condition=""))
+        shown(page, "#f-done", "5 of 73")
+        assert pytest.approx(before, abs=1) == page.locator("#do-flag").bounding_box()["y"]
 
 
 def test_a_blinded_condition_stays_hidden(address: str, browser: Any, tmp_path: Path) -> None:
