@@ -90,6 +90,8 @@ class PageClock:
     _posts: dict[int, tuple[int, int, int]] = field(default_factory=dict)
     _least_ns: int | None = None
     _ahead_ms: float | None = None
+    _round_trip_ns: int = 0
+    """Of the last recorded offset."""
 
     def t_ns(self, at_ms: float) -> int:
         """Return the session time of a time on the page's clock."""
@@ -187,13 +189,18 @@ class PageClock:
         if payload.get("is_set"):
             self.offsets.clear()
         self.offsets.append((_ns_of_ms(float(payload["page_ms"])), int(payload["offset_ns"])))
+        self._round_trip_ns = _ns_of_ms(float(payload.get("round_trip_ms") or 0))
 
     def _is_set_at(self, page_ns: int, offset_ns: int, round_trip_ns: int) -> bool:
-        """Tell whether a clock was set between the last recorded offset and this one."""
+        """Tell whether a clock was set between the last recorded offset and this one.
+
+        Either may be wrong by half its round trip.
+        """
         if not self.offsets:
             return False
         at_ns, before_ns = self.offsets[-1]
-        open_ns = STEP_NS + round_trip_ns + abs(page_ns - at_ns) * STEP_PPM // 1_000_000
+        open_ns = STEP_NS + (self._round_trip_ns + round_trip_ns) // 2
+        open_ns += abs(page_ns - at_ns) * STEP_PPM // 1_000_000
         return abs(offset_ns - before_ns) > open_ns
 
 

@@ -195,6 +195,23 @@ def test_a_page_whose_clock_was_set_is_flagged(tmp_path: Path) -> None:
     assert CLOCK_FLAG == Recording(path).trials().iloc[0]["flags"]
 
 
+@pytest.mark.parametrize("slow_ms", [(150.0, 0.0), (0.0, 150.0)])
+def test_one_slow_way_is_no_clock_that_was_set(
+    slow_ms: tuple[float, float], tmp_path: Path
+) -> None:
+    network = Network(queue_ms=0.1)
+    with begun(tmp_path) as (page, path):
+        at_a_film(page)
+        ways_s = iter([way_ms / 1000 for way_ms in slow_ms])
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(network, "way_s", lambda: next(ways_s, 0.002))
+            beats(page, network, 60.0)
+        page.desk.take(TAB, [film_reply(page, network, page.clock.now_ns() / NS_PER_S)])
+        page.answer_all()
+        page.desk.recorder.close("complete")
+    assert "" == Recording(path).trials().iloc[0]["flags"]
+
+
 def test_a_clock_outlives_its_server_only_as_far_as_session_time_does(tmp_path: Path) -> None:
     network = Network(50.0)
     with begun(tmp_path) as (page, path):
