@@ -330,15 +330,15 @@ def _fit(exchanges: Times) -> _Fit:
         slope, offset = np.polyfit(x[fits], by_s[fits], 1)
     else:
         slope, offset = 0.0, float(np.median(by_s))
-    used = int(fits.sum())
+    fit_count = int(fits.sum())
     lasts = at_s[fits]
     return _Fit(
         float(offset),
         float(slope),
         float(at_s[0]),
-        float(lasts.max()) if used else float(at_s[-1]),
-        used,
-        len(x) - used,
+        float(lasts.max()) if fit_count else float(at_s[-1]),
+        fit_count,
+        len(x) - fit_count,
     )
 
 

@@ -317,15 +317,15 @@ def _direction_of_coordinates(
     remarks += lost_remarks
     from_right, from_bottom = False, False
     if screen is None:
-        described = screen_in_set(path)
-        if described is None:
+        geometry = screen_in_set(path)
+        if geometry is None:
             raise DataError(
                 f"{path}: gaze is in pixels of a screen, and the set does not describe it "
                 "(StimulusPresentation: ScreenDistance, ScreenSize, ScreenResolution in its events "
                 "JSON); add it, give --screen, or convert it to angles first"
             )
-        screen, (from_right, from_bottom) = described.screen, described.from_right_and_bottom
-        remarks += described.remarks
+        screen, (from_right, from_bottom) = geometry.screen, geometry.from_right_and_bottom
+        remarks += geometry.remarks
     if from_right:
         points[:, 0] = screen.width_px - points[:, 0]
     if from_bottom:

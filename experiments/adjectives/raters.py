@@ -34,11 +34,11 @@ class Loading:
 def _loadings() -> dict[str, Loading]:
     """Plant a factor for each pair: the source's for its 27 walks, where it kept the pair."""
     loadings = {}
-    kept = {pair: factor for factor, pairs in PRINTED["B"].items() for pair in pairs}
+    factors = {pair: factor for factor, pairs in PRINTED["B"].items() for pair in pairs}
     for k, pair in enumerate(PAIRS):
         # Pairs of one factor differ a little in how strongly they follow it.
-        if pair in kept:
-            loadings[pair] = Loading(kept[pair], 0.86 + 0.04 * (k % 5), 0.62)
+        if pair in factors:
+            loadings[pair] = Loading(factors[pair], 0.86 + 0.04 * (k % 5), 0.62)
         elif k % 2:
             loadings[pair] = Loading(FACTORS[k % 4], 0.2, 0.62)  # too weak to be kept
         else:

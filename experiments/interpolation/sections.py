@@ -76,7 +76,7 @@ def subset_rows(rows: pd.DataFrame, people: pd.DataFrame, subset: published.Subs
 
 def subset_table(rows: pd.DataFrame, people: pd.DataFrame) -> list[Block]:
     """Return the source's analysis by experience, gender and gesture, corrected as one family."""
-    methods, found = published.METHODS, []
+    methods, findings = published.METHODS, []
     for subset in published.SUBSETS:
         own = subset_rows(rows, people, subset)
         own = own[own["naturalness"].notna()]
@@ -85,10 +85,10 @@ def subset_table(rows: pd.DataFrame, people: pd.DataFrame) -> list[Block]:
         except StatisticsError:
             continue
         means = own.groupby("method")["naturalness"].mean()
-        found.append((subset, own["participant"].nunique(), means, float(test.p)))
-    if not found:
+        findings.append((subset, own["participant"].nunique(), means, float(test.p)))
+    if not findings:
         return []
-    adjusted = adjust_p([p for *_, p in found])
+    adjusted = adjust_p([p for *_, p in findings])
     table_rows = tuple(
         (
             subset.name,
@@ -98,7 +98,7 @@ def subset_table(rows: pd.DataFrame, people: pd.DataFrame) -> list[Block]:
             ", ".join(subset.means),
             subset.p,
         )
-        for (subset, people_count, means, _), p in zip(found, adjusted, strict=True)
+        for (subset, people_count, means, _), p in zip(findings, adjusted, strict=True)
     )
     heads = ("Subset", "People", "LinEuler", "Slerp", "Squad", "p", "printed means", "printed p")
     return [

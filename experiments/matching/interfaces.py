@@ -83,7 +83,7 @@ def chosen_places(count: int = len(PLACES)) -> Vector:
     points = np.round(np.random.default_rng(3).uniform(size=(CANDIDATES, 4)), 2)
     examples = live_of("adjectives").examples
     joints = compared_joints(examples.skeleton)
-    begun = [live_of(i).shares(np.full(live_of(i).slider_count, MIDDLE)) for i in INTERFACES]
+    starts = [live_of(i).shares(np.full(live_of(i).slider_count, MIDDLE)) for i in INTERFACES]
     shares = live_of("adjectives").shares(points)
 
     def from_all(own: Vector) -> Vector:
@@ -91,7 +91,7 @@ def chosen_places(count: int = len(PLACES)) -> Vector:
         likeness = Likeness(examples, own, POSES, joints)
         return np.array([likeness.rough_m(row) for row in shares])
 
-    away = np.min([from_all(own) for own in begun], axis=0)
+    away = np.min([from_all(own) for own in starts], axis=0)
     chosen: list[int] = []
     apart = np.where(away > AWAY_M, away, -np.inf)
     for _ in range(count):

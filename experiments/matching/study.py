@@ -133,22 +133,22 @@ def trial(t: TrialScript) -> Generator[Action, Any, None]:
     sliders = [Slider(n, start=starts.get(n, t.start)) for n in slider_names(t.interface)]
     goal, caption = near(t.target, t.within_m), t.text(f"captions.{t.phase}")
     if t.phase == "guess":
-        made = yield t.mould(
+        mould = yield t.mould(
             live, sliders, until=goal, limit_s=t.limit_s, caption=caption, is_blind=True
         )
-        guesses[own] = made
-        t.row |= {"guess_m": made.distance_m, "is_guessed": _is_match(made, t.within_m)}
+        guesses[own] = mould
+        t.row |= {"guess_m": mould.distance_m, "is_guessed": _is_match(mould, t.within_m)}
         return
     if guess is not None and _is_match(guess, t.within_m):
         yield t.wait(0.0)  # there is nothing to adjust, as in the source
         t.row |= {"time_s": 0.0, "is_matched": True, "distance_m": guess.distance_m}
         return
-    made = yield t.mould(live, sliders, until=goal, limit_s=t.limit_s, caption=caption)
-    is_matched = made.ended_by == "near"
+    mould = yield t.mould(live, sliders, until=goal, limit_s=t.limit_s, caption=caption)
+    is_matched = mould.ended_by == "near"
     t.row |= {
-        "time_s": made.seconds if is_matched else t.limit_s,
+        "time_s": mould.seconds if is_matched else t.limit_s,
         "is_matched": is_matched,
-        "distance_m": made.distance_m,
+        "distance_m": mould.distance_m,
     }
 
 

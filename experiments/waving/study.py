@@ -485,26 +485,27 @@ def _office_shown(
 
 
 @study.views
-def views_of(shown: RecordedScene, experiment: StudyExperiment) -> Iterator[SceneFrame]:
+def views_of(redrawing: RecordedScene, experiment: StudyExperiment) -> Iterator[SceneFrame]:
     """Yield the office without a board, then with each question and each choice pointed at.
 
     The wave's offsets are those of the recording, whatever this version would plan.
     """
-    name, wave_event = str(shown.description["scene_name"]), shown.latest("wave")
+    name, wave_event = str(redrawing.description["scene_name"]), redrawing.latest("wave")
     if wave_event is None or not name.startswith("office_"):
-        yield shown.view
+        yield redrawing.view
         return
-    script, plain, office = shown.once(
-        ("office", wave_event[0]), lambda: _office_shown(shown.trial(), wave_event[1], experiment)
+    script, plain, office = redrawing.once(
+        ("office", wave_event[0]),
+        lambda: _office_shown(redrawing.trial(), wave_event[1], experiment),
     )
     bare = OfficeFrame(
         office,
-        shown.t_scene_ns,
-        shown.gaze_direction,
-        shown.eye_openness_01,
-        gaze_distance_m=shown.gaze_distance_m,
-        start_ns=shown.since_ns,
-        warp=track_shown(plain.waving, wave_event[1], shown.since("warp")).warp,
+        redrawing.t_scene_ns,
+        redrawing.gaze_direction,
+        redrawing.eye_openness_01,
+        gaze_distance_m=redrawing.gaze_distance_m,
+        start_ns=redrawing.since_ns,
+        warp=track_shown(plain.waving, wave_event[1], redrawing.since("warp")).warp,
     )
     yield bare
     for question in (who_question(script.participant_place), REALISM):

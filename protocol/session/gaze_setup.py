@@ -215,12 +215,14 @@ class GazeSetup:
         tracker.lead_calibration()
         shown: Vector | None = None
         while (outcome := tracker.calibration_verdict()) is None:
-            wanted = tracker.wanted_target()
-            if wanted is None and shown is not None:
+            next_target = tracker.wanted_target()
+            if next_target is None and shown is not None:
                 self._clear_target()
-            elif wanted is not None and (shown is None or not np.array_equal(wanted, shown)):
-                self._place_mark(wanted)
-            shown = wanted
+            elif next_target is not None and (
+                shown is None or not np.array_equal(next_target, shown)
+            ):
+                self._place_mark(next_target)
+            shown = next_target
             self._next_frame()
         self._clear_target()
         return outcome

@@ -75,9 +75,9 @@ class _Columns(NamedTuple):
 
         One made to be compared with an older recording lacks the last.
         """
-        given = dict(columns)
-        given.setdefault("head_beyond_ms", np.empty(columns["hit"].shape, np.float32))
-        return cls(*(given[name] for name in cls._fields))
+        values = dict(columns)
+        values.setdefault("head_beyond_ms", np.empty(columns["hit"].shape, np.float32))
+        return cls(*(values[name] for name in cls._fields))
 
 
 @compiled

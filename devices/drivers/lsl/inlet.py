@@ -106,10 +106,10 @@ class LslInlet(OnlyListening):
 
         Streams of one source are one: LSL itself goes on with the other when one ends.
         """
-        wanted = self._predicate or "true()"
-        streams = pylsl.resolve_bypred(wanted, MANY, min(within_s, LOOK_FOR_OTHERS_S))
+        predicate = self._predicate or "true()"
+        streams = pylsl.resolve_bypred(predicate, MANY, min(within_s, LOOK_FOR_OTHERS_S))
         if not streams:
-            streams = pylsl.resolve_bypred(wanted, 1, within_s)
+            streams = pylsl.resolve_bypred(predicate, 1, within_s)
         by_source = {_source_of(s): s for s in streams}
         if not by_source:
             raise DeviceTimeout(f"no stream with {self._predicate} was found on the network")

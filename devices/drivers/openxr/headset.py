@@ -170,10 +170,10 @@ class OpenXrHeadset(RuntimeHeadset):
         super()._reset(now_ns)
         self._last_display = None
 
-    def _move_eyes(self, packed: bytes) -> None:
+    def _move_eyes(self, message: bytes) -> None:
         """Take views that the runtime changed; what lenses hide stays as it was told."""
         if self._views is not None:
-            left, right = self._read_views(packed, (self._views[0].hidden, self._views[1].hidden))
+            left, right = self._read_views(message, (self._views[0].hidden, self._views[1].hidden))
             self._change_views((left, right))
 
     def _learn_views(self) -> None:

@@ -82,8 +82,8 @@ class Qualisys(BodyDevice):
         while not is_there():
             left_ns = deadline_ns - self._clock.now_ns()
             if left_ns <= 0:
-                said = f" (it says: {self._answers[-1]})" if self._answers else ""
-                raise DeviceTimeout(f"QTM {what}{said}", remedy=QUALISYS.remedy)
+                words = f" (it says: {self._answers[-1]})" if self._answers else ""
+                raise DeviceTimeout(f"QTM {what}{words}", remedy=QUALISYS.remedy)
             for message in self._transport.receive(min(0.05, left_ns / NS_PER_S)):
                 tuple(self._decode(message))
 

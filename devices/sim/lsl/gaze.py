@@ -140,8 +140,8 @@ class LslGazeSimulator(GazePeer):
 
     def channel_count(self) -> int:
         """Return how many numbers a sample has."""
-        described = len(self.desc().findall("./channels/channel"))
-        return described + 1 if self.layout == "titta" else described
+        count = len(self.desc().findall("./channels/channel"))
+        return count + 1 if self.layout == "titta" else count
 
     def xml(self) -> bytes:
         """Return the stream's description as liblsl writes it."""

@@ -137,13 +137,13 @@ def read_rows(
         DataError: rows of different lengths, a column named twice, no header or no row.
     """
     remarks: list[str] = []
-    skipped = 0
+    skip_count = 0
     first_line, _, rest = text.partition("\n")
     if match := _SEP_LINE.fullmatch(first_line.strip("\ufeff\r")):
-        delimiter, text, skipped = match[1], rest, 1
+        delimiter, text, skip_count = match[1], rest, 1
     if delimiter is None:
         delimiter = _delimiter(text)
-    numbered_rows = _numbered_rows(text, delimiter, what, skipped)
+    numbered_rows = _numbered_rows(text, delimiter, what, skip_count)
     if names is None:
         if not numbered_rows:
             raise DataError(f"{what}: the file is empty; leave it out")

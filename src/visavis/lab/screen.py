@@ -60,9 +60,9 @@ class FlatScreen:
         z = direction[:, 2]
         with np.errstate(divide="ignore", invalid="ignore"):
             reach = np.where(z < -1e-6, (-self.distance_m - at_m[:, 2]) / z, np.nan)
-            met: Vector = at_m + reach[:, None] * direction
-        met[~((reach > 0) & np.isfinite(met).all(axis=1))] = np.nan
-        return met
+            hit_m: Vector = at_m + reach[:, None] * direction
+        hit_m[~((reach > 0) & np.isfinite(hit_m).all(axis=1))] = np.nan
+        return hit_m
 
     def is_on(self, points_m: Vector) -> npt.NDArray[np.bool_]:
         """Tell which points (n, 3) of its plane lie on the screen; NaN does not."""

@@ -89,14 +89,14 @@ def screen_in_set(path: Path) -> DescribedScreen | None:
     Raises:
         DataError: sizes that no screen has.
     """
-    described: dict[str, Any] = {}
+    geometry: dict[str, Any] = {}
     for content in (sidecar_of(path, "events"), sidecar_of(path)):
-        described |= dict(content.get("StimulusPresentation") or {})
-        described |= {k: v for k, v in content.items() if k.startswith("Screen")}
+        geometry |= dict(content.get("StimulusPresentation") or {})
+        geometry |= {k: v for k, v in content.items() if k.startswith("Screen")}
     try:
-        width_m, height_m = (float(v) for v in described["ScreenSize"])
-        width_px, height_px = (int(v) for v in described["ScreenResolution"])
-        distance_m = float(described["ScreenDistance"])
+        width_m, height_m = (float(v) for v in geometry["ScreenSize"])
+        width_px, height_px = (int(v) for v in geometry["ScreenResolution"])
+        distance_m = float(geometry["ScreenDistance"])
     except (KeyError, TypeError, ValueError):
         return None
     if not (0 < min(width_m, height_m, distance_m) and min(width_px, height_px) > 0):
@@ -106,7 +106,7 @@ def screen_in_set(path: Path) -> DescribedScreen | None:
             f"{path}: StimulusPresentation describes a screen of {width_m:g} by {height_m:g} m at "
             f"{distance_m:g} m; BIDS wants metres: were these cm or mm?"
         )
-    origin = {str(word).lower() for word in described.get("ScreenOrigin") or ()}
+    origin = {str(word).lower() for word in geometry.get("ScreenOrigin") or ()}
     remarks: tuple[str, ...] = ()
     if width_px % 2 and height_px % 2:
         remarks = (

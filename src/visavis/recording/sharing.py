@@ -178,7 +178,9 @@ class SharedRecording(Recording):
         name = STREAM_OF_ROLE.get(role, role)
         zero_ns, device_zero_ns = self._zeros_ns.get(part, 0), self._device_zero_ns(part, name)
         rows = payload.get("send_device_receive_ns") or ()
-        return [[send - zero_ns, at - device_zero_ns, got - zero_ns] for send, at, got in rows]
+        return [
+            [send - zero_ns, at - device_zero_ns, receive - zero_ns] for send, at, receive in rows
+        ]
 
     def _device_zero_ns(self, part: int, stream: str) -> int:
         """Return what a stream's device times are shown from: its first, or as the session's."""

@@ -43,9 +43,9 @@ def choice_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extr
             meanings = meanings_of(experiment, response.name)
             has_meanings = meanings != tuple(map(str, response.options))
             is_kept = f"{response.name}_means" in analysis.selection.counted
-            counted = f"{response.name}_means" if has_meanings and is_kept else response.name
-            options = meanings if counted != response.name else tuple(map(str, response.options))
-            count_rows = list(_counts(analysis, response.name, counted, options))
+            column = f"{response.name}_means" if has_meanings and is_kept else response.name
+            options = meanings if column != response.name else tuple(map(str, response.options))
+            count_rows = list(_counts(analysis, response.name, column, options))
             rows += count_rows
             if not count_rows:
                 continue
@@ -60,8 +60,8 @@ def choice_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extr
 
 def meanings_of(experiment: StudyExperiment, name: str) -> tuple[str, ...]:
     """Return everything that options of a choice mean in some condition, in order."""
-    asked = (r for read in experiment.read.values() for r in read.responses if r.name == name)
-    return tuple(dict.fromkeys(m for r in asked if isinstance(r, Choice) for m in r.meanings))
+    responses = (r for read in experiment.read.values() for r in read.responses if r.name == name)
+    return tuple(dict.fromkeys(m for r in responses if isinstance(r, Choice) for m in r.meanings))
 
 
 def _counts(

@@ -437,9 +437,9 @@ def _what_finds(analysis: StudyAnalysis) -> Iterator[tuple[str, bool]]:
     every = [f.compare for f in analysis.findings]
     planned_findings = (f for f in analysis.findings if not f.compare.exploratory)
     for finding in (f for f in planned_findings if f.compare.test != "tost"):
-        claimed = claimed_finding_term(finding)
+        claim = claimed_finding_term(finding)
         for name, term in zip(names_of_finding(finding, every), finding.terms, strict=False):
-            if claimed is not None and term.name == claimed.name:
+            if claim is not None and term.name == claim.name:
                 yield name, answer_claim(finding).status in SOMETHING
             else:
                 doubts = finding.outcome is not None and finding.outcome.doubts(term.name)

@@ -310,8 +310,8 @@ def _store_of(experiment: StudyExperiment, folder: Path) -> FilmStore:
 @lru_cache(maxsize=512)
 def _name_of(store: FilmStore, film: Film) -> str:
     digest = hashlib.sha256()
-    drawn = (*FILM_QUALITY.items(), *ENCODING.items())
-    settings = (FILM_VERSION, drawn, film.size_px, film.rate_hz, film.frame_count, film.lens)
+    drawing = (*FILM_QUALITY.items(), *ENCODING.items())
+    settings = (FILM_VERSION, drawing, film.size_px, film.rate_hz, film.frame_count, film.lens)
     digest.update(repr(settings).encode())
     if (sound := store.sound_of(film)) is not None:
         digest.update(sound.sha256.encode())

@@ -222,9 +222,9 @@ def analysis_problems(
     rows = rows.assign(**{str(c.name): nothing for c in ENGINE_COLUMNS if c.name not in rows})
     forms = opened_study.original_questionnaires(opened_study.study.asks.questionnaires)
     people = pd.DataFrame({"participant": rows["participant"].unique()})
-    asked = [q.question_id for form in forms for q in form.questions()]
+    question_ids = [q.question_id for form in forms for q in form.questions()]
     scores = [f"{form.name}_{name}" for form in forms for name in form.scores]
-    people = people.reindex(columns=["participant", *asked, *scores])
+    people = people.reindex(columns=["participant", *question_ids, *scores])
     counts = {str(name): int(n) for name, n in rows.groupby("participant").size().items()}
     try:
         analysis = opened_study.analysis_of_rows(experiment, rows, people, planned_counts=counts)
@@ -233,8 +233,8 @@ def analysis_problems(
             write_study(analysis, experiment, forms, provenance, Path(folder))
     except Exception as error:
         mistake = error if isinstance(error, LabError) else users_mistake(error)
-        said = f"{type(error).__name__}: {error}" if mistake is None else str(mistake)
-        return [f"its data could not be analysed: {said}"]
+        words = f"{type(error).__name__}: {error}" if mistake is None else str(mistake)
+        return [f"its data could not be analysed: {words}"]
     return []
 
 

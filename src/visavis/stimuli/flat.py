@@ -126,10 +126,10 @@ class Image:
         object.__setattr__(self, "file", str(self.file))
         object.__setattr__(self, "areas", str(self.areas))
         sizes = {n: getattr(self, n) for n in ("width_deg", "height_deg")}
-        given = {name: deg for name, deg in sizes.items() if deg is not None}
-        if not given:
+        sizes_deg = {name: deg for name, deg in sizes.items() if deg is not None}
+        if not sizes_deg:
             raise DesignError(f"Image {self.file!r}: say its width_deg or its height_deg")
-        _require_size(f"Image {self.file!r}", **given)
+        _require_size(f"Image {self.file!r}", **sizes_deg)
         object.__setattr__(self, "at_deg", _require_place("Image", self.at_deg))
 
 

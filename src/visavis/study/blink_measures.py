@@ -66,8 +66,8 @@ def _of(scene: str, value: Any) -> Of:
         if to_ns <= from_ns or seen_ns < MIN_SEEN_01 * (to_ns - from_ns):
             return None
         onset_ns = signal.blinks.onset_ns
-        made: Scalar = value(int(((onset_ns >= from_ns) & (onset_ns < to_ns)).sum()), seen_ns)
-        return made
+        blinks: Scalar = value(int(((onset_ns >= from_ns) & (onset_ns < to_ns)).sum()), seen_ns)
+        return blinks
 
     return of
 

@@ -306,8 +306,8 @@ def _of_columns(items: Items, table: ItemTable, factors: Sequence[Factor]) -> It
             yield f"{name!r} is a column of every trial; name yours otherwise"
         elif not is_name(name):
             yield f"the column {name!r} is no name; give letters, digits and _"
-    asked = {"name": table.name, "lists": items.lists, "weight": items.weight}
-    named = [*asked.items(), *(("alike", column) for column in items.alike)]
+    options = {"name": table.name, "lists": items.lists, "weight": items.weight}
+    named = [*options.items(), *(("alike", column) for column in items.alike)]
     for what, column in named:
         if column is not None and column not in table.columns:
             near = did_you_mean(column, table.columns)

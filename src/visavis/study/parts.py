@@ -243,10 +243,10 @@ class Procedure:
         ]
 
     def _returning_problems(self) -> list[str]:
-        given: Any = self.returning
-        if isinstance(given, Returning):
+        value: Any = self.returning
+        if isinstance(value, Returning):
             return []
-        return [f"returning is {given!r}; write returning=Returning(within_h=24)"]
+        return [f"returning is {value!r}; write returning=Returning(within_h=24)"]
 
     def _screening_problems(self) -> list[str]:
         return [

@@ -328,13 +328,13 @@ def _examples_on(examples: str, who: Character, unit_m: float) -> Examples:
 
 def _map_reach(path: Path, walks: Examples, as_json: bool) -> None:
     """Draw what blends of the examples come to, and say it in shares."""
-    found = reach_of(walks, tuple(GROUPS), REACH_BLENDS, np.random.default_rng(1))
-    write_reach_map(path, found, feature_table(walks).primary)
+    reach = reach_of(walks, tuple(GROUPS), REACH_BLENDS, np.random.default_rng(1))
+    write_reach_map(path, reach, feature_table(walks).primary)
     shares = {
-        f"{found.names[i]} by {found.names[j]}": share for (i, j), share in found.planes.items()
+        f"{reach.names[i]} by {reach.names[j]}": share for (i, j), share in reach.planes.items()
     }
     if as_json:
-        say_json({"blends": len(found.points), "reached": shares})
+        say_json({"blends": len(reach.points), "reached": shares})
         return
     for plane, share in shares.items():
         say(f"{plane}: blends come to {share:.0%} of the plane")

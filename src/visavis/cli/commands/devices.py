@@ -91,10 +91,10 @@ def listen(
     """
     lab = load_lab(config, quiet=as_json)
     _check_seconds(seconds)
-    wanted = [_device(lab, role) for role in roles] if roles else list(lab.devices.values())
-    devices, prepare = with_their_headset(lab, wanted), shown_pictures(lab)
+    connections = [_device(lab, role) for role in roles] if roles else list(lab.devices.values())
+    devices, prepare = with_their_headset(lab, connections), shown_pictures(lab)
     if as_json:
-        trials = capture(devices, SystemClock(), seconds, prepare=prepare)[-len(wanted) :]
+        trials = capture(devices, SystemClock(), seconds, prepare=prepare)[-len(connections) :]
         say_json([asdict(t) for t in trials])
     else:
         with console.status(f"listening for {seconds:g} s") as status:
@@ -105,7 +105,7 @@ def listen(
                 prepare=prepare,
                 tick=lambda passed_s: status.update(f"listening: {passed_s:.0f} of {seconds:g} s"),
             )
-        trials = trials[-len(wanted) :]
+        trials = trials[-len(connections) :]
         print_trials(trials)
     if any(trial.error for trial in trials):
         raise typer.Exit(DeviceError.exit_code)

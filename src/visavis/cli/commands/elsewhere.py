@@ -79,8 +79,8 @@ def export_web(
     if results and (parts.scheme not in ("http", "https") or not parts.hostname):
         raise UsageError(f"--results takes an address, https://…, not {results!r}")
     here, base = page_study(study, devices, config, seed, assignments, language)
-    done = completed_places(here.ledger.path.parent) if unused else {}
-    indices = open_places(base, *people_wanted(places, "--places"), done)
+    completions = completed_places(here.ledger.path.parent) if unused else {}
+    indices = open_places(base, *people_wanted(places, "--places"), completions)
     bundle = write_bundle(
         base, build_films(base), output, places=indices, completion=completion, results=results
     )

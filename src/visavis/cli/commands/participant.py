@@ -129,15 +129,15 @@ def information(
     lab = load_lab(config, devices)
     here = people_here(study, lab, devices)
     settings = here.requested_settings(assignments=assignments, language=language)
-    made = here.study.experiment(settings.parameters)
-    asked = here.study.questionnaires(lab.model_copy(update={"language": made.language}))
+    design = here.study.experiment(settings.parameters)
+    asked = here.study.questionnaires(lab.model_copy(update={"language": design.language}))
     if on not in (None, *get_args(On)):
         raise UsageError(f"--on takes {' or '.join(get_args(On))}, not {on!r}")
-    is_on_page = (on or made.study.procedure.on) == "browser"
+    is_on_page = (on or design.study.procedure.on) == "browser"
     texts = (
-        made.texts.find("information", values=made.values_of(made.plan(0, 1))),
-        (information_on_page if is_on_page else information_at_devices)(made, asked).as_text,
-        made.texts.find("page.contact", values={"contact": lab.privacy.contact})
+        design.texts.find("information", values=design.values_of(design.plan(0, 1))),
+        (information_on_page if is_on_page else information_at_devices)(design, asked).as_text,
+        design.texts.find("page.contact", values={"contact": lab.privacy.contact})
         if lab.privacy.contact
         else None,
     )

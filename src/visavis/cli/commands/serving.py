@@ -82,7 +82,7 @@ def serve(
     Example: visavis serve ./lively.py --public https://study.example.org --participants 40
     """
     check_completion(completion)
-    wanted = people_wanted(participants)
+    places = people_wanted(participants)
     parts = urlsplit(public)
     if public and (parts.scheme not in ("http", "https") or not parts.hostname):
         raise UsageError(f"--public takes an address, https://…, not {public!r}")
@@ -96,7 +96,7 @@ def serve(
             "they come, such as http://192.168.1.5:8080"
         )
     here, base = page_study(study, devices, config, seed, assignments, language)
-    asyncio.run(_serve(here, base, public, host, port, wanted, completion))
+    asyncio.run(_serve(here, base, public, host, port, places, completion))
 
 
 def people_wanted(text: str, option: str = "--participants") -> tuple[int | None, int | None]:

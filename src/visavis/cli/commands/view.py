@@ -147,12 +147,12 @@ def _sessions_with(folder: Path, participants: str, trial_id: str) -> list[Path]
     sessions = list(sessions_of(folder))
     if participants != "all":
         labels = {session: label_of_session(session) for session in sessions}
-        wanted = [name.strip() for name in participants.split(",") if name.strip()]
-        for name in wanted:
+        names = [name.strip() for name in participants.split(",") if name.strip()]
+        for name in names:
             if not any(means_label(name, label) for label in labels.values()):
                 there = ", ".join(dict.fromkeys(labels.values()))
                 raise UsageError(f"{name} has no session in {folder}; there are {there}")
-        sessions = [s for s in sessions if any(means_label(name, labels[s]) for name in wanted)]
+        sessions = [s for s in sessions if any(means_label(name, labels[s]) for name in names)]
     sessions_with_trial = [s for s in sessions if trial_id in trial_lengths_ns(CachedRecording(s))]
     if not sessions_with_trial:
         raise UsageError(f"nobody of {participants} in {folder} has a whole trial {trial_id}")

@@ -33,15 +33,15 @@ def fixations_of(
     fixations = []
     for k in range(len(events)):
         here = rows[events.first_row[k] : events.last_row[k] + 1]
-        ended = np.isfinite(end_m[here]).all(axis=1)
-        if not ended.any():
+        has_end = np.isfinite(end_m[here]).all(axis=1)
+        if not has_end.any():
             continue
-        agents, things = Counter(hit[here][ended].tolist()), Counter(on[here][ended].tolist())
+        agents, things = Counter(hit[here][has_end].tolist()), Counter(on[here][has_end].tolist())
         fixations.append(
             {
                 "begin_ns": int(events.onset_ns[k]),
                 "end_ns": int(events.onset_ns[k] + events.duration_ns[k]),
-                "at": [round(float(v), 4) for v in np.median(end_m[here][ended], axis=0)],
+                "at": [round(float(v), 4) for v in np.median(end_m[here][has_end], axis=0)],
                 "hit": agents.most_common(1)[0][0],
                 "on": things.most_common(1)[0][0],
             }

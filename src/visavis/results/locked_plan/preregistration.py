@@ -84,8 +84,8 @@ def _primary(plan: Mapping[str, Any]) -> list[str]:
     claims = plan.get("primary")
     if not claims:
         return []
-    listed = _list(f"{claim} (`{name}`)" for name, claim in claims.items())
-    return ["### Primary", f"{listed}\n\nEverything else is secondary, and exploratory."]
+    items = _list(f"{claim} (`{name}`)" for name, claim in claims.items())
+    return ["### Primary", f"{items}\n\nEverything else is secondary, and exploratory."]
 
 
 def _hypothesis(name: str, compare: Mapping[str, Any]) -> str:

@@ -71,8 +71,8 @@ def _expected(compare: Compare, texts: Texts) -> str:
     )
     if len(compare.orders) == 1 and len((*compare.within, *compare.between)) < 2:
         return next(orders)
-    named = (label_of(texts, order.factor) for order in compare.orders)
-    return "; ".join(f"{name}: {order}" for name, order in zip(named, orders, strict=True))
+    labels = (label_of(texts, order.factor) for order in compare.orders)
+    return "; ".join(f"{name}: {order}" for name, order in zip(labels, orders, strict=True))
 
 
 def _whom(finding: Finding, texts: Texts) -> str:

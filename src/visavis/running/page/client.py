@@ -69,13 +69,13 @@ async def visit(
                 return ""
             if not has_described and step.kind != "consent":
                 has_described = True
-                described = {
+                answers = {
                     "n": message["ack"] + 1,
                     "kind": "about",
                     "at_ms": visitor.now_ms,
                     "about": {"user_agent": TAB},
                 }
-                message = await post("/api/events", {"tab": TAB, "events": [described]})
+                message = await post("/api/events", {"tab": TAB, "events": [answers]})
             reply = visitor.reply(step)
             clock.sleep_until_ns(begun_ns + round(visitor.now_ms * NS_PER_MS))
             for moves in visitor.moves:

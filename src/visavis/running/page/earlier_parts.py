@@ -122,7 +122,7 @@ def back_to(recording: Recording, checkpoint: Resumes) -> EarlierParts:
 
 def returning_to(recording: Recording, policy: Returning, now_iso: str) -> EarlierParts | None:
     """Return the past of a session that somebody comes back to; None where it is too old."""
-    begun = datetime.fromisoformat(recording.manifest.created_wall_iso)
-    age_h = (datetime.fromisoformat(now_iso) - begun).total_seconds() / 3600
+    begin = datetime.fromisoformat(recording.manifest.created_wall_iso)
+    age_h = (datetime.fromisoformat(now_iso) - begin).total_seconds() / 3600
     checkpoint = policy.checkpoint(age_h)
     return None if checkpoint is None else back_to(recording, checkpoint)

@@ -225,10 +225,10 @@ def _watch(script: TrialScript, watch: Viewing, files: FilmFiles) -> OnPage:
     script.row.setdefault("t_start_ns", on_ns)
     script.row |= _film_columns(name, playback, content, on_ns, first_ms)
     if (voiced := voiced_film(watch.stimulus)) is not None:
-        heard = playback[next(place for place, film in films.items() if film is voiced)]
-        began_ms = heard.sound_ms
+        film_playback = playback[next(place for place, film in films.items() if film is voiced)]
+        began_ms = film_playback.sound_ms
         script.row[f"{name}_sound_on_ns"] = None if began_ms is None else reply.t_ns_of(began_ms)
-        script.row[f"{name}_volume_01"] = heard.volume_01
+        script.row[f"{name}_volume_01"] = film_playback.volume_01
     script.row[f"{name}_sha256"] = (
         ",".join(f["sha256"] for f in film_entries if f["sha256"]) or None
     )

@@ -336,9 +336,9 @@ class Visitor:
         shown_s = (at_ms - first_ms) / 1000
         if content.get("once"):
             rounds, shown_s = min(rounds, 1), min(shown_s, round_ms / 1000)
-        drawn: dict[str, Any] = {}
+        drawing: dict[str, Any] = {}
         if "live" in content:
-            drawn = {
+            drawing = {
                 "first_ms": first_ms,
                 "ended_by": "button",
                 "frames": round(shown_s * REFRESH_HZ),
@@ -349,7 +349,7 @@ class Visitor:
                 "renderer": "simulated",
             }
         return {
-            **drawn,
+            **drawing,
             "shown_ms": shown_ms,
             "off_ms": at_ms,
             "hidden_ms": 0.0,

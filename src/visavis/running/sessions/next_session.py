@@ -66,15 +66,15 @@ def next_session(
     if last is None or days_between is None:
         return NextSession(number, name)
     part = read_manifest(last).parts[-1]
-    ended = datetime.fromisoformat(part.ended_wall_iso or part.started_wall_iso)
+    end = datetime.fromisoformat(part.ended_wall_iso or part.started_wall_iso)
     now = datetime.fromisoformat(now_iso)
-    first, latest = (ended + timedelta(days=days) for days in days_between)
+    first, latest = (end + timedelta(days=days) for days in days_between)
     return NextSession(
         number,
         name,
         f"{first:%Y-%m-%d}",
         f"{latest:%Y-%m-%d}",
-        (now - ended) / timedelta(days=1),
+        (now - end) / timedelta(days=1),
         # days, not hours: who came at noon may come a week later in the morning
         is_early=now.date() < first.date(),
         is_late=now.date() > latest.date(),

@@ -76,12 +76,12 @@ class Aimed:
         distance_m = np.full(n, np.inf)
         if self.distance_m is not None:
             distance_m = np.where(np.isfinite(self.distance_m), self.distance_m, np.inf)
-            met = np.flatnonzero(np.isfinite(distance_m))
-            if self.origin_m is not None and met.size:
-                goal = self.origin_m[met] + distance_m[met, None] * direction[met]
-                away = goal - look.eyes_m[met]
-                distance_m[met] = np.sqrt((away * away).sum(axis=1))
-                direction[met] = away / distance_m[met, None]
+            hits = np.flatnonzero(np.isfinite(distance_m))
+            if self.origin_m is not None and hits.size:
+                goal = self.origin_m[hits] + distance_m[hits, None] * direction[hits]
+                away = goal - look.eyes_m[hits]
+                distance_m[hits] = np.sqrt((away * away).sum(axis=1))
+                direction[hits] = away / distance_m[hits, None]
         if self.fixates:
             fixation_rows(t_s, look.seed, direction)
         return Aim(direction, distance_m, np.ascontiguousarray(self.openness_01, np.float64))

@@ -104,9 +104,9 @@ class _Hierarchy:
         return self._words.pop(0)
 
     def _demand(self, word: str) -> None:
-        got = self._next(word)
-        if got.upper() != word:
-            raise self._fail(f"{got[:40]!r} instead of {word}")
+        word_read = self._next(word)
+        if word_read.upper() != word:
+            raise self._fail(f"{word_read[:40]!r} instead of {word}")
 
     def _numbers(self, what: str) -> tuple[float, float, float]:
         numbers = []

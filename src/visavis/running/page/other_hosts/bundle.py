@@ -63,12 +63,12 @@ def completed_places(study_folder: Path) -> Counter[int]:
 
     A place that somebody left, declined or withdrew from, or that nobody had, is in none.
     """
-    done: Counter[int] = Counter()
+    completions: Counter[int] = Counter()
     for path in sorted(study_folder.glob("sub-*/ses-*/manifest.json")):
         manifest = read_manifest(path.parent)
         if manifest.parts and manifest.parts[-1].status == "complete":
-            done[int(manifest.plan["participant_index"])] += 1
-    return done
+            completions[int(manifest.plan["participant_index"])] += 1
+    return completions
 
 
 def open_places(

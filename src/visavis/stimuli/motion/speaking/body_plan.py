@@ -146,7 +146,7 @@ def _pieces(
     n: int,
 ) -> tuple[list[Piece], tuple[bool, ...]]:
     """Choose and place a piece for every phrase; one longer one where a posture is repeated."""
-    used: set[int] = set()
+    clips: set[int] = set()
     pieces: list[Piece] = []
     is_longer = [False] * len(postures)
     free = 0
@@ -155,9 +155,9 @@ def _pieces(
         phrase = script.phrases[i]
         yaw_at = phrase.stroke_end_s - YAW_BEFORE_01 * speaker.mean_phrase_s * rng.random()
         com_at = phrase.stroke_end_s + COM_AFTER_01 * speaker.mean_phrase_s * rng.random()
-        clip, tempo, count = _choose(speaker, script, postures, i, used, rng)
+        clip, tempo, count = _choose(speaker, script, postures, i, clips, rng)
         end_phrase = script.phrases[i + count - 1]
-        used.add(clip.row)
+        clips.add(clip.row)
         is_longer[i + 1 : i + count] = [True] * (count - 1)
         # As much of the clip as it has, and as the phrases have, on both sides of the stroke's end.
         before_s = min(
