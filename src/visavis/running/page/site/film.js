@@ -5,6 +5,9 @@ import * as wire from "./wire.js";
 const AT_ONCE = 2;
 const TRIES = 4;
 const FIRST_FRAME_LIMIT_MS = 10000;
+const MAX_AHEAD_S = 0.1;
+const TOGETHER_S = 0.04;
+const KEYS = ["play", "pause", "stop", "seekbackward", "seekforward", "seekto"];
 const cache = new Map();
 
 const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
@@ -13,6 +16,13 @@ async function hashOf(buffer) {
   if (!globalThis.crypto?.subtle) return null; // not on a plain address of another machine
   const digest = await crypto.subtle.digest("SHA-256", buffer);
   return [...new Uint8Array(digest)].map((b) => b.toString(16).padStart(2, "0")).join("");
+}
+
+// The media keys of a keyboard or of headphones neither stop a film nor begin it anew.
+for (const action of KEYS) {
+  try {
+    globalThis.navigator?.mediaSession?.setActionHandler(action, () => {});
+  } catch { /* this browser has no such key */ }
 }
 
 // Browsers begin sound only after a click or a key: a page loaded anew has had neither.
@@ -79,13 +89,15 @@ class Player {
     this.soundMs = null;
     this.volume = 0;
     this.isOver = false;
+    this.waits = false;
     this.hasFrameTimes = "requestVideoFrameCallback" in video;
     video.addEventListener("waiting", () => { if (this.firstMs !== null && !video.ended) this.stalls += 1; });
   }
 
-  watch(onFrame) {
+  watch(onFrame, onRendered) {
     const onPresented = (now, data) => {
       if (this.isOver) return;
+      onRendered(now);
       if (this.firstMs === null) {
         this.firstMs = data.expectedDisplayTime || now;
         this.hear(data.mediaTime);
@@ -102,6 +114,7 @@ class Player {
     let last = -1;
     const look = (now) => {
       if (this.isOver) return;
+      onRendered(now);
       const at = this.video.currentTime;
       if (at !== last && this.video.readyState >= 2 && !this.video.paused) {
         if (this.firstMs === null) { this.firstMs = now; this.hear(at); }
@@ -141,6 +154,26 @@ export function play(films, videos, onRound, once = false) {
   const players = films.map((film, i) => new Player(film, videos[i]));
   let apartMs = 0;
   let fail = () => {};
+  // Films tell of the same rendering one after another: it is complete when the next one's first tells.
+  let renderedMs = null;
+  const onRendered = (now) => {
+    if (now === renderedMs) return;
+    renderedMs = now;
+    if (players.length < 2 || players.some((p) => p.firstMs === null || p.rounds !== players[0].rounds)) return;
+    const last = Math.min(...players.map((p) => p.mediaS));
+    for (const player of players) {
+      const aheadS = player.mediaS - last;
+      apartMs = Math.max(apartMs, 1000 * aheadS);
+      if (aheadS > MAX_AHEAD_S && !player.video.ended) { player.waits = true; player.video.pause(); }
+      if (aheadS < TOGETHER_S) goOn(player);
+    }
+  };
+  // Of a pair the film that is ahead waits for the other.
+  const goOn = (player) => {
+    if (!player.waits) return;
+    player.waits = false;
+    player.video.play().catch(() => {});
+  };
   const first = new Promise((resolve, reject) => {
     fail = (film, why) => reject(Object.assign(new Error(why), { film }));
     const limit = setTimeout(() => {
@@ -148,10 +181,6 @@ export function play(films, videos, onRound, once = false) {
       if (late) fail(late.film, "no picture was presented in ten seconds");
     }, FIRST_FRAME_LIMIT_MS);
     const onFrame = () => {
-      if (players.length > 1 && players.every((p) => p.firstMs !== null && p.rounds === players[0].rounds)) {
-        const places = players.map((p) => p.mediaS);
-        apartMs = Math.max(apartMs, 1000 * (Math.max(...places) - Math.min(...places)));
-      }
       if (players.every((p) => p.firstMs !== null)) {
         clearTimeout(limit);
         resolve(Math.max(...players.map((p) => p.firstMs)));
@@ -160,10 +189,11 @@ export function play(films, videos, onRound, once = false) {
     for (const player of players) {
       const { video, film } = player;
       video.addEventListener("error", () => fail(film, `error ${video.error?.code}: ${video.error?.message || "it cannot be played"}`));
-      player.watch(onFrame);
+      player.watch(onFrame, onRendered);
     }
   });
   const again = () => {
+    players.forEach(goOn); // nobody is waited for who is at the end
     if (players.some((p) => p.isOver || !p.video.ended)) return;
     for (const player of players) { player.rounds += 1; player.mediaS = 0; }
     onRound(players[0].rounds);
@@ -186,7 +216,7 @@ export function play(films, videos, onRound, once = false) {
     first,
     report: () => Object.fromEntries(players.map((p) => [p.film.place, p.report()])),
     apartMs: () => (players.length > 1 ? apartMs : null),
-    resume: () => { for (const p of players) if (p.video.paused && !p.video.ended) p.video.play().catch(() => {}); },
+    resume: () => { for (const p of players) if (p.video.paused && !p.video.ended && !p.waits) p.video.play().catch(() => {}); },
     end: () => { for (const p of players) { p.isOver = true; p.video.pause(); } },
   };
 }
