@@ -11,7 +11,13 @@ from visavis.lab.geometry import Vector
 from visavis.stimuli.motion.clip import Clip, placed_joints
 from visavis.stimuli.motion.errors import MotionError
 from visavis.stimuli.motion.skeleton import canonical_skeleton, forward
-from visavis.stimuli.motion.speaking.body_plan import Turn, plan_body, sample_postures, trunk_of
+from visavis.stimuli.motion.speaking.body_plan import (
+    Fill,
+    Turn,
+    plan_body,
+    sample_postures,
+    trunk_of,
+)
 from visavis.stimuli.motion.speaking.body_track import RATE_HZ, YAW, centre_of_mass, measure_body
 from visavis.stimuli.motion.speaking.gesture_script import GesturePhrase, GestureScript
 from visavis.stimuli.motion.speaking.performance import perform
@@ -133,11 +139,11 @@ def jumps(speaker: Speaker, hips: Vector, junctions: tuple[int, ...]) -> Vector:
 
 
 @pytest.mark.parametrize("fill", ["F", "I"])
-def test_velocity_hardly_jumps_where_pieces_meet(
-    learnt: tuple[Speaker, Planted], script: GestureScript, fill: str
+def test_velocity_hardly_jumps_wherever_pieces_meet(
+    learnt: tuple[Speaker, Planted], script: GestureScript, fill: Fill
 ) -> None:
-    plan = plan_body(learnt[0], script, fill, 5)  # type: ignore[arg-type]
-    assert np.quantile(jumps(learnt[0], plan.hips, plan.junctions), 0.95) <= 1.2
+    plans = [plan_body(learnt[0], script, fill, seed) for seed in range(8)]
+    assert 1.2 >= max(jumps(learnt[0], plan.hips, plan.junctions).max() for plan in plans)
 
 
 def test_without_a_body_nothing_below_the_arms_moves(

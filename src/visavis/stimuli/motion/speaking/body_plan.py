@@ -4,8 +4,9 @@ lead there at the right time, and what fills the time between them.
 Source: a study of gestures with full-body posture; what it leaves open is marked as our choice.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
@@ -19,8 +20,8 @@ from visavis.stimuli.motion.speaking.gesture_script import HANDS, GestureScript
 from visavis.stimuli.motion.speaking.speaker import NINE, Clip, Posture, Speaker
 from visavis.stimuli.motion.synthesis.gap_filling import (
     Hold,
-    best_segment,
     fill_gap,
+    ranked_segments,
 )
 
 Fill = Literal["F", "I", "none"]
@@ -36,6 +37,8 @@ CANDIDATES: Final = 12
 """So many pieces of a posture are drawn, of which the one that begins most like idling is taken:
 the best of all would always be the same (our choice).
 """
+SEGMENTS: Final = 64
+"""So many pieces that fit a gap are tried where velocity jumps at the edges of the best."""
 ENTER_STEP: Final = 1
 CALM: Final = 1.0
 GROWTH: Final = 1.5
@@ -131,7 +134,7 @@ def plan_body(speaker: Speaker, script: GestureScript, fill: Fill, seed: int) ->
         begin = piece.first + len(piece.hips)
     # After the last piece the speaker goes back to the middle.
     if begin < n:
-        hips[begin:] = _filled(speaker, hips, begin, np.empty((0, 6)), n, fill)
+        _join(speaker, hips, begin, Piece(n, np.empty((0, 6))), fill)
         junctions.append(begin)
     return BodyPlan(
         hips, postures, tuple(junctions), _turns(speaker, script, postures, rng), is_longer
@@ -249,13 +252,12 @@ def _join(speaker: Speaker, hips: Vector, begin: int, piece: Piece, fill: Fill) 
     """Write a piece and what leads to it from frame `begin` on; return where the piece begins.
 
     Where velocity would jump by more than the speaker's fast frames have, the piece is entered
-    later; if that does not help, where it jumps least.
+    later; if that does not help, the gap is filled with what fits next best, or else so that it
+    jumps least.
     """
     best = (np.inf, piece.first, np.empty((0, 6)))
-    for enter in range(0, max(1, len(piece.hips) - 2), ENTER_STEP):
-        to = piece.first + enter
-        own = piece.hips[enter:]
-        filled = _filled(speaker, hips, begin, own, to, fill)
+    for to, filled in _ways(speaker, hips, begin, piece, fill):
+        own = piece.hips[to - piece.first :]
         hips[begin:to] = filled
         hips[to : to + len(own)] = own
         jump = max(_jump(speaker, hips[: to + len(own)], k) for k in (begin, to))
@@ -270,6 +272,20 @@ def _join(speaker: Speaker, hips: Vector, begin: int, piece: Piece, fill: Fill) 
     return to
 
 
+def _ways(
+    speaker: Speaker, hips: Vector, begin: int, piece: Piece, fill: Fill
+) -> Iterator[tuple[int, Vector]]:
+    """Yield where a piece may be entered, with what fills the frames before: the best filling of
+    every entry, then the others.
+    """
+    for first, last in ((0, 1), (1, None)):
+        for enter in range(0, max(1, len(piece.hips) - 2), ENTER_STEP):
+            to = piece.first + enter
+            fillings = _fillings(speaker, hips, begin, piece.hips[enter:], to, fill)
+            for filled in islice(fillings, first, last):
+                yield to, filled
+
+
 def _jump(speaker: Speaker, hips: Vector, k: int) -> float:
     """Return by how much velocity changes at most about frame `k`, in speeds of fast frames."""
     speed = np.diff(hips[max(0, k - 2) : k + 2][:, [0, YAW]], axis=0) * RATE_HZ
@@ -278,15 +294,16 @@ def _jump(speaker: Speaker, hips: Vector, k: int) -> float:
     return float((np.abs(np.diff(speed, axis=0)) / speaker.scale / speaker.fast).max())
 
 
-def _filled(
+def _fillings(
     speaker: Speaker, hips: Vector, begin: int, then: Vector, to: int, fill: Fill
-) -> Vector:
-    """Return frames `begin` to `to` of the plan, between `hips` before and `then` after them;
-    where there is nothing, the speaker stands in the middle.
+) -> Iterator[Vector]:
+    """Yield frames `begin` to `to` of the plan, between `hips` before and `then` after them, what
+    fits best first; where there is nothing, the speaker stands in the middle.
     """
     gap = to - begin
     if not gap:
-        return np.empty((0, 6))
+        yield np.empty((0, 6))
+        return
     neutral = speaker.neutral[None]
     last = hips[begin - 1 : begin] if begin > 0 else neutral
     following = then[:1] if len(then) else neutral
@@ -294,27 +311,27 @@ def _filled(
         speed = (hips[begin - 1] - hips[begin - 2]) * RATE_HZ if begin > 1 else np.zeros(6)
         t_s = np.arange(1, gap + 1) / RATE_HZ
         whole_s = (gap + 1) / RATE_HZ
-        return np.stack(
+        yield np.stack(
             [
                 Hold(float(last[0, c]), float(speed[c]), float(following[0, c]), whole_s).at(t_s)
                 for c in range(6)
             ],
             axis=1,
         )
+        return
     before = _surroundings(hips[:begin][-WINDOW - 1 :], last, is_before=True)
     after = _surroundings(then[: WINDOW + 1], following, is_before=False)
-    take, start = _search(speaker, before[:, [0, YAW]], after[:, [0, YAW]], gap)
-    track = speaker.takes[take].track
-    piece = fill_gap(track.hips, before, after, gap, start)
-    # Where the bent piece moves much farther than its source, only its deviation is made smaller:
-    # its ends stay.
     share = (np.arange(1, gap + 1) / (gap + 1))[:, None]
     straight = (1 - share) * last + share * following
-    source = track.hips[start : start + gap + 2]
-    limit = GROWTH * np.maximum(np.ptp(source, axis=0), np.abs(following - last)[0])
-    moves = np.maximum(np.ptp(piece, axis=0), 1e-12)
-    bent_piece: Vector = straight + np.minimum(1.0, limit / moves) * (piece - straight)
-    return bent_piece
+    for take, start in _search(speaker, before[:, [0, YAW]], after[:, [0, YAW]], gap):
+        track = speaker.takes[take].track
+        piece = fill_gap(track.hips, before, after, gap, start)
+        # Where the bent piece moves much farther than its source, only its deviation is made
+        # smaller: its ends stay.
+        source = track.hips[start : start + gap + 2]
+        limit = GROWTH * np.maximum(np.ptp(source, axis=0), np.abs(following - last)[0])
+        moves = np.maximum(np.ptp(piece, axis=0), 1e-12)
+        yield straight + np.minimum(1.0, limit / moves) * (piece - straight)
 
 
 def _surroundings(rows: Vector, edge: Vector, *, is_before: bool) -> Vector:
@@ -328,30 +345,29 @@ def _surroundings(rows: Vector, edge: Vector, *, is_before: bool) -> Vector:
     return np.concatenate([still, rows] if is_before else [rows, still])
 
 
-def _search(speaker: Speaker, before: Vector, after: Vector, gap: int) -> tuple[int, int]:
-    """Return take and frame of the piece that fits a gap best, among those without a step.
+def _search(speaker: Speaker, before: Vector, after: Vector, gap: int) -> list[tuple[int, int]]:
+    """Return takes and frames of the pieces without a step that fit a gap, the best first.
 
     Raises:
         MotionError: the corpus has no such piece.
     """
-    best: tuple[float, int, int] | None = None
+    pieces: list[tuple[float, int, int]] = []
     for k, take in enumerate(speaker.takes):
         # The hips' place and yaw stand for weight and direction, as they are what is filled.
         source = take.track.hips[:, [0, YAW]] / speaker.scale
         for first, last in _runs(take.track.steps):
             if last - first < gap + 2 * WINDOW + 3:
                 continue
-            segment = best_segment(
+            ranked = ranked_segments(
                 source[first:last], before / speaker.scale, after / speaker.scale, gap, WINDOW
             )
-            if best is None or segment.distance < best[0]:
-                best = (segment.distance, k, first + segment.start)
-    if best is None:
+            pieces += [(segment.distance, k, first + segment.start) for segment in ranked]
+    if not pieces:
         raise MotionError(
             f"no {gap / RATE_HZ:.1f} s of the corpus on planted feet can fill a gap; record longer "
             "takes, or fill by interpolation (I)"
         )
-    return best[1], best[2]
+    return [(take, start) for _, take, start in sorted(pieces)[:SEGMENTS]]
 
 
 def _runs(steps: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:

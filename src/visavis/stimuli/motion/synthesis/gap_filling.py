@@ -35,6 +35,18 @@ class Segment:
 def best_segment(source: Vector, before: Vector, after: Vector, gap: int, window: int) -> Segment:
     """Return the piece of `source` (n, d) whose surroundings are most like those of a gap.
 
+    Raises:
+        MotionError: the source or the surroundings are too short.
+    """
+    return ranked_segments(source, before, after, gap, window)[0]
+
+
+def ranked_segments(
+    source: Vector, before: Vector, after: Vector, gap: int, window: int
+) -> list[Segment]:
+    """Return pieces of `source` (n, d), those first whose surroundings are most like a gap's; of a
+    long source the best `CANDIDATES`.
+
     `before` (≥ window + 1, d) ends with the last frame before the gap of `gap` frames, `after`
     begins with the first one after it. Squared differences of `window` + 1 frames on either side
     are summed, weighted 1 at the gap and falling linearly to 1 / (window + 1).
@@ -64,10 +76,12 @@ def best_segment(source: Vector, before: Vector, after: Vector, gap: int, window
     off_after = after[: window + 1] - source[starts[:, None] + gap + 1 + offsets]
     each = (off_before**2).sum(axis=-1) + (off_after**2).sum(axis=-1)
     distance = each @ weight
-    best = int(np.argmin(distance))
-    others = np.delete(distance, best)
-    more = float(others.min() - distance[best]) if len(others) else np.nan
-    return Segment(int(starts[best]), float(distance[best]), more)
+    order = np.argsort(distance, kind="stable")
+    more = np.diff(distance[order], append=np.nan)
+    return [
+        Segment(int(starts[k]), float(distance[k]), float(further))
+        for k, further in zip(order, more, strict=True)
+    ]
 
 
 def _rough_distance(
