@@ -89,3 +89,23 @@ def test_the_summary_names_every_planted_rule_with_its_count() -> None:
         assert rule in text
     assert "weight comes to rest 0." in text
     assert "before the stroke's end" in text
+
+
+def test_motions_are_measured_beside_a_corpus(takes: Path, tmp_path: Path) -> None:
+    script = tmp_path / "speech.yaml"
+    script.write_text(SCRIPT, encoding="utf-8")
+    for fill in ("none", "I"):
+        path = tmp_path / f"{fill}.npz"
+        visavis("gesture", script, "--corpus", takes, "--fill", fill, "-o", path)
+    motions = (tmp_path / "none.npz", tmp_path / "I.npz", takes / "one.bvh")
+    printed = visavis("corpus", "measure", *motions, "--corpus", takes, "--json").output
+    still, holds, take = json.loads(printed)
+    assert (1.0, 0.0) == (still["still_01"], still["posture_bits"])
+    assert 1.0 > holds["still_01"] > take["still_01"]
+    assert [0.0, 0.0] == pytest.approx([still["sliding_cmps"], holds["sliding_cmps"]], abs=1e-6)
+    assert still["jerk_mps3"] < holds["jerk_mps3"]
+    assert take["posture_bits"] == pytest.approx(take["corpus_bits"])
+    assert take["apart_bits"] == pytest.approx(0.0, abs=1e-9)
+    assert 0.0 < still["apart_bits"] <= 1.0
+    table = visavis("corpus", "measure", *motions, "--corpus", takes).output
+    assert "none.npz" in table

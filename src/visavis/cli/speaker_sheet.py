@@ -1,15 +1,18 @@
 """What a speaker does as text, and pictures of somebody who gestures."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from PIL import Image, ImageDraw
+from rich.table import Table
 
 from visavis.analysis.statistics.power_estimates import proportion_interval
+from visavis.cli.app import verbatim
 from visavis.cli.warp_sheet import DAYLIGHT
+from visavis.experiments.gestures.viewing import looks_of
 from visavis.lab.clock import NS_PER_S
 from visavis.running.film_store import camera_of, film_drawing
 from visavis.stage.errors import StageError
@@ -19,9 +22,11 @@ from visavis.stage.stills import Stills
 from visavis.stimuli.characters.character import MORPHS, Character
 from visavis.stimuli.motion.build import build_of_character
 from visavis.stimuli.motion.clip import Clip
+from visavis.stimuli.motion.speaking.body_track import BodyTrack, measure_body
 from visavis.stimuli.motion.speaking.gesture_script import GesturePhrase, GestureScript
 from visavis.stimuli.motion.speaking.gesturing import gesture_arms
 from visavis.stimuli.motion.speaking.lexemes import LEXEMES
+from visavis.stimuli.motion.speaking.motion_measures import mean_jerk_mps3, posture_use
 from visavis.stimuli.motion.speaking.mouth import Mouth, mouth_of
 from visavis.stimuli.motion.speaking.performance import performed
 from visavis.stimuli.motion.speaking.speaker import Delay, Speaker
@@ -152,6 +157,39 @@ def _delay_line(what: str, delay: Delay, since: str) -> str:
         f"{what} {abs(delay.mean_s):.3f} s {side} {since} "
         f"(SD {delay.sd_s:.3f}, standard error {delay.error_s:.3f}, n = {delay.n})"
     )
+
+
+def motion_summary(name: str, clip: Clip, corpus: tuple[BodyTrack, ...]) -> dict[str, Any]:
+    """Return how a speaker's motion looks, and how it uses postures beside a corpus."""
+    looks = looks_of(clip, clip.duration_s)
+    use = posture_use(measure_body(clip, name), corpus)
+    return {
+        "motion": name,
+        "seconds": clip.duration_s,
+        "still_01": looks.still_01,
+        "sliding_cmps": looks.sliding_cmps,
+        "jerk_mps3": mean_jerk_mps3(clip, clip.duration_s),
+        "posture_bits": use.own_bits,
+        "corpus_bits": use.corpus_bits,
+        "apart_bits": use.apart_bits,
+    }
+
+
+def motion_table(rows: Sequence[dict[str, Any]]) -> Table:
+    """Return summaries of motions as a table."""
+    table = Table("motion", box=None, pad_edge=False)
+    for heading in ("s", "still", "feet, cm/s", "jerk, m/s³", "postures, bits", "corpus", "apart"):
+        table.add_column(heading, justify="right")
+    for row in rows:
+        table.add_row(
+            verbatim(row["motion"]),
+            f"{row['seconds']:.1f}",
+            f"{row['still_01']:.2f}",
+            f"{row['sliding_cmps']:.1f}",
+            f"{row['jerk_mps3']:.0f}",
+            *(f"{row[name]:.2f}" for name in ("posture_bits", "corpus_bits", "apart_bits")),
+        )
+    return table
 
 
 def _room() -> Room:

@@ -18,14 +18,23 @@ from visavis.cli.app import (
     verbatim,
 )
 from visavis.cli.commands.preview import picture_size
-from visavis.cli.speaker_sheet import draw_lexemes, speaker_summary, speaker_text, write_motion_film
+from visavis.cli.speaker_sheet import (
+    draw_lexemes,
+    motion_summary,
+    motion_table,
+    speaker_summary,
+    speaker_text,
+    write_motion_film,
+)
 from visavis.lab.errors import UsageError
 from visavis.stage.film_sound import CODECS
 from visavis.stimuli.characters.cast import load_character
 from visavis.stimuli.motion.build import build_of_character
 from visavis.stimuli.motion.bvh import write_bvh
 from visavis.stimuli.motion.bvh_clip import bvh_of_clip
-from visavis.stimuli.motion.clip_file import write_clip
+from visavis.stimuli.motion.clip_file import read_clip, write_clip
+from visavis.stimuli.motion.motion_file import read_motion
+from visavis.stimuli.motion.skeleton import canonical_skeleton
 from visavis.stimuli.motion.speaking.annotations import Tiers, read_any_script
 from visavis.stimuli.motion.speaking.body_plan import Fill
 from visavis.stimuli.motion.speaking.corpus import read_corpus
@@ -144,6 +153,39 @@ def fit(
         return
     for line in speaker_text(speaker):
         say(verbatim(line))
+
+
+@corpus_app.command()
+def measure(
+    motions: Annotated[
+        list[Path], typer.Argument(help="Motions of standing speakers: .bvh, .npz.")
+    ],
+    corpus: Annotated[
+        str, typer.Option(help="Folder of takes that postures are compared with; or synthetic.")
+    ] = SYNTHETIC,
+    unit_m: UnitOption = 0.01,
+    tier: TierOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Measure how motions look: share of time that hips stand still, feet that slide, jerk,
+    postures beside the corpus.
+
+    Example: visavis corpus measure speech.bvh recordings/speaker_1/take_1.bvh
+    """
+    skeleton = canonical_skeleton()
+    # A clip of ours keeps its own skeleton, in which its feet stand.
+    clips = {
+        path: read_clip(path)
+        if path.suffix.lower() == ".npz"
+        else read_motion(path, skeleton, unit_m=unit_m)
+        for path in motions
+    }
+    tracks = tuple(take.track for take in _speaker(corpus, unit_m, _tiers(tier), 0.65).takes)
+    rows = [motion_summary(path.name, clip, tracks) for path, clip in clips.items()]
+    if as_json:
+        say_json(rows)
+        return
+    console.print(motion_table(rows))
 
 
 @corpus_app.command()
