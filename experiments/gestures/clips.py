@@ -76,11 +76,19 @@ def clip_of(body: str, part: int, version: int) -> Clip:
     return cut(whole(body, version), (part - 1) * frames, part * frames)
 
 
+def heard_from_s(part: int, speech: str, late_ms: float) -> float:
+    """Return the second of the speech with which a part's film begins: that of its gestures
+    (`own`), or of the next part (`other`); the sound comes `late_ms` later than the body moves.
+    """
+    other = part % len(PARTS) + 1
+    return PART_S * ((other if speech == "other" else part) - 1) - late_ms / 1000
+
+
 @cache
-def mouth_of_part(part: int) -> Callable[[float], tuple[float, float]]:
-    """Return how the lips move in a part of the speech, whatever the body does."""
-    return partial(_mouth_at, part)
+def mouth_from(from_s: float) -> Callable[[float], tuple[float, float]]:
+    """Return how the lips move with the speech from then on, whatever the body does."""
+    return partial(_mouth_at, from_s)
 
 
-def _mouth_at(part: int, t_s: float) -> tuple[float, float]:
-    return mouth().at(t_s + PART_S * (part - 1)) if 0.0 <= t_s <= PART_S else (0.0, 0.0)
+def _mouth_at(from_s: float, t_s: float) -> tuple[float, float]:
+    return mouth().at(t_s + from_s) if 0.0 <= t_s <= PART_S else (0.0, 0.0)

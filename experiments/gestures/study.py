@@ -19,7 +19,8 @@ from visavis.experiments.gestures.clips import (
     RATE_HZ,
     VERSIONS,
     clip_of,
-    mouth_of_part,
+    heard_from_s,
+    mouth_from,
     speech_file,
 )
 from visavis.experiments.gestures.facts import OF_CLIPS, ORDERS_OF_CLIPS, WHERE
@@ -60,7 +61,14 @@ study = Study(
     "gestures",
     "Gestures with and without a moving body",
     "Does a speaker look more natural when weight and hips move with the gestures?",
-    factors=[Factor("body", tuple(FILLS)), Factor("part", PARTS), Factor("version", VERSIONS)],
+    factors=[
+        Factor("body", tuple(FILLS)),
+        Factor("part", PARTS),
+        Factor("version", VERSIONS),
+        # Other levels are for labs that ask what the match of body and speech is worth.
+        Factor("speech", ("own",)),
+        Factor("sound_late_ms", (0,)),
+    ],
     order="random",
     cells=("body",),
     texts="texts",
@@ -114,18 +122,23 @@ study = Study(
 
 
 @study.scene("speaking")
-def speaking(staging: Staging, *, body: str, part: int, version: int) -> StagedScene:
-    """Return the speaker of a part of the speech, with a body."""
-    does = Recorded(clip_of(body, part, version), mouth_of_part(part))
+def speaking(staging: Staging, *, body: str, part: int, version: int, from_s: float) -> StagedScene:
+    """Return the speaker of a part of the speech, with a body; the lips say what is heard."""
+    does = Recorded(clip_of(body, part, version), mouth_from(from_s))
     one = Standing(CHARACTER, "person", 0.0, -AWAY_M, 180.0, does, 7)
     return scene_of_people(staging, "speaking", (one,), "person", "averted")
 
 
-def film_of(body: str, part: int, version: int) -> Film:
-    """Return the film of a part; without a body every version is the same film."""
+def film_of(body: str, part: int, version: int, speech: str = "own", late_ms: float = 0.0) -> Film:
+    """Return the film of a part; without a body every version is the same film.
+
+    `speech` is `own`, or `other` for what is said in the next part; `late_ms` how much later than
+    the body moves (below 0: sooner) it is heard.
+    """
     shown_version = VERSIONS[0] if body == "still" else version
-    scene = Scene("speaking", body=body, part=part, version=shown_version)
-    voice = Voice(speech_file().name, PART_S * (part - 1))
+    from_s = heard_from_s(part, speech, late_ms)
+    scene = Scene("speaking", body=body, part=part, version=shown_version, from_s=from_s)
+    voice = Voice(speech_file().name, from_s)
     return Film(scene, PART_S, FILM_PX, rate_hz=round(RATE_HZ), lens=LENS, voice=voice)
 
 
@@ -135,7 +148,7 @@ study.facts(CARELESS.facts)
 @study.trial
 def trial(t: TrialScript) -> Iterator[Action]:
     """Show a part of the speech once and have it rated."""
-    film = film_of(t.body, int(t.part), int(t.version))
+    film = film_of(t.body, int(t.part), int(t.version), t.speech, float(t.sound_late_ms))
     rating = Rating("naturalness", -2, 2)
     yield t.watch(film, rating, replay=False)
 

@@ -41,6 +41,12 @@ def test_a_part_of_a_recording_is_silent_after_its_end_and_does_not_begin_there(
         part_of(TONE, 1.0, 1.0)
 
 
+def test_a_part_that_begins_before_a_recording_is_silent_until_then() -> None:
+    assert part_of(TONE, -0.5, 1.0).samples[:, 0].tolist() == [0.0] * 50 + [1.0] * 50
+    with pytest.raises(DataError, match=r"nothing of it is left at -1 s"):
+        part_of(TONE, -1.0, 1.0)
+
+
 def test_one_film_of_a_pair_is_heard() -> None:
     silent, heard = (
         Film(Scene("person"), 1.0, voice=voice) for voice in (None, Voice("speech.wav"))

@@ -83,19 +83,19 @@ def read_sound(path: Path) -> Sound:
 
 
 def part_of(sound: Sound, from_s: float, seconds: float) -> Sound:
-    """Return so many seconds of a recording; silence where it is over.
+    """Return so many seconds of a recording; silence before it begins and where it is over.
 
     Raises:
-        DataError: it is over before `from_s`.
+        DataError: nothing of it is heard.
     """
-    if not 0.0 <= from_s < sound.duration_s:
+    if not -seconds < from_s < sound.duration_s:
         raise DataError(
             f"{sound.name} lasts {sound.duration_s:.2f} s; nothing of it is left at {from_s:g} s"
         )
     first, count = round(from_s * sound.rate_hz), round(seconds * sound.rate_hz)
     samples = np.zeros((count, sound.samples.shape[1]), np.float32)
-    own = sound.samples[first : first + count]
-    samples[: len(own)] = own
+    own = sound.samples[max(first, 0) : max(first + count, 0)]
+    samples[max(-first, 0) :][: len(own)] = own
     return Sound(f"{sound.name} from {from_s:g} s", samples, sound.rate_hz)
 
 

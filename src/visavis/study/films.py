@@ -141,6 +141,7 @@ def _check_view(fov_v_deg: float) -> None:
 class Voice:
     """The sound of a film: a recording (WAV) beside the study, from `from_s` seconds on.
 
+    Below 0 there is silence until it begins.
     Before a headset or a monitor it comes from the head of whoever plays the role `speaker`.
     """
 
@@ -149,8 +150,10 @@ class Voice:
     speaker: str = "active"
 
     def __post_init__(self) -> None:
-        if not self.file or not 0.0 <= self.from_s < MAX_FILM_S:
-            raise DesignError(f"{self} is no sound; name a WAV file, and a time from 0 s on")
+        if not self.file or not abs(self.from_s) < MAX_FILM_S:
+            raise DesignError(
+                f"{self} is no sound; name a WAV file, and a time of less than {MAX_FILM_S:g} s"
+            )
 
 
 Moving: TypeAlias = Directed | Following | Placed

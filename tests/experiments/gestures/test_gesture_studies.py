@@ -12,7 +12,16 @@ from tests.stimuli.motion.speaking.touching import clearance_m
 from visavis.analysis.statistics import independent_t
 from visavis.cli.quick_tracker import tracker_of
 from visavis.experiments.gestures import published
-from visavis.experiments.gestures.clips import FILLS, PART_S, PARTS, VERSIONS, clip_of, whole
+from visavis.experiments.gestures.clips import (
+    FILLS,
+    PART_S,
+    PARTS,
+    VERSIONS,
+    clip_of,
+    heard_from_s,
+    mouth_from,
+    whole,
+)
 from visavis.experiments.gestures.pairs import study as pairs
 from visavis.experiments.gestures.sections import (
     person_means,
@@ -128,3 +137,18 @@ def test_one_person_alone_is_reported_without_tests() -> None:
     rows = judged("gestures")
     alone = rows[rows["participant"] == rows["participant"].iloc[0]]
     assert "not computed" in text_of(ratings_as_printed(analysis_of(alone), Any))
+
+
+def test_the_same_body_is_heard_with_other_speech_and_sooner_or_later() -> None:
+    named = {"part": [1, 3], "version": [1], "body": ["corpus"], "speech": ["own", "other"]}
+    experiment = OpenedStudy(study).experiment(named | {"sound_late_ms": [-300, 0, 300]})
+    films = set(experiment.films)
+    assert 12 == len(films)
+    heard_s: dict[int, list[float]] = {1: [], 3: []}
+    for film in films:
+        assert film.voice is not None
+        heard_s[film.scene.options["part"]].append(round(film.voice.from_s, 3))
+    assert [-0.3, 0.0, 0.3, 10.7, 11.0, 11.3] == sorted(heard_s[1])
+    assert [-0.3, 0.0, 0.3, 21.7, 22.0, 22.3] == sorted(heard_s[3])
+    late, own = (mouth_from(heard_from_s(1, "own", late_ms)) for late_ms in (300.0, 0.0))
+    assert own(3.0) == pytest.approx(late(3.3)) != (0.0, 0.0)
