@@ -54,7 +54,7 @@ class Place:
     def __init__(self, root: Path, rules: Rules) -> None:
         self.clock = SimClock()
         self.lab = config(root)
-        self.folder = self.lab.data_root / "simulated" / "films"
+        self.folder = self.lab.data_root / "simulated" / study().name
         self.folder.mkdir(parents=True, exist_ok=True)
         self.ledger = Ledger(self.folder, self.clock, prefix="S")
         self.who: dict[str, Mapping[str, str]] = {}
@@ -241,6 +241,79 @@ def test_a_place_is_taken_with_the_consent_and_whoever_consents_too_late_is_told
     assert {} == place.who
 
 
+def serve_file(path: Path, text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make what this module serves the study that a file holds."""
+    path.write_text(text, "utf-8")
+    found = find_study(str(path))
+    for name, made in (("study", found), ("experiment", found.experiment({}))):
+        monkeypatch.setattr(f"{__name__}.{name}", lambda made=made: made)
+
+
+WITHOUT_CONSENT = """
+from visavis import Factor, Film, Rating, Scene, Study
+
+study = Study(
+    "at_once", factors=[Factor("motion", ["idle"])], on="browser", uses=(), calibrate=False,
+)
+
+
+@study.trial
+def trial(t):
+    shown = Film(Scene("person", motion=t.motion), 0.5, size_px=(160, 160), rate_hz=30)
+    yield t.watch(shown, Rating("lively", 1, 5))
+"""
+
+
+def test_without_consent_a_place_is_taken_with_the_first_answer_of_a_person(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    serve_file(tmp_path / "open.py", WITHOUT_CONSENT, monkeypatch)
+    place = Place(tmp_path, Rules(quota=1))
+
+    def has_loaded(step: PageStep) -> bool:  # which every page does by itself
+        return step.kind != "preload"
+
+    async def act(base: str, reception: Reception) -> list[Any]:
+        first, second = await arrive(base, {}), await arrive(base, {"PROLIFIC_PID": "5f3a99c"})
+        for address in (first, second):
+            await visit(address, place.visitor(), place.clock, ends=has_loaded)
+        counts = [(await reception.board())["counts"]]
+        outcomes = [await visit(at, place.visitor(), place.clock) for at in (first, second)]
+        with pytest.raises(DataError, match="enough participants"):
+            await arrive(base, {})
+        return [*counts, *outcomes, (await reception.board())["counts"]]
+
+    found = served(place, act)
+    assert [{"arrived": 2}, "done", "full", {"complete": 1, "full": 1}] == found
+    late = Recording(place.sessions()[1])
+    payloads = late.events().loc[late.events()["name"] == "page_event", "payload"]
+    assert {"is_full": True} == [p["reply"] for p in payloads if p["kind"] == "reply"][-1]
+    assert 0 == len(late.trials())
+    assert {} == place.who
+
+
+def test_who_goes_on_without_consent_has_a_place_only_if_they_answered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    serve_file(tmp_path / "open.py", WITHOUT_CONSENT, monkeypatch)
+    place = Place(tmp_path, Rules(quota=1))
+
+    async def opens(base: str, reception: Reception) -> str:
+        address = await arrive(base, {})
+        await visit(address, place.visitor(), place.clock, ends=lambda step: True)
+        return address.partition("#")[2]
+
+    key = served(place, opens)
+
+    async def comes_back(base: str, reception: Reception) -> list[Any]:
+        assert await reception.session_of(key) is not None
+        counts = (await reception.board())["counts"]
+        first = await visit(await arrive(base, {}), place.visitor(), place.clock)
+        return [counts, first, await visit(f"{base}/#{key}", place.visitor(), place.clock)]
+
+    assert [{"arrived": 1}, "done", "full"] == served(place, comes_back)
+
+
 IN_GROUPS = """
 from visavis import Factor, Rating, Study
 
@@ -259,15 +332,13 @@ def trial(t):
 def test_each_group_takes_as_many_as_are_wanted_of_it_and_who_leaves_makes_room_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "grouped.py").write_text(IN_GROUPS, "utf-8")
-    grouped = find_study(str(tmp_path / "grouped.py"))
-    for name, made in (("study", grouped), ("experiment", grouped.experiment({}))):
-        monkeypatch.setattr(f"{__name__}.{name}", lambda made=made: made)
+    serve_file(tmp_path / "grouped.py", IN_GROUPS, monkeypatch)
     place = Place(tmp_path, Rules(group_quota=2))
 
     async def act(base: str, reception: Reception) -> list[str]:
         at = [await arrive(base, {}) for _ in range(4)]
         outcomes = [await visit(address, place.visitor(), place.clock) for address in at[:3]]
+        await visit(at[3], place.visitor(), place.clock, ends=lambda s: s.content.get("trial") == 2)
         with pytest.raises(DataError, match="enough participants"):
             await arrive(base, {})
         place.clock.sleep_until_ns(place.clock.now_ns() + IDLE_NS + 1)  # the fourth leaves

@@ -14,14 +14,14 @@ from visavis.lab.errors import LabError
 from visavis.protocol.people.ledger import Participant
 from visavis.recording.lock import is_held
 from visavis.recording.reader import Recording
-from visavis.running.page.course import DECLINED, FULL, STOPPED, WITHDRAWN
+from visavis.running.page.course import DECLINED, FILMS_LOADED, FULL, STOPPED, WITHDRAWN
 
 ARRIVED: Final = "arrived"
-"""State of a participant who has not consented yet, and has no place so far."""
+"""State of a participant who has not consented or answered yet, and has no place so far."""
 STATES: Final = {
     "complete": "complete",
     "running": "at it",
-    ARRIVED: "reads about it",
+    ARRIVED: "has not begun",
     "left": "left",
     STOPPED: "stopped, data kept",
     WITHDRAWN: "wants deletion",
@@ -127,7 +127,8 @@ def state_of(recording: Recording, events: pd.DataFrame) -> str:
         return FULL
     if not is_held(recording.path):
         return "left"
-    return "running" if (names == "page_event").any() else ARRIVED
+    replies = sum(p["kind"] == "reply" for p in events.loc[names == "page_event", "payload"])
+    return "running" if replies > (names == FILMS_LOADED).sum() else ARRIVED
 
 
 def board_of(

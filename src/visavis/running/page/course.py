@@ -18,7 +18,7 @@ from visavis.protocol.plan.session_plan import Block, SessionPlan, Trial, name_a
 from visavis.protocol.plan.steps import Mark, Row
 from visavis.running.page.flat import USUAL_DISTANCE_MM, measured_screen
 from visavis.running.page.spoken_digits import HOW_MANY, say_digits, spoken_digits
-from visavis.running.page.steps import PageStep, Reply, mapping, number, put
+from visavis.running.page.steps import PRELOAD, PageStep, Reply, mapping, number, put
 from visavis.running.page.trial import FilmFailed, FilmFiles, perform_on_page
 from visavis.study.careless_answers import NOT_HEARD
 from visavis.study.experiment import StudyExperiment
@@ -31,6 +31,8 @@ CARD_MM: Final = (85.6, 53.98)
 """A bank card (ISO/IEC 7810, ID-1), which everybody has at hand."""
 SCREEN_MEASURED: Final = "screen_measured"
 SOUND_CHECKED: Final = "sound_checked"
+FILMS_LOADED: Final = "films_loaded"
+"""A page loads films by itself: no person replied to the step before this event."""
 SOUND_STREAM: Final = 0x50D
 """Random stream of a session that chooses the spoken digits."""
 ASSETS: Final = ("person", "beside", "blend")
@@ -42,7 +44,7 @@ WITHDRAWN: Final = "withdrawn"
 """Stopped, and what was recorded is to be deleted."""
 DECLINED: Final = "declined"
 FULL: Final = "full"
-"""Consented, but all places had been taken meanwhile."""
+"""Consented, or began where no consent is asked for, but all places had been taken meanwhile."""
 DONE: Final = "done"
 
 
@@ -109,6 +111,10 @@ Out: TypeAlias = PageStep | Event | TrialRow
 Course: TypeAlias = Generator[Out, Reply | None, str]
 
 
+class NoPlace(Exception):
+    """Somebody began as all places had been taken."""
+
+
 class StopRequest(Exception):
     """A participant stopped; `keep` says whether what was recorded may stay."""
 
@@ -166,9 +172,6 @@ def course(visit: Visit) -> Course:
                     },
                 )
             )
-            if reply.content.get("is_full") is True:
-                yield Event("full", {})
-                return FULL
             has_consented = reply.content.get("agreed") is True
             yield Event("consent", {"version": consent.version, "agreed": has_consented})
             if not has_consented:
@@ -189,8 +192,8 @@ def course(visit: Visit) -> Course:
         if films or lives or pictures:
             more = {"assets": assets} if assets else {}
             more |= {"pictures": pictures} if pictures else {}
-            reply = yield from _step(PageStep("preload", {"films": films, **more}))
-            yield Event("films_loaded", dict(mapping(reply.content.get("films", {}), "films")))
+            reply = yield from _step(PageStep(PRELOAD, {"films": films, **more}))
+            yield Event(FILMS_LOADED, dict(mapping(reply.content.get("films", {}), "films")))
         for block in visit.plan.blocks:
             yield from _block(visit, block)
         of_blocks = {name for block in visit.plan.blocks for name in block.questionnaires}
@@ -200,6 +203,9 @@ def course(visit: Visit) -> Course:
     except StopRequest as stop:
         yield Event("stopped", {"keep": stop.keep})
         return STOPPED if stop.keep else WITHDRAWN
+    except NoPlace:
+        yield Event("full", {})
+        return FULL
     return DONE
 
 
@@ -328,6 +334,8 @@ def _trial(visit: Visit, block: Block, trial: Trial) -> Generator[Out, Reply | N
 
 def _step(step: PageStep) -> Generator[Out, Reply | None, Reply]:
     reply = yield from put(step)
+    if reply.content.get("is_full") is True:
+        raise NoPlace
     if reply.content.get("stop") is not None:
         raise StopRequest(reply.content["stop"] == "keep")
     return reply

@@ -14,6 +14,7 @@ from visavis.running.page.earlier_parts import PAGE_EVENT, REWOUND, REWOUND_FLAG
 from visavis.running.page.replies import check_reply
 from visavis.running.page.steps import (
     MOULDER,
+    PRELOAD,
     BadEventError,
     OpenElsewhereError,
     PageError,
@@ -75,7 +76,8 @@ class PageDesk:
     """Steps that the current trial has shown so far."""
     on_trial: Callable[[], None] | None = None
     take_place: Callable[[], bool] | None = None
-    """Called once somebody consents; False ends the session, as all places are taken."""
+    """Called at the first answer of a person, which is their consent where one is asked for; False
+    ends the session, as all places are taken."""
 
     def __post_init__(self) -> None:
         self._tab = ""
@@ -85,6 +87,8 @@ class PageDesk:
         self._exchanges: list[PageExchange] = []
         self._moves: list[Mapping[str, Any]] = []
         self._opened_before_consent: tuple[int, Mapping[str, Any]] | None = None
+        self.has_answered = False
+        """Whether a person replied; films are loaded by every page that is opened."""
         self._is_replaying = self.past is not None
         self._advance(None)
         if self.past is not None:
@@ -158,7 +162,8 @@ class PageDesk:
                 why = f"no page writes such an event ({type(error).__name__}: {error})"
                 raise BadEventError(n, why) from error
             if self._comes_too_late(payload):
-                payload["reply"] = {"agreed": True, "is_full": True}
+                agreed = {"agreed": True} if self.step.kind == "consent" else {}
+                payload["reply"] = {**agreed, "is_full": True}
             self._report_trial()
             self._record(payload, now_ns)
             self._apply(payload, now_ns)
@@ -248,11 +253,12 @@ class PageDesk:
             self.recorder.event(PAGE_EVENT, t_ns, **refusal)
 
     def _comes_too_late(self, payload: Mapping[str, Any]) -> bool:
-        """Tell whether somebody consents for whom there is no place any more; take it else."""
-        is_consent = self.step.kind == "consent" and payload["kind"] == "reply"
-        if not is_consent or self.take_place is None:
+        """Tell whether somebody begins for whom there is no place any more; take it else."""
+        is_first = payload["kind"] == "reply" and self.step.kind != PRELOAD
+        if not is_first or self.has_answered or self.take_place is None:
             return False
-        return payload["reply"].get("agreed") is True and not self.take_place()
+        takes_part = "stop" not in payload["reply"] and payload["reply"].get("agreed") is not False
+        return takes_part and not self.take_place()
 
     def _report_trial(self) -> None:
         if self.on_trial is not None and self.trial_id:
@@ -297,6 +303,7 @@ class PageDesk:
         elif payload["kind"] == "moved" and payload.get("step") == self.step_number:
             self._moves.append(payload)
         elif payload["kind"] == "reply":
+            self.has_answered = self.has_answered or self.step.kind != PRELOAD
             clock = self._clocks.of(str(payload.get("tab", "")))
             self._advance(Reply(payload["reply"], t_ns, clock.placing(), tuple(self._moves)))
 

@@ -58,7 +58,7 @@ from visavis.study.returning import EXPIRED
 IDLE_NS: Final = 30 * 60 * NS_PER_S
 """After this silence a page counts as left: its place is filled again, its session is kept."""
 ARRIVED_IDLE_NS: Final = 5 * 60 * NS_PER_S
-"""The same for a page whose participant has not consented yet; an open page is heard oftener."""
+"""The same for a page whose participant has not begun yet; an open page is heard oftener."""
 ROUND_S: Final = 5.0
 PLANS_IN_MEMORY: Final = 8
 """A plan is looked at several times while somebody arrives."""
@@ -150,7 +150,8 @@ class Reception:
         """Return the key of a session for a person who arrives, or why there is none.
 
         `before` is the key that their browser remembers. If others could guess the identifier, a
-        session continues only in the browser that began it. A place is taken with the consent.
+        session continues only in the browser that began it. A place is taken with the consent, or
+        with the first answer where none is asked for.
         """
         words = dict(texts_of_page(self._experiment))
         try:
@@ -275,7 +276,7 @@ class Reception:
         return {str(group) for group, n in taken.items() if group is not None and n >= most}
 
     def _take_place(self, label: str) -> bool:
-        """Give a participant who consents a place; tell whether there is one. Thread-safe."""
+        """Give a participant who begins a place; tell whether there is one. Thread-safe."""
         with self._taking_place:
             if self._states.get(label) not in COUNTING:
                 group = next((e.group for e in self._ledger.list() if e.label == label), "")
@@ -464,7 +465,7 @@ class Reception:
     def _keep(self, session: _OpenSession) -> None:
         desk, label = session.page.desk, session.entry.label
         key = desk.key
-        self._states[label] = ARRIVED if desk.step.kind == "consent" else "running"
+        self._states[label] = "running" if desk.has_answered else ARRIVED
         desk.take_place = partial(self._take_place, label)
         self._open[key] = session
         task = asyncio.get_running_loop().create_task(self._end_when_over(session))

@@ -8,6 +8,7 @@ from visavis.running.page.flat import check_distance, check_shown
 from visavis.running.page.steps import (
     BY_LIMIT,
     MOULDER,
+    PRELOAD,
     WAYS,
     PageError,
     PageStep,
@@ -32,6 +33,8 @@ def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
     Raises:
         PageError: saying what is wrong.
     """
+    if "is_full" in content:
+        raise PageError("whether there is a place is not for a page to say")
     if content.get("stop") is not None:
         if content["stop"] not in ("keep", "delete"):
             raise PageError(f"stop is {str(content['stop'])[:40]!r}; it is keep or delete")
@@ -39,8 +42,6 @@ def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
     number(content.get("hidden_ms", 0), "hidden_ms")
     if step.kind == "consent" and not isinstance(content.get("agreed"), bool):
         raise PageError("consent was neither given nor declined")
-    if step.kind == "consent" and "is_full" in content:
-        raise PageError("whether there is a place is not for a page to say")
     if step.kind == "card":
         _check_size(content.get("px_per_mm", ""))
         if content.get("distance_mm") is not None:
@@ -50,7 +51,7 @@ def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
         digits = content.get("heard", "")
         if digits is not None and not (isinstance(digits, str) and TYPED_DIGITS.fullmatch(digits)):
             raise PageError(f"heard are digits, not {str(digits)[:40]!r}")
-    if step.kind == "preload":
+    if step.kind == PRELOAD:
         mapping(content.get("films", {}), "films")
         mapping(content.get("pictures", {}), "pictures")
     if step.kind == "show":

@@ -14,6 +14,8 @@ WAYS: Final = ("keys", "mouse", "touch", "pen", "pasted", "ray")
 BY_LIMIT: Final = "limit"
 """How a slider was answered that nobody moved before its step ended by itself."""
 MOULDER: Final = "moulder"
+PRELOAD: Final = "preload"
+"""Kind of the step to which a page replies by itself."""
 ENDINGS: Final = ("button", "limit", "near")
 MAX_SLIDERS: Final = 100
 MAX_ROWS: Final = 2000
