@@ -3,6 +3,8 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+import numpy as np
+
 from visavis.experiments.crowd.walks import crowd_from_record
 from visavis.lab.errors import DataError
 from visavis.protocol.plan.shown_scene import RecordedScene
@@ -36,9 +38,15 @@ def views_of(shown: RecordedScene) -> Iterator[SceneFrame]:
     track = None
     if board_event is not None and board_event[0] >= on[0] and can_read(x, z):
         track = str(board_event[1]["track"])
+    yield station_frame(scene, shown.t_scene_ns, shown.t_ns - on[0], track)
     # After the walk's last frame the crowd stands still until the next scene.
-    for t_ns in (shown.t_ns, *_ends(shown, on[0])):
-        yield station_frame(scene, shown.t_scene_ns, t_ns - on[0], track)
+    end_ns = shown.once(("end of walk", on[0]), lambda: _end_ns(shown, on[0]))
+    if end_ns is None:
+        return
+    times = shown.recording.stream_arrays("frames", part=shown.part)["t_host_ns"]
+    before = int(np.searchsorted(times, min(shown.t_ns, end_ns)))
+    if before:
+        yield station_frame(scene, shown.t_scene_ns, int(times[before - 1]) - on[0], track)
 
 
 def _scene(name: str, crowd_event: Mapping[str, Any]) -> CrowdScene:
@@ -47,14 +55,8 @@ def _scene(name: str, crowd_event: Mapping[str, Any]) -> CrowdScene:
     return CrowdScene(name, agents=(), crowd=crowd)
 
 
-def _ends(shown: RecordedScene, on_ns: int) -> Iterator[int]:
+def _end_ns(shown: RecordedScene, on_ns: int) -> int | None:
+    """Return when the walk that began then ended; None where it has no row."""
     trials = shown.recording.trials()
-    own_trials = trials[trials["t_start_ns"] == on_ns] if len(trials) else trials
-    if not len(own_trials):
-        return
-    frames = shown.recording.stream_arrays("frames", t_end_ns=shown.t_ns)
-    mine = frames["recording_part"] == shown.part
-    times = frames["t_host_ns"][mine]
-    before = times[times < int(own_trials["t_end_ns"].iloc[-1])]
-    if len(before):
-        yield int(before[-1])
+    ends_ns = trials["t_end_ns"][trials["t_start_ns"] == on_ns] if len(trials) else ()
+    return int(ends_ns.iloc[-1]) if len(ends_ns) else None

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
 from visavis.lab.errors import DataError
@@ -15,6 +16,23 @@ from visavis.recording.reader import Recording
 from visavis.stimuli.scene import Agent, Scene, SceneFrame
 
 T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class _Entries:
+    """Events of one name as arrays: of the n earliest, `last_row[n - 1]` was written last."""
+
+    t_ns: npt.NDArray[np.int64]
+    payloads: list[dict[str, Any]]
+    sorted_ns: npt.NDArray[np.int64]
+    last_row: npt.NDArray[np.int64]
+
+    @classmethod
+    def of(cls, events: pd.DataFrame) -> "_Entries":
+        t_ns = events["t_ns"].to_numpy(np.int64)
+        order = np.argsort(t_ns, kind="stable")
+        last_row = np.maximum.accumulate(order)
+        return cls(t_ns, list(events["payload"]), t_ns[order], last_row)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,12 +87,14 @@ class RecordedScene:
 
     def latest(self, event: str) -> tuple[int, dict[str, Any]] | None:
         """Return time and payload of the last event of a name up to this frame, None before."""
-        events = _events(self.recording, event, self.part)
-        past = events[events["t_ns"] <= self.t_ns]
-        if not len(past):
+        entries = self.once(
+            ("latest", event), lambda: _Entries.of(_events(self.recording, event, self.part))
+        )
+        count = int(np.searchsorted(entries.sorted_ns, self.t_ns, side="right"))
+        if count == 0:
             return None
-        row = past.iloc[-1]
-        return int(row["t_ns"]), dict(row["payload"])
+        row = int(entries.last_row[count - 1])
+        return int(entries.t_ns[row]), dict(entries.payloads[row])
 
     def with_onset(self, event: str) -> dict[str, Any] | None:
         """Return the payload of the event of a name that says of itself that it began with the

@@ -2,9 +2,11 @@
 
 import bisect
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Pose, Vector
@@ -38,10 +40,17 @@ class RecordedTrial:
         begin, end = (None if v is None or v != v else int(v) for v in ends)
         return None if begin is None or end is None else (begin, end)
 
+    @cached_property
+    def _valid_heads(self) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+        """Rows of valid poses, and when they arrived."""
+        rows = np.flatnonzero(self.head["valid"])
+        return rows, self.head["t_host_ns"][rows]
+
     def head_at(self, t_ns: int) -> Pose:
         """Return the last valid head pose up to a time."""
-        valid_rows = np.flatnonzero(self.head["valid"] & (self.head["t_host_ns"] <= t_ns))
-        i = int(valid_rows[-1]) if len(valid_rows) else 0
+        rows, arrival_ns = self._valid_heads
+        count = int(np.searchsorted(arrival_ns, t_ns, side="right"))
+        i = int(rows[count - 1]) if count else 0
         return Pose(
             self.head["position_m"][i].astype(np.float64),
             self.head["orientation_wxyz"][i].astype(np.float64),
