@@ -58,5 +58,7 @@ def _scene(name: str, crowd_event: Mapping[str, Any]) -> CrowdScene:
 def _end_ns(shown: RecordedScene, on_ns: int) -> int | None:
     """Return when the walk that began then ended; None where it has no row."""
     trials = shown.recording.trials()
-    ends_ns = trials["t_end_ns"][trials["t_start_ns"] == on_ns] if len(trials) else ()
+    if not len(trials):
+        return None
+    ends_ns = trials["t_end_ns"][trials["t_start_ns"] == on_ns]
     return int(ends_ns.iloc[-1]) if len(ends_ns) else None
