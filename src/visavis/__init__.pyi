@@ -35,6 +35,7 @@ from visavis.study.careless_answers import Careless as Careless
 from visavis.study.comparisons import Compare as Compare
 from visavis.study.declaration import Study as Study
 from visavis.study.derive import derive as derive
+from visavis.study.distances import WhenNear as WhenNear
 from visavis.study.exclusions import COMPLETENESS_RULES as COMPLETENESS_RULES
 from visavis.study.exclusions import STANDARD_RULES as STANDARD_RULES
 from visavis.study.exclusions import Exclusion as Exclusion

@@ -23,6 +23,7 @@ SHORT = {
     "dots.py": {"repetitions": 2},
     "faces.py": {"repetitions": 2},
     "search.py": {"repetitions": 2},
+    "approach.py": {"repetitions": 1},
     "before_after.py": {"repetitions": 1, "scene_s": 0.5},
     "lively_films.py": {"repetitions": 1, "film_s": 0.2},
 }

@@ -40,6 +40,7 @@ from visavis.stimuli.panels import PanelFrame, choice_centre_m, place_m, track_0
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import Scene, SceneFrame
 from visavis.stimuli.scenes.flat import FlatScene
+from visavis.study.distances import WhenNear
 from visavis.study.live import Live, LiveScene, Moulding
 from visavis.study.moulding import MouldingFrame, press_step
 from visavis.study.race import Race
@@ -421,6 +422,11 @@ class StudyPerson(Observer):
         takes_s: float | None = None
         if isinstance(reply, Race):
             reply, takes_s = reply.run(rng)
+        if isinstance(reply, WhenNear) and isinstance(response, Keys):
+            takes_s = None
+            if self._first is not None:
+                takes_s = reply.seconds(self._first, self._first_ns, self._seat, response.limit_s)
+            reply = None if takes_s is None else reply.option
         if reply is None:
             return None, None
         options = tuple(map(str, response.options))

@@ -31,7 +31,7 @@ from visavis.study.comparisons import AGREEMENT, THING, Compare
 from visavis.study.conditions import Groups, columns_asked, condition_of, with_people
 from visavis.study.declaration import Study
 from visavis.study.look_measures import MAIN_MEASURES
-from visavis.study.measures import Measure, aggregate_cells, count_column
+from visavis.study.measures import Measure, aggregate_cells, count_column, whom
 from visavis.study.pairs import Family, Pairs
 from visavis.study.responses import Rating
 from visavis.study.sections import Conclusion
@@ -153,7 +153,9 @@ class StudyAnalysis:
 
 
 def measures_of(study: Study, responses: Mapping[str, Any]) -> tuple[Measure, ...]:
-    """Return a study's measures: its own, and every answer that is a number, share or time."""
+    """Return a study's measures: its own, and every answer that is a number, share or time, and
+    every distance at one.
+    """
     measures = {m.column: m for m in study.analysis.measures}
     for name, response in responses.items():
         words = name.replace("_", " ").capitalize()
@@ -164,6 +166,9 @@ def measures_of(study: Study, responses: Mapping[str, Any]) -> tuple[Measure, ..
         if getattr(response, "right", None) is not None and response.aggregate == "share":
             right = f"{name}_is_right"
             measures.setdefault(right, Measure(right, "1", f"{words} right", None, "share"))
+        if (role := getattr(response, "distance_to", None)) is not None:
+            far, of_whom = f"{name}_distance_m", f"Distance to {whom(role)} at {words.lower()}"
+            measures.setdefault(far, Measure(far, "m", of_whom))
         measures.setdefault(
             f"{name}_ms",
             Measure(f"{name}_ms", "ms", f"Time to answer {name.replace('_', ' ')}", None, "median"),

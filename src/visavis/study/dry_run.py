@@ -30,13 +30,14 @@ from visavis.stimuli.sound import Sound
 from visavis.study.actions import Action, PlayedSound, ShownScene
 from visavis.study.asking import Answer
 from visavis.study.background import BackgroundExecutor
+from visavis.study.distances import agent_of
 from visavis.study.films import Stimulus
 from visavis.study.gaze_on import gaze_columns
 from visavis.study.lit_trial import SCENE_STREAM
 from visavis.study.live import Live, LiveScene, Moulded
 from visavis.study.quest_plus import QuestPlus
-from visavis.study.responses import Response
-from visavis.study.scenes import Scene, Staging, stage
+from visavis.study.responses import Keys, Response
+from visavis.study.scenes import Scene, StagedScene, Staging, stage
 from visavis.study.staircase import Staircase
 from visavis.study.study_errors import explain, line_of, line_reached
 from visavis.study.trial import TrialPlan, TrialScript
@@ -124,6 +125,7 @@ def read_trial(
     script.is_read = True
     seconds, agents, vibrates, fits_a_page, lit_on_page = 0.0, 0, False, True, False
     lit_frame: SceneFrame | None = None
+    staged_scene: StagedScene | None = None
     responses: list[Response] = []
     scenes: list[Scene] = []
     films: list[Stimulus] = []
@@ -166,6 +168,8 @@ def read_trial(
                     lasts_s = _seconds_of(step, settings)
                     reply = PlayedSound(script.now_ns, lasts_s)
                     seconds += lasts_s if step.waits_for_end else 0.0
+                if step.name == "dark":
+                    staged_scene = None
                 if step.scene is not None:
                     scenes.append(step.scene)
                     chance = trial.rng(SCENE_STREAM + len(scenes) - 1)  # as in the session
@@ -186,6 +190,8 @@ def read_trial(
                     reply = ShownScene(
                         0, round(step.seconds * NS_PER_S), staged_scene.roles, script.view
                     )
+                if isinstance(step.response, Keys) and step.response.distance_to is not None:
+                    agent_of(step.response.distance_to, staged_scene)
                 answers = {}
                 for response in step.responses:
                     if any(r.name == response.name and r != response for r in responses):

@@ -15,6 +15,7 @@ from visavis.stimuli.scenes.flat import FlatScene
 from visavis.stimuli.sound import part_of
 from visavis.study.actions import Performing, ShownScene
 from visavis.study.asking import Answer, frame, press_in
+from visavis.study.distances import floor_distances_m
 from visavis.study.films import Film
 from visavis.study.frames import dark_view, gaze_has_arrived, show_frame
 from visavis.study.gaze_on import GazeOn, GazeWatch
@@ -37,6 +38,7 @@ class LitTrial:
         self.row: dict[str, Scalar | None] = {}
         self.view: FrameView | None = None
         self._staged_scene: StagedScene | None = None
+        self._lit_frame: SceneFrame | None = None
         self._onset_ns = 0
         self._sound_on_ns = 0
         self._names: dict[str, int] = {}
@@ -84,7 +86,7 @@ class LitTrial:
         staged_scene = self._stage(showing.scene, showing.seconds, len(self._names), before.t_ns)
         self._staged_scene, self._onset_ns = staged_scene, before.t_ns
         self._sound_on_ns = 0
-        yield from show_frame(staged_scene.frame(before, 0))
+        yield from show_frame(self._scene_update(before))
         view = yield from self._frame()
         self._end_light(view.t_ns)
         self._gaze_watch = None
@@ -160,10 +162,7 @@ class LitTrial:
         def pass_frame(view: FrameView) -> SceneFrame | None:
             nonlocal frames
             frames += is_lit
-            coming: SceneFrame | None = None
-            if is_lit:
-                coming = staged_scene.frame(view, view.t_ns - on_ns)
-            return coming
+            return self._scene_update(view)
 
         answer = press_in(view, controls, on_ns, until_ns)
         while answer is None and view.t_ns < until_ns:
@@ -175,8 +174,7 @@ class LitTrial:
                 view = yield from self._frame()
                 self._end_light(view.t_ns)
             else:
-                if is_lit:
-                    yield from show_frame(staged_scene.frame(view, view.t_ns - on_ns))
+                yield from show_frame(self._scene_update(view))
                 calm_ns = min(showing.calm_until_ns(view, on_ns), until_ns) if is_lit else until_ns
                 view = yield from self._frame(calm_ns, pass_frame)
                 frames += is_lit
@@ -219,6 +217,7 @@ class LitTrial:
             "t_end_ns": off_ns,
         }
         self._note_gaze(name, off_ns)
+        self._lit_frame = passing.last or self._lit_frame
         return ShownScene(on_ns, off_ns, staged_scene.roles, view)
 
     def _let_speak(self, film: Film, name: str, staged_scene: StagedScene) -> Performing:
@@ -247,10 +246,21 @@ class LitTrial:
 
     def _scene_update(self, view: FrameView) -> SceneFrame | None:
         """Return the current scene's next frame; None without a change."""
-        staged_scene = self._staged_scene
-        return (
-            None if staged_scene is None else staged_scene.frame(view, view.t_ns - self._onset_ns)
-        )
+        if self._staged_scene is None:
+            return None
+        coming = self._staged_scene.frame(view, view.t_ns - self._onset_ns)
+        self._lit_frame = coming or self._lit_frame
+        return coming
+
+    def _distance_m(self, role: str, answer: Answer) -> float | None:
+        """Return how far the person of a role was at an answer; None where that is not known."""
+        frame, agent = self._lit_frame, -1
+        if self._staged_scene is not None:
+            agent = self._staged_scene.roles.get(role, -1)
+        if answer.option is None or frame is None or agent < 0 or not answer.view.head_valid:
+            return None
+        eyes_m = answer.view.head.position_m
+        return float(floor_distances_m(frame, answer.answered_ns, eyes_m)[agent])
 
     def next_prefix(self, name: str) -> str:
         """Return the prefix of the next scene's or sound's columns: "scene", then "scene2"."""

@@ -23,6 +23,7 @@ ANSWER_ENDINGS: Final = (
     "_is_right",
     "_means",
     "_side",
+    "_distance_m",
     "_yaw_deg",
     "_pitch_deg",
 )
@@ -294,11 +295,14 @@ class Keys(_OptionResponse):
 
     No board appears and the scene stays. `right` is the correct press, if there is one; without a
     press within `limit_s` the answer is missing. Two or more keys without a name are the response
-    "answer": `Keys("f", "j")` is `Keys("answer", ("f", "j"))`.
+    "answer": `Keys("f", "j")` is `Keys("answer", ("f", "j"))`. `distance_to` names a role in what
+    is shown; `NAME_distance_m` is how far that person was at the press
+    (`visavis.study.distances`).
     """
 
     options: Sequence[str]
     limit_s: float = 3.0
+    distance_to: str | None = None
     _words = ("keys", "controls", "what was pressed")
 
     def __init__(
@@ -308,6 +312,7 @@ class Keys(_OptionResponse):
         *further: Any,
         right: str | None = None,
         limit_s: float = 3.0,
+        distance_to: str | None = None,
     ) -> None:
         if isinstance(options, str):
             name, options, further = "answer", (name, options, *further), ()
@@ -317,6 +322,7 @@ class Keys(_OptionResponse):
         for field, value in (("name", name), ("options", options), ("right", right)):
             object.__setattr__(self, field, value)
         object.__setattr__(self, "limit_s", limit_s)
+        object.__setattr__(self, "distance_to", distance_to)
         self.__post_init__()
 
     @property
@@ -328,6 +334,17 @@ class Keys(_OptionResponse):
         super().__post_init__()
         if not self.options or not self.limit_s > 0:
             raise DesignError(f"keys {self.name}: name at least one control, and limit_s above 0")
+
+    @property
+    def _further(self) -> tuple[Column, ...]:
+        if self.distance_to is None:
+            return super()._further
+        description = (
+            f"distance on the floor from between the participant's eyes to between those of "
+            f"{self.distance_to} as drawn at the press; empty without a press, after that one has "
+            "gone, and while the head was not tracked"
+        )
+        return (*super()._further, Column(f"{self.name}_distance_m", "m", description))
 
 
 @dataclass(frozen=True)

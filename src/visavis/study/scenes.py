@@ -219,11 +219,15 @@ class PassingScene(UpdateAhead):
     onset_ns: int
     gazes: list[GazeView] | None = None
     frames: int = 0
+    last: SceneFrame | None = None
+    """The last frame that this showed; those that were told ahead are left out."""
 
     def __call__(self, view: FrameView) -> SceneFrame | None:
         """Return what to show after a frame; None without a change."""
         self._count((view.gaze,))
-        return self.staged_scene.frame(view, view.t_ns - self.onset_ns)
+        coming = self.staged_scene.frame(view, view.t_ns - self.onset_ns)
+        self.last = coming or self.last
+        return coming
 
     def ahead(self, t_ns: Sequence[int], heads_m: Vector) -> EyesAhead | None:
         """Return what is shown after coming frames; None where that is not known."""

@@ -423,7 +423,7 @@ class TrialScript(LitTrial):
 
         Boards then appear before it, and it stays during waiting.
         """
-        self._staged_scene, self._onset_ns = staged_scene, onset_ns
+        self._staged_scene, self._onset_ns, self._lit_frame = staged_scene, onset_ns, None
 
     # ---- how they are performed ----
 
@@ -560,6 +560,8 @@ class TrialScript(LitTrial):
         name, option = response.name, answer.option
         if isinstance(response, Pointing):
             self.row |= self._pointed_at(name, answer.pose)
+        if isinstance(response, Keys) and response.distance_to is not None:
+            self.row[f"{name}_distance_m"] = self._distance_m(response.distance_to, answer)
         yield Mark(
             "answered",
             {

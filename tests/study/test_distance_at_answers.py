@@ -1,0 +1,132 @@
+"""The distance of somebody who is shown stands in the row of the answer."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from visavis.lab.clock import NS_PER_S
+from visavis.lab.config import load_config
+from visavis.lab.config_files import EXAMPLE
+from visavis.lab.errors import DesignError
+from visavis.recording.reader import Recording
+from visavis.results.opened_study import find_study
+from visavis.running.sessions.perform import perform_new
+from visavis.running.sessions.session_request import simulated_request
+from visavis.stimuli.dressing.office import look_of
+from visavis.stimuli.dressing.picture_of import picture_of
+from visavis.study.distances import WhenNear, floor_distances_m
+from visavis.study.dry_run import still_view
+from visavis.study.scenes import Scene, Staging, stage
+
+STUDY = """
+from visavis import Factor, Keys, Scene, Study, Text, WhenNear
+
+study = Study("stops", "S", factors=[Factor("a", ["x", "y"])], calibrate=False)
+WALK = {"motion": "walk", "distance_m": 3, "speed_mps": 1.0}
+STOP = Keys("stop", ["trigger"], distance_to="person")
+
+@study.trial
+def trial(t):
+    LINES
+
+@study.answer
+def answer(seen, response, rng):
+    return ANSWER
+"""
+WALKER = 'yield t.show(Scene("person", **WALK), until=STOP, limit_s=6)'
+NEAR = 'WhenNear("trigger", 1.5)'
+
+
+def opened(folder, lines, answer="'trigger'"):
+    text = STUDY.replace("LINES", "\n    ".join(lines)).replace("ANSWER", answer)
+    (folder / "stops.py").write_text(text)
+    return find_study(str(folder / "stops.py"))
+
+
+def recording_of(folder, *lines, answer="'trigger'"):
+    study = opened(folder, lines, answer)
+    config = load_config(EXAMPLE).model_copy(
+        update={"data_root": folder / "data", "key_root": folder / "keys"}
+    )
+    asked = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
+    return Recording(perform_new(asked))
+
+
+def staged(start_ns=0, **options):
+    """Return the first frame of a scene of one person."""
+    staging = Staging(np.random.default_rng(1), 8.0, start_ns)
+    return stage(Scene("person", **options), staging, {}).frame(still_view(start_ns), 0)
+
+
+def test_the_distance_at_a_press_is_the_one_that_the_recording_holds(tmp_path):
+    recording = recording_of(tmp_path, WALKER, answer=NEAR)
+    rows = recording.trials()
+    events = recording.events()
+    onsets = [p["start_ns"] for p in events.loc[events["name"] == "shown", "payload"]]
+    head = recording.stream_arrays("head")
+    assert 2 == len(rows) == len(onsets)
+    for start_ns, (_, row) in zip(onsets, rows.iterrows(), strict=True):
+        press_ns = round(row["scene_on_ns"] + 1e6 * row["stop_ms"])
+        walker = staged(start_ns, motion="walk", distance_m=3, speed_mps=1.0)
+        picture = picture_of(replace(walker, t_ns=press_ns))
+        people = picture.people
+        theirs_m = look_of(picture.cast[0], people.root_m[0], people.orientation_wxyz[0])[1]
+        mine_m = head["position_m"][np.searchsorted(head["t_host_ns"], press_ns)]
+        expected = np.hypot(theirs_m[0] - mine_m[0], theirs_m[2] - mine_m[2])
+        assert expected == pytest.approx(row["stop_distance_m"], abs=0.005)
+        # near enough, and on for the quarter of a second that seeing and pressing take
+        assert row["stop_distance_m"] == pytest.approx(1.5 - 0.25 * 1.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("lines", "answer", "is_there"),
+    [
+        (['yield t.show(Scene("person"), 0.1)', "yield t.key(STOP)"], "'trigger'", True),
+        (['yield t.show(Scene("person"), 0.1, until=STOP, limit_s=2)'], "'trigger'", False),
+        ([WALKER], 'WhenNear("trigger", 0.1)', False),
+    ],
+    ids=["while they stay", "after they went", "never"],
+)
+def test_a_distance_is_there_as_long_as_the_person_is(tmp_path, lines, answer, is_there):
+    rows = recording_of(tmp_path, *lines, answer=answer).trials()
+    assert [is_there] * 2 == rows["stop_distance_m"].notna().tolist()
+    if is_there:
+        assert rows["stop_distance_m"].to_numpy() == pytest.approx(2.5, abs=0.2)
+
+
+def test_heights_make_no_distance():
+    frame = staged(distance_m=2.0)
+    low, high = (floor_distances_m(frame, 0, np.array([0.0, y, 0.0])) for y in (0.4, 1.9))
+    assert low.tolist() == high.tolist()
+    nearer = floor_distances_m(frame, 0, np.array([0.0, 1.2, -0.5]))
+    assert low[0] - 0.5 == pytest.approx(nearer[0], abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        (
+            'yield t.show(Scene("person"), until=Keys("stop", ["trigger"], distance_to="persn"))',
+            "no role or place 'persn'; did you mean 'person'",
+        ),
+        ('yield t.show(Text("+"), until=STOP)', "no role or place 'person'; nobody is shown"),
+        ("yield t.key(STOP)", "nobody is shown"),
+    ],
+)
+def test_who_is_not_shown_is_told_before_anybody_comes(tmp_path, line, says):
+    with pytest.raises(DesignError, match=says):
+        opened(tmp_path, [line]).experiment({})
+
+
+def test_simulated_people_press_when_somebody_has_come_near_enough():
+    frame, eyes_m = staged(motion="walk", distance_m=3.0, speed_mps=1.0), np.array([0, 1.2, 0])
+    rule = WhenNear("trigger", 1.5, other_s=0.0)
+    seconds = rule.seconds(frame, 0, eyes_m, 6.0)
+    at_m = floor_distances_m(frame, round(seconds * NS_PER_S), eyes_m)[0]
+    assert 1.5 == pytest.approx(at_m, abs=0.02)
+    assert seconds + 0.4 == WhenNear("trigger", 1.5, other_s=0.4).seconds(frame, 0, eyes_m, 6.0)
+    assert 0.0 == WhenNear("trigger", 3.5, other_s=0.0).seconds(frame, 0, eyes_m, 6.0)
+    assert None is WhenNear("trigger", 0.1).seconds(frame, 0, eyes_m, 6.0)
+    with pytest.raises(DesignError, match="other_s -1"):
+        WhenNear("trigger", 1.0, other_s=-1)
