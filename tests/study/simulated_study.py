@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -10,7 +11,8 @@ import visavis.running.sessions.simulation
 from visavis.cli.main import app
 from visavis.lab.config_files import SCREEN_EXAMPLE
 from visavis.recording.manifest import read_manifest
-from visavis.running.sessions.session_request import simulated_request
+from visavis.results.opened_study import OpenedStudy
+from visavis.running.sessions.session_request import Request, simulated_request
 
 
 def simulate_and_analyse(file: Path, text: str, *more: str, participants: int) -> Path:
@@ -36,11 +38,11 @@ def invoked(*words: str) -> str:
     return result.output
 
 
-def _killed_once(study, *words, **keywords):
+def _killed_once(study: OpenedStudy, *words: Any, **keywords: Any) -> Request:
     """Return a request that ends in the middle of one person's session."""
     request = simulated_request(study, *words, **keywords)
 
-    def on_trial(_, count, __):
+    def on_trial(_: object, count: int, __: object) -> None:
         if count == 3:
             raise KeyboardInterrupt
 
