@@ -216,6 +216,7 @@ def draw(
         lit = -1
         for r in range(r0, r1 + 1):
             y = r + 0.5
+            is_inside = False
             for c in range(c0, c1 + 1):
                 x = c + 0.5
                 # Edge functions: the pixel's centre is inside where none of them is above 0. They
@@ -224,7 +225,11 @@ def draw(
                 eb = (xa - xc) * (y - yc) - (ya - yc) * (x - xc)
                 ec = (xb - xa) * (y - ya) - (yb - ya) * (x - xa)
                 if ea > 0.0 or eb > 0.0 or ec > 0.0:
+                    # Each of them only grows or only falls along a row, rounding included.
+                    if is_inside:
+                        break
                     continue
+                is_inside = True
                 near = -(ea * wa + eb * wb + ec * wc) / area
                 if near < nearness[r, c]:
                     continue
@@ -243,6 +248,25 @@ def draw(
                 if near > nearness[r, c] or tag > ids[r, c]:
                     nearness[r, c] = near
                     ids[r, c] = tag
+
+
+@compiled
+def _draw_back(screen: Floats, triangles: Ints, before: Floats, nearness: Floats) -> None:
+    """Put back in `nearness` (h, w) what it held before these triangles were drawn over it."""
+    height, width = nearness.shape
+    # The box round the corners holds every pixel that was drawn; what is outside is as before.
+    left, right, top, bottom = np.inf, -np.inf, np.inf, -np.inf
+    for t in range(triangles.shape[0]):
+        for c in range(3):
+            corner = screen[triangles[t, c]]
+            if corner[2] > 0.0:
+                left, right = min(left, corner[0]), max(right, corner[0])
+                top, bottom = min(top, corner[1]), max(bottom, corner[1])
+    if left > width or right < 0.0 or top > height or bottom < 0.0:
+        return
+    c0, c1 = int(max(left, 0.0)), int(min(right + 1.0, float(width)))
+    for r in range(int(max(top, 0.0)), int(min(bottom + 1.0, float(height)))):
+        nearness[r, c0:c1] = before[r, c0:c1]
 
 
 @compiled
@@ -270,13 +294,17 @@ def perceive(
     still_ids = np.zeros((height, width), dtype=np.uint8)
     still_near = behind.copy()
     draw(points, screen, moving.still_faces, still_ids, still_near, lighting)
-    nearness = np.empty_like(behind)
+    if moving.faces.triangles.shape[0] == 0:
+        for k in rows:
+            ids[k][:] = still_ids
+        return
+    nearness = still_near.copy()
     for k in rows:
         skin_some(moving.vertices, skin, matrices[k], points)
         project_some(moving.vertices, points, eye, width, height, screen)
-        nearness[:] = still_near
         ids[k][:] = still_ids
         draw(points, screen, moving.faces, ids[k], nearness, lighting)
+        _draw_back(screen, moving.faces.triangles, still_near, nearness)
 
 
 @compiled
