@@ -314,15 +314,28 @@ def measure(ids: Bytes, masks: npt.NDArray[np.bool_], out: Floats) -> None:
     Coverage (share of all pixels), horizontal and vertical extension (share of width, height).
     """
     n, height, width = ids.shape
+    pixels, box = np.empty(masks.shape[1], np.int64), np.empty((masks.shape[1], 4), np.int64)
     for k in range(n):
+        pixels[:] = 0
+        box[:, 0], box[:, 1], box[:, 2], box[:, 3] = width, -1, height, -1
+        # Every part once, by the stretches of a row that show it: most of a view is one part.
+        for r in range(height):
+            c = 0
+            while c < width:
+                part, begin = ids[k, r, c], c
+                while c < width and ids[k, r, c] == part:
+                    c += 1
+                pixels[part] += c - begin
+                own = box[part]
+                own[0], own[1] = min(own[0], begin), max(own[1], c - 1)
+                own[2], own[3] = min(own[2], r), max(own[3], r)
         for f in range(masks.shape[0]):
             count, c0, c1, r0, r1 = 0, width, -1, height, -1
-            for r in range(height):
-                for c in range(width):
-                    if masks[f, ids[k, r, c]]:
-                        count += 1
-                        c0, c1 = min(c0, c), max(c1, c)
-                        r0, r1 = min(r0, r), max(r1, r)
+            for part in range(masks.shape[1]):
+                if masks[f, part]:
+                    count += pixels[part]
+                    c0, c1 = min(c0, box[part, 0]), max(c1, box[part, 1])
+                    r0, r1 = min(r0, box[part, 2]), max(r1, box[part, 3])
             out[k, f, 0] = count / (height * width)
             out[k, f, 1] = (c1 - c0 + 1) / width if count else 0.0
             out[k, f, 2] = (r1 - r0 + 1) / height if count else 0.0
