@@ -16,7 +16,11 @@ import numpy.typing as npt
 
 from visavis.analysis.gaze.event_kernels import fill_gaps, merge_runs, runs_where, speeds_deg_s
 from visavis.analysis.gaze.events import checked_samples, half_window, limit_ns
-from visavis.analysis.gaze.movements.engbert_kliegl import noise_deg_s, outside_ellipse
+from visavis.analysis.gaze.movements.engbert_kliegl import (
+    noise_deg_s,
+    outside_ellipse,
+    slow_spread_deg_s,
+)
 from visavis.analysis.gaze.movements.finish_kernels import (
     describe_events,
     drop_short,
@@ -66,6 +70,8 @@ class _Signal:
     head_free: npt.NDArray[np.bool_] | None
     head: HeadMotion
     noise_multiple: float
+    least_deg_s: float
+    """The least speed of a saccade here."""
 
     @property
     def noise_deg_s(self) -> float:
@@ -110,11 +116,18 @@ def _signal(
             most_deg_s = rule.wide_max_threshold_deg_s
         if not multiple * max(noise) > most_deg_s:
             break
+    least_deg_s = float(
+        np.clip(
+            np.nan_to_num(multiple * slow_spread_deg_s(velocity)),
+            rule.minimum_deg_s,
+            max(rule.minimum_deg_s, rule.max_minimum_deg_s),
+        )
+    )
     eye_moves = None
     if in_head is not None:
         eye_speed = np.linalg.norm(_velocity_of(t, in_head, half, step_ns, params), axis=1)
         with np.errstate(invalid="ignore"):
-            eye_moves = ~(eye_speed < rule.minimum_deg_s)
+            eye_moves = ~(eye_speed < least_deg_s)
     if head == STILL:
         gaze = v
     else:
@@ -133,6 +146,7 @@ def _signal(
         eye_moves,
         head,
         multiple,
+        least_deg_s,
     )
 
 
@@ -238,7 +252,7 @@ def _rough(s: _Signal, name: Detector, params: MovementParameters) -> tuple[Kind
     )
     merge_ms = fixations.merge_ms
     oscillation_ns = round(saccades.oscillation_ms * NS_PER_MS)
-    fast = outside_ellipse(s.velocity, s.noise_multiple, params.velocity.minimum_deg_s)
+    fast = outside_ellipse(s.velocity, s.noise_multiple, s.least_deg_s)
     # With a moving head gaze in world is fast in a pursuit by the head, too; the eye in the head is
     # fast only in a saccade.
     if s.head_free is not None:
@@ -253,7 +267,7 @@ def _rough(s: _Signal, name: Detector, params: MovementParameters) -> tuple[Kind
             s.t_ns,
             speed,
             s.stretch,
-            max(peak, params.velocity.minimum_deg_s),
+            max(peak, s.least_deg_s),
             onset,
             oscillation_ns,
             minimum_ns,

@@ -1,9 +1,17 @@
 """Saccades as velocities outside an ellipse of the recording's own noise."""
 
+from typing import Final
+
 import numpy as np
 import numpy.typing as npt
 
 from visavis.lab.geometry import Vector
+
+SLOW_DEG_S: Final = 30.0
+"""Slower rows are taken for rest, drift and pursuit."""
+SLOW_QUANTILE_01: Final = 0.9
+SPREADS_AT_QUANTILE: Final = float(np.sqrt(-2.0 * np.log(1.0 - SLOW_QUANTILE_01)))
+"""That quantile of speed, in spreads of velocity along either axis (Rayleigh's distribution)."""
 
 
 def noise_deg_s(velocity: Vector) -> tuple[float, float]:
@@ -17,6 +25,16 @@ def noise_deg_s(velocity: Vector) -> tuple[float, float]:
     middle = np.median(finite, axis=0)
     spread = np.sqrt(np.maximum(np.median(finite**2, axis=0) - middle**2, 0.0))
     return float(spread[0]), float(spread[1])
+
+
+def slow_spread_deg_s(velocity: Vector) -> float:
+    """Return the spread of slow velocity (n, 2) by the fastest tenth; NaN when nothing is slow.
+
+    Medians see noise alone; drift and pursuit stand in the tail.
+    """
+    speed = np.linalg.norm(velocity, axis=1)
+    slow = speed[speed < SLOW_DEG_S]
+    return float(np.quantile(slow, SLOW_QUANTILE_01)) / SPREADS_AT_QUANTILE if len(slow) else np.nan
 
 
 def outside_ellipse(

@@ -25,8 +25,10 @@ class VelocityRule:
     wide_noise_multiple: float = 3.5
     noise_multiple: float = 6.0
     """λ of Engbert & Kliegl (2003): the threshold in spreads of the noise."""
-    minimum_deg_s: float = 30.0
-    """The least speed of a saccade, whatever the noise."""
+    minimum_deg_s: float = 15.0
+    """The least speed of a saccade, however still gaze rests between them."""
+    max_minimum_deg_s: float = 45.0
+    """Where slow gaze drifts and pursues, its spread raises the least speed up to this."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,8 +170,5 @@ class MovementParameters:
 
 
 AUTO: Final = MovementParameters()
-STILL: Final = MovementParameters(pursuit=False, minimum_deg_s=20.0)
-"""For pictures in which nothing moves: no pursuit, so that slower saccades part fixations, too.
-
-What moves makes drift and catch-up saccades of such speeds. Take it for all trials or for none.
-"""
+STILL: Final = MovementParameters(pursuit=False)
+"""For pictures in which nothing moves: no pursuit. Take it for all trials or for none."""

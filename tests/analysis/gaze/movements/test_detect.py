@@ -236,7 +236,7 @@ def test_parameters_list_every_threshold_by_name_without_the_parts():
 
     assert ["detector", "windows_ms"] == names[:2]
     assert ["max_saccade_ms", "nominal_rate_hz"] == names[-2:]
-    assert 32 == len(names) == len(set(names))
+    assert 33 == len(names) == len(set(names))
     assert ("i2mc", 80.0, 250.0) == (
         params.by_name()["detector"],
         params.fixations.min_fixation_ms,

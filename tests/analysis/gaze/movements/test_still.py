@@ -1,16 +1,18 @@
-"""On still pictures slow saccades part fixations, which they must not where something moves."""
+"""The least speed of a saccade follows how fast slow gaze moves: small ones count where it rests."""
 
 import numpy as np
 import pytest
 
 from benchmarks.gaze_detectors.agreement import runs_of
 from benchmarks.gaze_detectors.sets import Labelling, Recording
-from benchmarks.gaze_detectors.thresholds import score
+from benchmarks.gaze_detectors.thresholds import FixationScore, score
+from visavis.analysis.gaze.movements.detect import detect_movements
 from visavis.analysis.gaze.movements.kinds import Movement
 from visavis.analysis.gaze.movements.parameters import AUTO, STILL, MovementParameters
 from visavis.lab.geometry import unit
 
 RATE_HZ = 500.0
+SWING_HZ = 0.5
 REST, JUMP = 200, 15
 """Rows of a rest (400 ms) and of a saccade (30 ms)."""
 STEP_DEG = 0.45
@@ -40,12 +42,24 @@ def rests() -> Recording:
     return Recording("small", t_ns, direction, {"maker": Labelling(movement, runs)})
 
 
-@pytest.mark.parametrize(("params", "found"), [(STILL, 1.0), (AUTO, 0.25)])
-def test_small_saccades_part_fixations_on_still_pictures_only(
-    rests: Recording, params: MovementParameters, found: float
+@pytest.mark.parametrize("params", [AUTO, STILL])
+def test_small_saccades_part_fixations_where_gaze_rests(
+    rests: Recording, params: MovementParameters
 ) -> None:
-    assert found == score([rests], params).count_ratio
+    assert FixationScore(f1=1.0, count_ratio=1.0) == score([rests], params)
 
 
-def test_labels_that_are_found_agree_wholly(rests: Recording) -> None:
-    assert 1.0 == score([rests], STILL).f1
+@pytest.mark.parametrize(("swing_deg_s", "saccades"), [(0.0, 3), (15.0, 0)])
+def test_steps_as_fast_as_slow_gaze_are_no_saccades(
+    rests: Recording, swing_deg_s: float, saccades: int
+) -> None:
+    phase = 2 * np.pi * SWING_HZ * rests.t_ns / 1e9
+    up = np.deg2rad(swing_deg_s) / (2 * np.pi * SWING_HZ) * np.sin(phase)
+    swung = unit(rests.direction + up[:, None] * (0.0, 1.0, 0.0))
+    found = detect_movements(rests.t_ns, swung)
+    assert saccades == np.count_nonzero(found.kind == Movement.SACCADE)
+
+
+def test_the_least_speed_of_a_saccade_is_a_setting_still(rests: Recording) -> None:
+    params = MovementParameters(minimum_deg_s=30.0, max_minimum_deg_s=30.0)
+    assert 0.25 == score([rests], params).count_ratio
