@@ -1,4 +1,4 @@
-"""The least speed of a saccade follows how fast slow gaze moves: small ones count where it rests."""
+"""The least speed of a saccade follows how fast slow gaze moves."""
 
 import numpy as np
 import pytest
