@@ -31,7 +31,7 @@ from visavis.lab.clock import NS_PER_MS
 from visavis.lab.errors import DeviceError
 from visavis.lab.geometry import Pose
 from visavis.lab.schema import SampleBatch, StreamSchema
-from visavis.stimuli.sound import Sound
+from visavis.stimuli.sound import Waveform
 
 LetPass = Callable[[float], None]
 
@@ -273,7 +273,7 @@ def check_sound_output(make: Callable[[], SoundOutput], let_pass: LetPass) -> No
     device.open(OPEN_DEADLINE_S)
     batches: list[SampleBatch] = []
     device.start(batches.append)
-    click = Sound("click", np.full((800, 1), 0.1, np.float32), 8000)
+    click = Waveform("click", np.full((800, 1), 0.1, np.float32), 8000)
     device.prepare(click)
     device.hear_from(Pose(np.array([0.0, 1.2, 0.0]), np.array([1.0, 0.0, 0.0, 0.0])))
     _refuses_value(lambda: device.play(click, gain_db=1000.0), "a gain of 1000 dB is refused")

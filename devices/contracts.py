@@ -39,7 +39,7 @@ from visavis.lab.frame import FrameInfo
 from visavis.lab.geometry import Pose, Vector
 from visavis.lab.schema import SampleBatch, StreamSchema
 from visavis.lab.screen import FlatScreen
-from visavis.stimuli.sound import Sound
+from visavis.stimuli.sound import Waveform
 
 Sink = Callable[[SampleBatch], None]
 
@@ -512,12 +512,17 @@ class BodyTracker(Device, Protocol):
 class SoundOutput(Device, Protocol):
     """Plays sounds to the participant; delivers one stream with the fields of `SOUND`."""
 
-    def prepare(self, sound: Sound) -> None:
+    def prepare(self, sound: Waveform) -> None:
         """Prepare a sound, which may take longer than a frame; call it once open."""
         ...
 
     def play(
-        self, sound: Sound, *, at_m: Vector | None = None, gain_db: float = 0.0, loops: bool = False
+        self,
+        sound: Waveform,
+        *,
+        at_m: Vector | None = None,
+        gain_db: float = 0.0,
+        loops: bool = False,
     ) -> int:
         """Play a sound as soon as possible; return its number in the stream `SOUND`.
 

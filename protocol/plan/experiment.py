@@ -12,7 +12,7 @@ from visavis.lab.geometry import Vector
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.protocol.plan.steps import Plan
 from visavis.stimuli.scene import Scene, SceneFrame
-from visavis.stimuli.sound import Sound
+from visavis.stimuli.sound import Waveform
 
 
 class Experiment(Protocol):
@@ -84,7 +84,7 @@ class Demands:
     vibrations: Mapping[str, VibrationPattern] = field(default_factory=dict)
     motors: tuple[int, ...] = ()
     floor_side_m: float = 0.0
-    sounds: tuple[Sound, ...] = ()
+    sounds: tuple[Waveform, ...] = ()
     own_body: bool = False
 
 

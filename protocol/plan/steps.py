@@ -19,7 +19,7 @@ from visavis.devices.contracts import VibrationPattern
 from visavis.lab.geometry import Pose
 from visavis.stimuli.panels import IN_HEADSET, Surface
 from visavis.stimuli.scene import SceneFrame
-from visavis.stimuli.sound import Sound
+from visavis.stimuli.sound import Waveform
 
 Scalar: TypeAlias = str | int | float | bool
 Row: TypeAlias = Mapping[str, Scalar | None]
@@ -73,7 +73,7 @@ class PlaySound:
     """
 
     key: str
-    sound: Sound
+    sound: Waveform
     at_m: tuple[float, float, float] | None = None
     gain_db: float = 0.0
     loops: bool = False

@@ -12,7 +12,7 @@ from visavis.devices.sim.sound_card import RATE_HZ, SimulatedPortAudio
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, SimClock
 from visavis.lab.errors import DeviceDisconnected, DeviceError
 from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg
-from visavis.stimuli.sound import Sound
+from visavis.stimuli.sound import Waveform
 
 UPRIGHT = Pose(np.array([0.0, 1.2, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
 
@@ -20,7 +20,7 @@ UPRIGHT = Pose(np.array([0.0, 1.2, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
 def noise(seconds, rate_hz=RATE_HZ, seed=1):
     rng = np.random.default_rng(seed)
     samples = rng.uniform(-0.3, 0.3, (round(seconds * rate_hz), 1))
-    return Sound("noise", samples.astype(np.float32), rate_hz)
+    return Waveform("noise", samples.astype(np.float32), rate_hz)
 
 
 class Played:
@@ -77,7 +77,7 @@ def test_what_is_heard_without_a_place_is_the_recording_itself():
 def test_recording_of_another_rate_keeps_its_pitch_and_length():
     played = Played()
     tone = np.sin(2 * np.pi * 500 * np.arange(8820) / 44_100).astype(np.float32)[:, None] * 0.2
-    played.device.play(Sound("tone", tone, 44_100))
+    played.device.play(Waveform("tone", tone, 44_100))
     played.run(0.4)
     out, _ = played.heard()
     strongest = np.argmax(np.abs(np.fft.rfft(out[:9600, 0]))) * RATE_HZ / 9600
@@ -140,7 +140,7 @@ def test_head_passes_low_tones_and_shades_high_ones_as_published(angle_deg):
 
 def test_sound_that_is_hushed_ends_without_a_click():
     played = Played()
-    played.device.play(Sound("level", np.full((48_000, 1), 0.5, np.float32), RATE_HZ))
+    played.device.play(Waveform("level", np.full((48_000, 1), 0.5, np.float32), RATE_HZ))
     played.run(0.2)
     played.device.hush()
     played.run(0.2)

@@ -7,7 +7,7 @@ import pytest
 
 from visavis.stage.errors import StageError
 from visavis.stage.film_sound import add_sound
-from visavis.stimuli.sound import Sound
+from visavis.stimuli.sound import Waveform
 
 av = pytest.importorskip("av")
 RATE_HZ = 30
@@ -27,12 +27,12 @@ def silent_film(path: Path) -> None:
         film.mux(stream.encode())
 
 
-def claps(rate_hz: int) -> Sound:
+def claps(rate_hz: int) -> Waveform:
     samples = np.zeros((4 * rate_hz, 1), np.float32)
     for clap in CLAPS_S:
         first = round(clap * rate_hz)
         samples[first : first + rate_hz // 100] = 0.9
-    return Sound("claps", samples, rate_hz)
+    return Waveform("claps", samples, rate_hz)
 
 
 def seen_s(path: Path) -> list[float]:

@@ -15,12 +15,12 @@ from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.running.film_store import film_store
 from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.session_request import simulated_request
-from visavis.stimuli.sound import Sound, part_of
+from visavis.stimuli.sound import Waveform, part_of
 from visavis.study.films import Film, Pair, Voice, voiced_film
 from visavis.study.scenes import Scene
 
 STUDY = Path(__file__).parents[1] / "studies" / "heard.py"
-TONE = Sound("tone", np.ones((100, 1), np.float32), 100)
+TONE = Waveform("tone", np.ones((100, 1), np.float32), 100)
 
 
 def performed(on: str, root: Path, **parameters: Any) -> Recording:

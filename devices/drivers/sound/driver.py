@@ -26,7 +26,7 @@ from visavis.lab.clock_fit import latest_quick, offset_ns
 from visavis.lab.errors import DeviceDisconnected, DeviceError
 from visavis.lab.geometry import Pose, Vector
 from visavis.lab.schema import SampleBatch, empty_values
-from visavis.stimuli.sound import Sound
+from visavis.stimuli.sound import Waveform
 
 SOUND_BEGAN, SOUND_ENDED, SOUND_STOPPED, UNDERFLOW = (
     SOUND_EVENTS.index(name) for name in ("began", "ended", "stopped", "underflow")
@@ -66,7 +66,7 @@ class SoundCard(HasLife):
         self._commands: deque[Voice | int] = deque()
         self._card_events: deque[tuple[int, int, float, bool]] = deque()
         """From the card's thread: number, event, the card's own time (s), whether stamped."""
-        self._resampled: dict[tuple[str, int], Sound] = {}
+        self._resampled: dict[tuple[str, int], Waveform] = {}
         self._pairs: deque[ClockPair] = deque(maxlen=KEPT_PAIRS)
         self._sink: Sink | None = None
         self._number = self._unheard_count = 0
@@ -99,7 +99,12 @@ class SoundCard(HasLife):
         self._life.state = DeviceState.STREAMING
 
     def play(
-        self, sound: Sound, *, at_m: Vector | None = None, gain_db: float = 0.0, loops: bool = False
+        self,
+        sound: Waveform,
+        *,
+        at_m: Vector | None = None,
+        gain_db: float = 0.0,
+        loops: bool = False,
     ) -> int:
         """Play a sound from the next block on; see the contract."""
         self._life.require("play", DeviceState.STREAMING, DeviceState.FAULT)
@@ -123,7 +128,7 @@ class SoundCard(HasLife):
         self._commands.append(Voice(number, self._resampled[key].samples, gain, place, loops))
         return number
 
-    def prepare(self, sound: Sound) -> None:
+    def prepare(self, sound: Waveform) -> None:
         """Resample a sound to the card's rate in advance, as this takes longer than a frame."""
         if self._stream is not None:
             rate_hz = int(self._stream.samplerate)

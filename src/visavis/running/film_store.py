@@ -36,7 +36,7 @@ from visavis.stimuli.characters.character import Character
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.picture import Camera, Picture, Prop, Room
 from visavis.stimuli.scene import SceneFrame
-from visavis.stimuli.sound import Sound, part_of, read_sound
+from visavis.stimuli.sound import Waveform, part_of, read_sound
 from visavis.study.dry_run import still_view
 from visavis.study.experiment import StudyExperiment
 from visavis.study.films import MIME, SOUND_MIME, Film, Lens
@@ -217,7 +217,7 @@ class FilmStore:
         """Yield every picture of a film, to be drawn."""
         return (picture_of(frame) for frame in self.frames(film))
 
-    def sound_of(self, film: Film) -> Sound | None:
+    def sound_of(self, film: Film) -> Waveform | None:
         """Return what is heard with a film; None where it has no voice.
 
         Raises:

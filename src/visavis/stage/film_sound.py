@@ -7,14 +7,14 @@ from typing import Any, Final
 import numpy as np
 
 from visavis.stage.errors import StageError
-from visavis.stimuli.sound import Sound
+from visavis.stimuli.sound import Waveform
 
 RATE_HZ: Final = 48_000
 CODECS: Final = {".webm": ("libopus", 64_000, "flt"), ".mp4": ("aac", 128_000, "fltp")}
 """By the film's ending: encoder, bits a second, and how it takes samples."""
 
 
-def add_sound(silent: Path, path: Path, sound: Sound) -> None:
+def add_sound(silent: Path, path: Path, sound: Waveform) -> None:
     """Write a film with sound to `path`: both begin together; the sound ends with the pictures.
 
     Raises:
@@ -56,7 +56,9 @@ def add_sound(silent: Path, path: Path, sound: Sound) -> None:
         raise StageError(f"{path}: the sound could not be added ({problem})") from problem
 
 
-def _sound_packets(film: Any, ending: str, sound: Sound, seconds: float) -> list[tuple[float, Any]]:
+def _sound_packets(
+    film: Any, ending: str, sound: Waveform, seconds: float
+) -> list[tuple[float, Any]]:
     """Return the encoded sound, each packet with its time."""
     import av
 

@@ -19,7 +19,7 @@ MAX_FILE_BYTES: Final = 1 << 30
 
 
 @dataclass(frozen=True, eq=False)
-class Sound:
+class Waveform:
     """A recording: `samples` (n, c) float32 within −1 to 1, of one channel or two (left, right)."""
 
     name: str
@@ -37,7 +37,7 @@ class Sound:
         head = f"{self.rate_hz} {self.samples.shape}".encode()
         return hashlib.sha256(head + self.samples.tobytes()).hexdigest()
 
-    def at_rate(self, rate_hz: int) -> "Sound":
+    def at_rate(self, rate_hz: int) -> "Waveform":
         """Return it resampled to a sound card's rate."""
         if rate_hz == self.rate_hz:
             return self
@@ -45,10 +45,10 @@ class Sound:
 
         divisor = gcd(rate_hz, self.rate_hz)
         samples = resample_poly(self.samples, rate_hz // divisor, self.rate_hz // divisor, axis=0)
-        return Sound(self.name, np.clip(samples, -1, 1).astype(np.float32), rate_hz)
+        return Waveform(self.name, np.clip(samples, -1, 1).astype(np.float32), rate_hz)
 
 
-def read_sound(path: Path) -> Sound:
+def read_sound(path: Path) -> Waveform:
     """Read a WAV file of 8 to 32 bits or floats, with one channel or two.
 
     Raises:
@@ -79,10 +79,10 @@ def read_sound(path: Path) -> Sound:
         raise DataError(f"{path}: {len(samples) / rate_hz:g} s; more than none, up to {MAX_S:g} s")
     if not np.isfinite(samples).all():
         raise DataError(f"{path}: holds values that are not numbers; save it again")
-    return Sound(path.stem, np.clip(samples, -1, 1), int(rate_hz))
+    return Waveform(path.stem, np.clip(samples, -1, 1), int(rate_hz))
 
 
-def part_of(sound: Sound, from_s: float, seconds: float) -> Sound:
+def part_of(sound: Waveform, from_s: float, seconds: float) -> Waveform:
     """Return so many seconds of a recording; silence before it begins and where it is over.
 
     Raises:
@@ -96,7 +96,7 @@ def part_of(sound: Sound, from_s: float, seconds: float) -> Sound:
     samples = np.zeros((count, sound.samples.shape[1]), np.float32)
     own = sound.samples[max(first, 0) : max(first + count, 0)]
     samples[max(-first, 0) :][: len(own)] = own
-    return Sound(f"{sound.name} from {from_s:g} s", samples, sound.rate_hz)
+    return Waveform(f"{sound.name} from {from_s:g} s", samples, sound.rate_hz)
 
 
 def _as_float(raw: npt.NDArray[np.generic]) -> npt.NDArray[np.float32]:

@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 
 from visavis.lab.clock import NS_PER_MS
 from visavis.protocol.plan.steps import AskReply, FrameView, Step
-from visavis.stimuli.sound import Sound
+from visavis.stimuli.sound import Waveform
 from visavis.study.films import Viewing
 from visavis.study.gaze_on import GazeOn
 from visavis.study.live import Moulding
@@ -59,7 +59,7 @@ class Action:
     scene: Scene | None = None
     viewing: Viewing | None = None
     moulding: Moulding | None = None
-    sound: Sound | Path | None = None
+    sound: Waveform | Path | None = None
     column: str = ""
     role: str = ""
     waits_for_end: bool = False

@@ -26,7 +26,7 @@ from visavis.protocol.plan.steps import (
     Show,
 )
 from visavis.stimuli.scene import SceneFrame
-from visavis.stimuli.sound import Sound
+from visavis.stimuli.sound import Waveform
 from visavis.study.actions import Action, PlayedSound, ShownScene
 from visavis.study.asking import Answer
 from visavis.study.background import BackgroundExecutor
@@ -72,7 +72,7 @@ class TrialRead:
     """The roles in any of the scenes."""
     fits_a_page: bool = True
     """Whether a page can perform it: no step needs single frames or another device."""
-    sounds: tuple[Sound | Path, ...] = ()
+    sounds: tuple[Waveform | Path, ...] = ()
     """The sounds that it plays."""
     sound_columns: tuple[str, ...] = ()
     """The columns with the onsets of these sounds."""
@@ -130,7 +130,7 @@ def read_trial(
     scenes: list[Scene] = []
     films: list[Stimulus] = []
     lives: dict[str, Live] = {}
-    sounds: list[Sound | Path] = []
+    sounds: list[Waveform | Path] = []
     sound_columns: list[str] = []
     scene_columns: list[str] = []
     vibrating_roles: list[str] = []

@@ -22,7 +22,7 @@ from visavis.protocol.session.boards import DwellRule, Ways
 from visavis.stimuli.flat import Flat, Image
 from visavis.stimuli.scene import Scene as StageScene
 from visavis.stimuli.scene import SceneFrame
-from visavis.stimuli.sound import Sound, part_of
+from visavis.stimuli.sound import Waveform, part_of
 from visavis.study.actions import Action
 from visavis.study.asking import frame
 from visavis.study.comparisons import Compare, possible
@@ -329,7 +329,7 @@ class StudyExperiment:
         return replace(demands, sounds=self.sounds) if self.sounds else demands
 
     @cached_property
-    def sounds(self) -> tuple[Sound, ...]:
+    def sounds(self) -> tuple[Waveform, ...]:
         """All sounds of all conditions, each once.
 
         Raises:

@@ -35,7 +35,7 @@ from visavis.stimuli.flat import MAX_SEED, Colour, Dots, Flat, Text, as_flats
 from visavis.stimuli.panels import SIZE_M, PanelFrame, Surface, board_before
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import SceneFrame
-from visavis.stimuli.sound import Sound
+from visavis.stimuli.sound import Waveform
 from visavis.study.actions import Action, Performing, PlayedSound
 from visavis.study.asking import (
     Answer,
@@ -364,7 +364,7 @@ class TrialScript(LitTrial):
 
     def play(
         self,
-        sound: str | Path | Sound,
+        sound: str | Path | Waveform,
         *,
         at: str | tuple[float, float, float] | None = None,
         gain_db: float = 0.0,
@@ -372,7 +372,7 @@ class TrialScript(LitTrial):
         wait: Wait = "onset",
         name: str = "sound",
     ) -> Action:
-        """Play a sound: a WAV file beside the study file, or a `Sound`.
+        """Play a sound: a WAV file beside the study file, or a `Waveform`.
 
         `at` is its source: a role or place of the current scene (that person's head), or a point in
         world (metres). Its level is as recorded at 1 m, and it is heard from the head's pose. None
@@ -390,7 +390,7 @@ class TrialScript(LitTrial):
             raise DesignError("t.play: a sound that loops has no end to wait for")
         if not -120.0 <= gain_db <= MAX_GAIN_DB:
             raise DesignError(f"t.play: gain_db is {gain_db:g}; from -120 to {MAX_GAIN_DB:g}")
-        source = sound if isinstance(sound, Sound) else self.settings.folder / sound
+        source = sound if isinstance(sound, Waveform) else self.settings.folder / sound
         return Action(
             "play",
             lambda: self._play(self.settings.sound_of(source), at, gain_db, loops, wait, name),
@@ -683,7 +683,7 @@ class TrialScript(LitTrial):
 
     def _play(
         self,
-        sound: Sound,
+        sound: Waveform,
         at: str | tuple[float, float, float] | None,
         gain_db: float,
         loops: bool,

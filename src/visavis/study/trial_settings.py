@@ -7,7 +7,7 @@ from typing import Any
 
 from visavis.lab.errors import DataError, DesignError
 from visavis.protocol.session.boards import Ways
-from visavis.stimuli.sound import Sound, read_sound
+from visavis.stimuli.sound import Waveform, read_sound
 from visavis.study.background import BackgroundExecutor
 from visavis.study.responses import FreeText, Number, Pointing, Response
 from visavis.study.scenes import Maker
@@ -33,19 +33,19 @@ class Settings:
     rows: list[Mapping[str, Any]] = field(default_factory=list)
     """The rows of this session's finished trials, those of a part before among them."""
     beside: BackgroundExecutor = field(default_factory=BackgroundExecutor)
-    sounds: dict[Path, Sound] = field(default_factory=dict)
+    sounds: dict[Path, Waveform] = field(default_factory=dict)
     measured_roles: frozenset[str] = frozenset()
     """Roles with a measure: a row names them even if the role is a place."""
     held_answers: frozenset[str] = frozenset()
     """Answers of which is measured how long their key is held."""
 
-    def sound_of(self, source: Sound | Path) -> Sound:
+    def sound_of(self, source: Waveform | Path) -> Waveform:
         """Return what is played; files are read once.
 
         Raises:
             DesignError: the file cannot be played.
         """
-        if isinstance(source, Sound):
+        if isinstance(source, Waveform):
             return source
         if source not in self.sounds:
             try:

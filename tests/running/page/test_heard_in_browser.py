@@ -14,7 +14,7 @@ from visavis.lab.clock import NS_PER_MS
 from visavis.lab.geometry import Vector
 from visavis.recording.reader import Recording
 from visavis.running.page.spoken_digits import hear_digits, spoken_digits
-from visavis.stimuli.sound import Sound, part_of, read_sound
+from visavis.stimuli.sound import Waveform, part_of, read_sound
 
 av = pytest.importorskip("av")
 
@@ -54,7 +54,7 @@ HTMLMediaElement.prototype.play = function () {
 __all__ = ["server"]  # the fixture
 
 
-def spoken() -> Sound:
+def spoken() -> Waveform:
     return part_of(read_sound(SPEECH), FROM_S, SECONDS).at_rate(48_000)
 
 
@@ -146,7 +146,7 @@ def test_a_film_is_heard_from_its_first_picture_on_and_its_sound_is_the_speech(
         assert abs(began_ms(own) + 1000 * late_s - picture_ms) < TAP_MS
 
 
-def samples_of(sound: Sound) -> Vector:
+def samples_of(sound: Waveform) -> Vector:
     return sound.samples[:, 0].astype(np.float64)
 
 

@@ -23,7 +23,7 @@ from visavis.stimuli.motion.speaking.synthesiser import (
     read_text,
     synthesised,
 )
-from visavis.stimuli.sound import Sound, part_of
+from visavis.stimuli.sound import Waveform, part_of
 
 RATE_HZ = 16_000
 
@@ -34,7 +34,7 @@ def spoken(*bursts: tuple[str, float, float], seconds: float = 3.0) -> Speech:
     for _, start_s, end_s in bursts:
         samples[round(start_s * RATE_HZ) : round(end_s * RATE_HZ)] = 0.5
     words = tuple(Utterance(*burst) for burst in bursts)
-    return Speech(Sound("speech", samples, RATE_HZ), words)
+    return Speech(Waveform("speech", samples, RATE_HZ), words)
 
 
 def test_times_stand_beside_a_recording_and_are_read_again(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from visavis.lab.geometry import Vector
 from visavis.stimuli.motion.speaking.speech import Speech, Utterance
-from visavis.stimuli.sound import Sound
+from visavis.stimuli.sound import Waveform
 
 RATE_HZ: Final = 100
 MOST: Final = 0.55
@@ -96,7 +96,7 @@ def _of_phones(phones: tuple[Utterance, ...], seconds: float) -> Mouth:
     return Mouth(jaw, spread)
 
 
-def _of_loudness(sound: Sound) -> Mouth:
+def _of_loudness(sound: Waveform) -> Mouth:
     count = int(np.ceil(sound.duration_s * RATE_HZ)) + 1
     power = np.concatenate([[0.0], np.cumsum((sound.samples.astype(np.float64) ** 2).mean(axis=1))])
     middle = np.arange(count) / RATE_HZ

@@ -17,7 +17,7 @@ import numpy as np
 
 from visavis.lab.errors import DataError
 from visavis.lab.plain_files import read_plain
-from visavis.stimuli.sound import Sound, read_sound
+from visavis.stimuli.sound import Waveform, read_sound
 
 COLUMNS: Final = ("kind", "text", "start_s", "end_s")
 KINDS: Final = ("word", "phone")
@@ -36,7 +36,7 @@ class Utterance:
 class Speech:
     """A recording with its words and phones in the order of time; either may be missing."""
 
-    sound: Sound
+    sound: Waveform
     words: tuple[Utterance, ...] = ()
     phones: tuple[Utterance, ...] = ()
 

@@ -25,7 +25,7 @@ import numpy as np
 from visavis.lab.errors import DataError
 from visavis.lab.plain_files import read_plain
 from visavis.stimuli.motion.speaking.speech import Speech, Utterance
-from visavis.stimuli.sound import Sound
+from visavis.stimuli.sound import Waveform
 
 PROGRAM: Final = Path(__file__).with_name("espeak_library.py")
 NAMES: Final = ("espeak-ng", "libespeak-ng.so.1", "libespeak-ng.1.dylib", "libespeak-ng")
@@ -153,7 +153,7 @@ def synthesised(
         mix[first : first + len(own)] += own
     mix *= PEAK_01 / max(1e-6, float(np.abs(mix).max()))
     return Speech(
-        Sound(name, mix[:, None].astype(np.float32), rate_hz), tuple(words), tuple(phones)
+        Waveform(name, mix[:, None].astype(np.float32), rate_hz), tuple(words), tuple(phones)
     )
 
 
@@ -163,7 +163,7 @@ def _begin(clause: Clause, words: Sequence[Utterance], end_s: float) -> float:
         return end_s + (PAUSE_S if end_s else 0.0)
     if not clause.word:
         return clause.at_s
-    at = Speech(Sound(clause.text, np.zeros((1, 1), np.float32), 8000), tuple(words))
+    at = Speech(Waveform(clause.text, np.zeros((1, 1), np.float32), 8000), tuple(words))
     return max(0.0, clause.at_s - at.word(clause.word).start_s)
 
 
