@@ -125,6 +125,15 @@ class MovingBody(Body, Protocol):
         ...
 
 
+@runtime_checkable
+class HearingBody(Body, Protocol):
+    """A body with ears."""
+
+    def hear(self, samples: npt.NDArray[np.float32], rate_hz: int, t_ns: int) -> None:
+        """Receive what reaches the left and the right ear (n, 2) from `t_ns` on."""
+        ...
+
+
 class PressesNothing:
     """The hands of a body that never presses anything."""
 

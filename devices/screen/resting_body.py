@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from visavis.devices.contracts import EYES_DTYPE, Body, MovingBody
+from visavis.devices.contracts import EYES_DTYPE, Body, HearingBody, MovingBody
 from visavis.lab.geometry import Pose, Vector, quat_conjugate, rotate, unit
 
 EYE_X_M = 0.032
@@ -57,6 +57,11 @@ class BodyBeforeScreen:
     def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:
         """Yield what was pressed since the last call."""
         return self._body.presses(until_ns)
+
+    def hear(self, samples: npt.NDArray[np.float32], rate_hz: int, t_ns: int) -> None:
+        """Hear a block of samples."""
+        if isinstance(self._body, HearingBody):
+            self._body.hear(samples, rate_hz, t_ns)
 
 
 class MovingBodyBeforeScreen(BodyBeforeScreen):

@@ -1,5 +1,7 @@
 """A sound card behind sounddevice's interface: requests and stamps blocks by its own clock.
 
+A simulated person with ears hears what comes out.
+
 `played_blocks` holds the latest output with the card's own times. Not modelled: a card's filters,
 the air, and a system that requests blocks late.
 """
@@ -12,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from visavis.devices.contracts import HearingBody
 from visavis.devices.faults import FaultSchedule
 from visavis.lab.clock import NS_PER_MS, NS_PER_S, Clock
 
@@ -36,12 +39,14 @@ class SimulatedPortAudio:
         faults: FaultSchedule | None = None,
         latency_ms: float = 20.0,
         drift_ppm: float = 0.0,
+        body: HearingBody | None = None,
     ) -> None:
         self.clock = clock
         self.faults = faults if faults is not None else FaultSchedule()
         self.latency_s = latency_ms * NS_PER_MS / NS_PER_S
         self.rate = 1.0 + drift_ppm * 1e-6
         self.origin_ns = clock.now_ns()
+        self.body = body
         self.played_blocks: deque[tuple[float, npt.NDArray[np.float32]]] = deque(maxlen=KEPT_BLOCKS)
 
     def device_name(self, device: str | None) -> str:
@@ -55,6 +60,14 @@ class SimulatedPortAudio:
     def card_s(self, t_ns: int) -> float:
         """Return what the card's clock shows at a session time."""
         return SINCE_BOOT_S + t_ns * self.rate / NS_PER_S
+
+    def put_out(self, at_s: float, block: npt.NDArray[np.float32]) -> None:
+        """Let a block come out at a time of the card's clock."""
+        if block.any():
+            self.played_blocks.append((at_s, block))
+        if self.body is not None:
+            t_ns = round((at_s - SINCE_BOOT_S) / self.rate * NS_PER_S)
+            self.body.hear(block, RATE_HZ, t_ns)
 
     def OutputStream(self, **options: Any) -> "SimulatedStream":  # noqa: N802 - sounddevice's name
         """Open the output."""
@@ -118,6 +131,6 @@ class SimulatedStream:
             block = np.zeros((BLOCK, 2), np.float32)
             self._callback(block, BLOCK, times, status)
             self._misses_block = self._card.is_active("loss")
-            if block.any() and not self._misses_block:
-                self._card.played_blocks.append((comes_s, block))
+            if not self._misses_block:
+                self._card.put_out(comes_s, block)
             self._block += 1

@@ -19,6 +19,8 @@ from visavis.running.scripts import analyse as analyse
 from visavis.running.scripts import open_study as open_study
 from visavis.running.scripts import simulate as simulate
 from visavis.running.scripts import tables as tables
+from visavis.stimuli.audible import Sound as Sound
+from visavis.stimuli.audible import Tone as Tone
 from visavis.stimuli.dots import motion_of as motion_of
 from visavis.stimuli.flat import Dots as Dots
 from visavis.stimuli.flat import Grating as Grating

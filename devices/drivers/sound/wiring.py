@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from visavis.devices.contracts import Device
+from visavis.devices.contracts import Device, HearingBody
 from visavis.devices.drivers.sound.driver import SoundCard
 from visavis.devices.drivers.sound.spec import SOUND_CARD, SoundCardOptions
 from visavis.devices.sim.sound_card import SimulatedPortAudio
@@ -29,6 +29,7 @@ class SimulatedCard:
             faults=self.site.faults,
             latency_ms=options.latency_ms,
             drift_ppm=options.drift_ppm,
+            body=self.site.body if isinstance(self.site.body, HearingBody) else None,
         )
 
 

@@ -17,6 +17,7 @@ from visavis.lab.errors import DataError
 from visavis.lab.geometry import Vector, unit
 from visavis.people.body import PointingHand, hand_alone, segments_of
 from visavis.people.body_kernels import POINT_S
+from visavis.people.ears import Ears
 from visavis.people.moulder import (
     KEY_S,
     LOOK_S,
@@ -80,6 +81,8 @@ CLOSE_01: Final = 0.95
 """Of the distance that counts as reached: a hand does not point to a hair."""
 NOTICE_S: Final = 0.32
 """Time from an onset to a press without a decision, in seconds."""
+LISTEN_S: Final = 0.2
+"""For how long somebody listens before they judge what they hear; less, if it is over before."""
 CONTACT_DEG: Final = 5.0
 FITTED_PEOPLE: Final = 11
 """Number of people in the scene to which the model of attention was fitted."""
@@ -98,6 +101,7 @@ class StudyPerson(Observer):
     _caption: str
     _figures: LiveScene | None
     _moulding: Moulding | None
+    _listens_for: tuple[Keys, ...]
 
     def __init__(
         self,
@@ -226,6 +230,21 @@ class StudyPerson(Observer):
         usual_s = NOTICE_S * self.takes_s(response) / THINKING_S
         return reply, usual_s if takes_s is None else takes_s
 
+    def hear(self, samples: npt.NDArray[np.float32], rate_hz: int, t_ns: int) -> None:
+        """Hear a block of samples (n, 2); press once enough was heard of what asks for a key."""
+        self._ears.hear(samples, rate_hz, t_ns)
+        if not self._listens_for or not self._ears.hears_new:
+            return
+        end_ns = t_ns + round(len(samples) / rate_hz * NS_PER_S)
+        if samples.any() and end_ns - self._ears.began_ns < LISTEN_S * NS_PER_S:
+            return
+        responses, self._listens_for = self._listens_for, ()
+        for response in responses:
+            reply, takes_s = self.press(response)
+            if reply is not None:
+                at_ns = self._ears.began_ns + round(takes_s * NS_PER_S)
+                self._hand.press(max(at_ns, end_ns), reply)
+
     def pointer_path(self, scene: FlatScene, seconds: float) -> list[tuple[float, float, float]]:
         """Return where this person moves a pointer over a picture with areas of interest: from when
         on, in seconds, and degrees to the right and upwards.
@@ -295,6 +314,8 @@ class StudyPerson(Observer):
         self._caption = ""
         self._figures: LiveScene | None = None
         self._moulding = None
+        self._ears = Ears()
+        self._listens_for = ()
 
     def _see_figure(self, view: MouldingFrame, t_ns: int) -> None:
         """At first sight of a figure to mould: look at it, and press what moulds it."""
@@ -410,6 +431,7 @@ class StudyPerson(Observer):
             self._caption,
             self._figures,
             self._visit,
+            self._ears.sounds,
         )
 
     def _reply_to(self, response: Response) -> str | None:
@@ -477,6 +499,15 @@ class StudyPerson(Observer):
         """
         is_flat = isinstance(view.scene, FlatScene)
         answered_by = view.scene.answered_by if isinstance(view.scene, FlatScene) else ""
+        if isinstance(view.scene, FlatScene) and view.scene.sounds:
+            self._ears.listen()
+            self._listens_for = tuple(
+                response
+                for response in dict.fromkeys(self._responses.values())
+                if isinstance(response, Keys) and response.name == answered_by
+            )
+            return
+        self._listens_for = ()
         for response in dict.fromkeys(self._responses.values()):
             if isinstance(response, Keys) and (not is_flat or response.name == answered_by):
                 reply, takes_s = self.press(response)

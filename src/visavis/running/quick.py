@@ -15,7 +15,7 @@ import pandas as pd
 
 from visavis.analysis.gaze.targets import GazeTargets
 from visavis.devices.body_contract import MovingBody
-from visavis.devices.contracts import GAZE
+from visavis.devices.contracts import GAZE, HearingBody
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Pose
@@ -262,7 +262,8 @@ class _Frames:
         self._index = 0
         self._samples = 0
         self._view: SceneFrame | None = None
-        self._sounds: list[SoundOnset] = []
+        self._sounds: list[tuple[PlaySound, int]] = []
+        """What began since the last frame, and when."""
         self.marks: list[tuple[str, Mapping[str, Any]]] = []
         """The events that would be recorded."""
         person.prepare(stretch, 0)
@@ -282,7 +283,7 @@ class _Frames:
                 elif isinstance(step, Mark):
                     self.marks.append((step.name, step.payload))
                 elif isinstance(step, PlaySound):
-                    self._sounds.append(SoundOnset(step.key, self._t_ns))
+                    self._sounds.append((step, self._t_ns))
                 elif isinstance(step, Ask):
                     answer = self._person.answer(step.question_id, step.prompt, step.options)
                     reply = AskReply(answer, self._t_ns)
@@ -323,7 +324,11 @@ class _Frames:
         self._observer.heads.add_measured(t_ns, head)
         self._sample(t_ns - self._tracker.delay_ns)
         gaze = self._observer.observe(self._index, t_ns)
-        sounds, self._sounds = tuple(self._sounds), []
+        sounds = tuple(SoundOnset(step.key, at_ns) for step, at_ns in self._sounds)
+        for step, at_ns in self._sounds:
+            if isinstance(self._person, HearingBody):
+                self._person.hear(step.sound.at_both_ears(step.gain_db), step.sound.rate_hz, at_ns)
+        self._sounds.clear()
         downs = [(at_ns, c) for at_ns, c, value in self._person.presses(t_ns) if value > 0.5]
         return FrameView(
             self._index,

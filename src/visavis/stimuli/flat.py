@@ -5,7 +5,7 @@ where they stand before somebody is `visavis.stimuli.scenes.flat`'s.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias, get_args
@@ -275,19 +275,6 @@ def is_round(flat: Flat) -> bool:
         case Dots():
             return flat.aperture == "circle"
     return False
-
-
-def as_flats(what: object) -> tuple[Flat, ...]:
-    """Return one or several flat stimuli, or those of a mapping by name, as several; () for
-    anything else.
-    """
-    if isinstance(what, Mapping):
-        return as_flats(list(what.values()))
-    if isinstance(what, Flat):
-        return (what,)
-    if isinstance(what, Sequence) and not isinstance(what, str) and what:
-        return tuple(what) if all(isinstance(one, Flat) for one in what) else ()
-    return ()
 
 
 def picture_path(image: Image, folder: Path) -> Path:

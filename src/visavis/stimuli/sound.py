@@ -1,12 +1,13 @@
-"""Sounds for participants, as samples read from WAV files."""
+"""Sounds for participants, as samples read from WAV, FLAC and OGG files."""
 
 import hashlib
+import math
 import warnings
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import gcd
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -16,11 +17,15 @@ from visavis.lab.errors import DataError
 MAX_S: Final = 1800.0
 MIN_RATE_HZ, MAX_RATE_HZ = 4000, 192_000
 MAX_FILE_BYTES: Final = 1 << 30
+PACKED: Final = (b"fLaC", b"OggS")
+"""The first bytes of files that PyAV reads."""
+CUT_S: Final = 0.1
+SILENCE_DB: Final = -200.0
 
 
 @dataclass(frozen=True, eq=False)
 class Waveform:
-    """A recording: `samples` (n, c) float32 within −1 to 1, of one channel or two (left, right)."""
+    """A recording: `samples` (n, c) float32 of one channel or two (left, right), full scale 1."""
 
     name: str
     samples: npt.NDArray[np.float32] = field(repr=False)
@@ -32,10 +37,34 @@ class Waveform:
         return len(self.samples) / self.rate_hz
 
     @cached_property
+    def level_db(self) -> float:
+        """Its root mean square in decibels relative to that of the loudest sine; of two channels
+        the louder.
+        """
+        return _decibels(float(np.sqrt(2 * (self.samples.astype(np.float64) ** 2).mean(0).max())))
+
+    @cached_property
+    def peak_db(self) -> float:
+        """Its largest sample in decibels relative to full scale."""
+        return _decibels(float(np.abs(self.samples).max()))
+
+    @cached_property
+    def pitch_hz(self) -> float:
+        """The frequency of its strongest partial."""
+        windowed = self.samples.mean(axis=1) * np.hanning(len(self.samples))
+        count = max(len(windowed), self.rate_hz)
+        return float(np.abs(np.fft.rfft(windowed, count)).argmax() * self.rate_hz / count)
+
+    @cached_property
     def sha256(self) -> str:
         """Hash of rate and samples, independent of the file's name."""
         head = f"{self.rate_hz} {self.samples.shape}".encode()
         return hashlib.sha256(head + self.samples.tobytes()).hexdigest()
+
+    def at_both_ears(self, gain_db: float) -> npt.NDArray[np.float32]:
+        """Return what reaches the left and the right ear (n, 2) where it has no place."""
+        loud = self.samples * np.float32(10 ** (gain_db / 20))
+        return np.repeat(loud, 2, axis=1) if loud.shape[1] == 1 else loud
 
     def at_rate(self, rate_hz: int) -> "Waveform":
         """Return it resampled to a sound card's rate."""
@@ -45,32 +74,24 @@ class Waveform:
 
         divisor = gcd(rate_hz, self.rate_hz)
         samples = resample_poly(self.samples, rate_hz // divisor, self.rate_hz // divisor, axis=0)
-        return Waveform(self.name, np.clip(samples, -1, 1).astype(np.float32), rate_hz)
+        return Waveform(self.name, samples.astype(np.float32), rate_hz)
 
 
 def read_sound(path: Path) -> Waveform:
-    """Read a WAV file of 8 to 32 bits or floats, with one channel or two.
+    """Read a WAV file of 8 to 32 bits or floats, or a FLAC or OGG file, with one channel or two.
 
     Raises:
-        DataError: there is no such file, it is not a WAV file, or nothing in it can be played.
+        DataError: there is no such file, it is none of these or cut short, or nothing in it can be
+            played.
     """
-    from scipy.io import wavfile
-
     try:
         if path.stat().st_size > MAX_FILE_BYTES:
             raise DataError(f"{path}: larger than {MAX_FILE_BYTES >> 20} MiB; cut the recording")
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks of other programs
-            rate_hz, raw = wavfile.read(path)
+        with path.open("rb") as file:
+            head = file.read(4)
     except OSError as problem:
         raise DataError(f"{path}: cannot be read ({problem.strerror or problem})") from problem
-    except (ValueError, EOFError, IndexError, KeyError, TypeError, MemoryError) as problem:
-        raise DataError(
-            f"{path}: no WAV file that could be read ({problem}); save it as WAV, 16 bits"
-        ) from problem
-    except Exception as problem:  # scipy passes on errors of struct and numpy
-        raise DataError(f"{path}: a damaged WAV file ({problem}); save it again") from problem
-    samples = _as_float(raw if raw.ndim > 1 else raw[:, None])
+    samples, rate_hz = (_read_packed if head in PACKED else _read_wav)(path)
     if not 1 <= samples.shape[1] <= 2:
         raise DataError(f"{path}: {samples.shape[1]} channels; a sound has one or two")
     if not MIN_RATE_HZ <= rate_hz <= MAX_RATE_HZ:
@@ -79,7 +100,62 @@ def read_sound(path: Path) -> Waveform:
         raise DataError(f"{path}: {len(samples) / rate_hz:g} s; more than none, up to {MAX_S:g} s")
     if not np.isfinite(samples).all():
         raise DataError(f"{path}: holds values that are not numbers; save it again")
-    return Waveform(path.stem, np.clip(samples, -1, 1), int(rate_hz))
+    return Waveform(path.stem, samples, rate_hz)
+
+
+def _read_wav(path: Path) -> tuple[npt.NDArray[np.float32], int]:
+    """Return samples (n, c) of a WAV file and their rate."""
+    from scipy.io import wavfile
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", wavfile.WavFileWarning)  # chunks of other programs
+            warnings.filterwarnings("error", "Reached EOF", wavfile.WavFileWarning)
+            rate_hz, raw = wavfile.read(path)
+    except wavfile.WavFileWarning as problem:
+        raise DataError(f"{path}: cut short; copy or save it again") from problem
+    except OSError as problem:
+        raise DataError(f"{path}: cannot be read ({problem.strerror or problem})") from problem
+    except (ValueError, EOFError, IndexError, KeyError, TypeError, MemoryError) as problem:
+        raise DataError(
+            f"{path}: no WAV file that could be read ({problem}); save it as WAV, 16 bits"
+        ) from problem
+    except Exception as problem:  # scipy passes on errors of struct and numpy
+        raise DataError(f"{path}: a damaged WAV file ({problem}); save it again") from problem
+    return _as_float(raw if raw.ndim > 1 else raw[:, None]), int(rate_hz)
+
+
+def _read_packed(path: Path) -> tuple[npt.NDArray[np.float32], int]:
+    """Return samples (n, c) of a FLAC or OGG file and their rate."""
+    try:
+        import av  # of the extra "browser"
+    except ImportError as problem:
+        raise DataError(
+            f"{path}: FLAC and OGG need PyAV, which is not installed; run: pip install "
+            "'visavis[browser]', or save the sound as WAV"
+        ) from problem
+    try:
+        with av.open(str(path)) as file:
+            if not file.streams.audio:
+                raise DataError(f"{path}: there is no sound in it")
+            stream = file.streams.audio[0]
+            rate_hz, ticks = int(stream.rate or 0), stream.duration
+            lasts_s = None if ticks is None else float(ticks * (stream.time_base or 0))
+            to_float = av.AudioResampler(format="flt")
+            parts: list[npt.NDArray[Any]] = [
+                part.to_ndarray().reshape(-1, part.layout.nb_channels)
+                for frame in file.decode(stream)
+                for part in to_float.resample(frame)
+            ]
+    except (av.error.FFmpegError, ValueError) as problem:
+        raise DataError(f"{path}: a damaged sound ({problem.args[-1]}); save it again") from problem
+    samples = np.concatenate(parts or [np.zeros((0, 1))]).astype(np.float32)
+    if lasts_s is not None and rate_hz and len(samples) / rate_hz < lasts_s - CUT_S:
+        raise DataError(
+            f"{path}: cut short, {len(samples) / rate_hz:.2f} s of {lasts_s:.2f} s; copy or save "
+            "it again"
+        )
+    return samples, rate_hz
 
 
 def part_of(sound: Waveform, from_s: float, seconds: float) -> Waveform:
@@ -106,3 +182,7 @@ def _as_float(raw: npt.NDArray[np.generic]) -> npt.NDArray[np.float32]:
     if raw.dtype.kind == "i":  # 24 bits come in the upper bytes of 32
         return (raw.astype(np.float64) / 2.0 ** (8 * raw.dtype.itemsize - 1)).astype(np.float32)
     return raw.astype(np.float32)
+
+
+def _decibels(share: float) -> float:
+    return 20 * math.log10(share) if share > 10 ** (SILENCE_DB / 20) else SILENCE_DB

@@ -7,6 +7,7 @@ from typing import Any, TypeAlias
 
 from visavis.lab.clock import NS_PER_MS
 from visavis.protocol.plan.steps import AskReply, FrameView, Step
+from visavis.stimuli.audible import Audible
 from visavis.stimuli.sound import Waveform
 from visavis.study.films import Viewing
 from visavis.study.gaze_on import GazeOn
@@ -15,6 +16,8 @@ from visavis.study.responses import Response
 from visavis.study.scenes import Scene
 from visavis.study.showing import Showing
 
+Source: TypeAlias = Waveform | Path | Audible
+"""What can be played: samples, a file, or a stimulus that is heard."""
 Performing: TypeAlias = Generator[Step, FrameView | AskReply | None, Any]
 """The engine's steps of which a step of the kit consists."""
 
@@ -49,7 +52,7 @@ class Action:
     `response` is the question, `scene` the scene shown, `sound` the sound played, each with the
     name by which its `column` begins, `role` the armband that vibrates: for reading a trial without
     performing it. `showing` is how flat stimuli are shown where no condition ends them, `gaze_on`
-    the gaze that ends a step.
+    the gaze that ends a step; `sounds` are heard with what is shown.
     """
 
     name: str
@@ -59,12 +62,13 @@ class Action:
     scene: Scene | None = None
     viewing: Viewing | None = None
     moulding: Moulding | None = None
-    sound: Waveform | Path | None = None
+    sound: Source | None = None
     column: str = ""
     role: str = ""
     waits_for_end: bool = False
     showing: Showing | None = None
     gaze_on: GazeOn | None = None
+    sounds: tuple[Audible, ...] = ()
 
     @property
     def responses(self) -> tuple[Response, ...]:

@@ -6,7 +6,6 @@ that the needs of the study (agents, responses, devices, time) are known in adva
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -26,8 +25,7 @@ from visavis.protocol.plan.steps import (
     Show,
 )
 from visavis.stimuli.scene import SceneFrame
-from visavis.stimuli.sound import Waveform
-from visavis.study.actions import Action, PlayedSound, ShownScene
+from visavis.study.actions import Action, PlayedSound, ShownScene, Source
 from visavis.study.asking import Answer
 from visavis.study.background import BackgroundExecutor
 from visavis.study.distances import agent_of
@@ -38,6 +36,7 @@ from visavis.study.live import Live, LiveScene, Moulded
 from visavis.study.quest_plus import QuestPlus
 from visavis.study.responses import Keys, Response
 from visavis.study.scenes import Scene, StagedScene, Staging, stage
+from visavis.study.showing import sound_columns
 from visavis.study.staircase import Staircase
 from visavis.study.study_errors import explain, line_of, line_reached
 from visavis.study.trial import TrialPlan, TrialScript
@@ -72,7 +71,7 @@ class TrialRead:
     """The roles in any of the scenes."""
     fits_a_page: bool = True
     """Whether a page can perform it: no step needs single frames or another device."""
-    sounds: tuple[Waveform | Path, ...] = ()
+    sounds: tuple[Source, ...] = ()
     """The sounds that it plays."""
     sound_columns: tuple[str, ...] = ()
     """The columns with the onsets of these sounds."""
@@ -130,8 +129,8 @@ def read_trial(
     scenes: list[Scene] = []
     films: list[Stimulus] = []
     lives: dict[str, Live] = {}
-    sounds: list[Waveform | Path] = []
-    sound_columns: list[str] = []
+    sounds: list[Source] = []
+    sound_onsets: list[str] = []
     scene_columns: list[str] = []
     vibrating_roles: list[str] = []
     roles: set[str] = set()
@@ -163,9 +162,9 @@ def read_trial(
                 # Every reply has the type and columns of the real one: the trial may go on with it.
                 if step.sound is not None:
                     sounds.append(step.sound)
-                    sound_columns.append(f"{script.next_prefix(step.column)}_on_ns")
-                    script.row[sound_columns[-1]] = script.now_ns
-                    lasts_s = _seconds_of(step, settings)
+                    sound_onsets.append(f"{script.next_prefix(step.column)}_on_ns")
+                    script.row[sound_onsets[-1]] = script.now_ns
+                    lasts_s = settings.seconds_of(step.sound)
                     reply = PlayedSound(script.now_ns, lasts_s)
                     seconds += lasts_s if step.waits_for_end else 0.0
                 if step.name == "dark":
@@ -182,6 +181,10 @@ def read_trial(
                     areas |= {a.name for p in getattr(staged_scene, "areas", ()) for a in p.areas}
                     dressings.add(staged_scene.scene.dressed_by)
                     prefix = script.next_prefix(step.column)
+                    sounds += step.sounds
+                    onsets = sound_columns(prefix, len(step.sounds))
+                    sound_onsets += onsets
+                    script.row |= dict.fromkeys(onsets, script.now_ns)
                     endings = (*SCENE_ENDINGS, *staged_scene.roles)
                     scene_columns += [f"{prefix}_{ending}" for ending in endings]
                     if step.gaze_on is not None:
@@ -238,7 +241,7 @@ def read_trial(
         return TrialRead(seconds, (), tuple(scenes), agents, vibrates, lit_frame)
     except StopIteration as end:
         own = {*script.row, *(end.value or ())}
-        by_kit = {*sound_columns, *scene_columns, *(c.name for r in responses for c in r.columns())}
+        by_kit = {*sound_onsets, *scene_columns, *(c.name for r in responses for c in r.columns())}
         return TrialRead(
             seconds,
             tuple(responses),
@@ -250,7 +253,7 @@ def read_trial(
             frozenset(roles),
             fits_a_page,
             tuple(sounds),
-            tuple(sound_columns),
+            tuple(sound_onsets),
             lives,
             scene_columns=tuple(scene_columns),
             row_columns=tuple(sorted(map(str, own - by_kit))),
@@ -280,14 +283,6 @@ def read_trials(
         if key not in by_condition:
             by_condition[key] = read_trial(plan, trial, settings)
     return by_condition
-
-
-def _seconds_of(step: Action, settings: Settings) -> float:
-    """Return how long a sound lasts; 0 if its file is missing, as in an analysis elsewhere."""
-    try:
-        return 0.0 if step.sound is None else settings.sound_of(step.sound).duration_s
-    except DesignError:
-        return 0.0
 
 
 def _answer_to(response: Response, view: FrameView) -> Answer:

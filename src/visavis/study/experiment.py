@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain
-from pathlib import Path
 from typing import Any, Final, Self
 
 import numpy as np
@@ -350,11 +349,11 @@ class StudyExperiment:
 
     @property
     def unplayable(self) -> tuple[str, ...]:
-        """The error of each sound file that cannot be played."""
-        files = {s for trial in self.read.values() for s in trial.sounds if isinstance(s, Path)}
-        files |= {self.settings.folder / voice.file for voice in self.voices}
+        """The error of each sound that cannot be played, or not at its level."""
+        sources = [sound for trial in self.read.values() for sound in trial.sounds]
+        sources += [self.settings.folder / voice.file for voice in self.voices]
         problems = []
-        for file in sorted(files):
+        for file in sorted(set(sources), key=str):
             try:
                 self.settings.sound_of(file)
             except DesignError as problem:

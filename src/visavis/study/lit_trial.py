@@ -10,6 +10,7 @@ from visavis.lab.errors import DesignError
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import FrameView, Mark, PlaySound, Scalar
 from visavis.stimuli.areas import areas_text
+from visavis.stimuli.audible import gain_db_of
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.flat import FlatScene
 from visavis.stimuli.sound import part_of
@@ -21,10 +22,12 @@ from visavis.study.frames import dark_view, gaze_has_arrived, show_frame
 from visavis.study.gaze_on import GazeOn, GazeWatch
 from visavis.study.responses import Keys
 from visavis.study.scenes import PAIR, PassingScene, Scene, StagedScene, Staging, stage
-from visavis.study.showing import Showing
+from visavis.study.showing import Showing, sound_columns
 from visavis.study.trial_settings import Settings
 
 SCENE_STREAM: Final = 100
+STAMP_LIMIT_S: Final = 1.0
+"""How long a trial waits for the report that a sound began."""
 Until: TypeAlias = Callable[[FrameView], bool] | GazeOn
 """What ends a showing before its time."""
 
@@ -87,6 +90,7 @@ class LitTrial:
         self._staged_scene, self._onset_ns = staged_scene, before.t_ns
         self._sound_on_ns = 0
         yield from show_frame(self._scene_update(before))
+        yield from self._begin_sounds(showing, name)
         view = yield from self._frame()
         self._end_light(view.t_ns)
         self._gaze_watch = None
@@ -94,6 +98,30 @@ class LitTrial:
         self.row.setdefault("t_start_ns", view.t_ns)
         yield Mark("shown", _payload(self.trial, name, showing.scene, staged_scene, before.t_ns))
         return name, staged_scene, view
+
+    def _begin_sounds(self, showing: Showing, name: str) -> Performing:
+        """Let what is heard with a showing begin, all at once."""
+        columns = sound_columns(name, len(showing.sounds))
+        for sound, column in zip(showing.sounds, columns, strict=True):
+            self.row[column] = None
+            waveform = self.settings.sound_of(sound)
+            yield PlaySound(column, waveform, None, gain_db_of(sound, waveform))
+
+    def _onset_of(self, showing: Showing, name: str, view: FrameView) -> Performing:
+        """Return from when a showing is timed, the frame in which that is known, and how many have
+        passed: what is heard alone counts from its first sample, all else from its first light.
+        """
+        on_ns, frames = view.t_ns, 1
+        if not showing.is_heard_alone:
+            return on_ns, view, frames
+        column, until_ns = f"{name}_sound_on_ns", on_ns + round(STAMP_LIMIT_S * NS_PER_S)
+        while self.row[column] is None and view.t_ns < until_ns:
+            view = yield from self._frame()
+            frames += 1
+        began_ns = self.row[column]
+        if isinstance(began_ns, int):
+            self._sound_on_ns = on_ns = began_ns
+        return on_ns, view, frames
 
     def _end_light(self, t_ns: int) -> None:
         """Note that flat stimuli were lit up to now."""
@@ -121,8 +149,9 @@ class LitTrial:
         in which they would be.
         """
         name, staged_scene, view = yield from self._light(showing)
-        on_ns, frames = view.t_ns, 1
-        until = self._condition(ends, staged_scene, on_ns)
+        lit_ns = view.t_ns
+        on_ns, view, frames = yield from self._onset_of(showing, name, view)
+        until = self._condition(ends, staged_scene, lit_ns)
 
         def pass_frame(view: FrameView) -> None:
             nonlocal frames
@@ -133,8 +162,8 @@ class LitTrial:
             view = yield from self._frame(quiet_until_ns, pass_frame)
             frames += 1
         off_ns = view.t_ns + view.surface.frame_ns
-        self._note_shown(name, staged_scene, on_ns, off_ns, frames)
-        return ShownScene(on_ns, off_ns, staged_scene.roles, view)
+        self._note_shown(name, staged_scene, lit_ns, off_ns, frames)
+        return ShownScene(lit_ns, off_ns, staged_scene.roles, view)
 
     def _note_shown(
         self, name: str, staged_scene: StagedScene, on_ns: int, off_ns: int, frames: int
@@ -156,7 +185,8 @@ class LitTrial:
     def _show_until_key(self, showing: Showing, keys: Keys) -> Performing:
         """Show something until a key is pressed; after its seconds wait for the key in the dark."""
         name, staged_scene, view = yield from self._light(showing)
-        controls, on_ns, frames, is_lit = tuple(keys.options), view.t_ns, 1, True
+        controls, lit_ns, is_lit = tuple(keys.options), view.t_ns, True
+        on_ns, view, frames = yield from self._onset_of(showing, name, view)
         until_ns = on_ns + round(keys.limit_s * NS_PER_S)
 
         def pass_frame(view: FrameView) -> SceneFrame | None:
@@ -168,7 +198,7 @@ class LitTrial:
         while answer is None and view.t_ns < until_ns:
             if is_lit and showing.is_over(frames, view, on_ns):
                 off_ns = view.t_ns + view.surface.frame_ns
-                self._note_shown(name, staged_scene, on_ns, off_ns, frames)
+                self._note_shown(name, staged_scene, lit_ns, off_ns, frames)
                 is_lit, self._staged_scene = False, None
                 yield dark_view(view.t_ns)
                 view = yield from self._frame()
@@ -181,7 +211,7 @@ class LitTrial:
             answer = press_in(view, controls, on_ns, until_ns)
         if is_lit:
             off_ns = view.t_ns + view.surface.frame_ns
-            self._note_shown(name, staged_scene, on_ns, off_ns, frames)
+            self._note_shown(name, staged_scene, lit_ns, off_ns, frames)
         if answer is None:
             answer = Answer(None, "nothing in time", on_ns, view.t_ns, view)
         return answer

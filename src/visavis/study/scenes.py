@@ -18,6 +18,7 @@ from visavis.lab.geometry import Vector
 from visavis.lab.yaml_lines import did_you_mean
 from visavis.protocol.plan.steps import FrameView, GazeView, UpdateAhead
 from visavis.stimuli.areas import PlacedAreas
+from visavis.stimuli.audible import Audible
 from visavis.stimuli.dressing.casting import default_casting
 from visavis.stimuli.dressing.gathering import agents_of
 from visavis.stimuli.dressing.picture_of import named_function
@@ -397,14 +398,16 @@ def flat(
     background: Colour = "black",
     answered_by: str = "",
     names: tuple[str, ...] = (),
+    sounds: tuple[Audible, ...] = (),
 ) -> StagedScene:
     """Return flat stimuli before a background, the last in front; those with names are areas.
+    The `sounds` are heard meanwhile.
 
     Raises:
         DesignError: there is none, a colour does not exist, or a picture or its areas cannot be
             read.
     """
-    if not items:
+    if not items and not sounds:
         raise DesignError("t.show: there is nothing to show; give a stimulus, or several in a list")
     for item in items:
         if isinstance(item, Image):
@@ -418,6 +421,7 @@ def flat(
         folder=staging.folder,
         answered_by=answered_by,
         names=names,
+        sounds=sounds,
     )
     return _StagedFlat(scene, areas=areas_of(scene))
 

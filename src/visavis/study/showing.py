@@ -1,8 +1,8 @@
 """What `t.show` shows and for how long, as a trial says it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -10,10 +10,14 @@ from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.steps import FrameView
+from visavis.stimuli.audible import Audible
+from visavis.stimuli.flat import Flat
 from visavis.study.gaze_on import GazeOn
 from visavis.study.responses import Keys
 from visavis.study.scenes import Scene
 
+Stimuli: TypeAlias = Flat | Audible | Sequence[Flat | Audible] | Mapping[str, Flat | Audible]
+"""What is shown in a showing: one stimulus, several, or several by name."""
 PAGE_COLUMNS: Final = (
     Column("px_per_deg", "1/deg", "pixels of the page in a degree, in the middle of its screen"),
     Column(
@@ -31,7 +35,8 @@ PAGE_COLUMNS: Final = (
 class Showing:
     """What is shown, and for how long: the frames, or else the seconds. Its columns' name.
 
-    With `window_deg` it is blurred but for a window so wide, which follows the pointer.
+    With `window_deg` it is blurred but for a window so wide, which follows the pointer. `sounds`
+    begin with it.
     """
 
     scene: Scene
@@ -40,6 +45,12 @@ class Showing:
     name: str
     is_flat: bool = False
     window_deg: float = 0.0
+    sounds: tuple[Audible, ...] = ()
+
+    @property
+    def is_heard_alone(self) -> bool:
+        """Whether there is nothing to see; times then run from the onset of the sound."""
+        return bool(self.sounds) and not self.scene.options.get("items")
 
     def calm_until_ns(self, view: FrameView, on_ns: int) -> int:
         """Return until when nothing of it changes, two frames before its end."""
@@ -51,8 +62,32 @@ class Showing:
         """Tell whether what the next frame shows is no longer this; `frames` were lit so far."""
         if self.frames is not None:
             return frames >= self.frames
+        if self.is_heard_alone:  # light comes a frame after it is asked for; sound is not hurried
+            return view.t_ns >= on_ns + self.seconds * NS_PER_S
         next_ns = view.t_ns + view.surface.frame_ns
         return next_ns + view.surface.frame_ns / 2 > on_ns + self.seconds * NS_PER_S
+
+
+def parted(
+    what: object,
+) -> tuple[tuple[Flat, ...], tuple[Audible, ...], tuple[str, ...]]:
+    """Return what is seen, what is heard, and the names of the former; nothing of a scene."""
+    if isinstance(what, Mapping):
+        names = tuple(str(name) for name, one in what.items() if isinstance(one, Flat))
+        return (*parted(list(what.values()))[:2], names)
+    if isinstance(what, Flat | Audible):
+        return parted([what])
+    if not isinstance(what, Sequence) or isinstance(what, str):
+        return (), (), ()
+    if not all(isinstance(one, Flat | Audible) for one in what):
+        return (), (), ()
+    sounds = tuple(one for one in what if isinstance(one, Audible))
+    return tuple(one for one in what if isinstance(one, Flat)), sounds, ()
+
+
+def sound_columns(prefix: str, count: int) -> list[str]:
+    """Return the columns of the onsets of so many sounds that begin together."""
+    return [f"{prefix}_sound{k if k > 1 else ''}_on_ns" for k in range(1, count + 1)]
 
 
 def awaited_keys(

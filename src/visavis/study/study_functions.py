@@ -16,6 +16,7 @@ from visavis.protocol.plan.steps import Step
 from visavis.stimuli.flat import Flat
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.flat import FlatScene
+from visavis.stimuli.sound import Waveform
 from visavis.study.responses import Response
 from visavis.study.scenes import areas_of
 from visavis.study.sections import AnalysisOfStudy, ExperimentOfStudy
@@ -60,6 +61,9 @@ class Seen:
     visit: int = 1
     """Which session of this person it is, counted from 1: what lies between two sessions happened
     to the person, not to what is shown. Nobody tells people what a study calls a session."""
+    sounds: tuple[Waveform, ...] = ()
+    """What reached both ears since the trial began, one sound after another: `pitch_hz` and
+    `level_db` say what it was like, `samples` are all of it so far."""
 
     @property
     def stimuli(self) -> tuple[Flat, ...]:

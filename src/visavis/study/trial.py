@@ -31,7 +31,8 @@ from visavis.protocol.plan.steps import (
     SoundOnset,
     Step,
 )
-from visavis.stimuli.flat import MAX_SEED, Colour, Dots, Flat, Text, as_flats
+from visavis.stimuli.audible import MAX_GAIN_DB
+from visavis.stimuli.flat import MAX_SEED, Colour, Dots, Flat, Text
 from visavis.stimuli.panels import SIZE_M, PanelFrame, Surface, board_before
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import SceneFrame
@@ -49,7 +50,7 @@ from visavis.study.background import BackgroundExecutor
 from visavis.study.films import Stimulus, Viewing, scene_of, seconds_of, voiced_film
 from visavis.study.frames import dark_frame, dark_view, show_frame
 from visavis.study.gaze_on import GazeOn
-from visavis.study.lit_trial import LitTrial, Until
+from visavis.study.lit_trial import STAMP_LIMIT_S, LitTrial, Until
 from visavis.study.live import (
     RENDERER,
     Live,
@@ -64,18 +65,23 @@ from visavis.study.moulding import BoardWords, moulded
 from visavis.study.quest_plus import QuestPlus, QuestPlusTrial
 from visavis.study.responses import FreeText, Keys, Pointing, Rating, Response, labels_of
 from visavis.study.scenes import FLAT, PassingScene, Scene, StagedScene
-from visavis.study.showing import Showing, awaited_keys, duration, shown_seconds, window_of
+from visavis.study.showing import (
+    Showing,
+    Stimuli,
+    awaited_keys,
+    duration,
+    parted,
+    shown_seconds,
+    window_of,
+)
 from visavis.study.staircase import Staircase, StaircaseTrial
 from visavis.study.trial_settings import Settings, is_on_board
 
 OWN_STREAM: Final = 200
 DOTS_STREAM: Final = 0xD075
 
-MAX_GAIN_DB: Final = 20.0
 LEAVE_S: Final = 30.0
 """How long live figures stay before a monitor or in a headset if nobody presses their button."""
-STAMP_LIMIT_S: Final = 1.0
-"""How long a trial waits for the report that a sound began."""
 Wait: TypeAlias = Literal["onset", "end", "no"]
 
 
@@ -185,7 +191,7 @@ class TrialScript(LitTrial):
 
     def show(
         self,
-        what: Scene | Flat | Sequence[Flat] | Mapping[str, Flat],
+        what: Scene | Stimuli,
         seconds: float | None = None,
         *,
         frames: int | None = None,
@@ -198,14 +204,17 @@ class TrialScript(LitTrial):
     ) -> Action:
         """Show a scene, or flat stimuli (`Text`, `Image`, `Shape`, `Grating`, `Dots`; the last in
         front), for some seconds or frames, or until `until` is true for a frame (`gaze_on` says of
-        gaze when) or a key of it is pressed.
+        gaze when) or a key of it is pressed. `Tone` and `Sound` are heard with them or alone, all
+        from the beginning, and to their end or the trial's; alone they need no `seconds`.
         Stimuli in a mapping have names, which make areas of interest of them. On a page,
         `reveal="pointer"` blurs all but a window `window_deg` wide, which follows the pointer.
 
         Columns: `NAME_on_ns` and `NAME_off_ns` (a second scene of a trial: `NAME2_on_ns`),
-        `NAME_frames`, and `NAME_ROLE` for the agent that plays a role; NAME is "scene", and
-        "stimulus" for flat stimuli. The step returns a `ShownScene`; with `Keys` the `Answer`,
-        timed from the first lit frame and missing after `limit_s`, with the columns of `t.key`.
+        `NAME_frames`, and `NAME_ROLE` for the agent that plays a role; `NAME_sound_on_ns` for a
+        sound (a second: `NAME_sound2_on_ns`). NAME is "scene", and "stimulus" for flat stimuli and
+        sounds; what is heard alone is timed from its own onset. The step returns a
+        `ShownScene`; with `Keys` the `Answer`, timed from the first lit frame and missing after
+        `limit_s`, with the columns of `t.key`.
         What is shown stays until the next step shows something else; with both `seconds` and
         `Keys` it goes after the seconds, and the press is waited for in the dark.
 
@@ -213,33 +222,37 @@ class TrialScript(LitTrial):
             DesignError: there is nothing to show, or nothing says how long.
         """
         keys = awaited_keys(until, limit_s)
-        flats = tuple(self._with_seed(flat) for flat in as_flats(what))
-        if flats:
+        flats, sounds, names = parted(what)
+        flats = tuple(self._with_seed(flat) for flat in flats)
+        is_flat = bool(flats or sounds)
+        if is_flat:
             options: dict[str, Any] = {"background": background}
             options["answered_by"] = keys.name if keys else ""
-            if isinstance(what, Mapping):
-                options |= {"names": tuple(map(str, what))}
+            options |= {"names": names} if names else {}
+            options |= {"sounds": sounds} if sounds else {}
             scene = Scene(FLAT, items=flats, **options)
+            if sounds and seconds is None and frames is None and until is None:
+                seconds = max(map(self.settings.seconds_of, sounds))
         elif isinstance(what, Scene):
             scene = what
         else:
             raise DesignError(
-                "t.show shows a Scene, Text, Image, Shape, Grating or Dots, or a list of the "
-                f"latter; not {what!r}"
+                "t.show shows a Scene, Text, Image, Shape, Grating, Dots, Tone or Sound, or a list "
+                f"of the latter; not {what!r}"
             )
-        name = name or ("stimulus" if flats else "scene")
+        name = name or ("stimulus" if is_flat else "scene")
         seconds = shown_seconds(seconds, frames, keys, until)
-        wide_deg = window_of(reveal if flats else None, window_deg)
+        wide_deg = window_of(reveal if is_flat else None, window_deg)
         if wide_deg and any(isinstance(flat, Dots) for flat in flats):
             raise DesignError("t.show: reveal uncovers what stands still; dots move")
-        showing = Showing(scene, seconds, frames, name, bool(flats), wide_deg)
+        showing = Showing(scene, seconds, frames, name, is_flat, wide_deg, sounds)
         if keys is not None:
             perform = partial(self._answer_shown, showing, keys)
         else:
             stop = None if isinstance(until, Keys) else until
-            perform = partial(self._show_exactly if flats else self._show, showing, stop)
+            perform = partial(self._show_exactly if is_flat else self._show, showing, stop)
         lasts_s = min(seconds, 0.0 if keys is None else keys.limit_s) if keys else seconds
-        of_page = showing if flats and (until is None or keys is not None) else None
+        of_page = showing if is_flat and (until is None or keys is not None) else None
         return Action(
             "show",
             perform,
@@ -249,6 +262,7 @@ class TrialScript(LitTrial):
             column=name,
             showing=of_page,
             gaze_on=until if isinstance(until, GazeOn) else None,
+            sounds=sounds,
         )
 
     def _with_seed(self, flat: Flat) -> Flat:

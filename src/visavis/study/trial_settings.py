@@ -7,7 +7,9 @@ from typing import Any
 
 from visavis.lab.errors import DataError, DesignError
 from visavis.protocol.session.boards import Ways
+from visavis.stimuli.audible import Audible, Tone, at_ear, gain_db_of, tone_waveform
 from visavis.stimuli.sound import Waveform, read_sound
+from visavis.study.actions import Source
 from visavis.study.background import BackgroundExecutor
 from visavis.study.responses import FreeText, Number, Pointing, Response
 from visavis.study.scenes import Maker
@@ -33,26 +35,43 @@ class Settings:
     rows: list[Mapping[str, Any]] = field(default_factory=list)
     """The rows of this session's finished trials, those of a part before among them."""
     beside: BackgroundExecutor = field(default_factory=BackgroundExecutor)
-    sounds: dict[Path, Waveform] = field(default_factory=dict)
+    sounds: dict[Path | Audible, Waveform] = field(default_factory=dict)
     measured_roles: frozenset[str] = frozenset()
     """Roles with a measure: a row names them even if the role is a place."""
     held_answers: frozenset[str] = frozenset()
     """Answers of which is measured how long their key is held."""
 
-    def sound_of(self, source: Waveform | Path) -> Waveform:
+    def sound_of(self, source: Source) -> Waveform:
         """Return what is played; files are read once.
 
         Raises:
-            DesignError: the file cannot be played.
+            DesignError: the file cannot be played, or not at its level.
         """
         if isinstance(source, Waveform):
             return source
         if source not in self.sounds:
             try:
-                self.sounds[source] = read_sound(source)
+                self.sounds[source] = self._read(source)
             except DataError as problem:
-                raise DesignError(f"t.play: {problem}") from problem
+                step = "play" if isinstance(source, Path) else "show"
+                raise DesignError(f"t.{step}: {problem}") from problem
         return self.sounds[source]
+
+    def seconds_of(self, source: Source) -> float:
+        """Return how long a sound lasts; 0 if its file is missing, as in an analysis elsewhere."""
+        try:
+            return self.sound_of(source).duration_s
+        except DesignError:
+            return 0.0
+
+    def _read(self, source: Path | Audible) -> Waveform:
+        if isinstance(source, Path):
+            return read_sound(source)
+        if isinstance(source, Tone):
+            return tone_waveform(source)
+        sound = at_ear(read_sound(self.folder / source.file), source.ear)
+        gain_db_of(source, sound)
+        return sound
 
 
 def is_on_board(response: Response, settings: Settings) -> bool:

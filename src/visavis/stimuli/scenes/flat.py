@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Final
 
 from visavis.lab.geometry import Pose
+from visavis.stimuli.audible import Audible
 from visavis.stimuli.flat import Dots, Flat
 from visavis.stimuli.panels import IN_HEADSET, Surface
 from visavis.stimuli.scene import Scene
@@ -18,8 +19,8 @@ class FlatScene(Scene):
 
     `background_srgb` fills what they leave free; pictures lie in `folder`. `answered_by` names the
     response for which somebody presses a key while this is shown, as their instruction says.
-    `names` (one for each item, or none) make areas of interest of whole stimuli. What moves began
-    to at `moves_since_ns`.
+    `names` (one for each item, or none) make areas of interest of whole stimuli. `sounds` are heard
+    with them, or alone. What moves began to at `moves_since_ns`.
     """
 
     items: tuple[Flat, ...] = ()
@@ -29,6 +30,7 @@ class FlatScene(Scene):
     folder: Path = Path()
     answered_by: str = ""
     names: tuple[str, ...] = ()
+    sounds: tuple[Audible, ...] = ()
     moves_since_ns: int = 0
 
     @property
