@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from scipy.io import wavfile
 
 from visavis.lab.errors import DataError
-from visavis.stimuli.sound import read_sound
+from visavis.stimuli.audible import Sound, Tone, gain_db_of, tone_waveform
+from visavis.stimuli.sound import Waveform, read_sound
 
 RAMP = np.linspace(-0.9, 0.9, 500)
 KINDS = {
@@ -52,6 +53,53 @@ def test_what_cannot_be_played_is_refused_in_words(samples, rate_hz, told, tmp_p
     wavfile.write(tmp_path / "odd.wav", rate_hz, samples)
     with pytest.raises(DataError, match=told):
         read_sound(tmp_path / "odd.wav")
+
+
+def test_flac_has_the_values_that_were_written(tmp_path):
+    av = pytest.importorskip("av")
+    values = np.round(RAMP * 32767).astype(np.int16)
+    with av.open(str(tmp_path / "ramp.flac"), "w") as file:
+        stream = file.add_stream("flac", rate=8000)
+        stream.codec_context.layout, stream.codec_context.format = "mono", "s16"
+        frame = av.AudioFrame.from_ndarray(values[None], format="s16", layout="mono")
+        frame.sample_rate = 8000
+        file.mux([*stream.encode(frame), *stream.encode(None)])
+    sound = read_sound(tmp_path / "ramp.flac")
+    assert (values / 32768).tolist() == sound.samples[:, 0].tolist()
+    whole = (tmp_path / "ramp.flac").read_bytes()
+    (tmp_path / "cut.flac").write_bytes(whole[: len(whole) - 300])
+    with pytest.raises(DataError, match=r"cut\.flac"):
+        read_sound(tmp_path / "cut.flac")
+
+
+def test_file_that_ends_early_is_told(tmp_path):
+    wavfile.write(tmp_path / "ramp.wav", 8000, KINDS["i2"])
+    (tmp_path / "cut.wav").write_bytes((tmp_path / "ramp.wav").read_bytes()[:500])
+    with pytest.raises(DataError, match=r"cut\.wav: cut short"):
+        read_sound(tmp_path / "cut.wav")
+
+
+def test_tone_rises_and_falls_in_five_milliseconds_and_has_its_pitch_and_level():
+    tone = tone_waveform(Tone(440, seconds=0.2))
+    edge = np.abs(tone.samples[:, 0])
+    assert edge[:48].max() < 0.1  # the first of its five milliseconds
+    assert edge[-48:].max() < 0.1
+    assert 1.0 == pytest.approx(edge[240:-240].max(), abs=1e-3)
+    assert (9600, 440.0) == (len(edge), tone.pitch_hz)
+    assert 0.0 == pytest.approx(tone.level_db, abs=0.2)
+
+
+def test_sound_for_one_ear_is_silent_at_the_other():
+    left = tone_waveform(Tone(440, ear="left"))
+    assert left.samples[:, 0].any()
+    assert not left.samples[:, 1].any()
+
+
+def test_level_of_a_sound_is_that_of_its_root_mean_square():
+    noise = Waveform("noise", np.full((100, 1), 0.1, np.float32), 8000)
+    gain_db = gain_db_of(Sound("noise.wav", level_db=-30.0), noise)
+    assert -30.0 == pytest.approx(noise.level_db + gain_db)
+    assert 0.0 == gain_db_of(Sound("noise.wav"), noise)
 
 
 def test_file_that_is_not_there_is_named(tmp_path):

@@ -13,6 +13,7 @@ from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.errors import ConfigError, DesignError
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
+from visavis.running.film_store import film_store
 from visavis.running.quick import quick_study
 from visavis.running.sessions.device_setup import devices_for
 from visavis.running.sessions.perform import perform_new
@@ -132,6 +133,12 @@ def test_sound_that_cannot_be_played_is_told_at_plan(tmp_path, step, told):
     (tmp_path / "cut.wav").write_bytes((tmp_path / "hum.wav").read_bytes()[:9000])
     with pytest.raises(DesignError, match=told):
         _ = find_study(str(path)).experiment({}).sounds
+
+
+def test_page_refuses_sounds_beside_pictures_instead_of_leaving_them_out(tmp_path):
+    experiment = find_study(str(write_study(tmp_path))).experiment({})
+    with pytest.raises(DesignError, match="play a Tone or Sound"):
+        film_store(experiment)
 
 
 def test_place_without_a_loudspeaker_is_told_at_plan(tmp_path):

@@ -5,8 +5,10 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from PIL import Image as Files
+from scipy.io import wavfile
 
 from visavis.lab.errors import DesignError
 from visavis.protocol.plan.design import Factor
@@ -199,6 +201,26 @@ def save(folder: Path, name: str, mode: str = "RGB", size: tuple[int, int] = (20
     if name.startswith("turned"):
         orientation[0x0112] = 6
     picture.save(folder / name, exif=orientation)
+
+
+def test_sounds_are_looked_at_row_by_row(tmp_path: Path) -> None:
+    for name in ("word.wav", "Other.wav"):
+        wavfile.write(tmp_path / name, 8000, np.full(800, 9, np.int16))
+    (tmp_path / "cut.wav").write_bytes((tmp_path / "word.wav").read_bytes()[:500])
+    (tmp_path / "text.wav").write_text("no sound", "utf-8")
+    wavfile.write(tmp_path / "empty.wav", 8000, np.zeros(0, np.int16))
+    names = ["word.wav", "other.wav", "gone.wav", "cut.wav", "text.wav", "empty.wav"]
+    (tmp_path / "t.csv").write_text("\n".join(["sound", *names]), "utf-8")
+    with pytest.raises(DesignError) as told:
+        read_items(Items("t.csv"), tmp_path, ())
+    for line, words in (
+        (3, "'other.wav' is called 'Other.wav' there"),
+        (4, "gone.wav: cannot be read"),
+        (5, "cut.wav: cut short"),
+        (6, "text.wav: no WAV file"),
+        (7, "empty.wav: .*more than none"),
+    ):
+        assert told.match(f"line {line}: .*{words}"), told.value
 
 
 def test_pictures_are_looked_at_row_by_row(tmp_path: Path) -> None:

@@ -292,9 +292,9 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
     if not all(read.fits_a_page for read in experiment.read.values()):
         raise DesignError(
             f"{experiment.name} cannot be performed on a page: its trials show scenes frame by "
-            "frame, or vibrate, and a page shows texts, pictures, shapes and gratings (t.show, "
-            "without a condition), t.watch, t.ask, t.wait and t.dark. Perform it in the laboratory "
-            "(visavis run), or show its scenes as films (t.watch)"
+            "frame, vibrate, or play a Tone or Sound, and a page shows texts, pictures, shapes and "
+            "gratings (t.show, without a condition), t.watch, t.ask, t.wait and t.dark. Perform it "
+            "in the laboratory (visavis run), or show its scenes as films (t.watch)"
         )
     if "sound" in experiment.study.procedure.screening:
         spoken_digits(experiment.language, experiment.settings.folder)

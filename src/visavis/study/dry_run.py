@@ -150,6 +150,7 @@ def read_trial(
                 # A page times a press from what it shows: a showing before it, of a known length.
                 on_page |= step.showing is not None or (step.name == "key" and lit_on_page)
                 fits_a_page &= on_page or step.name in STEPS_OF_A_PAGE
+                fits_a_page &= not step.sounds
                 if step.name not in ("dark", "wait"):
                     lit_on_page = step.showing is not None and step.response is None
                 seconds += step.seconds

@@ -16,13 +16,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from visavis.lab.errors import DesignError
+from visavis.lab.errors import DataError, DesignError
 from visavis.lab.plain_files import read_plain
 from visavis.lab.yaml_lines import did_you_mean
 from visavis.protocol.plan.design import Factor
 from visavis.protocol.plan.orders import Constraint, no_more_than
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.protocol.plan.steps import Scalar
+from visavis.stimuli.sound import read_sound
 from visavis.study.names import is_name, reserved_names
 from visavis.study.scenes import picture_size
 
@@ -33,6 +34,7 @@ TRIES: Final = 300
 MAX_ROWS: Final = 20_000
 MAX_PROBLEMS: Final = 8
 PICTURES: Final = (".png", ".jpg", ".jpeg", ".gif", ".bmp", ".webp", ".tif", ".tiff")
+SOUNDS: Final = (".wav", ".flac", ".ogg")
 NUMBER: Final = re.compile(r"[+-]?(0|[1-9]\d*)(\.\d+)?")
 
 
@@ -85,7 +87,7 @@ def read_items(items: Items, folder: Path, factors: Sequence[Factor]) -> ItemTab
     """
     table = _read(items, folder)
     problems = [*_of_columns(items, table, factors), *_of_rows(items, table, factors)]
-    problems = problems or list(_of_pictures(items, table, folder))
+    problems = problems or [*_of_pictures(items, table, folder), *_of_sounds(table, folder)]
     if problems:
         more = len(problems) - MAX_PROBLEMS
         lines = [*problems[:MAX_PROBLEMS], *([f"and {more} more"] if more > 0 else [])]
@@ -349,19 +351,10 @@ def _of_pictures(items: Items, table: ItemTable, folder: Path) -> Iterator[str]:
     pictures, or of another size than most in their column.
     """
     for column in table.columns:
-        files = [str(row[column]) for row in table.rows]
-        if not any(file.lower().endswith(PICTURES) for file in files):
-            continue
         sizes: list[tuple[int, tuple[int, int]]] = []
-        for line, file in zip(table.lines, files, strict=True):
-            path = folder / file
-            there = {p.name for p in path.parent.iterdir()} if path.parent.is_dir() else set()
-            same = [n for n in sorted(there) if _bare(n) == _bare(path.name)]
-            if same and path.name not in there:
-                yield f"line {line}: {file!r} is called {same[0]!r} there; write it so"
-                continue
+        for line, file in _files_in(table, column, PICTURES):
             try:
-                sizes.append((line, picture_size(path)))
+                sizes.append((line, picture_size(_spelled(folder, file))))
             except DesignError as problem:
                 yield f"line {line}: {problem}"
         usual = Counter(size for _, size in sizes).most_common(1)
@@ -372,6 +365,39 @@ def _of_pictures(items: Items, table: ItemTable, folder: Path) -> Iterator[str]:
                     f"line {line}: its {column} is {size[0]} x {size[1]} pixels, most are "
                     f"{wide} x {high}; make them alike, or Items(…, any_size=True)"
                 )
+
+
+def _of_sounds(table: ItemTable, folder: Path) -> Iterator[str]:
+    """Yield what is wrong with the sounds that the table names: missing, spelled otherwise, or
+    nothing that can be played.
+    """
+    for column in table.columns:
+        for line, file in _files_in(table, column, SOUNDS):
+            try:
+                read_sound(_spelled(folder, file))
+            except (DataError, DesignError) as problem:
+                yield f"line {line}: {problem}"
+
+
+def _files_in(table: ItemTable, column: str, endings: tuple[str, ...]) -> list[tuple[int, str]]:
+    """Return line and name of each file in a column of files of one kind; nothing of others."""
+    files = [str(row[column]) for row in table.rows]
+    is_of_kind = any(file.lower().endswith(endings) for file in files)
+    return list(zip(table.lines, files, strict=True)) if is_of_kind else []
+
+
+def _spelled(folder: Path, file: str) -> Path:
+    """Return the path of a file.
+
+    Raises:
+        DesignError: its name is spelled otherwise there.
+    """
+    path = folder / file
+    there = {p.name for p in path.parent.iterdir()} if path.parent.is_dir() else set()
+    same = [n for n in sorted(there) if _bare(n) == _bare(path.name)]
+    if same and path.name not in there:
+        raise DesignError(f"{file!r} is called {same[0]!r} there; write it so")
+    return path
 
 
 def _bare(name: str) -> str:
