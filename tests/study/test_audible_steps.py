@@ -5,7 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.io import wavfile
+from typer.testing import CliRunner
 
+from visavis.cli.main import app
 from visavis.cli.quick_tracker import tracker_of
 from visavis.devices.contracts import SOUND_EVENTS
 from visavis.lab.config import DeviceConfig, LabConfig, load_config
@@ -13,7 +15,6 @@ from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.errors import ConfigError, DesignError
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
-from visavis.running.film_store import film_store
 from visavis.running.quick import quick_study
 from visavis.running.sessions.device_setup import devices_for
 from visavis.running.sessions.perform import perform_new
@@ -22,13 +23,13 @@ from visavis.running.sessions.session_request import simulated_request
 STUDY = """
 from visavis import Factor, Keys, Race, Sound, Study, Text, Tone
 
-study = Study("pitch", "S", factors=[Factor("kind", ["low", "high"])], calibrate=False)
+study = Study("pitch", "S", factors=[Factor("tone", ["low", "high"])], calibrate=False)
 
 @study.trial
 def trial(t):
-    hz = {"low": 440, "high": 880}[t.kind]
+    hz = {"low": 440, "high": 880}[t.tone]
     yield t.show(Sound("hum.wav", level_db=-30, ear="left"), name="hum")
-    keys = Keys("a", "b", right={"low": "a", "high": "b"}[t.kind])
+    keys = Keys("a", "b", right={"low": "a", "high": "b"}[t.tone])
     yield t.show(Tone(hz, seconds=0.2), until=keys, limit_s=2)
     yield t.show([Text("+"), Tone(hz), Tone(2 * hz)], seconds=0.3, name="both")
 
@@ -81,8 +82,8 @@ def test_onset_of_every_sound_is_the_stamp_of_its_device(recording):
 def test_recording_says_which_sound_it_was_and_how_loud(recording):
     events = recording.events()
     played = events.loc[events["name"] == "sound", "payload"].tolist()[:4]
-    kind = recording.trials()["kind"][0]
-    hz = {"low": 440, "high": 880}[kind]
+    tone = recording.trials()["tone"][0]
+    hz = {"low": 440, "high": 880}[tone]
     assert ["hum", f"{hz} Hz", f"{hz} Hz", f"{2 * hz} Hz"] == [one["sound"] for one in played]
     assert [-20.0] * 3 == [one["gain_db"] for one in played[1:]]
     shown = events.loc[events["name"] == "shown", "payload"].tolist()[1]
@@ -135,15 +136,17 @@ def test_sound_that_cannot_be_played_is_told_at_plan(tmp_path, step, told):
         _ = find_study(str(path)).experiment({}).sounds
 
 
-def test_page_refuses_sounds_beside_pictures_instead_of_leaving_them_out(tmp_path):
-    experiment = find_study(str(write_study(tmp_path))).experiment({})
-    with pytest.raises(DesignError, match="play a Tone or Sound"):
-        film_store(experiment)
+def test_plan_refuses_sounds_on_a_page_instead_of_leaving_them_out(tmp_path):
+    path = write_study(tmp_path, STUDY.replace("calibrate=False", 'on="browser"'))
+    (tmp_path / "lab.yaml").write_bytes(SCREEN_EXAMPLE.read_bytes())
+    result = CliRunner().invoke(app, ["plan", str(path), "--config", str(tmp_path / "lab.yaml")])
+    assert "play a Tone or Sound" in str(result.exception)
+    assert result.exit_code > 0
 
 
 def test_place_without_a_loudspeaker_is_told_at_plan(tmp_path):
     experiment = find_study(str(write_study(tmp_path))).experiment({})
     screen = load_config(SCREEN_EXAMPLE)
     silent = {role: of for role, of in screen.devices.items() if role != "sound"}
-    with pytest.raises(ConfigError, match=r"pitch needs sound.*sound: {driver: sound_card}"):
+    with pytest.raises(ConfigError, match=r"pitch needs sound.*sound: {driver: sound_card}`"):
         devices_for(screen.model_copy(update={"devices": silent}), experiment)

@@ -165,6 +165,8 @@ def plan(
     if here.study.study.procedure.on == "lab":  # a page needs none of the lab's devices
         plan_inputs.experiment.check_at_devices()
         check_rig(devices_for(lab, plan_inputs.experiment))
+    else:
+        film_store(plan_inputs.experiment)  # raises where no page can perform it
     session_plan = plan_inputs.experiment.of_session(session).plan(
         plan_inputs.index, plan_inputs.seed, plan_inputs.group
     )

@@ -119,7 +119,7 @@ def devices_for(
             raise UsageError(f"{experiment.name} cannot go on without {role!r}: {may}")
     missing = [r for r in needed_roles if r not in config.devices]
     if missing:
-        line = " (a loudspeaker is sound: {driver: sound_card})" if "sound" in missing else ""
+        line = ", for sounds `sound: {driver: sound_card}`" if "sound" in missing else ""
         raise ConfigError(
             f"{config.path}: {experiment.name} needs {', '.join(missing)} under devices; add the "
             f"role with its driver{line} (see docs/configuration.md)"
