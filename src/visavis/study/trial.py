@@ -386,7 +386,7 @@ class TrialScript(LitTrial):
         wait: Wait = "onset",
         name: str = "sound",
     ) -> Action:
-        """Play a sound: a WAV file beside the study file, or a `Waveform`.
+        """Play a sound: a file beside the study file (WAV, FLAC, OGG), or a `Waveform`.
 
         `at` is its source: a role or place of the current scene (that person's head), or a point in
         world (metres). Its level is as recorded at 1 m, and it is heard from the head's pose. None
