@@ -67,7 +67,7 @@ def _check(recording: Recording, limits: CheckLimits) -> SessionCheck:
     findings = [
         *_recording_findings(recording),
         *_trial_findings(trials, _practice_trials(plan), is_calibrated=_plans_calibration(plan)),
-        *(() if _is_on_page(recording) else stream_findings(streams)),
+        *(stream_findings(streams) if streams or not _is_on_page(recording) else ()),
         *_pace_findings(recording),
         *_calibration_findings(plan, events, limits),
         *_questionnaire_findings(plan, events),
@@ -258,12 +258,16 @@ def _check_streams(recording: Recording, limits: CheckLimits) -> list[StreamChec
             continue
         duration_s = 0.0
         longest_ms = 0.0
+        numbered = 0
         for part in np.unique(parts):
+            seq = arrays["seq"][parts == part]
+            numbered += int(seq[-1] - seq[0]) + 1
             times = t_ns[parts == part]
             duration_s += float(times[-1] - times[0]) / 1e9
             if len(times) > 1:
                 longest_ms = max(longest_ms, float(np.diff(times).max()) / 1e6)
-        n_expected = round(duration_s * nominal_hz)
+        # Somebody at a page may leave the headset and enter again: only numbers tell what is lost.
+        n_expected = numbered if _is_on_page(recording) else round(duration_s * nominal_hz)
         share_01 = len(t_ns) / n_expected if n_expected else 0.0
         level = _share_level(share_01, limits.received_amber_01, limits.received_red_01)
         rate_hz = len(t_ns) / duration_s if duration_s > 0 else 0.0
@@ -314,7 +318,7 @@ def _pace_findings(recording: Recording) -> list[Finding]:
 
 
 def _is_on_page(recording: Recording) -> bool:
-    """Tell whether a session was performed on a page: what it sends are events, no samples."""
+    """Tell whether a session was performed on a page, which sends samples only from a headset."""
     configuration = recording.manifest.configuration
     return isinstance(configuration, Mapping) and configuration.get("on") == "browser"
 

@@ -10,7 +10,7 @@ from visavis.recording.reader import Recording
 EXCHANGE_EVENT: Final = "clock_exchanges"
 STREAM_OF_ROLE: Final = {"eye_tracker": "gaze", "body_tracker": "body", PAGE_ROLE: "head"}
 """Streams that are not called like their device."""
-STREAMS_OF_PAGE: Final = ("head", "frame_timing", "pointer", "responses", "hands", "view")
+STREAMS_OF_PAGE: Final = ("head", "frame_timing", "pointer", "responses", "hands")
 """Streams that a page dates by its one clock."""
 
 

@@ -287,8 +287,10 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
     """Return the films of a study.
 
     Raises:
-        DesignError: its trials have steps that no page can show, or digits that it cannot say.
+        DesignError: its trials have steps that no page can show, or not in the headset that it may
+            enter, or digits that it cannot say.
     """
+    experiment.check_in_headset()
     if not all(read.fits_a_page for read in experiment.read.values()):
         raise DesignError(
             f"{experiment.name} cannot be performed on a page: its trials show scenes frame by "

@@ -33,12 +33,15 @@ from visavis.study.live import Live, Slider
 from visavis.study.parameters import parameters_in_force
 from visavis.study.parts import RESERVED_NAMES
 from visavis.study.performing import perform
-from visavis.study.responses import Keys, Pointing, Rating, Response
+from visavis.study.responses import FreeText, Keys, Number, Pointing, Rating, Response
 from visavis.study.scenes import FLAT
 from visavis.study.texts import DEFAULT_LANGUAGE, Texts, read_texts
 from visavis.study.trial import TrialScript
 from visavis.study.trial_settings import Settings
 
+HANDS: Final = "hands"
+STREAMS_OF_HEADSET: Final = ("head", "frame_timing", "pointer", "responses")
+"""What every page in a headset sends."""
 WAYS: Final = ("board", "ray", "keyboard")
 """How questions are answered: "board" by hand, gaze or head; "ray" by hand or head; "keyboard"."""
 
@@ -231,6 +234,80 @@ class StudyExperiment:
         for live in self.lives:
             live.check_bodies()
 
+    def check_in_headset(self) -> None:
+        """Check that a page in a headset can do all that the trials need, where it may enter one.
+
+        Raises:
+            DesignError: naming everything that no page in a headset can do, and the way out.
+        """
+        xr = self.study.procedure.xr
+        problems = () if xr == "never" else tuple(self._beyond_a_headset_page())
+        if problems:
+            raise DesignError(
+                f'{self.name} cannot be performed in a headset\'s browser (xr="{xr}"): '
+                + "; ".join(problems)
+            )
+
+    def _beyond_a_headset_page(self) -> Iterator[str]:
+        """Yield what the study needs and a page in a headset cannot do, with the way out."""
+        reads, demands = self.read.values(), self.demands
+        roles = set(self.needed_roles)
+        if self.needs_gaze:
+            yield (
+                "it needs gaze, which browsers give no page, and the direction of the head is no "
+                'gaze; perform it in the lab with an eye tracker (on="lab", such as openxr_gaze)'
+            )
+        if any(t.vibrates for t in reads) or demands.vibrations:
+            yield 'armbands vibrate in it, which no page drives; perform it in the lab (on="lab")'
+        if demands.floor_side_m > 0:
+            yield (
+                f"it is walked on a floor of {demands.floor_side_m:g} m, and nobody sees whether "
+                'there is one; perform it in the lab (on="lab")'
+            )
+        if demands.own_body:
+            yield 'people see a body of their own, which takes a body tracker (on="lab")'
+        others = sorted(r for r in roles - {"eye_tracker", HANDS} if not r.startswith("armband"))
+        if others:
+            yield f'it needs {", ".join(others)} of a lab (on="lab")'
+        if not all(t.fits_a_page for t in reads):
+            yield "its trials show single frames; show live figures (t.watch(LiveScene(…)))"
+        if any(t.films for t in reads):
+            yield (
+                "it shows films, which are watched on the flat page; leave xr out, or show live "
+                "figures (t.watch(LiveScene(…))), which are another stimulus"
+            )
+        if self.flats:
+            yield "t.show is for a screen; leave xr out, or show live figures"
+        typed = {
+            r.name
+            for t in reads
+            for r in t.responses
+            if isinstance(r, FreeText) or (isinstance(r, Number) and not r.step)
+        }
+        if typed:
+            yield (
+                f"{', '.join(sorted(typed))} would be typed; ask a Rating, a Choice or a Number "
+                "with a step, or ask it in a questionnaire"
+            )
+
+    @property
+    def headset_streams(self) -> tuple[str, ...]:
+        """The streams that its page sends from a headset; none where it enters none.
+
+        Hands are among them where the study names the role.
+        """
+        if self.study.procedure.xr == "never":
+            return ()
+        roles = {*self.needed_roles, *self.useful_roles}
+        return (*STREAMS_OF_HEADSET, *({HANDS} & roles))
+
+    @property
+    def needs_gaze(self) -> bool:
+        """Whether anything is measured by gaze or ends with it."""
+        analysis = self.study.analysis
+        is_measured = bool(analysis.looks) or any(m.needs_gaze for m in analysis.measures)
+        return is_measured or "eye_tracker" in self.needed_roles
+
     @property
     def words(self) -> dict[str, Response]:
         """Every response by the text of its question."""
@@ -301,11 +378,7 @@ class StudyExperiment:
     @property
     def rests_on_gaze(self) -> bool:
         """Whether it calibrates or needs an eye tracker, or measures anything by gaze."""
-        study = self.study
-        measures_gaze = bool(study.analysis.looks) or any(
-            m.needs_gaze for m in study.analysis.measures
-        )
-        return study.devices.calibrate or measures_gaze or "eye_tracker" in self.needed_roles
+        return self.study.devices.calibrate or self.needs_gaze
 
     @property
     def _is_pointed(self) -> bool:

@@ -58,6 +58,8 @@ EVENT_FACTS: Final[Mapping[str, tuple[str, ...]]] = {
     "screen_measured": ("card",),
     "sound_checked": ("voice",),
     "pointer_window": ("pointer",),
+    "headset_entered": ("headset",),
+    "discomfort": ("headset",),
 }
 """Facts that cover the events of a session on a page. Plans of what is shown are about nobody."""
 
@@ -142,6 +144,7 @@ STREAM_FACTS: Final[Mapping[str, str]] = {
     "openness": "gaze",
     "gaze_targets": "gaze",
     "body": "body",
+    "hands": "hands",
     "responses": "presses",
     "pointer": "presses",
     "haptics": "vibrations",
@@ -180,6 +183,8 @@ def information_on_page(
     facts += ["films"] if experiment.films else []
     facts += ["moulding"] if experiment.lives else []
     facts += ["flats"] if experiment.flats else []
+    streams = experiment.headset_streams
+    facts += ["headset", *(STREAM_FACTS[name] for name in streams)] if streams else []
     facts += ["pointer"] if any("pointer" in t.rests_on for t in experiment.read.values()) else []
     facts += ["card"] if "card" in screening or experiment.flats else []
     facts += ["distance"] if experiment.flats else []
@@ -226,12 +231,17 @@ def facts_in_event(name: str, payload: Mapping[str, Any]) -> frozenset[str]:
     facts = {ABOUT_PAGE[key] for key in about}
     if kind == "slept" or kind in PAGE_HAPPENINGS:
         return frozenset(facts | ({"course"} if kind != "about" else set()))
+    if kind == "stream":
+        return frozenset({STREAM_FACTS[payload["stream"]]})
+    if kind == "xr":
+        return frozenset({"headset"})
     if kind == "moved":
         return frozenset({"moulding"})
     if kind == "reply":
         reply = payload["reply"]
         facts |= {"agreement"} if "agreed" in reply or "stop" in reply else {"answers", "course"}
-        facts |= {"moulding"} if "renderer" in reply else set()
+        facts |= {"headset"} if "entered" in reply else set()
+        facts |= {"moulding"} if "renderer" in reply and "entered" not in reply else set()
         answers = [a for a in (reply.get("answers") or {}).values() if isinstance(a, Mapping)]
         facts |= {"holding"} if any("released_ms" in answer for answer in answers) else set()
         facts |= {"flats"} if "parts" in reply else set()

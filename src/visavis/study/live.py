@@ -45,6 +45,12 @@ MOULD_COLUMNS: Final = (
     Column(RENDERER, "", "the graphics renderer that drew the figure"),
 )
 """Columns that a moulded figure adds to a trial's row; its name (`mould`) goes before each."""
+PLACES: Final = ("headset", "screen")
+"""Where a page is seen that may enter a headset."""
+BOTH_PLACES: Final = "both"
+SEEN_IN: Final = Column(
+    "seen_in", "", "where the page was seen: headset, screen, or both during one trial"
+)
 LIVE_COLUMNS: Final = (
     Column("on_ns", "ns", "session time of the first frame of figures that were watched"),
     Column("off_ns", "ns", "session time at which they were left"),

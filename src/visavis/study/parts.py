@@ -91,6 +91,7 @@ KINDS: Final[Mapping[str, tuple[type[Any], ...]]] = {
 """What the lists among the keywords of a study hold."""
 
 On: TypeAlias = Literal["lab", "browser"]
+Xr: TypeAlias = Literal["never", "optional", "required"]
 Instructions: TypeAlias = Literal["read", "read out"]
 Posture: TypeAlias = Literal["seated", "standing"]
 Screening: TypeAlias = Literal["card", "sound"]
@@ -219,6 +220,9 @@ class Procedure:
     """Largest number of people in one picture, where scenes show more people than their agents."""
     on: On = "lab"
     """Where it is performed: on the lab's devices, or on a page in a browser."""
+    xr: Xr = "never"
+    """Whether its page enters a headset by WebXR: never; "optional", where somebody has one and
+    likes to; "required", or it does not begin. In the lab it says nothing."""
     posture: Posture | None = None
     """Whether participants sit or stand, as films and the viewer draw them. None: they sit where
     their eyes are less than 1.35 m above the floor."""
@@ -234,9 +238,11 @@ class Procedure:
     def problems(self) -> list[str]:
         """Say what is wrong with it."""
         wrong_reading = [f'instructions is {self.instructions!r}; it is "read" or "read out"']
+        wrong_xr = [f"xr is {self.xr!r}; it is {', '.join(get_args(Xr))}"]
         wrong_posture = [f"posture is {self.posture!r}; it is seated or standing"]
         return [
             *(wrong_posture if self.posture not in (None, *get_args(Posture)) else ()),
+            *(wrong_xr if self.xr not in get_args(Xr) else ()),
             *(wrong_reading if self.instructions not in get_args(Instructions) else ()),
             *self._screening_problems(),
             *self._returning_problems(),

@@ -167,6 +167,7 @@ def plan(
         check_rig(devices_for(lab, plan_inputs.experiment))
     else:
         film_store(plan_inputs.experiment)  # raises where no page can perform it
+        plan_inputs.experiment.check_in_headset()
     session_plan = plan_inputs.experiment.of_session(session).plan(
         plan_inputs.index, plan_inputs.seed, plan_inputs.group
     )

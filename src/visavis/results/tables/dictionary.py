@@ -20,7 +20,7 @@ from visavis.study.exclusions import ANSWERED_COLUMN
 from visavis.study.experiment import StudyExperiment
 from visavis.study.films import film_columns
 from visavis.study.gaze_on import ENDINGS as GAZE_ENDINGS
-from visavis.study.live import live_columns
+from visavis.study.live import SEEN_IN, live_columns
 from visavis.study.look_measures import LOOK_COLUMNS
 from visavis.study.measures import CLOCK_JUMP, Measure
 from visavis.study.quest_plus import QuestPlus, columns_of_quest
@@ -92,6 +92,8 @@ def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> d
     columns |= {c.name: c for c in PAGE_COLUMNS} if experiment.flats else {}
     lives = dict.fromkeys(name for t in experiment.read.values() for name in t.lives)
     columns |= live_columns(lives)
+    if experiment.study.procedure.xr != "never":
+        columns[SEEN_IN.name] = SEEN_IN
     for staircase in dict.fromkeys(s for t in experiment.read.values() for s in t.staircases):
         own = (
             columns_of_quest(staircase)

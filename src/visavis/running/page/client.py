@@ -88,12 +88,15 @@ async def visit(
                 }
                 message = await post("/api/events", {"tab": TAB, "events": [movements]})
             visitor.moves.clear()
+            first = message["ack"] + 1
+            events = [{**batch, "n": first + i} for i, batch in enumerate(visitor.batches)]
+            visitor.batches.clear()
             event = {
-                "n": message["ack"] + 1,
+                "n": first + len(events),
                 "kind": "reply",
                 "at_ms": visitor.now_ms,
                 "step": message["number"],
                 "reply": reply,
             }
-            message = await post("/api/events", {"tab": TAB, "events": [event]})
+            message = await post("/api/events", {"tab": TAB, "events": [*events, event]})
     return str(message["step"]["outcome"])

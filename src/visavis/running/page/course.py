@@ -17,12 +17,14 @@ from visavis.protocol.plan.questionnaires import Question, Questionnaire, read_a
 from visavis.protocol.plan.session_plan import Block, SessionPlan, Trial, name_after_block
 from visavis.protocol.plan.steps import Mark, Row
 from visavis.running.page.flat import USUAL_DISTANCE_MM, measured_screen
+from visavis.running.page.headset_information import headset_information
 from visavis.running.page.spoken_digits import HOW_MANY, say_digits, spoken_digits
 from visavis.running.page.steps import PRELOAD, PageStep, Reply, mapping, number, put
 from visavis.running.page.trial import FilmFailed, FilmFiles, perform_on_page
 from visavis.study.careless_answers import NOT_HEARD
-from visavis.study.experiment import StudyExperiment
+from visavis.study.experiment import HANDS, StudyExperiment
 from visavis.study.information import Information, information_on_page
+from visavis.study.live import BOTH_PLACES, PLACES, SEEN_IN
 from visavis.study.trial import TrialScript
 from visavis.study.trial_settings import Settings
 
@@ -30,6 +32,9 @@ QUESTIONS_A_PAGE: Final = 8
 CARD_MM: Final = (85.6, 53.98)
 """A bank card (ISO/IEC 7810, ID-1), which everybody has at hand."""
 SCREEN_MEASURED: Final = "screen_measured"
+HEADSET_ENTERED: Final = "headset_entered"
+DISCOMFORT: Final = "discomfort"
+MOST_DISCOMFORT: Final = 10
 SOUND_CHECKED: Final = "sound_checked"
 FILMS_LOADED: Final = "films_loaded"
 """A page loads films by itself: no person replied to the step before this event."""
@@ -39,6 +44,10 @@ ASSETS: Final = ("person", "beside", "blend")
 """The files that a page draws a live figure from."""
 DRAWN: Final = ("film", "mould", "live")
 """How columns begin of what the page draws for as long as its reader stays."""
+FACTS_OF_ENTERING: Final = (
+    *("entered", "rate_hz", "space", "controllers", "profiles", "renderer"),
+    "why",
+)
 STOPPED: Final = "stopped"
 WITHDRAWN: Final = "withdrawn"
 """Stopped, and what was recorded is to be deleted."""
@@ -70,6 +79,20 @@ class Notes:
     flags: list[str] = field(default_factory=list)
     standing: list[str] = field(default_factory=list)
     """Flags of every trial to come."""
+    place: str = ""
+    """Where the page is seen, of a study that may enter a headset: one of `PLACES`."""
+    trial_place: str = ""
+    """Where it was seen as the trial began."""
+
+    def begin(self) -> None:
+        """Begin a trial, about which nothing is noted yet."""
+        self.flags.clear()
+        self.trial_place = self.place
+
+    @property
+    def seen_in(self) -> str:
+        """Where the trial was seen: one of `PLACES`, or both."""
+        return self.place if self.place == self.trial_place else BOTH_PLACES
 
     @property
     def all(self) -> list[str]:
@@ -194,12 +217,15 @@ def course(visit: Visit) -> Course:
             more |= {"pictures": pictures} if pictures else {}
             reply = yield from _step(PageStep(PRELOAD, {"films": films, **more}))
             yield Event(FILMS_LOADED, dict(mapping(reply.content.get("films", {}), "films")))
+        has_entered = yield from _enter(visit)
         for block in visit.plan.blocks:
             yield from _block(visit, block)
         of_blocks = {name for block in visit.plan.blocks for name in block.questionnaires}
         for questionnaire in visit.questionnaires:
             if questionnaire.name not in of_blocks:
                 yield from _questionnaire(visit, questionnaire, questionnaire.name)
+        if has_entered:
+            yield from _discomfort(visit, "after")
     except StopRequest as stop:
         yield Event("stopped", {"keep": stop.keep})
         return STOPPED if stop.keep else WITHDRAWN
@@ -207,6 +233,42 @@ def course(visit: Visit) -> Course:
         yield Event("full", {})
         return FULL
     return DONE
+
+
+def _enter(visit: Visit) -> Generator[Out, Reply | None, bool]:
+    """Let somebody enter a headset, where the study may; tell whether they did."""
+    xr = visit.experiment.study.procedure.xr
+    if xr == "never":
+        return False
+    information = headset_information(visit.experiment.texts)
+    needs = [HANDS] if HANDS in visit.experiment.headset_streams else []
+    about = {"lines": list(information.lines), "version": information.version}
+    reply = yield from _step(PageStep("enter", {"xr": xr, "needs": needs, **about}))
+    has_entered = reply.content["entered"] is True
+    visit.notes.place = PLACES[0] if has_entered else PLACES[1]
+    facts = {name: reply.content[name] for name in FACTS_OF_ENTERING if name in reply.content}
+    yield Event(HEADSET_ENTERED, {"version": information.version, **facts})
+    if has_entered:
+        yield from _discomfort(visit, "before")
+    return has_entered
+
+
+def _discomfort(visit: Visit, moment: str) -> Generator[Out, Reply | None, None]:
+    """Ask how somebody feels, before the first trial in a headset or after the last one."""
+    values = [str(n) for n in range(MOST_DISCOMFORT + 1)]
+    question = {
+        "name": DISCOMFORT,
+        "prompt": visit.experiment.texts.get("page.vr_discomfort"),
+        "kind": "rating",
+        "options": [{"value": value, "label": value} for value in values],
+        "is_optional": True,
+    }
+    reply = yield from _step(
+        PageStep("questions", {"title": "", "text": "", "questions": [question]})
+    )
+    answer = mapping(reply.content.get("answers"), "answers").get(DISCOMFORT)
+    rating = None if answer is None else int(answer)
+    yield Event(DISCOMFORT, {"moment": moment, "rating": rating})
 
 
 def _sizes(px_per_mm: float | None, distance_mm: float | None) -> dict[str, Any]:
@@ -270,7 +332,7 @@ def _trial(visit: Visit, block: Block, trial: Trial) -> Generator[Out, Reply | N
     attempt = 1 + visit.attempts.get(trial.trial_id, 0)
     about = {"trial_id": trial.trial_id, "attempt": attempt, "block": block.index}
     yield Event("trial_start", about)
-    visit.notes.flags.clear()
+    visit.notes.begin()
     script = TrialScript(trial, visit.settings)
     performing = perform_on_page(script, visit.experiment.study.trial_plan, visit.files)
     row: Row = {}
@@ -318,6 +380,7 @@ def _trial(visit: Visit, block: Block, trial: Trial) -> Generator[Out, Reply | N
             "status": status,
             "reason": reason,
             "flags": ";".join(visit.notes.all),
+            **({SEEN_IN.name: visit.notes.seen_in} if visit.notes.place else {}),
             **trial.factors,
             **row,
             "t_start_ns": row.get("t_start_ns", start_ns),

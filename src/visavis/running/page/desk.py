@@ -25,13 +25,26 @@ from visavis.running.page.steps import (
     mapping,
     number,
 )
+from visavis.running.page.stream_batches import (
+    PageBatch,
+    PageStreams,
+    check_happening,
+    read_batch,
+)
+from visavis.running.page.streams import HAPPENINGS
 from visavis.study.information import about_with_facts
+from visavis.study.live import PLACES
 
 LEASE_NS: Final = 12 * NS_PER_S
 """After this silence a page counts as gone, and another may take its place."""
 MAX_EVENTS: Final = 500
 """How many events a page may send at once."""
 KINDS: Final = ("reply", "moved", "about", "visibility", "fullscreen", "resize", "problem")
+KINDS_OF_HEADSET: Final = ("stream", "xr")
+MAX_TAB: Final = 200
+ROWS_AT_ONCE: Final = 16_384
+"""Rows that the recorder takes before the disk must have them, below what its queues hold."""
+LOST_FLAG: Final = "frames lost"
 RELOAD_FLAG: Final = "page reloaded"
 SLEEP_FLAG: Final = "computer asleep"
 CLOCK_FLAG: Final = "page clock set"
@@ -78,6 +91,8 @@ class PageDesk:
     take_place: Callable[[], bool] | None = None
     """Called at the first answer of a person, which is their consent where one is asked for; False
     ends the session, as all places are taken."""
+    headset_streams: Sequence[str] = ()
+    """The streams that the study's page sends from a headset; none where it enters none."""
 
     def __post_init__(self) -> None:
         self._tab = ""
@@ -89,6 +104,8 @@ class PageDesk:
         self._opened_before_consent: tuple[int, Mapping[str, Any]] | None = None
         self.has_answered = False
         """Whether a person replied; films are loaded by every page that is opened."""
+        rows_on_disk = {} if self.past is None else self.past.rows_on_disk
+        self._streams = PageStreams(self.recorder, rows_on_disk)
         self._is_replaying = self.past is not None
         self._advance(None)
         if self.past is not None:
@@ -147,6 +164,7 @@ class PageDesk:
         now_ns = self.clock.now_ns()
         self._heard_ns = now_ns
         is_changed = post is not None and self._take_times(tab, post, now_ns)
+        waiting_rows = 0
         for content in events:
             event = mapping(content, "an event")
             n = count(event.get("n"), "n")
@@ -155,7 +173,8 @@ class PageDesk:
             if n != self.last_event_number + 1:
                 raise PageError(f"event {n} came after {self.last_event_number}; one is missing")
             try:
-                payload = self._payload_of(event, tab)
+                batch = self._batch_of(event)
+                payload = self._payload_of(event, tab, batch)
             except PageError as error:
                 raise BadEventError(n, str(error)) from error
             except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
@@ -165,6 +184,12 @@ class PageDesk:
                 agreed = {"agreed": True} if self.step.kind == "consent" else {}
                 payload["reply"] = {**agreed, "is_full": True}
             self._report_trial()
+            if batch is not None:
+                self._write_batch(batch, payload, now_ns)
+                waiting_rows += len(batch.rows)
+                if waiting_rows > ROWS_AT_ONCE:
+                    self.recorder.checkpoint()
+                    waiting_rows = 0
             self._record(payload, now_ns)
             self._apply(payload, now_ns)
         return is_changed or bool(events)
@@ -182,6 +207,11 @@ class PageDesk:
             "number": self.step_number,
             "step": {"kind": self.step.kind, **self.step.content},
         }
+
+    @property
+    def next_rows(self) -> dict[str, int]:
+        """The number from which a page goes on in each stream of a headset that has any."""
+        return self._streams.going_on
 
     def leave(self, tab: str) -> None:
         """Note that a page was closed or reloaded; another may connect at once."""
@@ -264,12 +294,41 @@ class PageDesk:
         if self.on_trial is not None and self.trial_id:
             self.on_trial()
 
-    def _payload_of(self, event: Mapping[str, Any], tab: str) -> dict[str, Any]:
+    def _batch_of(self, event: Mapping[str, Any]) -> PageBatch | None:
+        """Return the samples of an event, once they were checked; None where it has none."""
+        if event.get("kind") not in KINDS_OF_HEADSET:
+            return None
+        if not self.headset_streams or self.step.kind == "consent" or self.is_over:
+            raise PageError("nobody entered a headset")
+        if event["kind"] == "xr":
+            check_happening(event)
+            return None
+        batch = read_batch(event, self.headset_streams)
+        self._streams.check_number(batch)
+        return batch
+
+    def _write_batch(self, batch: PageBatch, payload: Mapping[str, Any], now_ns: int) -> None:
+        """Hand samples to the recorder before the journal says that they are there."""
+        if self._streams.has_hole_before(batch):
+            self.notes.add(LOST_FLAG)
+        self._clocks.follow(payload, now_ns)
+        clock = self._clocks.of(payload["tab"])
+        self._streams.write(batch, clock.placing(), now_ns)
+
+    def _payload_of(
+        self, event: Mapping[str, Any], tab: str, batch: PageBatch | None
+    ) -> dict[str, Any]:
         """Return what is recorded of an event, once it was checked."""
-        if event.get("kind") not in KINDS:
+        if event.get("kind") not in (*KINDS, *KINDS_OF_HEADSET):
             raise PageError(f"there is no event {str(event.get('kind'))[:40]!r}")
         number(event.get("at_ms"), "at_ms")
-        payload = {**event, "tab": tab}
+        of_tab = event.get("tab", tab)  # what waited in the store may be of an earlier one
+        if not isinstance(of_tab, str) or not 0 < len(of_tab) <= MAX_TAB:
+            raise PageError("a tab is a short text")
+        if batch is not None:
+            own = {name: event[name] for name in ("n", "kind", "at_ms")}
+            return {**own, "tab": of_tab, **batch.journaled}
+        payload = {**event, "tab": of_tab}
         if payload["kind"] == "about":
             payload["about"] = about_with_facts(mapping(payload.get("about"), "about"))
         self._check_event(payload)
@@ -297,6 +356,10 @@ class PageDesk:
         self._clocks.follow(payload, t_ns)
         if payload["kind"] == "problem":
             self.notes.add("page problem")
+        elif payload["kind"] == "stream":
+            self._streams.note(payload["stream"], payload["seq0"] + payload["rows"])
+        elif payload["kind"] == "xr":
+            self._apply_happening(payload["what"])
         elif payload["kind"] == REWOUND:
             self.notes.add(REWOUND_FLAG)
             self.step_number = int(payload["number"])
@@ -311,9 +374,23 @@ class PageDesk:
         tab = str(payload["tab"])
         if self._tab and tab != self._tab:
             self.notes.add(RELOAD_FLAG)
+            self._leave_headset()
             self._moves.clear()  # their times are of the other page's clock
         self._tab = tab
         self._clocks.follow(payload, t_ns)
+
+    def _apply_happening(self, what: str) -> None:
+        if flag := HAPPENINGS[what]:
+            self.notes.add(flag)
+        if what == "entered":
+            self.notes.place = PLACES[0]
+        elif what == "ended":
+            self._leave_headset()
+
+    def _leave_headset(self) -> None:
+        """Note that the page is seen on its screen, if somebody had entered a headset."""
+        if self.notes.place:
+            self.notes.place = PLACES[1]
 
     def _apply_sleep(self, payload: Mapping[str, Any], t_ns: int) -> None:
         self.notes.add(SLEEP_FLAG)

@@ -44,6 +44,8 @@ class EarlierParts:
     attempts: Mapping[str, int] = field(default_factory=dict)
     checkpoints: Sequence[tuple[str, str, int]] = ()
     rewinding: Mapping[str, Any] | None = None
+    rows_on_disk: Mapping[str, int] = field(default_factory=dict)
+    """The number after the last recorded row of each stream of a headset."""
 
 
 def past_of(recording: Recording, rewinding: Mapping[str, Any] | None = None) -> EarlierParts:
@@ -89,6 +91,11 @@ def past_of(recording: Recording, rewinding: Mapping[str, Any] | None = None) ->
         attempts=rows,
         checkpoints=[(what, str(about.get("trial_id", "")), n) for n, what, about in course],
         rewinding=rewinding,
+        rows_on_disk={
+            name: 1 + int(seq.max())
+            for name in recording.stream_names
+            if len(seq := recording.stream_arrays(name)["seq"])
+        },
     )
 
 

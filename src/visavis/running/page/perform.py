@@ -246,7 +246,15 @@ def page_session_of(
         notes,
         {} if past is None else past.attempts,
     )
-    desk = PageDesk(course(visit_of), recorder, request.clock, notes, past, key=key)
+    desk = PageDesk(
+        course(visit_of),
+        recorder,
+        request.clock,
+        notes,
+        past,
+        key=key,
+        headset_streams=experiment.headset_streams,
+    )
     files = (
         {}
         if virtual
@@ -354,6 +362,7 @@ def _tell(request: Request, desk: PageDesk, trial_count: int) -> None:
 
 def about_of(experiment: StudyExperiment, simulated: bool, contact: str) -> dict[str, Any]:
     """Return the first information for a page: its words, the contact, if it is a rehearsal."""
+    xr = experiment.study.procedure.xr
     return {
         "title": experiment.texts.find("page.title") or experiment.study.title,
         "language": experiment.language,
@@ -362,4 +371,5 @@ def about_of(experiment: StudyExperiment, simulated: bool, contact: str) -> dict
         "is_simulated": simulated,
         "mime": "" if not experiment.films else SOUND_MIME if experiment.voices else MIME,
         **({"draws": True} if experiment.lives else {}),
+        **({} if xr == "never" else {"xr": xr}),
     }

@@ -18,11 +18,14 @@ from visavis.running.page.steps import (
     read_drawn,
     read_film,
 )
+from visavis.running.page.streams import MAX_RATE_HZ
 
 NUMBER: Final = re.compile(r"-?[0-9]{1,12}([.,][0-9]{1,12})?")
 TYPED_DIGITS: Final = re.compile(r"[0-9]{1,8}")
 MAX_TEXT: Final = 10_000
 """Longest answer in words, in characters."""
+MAX_NAMES: Final = 8
+MAX_NAME: Final = 200
 MIN_PX_PER_MM: Final = 0.5
 MAX_PX_PER_MM: Final = 40.0
 
@@ -54,6 +57,8 @@ def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
     if step.kind == PRELOAD:
         mapping(content.get("films", {}), "films")
         mapping(content.get("pictures", {}), "pictures")
+    if step.kind == "enter":
+        _check_entering(step, content)
     if step.kind == "show":
         number(content.get("shown_ms"), "shown_ms")
         check_shown(step, content)
@@ -81,6 +86,26 @@ def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
     answers = mapping(content.get("answers"), "answers")
     for question in step.content["questions"]:
         _check_answer(question, answers.get(question["name"]), is_timed=step.kind != "questions")
+
+
+def _check_entering(step: PageStep, content: Mapping[str, Any]) -> None:
+    """Refuse what no page says of a headset that was entered, or why it was not."""
+    if not isinstance(content.get("entered"), bool):
+        raise PageError("a headset was neither entered nor not")
+    texts = {name: content.get(name, "") for name in ("why", "space", "renderer")}
+    for name in ("controllers", "profiles"):
+        several = content.get(name, [])
+        if not isinstance(several, list) or len(several) > MAX_NAMES:
+            raise PageError(f"{name} are at most {MAX_NAMES} names")
+        texts |= {f"{name} {i}": text for i, text in enumerate(several)}
+    for name, text in texts.items():
+        if not isinstance(text, str) or len(text) > MAX_NAME:
+            raise PageError(f"{name} is a text of at most {MAX_NAME} characters")
+    rate_hz = content.get("rate_hz")
+    if rate_hz is not None and not 0 < number(rate_hz, "rate_hz") <= MAX_RATE_HZ:
+        raise PageError(f"{rate_hz} Hz is no headset's rate")
+    if step.content["xr"] == "required" and not content["entered"]:
+        raise PageError("this study needs a headset; who enters none may stop")
 
 
 def _check_size(px_per_mm: Any) -> None:

@@ -333,7 +333,10 @@ class PageServer(LocalServer):
                 at_ms=at_ms,
             )
 
-        return web.json_response({**session.about, **await self._act(session, hello)})
+        message = {**session.about, **await self._act(session, hello)}
+        if session.desk.headset_streams:
+            message["streams"] = session.desk.next_rows
+        return web.json_response(message)
 
     async def _events(self, request: web.Request) -> web.StreamResponse:
         session = await self._of(request.headers.get(KEY, ""))

@@ -22,26 +22,28 @@ Everything here is the wire between `site/` and the server.
   base64 without line breaks; the first column of every stream is milliseconds since `t0_ms`,
   never falling. What is not known is NaN, and `valid` then 0. Where `rows` and the length of
   `data` disagree the event is refused.
+- `rate_hz`: how often the headset draws a second, null where its browser does not say.
+- `tab`: the page by whose clock it is dated, as in `/api/hello`; what waits in a page's store may
+  be of an earlier one, whose clock began elsewhere.
 
 **Streams and their columns** (`COLUMNS`), each written into the stream that a laboratory's
 devices write (units m, unit quaternions w x y z, y up, −z forward, `local-floor`):
 
 - `head`: ms, x y z, w x y z, valid. One row a frame of the headset; `seq0` + row is the number of
-  the frame. The pose of the viewer as predicted for this frame.
+  the frame. The pose of the viewer as predicted for this frame. Of up to 8 frames that were left
+  out together each is a row of which nothing is known; more are a hole in the numbers.
 - `frame_timing`: ms, xr_ms, predicted_ms, own_ms, skipped, drawn. One row a frame, the same
   numbers as `head`. `xr_ms` is the time that the frame's callback was given, `predicted_ms` is
   `predictedDisplayTime` (NaN where there is none), both since `xr0_ms` of the event (a double
   beside `t0_ms`; the clock of the headset's browser, taken for no other); `own_ms` from the
-  callback's beginning to its end; `skipped` how many frames the display went on without before
-  it, by gaps of XR time; `drawn` 1 if the page drew something.
+  callback's beginning to its end, NaN for a frame that was left out; `skipped` how many frames
+  the display went on without before it, by gaps of XR time; `drawn` 1 if the page drew something.
 - `pointer`: ms, hand, x y z, w x y z, valid. One row a frame and hand; hand 0 left, 1 right. Rays
   run along −z.
 - `responses`: ms, control, value_01. `control` is an index into `CONTROLS`; 1 at `selectstart`, 0
   at `selectend` (never `select`), axes of a thumbstick −1 to 1.
 - `hands`: ms, then for each of the 50 joints of `HAND_JOINTS` (left hand first, order of the
   standard) x y z w x y z valid. At most 30 rows a second.
-- `view`: ms, x y z, w x y z. The free camera of `t.live` on a flat page, at most 20 rows a
-  second.
 
 **Happenings of a headset** are events of the kind `xr`: `{"n", "kind": "xr", "at_ms", "what": …,
 "detail": "short text"}`; `what` is a name of `HAPPENINGS`, whose value flags the trial ("" flags
@@ -70,6 +72,8 @@ from typing import Final
 
 MAX_ROWS: Final = 2048
 """Most rows of one batch, and of one call of the recorder."""
+MAX_RATE_HZ: Final = 1000.0
+"""More often no headset draws."""
 POST_BYTES: Final = 256 * 1024
 """Most bytes of events that a page puts into one post."""
 _POSE: Final = ("x", "y", "z", "qw", "qx", "qy", "qz")
@@ -97,7 +101,6 @@ COLUMNS: Final[Mapping[str, tuple[str, ...]]] = {
     "pointer": ("ms", "hand", *_POSE, "valid"),
     "responses": ("ms", "control", "value_01"),
     "hands": ("ms", *(f"{j}_{c}" for j in HAND_JOINTS for c in (*_POSE, "valid"))),
-    "view": ("ms", *_POSE),
 }
 """Columns of each stream on the wire."""
 HAPPENINGS: Final[Mapping[str, str]] = {

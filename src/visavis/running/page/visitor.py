@@ -18,6 +18,7 @@ from visavis.people.moulder import Task
 from visavis.people.person import StudyPerson
 from visavis.running.film_store import FilmStore
 from visavis.running.page.flat import flat_scene
+from visavis.running.page.simulated_headset import ENTERED, SimulatedHeadset
 from visavis.running.page.spoken_digits import hear_digits, spoken_digits
 from visavis.running.page.steps import BY_LIMIT, PageStep
 from visavis.stimuli.motion.synthesis.pose_distance import Likeness
@@ -49,6 +50,7 @@ FRAME_MS: Final = 1000.0 / REFRESH_HZ
 PRACTICE_STRETCH: Final = 100_000
 ANSWERED_BY: Final = "keys"
 ANSWERED_BY_MOUSE: Final = "mouse"
+ANSWERED_BY_RAY: Final = "ray"
 HELD_MS: Final = 80.0
 """How long a simulated participant holds a key, where that is measured."""
 
@@ -78,10 +80,29 @@ class Visitor:
     """The study's keys, by the name of their answer."""
     moves: list[dict[str, Any]] = field(default_factory=list, repr=False)
     """Movements during the last step, for the page to send before its reply."""
+    batches: list[dict[str, Any]] = field(default_factory=list, repr=False)
+    """What a headset measured meanwhile, for the page to send before its reply."""
+    _headset: SimulatedHeadset | None = field(default=None, repr=False)
     _trial: tuple[int, bool] = field(default=(0, False), repr=False)
 
     def reply(self, step: PageStep) -> dict[str, Any]:
-        """Return the reply to a step; advance the visitor's clock by the time it took."""
+        """Return the reply to a step; advance the visitor's clock by the time it took.
+
+        Whoever has entered a headset answers by ray, and it measures how.
+        """
+        begun_ms = self.now_ms
+        reply = self._reply(step)
+        if self._headset is not None:
+            answers = [a for a in reply.get("answers", {}).values() if isinstance(a, dict)]
+            for answer in answers:
+                if answer["by"] != BY_LIMIT:
+                    answer["by"] = ANSWERED_BY_RAY
+                answer.pop("released_ms", None)  # no key is held
+            presses_ms = [answer["at_ms"] for answer in answers]
+            self.batches += self._headset.batches(begun_ms, self.now_ms, presses_ms)
+        return reply
+
+    def _reply(self, step: PageStep) -> dict[str, Any]:
         content = step.content
         match step.kind:
             case "consent":
@@ -97,6 +118,10 @@ class Visitor:
                     "heard": hear_digits(base64.b64decode(content["wav"]), self.digits),
                     "played": 1,
                 }
+            case "enter":
+                self.now_ms += READING_S * 1000
+                self._headset = SimulatedHeadset()
+                return dict(ENTERED)
             case "preload":
                 return {"films": {f["film"]: "simulated" for f in content["films"]}}
             case "show":

@@ -154,9 +154,14 @@ def steps_of_place(request: Request, store: FilmStore, index: int) -> tuple[Page
     """Return every step of a place, in order; `store` has its films.
 
     Raises:
-        DesignError: the steps depend on what is answered.
+        DesignError: the steps depend on what is answered, or enter a headset.
     """
     experiment = experiment_of(request)
+    if experiment.study.procedure.xr != "never":
+        raise DesignError(
+            f"the page of {experiment.name} enters a headset, whose samples only Visavis's own "
+            'server takes; serve it (visavis serve), or write it with xr="never"'
+        )
     describe = files_of(store, experiment)[0]
     plan = experiment.plan(index, request.seed)
     common_steps: tuple[PageStep, ...] | None = None

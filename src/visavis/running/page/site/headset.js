@@ -103,7 +103,7 @@ export async function enter(step, page) {
 }
 
 function present(session, space, hall, page) {
-  const streams = newStreams((batch) => page.send("stream", batch), nextNumbers(page.acknowledged, page.waiting));
+  const streams = newStreams((batch) => page.send("stream", { ...batch, rate_hz: session.frameRate ?? null }), nextNumbers(page.acknowledged, page.waiting));
   const board = newBoard(page.main, page.notice, page.stop, page.say, () => session.end());
   const isSeen = () => session.visibilityState === "visible";
   let stage = null; // a step's stage, its drawing and where one stands in it

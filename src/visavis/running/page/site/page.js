@@ -88,7 +88,7 @@ const post = (path, body) => wire.post(path, key, body);
 async function send(kind, more = {}) {
   if ((isOver || !mayRecord()) && kind !== "reply") return;
   if (kind === "stream" && queue.length >= MOST_WAITING) { giveUp(); return; }
-  const event = { n: next++, kind, at_ms: performance.now(), ...more };
+  const event = { n: next++, kind, at_ms: performance.now(), tab, ...more };
   queue.push(event);
   await store.put(event);
   flush();
