@@ -1,32 +1,33 @@
 """The same page in a headset: stereo figures, a board pressed by rays, streams, interruptions."""
 
 import base64
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.running.page.headsets.stand_in import StandIn
 from tests.running.page.test_browser import PATIENCE_S, Server, npm_script, state_of, until
 from tests.running.page.test_browser import server as server
-from tests.running.page.test_live_scenes import STUDY
-from visavis.lab.clock import StopWatch
+from tests.running.page.test_headset_studies import IN_HEADSET
+from visavis.lab.clock import NS_PER_MS, StopWatch
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
+from visavis.running.page.desk import LOST_FLAG
 from visavis.running.page.server import SITE
-from visavis.running.page.streams import COLUMNS
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]  # a browser
 
 FILES = Path(__file__).parent / "headsets"
-WIDTHS = {name: len(COLUMNS[name]) for name in ("head", "frame_timing", "pointer", "responses")}
+STREAMS = ("head", "frame_timing", "pointer", "responses")
 
 
-def opened(server: Server, browser: Any, which: str) -> tuple[Any, StandIn, list[str]]:
+def opened(server: Server, browser: Any, which: str) -> tuple[Any, list[str]]:
     """Return a page before a headset, after the consent, at the step that enters VR."""
-    (server.root / "apart.py").write_text(STUDY, "utf-8")
-    address = server.start("run", "apart.py", "--participant", "1", "--on", "browser")
+    (server.root / "apart.py").write_text(IN_HEADSET, "utf-8")
+    address = server.start("run", "apart.py", "--participant", "1")
     # The emulator draws as large as the window; without a graphics card that is slow.
     page = browser.new_context(viewport={"width": 200, "height": 150}).new_page()
     problems: list[str] = []
@@ -35,27 +36,50 @@ def opened(server: Server, browser: Any, which: str) -> tuple[Any, StandIn, list
         page.add_init_script(npm_script("iwer", "build/iwer.min.js"))
     page.add_init_script(path=FILES / f"{which}.js")
     page.add_init_script(path=FILES / "people.js")
-    wire = StandIn()
-    wire.install(page)
     page.goto(address)
     until(page, "Put the headset on")
-    return page, wire, problems
+    return page, problems
 
 
-def wait(page: Any, condition: str) -> None:
+def recorded(server: Server) -> Recording:
+    """Return the recording of the session, as far as it is on the disk."""
+    return Recording(session_dir(server.root / "data", "apart", "S01B", 1, is_simulated=True))
+
+
+def payloads(recording: Recording, name: str) -> list[dict[str, Any]]:
+    """Return what a recording's events of a name say."""
+    events = recording.events()
+    return list(events.loc[events["name"] == name, "payload"])
+
+
+def page_events(server: Server, kind: str) -> list[dict[str, Any]]:
+    """Return what the journal says of a kind of events of the page."""
+    return [p for p in payloads(recorded(server), "page_event") if p["kind"] == kind]
+
+
+def wait(page: Any, condition: str | Callable[[], bool]) -> None:
     """Wait for a condition; the page's policy forbids the browser's own way."""
     watch = StopWatch()
-    while not page.evaluate(condition):
+    while not (page.evaluate(condition) if isinstance(condition, str) else condition()):
         assert watch.elapsed_s() < PATIENCE_S, (condition, state_of(page))
         page.wait_for_timeout(50)
 
 
 def entered(page: Any) -> None:
-    """Enter VR by the page's button, read what comes first, and see the first trial's figures."""
+    """Enter VR by the page's button, say how one feels, and see the first trial's figures."""
     page.locator("#main button:not(.quiet):not([disabled])").click()
-    wait(page, "() => window.worn && worn.board.texts().includes('Continue')")
+    say_how_one_feels(page)
+    wait(page, "() => worn.board.texts().includes('Continue')")  # what to do
     press(page, "Continue")
     figures(page)
+
+
+def say_how_one_feels(page: Any) -> None:
+    """Answer the question before and after VR on the board."""
+    wait(page, "() => window.worn && worn.board.texts().includes('10')")
+    press(page, "0")
+    press(page, "Continue")
+    wait(page, "() => !worn.board.texts().includes('10')")
 
 
 def figures(page: Any) -> None:
@@ -67,70 +91,71 @@ def press(page: Any, text: str, nth: int = 0) -> None:
     page.evaluate("([text, nth]) => person.press(text, nth)", [text, nth])
 
 
-def values(wire: StandIn, stream: str) -> np.ndarray[Any, Any]:
-    """Return a stream's rows, after the first column's start."""
-    batches = wire.rows(stream)
-    rows = []
-    for batch in batches:
-        flat = np.frombuffer(base64.b64decode(batch["data"]), "<f4")
-        assert len(flat) == batch["rows"] * WIDTHS[stream]
-        assert batch["rows"] <= 2048
-        rows.append(flat.reshape(-1, WIDTHS[stream]).astype(np.float64))
-        rows[-1][:, 0] += batch["t0_ms"]
-    return np.concatenate(rows)
+def answered(page: Any, trial: int) -> None:
+    """See a trial's figures, answer by rays, and go on."""
+    figures(page)
+    press(page, str(trial + 2))
+    press(page, str(trial + 3), 1)
+    assert page.locator("#main button:not(.quiet)").is_enabled()
+    press(page, "Continue")
+    page.wait_for_selector("input:checked", state="detached", timeout=PATIENCE_S * 1000)
 
 
 @pytest.mark.parametrize("which", ["standard", "emulator"])
 def test_a_study_runs_from_consent_to_thanks_in_a_headset(
     which: str, server: Server, browser: Any
 ) -> None:
-    page, wire, problems = opened(server, browser, which)
-    assert "Clear the floor." in state_of(page)["text"]
+    page, problems = opened(server, browser, which)
+    assert "Clear the floor" in state_of(page)["text"]
     entered(page)
     for trial in range(2):
-        figures(page)
-        press(page, str(trial + 2))
-        press(page, str(trial + 3), 1)
-        assert page.locator("#main button:not(.quiet)").is_enabled()
-        press(page, "Continue")
-        page.wait_for_selector("input:checked", state="detached", timeout=PATIENCE_S * 1000)
+        answered(page, trial)
+    say_how_one_feels(page)
     until(page, "Thank you", steps=False)
     assert page.evaluate("worn.isPresenting()")
     press(page, "Leave VR")
     wait(page, "() => !worn.isPresenting()")
     said = server.end()
-    folder = session_dir(server.root / "data", "apart", "S01B", 1, is_simulated=True)
-    rows = Recording(folder).trials()
+    recording = recorded(server)
+    rows = recording.trials()
     assert list(rows["status"]) == ["complete"] * 2, said
     assert [list(rows[name]) for name in ("lively", "heavy")] == [[2, 3], [3, 4]]
     assert {*rows["lively_by"], *rows["heavy_by"]} == {"ray"}
+    assert {*rows["seen_in"]} == {"headset"}
     assert (rows["live_rounds"] >= 2).all()
     # What the headset sent: frames are numbered, presses timed, rays where the hand pointed.
-    (entry,) = (e for e in wire.headset if e["kind"] == "reply")
-    assert entry["reply"]["entered"] is True
-    assert set(entry["reply"]["controllers"]) == {"left", "right"}
-    head, timing, presses = (values(wire, s) for s in ("head", "frame_timing", "responses"))
-    assert len(head) == len(timing)
-    assert (np.diff(head[:, 0]) >= 0).all()
-    assert np.nanmedian(head[:, 2]) == pytest.approx(1.6, abs=0.01)
-    drawn = timing[:, 5] == 1  # rows of frames that were left out say nothing
-    assert (head[drawn, 8] == 1).all()
-    assert np.isnan(head[~drawn][:, 1:8]).all()
-    triggers = presses[presses[:, 1] == 7][:, 2]
+    (entry,) = payloads(recording, "headset_entered")
+    assert entry["entered"] is True
+    assert set(entry["controllers"]) == {"left", "right"}
+    assert [0, 0] == [p["rating"] for p in payloads(recording, "discomfort")]
+    assert set(STREAMS) == set(recording.stream_names)
+    head, timing, presses = (recording.stream_arrays(n) for n in STREAMS if n != "pointer")
+    assert list(head["seq"]) == list(timing["seq"])
+    assert (np.diff(head["t_host_ns"]) >= 0).all()
+    assert np.nanmedian(head["position_m"][:, 1]) == pytest.approx(1.6, abs=0.01)
+    drawn = timing["drawn"]  # rows of frames that were left out say nothing
+    assert head["valid"][drawn].all()
+    assert np.isnan(head["position_m"][~drawn]).all()
+    triggers = presses["value_01"][presses["control"] == 7]
     assert (triggers == 1 - np.arange(len(triggers)) % 2).all()  # pressed, released, pressed
-    assert len(triggers) >= 13
-    for name in WIDTHS:
-        ends = 0
-        for batch in wire.rows(name):
-            assert batch["seq0"] >= ends
-            ends = batch["seq0"] + batch["rows"]
+    assert len(triggers) >= 17
+    # Nothing acknowledged is missing or doubled, and the journal says which rows came with what.
+    for name in STREAMS:
+        batches = [p for p in page_events(server, "stream") if p["stream"] == name]
+        numbers = [n for p in batches for n in range(p["seq0"], p["seq0"] + p["rows"])]
+        assert numbers == list(recording.stream_arrays(name)["seq"])
+    # Answers are dated by the same clock as the presses that gave them.
+    pressed_ns = presses["t_host_ns"][(presses["control"] == 7) & (presses["value_01"] == 1)]
+    answers = payloads(recording, "answered")
+    for answer in answers:
+        assert np.abs(pressed_ns - answer["answered_ns"]).min() < 50 * NS_PER_MS
     assert not problems
 
 
 def test_what_interrupts_a_figure_in_a_headset_is_told_and_the_figure_is_seen_again(
     server: Server, browser: Any
 ) -> None:
-    page, wire, problems = opened(server, browser, "standard")
+    page, problems = opened(server, browser, "standard")
     entered(page)
     assert page.get_attribute("canvas.figure", "data-draws") == "2"  # of two people, for each eye
     press(page, "2")
@@ -147,19 +172,82 @@ def test_what_interrupts_a_figure_in_a_headset_is_told_and_the_figure_is_seen_ag
     page.evaluate("drive.visibility('visible-blurred'); drive.press('right')")
     page.evaluate("drive.visibility('visible')")
     page.evaluate("drive.reset(); drive.sleep(); drive.wake(); drive.track(false)")
-    page.wait_for_timeout(100)
+    seen = page.evaluate("drive.ticks()")
+    wait(page, f"() => drive.ticks() > {seen + 3}")
     page.evaluate("drive.track(true); drive.skip(20)")
     figures(page)
-    page.wait_for_timeout(1000)
-    said = wire.happenings()
+    press(page, "3")
+    press(page, "3", 1)
+    press(page, "Continue")
+    page.wait_for_selector("input:checked", state="detached", timeout=PATIENCE_S * 1000)
+    wait(page, lambda: len(recorded(server).trials()) == 1)
+    said = [p["what"] for p in page_events(server, "xr")]
     assert said[:6] == ["off", "on", "blurred", "visible", "reset", "controllers_asleep"]
     assert said[6:] == ["controllers_awake"]
-    head, timing = values(wire, "head"), values(wire, "frame_timing")
-    assert np.isnan(head[head[:, 8] == 0][:, 1:8]).all()
-    skipped = timing[:, 4]
+    recording = recorded(server)
+    (flags,) = recording.trials()["flags"]
+    happened = {"headset off", "headset paused", "reference space reset", "controllers asleep"}
+    assert happened <= set(flags.split(";"))
+    assert LOST_FLAG in flags
+    head, timing = recording.stream_arrays("head"), recording.stream_arrays("frame_timing")
+    assert np.isnan(head["position_m"][~head["valid"]]).all()
+    skipped = timing["skipped"].astype(np.int64)
     assert skipped.max() >= 19
-    last = wire.rows("head")[-1]
-    assert last["seq0"] + last["rows"] == len(head) + int(skipped[skipped > 8].sum())
+    assert head["seq"][-1] + 1 == len(head["seq"]) + skipped[skipped > 8].sum()
+    assert not problems
+
+
+def test_whoever_leaves_vr_or_reloads_goes_on_at_the_screen_and_each_trial_says_where(
+    server: Server, browser: Any
+) -> None:
+    page, problems = opened(server, browser, "standard")
+    entered(page)
+    page.evaluate("drive.end()")
+    page.get_by_text("Take part at this screen").click()
+    figures(page)
+    for group in page.locator("fieldset").all():
+        group.locator("input").first.check()
+    page.locator("#main button:not(.quiet)").click()
+    wait(page, lambda: len(recorded(server).trials()) == 1)
+    page.reload()
+    until(page, "How unwell do you feel now?")
+    until(page, "Thank you")
+    server.end()
+    rows = recorded(server).trials()
+    assert ["both", "screen"] == list(rows["seen_in"])
+    assert "VR ended" in rows["flags"].iloc[0]
+    assert not problems
+
+
+def has_batches(server: Server, more_than: int) -> bool:
+    """Tell whether the journal names more batches than that."""
+    return len(page_events(server, "stream")) > more_than
+
+
+def test_a_server_that_is_killed_loses_and_doubles_no_sample(server: Server, browser: Any) -> None:
+    page, problems = opened(server, browser, "standard")
+    entered(page)
+    for _ in range(3):
+        at_kill = len(page_events(server, "stream"))
+        server.kill()
+        frames = page.evaluate("worn.frames()")
+        wait(page, f"() => worn.frames() > {frames + 60}")  # what is measured meanwhile waits
+        server.start("resume", str(recorded(server).path))
+        wait(page, partial(has_batches, server, at_kill + 4))
+    for trial in range(2):
+        answered(page, trial)
+    say_how_one_feels(page)
+    until(page, "Thank you", steps=False)
+    server.end()
+    recording = recorded(server)
+    timing = recording.stream_arrays("frame_timing")
+    skipped = timing["skipped"].astype(np.int64)
+    for name in STREAMS:
+        numbers = recording.stream_arrays(name)["seq"]
+        assert (np.diff(numbers) > 0).all()
+        holes = skipped[skipped > 8].sum() if name in ("head", "frame_timing") else 0
+        assert numbers[-1] + 1 == len(numbers) + holes
+    assert ["complete"] * 2 == list(recording.trials()["status"])
     assert not problems
 
 

@@ -36,7 +36,7 @@
         hapticActuators: [{ pulse: async () => { this.pulses += 1; return true; } }] };
     }
   }
-  const state = { head: [0, 1.6, 0], turn: [1, 0, 0, 0], isWorn: true, isTracked: true, session: null, space: null, sources: [new Source("left"), new Source("right")], skip: 0 };
+  const state = { head: [0, 1.6, 0], turn: [1, 0, 0, 0], isWorn: true, isTracked: true, session: null, space: null, ticks: 0, sources: [new Source("left"), new Source("right")], skip: 0 };
 
   class Frame {
     constructor(session, time) { Object.assign(this, { session, predictedDisplayTime: time + AHEAD_MS, isActive: true }); }
@@ -65,6 +65,7 @@
     tick() {
       if (this.visibilityState === "hidden") return;
       if (state.skip > 0) { state.skip -= 1; return; }
+      state.ticks += 1;
       const [calls, frame] = [this.callbacks, new Frame(this, this.now())];
       this.callbacks = [];
       for (const call of calls) call(frame.predictedDisplayTime - AHEAD_MS, frame);
@@ -121,6 +122,7 @@
     track(isTracked) { state.isTracked = isTracked; },
     reset() { state.space.dispatchEvent(new Event("reset")); },
     skip(n) { state.skip = n; },
+    ticks: () => state.ticks, // frames that were given to the page
     sleep() { const removed = state.sources.splice(0); state.session.dispatchEvent(Object.assign(new Event("inputsourceschange"), { added: [], removed })); },
     wake() { state.sources.push(new Source("left"), new Source("right")); state.session.dispatchEvent(Object.assign(new Event("inputsourceschange"), { added: [...state.sources], removed: [] })); },
     end() { return state.session.end(); },
