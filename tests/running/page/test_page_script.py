@@ -19,6 +19,7 @@ from visavis.lab.errors import DesignError
 from visavis.running.page.replies import _check_answer
 from visavis.running.page.server import SITE
 from visavis.running.page.steps import PageError, page_question
+from visavis.running.page.streams import POST_BYTES
 from visavis.study.information import ABOUT_PAGE
 from visavis.study.responses import Choice, Number
 
@@ -111,14 +112,16 @@ def run_page(folder: Path, choice: str) -> dict[str, Any]:
     return in_node(folder, HOST, choice)
 
 
-def in_node(folder: Path, code: str, argument: str) -> dict[str, Any]:
-    """Return what a host of the page's script prints in Node."""
+def in_node(folder: Path, code: str, argument: str, store: str = "") -> dict[str, Any]:
+    """Return what a host of the page's script prints in Node; `store` replaces the page's own."""
     node = shutil.which("node")
     if node is None:
         pytest.skip("there is no node; apt install nodejs")
     for name in ("page.js", "store.js", "film.js", "flat.js", "dots.js", "wire.js"):
         shutil.copyfile(SITE / name, folder / name)
     (folder / "package.json").write_text('{"type": "module"}', "utf-8")
+    if store:
+        (folder / "store.js").write_text(store, "utf-8")
     host = folder / "host.mjs"
     host.write_text(code, "utf-8")
     done = subprocess.run(
@@ -202,6 +205,68 @@ console.log(JSON.stringify(reply().reply.answers.lively));
 process.exit(0);
 """
 IS_HELD = {"is_held": True}
+STORE = """
+let kept = globalThis.backlog;
+export const openStore = async (name) => ({ isDurable: true,
+  all: async () => (name === "own" ? [] : kept),
+  put: async (e) => { kept.push(e); }, replace: async (all) => { kept = [...all]; },
+  drop: async (n) => { kept = kept.filter((e) => e.n > n); },
+  get: async () => undefined, set: async () => {} });
+"""
+SENDING = """
+const { most, batches, single } = JSON.parse(process.argv[3]);
+const data = "A".repeat(90 * 36 * 4 / 3);
+globalThis.backlog = Array.from({ length: batches }, (_, i) => ({ n: i + 1, kind: "stream",
+  at_ms: i, stream: "head", seq0: 90 * i, rows: 90, t0_ms: i,
+  data: i === single ? data.repeat(300) : data }));
+const posts = [];
+const took = [];
+state = { ack: 0, number: 3, step: { ...text, kind: "text" } };
+const before = globalThis.fetch;
+globalThis.fetch = async (path, { body }) => {
+  if (path !== "/api/events") return before(path, { body });
+  posts.push(body.length);
+  if (posts.length > 5000) throw new Error("it is tried for ever");
+  const refused = { refused: "a post has at most that", max_bytes: 262144 };
+  if (body.length > most) return { ok: false, status: 413, json: async () => refused };
+  const { events } = JSON.parse(body);
+  took.push(...events);
+  if (events.length) state = { ...state, ack: events.at(-1).n };
+  return { ok: true, status: 200, json: async () => state };
+};
+await import(process.argv[2]);
+const of = (kind) => took.filter((e) => e.kind === kind);
+await until(() => took.length >= batches && (single === null || of("problem").length));
+console.log(JSON.stringify({ posts, numbers: took.map((e) => e.n),
+  seq0: of("stream").map((e) => e.seq0), problems: of("problem").map((e) => e.what),
+  now: ids.notice?.text || "" }));
+process.exit(0);
+"""
+BACKLOG = HOST.partition("await import(")[0] + SENDING
+
+
+@pytest.mark.parametrize("most", [1 << 20, 50_000])
+def test_ten_minutes_that_waited_are_sent_in_posts_that_a_server_takes(
+    most: int, tmp_path: Path
+) -> None:
+    asked = {"most": most, "batches": 600, "single": None}
+    answer = in_node(tmp_path, BACKLOG, json.dumps(asked), STORE)
+    assert [90 * i for i in range(600)] == answer["seq0"]
+    assert list(range(1, 601)) == answer["numbers"]
+    assert POST_BYTES + 5000 > max(answer["posts"])
+    assert "" == answer["now"]
+    least = 600 * 90 * 36 * 4 / 3 / min(most, POST_BYTES)
+    assert 2 * least + 10 > len(answer["posts"])  # what is too long is learned, not tried for ever
+
+
+def test_what_is_too_long_alone_is_set_aside_and_told_and_the_rest_comes(tmp_path: Path) -> None:
+    asked = {"most": 1 << 20, "batches": 5, "single": 2}
+    answer = in_node(tmp_path, BACKLOG, json.dumps(asked), STORE)
+    assert [0, 90, 270, 360] == answer["seq0"]
+    assert list(range(1, 6)) == answer["numbers"]  # no number is missing
+    (problem,) = answer["problems"]
+    assert "stream 3 was set aside: a post has at most that" == problem
+    assert 10 > len(answer["posts"])
 
 
 @pytest.mark.parametrize(

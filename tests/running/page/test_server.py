@@ -17,10 +17,12 @@ from visavis.running.page.server import (
     HEADERS,
     KEY,
     LIVE_FILES,
+    MAX_REQUEST_BYTES,
     SITE,
     PageServer,
     PageSession,
 )
+from visavis.running.page.streams import POST_BYTES
 
 MAX_PAGE_BYTES = 300_000
 MAX_FIGURE_BYTES = 60_000
@@ -270,6 +272,19 @@ def test_steps_and_acknowledgements_come_back_over_http(tmp_path: Path) -> None:
         return found
 
     assert [(200, 1), (409, None), *[(400, None)] * 4] == served(tmp_path, ask)
+
+
+def test_a_post_that_is_too_long_is_refused_as_json_with_how_much_is_taken(tmp_path: Path) -> None:
+    async def ask(http: aiohttp.ClientSession, page: Page, server: PageServer) -> Any:
+        http.headers[KEY] = "key"
+        problem = {"n": 1, "kind": "problem", "at_ms": 0.0, "what": "x" * MAX_REQUEST_BYTES}
+        body = {"tab": "one", "events": [problem]}
+        async with http.post("/api/events", json=body) as response:
+            return response.status, await response.json()
+
+    status, answer = served(tmp_path, ask)
+    assert (413, POST_BYTES) == (status, answer["max_bytes"])
+    assert f"at most {MAX_REQUEST_BYTES} bytes" in answer["refused"]
 
 
 def test_a_recording_that_fails_is_told_and_nothing_is_acknowledged(tmp_path: Path) -> None:

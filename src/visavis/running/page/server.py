@@ -24,6 +24,7 @@ from visavis.running.page.steps import (
     number,
     unix_ms,
 )
+from visavis.running.page.streams import POST_BYTES
 
 SITE: Final = Path(__file__).parent / "site"
 FILES: Final = {
@@ -213,7 +214,10 @@ class LocalServer:
         try:
             self._refuse_strangers(request)
             response = await handler(request)
-        except web.HTTPClientError as answer:  # no such path or method, or too long
+        except web.HTTPRequestEntityTooLarge:
+            why = f"a post has at most {MAX_REQUEST_BYTES} bytes; send {POST_BYTES} at once"
+            response = _refusal(413, why, max_bytes=POST_BYTES)
+        except web.HTTPClientError as answer:  # no such path or method
             response = _refusal(answer.status, answer.reason)
         except StrangerError as error:
             response = _refusal(error.status, str(error))

@@ -127,7 +127,7 @@ async function flush() {
         clearTimeout(waiting);
       }
       if (answer.status === 409) { elsewhere(); return; }
-      if (answer.status === 413 && sent.length > 1) { mostBytes /= 2; continue; }
+      if (answer.status === 413 && sent.length > 1) { mostBytes = Math.min(mostBytes / 2, answer.body.max_bytes ?? Infinity); continue; }
       const bad = answer.body.event || (answer.status === 413 && sent.length === 1 ? sent[0].n : 0);
       if (bad && queue.some((e) => e.n === bad)) { await setAside(bad, answer.body.refused); continue; }
       if (answer.status === 400 && failures < 3) { // a server that began anew and knows us not yet
@@ -190,6 +190,7 @@ async function hello(takesOver) {
   await store.set("tab", tab);
   const state = answer.body;
   nextRows = state.streams || {};
+  helloKind = state.step.kind;
   // A reply to a step that has passed was given elsewhere; what is left is numbered anew.
   const rest = queue.filter((e) => e.n > state.ack && (e.kind !== "reply" || e.step === state.number));
   rest.forEach((e, i) => { e.n = state.ack + 1 + i; });
@@ -440,10 +441,11 @@ export function questionField(question, index, changed) {
 // ---- steps ----------------------------------------------------------------------------------
 
 let current = { kind: "" };
+let helloKind = ""; // of the step that the server said first: what waits is sent before it is shown
 let isDescribed = false;
 
 // Before somebody agrees, nothing leaves this page but what a request needs.
-const mayRecord = () => !["", "consent", "end"].includes(current.kind);
+const mayRecord = () => !["", "consent", "end"].includes(current.kind || helloKind);
 
 async function describe() {
   if (isDescribed || !mayRecord()) return;
