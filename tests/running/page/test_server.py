@@ -277,9 +277,8 @@ def test_steps_and_acknowledgements_come_back_over_http(tmp_path: Path) -> None:
 def test_a_post_that_is_too_long_is_refused_as_json_with_how_much_is_taken(tmp_path: Path) -> None:
     async def ask(http: aiohttp.ClientSession, page: Page, server: PageServer) -> Any:
         http.headers[KEY] = "key"
-        problem = {"n": 1, "kind": "problem", "at_ms": 0.0, "what": "x" * MAX_REQUEST_BYTES}
-        body = {"tab": "one", "events": [problem]}
-        async with http.post("/api/events", json=body) as response:
+        body = BytesIO(json.dumps({"tab": "one", "events": ["x" * MAX_REQUEST_BYTES]}).encode())
+        async with http.post("/api/events", data=body) as response:
             return response.status, await response.json()
 
     status, answer = served(tmp_path, ask)
