@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from typer.testing import CliRunner
@@ -15,13 +16,16 @@ from tests.recording.sessions import new_recorder, probe_batch, probe_manifest
 from visavis import cli, devices, experiments, protocol, running, study
 from visavis.cli.main import app
 from visavis.cli.sharing import losses, names_of_people, shared_recording
+from visavis.devices.streams import HEAD, POINTER
 from visavis.lab.clock import SimClock, StampClock
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import UsageError
+from visavis.lab.schema import SampleBatch, empty_values
 from visavis.protocol.people.key_file import KeyFile
 from visavis.recording.folder import create_session
 from visavis.recording.privacy_sheet import privacy_sheet
+from visavis.recording.session_times import session_times
 from visavis.recording.sharing import (
     EVENT_CLASSES,
     SharedRecording,
@@ -423,6 +427,29 @@ def test_each_part_and_each_device_has_a_clock_that_begins_with_it(lab: Path) ->
     exchanges = [p["send_device_receive_ns"] for p in shared.events()["payload"]]
     assert [[[0, 3, 6]]] * 2 == exchanges
     assert [0, 0] == shared.events()["t_ns"].tolist()
+
+
+def test_streams_of_a_page_keep_the_one_clock_that_dates_them(lab: Path) -> None:
+    start_ns, page_ns = 10**13, 5 * 10**12
+    manifest = replace(
+        probe_manifest(LABEL, is_simulated=False), study="stare", configuration={"on": "browser"}
+    )
+    with create_session(lab.parent / "data", manifest) as folder:
+        clock = StampClock(start_ns / 10**6)
+        recorder = new_recorder(folder, clock, is_simulated=False)
+        for schema, begins_ns in ((HEAD, 0), (POINTER, 700 * 10**6)):
+            recorder.declare(schema)
+            seq = np.arange(10)
+            at_ns = seq * 10**7 + begins_ns
+            values = empty_values(schema, 10)
+            recorder.append(SampleBatch(schema, seq, page_ns + at_ns, start_ns + at_ns, values))
+        rows = [[start_ns, page_ns, start_ns]]
+        recorder.event("clock_exchanges", start_ns, role="page", send_device_receive_ns=rows)
+        folder.end_part(clock, recorder.close("complete"))
+    shared = shared_recording(folder.path, load_config(lab), tier="shared", keep_label=False)
+    for stream, begins_ns in (("head", 0), ("pointer", 700 * 10**6)):
+        dated_ns = session_times(shared, stream, 1).t_ns
+        assert [begins_ns + i * 10**7 for i in range(10)] == dated_ns.tolist()
 
 
 def test_who_left_before_the_first_trial_stops_no_public_export(lab: Path) -> None:

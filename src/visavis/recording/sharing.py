@@ -24,8 +24,9 @@ from visavis.recording.blurring import (
     segments_of,
     tells_length,
 )
+from visavis.recording.page_clock import PAGE_ROLE
 from visavis.recording.reader import PART_COLUMN, Recording
-from visavis.recording.session_times import EXCHANGE_EVENT, STREAM_OF_ROLE
+from visavis.recording.session_times import EXCHANGE_EVENT, STREAM_OF_ROLE, STREAMS_OF_PAGE
 from visavis.recording.stream_file import Columns, StreamContent
 
 Tier: TypeAlias = Literal["raw", "shared", "public"]
@@ -183,7 +184,12 @@ class SharedRecording(Recording):
         ]
 
     def _device_zero_ns(self, part: int, stream: str) -> int:
-        """Return what a stream's device times are shown from: its first, or as the session's."""
+        """Return what a stream's device times are shown from: its first, or as the session's.
+
+        Streams of a page have one clock, which begins with the head's.
+        """
+        if stream in STREAMS_OF_PAGE and self.manifest.configuration.get("on") == "browser":
+            stream = STREAM_OF_ROLE[PAGE_ROLE]
         key = (part, stream)
         if key not in self._device_zeros_ns:
             zero_ns = self._zeros_ns.get(part, 0)
