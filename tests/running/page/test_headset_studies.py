@@ -5,11 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from tests.running.page.pages import config
 from tests.running.page.test_live_scenes import STUDY, opened
 from visavis.analysis.session_check import check_session
+from visavis.cli.main import app
 from visavis.lab.clock import SimClock
+from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import DesignError
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import OpenedStudy, find_study
@@ -115,6 +118,18 @@ def test_a_study_that_no_page_in_a_headset_can_do_is_refused_by_name_with_the_wa
     with pytest.raises(DesignError) as caught:
         film_store(experiment_in_headset(name))
     assert [r for r in reasons if r not in str(caught.value)] == []
+
+
+def test_a_refusal_comes_at_plan_before_anything_is_written(tmp_path: Path) -> None:
+    (tmp_path / "apart.py").write_text(
+        IN_HEADSET.replace("calibrate=False,", 'needs=["eye_tracker"],'), "utf-8"
+    )
+    (tmp_path / "lab_config.yaml").write_text(EXAMPLE.read_text("utf-8"), "utf-8")
+    command = ["plan", str(tmp_path / "apart.py"), "--config", str(tmp_path / "lab_config.yaml")]
+    answer = CliRunner().invoke(app, command)
+    assert 0 != answer.exit_code
+    assert "needs gaze" in " ".join(str(answer.exception or answer.output).split())
+    assert not (tmp_path / "data").exists()
 
 
 def test_what_would_be_typed_in_a_headset_is_refused(tmp_path: Path) -> None:
