@@ -51,8 +51,8 @@ nothing). With `reset` a new epoch of the head begins: poses before and after ha
 origin.
 
 **Entering.** A study with `xr="optional"` or `"required"` has a step `{"kind": "enter", "xr":
-"optional"|"required", "needs": ["walk_m", …]}` after consent and preloading: a click must start
-VR. Its reply is `{"entered": true, "rate_hz": 90.0 | null, "space": "local-floor", "controllers":
+"optional"|"required", "needs": [] | ["hands"], "lines": ["what people are told", …], "version":
+"…"}` after consent and preloading: a click must start VR. Its reply is `{"entered": true, "rate_hz": 90.0 | null, "space": "local-floor", "controllers":
 ["left", "right"], "renderer": "…", "profiles": ["oculus-touch-v3", …]}` or `{"entered": false,
 "why": "short text"}`; the second is refused where VR is required (the person can stop instead).
 `hello` answers with `"xr"` unless it is never.
