@@ -52,10 +52,11 @@ origin.
 
 **Entering.** A study with `xr="optional"` or `"required"` has a step `{"kind": "enter", "xr":
 "optional"|"required", "needs": [] | ["hands"], "lines": ["what people are told", …], "version":
-"…"}` after consent and preloading: a click must start VR. Its reply is `{"entered": true, "rate_hz": 90.0 | null, "space": "local-floor", "controllers":
-["left", "right"], "renderer": "…", "profiles": ["oculus-touch-v3", …]}` or `{"entered": false,
-"why": "short text"}`; the second is refused where VR is required (the person can stop instead).
-`hello` answers with `"xr"` unless it is never.
+"…"}` after consent and preloading: a click must start VR. Its reply is `{"entered": true,
+"rate_hz": 90.0 | null, "space": "local-floor", "controllers": ["left", "right"], "renderer": "…",
+"profiles": ["oculus-touch-v3", …]}` or `{"entered": false, "why": "short text"}`; the second is
+refused where VR is required (the person can stop instead). `hello` answers with `"xr"` unless it
+is never.
 
 **Clock.** Every post of events may have `"post": 31` (a count of the page's posts, a new number
 also when something is sent again) beside `sent_ms`, and `"heard": [[30, 81230.1], …]`: the
