@@ -36,7 +36,7 @@
         hapticActuators: [{ pulse: async () => { this.pulses += 1; return true; } }] };
     }
   }
-  const state = { head: [0, 1.6, 0], turn: [1, 0, 0, 0], isWorn: true, isTracked: true, session: null, space: null, ticks: 0, sources: [new Source("left"), new Source("right")], skip: 0 };
+  const state = { head: [0, 1.6, 0], turn: [1, 0, 0, 0], isWorn: true, isTracked: true, session: null, space: null, ticks: 0, sources: [new Source("left"), new Source("right")], skipped: 0 };
 
   class Frame {
     constructor(session, time) { Object.assign(this, { session, predictedDisplayTime: time + AHEAD_MS, isActive: true }); }
@@ -64,7 +64,6 @@
     }
     tick() {
       if (this.visibilityState === "hidden") return;
-      if (state.skip > 0) { state.skip -= 1; return; }
       state.ticks += 1;
       const [calls, frame] = [this.callbacks, new Frame(this, this.now())];
       this.callbacks = [];
@@ -72,7 +71,7 @@
       frame.isActive = false;
     }
     // A clock of its own, in whole frames of the display.
-    now() { return FRAME_MS * Math.round((performance.now() - this.begun) / FRAME_MS); }
+    now() { return FRAME_MS * (state.skipped + Math.round((performance.now() - this.begun) / FRAME_MS)); }
     requestAnimationFrame(call) { this.callbacks.push(call); return this.callbacks.length; }
     async requestReferenceSpace() { state.space = new EventTarget(); return state.space; }
     updateRenderState({ baseLayer }) { if (baseLayer) this.layer = baseLayer; }
@@ -121,7 +120,7 @@
     wear(isWorn) { state.isWorn = isWorn; },
     track(isTracked) { state.isTracked = isTracked; },
     reset() { state.space.dispatchEvent(new Event("reset")); },
-    skip(n) { state.skip = n; },
+    skip(n) { state.skipped += n; }, // the display goes on without n frames
     ticks: () => state.ticks, // frames that were given to the page
     sleep() { const removed = state.sources.splice(0); state.session.dispatchEvent(Object.assign(new Event("inputsourceschange"), { added: [], removed })); },
     wake() { state.sources.push(new Source("left"), new Source("right")); state.session.dispatchEvent(Object.assign(new Event("inputsourceschange"), { added: [...state.sources], removed: [] })); },

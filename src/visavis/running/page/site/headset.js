@@ -13,8 +13,9 @@ const RAY_M = 4;
 const RAY_WIDE_M = 0.004;
 const DOT_M = 0.014;
 const HAND_MS = 1000 / 30;
-// To be set from real headsets: nobody who wears one holds so still.
-const STILL = { s: 2, m: 0.001, rad: 0.1 * Math.PI / 180 };
+// To be set from real headsets: nobody who wears one holds so still. Two frames around a pause of the page
+// may be alike by chance, so it takes some.
+const STILL = { s: 2, m: 0.001, rad: 0.1 * Math.PI / 180, frames: 20 };
 const MAX_FILLED = 8;
 const AXIS_STEP = 0.01;
 const LOW_BATTERY_01 = 0.15;
@@ -214,9 +215,12 @@ function present(session, space, hall, page) {
     const moved = still && (Math.hypot(row[0] - still.row[0], row[1] - still.row[1], row[2] - still.row[2]) > STILL.m
       || 2 * Math.acos(Math.min(1, Math.abs(row[3] * still.row[3] + row[4] * still.row[4] + row[5] * still.row[5] + row[6] * still.row[6]))) > STILL.rad);
     if (!still || moved) {
-      still = { row, ms };
+      still = { row, ms, frames: 0 };
       if (isOff) { isOff = false; tell("on"); }
-    } else if (!isOff && ms - still.ms > 1000 * STILL.s) { isOff = true; tell("off"); }
+    } else {
+      still.frames += 1;
+      if (!isOff && still.frames >= STILL.frames && ms - still.ms > 1000 * STILL.s) { isOff = true; tell("off"); }
+    }
   }
 
   function noteControls(source) {
