@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import json
 from collections.abc import Awaitable, Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -708,6 +709,21 @@ def test_a_placeholder_that_no_panel_filled_is_refused_in_words(place: Place, ke
 
     assert "address" == served(place, act)["refused"]
     assert [] == place.sessions()
+
+
+def test_a_stranger_writes_no_line_of_their_own_to_whoever_serves(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lines: list[str] = []
+    monkeypatch.setattr(f"{__name__}.Reception", partial(Reception, say=lines.append))
+
+    async def act(base: str, reception: Reception) -> dict[str, Any]:
+        forged = {"PROLIFIC_PID": "a\r\nFor you alone\u2028http://elsewhere"}
+        return await posted(base, "/api/arrive", {"parameters": forged})
+
+    assert "address" == served(place, act)["refused"]
+    (line,) = lines
+    assert [line] == line.splitlines()
 
 
 def test_a_flood_of_arrivals_is_held_up_and_lets_people_in_again() -> None:

@@ -121,7 +121,8 @@ class Reception:
         self._experiment = experiment = experiment_of(base)
         self._plan = lru_cache(PLANS_IN_MEMORY)(lambda index: experiment.plan(index, base.seed))
         self._identify, self._identity_of, self._forget = identify, identity_of, forget
-        self._withdraw, self._say = withdraw, say
+        self._withdraw = withdraw
+        self._say_line = say
         self._simulated = is_simulated(base.config)
         self._contact = base.config.privacy.contact
         self._returning = self._experiment.study.procedure.returning
@@ -251,6 +252,10 @@ class Reception:
         if self._base.clock.is_virtual:
             return act(*arguments)
         return await asyncio.to_thread(act, *arguments)
+
+    def _say(self, text: str) -> None:
+        """Say one line: a line break in what a stranger sent would forge a line of ours."""
+        self._say_line(" ".join(text.splitlines()))
 
     def _is_full(self) -> bool:
         """Tell whether all places are taken: by people who completed, or are at it."""
