@@ -3,14 +3,17 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
 from visavis.cli.main import app
 from visavis.cli.speaker_sheet import speaker_text
 from visavis.lab.errors import UsageError
+from visavis.stimuli.characters.gltf.file import read_glb
 from visavis.stimuli.motion.bvh import read_bvh, write_bvh
 from visavis.stimuli.motion.bvh_clip import bvh_of_clip
+from visavis.stimuli.motion.clip_file import read_clip
 from visavis.stimuli.motion.speaking.gesture_script import format_script
 from visavis.stimuli.motion.speaking.synthetic_speaker import synthetic_speaker, synthetic_take
 
@@ -50,11 +53,32 @@ def test_a_script_becomes_a_bvh_file_of_its_length_the_same_every_time(
     assert len(read_bvh(one).values) == 76
 
 
+def test_a_script_becomes_a_figure_that_moves_as_the_motion_says(
+    takes: Path, tmp_path: Path
+) -> None:
+    script = tmp_path / "speech.yaml"
+    script.write_text(SCRIPT, encoding="utf-8")
+    for name in ("speech.npz", "speech.glb"):
+        visavis("gesture", script, "--corpus", takes, "--fill", "I", "-o", tmp_path / name)
+    clip, content = read_clip(tmp_path / "speech.npz"), read_glb(tmp_path / "speech.glb")
+    (motion,) = content.items("animations")
+    assert "speech" == motion["name"]
+    hand = clip.skeleton.index("right_hand")
+    (turns,) = (
+        motion["samplers"][channel["sampler"]]
+        for channel in motion["channels"]
+        if channel["target"] == {"node": hand + 1, "path": "rotation"}
+    )
+    assert [2.5] == content.items("accessors")[turns["input"]]["max"]
+    xyzw = content.accessor(turns["output"])
+    np.testing.assert_allclose(xyzw, clip.orientation_wxyz[:, hand][:, [1, 2, 3, 0]], atol=1e-5)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (("--fill", "G"), "--fill 'G'; give F, I or none"),
-        (("-o", "speech.glb"), "name it .bvh or .npz"),
+        (("-o", "speech.fbx"), "name it .bvh, .npz, .glb for a motion"),
         (("--beta", "1.5"), "--beta 1.5; give a share"),
         (("--rate", "0"), "--rate 0; give 1 to 240"),
         (("--tier", "word=Wort"), "--tier 'word=Wort'; give one of phrase, phase, hand, lexeme"),

@@ -29,6 +29,7 @@ from visavis.cli.speaker_sheet import (
 from visavis.lab.errors import UsageError
 from visavis.stage.film_sound import CODECS
 from visavis.stimuli.characters.cast import load_character
+from visavis.stimuli.characters.gltf.exporting import glb_of_character, write_glb
 from visavis.stimuli.motion.build import build_of_character
 from visavis.stimuli.motion.bvh import write_bvh
 from visavis.stimuli.motion.bvh_clip import bvh_of_clip
@@ -45,6 +46,7 @@ from visavis.stimuli.motion.speaking.synthesiser import SynthesisVoice, read_tex
 from visavis.stimuli.motion.speaking.synthetic_speaker import synthetic_speaker
 
 SYNTHETIC: Final = "synthetic"
+MOTIONS: Final = (".bvh", ".npz", ".glb")
 FILMS: Final = (".mp4", ".webm", ".avi")
 
 corpus_app = typer.Typer(help="A speaker's recordings: what they teach.", no_args_is_help=True)
@@ -81,12 +83,14 @@ def gesture(
     unit_m: UnitOption = 0.01,
     tier: TierOption = None,
     output: Annotated[
-        Path, typer.Option("-o", "--output", help="New file: .bvh, .npz, .mp4, .webm or .avi.")
+        Path,
+        typer.Option("-o", "--output", help=f"New file: {', '.join((*MOTIONS, *FILMS))}."),
     ] = Path("gesture.bvh"),
 ) -> None:
     """Perform a gesture script: arms by lexeme, the body as a speaker would move it.
 
-    Films (.mp4, .webm) carry the script's recording, and lips move with it.
+    Films (.mp4, .webm) carry the script's recording, and lips move with it. A .glb holds the
+    figure with its motion.
 
     Example: visavis gesture speech.yaml --corpus synthetic --fill F --seed 1 -o speech.bvh
     """
@@ -95,9 +99,9 @@ def gesture(
         raise UsageError(f"--rate {rate}; give 1 to 240 frames a second")
     new_file(output)
     who = load_character(character)
-    if suffix not in (".bvh", ".npz", *FILMS):
+    if suffix not in (*MOTIONS, *FILMS):
         raise UsageError(
-            f"{output}: name it .bvh or .npz for a motion, {', '.join(FILMS)} for films"
+            f"{output}: name it {', '.join(MOTIONS)} for a motion, {', '.join(FILMS)} for films"
         )
     if fill not in ("F", "I", "none"):
         raise UsageError(f"--fill {fill!r}; give F, I or none")
@@ -120,6 +124,8 @@ def gesture(
         write_bvh(output, bvh_of_clip(clip), decimals=5)
     elif suffix == ".npz":
         write_clip(output, clip)
+    elif suffix == ".glb":
+        write_glb(output, glb_of_character(who, clip, name=output.stem))
     else:
         with Progress(console=console, transient=True) as bar:
             task = bar.add_task("drawing", total=None)
