@@ -26,6 +26,8 @@ from visavis.running.page.earlier_parts import RESTART_FLAG
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 PATIENCE_S = 120.0
+CLICK_S = 30
+"""A click waits for two pictures, which a busy computer draws slowly where figures move."""
 POLL_S = 0.05
 
 pytestmark = [
@@ -124,7 +126,7 @@ def step_on(page: Any, words: str = "") -> None:
     button = page.query_selector("#main button:not([disabled]):not(.quiet)")
     if button and not (words and words in state_of(page)["text"]):
         try:
-            button.click(timeout=2000)
+            button.click(timeout=1000 * CLICK_S)
         except Exception as gone:  # of playwright, which need not be installed
             if "not attached" not in str(gone):
                 raise  # else the page went on by itself meanwhile
