@@ -226,6 +226,22 @@ def test_a_killed_server_loses_and_doubles_no_row(tmp_path: Path) -> None:
     assert list(range(25)) == list(Recording(path).stream("head")["seq"])
 
 
+def test_whoever_goes_on_behind_rows_that_are_on_the_disk_has_lost_none(tmp_path: Path) -> None:
+    with begun(tmp_path) as (page, path):
+        in_headset(page)
+        send(page, batch(head_rows(10)))
+        page.desk.recorder.checkpoint()
+        unknown = read_batch(batch(head_rows(10), seq0=10, t0_ms=5200.0))
+        page.desk._streams.write(unknown, lambda ms: round(ms * NS_PER_MS), page.clock.now_ns())
+        page.desk.recorder.checkpoint()
+    with gone_on(path) as page:  # by a page without a store, which numbers as it is told
+        page.desk.headset_streams = ("head",)
+        send(page, batch(head_rows(5), seq0=page.desk.next_rows["head"], t0_ms=5400.0))
+        assert LOST_FLAG not in page.desk.notes.all
+        page.desk.recorder.close("complete")
+    assert list(range(25)) == list(Recording(path).stream("head")["seq"])
+
+
 def test_ten_minutes_of_backlog_in_one_post_wait_for_the_disk_and_do_not_blame_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

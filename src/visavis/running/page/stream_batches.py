@@ -182,7 +182,7 @@ class PageStreams:
 
     def has_hole_before(self, batch: PageBatch) -> bool:
         """Tell whether rows are missing between a batch and the one before it."""
-        return batch.seq0 > self.next_rows.get(batch.stream, batch.seq0)
+        return batch.seq0 > self.going_on.get(batch.stream, batch.seq0)
 
     def write(self, batch: PageBatch, t_ns_of: Callable[[float], int], now_ns: int) -> None:
         """Hand a batch's rows to the recorder, dated by the page's clock.
