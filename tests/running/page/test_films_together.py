@@ -24,7 +24,8 @@ await new Promise((resolve) => setImmediate(resolve));
 const log = [];
 RENDERINGS.forEach((places, k) => {
   places.forEach((mediaTime, i) => {
-    if (mediaTime !== null) videos[i].present(100 * k, { mediaTime });
+    if (mediaTime === "end") { videos[i].ended = true; videos[i].listeners.ended(); }
+    else if (mediaTime !== null) videos[i].present(100 * k, { mediaTime });
   });
   log.push(videos.map((v) => v.paused));
 });
@@ -36,9 +37,9 @@ process.exit(0);
 """
 
 
-def waits(renderings: list[list[float | None]]) -> tuple[list[list[bool]], int]:
-    """Return which films stood after each rendering of these media times (None: no new picture)
-    and after the end, and how far apart the page says they were (ms).
+def waits(renderings: list[list[float | str | None]]) -> tuple[list[list[bool]], int]:
+    """Return which films stood after each rendering of these media times (None: no new picture,
+    "end": it ends) and after the end, and how far apart the page says they were (ms).
     """
     node = shutil.which("node")
     if node is None:
@@ -65,6 +66,11 @@ def test_the_film_that_is_ahead_waits_until_the_other_has_come() -> None:
 def test_a_film_that_waits_goes_on_when_the_other_has_ended() -> None:
     log, _ = waits([[0.0, 0.0], [0.0, 0.3], [0.1, None]])
     assert [[False, True], [False, False]] == log[-2:]
+
+
+def test_no_film_waits_for_one_that_has_ended() -> None:
+    log, _ = waits([[0.0, 0.0], [0.4, 0.4], ["end", 0.45], [None, 0.55], [None, 0.6]])
+    assert [[False, False]] * 5 == log[:5]
 
 
 def test_pictures_of_one_rendering_are_together_however_late_it_was() -> None:

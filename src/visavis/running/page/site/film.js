@@ -159,7 +159,7 @@ export function play(films, videos, onRound, once = false) {
   const onRendered = (now) => {
     if (now === renderedMs) return;
     renderedMs = now;
-    if (players.length < 2 || players.some((p) => p.firstMs === null || p.rounds !== players[0].rounds)) return;
+    if (players.length < 2 || players.some((p) => p.firstMs === null || p.video.ended || p.rounds !== players[0].rounds)) return;
     const last = Math.min(...players.map((p) => p.mediaS));
     for (const player of players) {
       const aheadS = player.mediaS - last;
@@ -193,8 +193,9 @@ export function play(films, videos, onRound, once = false) {
     }
   });
   const again = () => {
+    if (players.some((p) => p.isOver)) return;
     players.forEach(goOn); // nobody is waited for who is at the end
-    if (players.some((p) => p.isOver || !p.video.ended)) return;
+    if (players.some((p) => !p.video.ended)) return;
     for (const player of players) { player.rounds += 1; player.mediaS = 0; }
     onRound(players[0].rounds);
     if (once) return;
