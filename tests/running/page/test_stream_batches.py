@@ -208,6 +208,18 @@ def test_what_happens_around_a_headset_flags_the_trial(tmp_path: Path) -> None:
     assert "headset off;reference space reset" == Recording(path).trials().iloc[0]["flags"]
 
 
+def test_a_trial_whose_headset_was_left_and_entered_again_was_seen_in_both(tmp_path: Path) -> None:
+    with begun(tmp_path) as (page, path):
+        in_headset(page)
+        page.desk.notes.place = "headset"
+        page.desk.notes.begin()
+        for what in ("ended", "entered"):
+            send(page, {"kind": "xr", "at_ms": 1.0, "what": what})
+        page.answer_all()
+        page.desk.recorder.close("complete")
+    assert ["both", "headset", "headset"] == list(Recording(path).trials()["seen_in"])
+
+
 def test_a_killed_server_loses_and_doubles_no_row(tmp_path: Path) -> None:
     with begun(tmp_path) as (page, path):
         in_headset(page)

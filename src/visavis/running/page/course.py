@@ -81,18 +81,23 @@ class Notes:
     """Flags of every trial to come."""
     place: str = ""
     """Where the page is seen, of a study that may enter a headset: one of `PLACES`."""
-    trial_place: str = ""
-    """Where it was seen as the trial began."""
+    trial_places: set[str] = field(default_factory=set)
+    """Where it was seen since the trial began."""
 
     def begin(self) -> None:
         """Begin a trial, about which nothing is noted yet."""
         self.flags.clear()
-        self.trial_place = self.place
+        self.trial_places = {self.place}
+
+    def move_to(self, place: str) -> None:
+        """Note where the page is seen from now on: one of `PLACES`."""
+        self.place = place
+        self.trial_places.add(place)
 
     @property
     def seen_in(self) -> str:
         """Where the trial was seen: one of `PLACES`, or both."""
-        return self.place if self.place == self.trial_place else BOTH_PLACES
+        return self.place if self.trial_places == {self.place} else BOTH_PLACES
 
     @property
     def all(self) -> list[str]:
@@ -245,7 +250,7 @@ def _enter(visit: Visit) -> Generator[Out, Reply | None, bool]:
     about = {"lines": list(information.lines), "version": information.version}
     reply = yield from _step(PageStep("enter", {"xr": xr, "needs": needs, **about}))
     has_entered = reply.content["entered"] is True
-    visit.notes.place = PLACES[0] if has_entered else PLACES[1]
+    visit.notes.move_to(PLACES[0] if has_entered else PLACES[1])
     facts = {name: reply.content[name] for name in FACTS_OF_ENTERING if name in reply.content}
     yield Event(HEADSET_ENTERED, {"version": information.version, **facts})
     if has_entered:

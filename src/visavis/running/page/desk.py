@@ -383,14 +383,14 @@ class PageDesk:
         if flag := HAPPENINGS[what]:
             self.notes.add(flag)
         if what == "entered":
-            self.notes.place = PLACES[0]
+            self.notes.move_to(PLACES[0])
         elif what == "ended":
             self._leave_headset()
 
     def _leave_headset(self) -> None:
         """Note that the page is seen on its screen, if somebody had entered a headset."""
         if self.notes.place:
-            self.notes.place = PLACES[1]
+            self.notes.move_to(PLACES[1])
 
     def _apply_sleep(self, payload: Mapping[str, Any], t_ns: int) -> None:
         self.notes.add(SLEEP_FLAG)
