@@ -67,6 +67,7 @@ def send(page: Page, *events: dict[str, Any]) -> None:
         ("a control has", batch([(0.0, 7.0, 1.5)], "responses")),
         ("a control has", batch([(0.0, 7.0, NAN)], "responses")),
         ("a time is none", batch([(0.0, 0.0, 18.0, -1.0, 0.0, 1.0)], "frame_timing")),
+        ("a time is none", batch([(0.0, 0.0, 18.0, 1e30, 0.0, 1.0)], "frame_timing")),
         ("a time is none", batch([(0.0, 0.0, np.inf, 1.0, 0.0, 1.0)], "frame_timing")),
         ("skipped counts", batch([(0.0, 0.0, 18.0, 1.0, 0.5, 1.0)], "frame_timing")),
         ("drawn is", batch([(0.0, 0.0, 18.0, 1.0, 0.0, 2.0)], "frame_timing")),

@@ -261,8 +261,8 @@ def _check_responses(stream: str, rows: Rows) -> None:
 
 
 def _check_frames(stream: str, rows: Rows) -> None:
-    clock_ms, own_ms, skipped, drawn = rows[:, 1:3], rows[:, 3], rows[:, 4], rows[:, 5]
-    if np.isinf(rows).any() or (np.abs(clock_ms) > 1e9).any() or (own_ms < 0).any():
+    times_ms, own_ms, skipped, drawn = rows[:, 1:4], rows[:, 3], rows[:, 4], rows[:, 5]
+    if np.isinf(rows).any() or (np.abs(times_ms) > 1e9).any() or (own_ms < 0).any():
         raise PageError(f"{stream}: a time is none")
     if not ((skipped >= 0) & (skipped == np.floor(skipped)) & (skipped < 2**24)).all():
         raise PageError(f"{stream}: skipped counts nothing")
