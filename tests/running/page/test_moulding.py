@@ -150,6 +150,21 @@ def test_movements_before_a_page_was_reloaded_are_recorded_but_are_not_of_the_an
     assert len(moves[moves["trial_id"] == first["trial_id"]]) == first["mould_moves"] + 1
 
 
+def test_movements_that_waited_in_the_store_of_an_earlier_page_are_not_of_the_answer(
+    tmp_path: Path,
+) -> None:
+    page = Page(None, tmp_path)
+    page.until("mould")
+    page.desk.hello("two", before=TAB)
+    page.tab = "two"
+    page.moved([[900_000.0, 0, 0.9]], tab=TAB, at_ms=900_000.0)
+    page.answer()
+    recording = page.end()
+    first = recording.trials().iloc[0]
+    moves = moves_of(recording)
+    assert len(moves[moves["trial_id"] == first["trial_id"]]) == first["mould_moves"] + 1
+
+
 def test_a_target_is_reached_or_the_time_is_over_and_a_guess_ends_by_its_button(
     tmp_path: Path,
 ) -> None:

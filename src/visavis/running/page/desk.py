@@ -367,8 +367,9 @@ class PageDesk:
             self._moves.append(payload)
         elif payload["kind"] == "reply":
             self.has_answered = self.has_answered or self.step.kind != PRELOAD
-            clock = self._clocks.of(str(payload.get("tab", "")))
-            self._advance(Reply(payload["reply"], t_ns, clock.placing(), tuple(self._moves)))
+            tab = str(payload.get("tab", ""))
+            moves = tuple(m for m in self._moves if m.get("tab", "") == tab)  # of the same clock
+            self._advance(Reply(payload["reply"], t_ns, self._clocks.of(tab).placing(), moves))
 
     def _apply_opening(self, payload: Mapping[str, Any], t_ns: int) -> None:
         tab = str(payload["tab"])
