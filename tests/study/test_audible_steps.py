@@ -7,18 +7,25 @@ import pytest
 from scipy.io import wavfile
 from typer.testing import CliRunner
 
+from tests.study.test_press_times import frame
 from visavis.cli.main import app
 from visavis.cli.quick_tracker import tracker_of
 from visavis.devices.contracts import SOUND_EVENTS
 from visavis.lab.config import DeviceConfig, LabConfig, load_config
 from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.errors import ConfigError, DesignError
+from visavis.protocol.plan.session_plan import Trial
+from visavis.protocol.plan.steps import NextFrame
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
 from visavis.running.quick import quick_study
 from visavis.running.sessions.device_setup import devices_for
 from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.session_request import simulated_request
+from visavis.stimuli.audible import Tone
+from visavis.study.asking import Answer
+from visavis.study.responses import Keys
+from visavis.study.trial import TrialScript
 
 STUDY = """
 from visavis import Factor, Keys, Race, Sound, Study, Text, Tone
@@ -106,6 +113,22 @@ def test_press_at_a_sound_counts_from_its_onset_and_answers_what_was_heard(recor
     onsets = [one["asked_ns"] for one in answered]
     assert trials["stimulus_sound_on_ns"].tolist() == onsets
     assert (trials["answer_ms"] > 300.0).all()
+
+
+def test_press_that_comes_before_the_stamp_of_a_sound_is_kept(tmp_path):
+    settings = find_study(str(write_study(tmp_path))).experiment({}).settings
+    script = TrialScript(Trial("T1", 1, 0, False, {}, 1), settings)
+
+    def to_the_answer():
+        yield (yield from script.show(Tone(440.0), until=Keys("f", "j")).perform())
+
+    steps = to_the_answer()
+    pressed = frame(133, ["j"], [130.0])
+    frames = iter([frame(100), frame(117), pressed, *map(frame, range(150, 4000, 17))])
+    step = next(steps)
+    while not isinstance(step, Answer):
+        step = steps.send(next(frames) if isinstance(step, NextFrame) else None)
+    assert ("j", 130_000_000) == (step.option, step.answered_ns)
 
 
 def test_power_lets_the_same_people_hear(tmp_path):

@@ -95,12 +95,17 @@ def ask_at_terminal(
     return Answer(option, by, began_ns, view.t_ns, view)
 
 
+def presses_of(view: FrameView) -> list[tuple[str, int]]:
+    """Return what was pressed in a frame, and when: at its own time where that is known."""
+    heard_ns = view.pressed_ns or (view.t_ns,) * len(view.pressed)
+    return list(zip(view.pressed, heard_ns, strict=True))
+
+
 def press_in(
     view: FrameView, controls: tuple[str, ...], from_ns: int, until_ns: int
 ) -> Answer | None:
     """Return the first press of one of several controls that a frame brought, at its own time."""
-    heard_ns = view.pressed_ns or (view.t_ns,) * len(view.pressed)
-    for control, t_ns in zip(view.pressed, heard_ns, strict=True):
+    for control, t_ns in presses_of(view):
         if control in controls and from_ns < t_ns <= until_ns:
             return Answer(control, "keys", from_ns, t_ns, view)
     return None

@@ -15,7 +15,7 @@ from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.flat import FlatScene
 from visavis.stimuli.sound import part_of
 from visavis.study.actions import Performing, ShownScene
-from visavis.study.asking import Answer, frame, press_in
+from visavis.study.asking import Answer, frame, press_in, presses_of
 from visavis.study.distances import floor_distances_m
 from visavis.study.films import Film
 from visavis.study.frames import dark_view, gaze_has_arrived, show_frame
@@ -110,14 +110,20 @@ class LitTrial:
     def _onset_of(self, showing: Showing, name: str, view: FrameView) -> Performing:
         """Return from when a showing is timed, the frame in which that is known, and how many have
         passed: what is heard alone counts from its first sample, all else from its first light.
+        The frame has the presses of all that passed.
         """
         on_ns, frames = view.t_ns, 1
         if not showing.is_heard_alone:
             return on_ns, view, frames
         column, until_ns = f"{name}_sound_on_ns", on_ns + round(STAMP_LIMIT_S * NS_PER_S)
+        presses = presses_of(view)
         while self.row[column] is None and view.t_ns < until_ns:
             view = yield from self._frame()
+            presses += presses_of(view)
             frames += 1
+        if presses:
+            pressed, pressed_ns = zip(*presses, strict=True)
+            view = view._replace(pressed=pressed, pressed_ns=pressed_ns)
         began_ns = self.row[column]
         if isinstance(began_ns, int):
             self._sound_on_ns = on_ns = began_ns
