@@ -72,6 +72,13 @@ def test_flac_has_the_values_that_were_written(tmp_path):
         read_sound(tmp_path / "cut.flac")
 
 
+def test_damaged_packed_file_says_what_is_wrong_and_not_its_name_twice(tmp_path):
+    pytest.importorskip("av")
+    (tmp_path / "bad.flac").write_bytes(b"fLaC" + bytes(200))
+    with pytest.raises(DataError, match=r"bad\.flac: a damaged sound \(Invalid data"):
+        read_sound(tmp_path / "bad.flac")
+
+
 def test_file_that_ends_early_is_told(tmp_path):
     wavfile.write(tmp_path / "ramp.wav", 8000, KINDS["i2"])
     (tmp_path / "cut.wav").write_bytes((tmp_path / "ramp.wav").read_bytes()[:500])

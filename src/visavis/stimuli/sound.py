@@ -148,7 +148,8 @@ def _read_packed(path: Path) -> tuple[npt.NDArray[np.float32], int]:
                 for part in to_float.resample(frame)
             ]
     except (av.error.FFmpegError, ValueError) as problem:
-        raise DataError(f"{path}: a damaged sound ({problem.args[-1]}); save it again") from problem
+        why = getattr(problem, "strerror", None) or problem
+        raise DataError(f"{path}: a damaged sound ({why}); save it again") from problem
     samples = np.concatenate(parts or [np.zeros((0, 1))]).astype(np.float32)
     if lasts_s is not None and rate_hz and len(samples) / rate_hz < lasts_s - CUT_S:
         raise DataError(
