@@ -718,12 +718,12 @@ def test_a_stranger_writes_no_line_of_their_own_to_whoever_serves(
     monkeypatch.setattr(f"{__name__}.Reception", partial(Reception, say=lines.append))
 
     async def act(base: str, reception: Reception) -> dict[str, Any]:
-        forged = {"PROLIFIC_PID": "a\r\nFor you alone\u2028http://elsewhere"}
+        forged = {"PROLIFIC_PID": "a\r\n\x1b[1AFor you alone\x9b2K\u2028http://elsewhere"}
         return await posted(base, "/api/arrive", {"parameters": forged})
 
     assert "address" == served(place, act)["refused"]
     (line,) = lines
-    assert [line] == line.splitlines()
+    assert line.isprintable()  # nor does the terminal take it for a command
 
 
 def test_a_flood_of_arrivals_is_held_up_and_lets_people_in_again() -> None:

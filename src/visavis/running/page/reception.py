@@ -254,8 +254,8 @@ class Reception:
         return await asyncio.to_thread(act, *arguments)
 
     def _say(self, text: str) -> None:
-        """Say one line: a line break in what a stranger sent would forge a line of ours."""
-        self._say_line(" ".join(text.splitlines()))
+        """Say one line: a break or a terminal's command that a stranger sent would forge ours."""
+        self._say_line("".join(c if c.isprintable() else " " for c in text))
 
     def _is_full(self) -> bool:
         """Tell whether all places are taken: by people who completed, or are at it."""
