@@ -16,9 +16,9 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from visavis.lab.errors import DesignError
-from visavis.running.page.replies import _check_answer
+from visavis.running.page.replies import _check_answer, check_reply
 from visavis.running.page.server import SITE
-from visavis.running.page.steps import PageError, page_question
+from visavis.running.page.steps import PageError, PageStep, page_question
 from visavis.running.page.streams import POST_BYTES
 from visavis.study.information import ABOUT_PAGE
 from visavis.study.responses import Choice, Number
@@ -243,6 +243,25 @@ console.log(JSON.stringify({ posts, numbers: took.map((e) => e.n),
 process.exit(0);
 """
 BACKLOG = HOST.partition("await import(")[0] + SENDING
+AT_A_HEADSET = (
+    HOST.partition("await import(")[0]
+    + """
+const asked = JSON.parse(process.argv[3]);
+globalThis.why = asked.why;
+globalThis.dispatchEvent = () => {};
+state = { ack: 0, number: 1, step: { kind: "enter", xr: "optional", lines: [], version: "v" } };
+await import(process.argv[2]);
+await until(() => globalThis.isAsked);
+await pause(0); // what was answered has been taken
+const buttons = ids.main.all("button");
+buttons[asked.which].listeners.click({ detail: 1 });
+const replies = () => sent.flatMap((s) => s.body.events || []).filter((e) => e.kind === "reply");
+await until(() => replies().length || (buttons[0].disabled === false && asked.which === 0));
+const replied = replies().map((e) => e.reply);
+console.log(JSON.stringify({ replied, disabled: buttons[0].disabled }));
+process.exit(0);
+"""
+)
 
 
 @pytest.mark.parametrize("most", [1 << 20, 50_000])
@@ -267,6 +286,33 @@ def test_what_is_too_long_alone_is_set_aside_and_told_and_the_rest_comes(tmp_pat
     (problem,) = answer["problems"]
     assert "stream 3 was set aside: a post has at most that" == problem
     assert 10 > len(answer["posts"])
+
+
+@pytest.mark.parametrize("why", ["", "x" * 300])
+def test_whoever_takes_the_screen_is_heard_at_once_and_whatever_the_browser_says(
+    why: str, tmp_path: Path
+) -> None:
+    (tmp_path / "headset.js").write_text(
+        "export const whyNot = () => { globalThis.isAsked = true; "
+        "return globalThis.why || new Promise(() => {}); };\n",
+        "utf-8",
+    )
+    answer = in_node(tmp_path, AT_A_HEADSET, json.dumps({"why": why, "which": 1}))
+    (reply,) = answer["replied"]
+    check_reply(PageStep("enter", {"xr": "optional"}), reply)
+    assert (why[:200] or "by choice") == reply["why"]
+
+
+def test_vr_that_ended_as_it_began_can_be_entered_again(tmp_path: Path) -> None:
+    (tmp_path / "headset.js").write_text(
+        "export const whyNot = () => { globalThis.isAsked = true; return ''; };\n"
+        "export const enter = (step, page) => { setTimeout(() => page.happened('ended')); "
+        "return {}; };\n",
+        "utf-8",
+    )
+    answer = in_node(tmp_path, AT_A_HEADSET, json.dumps({"which": 0}))
+    assert [] == answer["replied"]
+    assert False is answer["disabled"]
 
 
 @pytest.mark.parametrize(

@@ -598,17 +598,19 @@ const steps = {
         await enterHeadset(step);
         await new Promise((resolve) => setTimeout(resolve, ENTERED_MS)); // controllers wake, frames come
         if (headset) reply({ ...headset.facts(), version: step.version });
+        else go.disabled = false; // VR ended meanwhile
       } catch (error) {
         hint.textContent = say("vr_failed", { why: String(error.message || error) });
         go.disabled = false;
       }
     });
-    const screen = button(say("vr_screen"), () => reply({ entered: false, why: why || "by choice" }), true);
+    let why = "";
+    const screen = button(say("vr_screen"), () => reply({ entered: false, why: why.slice(0, 200) || "by choice" }), true);
     go.disabled = true;
     put("narrow", element("h1", {}, say("vr_title")), element("ul", {}, ...(step.lines || []).map((line) => element("li", {}, line))), hint,
       element("div", { class: "buttons" }, go, step.xr === "optional" ? screen : null));
     const { whyNot } = await import("./headset.js");
-    const why = await whyNot();
+    why = await whyNot();
     go.disabled = Boolean(why);
     if (why) hint.textContent = say(step.xr === "optional" ? "vr_none" : "vr_needed", { why });
   },
