@@ -65,6 +65,17 @@ def test_a_simulated_session_in_a_headset_is_recorded_as_a_lab_s_and_marked_simu
     assert set(rows.columns) <= trial_columns(study.experiment({}), ()).keys() | {"recording_part"}
 
 
+def test_four_minutes_before_a_simulated_answer_are_sent_in_posts_that_a_server_takes(
+    tmp_path: Path,
+) -> None:
+    before, _, trial = IN_HEADSET.partition("yield")
+    _, recording = performed(tmp_path, f"{before}yield t.dark(240)\n    yield{trial}")
+    assert "complete" == recording.status
+    head = recording.stream_arrays("head")
+    assert list(range(len(head["seq"]))) == list(head["seq"])
+    assert 2 * 240 * 72 < len(head["seq"])
+
+
 def test_check_tells_of_a_headset_s_streams_by_their_numbers(tmp_path: Path) -> None:
     _, recording = performed(tmp_path)
     streams = {s.stream: s for s in check_session(recording).streams}

@@ -88,15 +88,16 @@ async def visit(
                 }
                 message = await post("/api/events", {"tab": TAB, "events": [movements]})
             visitor.moves.clear()
-            first = message["ack"] + 1
-            events = [{**batch, "n": first + i} for i, batch in enumerate(visitor.batches)]
+            for batch in visitor.batches:
+                samples = {**batch, "n": message["ack"] + 1}
+                message = await post("/api/events", {"tab": TAB, "events": [samples]})
             visitor.batches.clear()
             event = {
-                "n": first + len(events),
+                "n": message["ack"] + 1,
                 "kind": "reply",
                 "at_ms": visitor.now_ms,
                 "step": message["number"],
                 "reply": reply,
             }
-            message = await post("/api/events", {"tab": TAB, "events": [*events, event]})
+            message = await post("/api/events", {"tab": TAB, "events": [event]})
     return str(message["step"]["outcome"])
