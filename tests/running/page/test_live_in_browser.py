@@ -132,7 +132,7 @@ def test_a_real_slider_moulds_and_a_real_mouse_turns(server: Server, browser: An
             until(page, "walks that count", steps=False)
         if trial < 2:
             page.click("#main button:not(.quiet)")
-        page.wait_for_selector("canvas.figure[data-ready]", timeout=PATIENCE_S * 1000)
+        page.wait_for_selector("canvas.figure[data-ready][data-frames]", timeout=PATIENCE_S * 1000)
         slider = page.query_selector("#slider0")
         box = page.query_selector("canvas.figure").bounding_box()
         if trial:
@@ -295,7 +295,7 @@ def test_raters_turn_two_figures_and_answer_the_list_beside_them(
     page.on("console", lambda m: problems.append(m.text) if m.type == "error" else None)
     page.goto(address)
     until(page, "In green")
-    page.wait_for_selector("canvas.figure[data-ready]", timeout=PATIENCE_S * 1000)
+    page.wait_for_selector("canvas.figure[data-ready][data-frames]", timeout=PATIENCE_S * 1000)
     assert page.locator("fieldset").count() == 41
     assert page.locator("#main button:not(.quiet)").is_disabled()
     box = page.query_selector("canvas.figure").bounding_box()
