@@ -47,19 +47,24 @@ def film_rows(count: int) -> list[Row]:
         begun_s = cpu_time_s()
         store.build(films[:count], no_progress)
         each_s = (cpu_time_s() - begun_s) / count
-        built = store.file_of(films[0])
-        assert built is not None
-        found = heard(built.path)
-    shown = len(FILLS) * len(PARTS) * len(VERSIONS)
+        film_file = store.file_of(films[0])
+        assert film_file is not None
+        sound_check = heard(film_file.path)
+    film_count = len(FILLS) * len(PARTS) * len(VERSIONS)
     return [
         Row(
-            f"{shown} films, {len(films)} of them different, from {count} drawn",
+            f"{film_count} films, {len(films)} of them different, from {count} drawn",
             each_s * len(films),
             "CPU s",
             MAX_FILMS_S,
         ),
-        Row("sound of a film later than its pictures by", abs(found.late_ms), "ms", 1000 / RATE_HZ),
-        Row("sound of a film like its recording", found.alike, "", MIN_ALIKE, at_least=True),
+        Row(
+            "sound of a film later than its pictures by",
+            abs(sound_check.late_ms),
+            "ms",
+            1000 / RATE_HZ,
+        ),
+        Row("sound of a film like its recording", sound_check.alike, "", MIN_ALIKE, at_least=True),
     ]
 
 

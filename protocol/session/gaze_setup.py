@@ -213,16 +213,16 @@ class GazeSetup:
     def _follow(self, tracker: LeadsCalibration) -> CalibrationOutcome:
         """Show each target where the tracker wants it, until it gives its verdict."""
         tracker.lead_calibration()
-        shown: Vector | None = None
+        target: Vector | None = None
         while (outcome := tracker.calibration_verdict()) is None:
             next_target = tracker.wanted_target()
-            if next_target is None and shown is not None:
+            if next_target is None and target is not None:
                 self._clear_target()
             elif next_target is not None and (
-                shown is None or not np.array_equal(next_target, shown)
+                target is None or not np.array_equal(next_target, target)
             ):
                 self._place_mark(next_target)
-            shown = next_target
+            target = next_target
             self._next_frame()
         self._clear_target()
         return outcome

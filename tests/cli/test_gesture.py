@@ -41,14 +41,19 @@ phrases:
 """
 
 
+def performed(takes: Path, folder: Path, *names: str) -> list[Path]:
+    """Perform the script into files."""
+    script = folder / "speech.yaml"
+    script.write_text(SCRIPT, encoding="utf-8")
+    for name in names:
+        visavis("gesture", script, "--corpus", takes, "--fill", "I", "-o", folder / name)
+    return [folder / name for name in names]
+
+
 def test_a_script_becomes_a_bvh_file_of_its_length_the_same_every_time(
     takes: Path, tmp_path: Path
 ) -> None:
-    script = tmp_path / "speech.yaml"
-    script.write_text(SCRIPT, encoding="utf-8")
-    for name in ("one.bvh", "two.bvh"):
-        visavis("gesture", script, "--corpus", takes, "--fill", "I", "-o", tmp_path / name)
-    one, two = (tmp_path / name for name in ("one.bvh", "two.bvh"))
+    one, two = performed(takes, tmp_path, "one.bvh", "two.bvh")
     assert one.read_bytes() == two.read_bytes()
     assert len(read_bvh(one).values) == 76
 
@@ -56,11 +61,8 @@ def test_a_script_becomes_a_bvh_file_of_its_length_the_same_every_time(
 def test_a_script_becomes_a_figure_that_moves_as_the_motion_says(
     takes: Path, tmp_path: Path
 ) -> None:
-    script = tmp_path / "speech.yaml"
-    script.write_text(SCRIPT, encoding="utf-8")
-    for name in ("speech.npz", "speech.glb"):
-        visavis("gesture", script, "--corpus", takes, "--fill", "I", "-o", tmp_path / name)
-    clip, content = read_clip(tmp_path / "speech.npz"), read_glb(tmp_path / "speech.glb")
+    motion_path, figure_path = performed(takes, tmp_path, "speech.npz", "speech.glb")
+    clip, content = read_clip(motion_path), read_glb(figure_path)
     (motion,) = content.items("animations")
     assert "speech" == motion["name"]
     hand = clip.skeleton.index("right_hand")

@@ -221,15 +221,19 @@ def test_a_trial_whose_headset_was_left_and_entered_again_was_seen_in_both(tmp_p
     assert ["both", "headset", "headset"] == list(Recording(path).trials()["seen_in"])
 
 
+def write_rows_unknown_to_the_journal(page: Page) -> None:
+    """Send ten rows, and write ten more whose acknowledgement never left."""
+    in_headset(page)
+    send(page, batch(head_rows(10)))
+    page.desk.recorder.checkpoint()
+    unknown = read_batch(batch(head_rows(10), seq0=10, t0_ms=5200.0))
+    page.desk._streams.write(unknown, lambda ms: round(ms * NS_PER_MS), page.clock.now_ns())
+    page.desk.recorder.checkpoint()
+
+
 def test_a_killed_server_loses_and_doubles_no_row(tmp_path: Path) -> None:
     with begun(tmp_path) as (page, path):
-        in_headset(page)
-        send(page, batch(head_rows(10)))
-        page.desk.recorder.checkpoint()
-        # Rows on the disk whose acknowledgement never left: the journal knows nothing of them.
-        lost = read_batch(batch(head_rows(10), seq0=10, t0_ms=5200.0))
-        page.desk._streams.write(lost, lambda ms: round(ms * NS_PER_MS), page.clock.now_ns())
-        page.desk.recorder.checkpoint()
+        write_rows_unknown_to_the_journal(page)
     with gone_on(path) as page:
         page.desk.headset_streams = ("head",)
         assert {"head": 20} == page.desk.next_rows
@@ -241,12 +245,7 @@ def test_a_killed_server_loses_and_doubles_no_row(tmp_path: Path) -> None:
 
 def test_whoever_goes_on_behind_rows_that_are_on_the_disk_has_lost_none(tmp_path: Path) -> None:
     with begun(tmp_path) as (page, path):
-        in_headset(page)
-        send(page, batch(head_rows(10)))
-        page.desk.recorder.checkpoint()
-        unknown = read_batch(batch(head_rows(10), seq0=10, t0_ms=5200.0))
-        page.desk._streams.write(unknown, lambda ms: round(ms * NS_PER_MS), page.clock.now_ns())
-        page.desk.recorder.checkpoint()
+        write_rows_unknown_to_the_journal(page)
     with gone_on(path) as page:  # by a page without a store, which numbers as it is told
         page.desk.headset_streams = ("head",)
         send(page, batch(head_rows(5), seq0=page.desk.next_rows["head"], t0_ms=5400.0))

@@ -130,13 +130,13 @@ def information(
     here = people_here(study, lab, devices)
     settings = here.requested_settings(assignments=assignments, language=language)
     design = here.study.experiment(settings.parameters)
-    asked = here.study.questionnaires(lab.model_copy(update={"language": design.language}))
+    questions = here.study.questionnaires(lab.model_copy(update={"language": design.language}))
     if on not in (None, *get_args(On)):
         raise UsageError(f"--on takes {' or '.join(get_args(On))}, not {on!r}")
     is_on_page = (on or design.study.procedure.on) == "browser"
     texts = (
         design.texts.find("information", values=design.values_of(design.plan(0, 1))),
-        (information_on_page if is_on_page else information_at_devices)(design, asked).as_text,
+        (information_on_page if is_on_page else information_at_devices)(design, questions).as_text,
         design.texts.find("page.contact", values={"contact": lab.privacy.contact})
         if lab.privacy.contact
         else None,

@@ -34,7 +34,7 @@ CARD_MM: Final = (85.6, 53.98)
 SCREEN_MEASURED: Final = "screen_measured"
 HEADSET_ENTERED: Final = "headset_entered"
 DISCOMFORT: Final = "discomfort"
-MOST_DISCOMFORT: Final = 10
+MAX_DISCOMFORT: Final = 10
 SOUND_CHECKED: Final = "sound_checked"
 FILMS_LOADED: Final = "films_loaded"
 """A page loads films by itself: no person replied to the step before this event."""
@@ -260,7 +260,7 @@ def _enter(visit: Visit) -> Generator[Out, Reply | None, bool]:
 
 def _discomfort(visit: Visit, moment: str) -> Generator[Out, Reply | None, None]:
     """Ask how somebody feels, before the first trial in a headset or after the last one."""
-    values = [str(n) for n in range(MOST_DISCOMFORT + 1)]
+    values = [str(n) for n in range(MAX_DISCOMFORT + 1)]
     question = {
         "name": DISCOMFORT,
         "prompt": visit.experiment.texts.get("page.vr_discomfort"),

@@ -56,8 +56,8 @@ def test_steps_as_fast_as_slow_gaze_are_no_saccades(
     phase = 2 * np.pi * SWING_HZ * rests.t_ns / 1e9
     up = np.deg2rad(swing_deg_s) / (2 * np.pi * SWING_HZ) * np.sin(phase)
     swung = unit(rests.direction + up[:, None] * (0.0, 1.0, 0.0))
-    found = detect_movements(rests.t_ns, swung)
-    assert saccades == np.count_nonzero(found.kind == Movement.SACCADE)
+    movements = detect_movements(rests.t_ns, swung)
+    assert saccades == np.count_nonzero(movements.kind == Movement.SACCADE)
 
 
 def test_the_least_speed_of_a_saccade_is_a_setting_still(rests: Recording) -> None:
