@@ -132,8 +132,7 @@ def test_a_real_slider_moulds_and_a_real_mouse_turns(server: Server, browser: An
             until(page, "walks that count", steps=False)
         if trial < 2:
             page.click("#main button:not(.quiet)")
-        page.wait_for_selector("canvas.figure[data-ready][data-frames]", timeout=PATIENCE_S * 1000)
-        slider = page.query_selector("#slider0")
+        slider = page.wait_for_selector("#slider0:enabled", timeout=PATIENCE_S * 1000)
         box = page.query_selector("canvas.figure").bounding_box()
         if trial:
             slider.focus()
@@ -173,6 +172,28 @@ def test_a_real_slider_moulds_and_a_real_mouse_turns(server: Server, browser: An
     assert (np.hypot(camera["x_m"], camera["z_m"]) > 3.0).all()  # it circles
     assert [] == problems
     assert [] == others
+
+
+HELD = """let isHeld = true;
+const [waiting, real] = [[], window.requestAnimationFrame.bind(window)];
+window.requestAnimationFrame = (draw) => (isHeld ? waiting.push(draw) : real(draw));
+window.addEventListener("show-pictures", () => { isHeld = false; waiting.forEach(real); });"""
+
+
+def test_sliders_open_with_the_first_picture_of_the_figure(server: Server, browser: Any) -> None:
+    address = server.start("run", str(STUDY), "--participant", "1", "--on", "browser")
+    page = browser.new_context().new_page()
+    page.add_init_script(HELD)
+    page.goto(address)
+    until(page, "First one to try")
+    page.click("#main button:not(.quiet)")
+    page.wait_for_selector("canvas.figure[data-ready]", timeout=PATIENCE_S * 1000)
+    assert page.query_selector("canvas.figure[data-frames]") is None
+    assert page.is_disabled("#slider0")
+    assert page.is_disabled("#main button:not(.quiet)")
+    page.dispatch_event("canvas.figure", "show-pictures", {"bubbles": True})
+    page.wait_for_selector("#slider0:enabled", timeout=PATIENCE_S * 1000)
+    assert page.query_selector("canvas.figure[data-frames]") is not None
 
 
 REFUSED = """const real = HTMLCanvasElement.prototype.getContext;

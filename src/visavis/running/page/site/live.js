@@ -376,8 +376,8 @@ export function placesOf(blend, w, until) {
  * Begin to draw a step's figures on a canvas: one that sliders mould, or `step.motions` that are watched.
  *
  * `say(rows)` receives movements about every second; `ended(how)` is called when the step ends by itself,
- * `began(rounds)` when a watched motion begins again. Returned are `move(i, value)`, `report()`, `close()`
- * and `values`.
+ * `began(rounds)` when a watched motion begins again. Returned are `move(i, value)`, `report()`, `close()`,
+ * `values`, and `seen`, which is resolved by the first picture.
  */
 export async function open(step, canvas, key, say, ended, began = () => {}) {
   const blend = blends.readBlend(await load(step.live.blend, key));
@@ -404,6 +404,8 @@ export async function open(step, canvas, key, say, ended, began = () => {}) {
   const gapsMs = [];
   let frames = 0;
   let firstMs = null;
+  let sayFirst;
+  const seen = new Promise((resolve) => { sayFirst = resolve; });
   let lastMs = null;
   let waiting = [];
   let mostFrames = 0;
@@ -444,7 +446,7 @@ export async function open(step, canvas, key, say, ended, began = () => {}) {
     frames += 1;
     canvas.dataset.frames = frames;
     canvas.dataset.draws = stage.people.reduce((n, person) => n + person.models.length, 0); // for each eye
-    if (firstMs === null) firstMs = performance.now();
+    if (firstMs === null) { firstMs = performance.now(); sayFirst(); }
     for (const since of waiting) mostFrames = Math.max(mostFrames, frames - since);
     waiting = [];
     if (isPaused) return;
@@ -487,6 +489,7 @@ export async function open(step, canvas, key, say, ended, began = () => {}) {
 
   return {
     values,
+    seen,
     move(i, value) {
       values[i] = value;
       moves.sliders.push([performance.now(), i, value]);

@@ -791,6 +791,8 @@ const steps = {
     try {
       figure = await opened(step, canvas, (how) => end(how, "limit"));
       if (!figure) return;
+      await figure.seen; // nobody moulds what is not yet there
+      if (current !== step || isEnded) return;
       for (const control of controls) control.disabled = false;
       go.disabled = Boolean(step.until) && !step.is_blind;
     } catch (error) {
