@@ -1,6 +1,6 @@
 """The clips of both studies: one speech in three parts, with three bodies, in four versions.
 
-A lab that has its own speaker changes `SCRIPT`, `speaker` and `CHARACTER` here
+A lab that has its own speaker changes `SCRIPT`, `SPEAKERS` and `CHARACTER` here
 (docs/gestures.md).
 """
 
@@ -56,24 +56,29 @@ def mouth() -> Mouth:
 
 
 @cache
-def speaker() -> Speaker:
-    """Return whose body it is: a synthetic speaker, which stands in for one that a lab records."""
+def synthetic() -> Speaker:
+    """Return a synthetic speaker, which stands in for one that a lab records."""
     return synthetic_speaker()[0]
 
 
+SPEAKERS: Final[dict[str, Callable[[], Speaker]]] = {"synthetic": synthetic}
+"""Whose bodies move; the studies show all of them."""
+
+
 @cache
-def whole(body: str, version: int) -> Clip:
+def whole(body: str, version: int, speaker: str = "synthetic") -> Clip:
     """Return the whole speech with a body."""
     build = build_of(default_casting(CHARACTER))
-    return perform(speech(), speaker(), build, fill=FILLS[body], seed=version, rate_hz=RATE_HZ)
+    own = SPEAKERS[speaker]()
+    return perform(speech(), own, build, fill=FILLS[body], seed=version, rate_hz=RATE_HZ)
 
 
 @cache
-def clip_of(body: str, part: int, version: int) -> Clip:
+def clip_of(body: str, part: int, version: int, speaker: str = "synthetic") -> Clip:
     """Return a part of the speech; without a body every version is the first."""
     version = VERSIONS[0] if body == "still" else version
     frames = round(PART_S * RATE_HZ)
-    return cut(whole(body, version), (part - 1) * frames, part * frames)
+    return cut(whole(body, version, speaker), (part - 1) * frames, part * frames)
 
 
 def heard_from_s(part: int, speech: str, late_ms: float) -> float:

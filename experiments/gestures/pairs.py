@@ -9,7 +9,7 @@ import numpy as np
 from visavis.experiments.gestures import published
 from visavis.experiments.gestures.clips import PART_S, PARTS, VERSIONS
 from visavis.experiments.gestures.facts import OF_PAIRS, ORDERS_OF_PAIRS, WHERE
-from visavis.experiments.gestures.study import CITATION, film_of, speaking
+from visavis.experiments.gestures.study import CITATION, ONE_LEVEL, film_of, speaking
 from visavis.experiments.gestures.viewing import looks_of
 from visavis.protocol.plan.design import Factor
 from visavis.stimuli.motion.kinds import Recorded
@@ -40,7 +40,7 @@ study = Study(
     "gesture_pairs",
     "Two moving bodies side by side",
     "Is a body more natural that never stops between gestures, or one that holds?",
-    factors=[Factor("part", PARTS), Factor("version", VERSIONS)],
+    factors=[Factor("part", PARTS), Factor("version", VERSIONS), *ONE_LEVEL],
     order="random",
     cells=("part",),
     texts="texts_pairs",
@@ -81,7 +81,10 @@ study.scene("speaking")(speaking)
 def trial(t: TrialScript) -> Iterator[Action]:
     """Show both bodies beside each other and have one preferred."""
     is_left = bool(t.rng().random() < 0.5)
-    corpus, holds = (film_of(body, int(t.part), int(t.version)) for body in ("corpus", "holds"))
+    corpus, holds = (
+        film_of(body, int(t.part), int(t.version), t.speech, float(t.sound_late_ms), t.speaker)
+        for body in ("corpus", "holds")
+    )
     pair = Pair(corpus, holds) if is_left else Pair(holds, corpus)
     votes = Choice("vote", VOTES, means=MEANINGS if is_left else MEANINGS[::-1])
     answers: Any = yield t.watch(pair, votes)

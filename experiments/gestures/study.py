@@ -17,6 +17,7 @@ from visavis.experiments.gestures.clips import (
     PART_S,
     PARTS,
     RATE_HZ,
+    SPEAKERS,
     VERSIONS,
     clip_of,
     heard_from_s,
@@ -49,6 +50,14 @@ LENS: Final = Lens(eye_m=(0.5, 1.25, 0.0), aim_m=(0.0, 0.95, -AWAY_M), half_heig
 FILM_PX: Final = (480, 640)
 SAME_MOST: Final = 30
 
+ONE_LEVEL: Final = (
+    Factor("speech", ("own",)),
+    Factor("sound_late_ms", (0,)),
+    Factor("speaker", tuple(SPEAKERS)),
+)
+"""Further levels are for labs that ask what the match of body and speech is worth, or that have
+several speakers."""
+
 PERSON_SD: Final = 0.19
 STILL_PERSON_SD: Final = 0.56
 """Viewers differ in what they feel, and more so about bodies that stand still."""
@@ -65,9 +74,7 @@ study = Study(
         Factor("body", tuple(FILLS)),
         Factor("part", PARTS),
         Factor("version", VERSIONS),
-        # Other levels are for labs that ask what the match of body and speech is worth.
-        Factor("speech", ("own",)),
-        Factor("sound_late_ms", (0,)),
+        *ONE_LEVEL,
     ],
     order="random",
     cells=("body",),
@@ -122,14 +129,23 @@ study = Study(
 
 
 @study.scene("speaking")
-def speaking(staging: Staging, *, body: str, part: int, version: int, from_s: float) -> StagedScene:
-    """Return the speaker of a part of the speech, with a body; the lips say what is heard."""
-    does = Recorded(clip_of(body, part, version), mouth_from(from_s))
+def speaking(
+    staging: Staging, *, body: str, part: int, version: int, speaker: str, from_s: float
+) -> StagedScene:
+    """Return a speaker of a part of the speech, with a body; the lips say what is heard."""
+    does = Recorded(clip_of(body, part, version, speaker), mouth_from(from_s))
     one = Standing(CHARACTER, "person", 0.0, -AWAY_M, 180.0, does, 7)
     return scene_of_people(staging, "speaking", (one,), "person", "averted")
 
 
-def film_of(body: str, part: int, version: int, speech: str = "own", late_ms: float = 0.0) -> Film:
+def film_of(
+    body: str,
+    part: int,
+    version: int,
+    speech: str = "own",
+    late_ms: float = 0.0,
+    speaker: str = "synthetic",
+) -> Film:
     """Return the film of a part; without a body every version is the same film.
 
     `speech` is `own`, or `other` for what is said in the next part; `late_ms` how much later than
@@ -137,7 +153,9 @@ def film_of(body: str, part: int, version: int, speech: str = "own", late_ms: fl
     """
     shown_version = VERSIONS[0] if body == "still" else version
     from_s = heard_from_s(part, speech, late_ms)
-    scene = Scene("speaking", body=body, part=part, version=shown_version, from_s=from_s)
+    scene = Scene(
+        "speaking", body=body, part=part, version=shown_version, speaker=speaker, from_s=from_s
+    )
     voice = Voice(speech_file().name, from_s)
     return Film(scene, PART_S, FILM_PX, rate_hz=round(RATE_HZ), lens=LENS, voice=voice)
 
@@ -148,7 +166,7 @@ study.facts(CARELESS.facts)
 @study.trial
 def trial(t: TrialScript) -> Iterator[Action]:
     """Show a part of the speech once and have it rated."""
-    film = film_of(t.body, int(t.part), int(t.version), t.speech, float(t.sound_late_ms))
+    film = film_of(t.body, int(t.part), int(t.version), t.speech, float(t.sound_late_ms), t.speaker)
     rating = Rating("naturalness", -2, 2)
     yield t.watch(film, rating, replay=False)
 

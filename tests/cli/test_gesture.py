@@ -25,14 +25,18 @@ def visavis(*arguments: object) -> Result:
     return result
 
 
-@pytest.fixture
-def takes(tmp_path: Path) -> Path:
-    folder = tmp_path / "speaker"
+def taken(folder: Path, seed: int) -> Path:
+    """Write one take of a speaker beside its annotation."""
     folder.mkdir()
-    clip, script, _ = synthetic_take(5, 0.5)
+    clip, script, _ = synthetic_take(seed, 0.5)
     write_bvh(folder / "one.bvh", bvh_of_clip(clip), decimals=5)
     (folder / "one.yaml").write_text(format_script(script), encoding="utf-8")
     return folder
+
+
+@pytest.fixture
+def takes(tmp_path: Path) -> Path:
+    return taken(tmp_path / "speaker", seed=5)
 
 
 SCRIPT = """duration_s: 2.5
@@ -82,6 +86,7 @@ def test_a_script_becomes_a_figure_that_moves_as_the_motion_says(
         (("--fill", "G"), "--fill 'G'; give F, I or none"),
         (("-o", "speech.fbx"), "name it .bvh, .npz, .glb for a motion"),
         (("--beta", "1.5"), "--beta 1.5; give a share"),
+        (("--corpus", "a", "--corpus", "b", "--corpus", "c"), "--corpus c: give one speaker, or"),
         (("--rate", "0"), "--rate 0; give 1 to 240"),
         (("--tier", "word=Wort"), "--tier 'word=Wort'; give one of phrase, phase, hand, lexeme"),
     ],
@@ -95,6 +100,18 @@ def test_impossible_options_are_refused_before_anything_is_made(
         arguments = (*arguments, "-o", str(tmp_path / "out.bvh"))
     with pytest.raises(UsageError, match=message):
         visavis("gesture", script, *arguments)
+
+
+def test_the_second_corpus_gives_the_habits(takes: Path, tmp_path: Path) -> None:
+    script, other = tmp_path / "speech.yaml", taken(tmp_path / "other", seed=6)
+    script.write_text(SCRIPT, encoding="utf-8")
+    motions = []
+    for folders in ((takes,), (takes, takes), (takes, other)):
+        corpora = [part for folder in folders for part in ("--corpus", folder)]
+        path = tmp_path / f"{len(motions)}.bvh"
+        visavis("gesture", script, *corpora, "--seed", "3", "-o", path)
+        motions.append(path.read_bytes())
+    assert motions[0] == motions[1] != motions[2]
 
 
 def test_a_corpus_is_summed_up_as_numbers(takes: Path) -> None:

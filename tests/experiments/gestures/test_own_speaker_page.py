@@ -7,6 +7,7 @@ import sys
 import textwrap
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from tests.study.test_write_a_study_page import commands_of, typed_in, write
@@ -40,12 +41,14 @@ def test_a_lab_puts_its_own_speaker_into_both_studies_as_the_page_says(
             for line in expected:
                 pattern = ".*".join(map(re.escape, line.strip().split("…")))
                 assert re.search(pattern, said), f"{command}\n{line}\nis not in\n{said}"
-    assert ["console", "sh", "python", "console"] == kinds
+    assert ["console", "sh", "python", "console", "python", "console"] == kinds
+    asked = pd.read_csv(tmp_path / "out/simulated/likeness/derived/trials.csv")
+    assert {"speaker_1"} == set(asked["speaker"])
+    assert asked["likeness"].between(0, 100).sum() == asked["match"].between(-2, 2).sum() > 0
     for study in ("own_gestures", "own_pairs"):
         folder = tmp_path / "out" / "simulated" / study / "derived"
-        assert (folder / "trials.csv").is_file()
         assert "As the source analysed it" in (folder / "report.html").read_text("utf-8")
-    takes = "import clips; print(*[take.name for take in clips.speaker().takes])"
+    takes = "import clips; print(*[take.name for take in clips.SPEAKERS['speaker_1']().takes])"
     printed = subprocess.run(
         [sys.executable, "-c", takes],
         cwd=tmp_path / "gestures",

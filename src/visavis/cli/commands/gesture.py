@@ -1,6 +1,6 @@
 """gesture and corpus: from a gesture script to a moving body, and what a speaker does."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Annotated, Final, cast
 
@@ -66,9 +66,12 @@ def gesture(
         typer.Argument(help="Gesture script: .yaml, .csv, or annotations of ANVIL or ELAN (.eaf)."),
     ],
     corpus: Annotated[
-        str,
-        typer.Option(help="Folder of a speaker's takes, each beside its annotation; or synthetic."),
-    ] = SYNTHETIC,
+        list[str] | None,
+        typer.Option(
+            help="Folder of a speaker's takes, each beside its annotation; or synthetic, as by "
+            "default. Of two the first gives the body, the second the habits of posture."
+        ),
+    ] = None,
     fill: Annotated[
         str,
         typer.Option(
@@ -108,7 +111,14 @@ def gesture(
     size_px = picture_size(size)
     tiers = _tiers(tier)
     gestures = read_any_script(script, tiers)
-    speaker = _speaker(corpus, unit_m, tiers, beta)
+    folders = corpus or [SYNTHETIC]
+    if len(folders) > 2:
+        raise UsageError(
+            f"--corpus {folders[2]}: give one speaker, or one's body and another's habits"
+        )
+    speaker, *models = (_speaker(folder, unit_m, tiers, beta) for folder in folders)
+    if models:
+        speaker = replace(speaker, model=models[0])
     # A script names its recording; that of annotations has their name.
     recording = gestures.speech or script.with_suffix(".wav")
     speech = speech_of(recording) if suffix in CODECS and recording.exists() else None

@@ -67,7 +67,7 @@ def test_annotations_of_elan_written_by_another_program_are_read() -> None:
     ("old", "new", "problem"),
     [
         ('name="lexeme">Cup', 'name="meaning">Cup', (16, "phrase 1", "lexeme is missing")),
-        (">2H<", ">3H<", (19, "phrase 2", "hand is '3H'; give LH, RH or 2H")),
+        (">2H<", ">3H<", (19, "phrase 2", "hand is '3H'; give LH, RH, 2H or none")),
         (
             'start="5" end="7"',
             'start="5" end="9"',
@@ -92,6 +92,13 @@ def test_what_is_missing_is_named_with_its_line(
     with pytest.raises(ProblemsError) as raised:
         read_any_script(anvil(tmp_path, ANVIL.replace(old, new)))
     assert problem in [(p.line, p.key, p.message) for p in raised.value.problems]
+
+
+def test_a_listener_makes_no_gesture(tmp_path: Path) -> None:
+    text = ANVIL.replace(">2H<", ">none<").replace(">frame<", "><")
+    assert text.count("><") > ANVIL.count("><")
+    last = read_any_script(anvil(tmp_path, text)).phrases[-1]
+    assert ("none", "") == (last.hand, last.lexeme)
 
 
 def test_a_missing_tier_is_named_with_what_there_is(tmp_path: Path) -> None:

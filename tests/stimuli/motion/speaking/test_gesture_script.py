@@ -14,6 +14,7 @@ from visavis.stimuli.motion.speaking.gesture_script import (
 )
 
 ONE = GesturePhrase(0.4, 0.9, 1.3, 1.6, 2.1, "R", "cup", 2)
+LISTENS = GesturePhrase(2.2, 2.2, 2.4, 2.4, 2.4, "none", "")
 TWO = GesturePhrase(2.5, 3.0, 3.4, 3.4, 3.9, "both", "frame")
 
 
@@ -24,7 +25,7 @@ def written(tmp_path: Path, name: str, text: str) -> Path:
 
 
 def test_a_script_that_is_written_is_read_again(tmp_path: Path) -> None:
-    script = GestureScript((ONE, TWO), 5.0)
+    script = GestureScript((ONE, LISTENS, TWO), 5.0)
     assert read_script(written(tmp_path, "a.yaml", format_script(script))) == script
 
 
@@ -53,6 +54,18 @@ def test_everything_wrong_is_named_with_its_line(tmp_path: Path) -> None:
         (4, "phrase 3", "stroke_s is missing"),
         (4, "phrase 3", "colour is unknown"),
     }
+
+
+def test_a_gesture_without_a_hand_and_a_hand_without_a_gesture_are_named(tmp_path: Path) -> None:
+    times = "start_s: 0, stroke_s: 0.5, stroke_end_s: 1, end_s: 2"
+    for entries, message in (
+        ("hand: none, lexeme: cup", "lexeme is 'cup', and hand none"),
+        ("hand: R", "lexeme is missing"),
+        ("hand: R, lexeme: ''", "lexeme is missing"),
+    ):
+        path = written(tmp_path, "a.yaml", f"phrases:\n- {{{times}, {entries}}}\n")
+        with pytest.raises(ProblemsError, match=message):
+            read_script(path)
 
 
 def test_phrases_over_each_other_are_refused(tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ from visavis.stimuli.motion.speaking.body_plan import (
 )
 from visavis.stimuli.motion.speaking.body_track import RATE_HZ, YAW, centre_of_mass, measure_body
 from visavis.stimuli.motion.speaking.gesture_script import GesturePhrase, GestureScript
+from visavis.stimuli.motion.speaking.gesturing import gesture_arms
 from visavis.stimuli.motion.speaking.performance import perform
 from visavis.stimuli.motion.speaking.speaker import Speaker, Take, com_class, yaw_class
 from visavis.stimuli.motion.speaking.synthetic_speaker import (
@@ -27,6 +28,7 @@ from visavis.stimuli.motion.speaking.synthetic_speaker import (
     synthetic_speaker,
     synthetic_take,
 )
+from visavis.stimuli.motion.synthesis.phrase_posture import Habits, Phrase
 
 MINUTES = 4.0
 
@@ -162,6 +164,35 @@ def test_without_rules_postures_follow_the_chain_alone(
     followers = [sample_postures(chain, script, np.random.default_rng(k))[0][1] for k in range(200)]
     share = [followers.count(c) / 200 for c in ("left", "front", "right")]
     assert share == pytest.approx(chain.habits.chain("yaw", "front").tolist(), abs=0.1)
+
+
+def test_somebody_who_listens_shifts_and_moves_no_arm(
+    learnt: tuple[Speaker, Planted], script: GestureScript
+) -> None:
+    silent = [replace(p, hand="none", lexeme="") for p in script.phrases]
+    listening = replace(script, phrases=tuple(silent))
+    clip = perform(listening, learnt[0], CANONICAL, fill="F", seed=4)
+    track = measure_body(clip, "listens")
+    rows = [round(p.end_s * RATE_HZ) for p in script.phrases]
+    reached = [(com_class(track.com[r]), yaw_class(track.yaw[r])) for r in rows]
+    drawn = plan_body(learnt[0], listening, "F", 4).postures
+    assert np.mean([a == b for a, b in zip(reached, drawn, strict=True)]) >= 0.9
+    assert len(set(drawn)) > 3
+    arms = gesture_arms(listening, clip.frame_times_s, CANONICAL.lengths_m, 4)
+    assert np.ptp(arms) == 0.0
+
+
+def test_one_speakers_habits_move_anothers_body(
+    learnt: tuple[Speaker, Planted], script: GestureScript
+) -> None:
+    own, _ = synthetic_speaker(3, 0.5)
+    other = replace(own, model=learnt[0])
+    assert other.habits is learnt[0].habits
+    assert other.takes is own.takes
+    stays = replace(learnt[0])
+    vars(stays)["habits"] = Habits((Phrase("RH", "cup", "centre", "front"),) * 9, 0.0)
+    postures = sample_postures(replace(own, model=stays), script, np.random.default_rng(1))
+    assert {("centre", "front")} == set(postures)
 
 
 def test_the_spine_turns_smoothly_and_stays() -> None:

@@ -15,6 +15,7 @@ from visavis.lab.plain_files import read_plain
 from visavis.lab.yaml_lines import Problem, ProblemsError, did_you_mean
 from visavis.stimuli.motion.errors import MotionError
 from visavis.stimuli.motion.speaking.gesture_script import (
+    NO_HAND,
     GestureScript,
     read_script,
     script_of_rows,
@@ -26,6 +27,7 @@ HAND_WORDS: Final[dict[str, str]] = {
     "l": "L", "lh": "L", "left": "L", "left hand": "L",
     "r": "R", "rh": "R", "right": "R", "right hand": "R",
     "b": "both", "2h": "both", "both": "both", "both hands": "both", "bh": "both",
+    "none": NO_HAND, "no hand": NO_HAND,
 }  # fmt: skip
 PHASES: Final = {"stroke": "stroke", "hold": "hold", "prep": "prep", "retr": "retract"}
 """Beginnings of the names of phases; others (recoil, beat, partial retraction) are left out."""
@@ -132,11 +134,10 @@ def _row_of(
     word = phrase.values.get(tiers.hand) or phrase.values.get("handedness") or ""
     hand = HAND_WORDS.get(word.strip().lower())
     if hand is None:
-        complain(
-            f"{tiers.hand} is {word!r}; give LH, RH or 2H" if word else f"{tiers.hand} is missing"
-        )
+        what = f"is {word!r}; give LH, RH, 2H or none" if word else "is missing"
+        complain(f"{tiers.hand} {what}")
     lexeme = "_".join((phrase.values.get(tiers.lexeme) or "").lower().split())
-    if not lexeme:
+    if not lexeme and hand != NO_HAND:
         complain(f"{tiers.lexeme} is missing")
     if len(problems) > count_before:
         return None

@@ -20,7 +20,9 @@ from visavis.stimuli.motion.errors import MotionError
 from visavis.stimuli.motion.speaking.lexemes import LEXEMES
 from visavis.stimuli.motion.speaking.speech import Speech, speech_of
 
-HANDS: Final[dict[str, str]] = {"L": "LH", "R": "RH", "both": "2H"}
+NO_HAND: Final = "none"
+"""The hand of a phrase in which the body alone moves, as that of somebody who listens."""
+HANDS: Final[dict[str, str]] = {"L": "LH", "R": "RH", "both": "2H", NO_HAND: NO_HAND}
 """Hands as scripts write them, and as `phrase_posture.Phrase` does."""
 REQUIRED: Final = ("start_s", "stroke_s", "stroke_end_s", "end_s", "hand", "lexeme")
 OPTIONAL: Final = ("hold_end_s", "strokes")
@@ -32,7 +34,8 @@ MAX_STROKES: Final = 20
 @dataclass(frozen=True)
 class GesturePhrase:
     """One gesture: preparation from `start_s`, stroke from `stroke_s` to `stroke_end_s` (done
-    `strokes` times), hold until `hold_end_s`, retraction until `end_s`. `hand` is L, R or both.
+    `strokes` times), hold until `hold_end_s`, retraction until `end_s`. `hand` is L, R or both, or
+    none where the body alone moves; then there is no `lexeme`.
     """
 
     start_s: float
@@ -183,8 +186,9 @@ def _phrase_of(
     if not isinstance(row, Mapping):
         complain(f"is {row!r}; give its entries by name: {', '.join(REQUIRED)}")
         return None
+    has_gesture = row.get("hand") != NO_HAND
     for name in REQUIRED:
-        if row.get(name) is None:
+        if not row.get(name) and row.get(name) != 0 and (has_gesture or name != "lexeme"):
             complain(f"{name} is missing")
     for name in row:
         if name not in (*REQUIRED, *OPTIONAL):
@@ -206,10 +210,12 @@ def _phrase_of(
             # A stroke has a length; preparation, hold and retraction may have none.
             if other < one or (other == one and name == "stroke_s"):
                 complain(f"{after} ({other:g} s) comes before {name} ({one:g} s)")
-    hand, lexeme = str(row["hand"]), str(row["lexeme"])
+    hand, lexeme = str(row["hand"]), str(row.get("lexeme") or "")
     if hand not in HANDS:
-        complain(f"hand is {hand!r}; give L, R or both")
-    if lexeme not in LEXEMES and not any_lexeme:
+        complain(f"hand is {hand!r}; give L, R, both or none")
+    if not has_gesture and lexeme:
+        complain(f"lexeme is {lexeme!r}, and hand none: nothing makes it")
+    elif has_gesture and lexeme not in LEXEMES and not any_lexeme:
         complain(f"lexeme {lexeme!r} is unknown{did_you_mean(lexeme, LEXEMES)}")
     strokes = _number(row.get("strokes", 1))
     if strokes is None or strokes != int(strokes) or not 1 <= strokes <= MAX_STROKES:

@@ -8,10 +8,14 @@ import numpy as np
 from visavis.lab.geometry import Vector
 from visavis.stimuli.motion import posture as p
 from visavis.stimuli.motion.errors import MotionError
-from visavis.stimuli.motion.speaking.gesture_script import GesturePhrase, GestureScript
+from visavis.stimuli.motion.speaking.gesture_script import (
+    NO_HAND,
+    GesturePhrase,
+    GestureScript,
+)
 from visavis.stimuli.motion.speaking.lexemes import LEXEMES, SHAPES
 
-SIDES: Final = {"L": (0,), "R": (1,), "both": (0, 1)}
+SIDES: Final[dict[str, tuple[int, ...]]] = {"L": (0,), "R": (1,), "both": (0, 1), NO_HAND: ()}
 REST_S: Final = 1.5
 """With less time between two gestures a hand waits before the belly; else it hangs."""
 MIN_WAY_S: Final = 0.1

@@ -88,6 +88,8 @@ def yaw_class(yaw_rad: float) -> str:
 class Speaker:
     """Everything that is learnt from a speaker's takes. `beta` is the rules' share.
 
+    With a `model` the body is this speaker's own, and its postures follow the model's habits.
+
     Raises:
         MotionError: a phrase lies outside of its recording, or there are no phrases.
     """
@@ -96,6 +98,7 @@ class Speaker:
     beta: float = 0.65
     min_support: float = 0.02
     min_confidence: float = 0.30
+    model: "Speaker | None" = None
 
     def __post_init__(self) -> None:
         if not any(take.script.phrases for take in self.takes):
@@ -126,7 +129,9 @@ class Speaker:
 
     @cached_property
     def habits(self) -> Habits:
-        """Transitions and rules of the speaker's postures."""
+        """Transitions and rules of the postures: the speaker's own, or those of the model."""
+        if self.model is not None:
+            return self.model.habits
         takes = [k for k, _ in self.phrases]
         return Habits(
             tuple(
