@@ -131,8 +131,8 @@ def _check_trials(
     last: dict[str, Mapping[str, Any]] = {}
     for row in rows:
         earlier = last.get(str(row["trial_id"]))
-        broke_off = row.get("status") == "interrupted"
-        if earlier is None or not broke_off or earlier.get("status") == "interrupted":
+        comes_again = row.get("status") in ("interrupted", "repeated")
+        if earlier is None or not comes_again or earlier["status"] in ("interrupted", "repeated"):
             last[str(row["trial_id"])] = row
     return [
         _check_trial(trial, last.get(trial["trial_id"]), n_starts, limits)
@@ -149,7 +149,7 @@ def _check_trial(
 ) -> TrialCheck:
     trial_id = trial["trial_id"]
     attempts = n_starts.get(trial_id, 0)
-    if row is None or row["status"] == "interrupted":
+    if row is None or row["status"] in ("interrupted", "repeated"):
         status = "interrupted" if attempts else "missing"
         return TrialCheck(
             trial_id, trial["block"], status, attempts, Level.RED, None, None, None, None, None, ""
@@ -444,6 +444,20 @@ def _deviation_findings(events: Events, rows: Rows, recording: Recording) -> lis
     for row in (r for r in rows if r.get("status") == "interrupted"):
         message = f"{row['trial_id']}, attempt {row['attempt']}, was interrupted"
         findings.append(Finding(Level.AMBER, "trials", message + _because(row["reason"])))
+    again = [f"{r['trial_id']} ({r['reason']})" for r in rows if r.get("status") == "repeated"]
+    if again:
+        message = f"repeated by the study's own rule: {_name_list(again)}"
+        findings.append(Finding(Level.GREEN, "trials", message))
+    rounds = 1 + len(_payloads(events, "practice_again"))
+    if rounds > 1:
+        message = f"practised in {rounds} rounds, by the study's criterion"
+        findings.append(Finding(Level.GREEN, "trials", message))
+    findings += [
+        Finding(
+            Level.AMBER, "trials", f"the {p['of']} ended early after {p['trial_id']}: {p['reason']}"
+        )
+        for p in _payloads(events, "ended_early")
+    ]
     repeats = [p["trial_id"] for p in _payloads(events, "trial_repeat")]
     if repeats:
         message = f"repeated on the operator's request: {_name_list(repeats)}"

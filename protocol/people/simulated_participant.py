@@ -1,7 +1,7 @@
 """The contract of a simulated participant: a body that sees, and answers when asked."""
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol, runtime_checkable
+from typing import Final, Protocol, runtime_checkable
 
 from visavis.devices.contracts import Body
 from visavis.stage.contracts import Viewer
@@ -30,6 +30,11 @@ class SimulatedParticipant(Body, Viewer, Protocol):
     def answer(self, question_id: str, prompt: str, options: Sequence[str]) -> str | None:
         """Answer a question; None when this participant would leave it out."""
         ...
+
+
+STRETCH_AGAIN: Final = 1_000_000
+"""Added to the stretch of a trial for every time that its study has it performed again: people
+answer anew then."""
 
 
 @runtime_checkable

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from visavis.devices.contracts import VibrationPattern
 from visavis.lab.geometry import Vector
-from visavis.protocol.plan.session_plan import SessionPlan, Trial
+from visavis.protocol.plan.session_plan import Block, SessionPlan, Trial
 from visavis.protocol.plan.steps import Plan
 from visavis.stimuli.scene import Scene, SceneFrame
 from visavis.stimuli.sound import Waveform
@@ -115,6 +115,29 @@ class SelfPaced(Protocol):
     @property
     def is_self_paced(self) -> bool:
         """Whether participants go on by themselves after an instruction that they have read."""
+        ...
+
+
+@dataclass(frozen=True)
+class AfterPractice:
+    """What follows practice: `again`, words before another round ("" where none follows), or
+    `ends`, the reason why the session ends.
+    """
+
+    again: str = ""
+    ends: str = ""
+
+
+@runtime_checkable
+class Guiding(Protocol):
+    """An experiment with words and rules between its blocks."""
+
+    def after_practice(self, block: Block) -> AfterPractice:
+        """Return what follows the block of practice, whose trials are all performed."""
+        ...
+
+    def pause_before(self, plan: SessionPlan, block: Block) -> str:
+        """Return what participants read in the break before a block; "" for the usual words."""
         ...
 
 

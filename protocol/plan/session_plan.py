@@ -46,6 +46,11 @@ class Block:
     calibrate: bool = True
     questionnaires: tuple[str, ...] = ()
 
+    @property
+    def is_practice(self) -> bool:
+        """Whether its trials are practice."""
+        return any(trial.is_practice for trial in self.trials)
+
 
 @dataclass(frozen=True)
 class SessionPlan:

@@ -10,7 +10,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, Protocol, TypeAlias
+from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -292,8 +292,35 @@ class Reflex:
     answer: Callable[[BodyView], Sequence[Play | Silence]] | None
 
 
+@dataclass(frozen=True, slots=True)
+class Repeat:
+    """Perform this trial again at the end of its block; its row says why and does not count."""
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class EndEarly:
+    """End the block or the session with this trial; trials that are left are skipped."""
+
+    reason: str
+    of: Literal["block", "session"] = "session"
+
+
 Step: TypeAlias = (
-    Show | Mark | Vibrate | Play | PlaySound | Hush | Silence | Reflex | Ask | Prompt | NextFrame
+    Show
+    | Mark
+    | Vibrate
+    | Play
+    | PlaySound
+    | Hush
+    | Silence
+    | Reflex
+    | Ask
+    | Prompt
+    | NextFrame
+    | Repeat
+    | EndEarly
 )
 Plan: TypeAlias = Generator[Step, FrameView | AskReply | None, Row]
 

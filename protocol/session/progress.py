@@ -1,5 +1,6 @@
 """What earlier parts of a session have finished, and what is left of a block."""
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -31,6 +32,10 @@ class Progress:
     calibrations: int = 0
     validated_at_end: bool = False
     memory: Mapping[str, float] = field(default_factory=dict)
+    again: Mapping[str, int] = field(default_factory=dict)
+    """How often the study has had each trial performed again."""
+    endings: Mapping[int | None, str] = field(default_factory=dict)
+    """Why blocks, by index, or the whole session (None) ended before their end."""
 
     @property
     def is_resumed(self) -> bool:
@@ -49,15 +54,19 @@ def progress_of(events: Iterable[Mapping[str, Any]]) -> Progress:
     calibrations = 0
     validated_at_end = False
     memory: dict[str, float] = {}
+    again: Counter[str] = Counter()
+    endings: list[tuple[str, int | None, str]] = []
     for event in events:
         kind = event.get("event")
         if kind == "trial_start":
             trial_id = str(event["trial_id"])
             attempts[trial_id] = attempts.get(trial_id, 0) + 1
+            unfinished_ids.pop(trial_id, None)  # what is begun once more comes after the others
             unfinished_ids[trial_id] = None
             finished_ids.discard(trial_id)
         elif kind == "trial":
             trial_id = str(event["trial_id"])
+            again[trial_id] += event["status"] == "repeated"
             if event["status"] in FINAL_STATUSES:
                 finished_ids.add(trial_id)
                 skipped_ids.discard(trial_id)
@@ -70,6 +79,13 @@ def progress_of(events: Iterable[Mapping[str, Any]]) -> Progress:
             trial_id = str(event["trial_id"])
             finished_ids.discard(trial_id)
             unfinished_ids[trial_id] = None
+        elif kind == "practice_again":
+            again.update(event["trial_ids"])
+            finished_ids.difference_update(event["trial_ids"])
+            unfinished_ids |= dict.fromkeys(event["trial_ids"])
+        elif kind == "ended_early":
+            block = event["block"] if event["of"] == "block" else None
+            endings.append((str(event["trial_id"]), block, str(event["reason"])))
         elif kind == "answer":
             answers.add((str(event["questionnaire"]), str(event["question"])))
         elif kind == "questionnaire_complete":
@@ -89,6 +105,9 @@ def progress_of(events: Iterable[Mapping[str, Any]]) -> Progress:
         calibrations,
         validated_at_end,
         memory,
+        +again,
+        # An ending counts with the row of its trial, which is written after it.
+        {block: reason for trial_id, block, reason in endings if trial_id in finished_ids},
     )
 
 

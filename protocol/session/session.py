@@ -1,19 +1,22 @@
 """Perform a session plan for one participant: blocks, trials, breaks, questions."""
 
-from collections import deque
+from collections import Counter, deque
 
 from visavis.devices.contracts import CalibrationOutcome
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import ConfigError, DeviceError, LabError, RecordingError, SessionAborted
-from visavis.protocol.people.simulated_participant import Learner
+from visavis.protocol.people.simulated_participant import STRETCH_AGAIN, Learner
 from visavis.protocol.plan.experiment import (
+    AfterPractice,
     Foreseeing,
+    Guiding,
     Respondent,
     SelfPaced,
     demands_of,
     spare_roles_of,
 )
 from visavis.protocol.plan.session_plan import Block, Trial
+from visavis.protocol.plan.steps import EndEarly
 from visavis.protocol.session.boards import CONFIRM
 from visavis.protocol.session.calibration_record import CalibrationInForce
 from visavis.protocol.session.frame_loop import FrameLoop
@@ -54,6 +57,8 @@ class Session:
         self._drift_checks = 0
         self._trials_since_check = 0
         self._queue: deque[Trial] = deque()
+        self._again = Counter(setup.progress.again)
+        self._endings = dict(setup.progress.endings)
 
     @property
     def state(self) -> SessionState:
@@ -186,13 +191,14 @@ class Session:
             self._participant.prepare(0, self._loop.t_ns)
         has_begun = False
         for block in setup.plan.blocks:
-            trials = remaining_trials(block, setup.progress)
+            trials = self._skip_if_ended(block, remaining_trials(block, setup.progress))
+            trials = trials or self._further_practice(block)
             if trials:
                 if has_begun:
                     self._take_break(block)
                 has_begun = True
                 self._perform_block(block, trials)
-            if self._questioning.is_due(block):
+            if None not in self._endings and self._questioning.is_due(block):
                 self._begin_questions(block.index)
                 self._questioning.ask_after(block)
         if has_begun:
@@ -223,7 +229,10 @@ class Session:
         self._loop.show_scene(self._setup.experiment.blank(None))
         self._recorder.event("break_start", self._loop.t_ns, before_block=block.index)
         self._recorder.checkpoint(timeout_s=5.0)
-        self._let_read("break", self._setup.board_words.pause, f"Break before {block.name}. {OFF}")
+        words, experiment = self._setup.board_words.pause, self._setup.experiment
+        if isinstance(experiment, Guiding):
+            words = experiment.pause_before(self._setup.plan, block) or words
+        self._let_read("break", words, f"Break before {block.name}. {OFF}")
         self._recorder.event("break_end", self._loop.t_ns, before_block=block.index)
 
     def _let_read(self, name: str, words: str, prompt: str) -> None:
@@ -266,11 +275,51 @@ class Session:
             self._trials_since_check += outcome.status != "postponed"
             if outcome.status == "postponed":
                 self._queue.appendleft(trial)
-            elif outcome.status == "interrupted":
+            elif outcome.status in ("interrupted", "repeated"):
+                self._again[trial.trial_id] += outcome.status == "repeated"
                 self._queue.append(trial)
             self._repeat_if_asked()
+            if outcome.ending is not None:
+                self._end(block, outcome.ending)
             self._hold_if_needed(block)
+            if not self._queue:
+                self._queue.extend(self._further_practice(block))
         self._recorder.event("block_end", self._loop.t_ns, block=block.index)
+
+    def _end(self, block: Block, ending: EndEarly) -> None:
+        """Leave out the trials that an early end leaves in its block; later blocks follow suit."""
+        self._endings[block.index if ending.of == "block" else None] = ending.reason
+        self._desk.say(f"the {ending.of} ends here: {ending.reason}")
+        self._queue = deque(self._skip_if_ended(block, tuple(self._queue)))
+
+    def _skip_if_ended(self, block: Block, trials: tuple[Trial, ...]) -> tuple[Trial, ...]:
+        """Return trials to be performed: none of a block or session that has ended early."""
+        reason = self._endings.get(block.index, self._endings.get(None))
+        if reason is None:
+            return trials
+        for trial in trials:
+            self._runner.skip(trial, reason)
+        return ()
+
+    def _further_practice(self, block: Block) -> tuple[Trial, ...]:
+        """Return the trials of another round of practice, where the study asks for one."""
+        experiment, has_ended = self._setup.experiment, {block.index, None} & set(self._endings)
+        if has_ended or not (block.is_practice and isinstance(experiment, Guiding)):
+            return ()
+        after: AfterPractice = experiment.after_practice(block)
+        if after.ends:
+            ending = EndEarly(after.ends)
+            self._runner.note_ending(block.trials[-1], ending)
+            self._end(block, ending)
+        if not after.again:
+            return ()
+        names = [trial.trial_id for trial in block.trials]
+        self._recorder.event("practice_again", self._loop.t_ns, block=block.index, trial_ids=names)
+        self._again.update(names)
+        self._desk.leave_trial()
+        self._states.move(SessionState.INSTRUCTING)
+        self._let_read("practice_again", after.again, after.again)
+        return block.trials
 
     def _is_uncalibrated(self, block: Block) -> bool:
         """Tell whether a resumed session has reopened the tracker since it was calibrated."""
@@ -281,6 +330,7 @@ class Session:
         self._states.move(SessionState.INTERTRIAL)
         self._runner.align()
         stretch = trial.number + (STRETCH_PRACTICE if trial.is_practice else 0)
+        stretch += STRETCH_AGAIN * self._again[trial.trial_id]
         if self._participant is not None:
             # As recorded: what is learned does not depend on time between trials or on breaks.
             if self._runner.memory and isinstance(self._participant, Learner):

@@ -30,7 +30,7 @@ _ENDS = frozenset({S.ABORTED, S.FAILED})
 TRANSITIONS: Mapping[SessionState, frozenset[SessionState]] = {
     S.IDLE: frozenset({S.PREFLIGHT}) | _ENDS,
     S.PREFLIGHT: frozenset({S.INSTRUCTING, S.VALIDATING, S.QUESTIONNAIRE}) | _ENDS,
-    S.INSTRUCTING: frozenset({S.CALIBRATING, S.INTERTRIAL, S.PAUSED}) | _ENDS,
+    S.INSTRUCTING: frozenset({S.CALIBRATING, S.INTERTRIAL, S.PAUSED, S.INSTRUCTING}) | _ENDS,
     S.CALIBRATING: frozenset({S.VALIDATING, S.CALIBRATING, S.PAUSED}) | _ENDS,
     S.VALIDATING: frozenset(
         {S.CALIBRATING, S.VALIDATING, S.INTERTRIAL, S.QUESTIONNAIRE, S.PAUSED, S.INSTRUCTING}
@@ -40,6 +40,7 @@ TRANSITIONS: Mapping[SessionState, frozenset[SessionState]] = {
         {
             S.TRIAL,
             S.INTERTRIAL,
+            S.INSTRUCTING,
             S.PAUSED,
             S.CALIBRATING,
             S.BREAK,
@@ -49,7 +50,15 @@ TRANSITIONS: Mapping[SessionState, frozenset[SessionState]] = {
     )
     | _ENDS,
     S.TRIAL: frozenset(
-        {S.INTERTRIAL, S.PAUSED, S.CALIBRATING, S.BREAK, S.VALIDATING, S.QUESTIONNAIRE}
+        {
+            S.INTERTRIAL,
+            S.INSTRUCTING,
+            S.PAUSED,
+            S.CALIBRATING,
+            S.BREAK,
+            S.VALIDATING,
+            S.QUESTIONNAIRE,
+        }
     )
     | _ENDS,
     S.PAUSED: frozenset(

@@ -14,6 +14,7 @@ from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import (
     Ask,
     AskReply,
+    EndEarly,
     FrameView,
     Hush,
     Mark,
@@ -23,6 +24,7 @@ from visavis.protocol.plan.steps import (
     PlaySound,
     Prompt,
     Reflex,
+    Repeat,
     Row,
     Show,
     Silence,
@@ -32,6 +34,7 @@ from visavis.protocol.plan.steps import (
 from visavis.protocol.session.calibration_record import NO_CALIBRATION, CalibrationInForce
 from visavis.protocol.session.frame_loop import FrameLoop
 from visavis.protocol.session.operator_desk import OperatorDesk
+from visavis.protocol.session.progress import FINAL_STATUSES
 from visavis.protocol.session.rig import RunningRig
 from visavis.protocol.session.session_setup import SessionSetup
 from visavis.protocol.session.states import SessionState
@@ -41,13 +44,15 @@ ALIGNED_WITHIN_NS = 1_000_000
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a trial ended: "complete", "interrupted" or "skipped", and why.
+    """How a trial ended: "complete", "interrupted", "repeated" or "skipped", and why.
 
-    "postponed": it was not begun, because something has to be done first.
+    "repeated": the study has it performed again. "postponed": it was not begun, because something
+    has to be done first. `ending` is the end of its block or session that comes with it.
     """
 
     status: str
     reason: str | None
+    ending: EndEarly | None = None
 
 
 class TrialRunner:
@@ -67,6 +72,7 @@ class TrialRunner:
         self._gaze_rate_hz = rig.gaze_rate_hz or 0.0
         self._attempts = dict(setup.progress.attempts)
         self._last_exchange_ns: dict[str, int] = {}
+        self._wish: Repeat | EndEarly | None = None
         self._align_gaze()
         self.memory = dict(setup.progress.memory)
         """What a simulated participant had learned at the end of the last trial."""
@@ -119,6 +125,7 @@ class TrialRunner:
         before = self._counts()
         desk.begin_trial(trial, start_ns + int(setup.experiment.trial_s * NS_PER_S))
         loop.gaze_tap = []
+        self._wish = None
         if skip_reason is None:
             desk.enter(SessionState.TRIAL)
             row, interruption = self._perform(setup.experiment.run_trial(trial), interruptible=True)
@@ -134,13 +141,69 @@ class TrialRunner:
         seen_01, loop.gaze_tap = _eyes_seen_01(loop.gaze_tap or ()), None
         desk.flag_lost_eyes(seen_01)
         loop.flush()
-        if outcome.status != "interrupted":
+        # Memory and row are recorded last, so that a resumed session repeats a trial without a row.
+        self._note_memory(trial)
+        if outcome.ending is not None:
+            self.note_ending(trial, outcome.ending)
+        self._record(
+            trial,
+            attempt,
+            outcome,
+            {
+                "flags": ";".join(desk.flags),
+                **trial.factors,
+                **row,
+                "t_start_ns": row.get("t_start_ns", start_ns),
+                "t_end_ns": row.get("t_end_ns", loop.t_ns),
+                **self._delivery_counts(before, start_ns),
+                **{f"{eye}_eye_seen_01": share_01 for eye, share_01 in seen_01.items()},
+                **(calibration.columns(start_ns) if calibration else NO_CALIBRATION),
+                "clock_offset_ns": loop.observer.clock_offset_ns if self._rig.eye_tracker else None,
+            },
+        )
+        desk.end_trial(trial)
+        self._tell_desk()
+        desk.raise_if_aborted()
+        return outcome
+
+    def skip(self, trial: Trial, reason: str) -> None:
+        """Write the row of a trial that is left out, without performing it."""
+        t_ns = self._loop.t_ns
+        attempt = self._attempts[trial.trial_id] = self._attempts.get(trial.trial_id, 0) + 1
+        self._setup.recorder.event(
+            "trial_start", t_ns, trial_id=trial.trial_id, attempt=attempt, block=trial.block
+        )
+        nothing = {
+            "flags": "",
+            **trial.factors,
+            "t_start_ns": t_ns,
+            "t_end_ns": t_ns,
+            **self._delivery_counts(self._counts(), t_ns),
+            **NO_CALIBRATION,
+            "clock_offset_ns": None,
+        }
+        self._record(trial, attempt, Outcome("skipped", reason), nothing)
+        self._tell_desk()
+
+    def note_ending(self, trial: Trial, ending: EndEarly) -> None:
+        """Record that a block or the session ends with a trial."""
+        self._setup.recorder.event(
+            "ended_early",
+            self._loop.t_ns,
+            trial_id=trial.trial_id,
+            block=trial.block,
+            of=ending.of,
+            reason=ending.reason,
+        )
+
+    def _record(self, trial: Trial, attempt: int, outcome: Outcome, columns: Row) -> None:
+        """Write a trial's row; note whether the trial is finished by it."""
+        if outcome.status in FINAL_STATUSES:
             self._finished.add(trial.trial_id)
             self._skipped_trials.discard(trial.trial_id)
             if outcome.status == "skipped":
                 self._skipped_trials.add(trial.trial_id)
-        # Memory and row are recorded last, so that a resumed session repeats a trial without a row.
-        self._note_memory(trial)
+        setup = self._setup
         setup.recorder.trial(
             {
                 "participant": setup.name.participant,
@@ -155,21 +218,9 @@ class TrialRunner:
                 "attempt": attempt,
                 "status": outcome.status,
                 "reason": outcome.reason,
-                "flags": ";".join(desk.flags),
-                **trial.factors,
-                **row,
-                "t_start_ns": row.get("t_start_ns", start_ns),
-                "t_end_ns": row.get("t_end_ns", loop.t_ns),
-                **self._delivery_counts(before, start_ns),
-                **{f"{eye}_eye_seen_01": share_01 for eye, share_01 in seen_01.items()},
-                **(calibration.columns(start_ns) if calibration else NO_CALIBRATION),
-                "clock_offset_ns": loop.observer.clock_offset_ns if self._rig.eye_tracker else None,
+                **columns,
             }
         )
-        desk.end_trial(trial)
-        self._tell_desk()
-        desk.raise_if_aborted()
-        return outcome
 
     @property
     def finished(self) -> int:
@@ -185,7 +236,9 @@ class TrialRunner:
             return Outcome("skipped", self._desk.skip_reason)
         if interruption is not None:
             return Outcome("interrupted", interruption)
-        return Outcome("complete", None)
+        if isinstance(self._wish, Repeat):
+            return Outcome("repeated", self._wish.reason)
+        return Outcome("complete", None, self._wish)
 
     def _perform(self, plan: Plan, *, interruptible: bool) -> tuple[Row, str | None]:
         desk = self._desk
@@ -244,6 +297,8 @@ class TrialRunner:
                 self._rig.silence(role)
             case Reflex(answer):
                 loop.set_reflex(answer)
+            case Repeat() | EndEarly():
+                self._wish = step
             case _:
                 raise TypeError(f"a plan yielded {step!r}, which is not a step")
         return None

@@ -35,6 +35,7 @@ from visavis.study.blink_measures import blink_count as blink_count
 from visavis.study.blink_measures import blink_rate as blink_rate
 from visavis.study.careless_answers import Careless as Careless
 from visavis.study.comparisons import Compare as Compare
+from visavis.study.criterion import Criterion as Criterion
 from visavis.study.declaration import Study as Study
 from visavis.study.derive import derive as derive
 from visavis.study.distances import WhenNear as WhenNear

@@ -17,7 +17,7 @@ from visavis.stage.renderer import LIGHTEST, Renderer
 
 PAGE = Path(__file__).parents[2] / "docs" / "write-a-study.md"
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-COMMANDS_ON_THE_PAGE = 15
+COMMANDS_ON_THE_PAGE = 17
 PEOPLE = re.compile(r"--participants \d+")
 FEWER = "--participants 2 --processes 1"
 """So many are simulated instead of those the page asks for, without processes of their own."""

@@ -6,6 +6,7 @@ sessions use, and a tracker model handed in makes the errors of the simulated de
 studies of the null hypothesis need hundreds of studies; this is twenty times as fast as sessions.
 """
 
+from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -21,7 +22,7 @@ from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Pose
 from visavis.lab.schema import SampleBatch, empty_values
 from visavis.people.person import SEED_STEP
-from visavis.protocol.people.simulated_participant import SimulatedParticipant
+from visavis.protocol.people.simulated_participant import STRETCH_AGAIN, SimulatedParticipant
 from visavis.protocol.plan.design import SESSION
 from visavis.protocol.plan.questionnaires import Questionnaire, read_answers, score
 from visavis.protocol.plan.session_plan import Trial
@@ -29,12 +30,14 @@ from visavis.protocol.plan.steps import (
     Ask,
     AskReply,
     BodyView,
+    EndEarly,
     FrameView,
     Mark,
     NextFrame,
     Plan,
     PlaySound,
     Prompt,
+    Repeat,
     Show,
     SoundOnset,
 )
@@ -179,10 +182,21 @@ def quick_rows(
             rows.append(row | {m.column: value_of(m, record) for m in measures if m.of is not None})
         return pd.DataFrame(rows)
     plan = experiment.plan(index, seed)
+    ending: Repeat | EndEarly | None = None
     for block in plan.blocks:
         person.wear(block.index + 1)
-        main_trials = [t for t in block.trials if not t.is_practice]
-        rows += [_row(experiment, person, tracker, measures, t, index) for t in main_trials]
+        if isinstance(ending, EndEarly) and ending.of == "session":
+            break
+        queue = deque((t, 0) for t in block.trials if not t.is_practice)
+        while queue:
+            trial, again = queue.popleft()
+            row, ending = _row(experiment, person, tracker, measures, trial, index, again)
+            if isinstance(ending, Repeat):
+                queue.append((trial, again + 1))
+                continue
+            rows.append(row)
+            if ending is not None:
+                break
     return pd.DataFrame(rows)
 
 
@@ -193,14 +207,17 @@ def _page_rows(
     store = film_store(experiment)
     visitor = visitor_of(person, experiment, store)
     describe = page_files(store, LiveStore(experiment.lives), is_simulated=True)
-    for trial in experiment.plan(index, seed).trials:
-        if trial.is_practice:
+    ended_blocks: set[int] = set()
+    queue = deque((t, 0) for t in experiment.plan(index, seed).trials if not t.is_practice)
+    while queue:
+        trial, again = queue.popleft()
+        if trial.block in ended_blocks:
             continue
         script = TrialScript(trial, experiment.settings)
         performing = perform_on_page(script, experiment.study.trial_plan, describe)
         reply: Reply | None = None
         marks: list[tuple[str, Mapping[str, Any]]] = []
-        trial_position = {"trial": trial.number, "is_practice": False}
+        trial_position = {"trial": trial.number, "is_practice": False, "again": again}
         try:
             while True:
                 out = performing.send(reply)
@@ -217,7 +234,14 @@ def _page_rows(
         except StopIteration as end:
             row = dict(end.value or {})
             script.remember(row)
+            if isinstance(script.wish, Repeat):  # at the end of its block
+                own = sum(t.block == trial.block for t, _ in queue)
+                queue.insert(own, (trial, again + 1))
+                continue
             yield trial, row, tuple(marks)
+            if script.wish is not None and script.wish.of == "session":
+                return
+            ended_blocks |= {trial.block} if script.wish is not None else set()
 
 
 def _row(
@@ -227,8 +251,10 @@ def _row(
     measures: Sequence[Measure],
     trial: Trial,
     index: int,
-) -> dict[str, Any]:
-    frames = _Frames(experiment, person, tracker, trial.number)
+    again: int,
+) -> tuple[dict[str, Any], Repeat | EndEarly | None]:
+    """Perform a trial, `again` for so many times; return its row and what it asks for."""
+    frames = _Frames(experiment, person, tracker, trial.number + STRETCH_AGAIN * again)
     frames.run(experiment.intertrial(trial))
     own = frames.run(experiment.run_trial(trial))
     row, gaze = _row_of(trial, own, index), frames.gaze()
@@ -237,7 +263,8 @@ def _row(
         never = np.zeros(gaze.t_ns.size, np.bool_)  # a model's samples do not freeze
         row |= looks.columns(TrialRecord(row, None, gaze), never, rules)
     record = TrialRecord(row, None, gaze, events=tuple(frames.marks))
-    return row | {m.column: value_of(m, record) for m in measures if m.of_cell is None}
+    measured = {m.column: value_of(m, record) for m in measures if m.of_cell is None}
+    return row | measured, frames.wish
 
 
 class _Frames:
@@ -264,6 +291,8 @@ class _Frames:
         self._view: SceneFrame | None = None
         self._sounds: list[tuple[PlaySound, int]] = []
         """What began since the last frame, and when."""
+        self.wish: Repeat | EndEarly | None = None
+        """What the trial asks for: its repetition, or an early end."""
         self.marks: list[tuple[str, Mapping[str, Any]]] = []
         """The events that would be recorded."""
         person.prepare(stretch, 0)
@@ -289,6 +318,8 @@ class _Frames:
                     reply = AskReply(answer, self._t_ns)
                 elif isinstance(step, Prompt):
                     reply = AskReply(None, self._t_ns)
+                elif isinstance(step, Repeat | EndEarly):
+                    self.wish = step
         except StopIteration as end:
             return dict(end.value or {})
 

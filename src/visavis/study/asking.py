@@ -43,6 +43,8 @@ class Answer:
     answered_ns: int
     view: FrameView
     pose: Pose | None = None
+    is_right: bool | None = None
+    """Whether it is the right one; None where nothing was answered, or nothing is right."""
 
     @property
     def ms(self) -> float:

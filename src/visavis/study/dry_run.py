@@ -51,7 +51,7 @@ FRAME_S: Final = 0.25
 
 SCENE_ENDINGS: Final = ("on_ns", "off_ns", "frames")
 """Endings of the columns that a shown scene adds, beside those of its roles."""
-STEPS_OF_A_PAGE: Final = ("ask", "dark", "wait", "mark")
+STEPS_OF_A_PAGE: Final = ("ask", "dark", "wait", "mark", "repeat", "end")
 """Steps that a page can perform besides films."""
 
 
@@ -194,6 +194,8 @@ def read_trial(
                     reply = ShownScene(
                         0, round(step.seconds * NS_PER_S), staged_scene.roles, script.view
                     )
+                if step.name == "repeat":
+                    reply = False
                 if isinstance(step.response, Keys) and step.response.distance_to is not None:
                     agent_of(step.response.distance_to, staged_scene)
                 answers = {}
@@ -209,6 +211,7 @@ def read_trial(
                     reply = answers[response.name] = _answer_to(response, script.view)
                     if reply.option is not None:
                         script.row[response.name] = response.value(reply.option)
+                        script.row |= response.more(reply.option)
                 if step.viewing is not None:
                     stimulus, reply = step.viewing.stimulus, answers
                     if isinstance(stimulus, LiveScene):
@@ -288,4 +291,5 @@ def read_trials(
 
 def _answer_to(response: Response, view: FrameView) -> Answer:
     option = str(response.options[0]) if response.options else "0"
-    return Answer(option, "keys", 0, 0, view)
+    is_right = response.more(option).get(f"{response.name}_is_right")
+    return Answer(option, "keys", 0, 0, view, is_right=None if is_right is None else bool(is_right))

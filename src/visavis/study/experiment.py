@@ -14,8 +14,8 @@ from visavis.lab.errors import ConfigError, DesignError
 from visavis.lab.geometry import Vector
 from visavis.lab.yaml_lines import did_you_mean
 from visavis.protocol.plan.design import SESSION, combinations_of, make_plan
-from visavis.protocol.plan.experiment import Demands, no_progress
-from visavis.protocol.plan.session_plan import SessionPlan, Trial
+from visavis.protocol.plan.experiment import AfterPractice, Demands, no_progress
+from visavis.protocol.plan.session_plan import Block, SessionPlan, Trial
 from visavis.protocol.plan.steps import Plan
 from visavis.protocol.session.boards import DwellRule, Ways
 from visavis.stimuli.flat import Flat, Image
@@ -25,6 +25,7 @@ from visavis.stimuli.sound import Waveform, part_of
 from visavis.study.actions import Action
 from visavis.study.asking import frame
 from visavis.study.comparisons import Compare, possible
+from visavis.study.criterion import practice_state
 from visavis.study.declaration import Study
 from visavis.study.dry_run import TrialRead, first_lit, read_trial, read_trials
 from visavis.study.films import Film, Voice, films_of
@@ -63,7 +64,18 @@ class StudyExperiment:
     """The number of the session, from 1; it matters where sessions are a factor of the study."""
 
     def __post_init__(self) -> None:
-        _ = self.read  # so that errors appear before anything begins
+        criterion = self.study.design.practice_until
+        trials = self.read.values()  # so that errors appear before anything begins
+        if criterion is None:
+            return
+        columns = [c.name for t in trials for r in t.responses for c in r.columns()]
+        columns += [name for t in trials for name in t.row_columns]
+        if criterion.of not in columns:
+            raise DesignError(
+                f"study {self.name}: practice_until names {criterion.of!r}, which no trial writes"
+                f"{did_you_mean(criterion.of, columns)}. Give a column that is true or false, such "
+                "as that of Keys or a Choice with right="
+            )
 
     def of_session(self, number: int) -> Self:
         """Return the experiment of one session of everybody.
@@ -482,6 +494,7 @@ class StudyExperiment:
         """
         self.settings.memory.clear()
         self.settings.rows.clear()
+        self.settings.repeats.clear()
         design = self.study.design_with(self.parameters)
         plan = make_plan(
             design,
@@ -494,17 +507,11 @@ class StudyExperiment:
         if self.study.design.items is not None and self.item_table is not None:
             rows = items_of_plan(self.study.design.items, self.item_table, plan, design.factors)
         values = self.values_of(plan)
-        own = 1 if plan.blocks[0].trials and plan.blocks[0].trials[0].is_practice else 0
-        parts = len(plan.blocks) - own
         blocks = []
         for block in plan.blocks:
-            part = block.index + 1 - own
-            is_practice = own == 1 and block.index == 0
-            text_values = {**values, "part": part, "parts": parts, "part_trials": len(block.trials)}
-            if self.study.design.blocked_by is not None:
-                text_values["level"] = block.trials[0].factors[self.study.design.blocked_by]
-            titles = ("blocks.practice",) if is_practice else ("blocks.part",)
-            instruction_names = ("practice",) if is_practice else _instructions(part, parts)
+            text_values = values | self._values_of_block(plan, block)
+            titles = ("blocks.practice",) if block.is_practice else ("blocks.part",)
+            instruction_names = self._instructions(text_values, block)
             blocks.append(
                 replace(
                     block,
@@ -526,7 +533,7 @@ class StudyExperiment:
                     instruction=self.texts.find(*instruction_names, values=text_values) or "",
                     calibrate=self.study.devices.calibrate
                     and (block.index == 0 or self.study.devices.calibrate_blocks),
-                    questionnaires=() if is_practice else self._questionnaires_after_blocks(),
+                    questionnaires=() if block.is_practice else self._questionnaires_after_blocks(),
                 )
             )
         parameters = {
@@ -558,16 +565,80 @@ class StudyExperiment:
             "blocks": sum(any(not t.is_practice for t in b.trials) for b in plan.blocks),
         }
 
+    def _values_of_block(self, plan: SessionPlan, block: Block) -> dict[str, Any]:
+        """Return the further values for the texts before a block."""
+        own = sum(b.is_practice for b in plan.blocks)
+        blocked_by = self.study.design.blocked_by
+        return {
+            "part": block.index + 1 - own,
+            "parts": len(plan.blocks) - own,
+            "part_trials": len(block.trials),
+            **({"level": block.trials[0].factors[blocked_by]} if blocked_by is not None else {}),
+        }
+
+    def _instructions(self, values: Mapping[str, Any], block: Block) -> tuple[str, ...]:
+        """Return names of texts; the first that exists is the block's instruction."""
+        if block.is_practice:
+            return ("practice",)
+        part, parts = values["part"], values["parts"]
+        if parts == 1:
+            place = "only"
+        else:
+            place = "first" if part == 1 else "last" if part == parts else "between"
+        blocked_by = self.study.design.blocked_by
+        of_level = () if blocked_by is None else (f"instructions.{blocked_by}.{values['level']}",)
+        return (f"instructions.{part}", *of_level, f"instructions.{place}", "instruction")
+
+    def pause_before(self, plan: SessionPlan, block: Block) -> str:
+        """Return what participants read in the break before a block; "" without words of its own.
+
+        Raises:
+            ConfigError: nothing fills a placeholder.
+        """
+        if "pause" not in self.texts.own:
+            return ""
+        return self.texts.get("pause", self.values_of(plan) | self._values_of_block(plan, block))
+
+    def after_practice(
+        self, block: Block, rows: Sequence[Mapping[str, Any]] | None = None
+    ) -> AfterPractice:
+        """Return what follows a block of practice; `rows` are those of the session's finished
+        trials (None: those of this experiment's session).
+        """
+        criterion = self.study.design.practice_until
+        if criterion is None:
+            return AfterPractice()
+        state = practice_state(
+            criterion, self.settings.rows if rows is None else rows, len(block.trials)
+        )
+        if state.trials == 0 or state.is_reached(criterion):
+            return AfterPractice()
+        if state.rounds < criterion.max_rounds:
+            values = {"right": state.right, "practised": state.trials}
+            words = self.texts.get("practice_again", {**self.settings.values, **values})
+            return AfterPractice(again=words)
+        if criterion.otherwise == "go on":
+            return AfterPractice()
+        return AfterPractice(
+            ends=f"practice: {criterion.of} held in {state.right} of {state.trials} trials after "
+            f"{state.rounds} rounds"
+        )
+
     def run_trial(self, trial: Trial) -> Plan:
         """Perform a trial; later trials know its row."""
         script = TrialScript(trial, self.settings)
         row = yield from perform(script, self.study.trial_plan)
         script.remember(row)
+        if script.wish is not None:
+            yield script.wish
         return row
 
     def recall(self, rows: Sequence[Mapping[str, Any]]) -> None:
         """Take up the rows that a session recorded before it was resumed, in their order."""
         self.settings.rows[:] = [row for row in rows if row["status"] == "complete"]
+        for row in rows:
+            if row["status"] == "repeated":
+                self.settings.note_repeat(str(row["trial_id"]))
 
     def intertrial(self, trial: Trial) -> Plan:
         """Stay dark before a trial, or do what the study does instead."""
@@ -627,12 +698,3 @@ class StudyExperiment:
 
 def _darkness(t: TrialScript) -> Iterator[Action]:
     yield t.dark(t.intertrial_s)
-
-
-def _instructions(part: int, parts: int) -> tuple[str, ...]:
-    """Return names of texts; the first that exists is the part's instruction."""
-    if parts == 1:
-        place = "only"
-    else:
-        place = "first" if part == 1 else "last" if part == parts else "between"
-    return (f"instructions.{part}", f"instructions.{place}", "instruction")

@@ -16,6 +16,7 @@ from visavis.protocol.plan.parameters import Range
 from visavis.protocol.plan.steps import Scalar
 from visavis.study.comparisons import Compare
 from visavis.study.conditions import Groups
+from visavis.study.criterion import Criterion
 from visavis.study.exclusions import STANDARD_RULES, Exclusion
 from visavis.study.items import Items
 from visavis.study.look_measures import LooksOn
@@ -112,6 +113,8 @@ class StudyDesign:
     practice: int | Sequence[Mapping[str, Any]] = 0
     """Practice trials before the others, which never count: a number of trials, drawn from the
     combinations, or each trial as its levels by factor."""
+    practice_until: Criterion | None = None
+    """The criterion until which practice is repeated: `Criterion("answer_is_right")`."""
     blocks: int = 1
     """Number of equal blocks, for each level of `blocked_by` where there is one."""
     order: TrialOrder = "random"
@@ -179,7 +182,16 @@ class StudyDesign:
                 if n in SETTABLE
             ),
             *self._session_problems(),
+            *self._practice_problems(),
         ]
+
+    def _practice_problems(self) -> list[str]:
+        until: Any = self.practice_until
+        if until is None:
+            return []
+        if not isinstance(until, Criterion):
+            return [f'practice_until is {until!r}; write practice_until=Criterion("…_is_right")']
+        return [] if self.practice else ["practice_until needs practice trials: practice=6"]
 
     def _session_problems(self) -> list[str]:
         problems = list(impossible_levels(SESSION, self.sessions))

@@ -21,11 +21,13 @@ from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Pose, Vector
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import (
+    EndEarly,
     FrameView,
     Hush,
     Mark,
     Play,
     PlaySound,
+    Repeat,
     Scalar,
     Show,
     SoundOnset,
@@ -110,6 +112,7 @@ class TrialScript(LitTrial):
         super().__init__(trial, settings)
         self.is_read = False
         self.staircases: dict[str, Staircase | QuestPlus] = {}
+        self.wish: Repeat | EndEarly | None = None
         self._dots_count = 0
 
     def __getattr__(self, name: str) -> Any:
@@ -180,8 +183,11 @@ class TrialScript(LitTrial):
         return StaircaseTrial(staircase, str(of), rows, self.row)
 
     def remember(self, row: Mapping[str, Any]) -> None:
-        """Let later trials of the session know the row of this one."""
-        self.settings.rows.append({**row, "is_practice": self.is_practice})
+        """Let later trials of the session know the row of this one, unless it comes again."""
+        if isinstance(self.wish, Repeat):
+            self.settings.note_repeat(self.trial.trial_id)
+        else:
+            self.settings.rows.append({**row, "is_practice": self.is_practice})
 
     # ---- steps ----
 
@@ -421,6 +427,23 @@ class TrialScript(LitTrial):
         """Write an event into the recording at the current frame's time."""
         return Action("mark", lambda: self._mark(name, payload))
 
+    def repeat(self, reason: str, *, at_most: int = 3) -> Action:
+        """Have this trial performed again at the end of its block, `at_most` so many times.
+
+        The trial goes on to its end. Its row keeps the reason, with the status "repeated", and does
+        not count; staircases stay where they were. The step returns whether the trial comes again:
+        once it came `at_most` times it does not, and counts as it is.
+        """
+        return Action("repeat", lambda: self._repeat(reason, at_most))
+
+    def end(self, reason: str, *, of: Literal["block", "session"] = "session") -> Action:
+        """End the session, or its block, after this trial, which counts.
+
+        The trials that are left get rows with the status "skipped" and the reason. Questionnaires
+        at the session's end are asked.
+        """
+        return Action("end", lambda: self._wish_for(EndEarly(reason, of)))
+
     def walk_to(
         self, x_m: float, z_m: float, *, within_m: float = 0.35, limit_s: float = 60.0
     ) -> Action:
@@ -443,8 +466,7 @@ class TrialScript(LitTrial):
 
     def _answer_shown(self, showing: Showing, keys: Keys) -> Performing:
         answer = yield from self._show_until_key(showing, keys)
-        yield from self._record_answer(keys, answer)
-        return answer
+        return (yield from self._record_answer(keys, answer))
 
     def _watch(self, viewing: Viewing) -> Performing:
         stimulus = viewing.stimulus
@@ -550,7 +572,7 @@ class TrialScript(LitTrial):
                 view,
                 self._board_shown(board.over_scene),
             )
-        yield from self._record_answer(response, answer)
+        answer = yield from self._record_answer(response, answer)
         if not board.over_scene and not isinstance(response, Pointing):
             yield dark_view(answer.view.t_ns)
             self._staged_scene = None
@@ -563,14 +585,13 @@ class TrialScript(LitTrial):
         answer = yield from await_press(
             controls, response.limit_s, view, from_ns, self._scene_update
         )
-        yield from self._record_answer(response, answer)
-        return answer
+        return (yield from self._record_answer(response, answer))
 
     def _record_answer(self, response: Response, answer: Answer) -> Performing:
         self.view = answer.view
         if not isinstance(response, Keys):  # a board has taken the place of what was lit
             self._end_light(answer.asked_ns)
-        self.take(response, answer)
+        answer = self.take(response, answer)
         name, option = response.name, answer.option
         if isinstance(response, Pointing):
             self.row |= self._pointed_at(name, answer.pose)
@@ -587,14 +608,18 @@ class TrialScript(LitTrial):
                 "answered_ns": answer.answered_ns,
             },
         )
+        return answer
 
-    def take(self, response: Response, answer: Answer) -> None:
-        """Put an answer's columns into the row."""
+    def take(self, response: Response, answer: Answer) -> Answer:
+        """Put an answer's columns into the row; return the answer, which then knows its value."""
         name, option = response.name, answer.option
         value = None if option is None else response.value(option)
         self.row |= {name: value, f"{name}_by": answer.by, f"{name}_ms": answer.ms}
-        self.row |= response.more(option)
+        more = response.more(option)
+        self.row |= more
         self.row["t_end_ns"] = answer.answered_ns
+        is_right = more.get(f"{name}_is_right")
+        return replace(answer, is_right=None if is_right is None else bool(is_right))
 
     def _pointed_at(self, name: str, pose: Pose | None) -> dict[str, Scalar | None]:
         agents = () if self._staged_scene is None else self._staged_scene.scene.agents
@@ -754,6 +779,19 @@ class TrialScript(LitTrial):
     def _mark(self, name: str, payload: Mapping[str, Scalar | None]) -> Performing:
         yield from self._now()
         yield Mark(name, {"trial_id": self.trial.trial_id, **payload})
+
+    def _repeat(self, reason: str, at_most: int) -> Performing:
+        yield from self._now()
+        if self.settings.repeats.get(self.trial.trial_id, 0) >= at_most:
+            return False
+        yield from self._wish_for(Repeat(reason))
+        return True
+
+    def _wish_for(self, wish: Repeat | EndEarly) -> Performing:
+        yield from self._now()
+        if self.wish is not None:
+            raise DesignError("a trial asks once for its repetition, or for an early end")
+        self.wish = wish
 
     def _walk_to(self, place: tuple[float, float], within_m: float, limit_s: float) -> Performing:
         view = yield from self._now()

@@ -34,12 +34,18 @@ class Settings:
     memory: dict[str, Any] = field(default_factory=dict)
     rows: list[Mapping[str, Any]] = field(default_factory=list)
     """The rows of this session's finished trials, those of a part before among them."""
+    repeats: dict[str, int] = field(default_factory=dict)
+    """How often each trial of this session has been repeated because it asked for it."""
     beside: BackgroundExecutor = field(default_factory=BackgroundExecutor)
     sounds: dict[Path | Audible, Waveform] = field(default_factory=dict)
     measured_roles: frozenset[str] = frozenset()
     """Roles with a measure: a row names them even if the role is a place."""
     held_answers: frozenset[str] = frozenset()
     """Answers of which is measured how long their key is held."""
+
+    def note_repeat(self, trial_id: str) -> None:
+        """Note that a trial comes again because it asked for it."""
+        self.repeats[trial_id] = self.repeats.get(trial_id, 0) + 1
 
     def sound_of(self, source: Source) -> Waveform:
         """Return what is played; files are read once.

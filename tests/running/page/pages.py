@@ -123,7 +123,7 @@ def page_of(folder: SessionFolder, past: EarlierParts | None) -> Page:
         lambda film: store.describe(film, is_simulated=True),
         clock.now_ns,
         notes,
-        {} if past is None else past.attempts,
+        EarlierParts().attempt_of if past is None else past.attempt_of,
     )
     desk = PageDesk(course(visit), recorder, clock, notes, past, key="key")
     person = study().participant(0, SEED, effect=True, experiment=made)

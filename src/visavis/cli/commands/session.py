@@ -80,6 +80,7 @@ from visavis.running.sessions.study_folder import (
 )
 from visavis.study.cast import use_recorded_cast
 from visavis.study.catalogue import typed_reference
+from visavis.study.criterion import Criterion
 from visavis.study.experiment import StudyExperiment
 from visavis.study.texts import DEFAULT_LANGUAGE, Texts, label_of
 
@@ -174,7 +175,9 @@ def plan(
     if as_json:
         say_json(asdict(session_plan))
     else:
-        _print_plan(session_plan, plan_inputs.label, plan_inputs.note, plan_inputs.experiment.texts)
+        experiment = plan_inputs.experiment
+        criterion = experiment.study.design.practice_until
+        _print_plan(session_plan, plan_inputs.label, plan_inputs.note, experiment.texts, criterion)
     if not as_json:
         for voice in plan_inputs.experiment.voices:
             console.print(
@@ -253,7 +256,9 @@ def _place_shown(
     )
 
 
-def _print_plan(session_plan: SessionPlan, label: str, note: str, texts: Texts) -> None:
+def _print_plan(
+    session_plan: SessionPlan, label: str, note: str, texts: Texts, criterion: Criterion | None
+) -> None:
     console.print(
         f"[b]{verbatim(session_plan.study)}[/b]  "
         + (f"participant [b]{verbatim(label)}[/b]  " if label else "[b]next new participant[/b]  ")
@@ -282,6 +287,8 @@ def _print_plan(session_plan: SessionPlan, label: str, note: str, texts: Texts) 
         f"{count_of(total, 'trial')} in {count_of(blocks, 'block')}, {practice} practice; then "
         f"{', '.join(session_plan.questionnaires) or 'no questions'}."
     )
+    if criterion is not None:
+        console.print(verbatim(criterion.words))
     for legend in legends(session_plan, texts):
         console.print(f"[dim]{verbatim(legend)}[/]", soft_wrap=True)
 

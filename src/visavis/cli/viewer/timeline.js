@@ -3,7 +3,7 @@
 const LABEL_PX = 168, ROW_PX = 17, PLOT_PX = 62;
 const LOOKS = ['#f2b134', '#4fb3bf', '#e8756a', '#8fb339', '#b388eb', '#5a9bd8', '#e39ac0', '#c7a17a', '#7fd1ae', '#d9d264', '#9aa7b1', '#f08c3a'];
 const PRACTICE = '#3b4654';
-const STATUS = {complete: '#3f6b4b', damaged: '#8a3a34', interrupted: '#7a5a2a', aborted: '#7a5a2a'};
+const STATUS = {complete: '#3f6b4b', damaged: '#8a3a34', interrupted: '#7a5a2a', repeated: '#7a5a2a', aborted: '#7a5a2a'};
 
 class Timeline {
   constructor(canvas, header, streams, seek, slow) {

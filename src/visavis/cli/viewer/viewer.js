@@ -689,7 +689,7 @@ const right = (x - 180) / 75, name = inWords(n.name);
     const lines = [...this.streams.has('gaze_targets') ? [[GAZE, 'gaze: where it ends on what is drawn; area it is on'], ['#d8d8d8', 'area of interest'], ['#78dcff', 'path of gaze, 2 s']] : [],
       ...this.header.trials.some(t => t.shown && this.session.walked(t).length) ? [[GAZE, 'walked path, on the floor: what is to come is faint']] : [],
       ...this.header.lanes.some(l => l.kind === 'contact') ? [['#ff6b5e', 'contact']] : [], ...this.header.lanes.some(l => l.kind !== 'contact') ? [['#5ec8ff', 'vibration']] : [],
-      [STATUS.complete, 'trial: complete'], [STATUS.damaged, 'trial: damaged'], [STATUS.interrupted, 'trial: interrupted or aborted'], [PRACTICE, 'trial: practice']];
+      [STATUS.complete, 'trial: complete'], [STATUS.damaged, 'trial: damaged'], [STATUS.interrupted, 'trial: interrupted, aborted or repeated'], [PRACTICE, 'trial: practice']];
     const seen = new Set(this.header.trials.map(t => t.practice ? 'practice' : t.status));
     box.replaceChildren(...lines.filter(([, text]) => !text.startsWith('trial: ') || [...seen].some(s => text.includes(s))).map(([colour, text]) => {
       const line = document.createElement('div');

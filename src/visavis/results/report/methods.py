@@ -67,9 +67,11 @@ def _design(experiment: StudyExperiment) -> str:
     times = "once" if repetitions == 1 else f"{repetitions} times"
     every = "In each session every" if experiment.session_name else "Every"
     practice_note = f" after {practice} for practice" if practice else ""
+    criterion = experiment.study.design.practice_until
+    until = "" if criterion is None else f" {criterion.words}"
     return (
         f"Factors were {'; '.join(factors)}. {every} combination came {times}: {len(trials)} trials"
-        f"{practice_note}, in {_blocks(blocks)}. {_order(experiment, blocks)}"
+        f"{practice_note}, in {_blocks(blocks)}. {_order(experiment, blocks)}{until}"
     )
 
 

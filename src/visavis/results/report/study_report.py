@@ -525,7 +525,9 @@ def _people(
             for r in other[["participant", "trial_id", "status", "reason"]].itertuples(index=False)
         )
         heads = tuple(Column(h) for h in ("Participant", "Trial", "Status", "Reason"))
-        blocks.append(Fold("Interrupted and skipped trials", (Table(heads, trial_rows, "Trials"),)))
+        blocks.append(
+            Fold("Interrupted, repeated and skipped trials", (Table(heads, trial_rows, "Trials"),))
+        )
     blocks += _flag_table(analysis.selection.rows)
     blocks += _remark_table(analysis.remarks)
     blocks += _incident_table(provenance)

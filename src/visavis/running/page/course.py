@@ -6,7 +6,8 @@ step goes out, so that after a crash the replies lead it back to the step where 
 
 import base64
 import hashlib
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections import Counter, deque
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Final, TypeAlias
@@ -15,7 +16,7 @@ import numpy as np
 
 from visavis.protocol.plan.questionnaires import Question, Questionnaire, read_answer
 from visavis.protocol.plan.session_plan import Block, SessionPlan, Trial, name_after_block
-from visavis.protocol.plan.steps import Mark, Row
+from visavis.protocol.plan.steps import EndEarly, Mark, Repeat, Row
 from visavis.running.page.flat import USUAL_DISTANCE_MM, measured_screen
 from visavis.running.page.headset_information import headset_information
 from visavis.running.page.spoken_digits import HOW_MANY, say_digits, spoken_digits
@@ -48,6 +49,10 @@ FACTS_OF_ENTERING: Final = (
     *("entered", "rate_hz", "space", "controllers", "profiles", "renderer"),
     "why",
 )
+NO_FRAMES: Final = dict.fromkeys(
+    ("frames", "frames_dropped", "gaze_expected", "gaze_received", "gaze_valid"), 0
+)
+"""What a row counts of frames where nothing moves, and of gaze, as a page has no eye tracker."""
 STOPPED: Final = "stopped"
 WITHDRAWN: Final = "withdrawn"
 """Stopped, and what was recorded is to be deleted."""
@@ -126,13 +131,17 @@ class Visit:
     files: FilmFiles
     now_ns: Callable[[], int]
     notes: Notes = field(default_factory=Notes)
-    attempts: Mapping[str, int] = field(default_factory=dict)
-    """How often each trial has been performed already, where it is performed again."""
+    attempt_of: Callable[[str, int], int] = lambda trial_id, nth: nth
+    """Returns the attempt that a trial's nth performance in this course is."""
+    performances: Counter[str] = field(default_factory=Counter)
+    """How often each trial has been performed in this course."""
+    endings: dict[int | None, str] = field(default_factory=dict)
+    """Why blocks, by index, or the whole session (None) ended before their end."""
 
     @cached_property
     def settings(self) -> Settings:
         """What the trials of this visit share: the study's, with a memory and rows of its own."""
-        return replace(self.experiment.settings, memory={}, rows=[])
+        return replace(self.experiment.settings, memory={}, rows=[], repeats={})
 
 
 Out: TypeAlias = PageStep | Event | TrialRow
@@ -311,15 +320,29 @@ def _sound(visit: Visit) -> Generator[Out, Reply | None, None]:
 
 
 def _block(visit: Visit, block: Block) -> Generator[Out, Reply | None, None]:
-    if block.instruction:
-        yield from _step(PageStep("text", {"title": block.name, "text": block.instruction}))
+    if None in visit.endings:
+        yield from _skip(visit, block.trials, visit.endings[None])
+        return
+    pause = visit.experiment.pause_before(visit.plan, block) if block.index else ""
+    for text in filter(None, (pause, block.instruction)):
+        yield from _step(PageStep("text", {"title": block.name, "text": text}))
     yield Event(
         "block_start",
         {"block": block.index, "block_name": block.name, "trials_left": len(block.trials)},
     )
-    for trial in block.trials:
-        yield from _trial(visit, block, trial)
+    queue = deque(block.trials)
+    while queue:
+        trial = queue.popleft()
+        wish = yield from _trial(visit, block, trial)
+        if isinstance(wish, Repeat):
+            queue.append(trial)
+        elif wish is not None:
+            yield from _end(visit, trial, wish, queue)
+        if not queue and block.is_practice and not visit.endings:
+            queue.extend((yield from _further_practice(visit, block)))
     yield Event("block_end", {"block": block.index})
+    if None in visit.endings:
+        return
     for questionnaire in visit.questionnaires:
         if questionnaire.name in block.questionnaires:
             yield from _questionnaire(
@@ -327,14 +350,59 @@ def _block(visit: Visit, block: Block) -> Generator[Out, Reply | None, None]:
             )
 
 
-def _trial(visit: Visit, block: Block, trial: Trial) -> Generator[Out, Reply | None, None]:
+def _end(
+    visit: Visit, trial: Trial, ending: EndEarly, queue: deque[Trial]
+) -> Generator[Out, Reply | None, None]:
+    """Leave out the trials that an early end leaves in its block; later blocks follow suit."""
+    visit.endings[trial.block if ending.of == "block" else None] = ending.reason
+    about = {"trial_id": trial.trial_id, "block": trial.block}
+    yield Event("ended_early", {**about, "of": ending.of, "reason": ending.reason})
+    yield from _skip(visit, queue, ending.reason)
+    queue.clear()
+
+
+def _skip(visit: Visit, trials: Iterable[Trial], reason: str) -> Generator[Out, Reply | None, None]:
+    """Write the rows of trials that are left out."""
+    for trial in trials:
+        visit.performances[trial.trial_id] += 1
+        attempt = visit.attempt_of(trial.trial_id, visit.performances[trial.trial_id])
+        about = {"trial_id": trial.trial_id, "attempt": attempt, "block": trial.block}
+        yield Event("trial_start", about)
+        now_ns = visit.now_ns()
+        outcome = {"status": "skipped", "reason": reason, "flags": ""}
+        times = {"t_start_ns": now_ns, "t_end_ns": now_ns}
+        yield _row(visit, trial, attempt, {**outcome, **trial.factors, **times, **NO_FRAMES})
+
+
+def _further_practice(
+    visit: Visit, block: Block
+) -> Generator[Out, Reply | None, tuple[Trial, ...]]:
+    """Return the trials of another round of practice, where the study asks for one."""
+    after = visit.experiment.after_practice(block, visit.settings.rows)
+    if after.ends:
+        yield from _end(visit, block.trials[-1], EndEarly(after.ends), deque())
+    if not after.again:
+        return ()
+    names = [trial.trial_id for trial in block.trials]
+    yield Event("practice_again", {"block": block.index, "trial_ids": names})
+    yield from _step(PageStep("text", {"title": block.name, "text": after.again}))
+    return block.trials
+
+
+def _trial(
+    visit: Visit, block: Block, trial: Trial
+) -> Generator[Out, Reply | None, Repeat | EndEarly | None]:
+    """Perform a trial; return what it asks for: its repetition, or an early end."""
+    visit.performances[trial.trial_id] += 1
+    nth = visit.performances[trial.trial_id]
     number_of = {
         "trial": trial.number,
         "trials": sum(t.is_practice == trial.is_practice for t in visit.plan.trials),
         "is_practice": trial.is_practice,
+        **({"again": nth - 1} if nth > 1 else {}),
     }
     start_ns = visit.now_ns()
-    attempt = 1 + visit.attempts.get(trial.trial_id, 0)
+    attempt = visit.attempt_of(trial.trial_id, nth)
     about = {"trial_id": trial.trial_id, "attempt": attempt, "block": block.index}
     yield Event("trial_start", about)
     visit.notes.begin()
@@ -356,9 +424,12 @@ def _trial(visit: Visit, block: Block, trial: Trial) -> Generator[Out, Reply | N
     except StopIteration as end:
         row = end.value or {}
         script.remember(row)
+        if isinstance(script.wish, Repeat):
+            status, reason = "repeated", script.wish.reason
     except FilmFailed as problem:
         # The row keeps what was done before the film failed.
         row, status, reason = dict(script.row), "skipped", problem.reason
+        script.wish = None
     # The row counts frames of all films and figures of the trial together.
     films = {
         k: int(v or 0)
@@ -370,7 +441,29 @@ def _trial(visit: Visit, block: Block, trial: Trial) -> Generator[Out, Reply | N
         )
     }
     dropped_frames = sum(v for k, v in films.items() if k.endswith("_dropped"))
-    yield TrialRow(
+    yield _row(
+        visit,
+        trial,
+        attempt,
+        {
+            "status": status,
+            "reason": reason,
+            "flags": ";".join(visit.notes.all),
+            **({SEEN_IN.name: visit.notes.seen_in} if visit.notes.place else {}),
+            **trial.factors,
+            **row,
+            "t_start_ns": row.get("t_start_ns", start_ns),
+            "t_end_ns": row.get("t_end_ns", visit.now_ns()),
+            **NO_FRAMES,
+            "frames": sum(films.values()) - dropped_frames,
+            "frames_dropped": dropped_frames,
+        },
+    )
+    return script.wish
+
+
+def _row(visit: Visit, trial: Trial, attempt: int, columns: Row) -> TrialRow:
+    return TrialRow(
         {
             "participant": visit.participant_label,
             "participant_index": visit.plan.participant_index,
@@ -382,20 +475,7 @@ def _trial(visit: Visit, block: Block, trial: Trial) -> Generator[Out, Reply | N
             "block": trial.block,
             "is_practice": trial.is_practice,
             "attempt": attempt,
-            "status": status,
-            "reason": reason,
-            "flags": ";".join(visit.notes.all),
-            **({SEEN_IN.name: visit.notes.seen_in} if visit.notes.place else {}),
-            **trial.factors,
-            **row,
-            "t_start_ns": row.get("t_start_ns", start_ns),
-            "t_end_ns": row.get("t_end_ns", visit.now_ns()),
-            "frames": sum(films.values()) - dropped_frames,
-            "frames_dropped": dropped_frames,
-            # A page has no eye tracker.
-            "gaze_expected": 0,
-            "gaze_received": 0,
-            "gaze_valid": 0,
+            **columns,
         }
     )
 

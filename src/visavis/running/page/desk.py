@@ -1,11 +1,13 @@
 """One participant's session on a page: events in, each acknowledged once on the disk; steps out."""
 
 import secrets
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass, field
 from typing import Any, Final
 
 from visavis.lab.clock import NS_PER_S, Clock
+from visavis.protocol.session.progress import FINAL_STATUSES
 from visavis.recording.page_clock import CLOCK, PAGE_ROLE, PageClocks, PageExchange
 from visavis.recording.session_times import EXCHANGE_EVENT
 from visavis.recording.writer import Recorder
@@ -83,7 +85,6 @@ class PageDesk:
     step_number: int = 0
     step: PageStep = field(default_factory=lambda: PageStep("end"))
     outcome: str = ""
-    trials_done: int = 0
     trial_id: str = ""
     trial_steps: list[PageStep] = field(default_factory=list)
     """Steps that the current trial has shown so far."""
@@ -106,6 +107,8 @@ class PageDesk:
         """Whether a person replied; films are loaded by every page that is opened."""
         rows_on_disk = {} if self.past is None else self.past.rows_on_disk
         self._streams = PageStreams(self.recorder, rows_on_disk)
+        self._trials_finished: set[str] = set()
+        self._answered: Counter[tuple[str, str]] = Counter()
         self._is_replaying = self.past is not None
         self._advance(None)
         if self.past is not None:
@@ -113,6 +116,11 @@ class PageDesk:
             self._is_replaying = False
             if self.past.rewinding is not None:
                 self.recorder.event(PAGE_EVENT, self.clock.now_ns(), **self.past.rewinding)
+
+    @property
+    def trials_done(self) -> int:
+        """How many trials need no further attempt."""
+        return len(self._trials_finished)
 
     # ---- what a page asks --------------------------------------------------------------------
 
@@ -420,12 +428,14 @@ class PageDesk:
         if isinstance(out, Event) and out.name == "trial_start":
             self.trial_id, self.trial_steps = str(out.payload["trial_id"]), []
         if isinstance(out, TrialRow):
-            self.trials_done += 1
+            if out.row["status"] in FINAL_STATUSES:
+                self._trials_finished.add(str(out.row["trial_id"]))
             self._record_exchanges()
             past = self.past if self._is_replaying else None
-            if past is None or str(out.row["trial_id"]) not in past.rows:
+            attempt = (str(out.row["trial_id"]), out.row["attempt"])
+            if past is None or attempt not in past.rows:
                 self.recorder.trial(out.row)
-        elif not (self._is_replaying and self.past is not None and _is_known(out, self.past)):
+        elif not (self._is_replaying and self.past is not None and self._is_known(out, self.past)):
             self.recorder.event(out.name, self.clock.now_ns(), **out.payload)
 
     def _record_exchanges(self) -> None:
@@ -468,18 +478,19 @@ class PageDesk:
         if past.broken_by:
             self.notes.add(past.broken_by)
 
-
-def _is_known(event: Event, past: EarlierParts) -> bool:
-    """Tell whether an event that the course repeats is in an earlier part."""
-    payload = event.payload
-    match event.name:
-        case "trial_start":
-            return payload["trial_id"] in past.started
-        case "answer":
-            return (payload["questionnaire"], payload["question"]) in past.answers
-        case "answered":
-            return (payload["trial_id"], payload["question"]) in past.answered_questions
-        case "questionnaire_complete":
-            return payload["questionnaire"] in past.complete
-        case _:
-            return True
+    def _is_known(self, event: Event, past: EarlierParts) -> bool:
+        """Tell whether an event that the course repeats is in an earlier part."""
+        payload = event.payload
+        match event.name:
+            case "trial_start":
+                return (payload["trial_id"], payload["attempt"]) in past.started
+            case "answer":
+                return (payload["questionnaire"], payload["question"]) in past.answers
+            case "answered":
+                key = (payload["trial_id"], payload["question"])
+                self._answered[key] += 1
+                return self._answered[key] <= past.answered_questions[key]
+            case "questionnaire_complete":
+                return payload["questionnaire"] in past.complete
+            case _:
+                return True

@@ -25,20 +25,21 @@ CHECKPOINTS: Final[Mapping[Resumes, tuple[str, ...]]] = {
 class EarlierParts:
     """Content of the earlier parts of a session: page events in order, and what else was written.
 
-    `events` are (part, session time, payload). `rows` are trials that have a row, `answers` pairs
-    (questionnaire, question), `answered_questions` pairs (trial, question), `complete` finished
-    questionnaires. A trial that continues in a later part is flagged with `broken_by`; "" means
-    that nothing interrupted it. What was gone back behind is in none of them; `attempts` counts
-    every row of a trial. `checkpoints` are the course's events: name, trial, and how many page
-    events were before each. `rewinding` is the last of `events` where the session has just been
-    gone back; it is to be recorded.
+    `events` are (part, session time, payload). `rows` are the attempts (trial, number) that have a
+    row, `started` those that were begun, `answers` pairs (questionnaire, question),
+    `answered_questions` triples of trial, question and how often it had been answered, `complete`
+    finished questionnaires. A trial that continues in a later part is flagged with `broken_by`; ""
+    means that nothing interrupted it. What was gone back behind is in none of them; `attempts`
+    holds the last attempt of every trial that has a row. `checkpoints` are the course's events: name,
+    trial, and how many page events were before each. `rewinding` is the last of `events` where the
+    session has just been gone back; it is to be recorded.
     """
 
     events: Sequence[tuple[int, int, Mapping[str, Any]]] = ()
-    rows: frozenset[str] = frozenset()
-    started: frozenset[str] = frozenset()
+    rows: frozenset[tuple[str, int]] = frozenset()
+    started: frozenset[tuple[str, int]] = frozenset()
     answers: frozenset[tuple[str, str]] = frozenset()
-    answered_questions: frozenset[tuple[str, str]] = frozenset()
+    answered_questions: Counter[tuple[str, str]] = field(default_factory=Counter)
     complete: frozenset[str] = frozenset()
     broken_by: str = RESTART_FLAG
     attempts: Mapping[str, int] = field(default_factory=dict)
@@ -47,11 +48,20 @@ class EarlierParts:
     rows_on_disk: Mapping[str, int] = field(default_factory=dict)
     """The number after the last recorded row of each stream of a headset."""
 
+    def attempt_of(self, trial_id: str, nth: int) -> int:
+        """Return the attempt that a trial's nth performance in the course is."""
+        numbers = sorted(n for trial, n in self.rows if trial == trial_id)
+        if nth <= len(numbers):
+            return numbers[nth - 1]
+        return self.attempts.get(trial_id, 0) + nth - len(numbers)
+
 
 def past_of(recording: Recording, rewinding: Mapping[str, Any] | None = None) -> EarlierParts:
     """Return the content of the earlier parts of a session, gone back by `rewinding` at last."""
     trials = recording.trials()
-    rows = Counter(map(str, trials["trial_id"])) if "trial_id" in trials else Counter[str]()
+    rows: set[tuple[str, int]] = set()
+    if "trial_id" in trials:
+        rows = set(zip(map(str, trials["trial_id"]), map(int, trials["attempt"]), strict=True))
     records: list[dict[Any, Any]] = recording.events().to_dict("records")
     if rewinding is not None:
         part = recording.manifest.parts[-1].number
@@ -60,7 +70,7 @@ def past_of(recording: Recording, rewinding: Mapping[str, Any] | None = None) ->
     pages: list[tuple[int, int, Mapping[str, Any]]] = []
     # Each thing with the number of page events before it, so that going back forgets what is later.
     course: list[tuple[int, str, Mapping[str, Any]]] = []
-    left_behind: Counter[str] = Counter()
+    left_behind: set[tuple[str, int]] = set()
     for event in records:
         name, payload = event["name"], event["payload"]
         if name != PAGE_EVENT:
@@ -69,12 +79,15 @@ def past_of(recording: Recording, rewinding: Mapping[str, Any] | None = None) ->
         if payload["kind"] == REWOUND:
             to, again = payload["to"], payload["again"]
             pages = pages[:to]
-            left_behind.update(again)
-            course = [
-                (n, what, about)
-                for n, what, about in course
-                if n < to or (n == to and about.get("trial_id") not in again)
+            later = [
+                n > to or (n == to and about.get("trial_id") in again) for n, _, about in course
             ]
+            left_behind |= {
+                (str(about["trial_id"]), int(about["attempt"]))
+                for (_, what, about), is_later in zip(course, later, strict=True)
+                if is_later and what == "trial_start"
+            }
+            course = [one for one, is_later in zip(course, later, strict=True) if not is_later]
         pages.append((int(event["recording_part"]), int(event["t_ns"]), payload))
 
     def all_of(name: str, *keys: str) -> frozenset[Any]:
@@ -83,12 +96,20 @@ def past_of(recording: Recording, rewinding: Mapping[str, Any] | None = None) ->
 
     return EarlierParts(
         pages,
-        frozenset(trial for trial, n in rows.items() if n > left_behind[trial]),
-        frozenset(trial for (trial,) in all_of("trial_start", "trial_id")),
+        frozenset(rows - left_behind),
+        frozenset(
+            (str(about["trial_id"]), int(about["attempt"]))
+            for _, what, about in course
+            if what == "trial_start"
+        ),
         all_of("answer", "questionnaire", "question"),
-        all_of("answered", "trial_id", "question"),
+        Counter(
+            (str(about["trial_id"]), str(about["question"]))
+            for _, what, about in course
+            if what == "answered"
+        ),
         frozenset(name for (name,) in all_of("questionnaire_complete", "questionnaire")),
-        attempts=rows,
+        attempts={trial: max(n for t, n in rows if t == trial) for trial, _ in rows},
         checkpoints=[(what, str(about.get("trial_id", "")), n) for n, what, about in course],
         rewinding=rewinding,
         rows_on_disk={
@@ -113,6 +134,7 @@ def back_to(recording: Recording, checkpoint: Resumes) -> EarlierParts:
     if not any(payload["kind"] == "reply" for _, _, payload in past.events[to:]):
         return past
     trials = {t for what, t, n in past.checkpoints if what == "trial_start" and n >= to}
+    performed = {trial for trial, _ in past.rows}
     all_events = recording.events()
     events = [*all_events.loc[all_events["name"] == PAGE_EVENT, "payload"]]
     return past_of(
@@ -120,7 +142,7 @@ def back_to(recording: Recording, checkpoint: Resumes) -> EarlierParts:
         {
             "kind": REWOUND,
             "to": to,
-            "again": sorted(trials & past.rows),
+            "again": sorted(trials & performed),
             "n": max((int(p["n"]) for p in events if "n" in p), default=0),
             "number": 1 + max(int(p.get("number", p.get("step", -1) + 1)) for p in events),
         },

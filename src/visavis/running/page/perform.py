@@ -244,7 +244,7 @@ def page_session_of(
         describe,
         request.clock.now_ns,
         notes,
-        {} if past is None else past.attempts,
+        EarlierParts().attempt_of if past is None else past.attempt_of,
     )
     desk = PageDesk(
         course(visit_of),

@@ -141,7 +141,7 @@ def _shown(
     else:
         at_ns = reply.t_ns_of(number(pressed["at_ms"], "at_ms"))
         answer = Answer(pressed["option"], pressed["by"], from_ns, at_ns, still_view(at_ns))
-    script.take(keys, answer)
+    answer = script.take(keys, answer)
     script.row["t_end_ns"] = max(end_ns, answer.answered_ns)
     yield _answered(script, keys.name, answer)
     return answer
@@ -176,7 +176,7 @@ def _perform_action(script: TrialScript, action: Action, files: FilmFiles) -> On
         reply = yield from put(PageStep("blank", {"seconds": action.seconds}))
         script.view = still_view(reply.t_ns)
         return None
-    if action.name == "mark":
+    if action.name in ("mark", "repeat", "end"):
         script.view = script.view or still_view()
         return (yield from action.perform())  # type: ignore[misc]  # marks alone
     raise DesignError(f"t.{action.name} cannot be performed on a page; {SHOWS}")
@@ -355,7 +355,7 @@ def _answers(
         script.view = still_view(answered_ns)
         answer = Answer(page_answer.option, page_answer.by, asked_ns, answered_ns, script.view)
         script.row.setdefault("t_start_ns", asked_ns)
-        script.take(response, answer)
+        answer = script.take(response, answer)
         script.row[f"{response.name}_ms"] = (answered_ns - asked_ns) / NS_PER_MS
         released_ms = page_answer.released_ms
         released_ns = None if released_ms is None else reply.t_ns_of(released_ms)

@@ -16,6 +16,7 @@ from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import ConfigError, DataError
 from visavis.people.moulder import Task
 from visavis.people.person import StudyPerson
+from visavis.protocol.people.simulated_participant import STRETCH_AGAIN
 from visavis.running.film_store import FilmStore
 from visavis.running.page.flat import flat_scene
 from visavis.running.page.simulated_headset import ENTERED, SimulatedHeadset
@@ -83,7 +84,7 @@ class Visitor:
     batches: list[dict[str, Any]] = field(default_factory=list, repr=False)
     """What a headset measured meanwhile, for the page to send before its reply."""
     _headset: SimulatedHeadset | None = field(default=None, repr=False)
-    _trial: tuple[int, bool] = field(default=(0, False), repr=False)
+    _trial: tuple[int, bool, int] = field(default=(0, False, 0), repr=False)
 
     def reply(self, step: PageStep) -> dict[str, Any]:
         """Return the reply to a step; advance the visitor's clock by the time it took.
@@ -224,10 +225,11 @@ class Visitor:
         return round_ms
 
     def _begin_trial(self, content: Mapping[str, Any]) -> None:
-        trial = (content["trial"], content["is_practice"])
+        trial = (content["trial"], content["is_practice"], content.get("again", 0))
         if trial != self._trial:
             self._trial = trial
-            self.person.prepare(content["trial"] + PRACTICE_STRETCH * content["is_practice"], 0)
+            number, is_practice, again = trial
+            self.person.prepare(number + PRACTICE_STRETCH * is_practice + STRETCH_AGAIN * again, 0)
 
     def _mould(self, content: Mapping[str, Any]) -> dict[str, Any]:
         """Mould a figure as the person does: after a target that is seen, or to what they want."""

@@ -3,6 +3,7 @@
 The archive follows JATOS 3 (its study archive, format 3, and jatos.js 3.10.4).
 """
 
+import dis
 import hashlib
 import json
 import shutil
@@ -12,6 +13,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from math import isfinite
 from pathlib import Path
 from typing import Any, Final
@@ -32,6 +34,7 @@ from visavis.running.page.steps import PageStep, Reply
 from visavis.running.picture_store import PictureStore
 from visavis.running.sessions.device_setup import is_simulated
 from visavis.running.sessions.session_request import Request
+from visavis.study.declaration import Study
 from visavis.study.experiment import StudyExperiment
 
 FORMAT: Final = 1
@@ -162,6 +165,11 @@ def steps_of_place(request: Request, store: FilmStore, index: int) -> tuple[Page
             f"the page of {experiment.name} enters a headset, whose samples only Visavis's own "
             'server takes; serve it (visavis serve), or write it with xr="never"'
         )
+    if experiment.study.design.practice_until is not None or changes_its_course(experiment.study):
+        raise DesignError(
+            f"{experiment.name} repeats trials or practice, or ends early, by what is answered, so "
+            "that its steps cannot be written down beforehand; serve it (visavis serve)"
+        )
     describe = files_of(store, experiment)[0]
     plan = experiment.plan(index, request.seed)
     common_steps: tuple[PageStep, ...] | None = None
@@ -206,6 +214,17 @@ def visit_of(
     plan = experiment.plan(index, request.seed, group)
     return Visit(
         experiment, plan, "", 1, 1, study.questionnaires(config), describe, lambda: 0, Notes()
+    )
+
+
+def changes_its_course(study: Study) -> bool:
+    """Tell whether the trial of a study names `t.repeat` or `t.end`, reached or not."""
+    code = study.trial_plan.__code__
+    steps = list(dis.get_instructions(code))
+    return any(
+        a.argval == code.co_varnames[0] and b.argval in ("repeat", "end")
+        for a, b in pairwise(steps)
+        if b.opname in ("LOAD_METHOD", "LOAD_ATTR")
     )
 
 
