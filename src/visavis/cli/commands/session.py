@@ -288,7 +288,7 @@ def _print_plan(
         f"{', '.join(session_plan.questionnaires) or 'no questions'}."
     )
     if criterion is not None:
-        console.print(verbatim(criterion.words))
+        console.print(verbatim(criterion.words), soft_wrap=True)
     for legend in legends(session_plan, texts):
         console.print(f"[dim]{verbatim(legend)}[/]", soft_wrap=True)
 
