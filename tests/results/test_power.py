@@ -271,10 +271,19 @@ def trial(t):
         ("", "", ("answer_ms",)),
         ("", "'r'", ("answer_ms",)),
         ("Race, ", "Race({'r': 2.0, 'g': 1.0})", ()),
+        ("Race, ", "None and Race({'r': 2.0}) or 'r'", ("answer_ms",)),  # named, and never run
+        ("Race, ", "Race({'r': 2.0}) if rng.random() < 0.5 else 'g'", ("answer_ms",)),
+        ("Race, ", "Race({'r': 2.0}) if rng.random() < 0.9 else None", ()),
+        ("Race, ", "__import__('other').answered()", ()),
     ],
 )
-def test_power_of_times_that_no_model_makes_cannot_be_known(tmp_path, imports, answer, expected):
-    text = TIMES.replace("Race, ", imports)
+def test_power_of_times_that_no_model_makes_cannot_be_known(
+    tmp_path, monkeypatch, imports, answer, expected
+):
+    text = TIMES.replace("Race, ", imports).replace("calibrate", "repetitions=8, calibrate")
+    other = "from visavis import Race\ndef answered():\n    return Race({'r': 1.0})\n"
+    (tmp_path / "other.py").write_text(other, "utf-8")
+    monkeypatch.syspath_prepend(str(tmp_path))
     if answer:
         text += f"\n@study.answer\ndef answer(seen, response, rng):\n    return {answer}\n"
     (tmp_path / "timed.py").write_text(text, "utf-8")

@@ -7,7 +7,7 @@ result is false.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final, Protocol
 
@@ -60,11 +60,13 @@ from visavis.results.selection import IS_ANALYSED, Selection
 from visavis.study.comparisons import AGREEMENT, Compare
 from visavis.study.conditions import with_people
 from visavis.study.declaration import Study
+from visavis.study.distances import WhenNear
 from visavis.study.experiment import StudyExperiment
 from visavis.study.measures import aggregate_cells, count_column
 from visavis.study.pairs import Correlate, Family, Pairs
 from visavis.study.race import Race
-from visavis.study.study_functions import MakeTracker
+from visavis.study.responses import Response
+from visavis.study.study_functions import MakeTracker, Seen
 
 MIN_N = 3
 SOMETHING: Final = ("found", "partly", "reversed")
@@ -218,17 +220,32 @@ class KitPower:
     def unplanted_times(self) -> tuple[str, ...]:
         """Times to answer that are compared though simulated people have no model of them.
 
-        A study with people of its own makes what it makes.
+        One person is simulated: a time is modelled where every answer that they give comes with
+        its time. A study with people of its own makes what it makes.
         """
         opened_study = self._opened_study
         simulated = opened_study.study.simulated
         if simulated.person_of or simulated.scaled_of or simulated.quick_of:
             return ()
-        if simulated.answer_of is not None and _names_a_race(simulated.answer_of):
-            return ()
         experiment = opened_study.experiment(self.overrides)
-        times = {f"{name}_ms" for name in experiment.responses}
-        return tuple(dict.fromkeys(c.dv for c in experiment.compare if c.dv in times))
+        names = {f"{name}_ms": name for name in experiment.responses}
+        times = tuple(dict.fromkeys(c.dv for c in experiment.compare if c.dv in names))
+        answer_of = simulated.answer_of
+        if not times or answer_of is None:
+            return times
+        has_time: dict[str, set[bool]] = {}
+
+        def note(seen: Seen, response: Response, rng: np.random.Generator) -> Any:
+            reply = answer_of(seen, response, rng)
+            if reply is not None:
+                has_time.setdefault(response.name, set()).add(isinstance(reply, Race | WhenNear))
+            return reply
+
+        watched = replace(opened_study, study=opened_study.study.with_changes(answer_of=note))
+        self.simulate_study(
+            watched, watched.experiment(self.overrides), self.make_tracker, [0], seed=1, effect=1
+        )
+        return tuple(time for time in times if has_time.get(names[time]) != {True})
 
     def prepare(self, on_progress: Callable[[int, int], None]) -> None:
         """Prepare the study before its first trial: a study on waving makes its waves."""
@@ -449,12 +466,6 @@ def _what_finds(analysis: StudyAnalysis) -> Iterator[tuple[str, bool]]:
         return
     for test in (test for results in analysis.results for test in results.tests):
         yield name_of_test(test), bool(test.is_significant)
-
-
-def _names_a_race(answer_of: Callable[..., Any]) -> bool:
-    """Tell whether the file of a function that answers names the model of times to answer."""
-    names = getattr(answer_of, "__globals__", {}).values()
-    return any(value is Race or getattr(value, "__name__", "") == "visavis" for value in names)
 
 
 def _printed_t(study: Study, of: Family) -> Iterator[tuple[str, PrintedTest]]:

@@ -30,9 +30,9 @@ class EarlierParts:
     `answered_questions` triples of trial, question and how often it had been answered, `complete`
     finished questionnaires. A trial that continues in a later part is flagged with `broken_by`; ""
     means that nothing interrupted it. What was gone back behind is in none of them; `attempts`
-    holds the last attempt of every trial that has a row. `checkpoints` are the course's events: name,
-    trial, and how many page events were before each. `rewinding` is the last of `events` where the
-    session has just been gone back; it is to be recorded.
+    holds the last attempt of every trial that has a row. `checkpoints` are the course's events:
+    name, trial, and how many page events were before each. `rewinding` is the last of `events`
+    where the session has just been gone back; it is to be recorded.
     """
 
     events: Sequence[tuple[int, int, Mapping[str, Any]]] = ()
