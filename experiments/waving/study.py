@@ -140,6 +140,7 @@ study = Study(
         "target_place": lambda f: neighbour(str(f["participant_place"]), str(f["direction"])).name
     },
     posture="standing",
+    xr_variant="waving_page",
     blocks=3,
     practice=[
         PRACTICE | {"technique": "orientation", "clerk": "clerk_middle"},

@@ -78,6 +78,10 @@ SMALL: dict[str, dict[str, Any]] = {
         "clerk": ["clerk_left"], "participant_place": ["place_3"], "increment": 0.1,
         "before_s": 0.3, "wave_s": 0.6, "after_s": 0.1, "intertrial_s": 0.1, "blocks": 1,
     },
+    "waving_page": {
+        "clerk": ["clerk_left"], "participant_place": ["place_3"], "increment": 0.1,
+        "before_s": 0.3, "wave_s": 0.6, "after_s": 0.1, "intertrial_s": 0.1, "blocks": 1,
+    },
     "adjectives": {"emotion": ["depression", "pleasure"]},
     "duel": {"repetitions": 1, "practice": 1},
 }  # fmt: skip
@@ -359,7 +363,8 @@ def test_the_viewers_page_reads_every_column_as_it_was_recorded(
             off = np.nan_to_num(np.abs(got - wanted))
             assert (off <= (0.0 if exact else 1e-6 + spans / 60_000)).all(), column["name"]
             compared += 1
-    assert compared > 20 or not session.stream_names
+    is_on_page = on_kit(reference).study.procedure.on == "browser"  # fewer streams
+    assert compared > (15 if is_on_page else 20) or not session.stream_names
 
 
 def without_effect(study: OpenedStudy, experiment: StudyExperiment, people: int) -> pd.DataFrame:

@@ -292,11 +292,13 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
     """
     experiment.check_in_headset()
     if not all(read.fits_a_page for read in experiment.read.values()):
+        variant = experiment.study.procedure.xr_variant
         raise DesignError(
             f"{experiment.name} cannot be performed on a page: its trials show scenes frame by "
             "frame, vibrate, or play a Tone or Sound, and a page shows texts, pictures, shapes and "
             "gratings (t.show, without a condition), t.watch, t.ask, t.wait and t.dark. Perform it "
             "in the laboratory (visavis run), or show its scenes as films (t.watch)"
+            + (f", or perform {variant}, its variant for headsets' browsers" if variant else "")
         )
     if "sound" in experiment.study.procedure.screening:
         spoken_digits(experiment.language, experiment.settings.folder)

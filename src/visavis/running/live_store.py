@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from typing import Any, Final
 
+import numpy as np
+
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector
 from visavis.running.film_store import FilmStore
@@ -14,8 +16,9 @@ from visavis.stimuli.dressing.casting import default_casting
 from visavis.stimuli.flat import Image
 from visavis.stimuli.motion.synthesis.blend_file import packed_examples
 from visavis.stimuli.motion.synthesis.pose_distance import compared_joints
+from visavis.stimuli.picture import Room
 from visavis.stimuli.rooms.plain import plain_room
-from visavis.study.films import Film
+from visavis.study.films import Film, LiveFilm
 from visavis.study.live import Live, Near
 
 PERSON_AHEAD_M: Final = 2.6
@@ -25,7 +28,7 @@ PERSON_AHEAD_M: Final = 2.6
 class LiveStore:
     """The files of a study's live figures: `assets` maps names to content."""
 
-    lives: Sequence[Live]
+    lives: Sequence[Live | LiveFilm]
     assets: dict[str, bytes] = field(default_factory=dict)
 
     def describe(self, live: Live, *, is_simulated: bool = False) -> dict[str, Any]:
@@ -34,13 +37,8 @@ class LiveStore:
         Raises:
             DesignError: it is none of the study's, or its examples are for another body.
         """
-        if live not in self.lives:
-            raise DesignError(
-                "a live figure was made anew in a trial; make each once, outside of the trial's "
-                "function, so that it is loaded before"
-            )
         description: dict[str, Any] = {
-            "figure": self.lives.index(live),
+            "figure": self._number_of(live),
             "light": _light(),
             "camera": {
                 "is_free": live.camera == "free",
@@ -59,6 +57,46 @@ class LiveStore:
                 *([("beside", _glb(live.beside))] if live.beside else []),
             )
         }
+
+    def describe_film(
+        self, live: LiveFilm, films: FilmStore, *, is_simulated: bool = False
+    ) -> dict[str, Any]:
+        """Return what a page must know about a film that it draws; simulated people need no files.
+
+        Raises:
+            DesignError: it is none of the study's, or somebody in it has other joints.
+        """
+        # late, as for figures
+        from visavis.running.live_film import live_film_files
+
+        number = self._number_of(live)
+        if is_simulated:
+            return {"figure": number}
+        files, lens = live_film_files(live.film, films), live.lens
+        return {
+            "figure": number,
+            "light": _light_of(files.room, lambda vector, _: vector),
+            "camera": {
+                "is_free": False,
+                "eye_m": list(lens.eye_m),
+                "aim_m": list(lens.aim_m),
+                "half_height_01": lens.half_height_01,
+            },
+            "seconds": live.film.seconds,
+            "room": self._asset(files.room_file),
+            "people": [
+                {"person": self._asset(person), "poses": self._asset(poses)}
+                for person, poses in zip(files.people, files.poses, strict=True)
+            ],
+        }
+
+    def _number_of(self, live: Live | LiveFilm) -> int:
+        if live not in self.lives:
+            raise DesignError(
+                "a live figure was made anew in a trial; make each once, outside of the trial's "
+                "function, so that it is loaded before"
+            )
+        return self.lives.index(live)
 
     def _asset(self, data: bytes) -> dict[str, Any]:
         digest = hashlib.sha256(data).hexdigest()
@@ -80,19 +118,25 @@ def _light() -> Mapping[str, Any]:
 
     There people stand 2.6 m ahead and face the viewer, here at the origin and face −z.
     """
-    room = plain_room()
 
-    def turned(vector: Vector | None, ahead_m: float) -> list[float] | None:
-        if vector is None:
-            return None
-        return [-float(vector[0]), float(vector[1]), -float(vector[2]) - ahead_m]
+    def turned(vector: Vector, ahead_m: float) -> Vector:
+        return np.array([-vector[0], vector[1], -vector[2] - ahead_m])
+
+    return _light_of(plain_room(), turned)
+
+
+def _light_of(room: Room, turned: Callable[[Vector, float], Vector]) -> Mapping[str, Any]:
+    """Return the light of a room, `turned` to the axes of what is drawn in it."""
+
+    def numbers(vector: Vector | None, ahead_m: float) -> list[float] | None:
+        return None if vector is None else turned(vector, ahead_m).tolist()
 
     lamps = [
         {
             "kind": lamp.kind,
             "intensity": lamp.intensity.tolist(),
-            "position_m": turned(lamp.position_m, PERSON_AHEAD_M),
-            "direction": turned(lamp.direction, 0.0),
+            "position_m": numbers(lamp.position_m, PERSON_AHEAD_M),
+            "direction": numbers(lamp.direction, 0.0),
             "half_angle_deg": lamp.half_angle_deg,
         }
         for lamp in room.lights
@@ -105,14 +149,34 @@ def _light() -> Mapping[str, Any]:
     }
 
 
+def prepare_live_films(
+    lives: Sequence[Live | LiveFilm],
+    films: FilmStore,
+    report_progress: Callable[[int, int], None],
+) -> None:
+    """Make the files of everything that pages draw as films, once in a process.
+
+    `report_progress` is called with the number of films made and of all.
+    """
+    drawn = [live for live in lives if isinstance(live, LiveFilm)]
+    for count, live in enumerate(drawn, start=1):
+        # late, as above
+        from visavis.running.live_film import live_film_files
+
+        live_film_files(live.film, films)
+        report_progress(count, len(drawn))
+
+
 def page_files(
     films: FilmStore, lives: LiveStore, *, is_simulated: bool, pictures: PictureStore | None = None
-) -> Callable[[Film | Live | Image], Mapping[str, Any]]:
+) -> Callable[[Film | Live | LiveFilm | Image], Mapping[str, Any]]:
     """Return what describes to a page whatever it shows, each thing once."""
     pictures = pictures or PictureStore((), films.study_folder)
 
     @cache
-    def describe(shown: Film | Live | Image) -> Mapping[str, Any]:
+    def describe(shown: Film | Live | LiveFilm | Image) -> Mapping[str, Any]:
+        if isinstance(shown, LiveFilm):
+            return lives.describe_film(shown, films, is_simulated=is_simulated)
         if isinstance(shown, Live):
             return lives.describe(shown, is_simulated=is_simulated)
         if isinstance(shown, Image):

@@ -24,6 +24,7 @@ SHIPPED_STUDIES: Final[Mapping[str, str]] = {
     "stare": "visavis.experiments.stare.study:study",
     "crowd": "visavis.experiments.crowd.study:study",
     "waving": "visavis.experiments.waving.study:study",
+    "waving_page": "visavis.experiments.waving.on_page:study",
     "interpolation": "visavis.experiments.interpolation.study:study",
     "hybrid": "visavis.experiments.hybrid.study:study",
     "cameras": "visavis.experiments.cameras.study:study",

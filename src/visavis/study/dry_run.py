@@ -29,7 +29,7 @@ from visavis.study.actions import Action, PlayedSound, ShownScene, Source
 from visavis.study.asking import Answer
 from visavis.study.background import BackgroundExecutor
 from visavis.study.distances import agent_of
-from visavis.study.films import Stimulus
+from visavis.study.films import LiveFilm, Stimulus
 from visavis.study.gaze_on import gaze_columns
 from visavis.study.lit_trial import SCENE_STREAM
 from visavis.study.live import Live, LiveScene, Moulded
@@ -75,8 +75,8 @@ class TrialRead:
     """The sounds that it plays."""
     sound_columns: tuple[str, ...] = ()
     """The columns with the onsets of these sounds."""
-    lives: Mapping[str, Live] = field(default_factory=dict)
-    """The live figures that it shows, in order, by the names under which they are recorded."""
+    lives: Mapping[str, Live | LiveFilm] = field(default_factory=dict)
+    """What it shows that is drawn live, in order, by the names under which they are recorded."""
     scene_columns: tuple[str, ...] = ()
     """The columns that its scenes and films add."""
     row_columns: tuple[str, ...] = ()
@@ -128,7 +128,7 @@ def read_trial(
     responses: list[Response] = []
     scenes: list[Scene] = []
     films: list[Stimulus] = []
-    lives: dict[str, Live] = {}
+    lives: dict[str, Live | LiveFilm] = {}
     sounds: list[Source] = []
     sound_onsets: list[str] = []
     scene_columns: list[str] = []
@@ -216,6 +216,8 @@ def read_trial(
                     stimulus, reply = step.viewing.stimulus, answers
                     if isinstance(stimulus, LiveScene):
                         lives[script.next_prefix("live")] = stimulus.live
+                    elif isinstance(stimulus, LiveFilm):
+                        lives[script.next_prefix("live")] = stimulus
                     else:
                         films.append(stimulus)
                 if step.moulding is not None:

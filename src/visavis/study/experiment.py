@@ -28,7 +28,7 @@ from visavis.study.comparisons import Compare, possible
 from visavis.study.criterion import practice_state
 from visavis.study.declaration import Study
 from visavis.study.dry_run import TrialRead, first_lit, read_trial, read_trials
-from visavis.study.films import Film, Voice, films_of
+from visavis.study.films import Film, LiveFilm, Voice, films_of
 from visavis.study.items import ItemTable, fits, items_of_plan, read_items
 from visavis.study.live import Live, Slider
 from visavis.study.parameters import parameters_in_force
@@ -222,21 +222,22 @@ class StudyExperiment:
         return tuple(pictures.values())
 
     @cached_property
-    def lives(self) -> tuple[Live, ...]:
-        """Every live figure that a condition shows, each once."""
+    def lives(self) -> tuple[Live | LiveFilm, ...]:
+        """Everything drawn live that a condition shows, each once."""
         return tuple(dict.fromkeys(live for t in self.read.values() for live in t.lives.values()))
 
     def lives_of(self, trial: Trial) -> Mapping[str, Live]:
         """Return a trial's live figures by the names under which they are recorded."""
         apart = replace(self.settings, memory={})
-        return read_trial(self.study.trial_plan, trial, apart).lives
+        lives = read_trial(self.study.trial_plan, trial, apart).lives
+        return {name: live for name, live in lives.items() if isinstance(live, Live)}
 
     def check_at_devices(self) -> None:
         """Check that everything can be shown before a monitor or in a headset.
 
         Raises:
-            DesignError: a window follows the pointer, or the examples of a live figure are for
-                another body.
+            DesignError: a window follows the pointer, a film is drawn live, or the examples of a
+                live figure are for another body.
         """
         if any("pointer" in t.rests_on for t in self.read.values()):
             raise DesignError(
@@ -244,6 +245,10 @@ class StudyExperiment:
                 "give --on browser), or leave it out and measure gaze with an eye tracker"
             )
         for live in self.lives:
+            if isinstance(live, LiveFilm):
+                raise DesignError(
+                    f"{self.name}: a LiveFilm is drawn by pages; perform it on one (--on browser)"
+                )
             live.check_bodies()
 
     def check_in_headset(self) -> None:
@@ -282,7 +287,12 @@ class StudyExperiment:
         if others:
             yield f'it needs {", ".join(others)} of a lab (on="lab")'
         if not all(t.fits_a_page for t in reads):
-            yield "its trials show single frames; show live figures (t.watch(LiveScene(…)))"
+            variant = self.study.procedure.xr_variant
+            yield "its trials show single frames; " + (
+                f"perform {variant}, its variant for headsets' browsers"
+                if variant
+                else "show live figures (t.watch(LiveScene(…)))"
+            )
         if any(t.films for t in reads):
             yield (
                 "it shows films, which are watched on the flat page; leave xr out, or show live "
@@ -348,7 +358,8 @@ class StudyExperiment:
     def people_count(self) -> int:
         """Largest number of people in one picture; an audience includes its speaker."""
         people = self.study.procedure.people
-        live = max((1 + bool(live.beside) for live in self.lives), default=0)
+        figures = (live for live in self.lives if isinstance(live, Live))
+        live = max((1 + bool(figure.beside) for figure in figures), default=0)
         of_study = people(self.parameters) if callable(people) else people
         return max(self.agent_count + 1, of_study, live)
 

@@ -215,7 +215,34 @@ class Pair:
                 )
 
 
-Stimulus: TypeAlias = Film | Pair | LiveScene
+@dataclass(frozen=True)
+class LiveFilm:
+    """A film that is no file: a page draws its scene live, people and things as they move in it.
+
+    On a flat page it is seen by the film's camera; in a headset one stands below the camera's eye,
+    turned to where it aims, and may look about. Who moves in it does so as was computed before: it
+    answers nobody, eyes that look at the participant look at the camera's eye. Faces are still.
+
+    Raises:
+        DesignError: the camera of the film moves, or the film has a voice.
+    """
+
+    film: Film
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.film, Film) or not isinstance(self.film.lens, Lens):
+            raise DesignError("a live film is of a Film by a camera that stands still: lens=Lens()")
+        if self.film.voice is not None:
+            raise DesignError("a live film is silent; leave voice out, or watch the film itself")
+
+    @property
+    def lens(self) -> Lens:
+        """The camera."""
+        assert isinstance(self.film.lens, Lens)  # noqa: S101  # as was checked
+        return self.film.lens
+
+
+Stimulus: TypeAlias = Film | Pair | LiveScene | LiveFilm
 
 
 @dataclass(frozen=True)
@@ -241,7 +268,7 @@ class Viewing:
 
 
 def films_of(stimulus: Stimulus) -> Mapping[str, Film]:
-    """Return the films by their place: "film", or "left" and "right"; none of live figures."""
+    """Return films by their place: "film", or "left" and "right"; none of what is drawn live."""
     match stimulus:
         case Film():
             return {"film": stimulus}
@@ -272,6 +299,8 @@ def seconds_of(stimulus: Stimulus) -> float:
     """Return how long one round takes."""
     if isinstance(stimulus, LiveScene):
         return stimulus.cycle_s
+    if isinstance(stimulus, LiveFilm):
+        return stimulus.film.seconds
     return max(film.seconds for film in films_of(stimulus).values())
 
 

@@ -62,6 +62,7 @@ EVENT_FACTS: Final[Mapping[str, tuple[str, ...]]] = {
     "pointer_window": ("pointer",),
     "headset_entered": ("headset",),
     "discomfort": ("headset",),
+    "wave": (),
 }
 """Facts that cover the events of a session on a page. Plans of what is shown are about nobody."""
 

@@ -235,6 +235,8 @@ class Procedure:
     xr: Xr = "never"
     """Whether its page enters a headset by WebXR: never; "optional", where somebody has one and
     likes to; "required", or it does not begin. In the lab it says nothing."""
+    xr_variant: str = ""
+    """The study that does in a headset's browser what this one cannot, and is named instead."""
     posture: Posture | None = None
     """Whether participants sit or stand, as films and the viewer draw them. None: they sit where
     their eyes are less than 1.35 m above the floor."""

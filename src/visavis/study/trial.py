@@ -49,7 +49,7 @@ from visavis.study.asking import (
     direction_columns,
 )
 from visavis.study.background import BackgroundExecutor
-from visavis.study.films import Stimulus, Viewing, scene_of, seconds_of, voiced_film
+from visavis.study.films import LiveFilm, Stimulus, Viewing, scene_of, seconds_of, voiced_film
 from visavis.study.frames import dark_frame, dark_view, show_frame
 from visavis.study.gaze_on import GazeOn
 from visavis.study.lit_trial import STAMP_LIMIT_S, LitTrial, Until
@@ -308,13 +308,15 @@ class TrialScript(LitTrial):
         min_rounds: int = 1,
         replay: bool = True,
     ) -> Action:
-        """Show a `Film`, a `Pair` or live figures (`LiveScene`) round after round, with questions
-        below; without `replay` one round of a film, after which a page stays at the last picture.
+        """Show a `Film`, a `Pair`, live figures (`LiveScene`) or a `LiveFilm` round after round,
+        with questions below; without `replay` one round of a film, after which a page stays at the
+        last picture.
 
         Answers count after `min_rounds` whole rounds; times of answers run from the first picture
-        that was presented. Columns: those of the responses, and `film_on_ns`, `film_off_ns`,
-        `film_frames`; of figures those of `LIVE_COLUMNS` (`live_on_ns` and so on). The step
-        returns the `Answer` to each response by name. Before a headset or a monitor the scene
+        that was presented, of a `LiveFilm` from when its questions opened. Columns: those of the
+        responses, and `film_on_ns`, `film_off_ns`, `film_frames`; of what is drawn live those of
+        `LIVE_COLUMNS` (`live_on_ns` and so on). The step returns the `Answer` to each response by
+        name. Before a headset or a monitor the scene
         itself is shown for so many rounds (one at least), figures on until a button is pressed or
         30 s are over; then questions follow on boards. The `caption` of films is read on pages
         alone. A film with a `Voice` is heard, once before a headset or a monitor, and adds
@@ -322,7 +324,7 @@ class TrialScript(LitTrial):
         """
         viewing = Viewing(stimulus, responses, caption, min_rounds, replay)
         seconds = max(1, min_rounds) * seconds_of(stimulus)
-        shown = None if isinstance(stimulus, LiveScene) else scene_of(stimulus)
+        shown = None if isinstance(stimulus, LiveScene | LiveFilm) else scene_of(stimulus)
         return Action(
             "watch",
             lambda: self._watch(viewing),
@@ -473,6 +475,8 @@ class TrialScript(LitTrial):
         seconds = max(1, viewing.min_rounds) * seconds_of(stimulus)
         if isinstance(stimulus, LiveScene):
             yield from self._watch_figures(stimulus, viewing.caption, seconds)
+        elif isinstance(stimulus, LiveFilm):
+            raise DesignError("a LiveFilm is drawn by pages; show its scene with t.show")
         else:
             showing = Showing(scene_of(stimulus), seconds, None, "film")
             yield from self._show(showing, None, voiced_film(stimulus))

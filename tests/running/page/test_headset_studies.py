@@ -119,7 +119,7 @@ def experiment_in_headset(name: str) -> StudyExperiment:
     [
         ("stare", ["stare", "gaze", "openxr_gaze"]),
         ("crowd", ["crowd", "armbands", "floor of", "body of their own"]),
-        ("waving", ["waving", "single frames"]),
+        ("waving", ["waving", "single frames", "perform waving_page"]),
         ("interpolation", ["films", "LiveScene"]),
     ],
 )

@@ -17,7 +17,7 @@ from visavis.cli.session_lanes import lanes_of
 from visavis.cli.viewer.bundle import Bundle
 from visavis.cli.viewer.fixations import fixations_of
 from visavis.cli.viewer.models import LEVEL_OF_FEW, LEVEL_OF_MANY, MAX_FEW, Models
-from visavis.cli.viewer.motion import key_samples, one_way_round
+from visavis.cli.viewer.motion import key_samples
 from visavis.cli.viewer.pages import pages_of
 from visavis.devices.streams import NO_DEVICE_TIME
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
@@ -31,6 +31,7 @@ from visavis.results.opened_study import OpenedStudy
 from visavis.running.page.seen_trial import is_on_page
 from visavis.stimuli.camera.shots import ShotSize
 from visavis.stimuli.dressing.picture_of import picture_of
+from visavis.stimuli.motion.rotations import one_way_round
 from visavis.stimuli.picture import Picture
 from visavis.stimuli.scene import Agent
 from visavis.stimuli.surfaces import Surfaces

@@ -3,25 +3,6 @@
 const PIECE = 24; // triangles of a room that are left out together
 const SPECK_PX = 1; // what is smaller is left out while time moves
 
-const ROOM = [`#version 300 es
-layout(location=0) in vec3 place; layout(location=1) in vec2 uv; layout(location=2) in vec3 light;
-uniform mat4 projection; out vec2 v_uv; out vec3 v_light;
-void main() { gl_Position = projection * vec4(place, 1.0); v_uv = uv; v_light = light * (255.0 / 127.0); }`,
-`#version 300 es
-precision highp float;
-in vec2 v_uv; in vec3 v_light; uniform sampler2D picture; uniform int look; uniform float brightness; out vec4 o;
-void main() {
-  vec3 c = v_light;
-  if (look > 0) {
-    vec4 t = texture(picture, v_uv);
-#ifdef HOLES
-    if (t.a < 0.45) discard; // which keeps hidden pixels from being left out early
-#endif
-    c *= t.rgb;
-  }
-  o = vec4(c * brightness, 1.0);
-}`];
-
 const THING = [`#version 300 es
 layout(location=0) in vec3 place; layout(location=1) in vec3 normal; layout(location=2) in vec3 colour; layout(location=3) in vec2 uv;
 uniform mat4 projection; uniform mat4 model; uniform vec4 paint; uniform float glow; out vec3 v_light; out vec2 v_uv;

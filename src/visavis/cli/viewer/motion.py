@@ -62,12 +62,3 @@ def key_samples(
     """
     is_key = _find_all_keys(np.ascontiguousarray(tracks, np.float64), off_by, longest, turns)
     return is_key.sum(axis=1), np.nonzero(is_key)[1]
-
-
-def one_way_round(orientation_wxyz: Vector) -> Vector:
-    """Return quaternions (n, ..., 4) whose signs do not jump from sample to sample."""
-    quaternions = orientation_wxyz.copy()
-    flips = (quaternions[1:] * quaternions[:-1]).sum(axis=-1) < 0
-    signs = np.cumprod(np.where(flips, -1.0, 1.0), axis=0)
-    quaternions[1:] *= signs[..., None]
-    return quaternions

@@ -41,7 +41,7 @@ FILMS_LOADED: Final = "films_loaded"
 """A page loads films by itself: no person replied to the step before this event."""
 SOUND_STREAM: Final = 0x50D
 """Random stream of a session that chooses the spoken digits."""
-ASSETS: Final = ("person", "beside", "blend")
+ASSETS: Final = ("person", "beside", "blend", "room", "poses")
 """The files that a page draws a live figure from."""
 DRAWN: Final = ("film", "mould", "live")
 """How columns begin of what the page draws for as long as its reader stays."""
@@ -224,7 +224,9 @@ def course(visit: Visit) -> Course:
             yield from _sound(visit)
         films = [visit.files(film) for film in experiment.films]
         lives = [visit.files(live) for live in experiment.lives]
-        assets = [live[name] for live in lives for name in ASSETS if name in live]
+        described = [part for live in lives for part in (live, *live.get("people", ()))]
+        files = [part[name] for part in described for name in ASSETS if name in part]
+        assets = [*{file["name"]: file for file in files}.values()]  # each once
         pictures = [visit.files(picture) for picture in experiment.pictures]
         if films or lives or pictures:
             more = {"assets": assets} if assets else {}

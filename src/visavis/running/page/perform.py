@@ -26,7 +26,7 @@ from visavis.running.film_store import (
     FilmStore,
     film_store,
 )
-from visavis.running.live_store import LiveStore, page_files
+from visavis.running.live_store import LiveStore, page_files, prepare_live_films
 from visavis.running.page.client import visit
 from visavis.running.page.course import (
     DECLINED,
@@ -152,6 +152,7 @@ def prepared_films(
     store = film_store(experiment)
     if not request.clock.is_virtual:
         store.build(experiment.films, report_progress)
+        prepare_live_films(experiment.lives, store, report_progress)
     return store
 
 

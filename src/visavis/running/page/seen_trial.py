@@ -22,7 +22,7 @@ from visavis.running.page.trial import FilmFailed, perform_on_page
 from visavis.stimuli.scenes.flat import FlatScene
 from visavis.study.actions import Action
 from visavis.study.experiment import StudyExperiment
-from visavis.study.films import Film, Viewing, films_of
+from visavis.study.films import Film, LiveFilm, Viewing, films_of
 from visavis.study.trial import TrialScript
 
 USUAL_VIEW_PX: Final = (1280, 720)
@@ -154,8 +154,12 @@ def _step(step: PageStep, watch: Viewing | None, reply: Reply, folder: Path) -> 
     shown_ns = reply.t_ns_of(float(content.get("shown_ms") or 0.0))
     if step.kind == "blank":
         shown_ns = reply.t_ns - round(1e9 * float(step.content.get("seconds", 0.0)))
-    films = {} if watch is None or content.get("failed") else films_of(watch.stimulus)
+    films: Mapping[str, Film] = {}
     film_replies = content.get("films") or {}
+    if watch is not None and not content.get("failed"):
+        films = films_of(watch.stimulus)
+        if isinstance(watch.stimulus, LiveFilm):
+            films, film_replies = {"film": watch.stimulus.film}, {"film": content}
     first = [float(film_replies[place]["first_ms"]) for place in films if place in film_replies]
     answers = content.get("answers") or {}
     questions = []

@@ -184,6 +184,8 @@ class Drawn:
     distance_m: float | None
     renderer: str
     rounds: int = 0
+    opened_ms: float | None = None
+    """When the questions about what was watched could be answered first; None: nobody says."""
 
 
 def read_drawn(content: Mapping[str, Any]) -> Drawn:
@@ -197,7 +199,7 @@ def read_drawn(content: Mapping[str, Any]) -> Drawn:
     renderer = content.get("renderer")
     if not isinstance(renderer, str) or len(renderer) > 200:
         raise PageError("the renderer is a short text")
-    distance = content.get("distance_m")
+    distance, opened = content.get("distance_m"), content.get("opened_ms")
     return Drawn(
         number(content.get("first_ms"), "first_ms"),
         number(content.get("off_ms"), "off_ms"),
@@ -208,6 +210,7 @@ def read_drawn(content: Mapping[str, Any]) -> Drawn:
         None if distance is None else number(distance, "distance_m"),
         renderer,
         count(content.get("rounds", 0), "rounds"),
+        None if opened is None else number(opened, "opened_ms"),
     )
 
 

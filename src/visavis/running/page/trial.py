@@ -26,7 +26,7 @@ from visavis.stimuli.flat import Image
 from visavis.study.actions import Action
 from visavis.study.asking import Answer
 from visavis.study.dry_run import still_view
-from visavis.study.films import Film, Viewing, films_of, voiced_film
+from visavis.study.films import Film, LiveFilm, Viewing, films_of, seconds_of, voiced_film
 from visavis.study.live import (
     LIVE_COLUMNS,
     MOULD_COLUMNS,
@@ -40,7 +40,7 @@ from visavis.study.responses import Keys, Response
 from visavis.study.trial import TrialPlan, TrialScript
 
 OnPage: TypeAlias = Generator[PageStep | Mark, Reply | None, Any]
-FilmFiles: TypeAlias = Callable[[Film | Live | Image], Mapping[str, Any]]
+FilmFiles: TypeAlias = Callable[[Film | Live | LiveFilm | Image], Mapping[str, Any]]
 """Returns what a page must know about a film, a live figure or a picture: files' names, hashes,
 sizes.
 """
@@ -201,8 +201,8 @@ def _ask(script: TrialScript, responses: tuple[Response, ...]) -> OnPage:
 
 
 def _watch(script: TrialScript, watch: Viewing, files: FilmFiles) -> OnPage:
-    if isinstance(watch.stimulus, LiveScene):
-        return (yield from _watch_figures(script, watch, watch.stimulus, files))
+    if isinstance(watch.stimulus, LiveScene | LiveFilm):
+        return (yield from _watch_drawn(script, watch, watch.stimulus, files))
     films = films_of(watch.stimulus)
     film_entries = [{"place": place, **files(film)} for place, film in films.items()]
     step = {
@@ -236,14 +236,16 @@ def _watch(script: TrialScript, watch: Viewing, files: FilmFiles) -> OnPage:
     return (yield from _answers(script, watch.responses, reply, first_ms))
 
 
-def _watch_figures(
-    script: TrialScript, watch: Viewing, scene: LiveScene, files: FilmFiles
+def _watch_drawn(
+    script: TrialScript, watch: Viewing, scene: LiveScene | LiveFilm, files: FilmFiles
 ) -> OnPage:
+    live, motions = (scene, ()) if isinstance(scene, LiveFilm) else (scene.live, scene.motions)
     step = {
         "films": [],
-        "live": dict(files(scene.live)),
-        "motions": [motion.weights.tolist() for motion in scene.motions],
-        "cycle_s": scene.cycle_s,
+        "live": dict(files(live)),
+        "motions": [motion.weights.tolist() for motion in motions],
+        "cycle_s": seconds_of(scene),
+        **({} if watch.replay else {"once": True}),
         "questions": _questions(script, watch.responses),
         "caption": watch.caption,
         "min_rounds": watch.min_rounds,
@@ -255,7 +257,10 @@ def _watch_figures(
     script.row.setdefault("t_start_ns", columns["on_ns"])
     script.row |= {f"{name}_{c.name}": columns[c.name] for c in LIVE_COLUMNS}
     script.row["t_end_ns"] = columns["off_ns"]
-    return (yield from _answers(script, watch.responses, reply, drawing.first_ms))
+    from_ms = drawing.first_ms
+    if isinstance(scene, LiveFilm) and drawing.opened_ms is not None:
+        from_ms = drawing.opened_ms
+    return (yield from _answers(script, watch.responses, reply, from_ms))
 
 
 def _drawing_of(reply: Reply) -> Drawn:

@@ -26,7 +26,7 @@ from visavis.stimuli.motion.synthesis.pose_distance import Likeness
 from visavis.stimuli.scene import SceneFrame
 from visavis.study.dry_run import still_view
 from visavis.study.experiment import StudyExperiment
-from visavis.study.films import Film, Lens, Pair, films_of, scene_of, seconds_of
+from visavis.study.films import Film, Lens, LiveFilm, Pair, films_of, scene_of, seconds_of
 from visavis.study.live import Live, LiveScene
 from visavis.study.responses import Keys, Response
 from visavis.study.scenes import Staging, stage
@@ -75,7 +75,7 @@ class Visitor:
     now_ms: float = 0.0
     digits: Sequence[bytes] = ()
     """Recordings of the digits in the language of the page."""
-    lives: Sequence[Live] = ()
+    lives: Sequence[Live | LiveFilm] = ()
     """The study's live figures, by number on the wire."""
     presses: Mapping[str, Keys] = field(default_factory=dict)
     """The study's keys, by the name of their answer."""
@@ -208,6 +208,8 @@ class Visitor:
         self._begin_trial(content)
         if "live" in content:
             live = self.lives[content["live"]["figure"]]
+            if isinstance(live, LiveFilm):
+                return self._see_films({"film": live.film})
             names = live.examples.names
             motions = [dict(zip(names, w, strict=True)) for w in content["motions"]]
             self.person.watch_figures(LiveScene(live, *motions), content["caption"])
@@ -215,13 +217,18 @@ class Visitor:
         film_entries = {f["place"]: f for f in content["films"]}
         if not film_entries:
             return 0.0
-        round_ms = float(max(f["seconds"] for f in film_entries.values()) * 1000)
         films = {p: self.films[f["film"]] for p, f in film_entries.items()}
+        round_ms = self._see_films(films)
+        moving = {p: film for p, film in films.items() if not isinstance(film.lens, Lens)}
+        self.person.watch({p: self.store.film_seen(film) for p, film in moving.items()})
+        return round_ms
+
+    def _see_films(self, films: Mapping[str, Film]) -> float:
+        """See the first and the last frame of films; return how long they take in milliseconds."""
+        round_ms = 1000.0 * max(film.frame_count / film.rate_hz for film in films.values())
         first, last = self.views(films)
         self.person.see(first, 0)
         self.person.see(last, max(1, round(round_ms * NS_PER_MS)))
-        moving = {p: film for p, film in films.items() if not isinstance(film.lens, Lens)}
-        self.person.watch({p: self.store.film_seen(film) for p, film in moving.items()})
         return round_ms
 
     def _begin_trial(self, content: Mapping[str, Any]) -> None:
@@ -346,7 +353,7 @@ class Visitor:
         film_entries = {f["place"]: f for f in content["films"]}
         round_ms = self.look(content)
         first_ms += FIRST_FRAME_MS if round_ms else 0.0
-        at_ms = first_ms + content["min_rounds"] * round_ms
+        opened_ms = at_ms = first_ms + content["min_rounds"] * round_ms
         answers = {}
         for question in content["questions"]:
             response = self.responses[question["prompt"]]
@@ -367,6 +374,7 @@ class Visitor:
         if "live" in content:
             drawing = {
                 "first_ms": first_ms,
+                "opened_ms": opened_ms,
                 "ended_by": "button",
                 "frames": round(shown_s * REFRESH_HZ),
                 "dropped": 0,

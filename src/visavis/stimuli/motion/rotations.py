@@ -200,3 +200,12 @@ def weighted_mean(q: Vector, weights: Vector) -> Vector:
     mean = np.linalg.eigh(moment)[1][..., :, -1]
     heaviest = np.argmax(weights, axis=0)[None, ..., None]
     return same_hemisphere(mean, np.take_along_axis(q, heaviest, axis=0)[0])
+
+
+def one_way_round(orientation_wxyz: Vector) -> Vector:
+    """Return quaternions (n, ..., 4) whose signs do not jump from sample to sample."""
+    quaternions = orientation_wxyz.copy()
+    flips = (quaternions[1:] * quaternions[:-1]).sum(axis=-1) < 0
+    signs = np.cumprod(np.where(flips, -1.0, 1.0), axis=0)
+    quaternions[1:] *= signs[..., None]
+    return quaternions

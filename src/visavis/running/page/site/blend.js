@@ -11,17 +11,26 @@ const DOWN = [0, -1, 0];
 
 // ---- the file -------------------------------------------------------------------------------
 
-/** Read a file of `blend_file.packed_examples`: a length, JSON, then arrays of doubles. */
-export function readBlend(buffer) {
+const KINDS = { f8: Float64Array, f4: Float32Array, u4: Uint32Array, u1: Uint8Array };
+
+/** Read a file of `page_arrays.packed_arrays`: its head, and its arrays by name. */
+export function readArrays(buffer) {
   const length = new DataView(buffer).getUint32(0, true);
   const head = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
-  let at = Math.ceil((4 + length) / 8) * 8;
-  const blend = { names: head.names, joints: head.joints, frameS: head.frame_s };
-  for (const [name, shape] of head.arrays) {
-    const count = shape.reduce((a, b) => a * b, 1);
-    blend[name] = new Float64Array(buffer, at, count);
-    at += 8 * count;
+  const padded = (n) => Math.ceil(n / 8) * 8;
+  let at = padded(4 + length);
+  const arrays = {};
+  for (const [name, shape, kind] of head.arrays) {
+    arrays[name] = new KINDS[kind](buffer, at, shape.reduce((a, b) => a * b, 1));
+    at += padded(arrays[name].byteLength);
   }
+  return { head, arrays };
+}
+
+/** Read a file of `blend_file.packed_examples`. */
+export function readBlend(buffer) {
+  const { head, arrays } = readArrays(buffer);
+  const blend = { names: head.names, joints: head.joints, frameS: head.frame_s, ...arrays };
   blend.n = head.names.length;
   blend.keys = blend.key_s.length / blend.n;
   blend.sliders = blend.points ? blend.points.length / blend.n : blend.n;

@@ -1,11 +1,11 @@
-// A figure drawn on the page: it walks, answers sliders in the next frame, and can be looked at from
-// all round. What it is made of is loaded before, checked, and counted: a part that is missing or
+// What is drawn live on the page: a figure that walks, answers sliders in the next frame, and can be
+// looked at from all round; or a film whose people move in their room as was computed before. What it is made of is loaded before, checked, and counted: a part that is missing or
 // refused is a failure, never a figure without eyes.
 
 import * as blends from "./blend.js";
 import * as wire from "./wire.js";
 import { readPerson } from "./glb.js";
-import { boneRows, LIGHT, FINE_LIGHT, Painter, PERSON, rendererOf } from "./painting.js";
+import { boneRows, LIGHT, FINE_LIGHT, Painter, PERSON, rendererOf, ROOM } from "./painting.js";
 
 const TRIES = 4;
 const CAMERA_MS = 50; // 20 a second
@@ -16,7 +16,7 @@ const TURNS = { ArrowLeft: [-KEY_TURN, 0], ArrowRight: [KEY_TURN, 0], ArrowUp: [
 const KEY_CLOSER = 1.08;
 const NEAREST_M = 0.6;
 const FARTHEST_M = 9;
-const FOV_DEG = 34;
+const HALF_HEIGHT = Math.tan(17 * Math.PI / 180); // of the picture, one metre away
 const [NEAR_M, FAR_M] = [0.05, 60];
 const [LEAST_PITCH, MOST_PITCH] = [-0.02, 1.55];
 const SHADE_M = 0.42;
@@ -90,10 +90,11 @@ export async function load(asset, key) {
 /** What draws a step's figures, its floor and what is below them. */
 export class Stage extends Painter {
   constructor(canvas, light) {
-    super(canvas, { antialias: true, programs: { person: [PERSON, "#define FINE"], level: [LEVEL], card: [CARD] } });
+    super(canvas, { antialias: true, programs: { person: [PERSON, "#define FINE"], level: [LEVEL], card: [CARD], room: [ROOM] } });
     const { gl } = this;
     this.people = [];
     this.levels = [];
+    this.hall = null;
     this.mist = light.background_srgb.map((code) => code / 255);
     this.background = light.background_srgb;
     this.room = { sky: light.sky, ground: light.ground, lamps: light.lamps.map((lamp) => ({
@@ -166,6 +167,28 @@ export class Stage extends Painter {
 
   modelsOf(k) { return this.people[k].models; }
 
+  /** Take in the room that everything stands in: a file's head, arrays and pictures by name. */
+  surround({ head, arrays }, pictures) {
+    const vao = this.gl.createVertexArray();
+    this.gl.bindVertexArray(vao);
+    this.buffer(0, arrays.place, 3);
+    this.buffer(1, arrays.uv, 2);
+    this.buffer(2, Object.assign(arrays.light, { stride: 4 }), 3, { normal: true });
+    this.hall = { vao, kind: this.indices(arrays.index), runs: head.runs.map(([first, count, name]) => ({ first, count, picture: name ? this.sharp(pictures[name]) : null })) };
+  }
+
+  drawHall(projection) {
+    const { gl, hall } = this;
+    const at = this.use("room", projection, null, 1);
+    gl.bindVertexArray(hall.vao);
+    gl.activeTexture(gl.TEXTURE0);
+    for (const { first, count, picture } of hall.runs) {
+      gl.uniform1i(at.look, picture ? 1 : 0);
+      gl.bindTexture(gl.TEXTURE_2D, picture || this.white);
+      gl.drawElements(gl.TRIANGLES, count, hall.kind, 4 * first);
+    }
+  }
+
   /** Draw everybody as they stand, `bones` of one after the other, as seen by each view; on a headset's `target`, or on the canvas. */
   draw(bones, joints, views, target = null) {
     const { gl, canvas } = this;
@@ -195,6 +218,7 @@ export class Stage extends Painter {
 
   drawView(bones, joints, { eye, projection }) {
     const { gl } = this;
+    if (this.hall) this.drawHall(projection);
     const at = this.use("level", projection, this.room, 1);
     gl.bindVertexArray(this.square);
     gl.activeTexture(gl.TEXTURE0);
@@ -266,14 +290,13 @@ function circling(canvas, eye, aim, changed) {
 }
 
 /** Return what a camera sees: where it is, and the matrix that leads from the world to its picture. */
-function viewOf(eye, aim, aspect) {
+function viewOf(eye, aim, aspect, top) {
   const unit = (v) => { const n = Math.hypot(...v); return v.map((a) => a / n); };
   const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
   const back = unit(eye.map((at, i) => at - aim[i]));
   const right = unit(cross([0, 1, 0], back));
   const up = cross(back, right);
   const along = (axis) => [...axis, -axis.reduce((sum, a, i) => sum + a * eye[i], 0)];
-  const top = Math.tan(FOV_DEG * Math.PI / 360);
   const [x, y, z] = [along(right).map((a) => a / (top * aspect)), along(up).map((a) => a / top), along(back)];
   const deep = z.map((a, i) => (FAR_M + NEAR_M) / (NEAR_M - FAR_M) * a + (i === 3 ? 2 * FAR_M * NEAR_M / (NEAR_M - FAR_M) : 0));
   return { eye, projection: new Float32Array([0, 1, 2, 3].flatMap((c) => [x[c], y[c], deep[c], -z[c]])) };
@@ -305,12 +328,14 @@ function addLane(stage, x) {
   return addLevel(stage, { picture: gridOf(stage, "#9a958e", "#7d7872"), middle: [x, 0], size: LANE_M, high: 0.002 });
 }
 
+const addShade = (stage, x) => addLevel(stage, { middle: [x, 0], size: [2 * SHADE_M, 2 * SHADE_M], high: 0.004, shade: 0.5 });
+
 /** Let a person walk in place at x, above a level that passes below. */
 function walkerOf(blend, person, stage, level, x) {
   const pose = blends.newPose(blend);
   const { rest } = person;
   const number = stage.add(person);
-  const shade = addLevel(stage, { middle: [x, 0], size: [2 * SHADE_M, 2 * SHADE_M], high: 0.004, shade: 0.5 });
+  const shade = addShade(stage, x);
   let weights;
   let keyS;
   let stance;
@@ -343,6 +368,72 @@ function walkerOf(blend, person, stage, level, x) {
       level.offset = (wayM / GRID_M) % 1; // the floor passes below, as on a treadmill
     },
   };
+}
+
+/** Let a person move as a file of poses says, again and again or `once`; then they stay as they are. */
+function actorOf({ head, arrays }, person, stage, once) {
+  const { joints, parents, moving, frames, rate_hz: rate } = head;
+  const body = { joints, parents, offsets_m: arrays.offsets_m };
+  const pose = blends.newPose(body);
+  const turnAt = (turns, i) => Array.from(turns.subarray(4 * i, 4 * i + 4));
+  for (let j = 0; j < joints; j += 1) pose.turns[j] = turnAt(arrays.rest, j);
+  const number = stage.add(person);
+  const shade = addShade(stage, 0);
+  const lastS = frames / rate;
+  const between = (values, i, k, n, share) => (1 - share) * values[n * k + i] + share * values[n * Math.min(frames - 1, k + 1) + i];
+  let nowS = 0;
+  return {
+    rounds: 0,
+    again() { this.rounds = 0; nowS = 0; },
+    step(seconds, bones) {
+      nowS += seconds;
+      const rounds = Math.floor(nowS / lastS);
+      if (once) { this.rounds = Math.min(1, rounds); nowS = Math.min(nowS, lastS); } else { this.rounds += rounds; nowS -= rounds * lastS; }
+      const k = Math.min(frames - 1, Math.floor(nowS * rate));
+      const share = nowS * rate - k;
+      pose.root = [0, 1, 2].map((i) => between(arrays.root_m, i, k, 3, Math.min(1, share)));
+      moving.forEach((j, m) => {
+        const turn = [0, 1, 2, 3].map((i) => between(arrays.turns, 4 * m + i, k, 4 * moving.length, Math.min(1, share)));
+        const n = Math.hypot(...turn);
+        pose.turns[j] = turn.map((part) => part / n);
+      });
+      blends.placeAll(body, pose);
+      for (let j = 0; j < joints; j += 1) boneRows(pose.world[j], 0, pose.place[j], 0, person.rest, 3 * j, bones, 12 * (number * joints + j));
+      shade.middle = [pose.root[0], pose.root[2]];
+    },
+  };
+}
+
+/** Return who moves in a film that is drawn here, once its room stands on the stage. */
+async function actorsOf({ live, once }, stage, key) {
+  const room = blends.readArrays(await load(live.room, key));
+  const names = room.head.runs.map(([, , name]) => name).filter(Boolean);
+  const images = await Promise.all(names.map((name) => createImageBitmap(new Blob([room.arrays[name]], { type: "image/webp" }),
+    { premultiplyAlpha: "none", colorSpaceConversion: "none" })));
+  stage.surround(room, Object.fromEntries(names.map((name, i) => [name, images[i]])));
+  const actors = [];
+  let joints = 0;
+  for (const one of live.people) {
+    const poses = blends.readArrays(await load(one.poses, key));
+    actors.push(actorOf(poses, await readPerson(await load(one.person, key)), stage, once));
+    joints = poses.head.joints;
+  }
+  return { walkers: actors, joints };
+}
+
+/** Return who walks in a step: one figure, and somebody beside it where there is one. */
+async function walkersOf(step, stage, key) {
+  const blend = blends.readBlend(await load(step.live.blend, key));
+  const person = await readPerson(await load(step.live.person, key));
+  const floor = addFloor(stage);
+  const besideWeights = step.until ? Float64Array.from(step.until.weights) : step.motions?.[1] && Float64Array.from(step.motions[1]);
+  const beside = besideWeights && step.live.beside ? await readPerson(await load(step.live.beside, key)) : null;
+  const apart = step.motions ? APART_M : -APART_M; // seen from the front: a watched figure is on the left, a moulded one on the right
+  const walker = walkerOf(blend, person, stage, beside ? addLane(stage, apart) : floor, beside ? apart : 0);
+  const besideWalker = beside && walkerOf(blend, beside, stage, addLane(stage, -apart), -apart);
+  if (besideWalker) besideWalker.weigh(besideWeights);
+  if (step.is_blind) walker.hide();
+  return { walkers: besideWalker ? [walker, besideWalker] : [walker], joints: blend.joints, blend };
 }
 
 const joined = (rows) => rows.map((row) => row.map((value) => Math.round(value * 1e4) / 1e4));
@@ -380,22 +471,12 @@ export function placesOf(blend, w, until) {
  * `values`, and `seen`, which is resolved by the first picture.
  */
 export async function open(step, canvas, key, say, ended, began = () => {}) {
-  const blend = blends.readBlend(await load(step.live.blend, key));
-  const person = await readPerson(await load(step.live.person, key));
   const stage = new Stage(canvas, step.live.light);
-  const floor = addFloor(stage);
+  const { walkers, joints, blend } = await (step.live.people ? actorsOf : walkersOf)(step, stage, key);
   const until = step.until && { ...step.until };
-  const motions = (step.motions || []).map((weights) => Float64Array.from(weights));
-  const besideWeights = until ? Float64Array.from(until.weights) : motions[1];
-  const beside = besideWeights && step.live.beside ? await readPerson(await load(step.live.beside, key)) : null;
-  const apart = motions.length ? APART_M : -APART_M; // seen from the front: a watched figure is on the left, a moulded one on the right
-  const walker = walkerOf(blend, person, stage, beside ? addLane(stage, apart) : floor, beside ? apart : 0);
-  const besideWalker = beside && walkerOf(blend, beside, stage, addLane(stage, -apart), -apart);
-  if (besideWalker) besideWalker.weigh(besideWeights);
-  const walkers = besideWalker ? [walker, besideWalker] : [walker];
-  if (step.is_blind) walker.hide();
-  const bones = new Float32Array(12 * blend.joints * stage.people.length);
-  const { eye_m: eye, aim_m: aim, is_free: isFree } = step.live.camera;
+  const isWatched = Boolean(step.motions);
+  const bones = new Float32Array(12 * joints * stage.people.length);
+  const { eye_m: eye, aim_m: aim, is_free: isFree, half_height_01: halfHeight = HALF_HEIGHT } = step.live.camera;
   const camera = circling(canvas, eye, aim, () => noteCamera());
   camera.isFree = isFree;
 
@@ -419,8 +500,9 @@ export async function open(step, canvas, key, say, ended, began = () => {}) {
   const target = until && placesOf(blend, Float64Array.from(until.weights), until);
 
   const weigh = () => {
-    const weights = motions[0] || blends.weightsAt(blend, values);
-    walker.weigh(weights);
+    if (!blend) return;
+    const weights = isWatched ? Float64Array.from(step.motions[0]) : blends.weightsAt(blend, values);
+    walkers[0].weigh(weights);
     if (until) distance = distanceM(blend, weights, target, until);
   };
   weigh();
@@ -440,9 +522,9 @@ export async function open(step, canvas, key, say, ended, began = () => {}) {
     walkers.forEach((one, i) => {
       const before = one.rounds;
       one.step(isPaused ? 0 : seconds, bones);
-      if (motions.length && one.rounds > before) moves.rounds.push([performance.now(), i]);
+      if (isWatched && (blend || i === 0) && one.rounds > before) moves.rounds.push([performance.now(), i]);
     });
-    stage.draw(bones, blend.joints, views, target);
+    stage.draw(bones, joints, views, target);
     frames += 1;
     canvas.dataset.frames = frames;
     canvas.dataset.draws = stage.people.reduce((n, person) => n + person.models.length, 0); // for each eye
@@ -450,7 +532,7 @@ export async function open(step, canvas, key, say, ended, began = () => {}) {
     for (const since of waiting) mostFrames = Math.max(mostFrames, frames - since);
     waiting = [];
     if (isPaused) return;
-    if (motions.length) { began(roundsOf()); return; }
+    if (isWatched) { began(roundsOf()); return; }
     if (until && !step.is_blind && distance < until.within_m) ended("near");
     else if (performance.now() - firstMs >= step.limit_s * 1000) ended("limit");
   };
@@ -458,7 +540,7 @@ export async function open(step, canvas, key, say, ended, began = () => {}) {
     if (!isOpen || headset) return;
     request = requestAnimationFrame(draw);
     resize();
-    frame(nowMs, [viewOf(camera.eye(), aim, canvas.width / Math.max(1, canvas.height))]);
+    frame(nowMs, [viewOf(camera.eye(), aim, canvas.width / Math.max(1, canvas.height), halfHeight)]);
   };
   const pauseAt = () => { lastMs = null; };
   document.addEventListener("visibilitychange", pauseAt);
@@ -479,7 +561,7 @@ export async function open(step, canvas, key, say, ended, began = () => {}) {
   };
   const tellMoves = () => {
     if (!moves.sliders.length && !moves.camera.length && !moves.rounds.length) return;
-    const rows = { sliders: joined(moves.sliders), camera: joined(moves.camera), ...(motions.length ? { rounds: joined(moves.rounds) } : {}) };
+    const rows = { sliders: joined(moves.sliders), camera: joined(moves.camera), ...(isWatched ? { rounds: joined(moves.rounds) } : {}) };
     [moves.sliders, moves.camera, moves.rounds] = [[], [], []];
     say(rows);
   };
@@ -519,7 +601,7 @@ export async function open(step, canvas, key, say, ended, began = () => {}) {
       const dropped = period ? gapsMs.reduce((n, gap) => n + Math.max(0, Math.round(gap / period) - 1), 0) : 0;
       tellMoves();
       return { first_ms: firstMs ?? performance.now(), frames, dropped, slider_frames: mostFrames,
-        distance_m: distance, renderer: rendererOf(stage.gl), problem, ...(repeats ? { repeats } : {}), ...(motions.length ? { rounds: roundsOf() } : {}) };
+        distance_m: distance, renderer: rendererOf(stage.gl), problem, ...(repeats ? { repeats } : {}), ...(isWatched ? { rounds: roundsOf() } : {}) };
     },
     close() {
       isOpen = false;

@@ -637,7 +637,8 @@ const steps = {
     let isOpen = false;
     let player = null;
     let figure = null;
-    const open = () => { isOpen = true; hint.textContent = ""; for (const q of questions) q.enable(true); update(); };
+    let openedMs = null;
+    const open = () => { isOpen = true; openedMs = performance.now(); hint.textContent = ""; for (const q of questions) q.enable(true); update(); };
     const shut = () => { isOpen = false; for (const q of questions) q.enable(false); update(); };
     shut();
     const videos = step.films.map((f) => element("video", { playsinline: true, muted: true, preload: "auto", width: f.width_px, height: f.height_px,
@@ -697,7 +698,7 @@ const steps = {
         answers: Object.fromEntries(questions.map((q) => [q.name, q.answer() || { option: null, at_ms: performance.now(), by: "keys" }])) };
       if (figure) {
         const { problem, ...report } = figure.report();
-        Object.assign(content, report, { ended_by: "button" });
+        Object.assign(content, report, { ended_by: "button", opened_ms: openedMs });
       }
       if (player) { content.films = player.report(); content.apart_ms = player.apartMs(); }
       cleanUp();

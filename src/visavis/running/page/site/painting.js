@@ -127,6 +127,26 @@ void main() {
 #endif
 `];
 
+// A room whose light was computed before: codes of light at every vertex.
+export const ROOM = [`#version 300 es
+layout(location=0) in vec3 place; layout(location=1) in vec2 uv; layout(location=2) in vec3 light;
+uniform mat4 projection; out vec2 v_uv; out vec3 v_light;
+void main() { gl_Position = projection * vec4(place, 1.0); v_uv = uv; v_light = light * (255.0 / 127.0); }`,
+`#version 300 es
+precision highp float;
+in vec2 v_uv; in vec3 v_light; uniform sampler2D picture; uniform int look; uniform float brightness; out vec4 o;
+void main() {
+  vec3 c = v_light;
+  if (look > 0) {
+    vec4 t = texture(picture, v_uv);
+#ifdef HOLES
+    if (t.a < 0.45) discard; // which keeps hidden pixels from being left out early
+#endif
+    c *= t.rgb;
+  }
+  o = vec4(c * brightness, 1.0);
+}`];
+
 export class Program {
   constructor(gl, shaders, defined = '') {
     const [vertex, fragment] = shaders.map(text => text.replace('#version 300 es', '#version 300 es\n' + defined));

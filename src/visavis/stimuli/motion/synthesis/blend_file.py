@@ -1,11 +1,4 @@
-"""Everything a page needs to blend examples, as bytes: `site/blend.js` reads them.
-
-A file is the length of its head (4 bytes, little-endian), the head as JSON, and arrays of doubles
-from the next multiple of eight bytes on, in the order of `arrays` in the head.
-"""
-
-import json
-import struct
+"""Everything a page needs to blend examples, as bytes: `site/blend.js` reads them."""
 
 import numpy as np
 
@@ -13,6 +6,7 @@ from visavis.lab.geometry import Vector
 from visavis.stimuli.motion.errors import MotionError
 from visavis.stimuli.motion.synthesis.examples import Examples
 from visavis.stimuli.motion.synthesis.style_weights import StyleWeights
+from visavis.stimuli.page_arrays import packed_arrays
 
 
 def packed_examples(examples: Examples, weights: StyleWeights | None = None) -> bytes:
@@ -52,9 +46,5 @@ def packed_examples(examples: Examples, weights: StyleWeights | None = None) -> 
         "joints": len(examples.skeleton.names),
         "joint_names": examples.skeleton.names,
         "frame_s": examples.frame_s,
-        "arrays": [[name, array.shape] for name, array in arrays.items()],
     }
-    text = json.dumps(head).encode()
-    start = struct.pack("<I", len(text)) + text
-    start += b" " * (-len(start) % 8)
-    return start + b"".join(np.ascontiguousarray(a, "<f8").tobytes() for a in arrays.values())
+    return packed_arrays(head, {name: np.asarray(a, "<f8") for name, a in arrays.items()})
