@@ -4,7 +4,7 @@ import ast
 import gzip
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +25,7 @@ from visavis.lab.schema import SampleBatch, empty_values
 from visavis.protocol.people.key_file import KeyFile
 from visavis.recording.folder import create_session
 from visavis.recording.privacy_sheet import privacy_sheet
+from visavis.recording.sealed import write_sealed
 from visavis.recording.session_times import session_times
 from visavis.recording.sharing import (
     EVENT_CLASSES,
@@ -33,6 +34,7 @@ from visavis.recording.sharing import (
     age_band,
     class_of_field,
 )
+from visavis.running.sessions.study_folder import SETTINGS_NAME, StudySettings
 
 LABEL = "07H"
 PARTS = tuple(
@@ -482,3 +484,39 @@ def test_what_nobody_declared_does_not_leave_with_an_event_of_ours(event: str) -
     """A browser says what it loaded, in its own words; the others have no fields at all."""
     assert event in EVENT_CLASSES
     assert class_of_field(event, "what_a_browser_wrote") in ("", "private")
+
+
+@pytest.mark.parametrize(("tier", "n_sessions"), [("shared", 1), ("public", 1), ("raw", 2)])
+def test_who_gave_nothing_is_named_and_leaves_in_the_tier_raw_alone(
+    tier: str, n_sessions: int, session: Path, lab: Path
+) -> None:
+    clock = SimClock()
+    manifest = replace(probe_manifest("08J", is_simulated=False), study="stare")
+    with create_session(lab.parent / "data", manifest) as folder:
+        recorder = new_recorder(folder, clock, is_simulated=False)
+        recorder.event("consent", 0, version="1", agreed=False)
+        folder.end_part(clock, recorder.close("aborted"))
+    study = session.parents[1]
+    write_sealed(study / SETTINGS_NAME, asdict(StudySettings("stare", 1, is_simulated=False)))
+    arguments = ["export", str(study), "--dry-run", "--tier", tier]
+    done = CliRunner().invoke(app, [*arguments, "--config", str(lab)])
+    assert done.exception is None, done.exception
+    sheet = " ".join(done.output.split())
+    assert f"session session public {n_sessions} 1" in sheet
+    named = "left out: 1 session; holds neither trial nor answer (declined): sub-08J/ses-001"
+    assert (named in sheet) is (tier != "raw")
+
+
+def test_who_wants_their_data_deleted_leaves_in_no_tier(session: Path, lab: Path) -> None:
+    clock = SimClock()
+    manifest = replace(probe_manifest("08J", is_simulated=False), study="stare")
+    with create_session(lab.parent / "data", manifest) as folder:
+        recorder = new_recorder(folder, clock, is_simulated=False)
+        recorder.trial({"participant": "08J", "trial_id": "T1", "status": "complete"})
+        recorder.event("stopped", 0, keep=False)
+        folder.end_part(clock, recorder.close("aborted"))
+    for tier in ("raw", "shared", "public"):
+        arguments = ["export", str(folder.path), "--dry-run", "--tier", tier]
+        done = CliRunner().invoke(app, [*arguments, "--config", str(lab)])
+        assert 0 != done.exit_code
+        assert "wanted their data deleted" in str(done.exception)

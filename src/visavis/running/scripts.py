@@ -178,7 +178,7 @@ class StudyData:
         return self._taken_in({})
 
     def _taken_in(self, how: Mapping[str, Any]) -> tuple[Any, ...]:
-        paths = intake_list([s.path for s in self.sessions]).measured
+        paths = intake_list([s.path for s in self.sessions]).sessions
         require_whole(self.path, accept=self.accept_damage)
         require_intact(paths, accept=self.accept_damage)
         measured = []

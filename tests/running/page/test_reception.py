@@ -34,6 +34,7 @@ from visavis.running.page.steps import PageError, PageStep
 from visavis.running.page.visitor import Visitor, visitor_of
 from visavis.running.sessions.session_request import Request, SessionPerson
 from visavis.study.experiment import StudyExperiment
+from visavis.study.returning import Returning
 
 
 class Somebody(Visitor):
@@ -313,6 +314,36 @@ def test_who_goes_on_without_consent_has_a_place_only_if_they_answered(
         return [counts, first, await visit(f"{base}/#{key}", place.visitor(), place.clock)]
 
     assert [{"arrived": 1}, "done", "full"] == served(place, comes_back)
+
+
+def test_who_is_sent_back_to_the_start_without_consent_has_arrived_at_reception_and_on_board(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    serve_file(
+        tmp_path / "open.py", WITHOUT_CONSENT.replace('["idle"]', '["idle", "wave"]'), monkeypatch
+    )
+    place = Place(tmp_path, Rules(quota=1))
+
+    async def leaves_in_second_trial(base: str, reception: Reception) -> str:
+        address = await arrive(base, {})
+        await visit(
+            address, place.visitor(), place.clock, ends=lambda s: s.content.get("trial") == 2
+        )
+        return address.partition("#")[2]
+
+    key = served(place, leaves_in_second_trial)
+
+    async def comes_back(base: str, reception: Reception) -> list[Any]:
+        reception._returning = Returning(resumes="start")
+        await visit(f"{base}/#{key}", place.visitor(), place.clock, ends=lambda step: True)
+        states = list(reception._states.values())
+        counts = [(await reception.board())["counts"]]
+        outcome = await visit(f"{base}/#{key}", place.visitor(), place.clock)
+        return [states, *counts, outcome]
+
+    assert [["arrived"], {"arrived": 1}, "done"] == served(place, comes_back)
+    rows = Recording(place.sessions()[0]).trials()
+    assert [1, 1, 2] == sorted(rows["attempt"])
 
 
 IN_GROUPS = """

@@ -42,6 +42,7 @@ from visavis.recording.privacy_sheet import privacy_sheet
 from visavis.recording.reader import Recording
 from visavis.running.sessions.damage import require_intact
 from visavis.running.sessions.folder_check import is_study
+from visavis.running.sessions.intake_list import share_list
 from visavis.running.sessions.study_folder import sessions_of
 from visavis.stimuli.characters.cast import load_character
 from visavis.stimuli.characters.character import Character
@@ -110,10 +111,12 @@ def export_session(
 
     Given a study, it copies every session, or the one of --participant.
 
-    People bear a pseudonym that only the study's key file links to their label. With --tier
-    public the measures are computed before and after the blur, which takes as long as analyse.
-    With --dry-run each column and event field is listed with its class and three values, then what
-    in texts tells who somebody is, and which answers about themselves fewer than five people give.
+    People bear a pseudonym that only the study's key file links to their label. A session without
+    trial, answer and sample is counted, named and left out, but in the tier raw; whoever wants
+    their data deleted is left out of every tier. With --tier public the measures are computed
+    before and after the blur, which takes as long as analyse. With --dry-run each column and event
+    field is listed with its class and three values, then what in texts tells who somebody is, and
+    which answers about themselves fewer than five people give.
 
     `session` may be left out.
 
@@ -126,7 +129,11 @@ def export_session(
             f"{output} is a BIDS data set, which holds no other files; export {format_name} "
             "elsewhere: -o OTHER_FOLDER"
         )
-    sessions = _sessions_to_export(session_path, config, participant)
+    candidates = _sessions_to_export(session_path, config, participant)
+    shared_list = share_list(candidates, keeps_empty=tier == "raw")
+    for line in shared_list.counts():
+        say(f"[yellow]{verbatim(line)}[/]")
+    sessions = shared_list.sessions
     require_intact(sessions, accept=accept_damage)
     is_simulated = all(Recording(session).is_simulated for session in sessions)
     # Looking up a study by its name has already printed which configuration is used.

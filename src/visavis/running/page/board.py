@@ -15,6 +15,7 @@ from visavis.protocol.people.ledger import Participant
 from visavis.recording.lock import is_held
 from visavis.recording.reader import Recording
 from visavis.running.page.course import DECLINED, FILMS_LOADED, FULL, STOPPED, WITHDRAWN
+from visavis.running.page.earlier_parts import since_rewinding
 
 ARRIVED: Final = "arrived"
 """State of a participant who has not consented or answered yet, and has no place so far."""
@@ -127,8 +128,17 @@ def state_of(recording: Recording, events: pd.DataFrame) -> str:
         return FULL
     if not is_held(recording.path):
         return "left"
-    replies = sum(p["kind"] == "reply" for p in events.loc[names == "page_event", "payload"])
-    return "running" if replies > (names == FILMS_LOADED).sum() else ARRIVED
+    return "running" if has_answered(events) else ARRIVED
+
+
+def has_answered(events: pd.DataFrame) -> bool:
+    """Tell whether a person replied, since they were last sent back to the start.
+
+    That gives them a place. A page that loads films replies by itself, once for each loading.
+    """
+    pages, course, _ = since_rewinding(events.to_dict("records"))
+    replies = [payload for _, _, payload in pages if payload["kind"] == "reply"]
+    return len(replies) > sum(name == FILMS_LOADED for _, name, _ in course)
 
 
 def board_of(

@@ -104,7 +104,7 @@ class PageDesk:
         self._moves: list[Mapping[str, Any]] = []
         self._opened_before_consent: tuple[int, Mapping[str, Any]] | None = None
         self.has_answered = False
-        """Whether a person replied; films are loaded by every page that is opened."""
+        """As `visavis.running.page.board.has_answered` tells of what is recorded."""
         rows_on_disk = {} if self.past is None else self.past.rows_on_disk
         self._streams = PageStreams(self.recorder, rows_on_disk)
         self._trials_finished: set[str] = set()

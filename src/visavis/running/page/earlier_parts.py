@@ -56,19 +56,19 @@ class EarlierParts:
         return self.attempts.get(trial_id, 0) + nth - len(numbers)
 
 
-def past_of(recording: Recording, rewinding: Mapping[str, Any] | None = None) -> EarlierParts:
-    """Return the content of the earlier parts of a session, gone back by `rewinding` at last."""
-    trials = recording.trials()
-    rows: set[tuple[str, int]] = set()
-    if "trial_id" in trials:
-        rows = set(zip(map(str, trials["trial_id"]), map(int, trials["attempt"]), strict=True))
-    records: list[dict[Any, Any]] = recording.events().to_dict("records")
-    if rewinding is not None:
-        part = recording.manifest.parts[-1].number
-        about = {"recording_part": part, "t_ns": 0, "name": PAGE_EVENT, "payload": rewinding}
-        records.append(about)
+def since_rewinding(
+    records: Sequence[Mapping[Any, Any]],
+) -> tuple[
+    list[tuple[int, int, Mapping[str, Any]]],
+    list[tuple[int, str, Mapping[str, Any]]],
+    set[tuple[str, int]],
+]:
+    """Return a session's page events and course events that still count, and attempts that do not.
+
+    Page events are (part, session time, payload); course events are (number of page events before
+    each, name, payload), so that going back forgets what is later. Attempts are (trial, number).
+    """
     pages: list[tuple[int, int, Mapping[str, Any]]] = []
-    # Each thing with the number of page events before it, so that going back forgets what is later.
     course: list[tuple[int, str, Mapping[str, Any]]] = []
     left_behind: set[tuple[str, int]] = set()
     for event in records:
@@ -89,6 +89,21 @@ def past_of(recording: Recording, rewinding: Mapping[str, Any] | None = None) ->
             }
             course = [one for one, is_later in zip(course, later, strict=True) if not is_later]
         pages.append((int(event["recording_part"]), int(event["t_ns"]), payload))
+    return pages, course, left_behind
+
+
+def past_of(recording: Recording, rewinding: Mapping[str, Any] | None = None) -> EarlierParts:
+    """Return the content of the earlier parts of a session, gone back by `rewinding` at last."""
+    trials = recording.trials()
+    rows: set[tuple[str, int]] = set()
+    if "trial_id" in trials:
+        rows = set(zip(map(str, trials["trial_id"]), map(int, trials["attempt"]), strict=True))
+    records: list[dict[Any, Any]] = recording.events().to_dict("records")
+    if rewinding is not None:
+        part = recording.manifest.parts[-1].number
+        about = {"recording_part": part, "t_ns": 0, "name": PAGE_EVENT, "payload": rewinding}
+        records.append(about)
+    pages, course, left_behind = since_rewinding(records)
 
     def all_of(name: str, *keys: str) -> frozenset[Any]:
         contents = (about for _, what, about in course if what == name)

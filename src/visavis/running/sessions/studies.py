@@ -259,7 +259,7 @@ def analyse_study(
     study = names.pop()
     session_names = recorded_sessions([*manifest_of.values()])
     intake = intake_list([*manifest_of], session_names)
-    sessions = intake.measured
+    sessions = intake.sessions
     for line in intake.lines():
         notifier.warn(line)
     manifests = [manifest_of[session] for session in sessions]
