@@ -1,18 +1,21 @@
 """Serve a study behind a reverse proxy to a crowd, kill server and proxy, set the clock back.
 
 python -m benchmarks.unattended [--arrivals 500] [--within 60] [--minutes 30] [--think 6]
-                                [--trials 300] [--kill-every 45] [--json] [--keep DIR]
+                                [--trials 300] [--kill-every 45] [--json]
+                                [--keep DIR [--fill-disk]]
 
 `visavis serve` runs in a process of its own behind nginx, as docs/pages.md has it. People come
 within so many seconds, each from an address of this computer of their own (127.x.y.z), and ask
 again where they are told to wait; each thinks some seconds before an answer. Every `--kill-every`
 seconds, by turns, the server is killed (SIGKILL) and begun anew, nginx is killed and begun anew, or
-the server's time of day is set back by an hour (monotonic time goes on). After that
-nobody answers any more, the server is ended (SIGTERM), and what was acknowledged is looked for in
-the recordings. `lost`, `twice` and `wrong` have to be 0: answers that were acknowledged and are not
-recorded, recorded twice, or another than was given; `refused` counts answers but "wait" and "gone",
-`red` sessions whose files `visavis check` finds damaged. Times of steps are of those whose answer
-came at the first try. Without nginx people come to the server itself, and the table says so.
+the server's time of day is set back by an hour (monotonic time goes on). With `--fill-disk` the
+file system of the kept folder, a small one made for this, is filled for some seconds in the fourth
+turn; whoever then reads that their session failed loads the page again. At the end nobody answers
+any more, the server is ended (SIGTERM), and what was acknowledged is looked for in the recordings.
+`lost`, `twice` and `wrong` have to be 0: answers that were acknowledged and are not recorded,
+recorded twice, or another than was given; `refused` counts answers but "wait" and "gone", `red`
+sessions whose files `visavis check` finds damaged. Times of steps are of those whose answer came at
+the first try. Without nginx people come to the server itself, and the table says so.
 """
 
 import argparse
@@ -63,6 +66,10 @@ main()
 ASK_AGAIN_S: Final = 3.0
 """A page that was told to wait, or got no answer, asks again after this."""
 PATIENCE_S: Final = 60.0
+FULL_S: Final = 8.0
+"""For so long a disk stays full."""
+MAX_FREE_BYTES: Final = 4 << 30
+"""More is not filled: it is no file system made for this."""
 NGINX: Final = """
 daemon off; pid {root}/nginx.pid; error_log {root}/nginx.log crit; worker_processes 1;
 events {{ worker_connections 4096; }}
@@ -95,9 +102,11 @@ class Outcome:
     refused: int = 0
     red: int = 0
     asked_again: int = 0
+    loaded_again: int = 0
     server_kills: int = 0
     proxy_kills: int = 0
     clock_set_back: int = 0
+    disk_full: int = 0
     p50_ms: float = 0.0
     p99_ms: float = 0.0
 
@@ -169,6 +178,21 @@ class Site:
         self._hours_back += 1
         self._write_hours()
 
+    def fill_disk(self) -> None:
+        """Fill the file system to its last byte."""
+        with self._ballast.open("wb", buffering=0) as file, suppress(OSError):
+            os.posix_fallocate(file.fileno(), 0, shutil.disk_usage(self._root).free)
+            while file.write(bytes(1024)):
+                pass
+
+    def empty_disk(self) -> None:
+        """Make room again."""
+        self._ballast.unlink()
+
+    @property
+    def _ballast(self) -> Path:
+        return self._root / "ballast"
+
     def _write_hours(self) -> None:
         new = self._root / "hours_back.new"
         new.write_text(str(self._hours_back), "utf-8")
@@ -216,11 +240,14 @@ async def answer_of(
         try:
             async with http.post(path, json=body, headers={KEY: key}) as response:
                 message = await response.json(content_type=None)
-                if response.status == 200 and message.get("refused") != "busy":
+                is_asked_again = message.get("refused") in ("busy", "failed") or (
+                    message.get("failed") and path != "/api/events"
+                )
+                if response.status == 200 and not is_asked_again:
                     if not tries and path == "/api/events":
                         crowd.steps_ms.append(1000 * sent.elapsed_s())
                     return dict(message)
-                if response.status < 500 and message.get("refused") != "busy":
+                if response.status < 500 and not is_asked_again:
                     crowd.outcome.refused += 1
                     print(f"{path}: {response.status} {message}", file=sys.stderr)
                     return None
@@ -266,17 +293,23 @@ async def person(number: int, at_s: float, crowd: Crowd, rng: np.random.Generato
             event = {"n": n, "kind": "reply", "at_ms": at_ms, "step": message["number"]}
             body = {"tab": tab, "events": [{**event, "reply": reply}]}
             message = await answer_of(http, crowd, "/api/events", body, key)
+            while message is not None and message.get("failed"):
+                crowd.outcome.loaded_again += 1
+                await asyncio.sleep(ASK_AGAIN_S)
+                message = await answer_of(http, crowd, "/api/hello", hello, key)
+                if message is not None and message["ack"] < n:  # what a page keeps, it sends again
+                    message = await answer_of(http, crowd, "/api/events", body, key)
             if message is not None and message["ack"] >= n and option:
                 given[n] = option
         crowd.n_here -= 1
 
 
-async def faults(site: Site, crowd: Crowd, every_s: float) -> None:
-    """Kill and set the clock by turns, until a minute before the time is over."""
+async def faults(site: Site, crowd: Crowd, every_s: float, *, fills_disk: bool) -> None:
+    """Kill, set the clock and fill the disk by turns, until shortly before the time is over."""
     turn = 0
     while crowd.watch.elapsed_s() + every_s < crowd.until_s:
         await asyncio.sleep(every_s)
-        kind = turn % 3
+        kind = turn % (4 if fills_disk else 3)
         turn += 1
         if kind == 0:
             await asyncio.to_thread(site.kill_server)
@@ -289,13 +322,22 @@ async def faults(site: Site, crowd: Crowd, every_s: float) -> None:
         elif kind == 2:
             site.set_clock_back()
             crowd.outcome.clock_set_back += 1
+        elif kind == 3:
+            await asyncio.to_thread(site.fill_disk)
+            crowd.outcome.disk_full += 1
+            try:
+                await asyncio.sleep(FULL_S)
+            finally:
+                site.empty_disk()
 
 
-async def attend(site: Site, crowd: Crowd, arrivals: int, within_s: float, every_s: float) -> None:
+async def attend(site: Site, crowd: Crowd, options: argparse.Namespace) -> None:
     """Let everybody come while things break."""
-    rngs = np.random.default_rng(1).spawn(arrivals + 1)
-    times_s = np.sort(rngs[-1].uniform(0, within_s, arrivals)).tolist()
-    breaking = asyncio.create_task(faults(site, crowd, every_s))
+    rngs = np.random.default_rng(1).spawn(options.arrivals + 1)
+    times_s = np.sort(rngs[-1].uniform(0, options.within, options.arrivals)).tolist()
+    breaking = asyncio.create_task(
+        faults(site, crowd, options.kill_every, fills_disk=options.fill_disk)
+    )
     people = zip(times_s, rngs[:-1], strict=True)
     await asyncio.gather(*(person(n, at, crowd, rng) for n, (at, rng) in enumerate(people)))
     breaking.cancel()
@@ -329,10 +371,12 @@ def measure(root: Path, options: argparse.Namespace) -> tuple[Outcome, Site]:
     site = Site(root, options.trials)
     crowd = Crowd(site.base, 60 * options.minutes, options.think, Outcome())
     site.start()
-    wait_for(root)
-    crowd.watch = StopWatch()
-    asyncio.run(attend(site, crowd, options.arrivals, options.within, options.kill_every))
-    site.end()
+    try:
+        wait_for(root)
+        crowd.watch = StopWatch()
+        asyncio.run(attend(site, crowd, options))
+    finally:
+        site.end()
     look_through(root, crowd)
     return crowd.outcome, site
 
@@ -361,7 +405,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--kill-every", type=float, default=45.0, help="seconds")
     parser.add_argument("--json", action="store_true", help="print JSON instead")
     parser.add_argument("--keep", type=Path, help="keep everything in this new folder")
+    parser.add_argument("--fill-disk", action="store_true", help="fill the kept folder's disk")
     options = parser.parse_args(arguments)
+    if options.fill_disk and (
+        options.keep is None or shutil.disk_usage(options.keep.parent).free > MAX_FREE_BYTES
+    ):
+        parser.error("--fill-disk: give --keep, a new folder on a file system of at most 4 GB")
     with tempfile.TemporaryDirectory(prefix="unattended-") as temporary:
         root = options.keep or Path(temporary)
         root.mkdir(exist_ok=True)

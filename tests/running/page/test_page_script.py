@@ -242,6 +242,38 @@ console.log(JSON.stringify({ posts, numbers: took.map((e) => e.n),
   now: ids.notice?.text || "" }));
 process.exit(0);
 """
+AWAY = """
+const wait = globalThis.setTimeout;
+globalThis.setTimeout = (act, ms) => wait(act, Math.min(ms, 5));
+const { refusals, answer } = JSON.parse(process.argv[3]);
+const tries = {};
+const html = async () => { throw new SyntaxError("<html>"); };
+const before = globalThis.fetch;
+globalThis.fetch = async (path, request) => {
+  tries[path] = (tries[path] || 0) + 1;
+  if (tries[path] > refusals) return before(path, request);
+  return answer.failed && path === "/api/hello" ? { ok: true, status: 200, json: async () => answer }
+    : answer.failed ? before(path, request) : { ok: false, status: answer.status, json: html };
+};
+await import(process.argv[2]);
+const main = ids.main;
+await until(() => main.all("button").length);
+const shown = main.text;
+if (!answer.failed) {
+  main.all("button")[0].listeners.click({ detail: 1 });
+  await until(() => sent.flatMap((s) => s.body.events || []).length > 1);
+}
+console.log(JSON.stringify({ shown, now: main.text, tries, session: globalThis.session }));
+process.exit(0);
+"""
+WHOLE_STORE = """
+export const openStore = async (name) => { let kept = []; return { isDurable: true,
+  all: async () => kept, put: async (e) => { kept.push(e); },
+  replace: async (all) => { kept = [...all]; },
+  drop: async (n) => { kept = kept.filter((e) => e.n > n); },
+  get: async () => undefined,
+  set: async (what, to) => { if (name === "own") globalThis.session = to; } }; };
+"""
 BACKLOG = HOST.partition("await import(")[0] + SENDING
 AT_A_HEADSET = (
     HOST.partition("await import(")[0]
@@ -507,3 +539,24 @@ def test_a_bundle_keeps_every_script_that_its_page_imports() -> None:
     worker = (SITE / "bundle" / "worker.js").read_text("utf-8")
     (files,) = re.findall(r"const PAGE = (\[.*?\]);", worker)
     assert scripts <= set(json.loads(files))
+
+
+def while_away(folder: Path, refusals: int, answer: dict[str, Any]) -> dict[str, Any]:
+    """Return what a page shows and remembers whose posts are refused so many times each."""
+    given = json.dumps({"refusals": refusals, "answer": answer})
+    return in_node(folder, HOST.partition("await import(")[0] + AWAY, given, WHOLE_STORE)
+
+
+@pytest.mark.parametrize("status", [502, 503, 504])
+def test_a_page_waits_while_a_proxy_has_no_server(status: int, tmp_path: Path) -> None:
+    page = while_away(tmp_path, 2, {"status": status})
+    assert "I agree." in page["shown"]
+    assert "The films." in page["now"]
+    assert "k" == page["session"]
+    assert min(page["tries"][path] for path in ("/api/arrive", "/api/hello", "/api/events")) > 2
+
+
+def test_a_browser_remembers_whose_session_it_is_while_a_recording_fails(tmp_path: Path) -> None:
+    page = while_away(tmp_path, 1, {"failed": "the recording failed", "ack": -1})
+    assert "the recording failed" in page["shown"]
+    assert "k" == page["session"]

@@ -875,8 +875,11 @@ async function arrive() {
     let answer;
     try {
       answer = await post("/api/arrive", { parameters, before });
-    } catch {
-      put("narrow", paragraph("This address is not complete. Please open it again as you were given it."));
+    } catch (error) {
+      if (error instanceof TypeError) {
+        put("narrow", paragraph("The study cannot be reached. This page asks again."));
+        setTimeout(() => begin(false), RETRY_MS[2]);
+      } else put("narrow", paragraph("This address is not complete. Please open it again as you were given it."));
       return;
     }
     if (!answer.body.key) {
@@ -931,7 +934,7 @@ async function begin(takesOver) {
     return;
   }
   if (answer.status !== 200 || answer.body.failed) {
-    await forgetSession();
+    if (answer.status === 400) await forgetSession(); // else it is there, and cannot go on now
     if (isRemembered && answer.status === 400) { // of another study, or another lab's time
       [key, store, queue, isLocked] = ["", null, [], false];
       await begin(false);

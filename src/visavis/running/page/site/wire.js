@@ -6,6 +6,9 @@ export const keyHere = () => location.hash.slice(1);
 export const keepKey = (key) => history.replaceState(null, "", `/#${key}`);
 export const query = () => new URLSearchParams(location.search);
 
+// What a proxy answers while the server behind it is begun anew.
+const AWAY = [502, 503, 504];
+
 const keyed = (key) => ({ "X-Visavis-Key": key });
 
 export async function post(path, key, body) {
@@ -14,6 +17,7 @@ export async function post(path, key, body) {
     headers: { ...keyed(key), "Content-Type": "application/json" },
     body: JSON.stringify(body),
   });
+  if (AWAY.includes(response.status)) throw new TypeError(`the server is away: ${response.status}`); // as fetch, where nothing answers
   // Whatever stands before a server may answer in its own words.
   const answer = response.ok ? await response.json() : await response.json().catch(() => ({ refused: `the server answered ${response.status}` }));
   return { status: response.status, body: answer };
