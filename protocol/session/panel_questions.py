@@ -33,13 +33,14 @@ LEAVE_OUT = "no answer"
 @dataclass(frozen=True)
 class BoardWords:
     """What boards say besides their question: the choice that leaves it out, which keys take
-    choices, which go on after an instruction, and that there is a break.
+    choices, which go on after an instruction, that there is a break, and that a scene comes.
     """
 
     leave_out: str = LEAVE_OUT
     keys: str = ""
     go_on: str = ""
     pause: str = ""
+    coming: str = ""
 
 
 class PanelRespondent:

@@ -3,7 +3,7 @@
 from collections import Counter, deque
 
 from visavis.devices.contracts import CalibrationOutcome
-from visavis.lab.clock import NS_PER_S
+from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import ConfigError, DeviceError, LabError, RecordingError, SessionAborted
 from visavis.protocol.people.simulated_participant import STRETCH_AGAIN, Learner
 from visavis.protocol.plan.experiment import (
@@ -35,6 +35,8 @@ from visavis.stimuli.panels import board_before
 OFF = "The headset may come off."
 MAX_CALIBRATIONS = 3
 """Calibration attempts before the session goes on with the best one and says so."""
+SAY_AFTER_NS = 400 * NS_PER_MS
+"""A wait in the dark this long is explained to whoever waits."""
 
 STRETCH_CALIBRATION = 200_000
 STRETCH_QUESTIONS = 300_000
@@ -59,6 +61,8 @@ class Session:
         self._queue: deque[Trial] = deque()
         self._again = Counter(setup.progress.again)
         self._endings = dict(setup.progress.endings)
+        self._trials_left: deque[Trial] = deque()
+        self._foreseen_trial: Trial | None = None
 
     @property
     def state(self) -> SessionState:
@@ -105,7 +109,7 @@ class Session:
             self._gaze_rate_hz = rig.gaze_rate_hz or 0.0
             self._desk = OperatorDesk(setup, loop, rig, self._states)
             self._questioning = Questioning(setup, loop, self._asking())
-            self._runner = TrialRunner(setup, loop, self._desk, rig)
+            self._runner = TrialRunner(setup, loop, self._desk, rig, self._foresee_next)
             if self._calibrates:
                 self._gaze_setup = self._new_gaze_setup()
             for fault in rig.preflight(demands_of(setup.experiment)):
@@ -174,9 +178,10 @@ class Session:
     def _perform(self) -> None:
         setup = self._setup
         self._loop.show_scene(setup.experiment.blank(None))
-        left = [t for block in setup.plan.blocks for t in remaining_trials(block, setup.progress)]
-        for trial in left[:1]:
-            self._foresee(trial)
+        self._trials_left = deque(
+            t for block in setup.plan.blocks for t in remaining_trials(block, setup.progress)
+        )
+        self._foresee_next()
         self._recorder.event(
             "session_start",
             self._loop.t_ns,
@@ -189,6 +194,7 @@ class Session:
         if self._participant is not None:
             self._participant.wear(0)
             self._participant.prepare(0, self._loop.t_ns)
+        self._await_scene()
         has_begun = False
         for block in setup.plan.blocks:
             trials = self._skip_if_ended(block, remaining_trials(block, setup.progress))
@@ -214,12 +220,39 @@ class Session:
     def _foresee(self, trial: Trial) -> None:
         """Let the stage prepare what the trial shows first; a virtual clock does not need it."""
         experiment = self._setup.experiment
-        if isinstance(experiment, Foreseeing) and not self._setup.clock.is_virtual:
+        if trial is self._foreseen_trial or not isinstance(experiment, Foreseeing):
+            return
+        self._foreseen_trial = trial
+        if not self._setup.clock.is_virtual:
             self._setup.stage.foresee(lambda: experiment.first_lit(trial))
+
+    def _foresee_next(self) -> None:
+        """Foresee what comes after the present trial, while its questions or others stand."""
+        coming = self._queue or self._trials_left
+        if coming:
+            self._foresee(coming[0])
+
+    def _await_scene(self) -> None:
+        """Wait until the scene foreseen is ready, and say that it comes where that lasts."""
+        setup, loop, since_ns, is_said = self._setup, self._loop, self._loop.t_ns, False
+        if setup.stage.is_preparing:
+            loop.show_scene(setup.experiment.blank(None))
+        while setup.stage.is_preparing:
+            if not is_said and loop.t_ns - since_ns > SAY_AFTER_NS:
+                is_said = True
+                self._desk.waiting = "The next scene is being made ready."
+                board = board_before(loop.head, loop.surface, setup.board_words.coming, ())
+                show_board(loop, self._recorder, "coming", board, setup.experiment.blank(None))
+            self._desk.next_frame()
+        if is_said:
+            self._desk.waiting = ""
+            loop.show_scene(setup.experiment.blank(None))
+            self._recorder.event("panel_answered", loop.t_ns, question="coming", by="stage")
 
     def _begin_questions(self, after: int) -> None:
         """Begin the questions; answers do not depend on a resumption before them."""
         self._states.move(SessionState.QUESTIONNAIRE)
+        self._foresee_next()
         if self._participant is not None:
             self._participant.prepare(STRETCH_QUESTIONS + after, self._loop.t_ns)
 
@@ -271,6 +304,8 @@ class Session:
         while self._queue:
             self._hold_if_needed(block)
             trial = self._queue.popleft()
+            if self._trials_left and self._trials_left[0] is trial:
+                self._trials_left.popleft()
             outcome = self._one_trial(trial)
             self._trials_since_check += outcome.status != "postponed"
             if outcome.status == "postponed":
@@ -328,6 +363,8 @@ class Session:
 
     def _one_trial(self, trial: Trial) -> Outcome:
         self._states.move(SessionState.INTERTRIAL)
+        self._foresee(trial)
+        self._await_scene()
         self._runner.align()
         stretch = trial.number + (STRETCH_PRACTICE if trial.is_practice else 0)
         stretch += STRETCH_AGAIN * self._again[trial.trial_id]
@@ -336,7 +373,6 @@ class Session:
             if self._runner.memory and isinstance(self._participant, Learner):
                 self._participant.remember(self._runner.memory)
             self._participant.prepare(stretch, self._loop.t_ns)
-        self._foresee(trial)
         outcome = self._runner.run(trial, self._calibration)
         if outcome.status != "postponed" and self._setup.listeners.on_trial is not None:
             self._setup.listeners.on_trial(

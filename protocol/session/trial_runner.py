@@ -1,7 +1,7 @@
 """Perform one trial: run its plan frame by frame and write its row."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +38,8 @@ from visavis.protocol.session.progress import FINAL_STATUSES
 from visavis.protocol.session.rig import RunningRig
 from visavis.protocol.session.session_setup import SessionSetup
 from visavis.protocol.session.states import SessionState
+from visavis.stimuli.panels import PanelFrame
+from visavis.stimuli.scene import SceneFrame
 
 ALIGNED_WITHIN_NS = 1_000_000
 
@@ -56,7 +58,9 @@ class Outcome:
 
 
 class TrialRunner:
-    """Run trials one after another for a session."""
+    """Run trials one after another for a session; `on_question` hears that one is asked in the
+    dark, when nothing is timed by frames.
+    """
 
     def __init__(
         self,
@@ -64,11 +68,13 @@ class TrialRunner:
         loop: FrameLoop,
         desk: OperatorDesk,
         rig: RunningRig,
+        on_question: Callable[[], None],
     ) -> None:
         self._setup = setup
         self._loop = loop
         self._desk = desk
         self._rig = rig
+        self._on_question = on_question
         self._gaze_rate_hz = rig.gaze_rate_hz or 0.0
         self._attempts = dict(setup.progress.attempts)
         self._last_exchange_ns: dict[str, int] = {}
@@ -275,6 +281,8 @@ class TrialRunner:
         match step:
             case Show(view):
                 loop.show(view)
+                if _asks_in_the_dark(view):
+                    self._on_question()
             case Mark(name, payload):
                 setup.recorder.event(name, loop.t_ns, **payload)
                 self._rig.mark(name, loop.t_ns)
@@ -370,3 +378,8 @@ def _eyes_seen_01(batches: Sequence[SampleBatch]) -> dict[str, float]:
     if not len(rows):
         return {}
     return {eye: int(rows[f"{eye}_valid"].sum()) / len(rows) for eye in ("left", "right")}
+
+
+def _asks_in_the_dark(view: SceneFrame) -> bool:
+    is_asked = isinstance(view, PanelFrame) and any(panel.choices for panel in view.panels)
+    return is_asked and view.scene.brightness_01 <= 0.0

@@ -2,8 +2,10 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from visavis.lab.clock import SimClock
 from visavis.lab.config import load_config
 from visavis.lab.config_files import SCREEN_EXAMPLE
 from visavis.people.person import StudyPerson
@@ -12,6 +14,7 @@ from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
 from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.session_request import simulated_request
+from visavis.stage.contracts import GeometryStage
 from visavis.stimuli.panels import PanelFrame
 
 READ = 'calibrate=False, instructions="read"'
@@ -99,3 +102,76 @@ def test_participants_who_read_for_themselves_go_on_by_a_key(tmp_path, monkeypat
     recording = Recording(perform_new(replace(request, operator=Waiting())))
     _, read = boards(recording, "panel_answered")
     assert {p["by"] for p in read["payload"]} == {"keys"}
+
+
+class Preparing(GeometryStage):
+    """A stage that needs so many frames for every scene that it foresees."""
+
+    def __init__(self, viewers, frames):
+        super().__init__(viewers, asks=True)
+        self.frames, self.left = frames, frames
+        self.boards, self.foreseen = [], []
+
+    def foresee(self, coming):
+        self.foreseen.append((len(self.boards), coming()))
+        self.left = self.frames
+
+    @property
+    def is_preparing(self):
+        return self.left > 0
+
+    def draw(self, view, frame, head):
+        self.left -= self.left > 0
+        panels = view.panels if isinstance(view, PanelFrame) else ()
+        self.boards.append(panels[0].text if panels else "")
+        return super().draw(view, frame, head)
+
+
+def performed_while_scenes_are_prepared(folder, frames, *, for_people=False):
+    """Return the recording of a session, and the stage that prepared its scenes."""
+    (folder / "rated.py").write_text(RATED)
+    study = find_study(str(folder / "rated.py"))
+    config = load_config(SCREEN_EXAMPLE).model_copy(
+        update={"data_root": folder / "data", "key_root": folder / "keys"}
+    )
+    request = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
+    made, clock = [], SimClock()
+
+    def stage_for(viewers):
+        # Devices are simulated on a virtual clock; the session acts as it does for people.
+        clock.is_virtual = not for_people
+        made.append(Preparing(viewers, frames))
+        return made[-1]
+
+    recording = Recording(perform_new(replace(request, stage_for=stage_for, clock=clock)))
+    return recording, made[-1]
+
+
+def test_people_who_wait_for_a_scene_read_that_it_comes(tmp_path):
+    recording, stage = performed_while_scenes_are_prepared(tmp_path, frames=120)
+    events = recording.events()
+    shown, answered = (
+        next(i for i, e in events.iterrows() if e["name"] == name and "coming" in str(e["payload"]))
+        for name in ("panel_shown", "panel_answered")
+    )
+    first_trial = events.index[events["name"] == "trial_start"][0]
+    assert shown < answered < first_trial
+    words = "One moment: the next scene is coming."
+    waited_s = (events["t_ns"][answered] - events["t_ns"][shown]) / 1e9
+    assert stage.boards.count(words) == pytest.approx(60 * waited_s, abs=1)
+
+
+def test_a_scene_that_is_ready_at_once_is_not_announced(tmp_path):
+    recording, stage = performed_while_scenes_are_prepared(tmp_path, frames=20)
+    assert "coming" not in {p["question"] for p in recording.events_named("panel_shown", 1).payload}
+    assert not any("coming" in words for words in stage.boards)
+
+
+def test_the_next_scene_is_prepared_while_a_question_stands(tmp_path):
+    recording, stage = performed_while_scenes_are_prepared(tmp_path, frames=20, for_people=True)
+    trials = recording.trials()
+    assert len(stage.foreseen) == len(trials)
+    (before, first), (asked, second) = stage.foreseen
+    assert before == 0
+    assert "comfort" in stage.boards[asked]
+    assert not np.allclose(first.gaze_direction, second.gaze_direction)  # averted, directed

@@ -265,6 +265,20 @@ def test_how_pictures_are_made_is_logged_when_drawing_begins() -> None:
     assert replace(recorded, detail=quality.detail) == quality
 
 
+NEAR_PX = 480, 540
+"""So many that people are drawn finer than a small copy would ask for."""
+
+
+def _foreseen(stage: DrawnStage, t_ns: int = 0) -> int:
+    """Draw darkness until what is foreseen is ready; return how many frames that took."""
+    dark = replace(_scene(), scene=replace(_scene().scene, brightness_01=0.0))
+    frames = 0
+    while stage.is_preparing:
+        stage.draw(dark, FrameInfo(frames, t_ns + frames, t_ns + frames), HEAD)
+        frames += 1
+    return frames
+
+
 @pytest.mark.parametrize("quality", [None, ON_PROCESSOR], ids=["card", "processor"])
 def test_nothing_is_sent_to_the_card_with_the_first_lit_frame_of_a_scene_that_was_foreseen(
     quality: Quality | None,
@@ -280,31 +294,29 @@ def test_nothing_is_sent_to_the_card_with_the_first_lit_frame_of_a_scene_that_wa
         except StageError as problem:
             pytest.skip(str(problem))
 
-    def sent(foreseen: bool) -> list[int]:
-        """Return how much the first frame makes, those of darkness, and the first lit one."""
-        display = Display(default_views, lambda: SIZE, people_count=4)
+    def count_sent(foreseen: bool) -> int:
+        """Return how much the first lit frame makes."""
+        display = Display(default_views, lambda: NEAR_PX, people_count=4)
         stage = DrawnStage(dress, opened, display, SimClock())
-        dark = replace(_scene(), scene=replace(_scene().scene, brightness_01=0.0))
-        if foreseen:
-            stage.foresee(_scene)
-        found = []
-        for i, view in enumerate((dark, dark, _scene())):
-            with counted() as counts:
-                stage.draw(view, FrameInfo(i, i, i), HEAD)
-            found.append(counts["made"])
+        stage.foresee(_scene if foreseen else lambda: None)
+        frames = _foreseen(stage)
+        with counted() as counts:
+            stage.draw(_scene(), FrameInfo(frames, frames, frames), HEAD)
         stage.close()
-        return found
+        return counts["made"]
 
-    assert 0 < sent(foreseen=False)[2]
-    assert 0 == sent(foreseen=True)[2]
+    assert 0 < count_sent(foreseen=False)
+    assert 0 == count_sent(foreseen=True)
 
 
-def test_a_scene_foreseen_later_is_made_ready_a_piece_a_frame_and_never_in_the_light() -> None:
+def test_a_scene_foreseen_is_made_ready_a_piece_a_frame_and_never_in_the_light() -> None:
     pieces: list[str] = []
 
     class Preparing(Renderer):
-        def prepare(self, picture: Picture, cameras: Sequence[Camera]) -> Iterator[None]:
-            for _ in super().prepare(picture, cameras):
+        def prepare(
+            self, picture: Picture, cameras: Sequence[Camera], width_px: int
+        ) -> Iterator[None]:
+            for _ in super().prepare(picture, cameras, width_px):
                 pieces.append("piece")
                 yield
 
@@ -323,9 +335,22 @@ def test_a_scene_foreseen_later_is_made_ready_a_piece_a_frame_and_never_in_the_l
     seen = []
     for i, view in enumerate((_scene(), dark, dark, dark, dark), start=1):
         stage.draw(view, FrameInfo(i, i, i), HEAD)
-        seen.append(len(pieces))
+        seen.append((len(pieces), stage.is_preparing))
     stage.close()
-    assert [0, 1, 2, 3, 3] == seen
+    # While people are seen nothing is made ready, so nobody should wait for it.
+    assert [(0, False), (1, True), (2, True), (3, True), (3, False)] == seen
+
+
+def test_every_person_whom_the_processor_draws_is_a_piece_of_their_own() -> None:
+    def count_pieces(people: int) -> int:
+        picture = figures.picture(people)
+        renderer = Renderer(quality=ON_PROCESSOR)
+        cameras = [eye_camera(HEAD, eye) for eye in default_views()]
+        pieces = sum(1 for _ in renderer.prepare(picture, cameras, NEAR_PX[0]))
+        renderer.close()
+        return pieces
+
+    assert 2 == count_pieces(4) - count_pieces(2)
 
 
 def test_what_cannot_be_foreseen_is_left_to_the_trial() -> None:

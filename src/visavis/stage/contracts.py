@@ -53,6 +53,11 @@ class Stage(Protocol):
         """Prepare the scene from `coming` in the background, so that its first frame is in time."""
         ...
 
+    @property
+    def is_preparing(self) -> bool:
+        """Whether it is worth waiting, in frames without people, for what was foreseen."""
+        ...
+
     def draw(self, view: SceneFrame, frame: FrameInfo, head: Pose) -> Sequence[object]:
         """Return the images to submit for this frame, left eye first; empty when none."""
         ...
@@ -102,6 +107,11 @@ class GeometryStage:
 
     def foresee(self, coming: Callable[[], SceneFrame | None]) -> None:
         """Prepare nothing: nothing is drawn."""
+
+    @property
+    def is_preparing(self) -> bool:
+        """Nothing is."""
+        return False
 
     def handed_over(self) -> None:
         """Nothing was."""

@@ -134,7 +134,7 @@ class DrawnStage:
         self._dressing_thread = ThreadPoolExecutor(1, "dress")
         self._coming: Future[Picture | None] | None = None
         self._pieces: Iterator[None] | None = None
-        self._has_drawn = False
+        self._is_calm = True
         self._small: SmallPicture | None = None
         self._drawn_from: Pose | None = None
         self._glanced_from: Camera | None = None
@@ -158,10 +158,15 @@ class DrawnStage:
         """Return the problem that prevents drawing; None when there is none."""
         return self._trouble
 
-    def foresee(self, coming: Callable[[], SceneFrame | None]) -> None:
-        """Dress what comes beside the frames; it is sent to the card while nobody can be seen.
+    @property
+    def is_preparing(self) -> bool:
+        """Whether what was foreseen is being made ready: not while people are seen."""
+        is_left = self._coming is not None or self._pieces is not None
+        return is_left and self._is_calm and self._trouble is None
 
-        A piece a frame; at the first frame of all, before anybody looks, everything at once.
+    def foresee(self, coming: Callable[[], SceneFrame | None]) -> None:
+        """Dress what comes beside the frames; it is sent to the card while nobody can be seen, a
+        piece a frame.
         """
 
         def dress_coming() -> Picture | None:
@@ -187,7 +192,7 @@ class DrawnStage:
             return ()
         view = as_drawn(view, frame.predicted_display_ns)
         picture = self._fades.apply(self._picture(view))
-        is_calm = picture.brightness_01 <= 0.0 or not picture.cast
+        self._is_calm = picture.brightness_01 <= 0.0 or not picture.cast
         late: Callable[[], Sequence[Camera]] | None = None
         try:
             renderer = self._ready()
@@ -207,7 +212,7 @@ class DrawnStage:
             with nullcontext() if self._timer is None else self._timer.time_frame(frame):
                 result = renderer.draw(picture, cameras, self._targets, late=late)
             self._drawn_from = head
-            if is_calm or not self._has_drawn:
+            if self._is_calm:
                 self._make_ready(renderer, cameras)
         except StageError as problem:
             self._fail(problem, now_ns)
@@ -298,20 +303,18 @@ class DrawnStage:
     # ---- private --------------------------------------------------------------------------
 
     def _make_ready(self, renderer: Renderer, cameras: Sequence[Camera]) -> None:
-        """Send the next piece of what comes to the card; at the first frame all of it."""
-        at_once, self._has_drawn = not self._has_drawn, True
-        if self._coming is not None and (at_once or self._coming.done()):
+        """Send the next piece of what comes to the card."""
+        if self._coming is not None and self._coming.done():
             coming, self._coming = self._coming, None
             try:
                 picture = coming.result()
             except LabError:
                 return  # the trial itself will report the error
-            self._pieces = None if picture is None else renderer.prepare(picture, cameras)
-        while self._pieces is not None:
-            if next(self._pieces, self) is self:
-                self._pieces = None
-            if not at_once:
-                return
+            if picture is not None:
+                width_px = self._targets[0].size_px[0]
+                self._pieces = renderer.prepare(picture, cameras, width_px)
+        if self._pieces is not None and next(self._pieces, self) is self:
+            self._pieces = None
 
     def _pictures(
         self, views: Iterable[SceneFrame], row: np.void, lit: Iterable[SceneFrame]

@@ -150,11 +150,13 @@ class Renderer(Closing):
         *,
         levels: npt.NDArray[np.int64] | None = None,
         late: Callable[[], Sequence[Camera]] | None = None,
+        as_wide_px: int | None = None,
     ) -> Drawn:
         """Draw the picture once per camera into the targets.
 
         `levels` (n,) repeats recorded levels of detail instead of choosing them. `late` is asked
-        for the cameras once more when only they are left to be sent to the card.
+        for the cameras once more when only they are left to be sent to the card. People are as
+        fine and as textured as in pictures `as_wide_px`, where these are not the targets' own.
 
         Raises:
             StageError: the graphics driver failed; what was recorded is not touched.
@@ -164,7 +166,7 @@ class Renderer(Closing):
             if self.context.error == "GL_NO_ERROR":
                 break
         try:
-            choice = self._draw(picture, cameras, targets, levels, late)
+            choice = self._draw(picture, cameras, targets, levels, late, as_wide_px)
         except moderngl.Error as problem:
             raise StageError(
                 f"the graphics driver refused to draw: {problem}",
@@ -178,19 +180,24 @@ class Renderer(Closing):
             )
         return choice
 
-    def prepare(self, picture: Picture, cameras: Sequence[Camera]) -> Iterator[None]:
+    def prepare(self, picture: Picture, cameras: Sequence[Camera], width_px: int) -> Iterator[None]:
         """Send what a picture is drawn from to the card, piece by piece, and draw it unseen once.
 
-        The choice of levels for the next picture is not affected.
+        People are as fine as in a picture of `width_px`. The choice of levels for the next picture
+        is not affected.
         """
         crowd = self._buffers.crowd(picture.cast)
         yield
         self._buffers.room(picture.room)
         yield
-        before, choice = crowd.level_before, self.last_choice
-        for camera in cameras[:1]:
-            self.image(picture, camera, UNSEEN_PX)
-        crowd.level_before, self.last_choice = before, choice
+        before = self.last_choice
+        crowd.joints.pose(picture.people)
+        level, _ = self._levels(crowd, cameras, _px_per_tangent(cameras, width_px))
+        if isinstance(crowd, ProcessorCrowd):
+            yield from crowd.build(level)
+        target = self._target(UNSEEN_PX)
+        self.draw(picture, cameras[:1], [target], levels=level, as_wide_px=width_px)
+        self.last_choice = before
         yield
 
     def close(self) -> None:
@@ -221,6 +228,7 @@ class Renderer(Closing):
         targets: Sequence[EyeTarget],
         levels: npt.NDArray[np.int64] | None,
         late: Callable[[], Sequence[Camera]] | None,
+        as_wide_px: int | None,
     ) -> Drawn:
         ctx = self.context
         ctx.disable_direct(GL_FRAMEBUFFER_SRGB)
@@ -231,17 +239,14 @@ class Renderer(Closing):
         crowd = None if dark else self._buffers.crowd(picture.cast)
         choice = Drawn(np.full(len(picture.cast), -1), np.full(len(picture.cast), np.nan))
         if crowd is not None:
-            widths = [target.size_px[0] for target in targets]
-            spans = [
-                px / (camera.right - camera.left)
-                for px, camera in zip(widths, cameras, strict=True)
-            ]
-            choice = self.pose(picture, crowd, cameras, levels, max(spans, default=1.0))
+            width_px = as_wide_px or max((t.size_px[0] for t in targets), default=1)
+            px_per_tangent = _px_per_tangent(cameras, width_px)
+            choice = self.pose(picture, crowd, cameras, levels, px_per_tangent)
             grid = None
             # A head asked for once more sees other pixels.
             if late is None and isinstance(crowd, ProcessorCrowd):
                 grid = _grid(cameras, targets)
-            self.light(picture, crowd, choice, cameras, max(widths, default=1), grid)
+            self.light(picture, crowd, choice, cameras, width_px, grid)
         if late is not None:
             cameras = late()
         for camera, target in zip(cameras, targets, strict=True):
@@ -279,16 +284,8 @@ class Renderer(Closing):
         joints.pose(picture.people)
         if not crowd.cast:
             return Drawn(np.zeros(0, np.int64), np.zeros(0))
-        eyes = np.array([c.pose.position_m for c in cameras])
-        offset = joints.watched_m[:, 1, None, :] - eyes[None]
-        distance_m = np.sqrt((offset * offset).sum(axis=2)).min(axis=1)
+        level, distance_m = self._levels(crowd, cameras, px_per_tangent)
         if levels is None:
-            level = choose_levels(
-                faces_px(distance_m, px_per_tangent),
-                crowd.level_before,
-                self.quality.detail,
-                crowd.triangles,
-            )
             crowd.level_before = level
             is_in_view = in_view(joints.watched_m[:, 0], BODY_RADIUS_M, cameras)
         else:
@@ -366,6 +363,17 @@ class Renderer(Closing):
         return self._buffers.crowd(picture.cast)
 
     # ---- parts -----------------------------------------------------------------------------
+
+    def _levels(
+        self, crowd: Crowd, cameras: Sequence[Camera], px_per_tangent: float
+    ) -> tuple[npt.NDArray[np.int64], Vector]:
+        """Return how finely everybody posed is drawn, and how far they are from the nearest eye."""
+        eyes = np.array([c.pose.position_m for c in cameras])
+        offset = crowd.joints.watched_m[:, 1, None, :] - eyes[None]
+        distance_m = np.sqrt((offset * offset).sum(axis=2)).min(axis=1)
+        heights_px = faces_px(distance_m, px_per_tangent)
+        level = choose_levels(heights_px, crowd.level_before, self.quality.detail, crowd.triangles)
+        return level, distance_m
 
     def _program(
         self, family: Family, room: Room, *, identity: bool
@@ -474,6 +482,11 @@ class Renderer(Closing):
         if size_px not in self._targets:
             self._targets[size_px] = EyeTarget(self.context, size_px, self.quality.samples)
         return self._targets[size_px]
+
+
+def _px_per_tangent(cameras: Sequence[Camera], width_px: int) -> float:
+    """Return how many pixels of a picture so wide a tangent of 1 has at most."""
+    return max((width_px / (c.right - c.left) for c in cameras), default=1.0)
 
 
 def _grid(cameras: Sequence[Camera], targets: Sequence[EyeTarget]) -> PixelGrid:

@@ -62,6 +62,7 @@ REHEARSED_TRIALS, REHEARSED_S = 8, 130.0
 
 Further levels bring other numbers, but rarely run other code.
 """
+BOARD_WORDS = ("no_answer", "board_keys", "go_on", "pause", "coming")
 
 
 def perform_new(request: Request) -> Path:
@@ -394,7 +395,7 @@ def _setup(
         respondent=devices.respondent,
         judge_validation=request.study.judge_validation,
         questionnaires=request.study.questionnaires(config),
-        board_words=BoardWords(*map(own_texts.get, ("no_answer", "board_keys", "go_on", "pause"))),
+        board_words=BoardWords(*map(own_texts.get, BOARD_WORDS)),
         participant=devices.participant,
         progress=progress,
         blind=request.blind,

@@ -4,7 +4,7 @@ One buffer holds everybody and a few calls draw them, nearest first, so that who
 rejected before it is shaded.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any
@@ -141,6 +141,13 @@ class ProcessorCrowd:
         self._count = np.zeros(0, np.int64)
         self._pixel: Floats = np.zeros((0, 0, 2), np.float32)
         self._second = ThreadPoolExecutor(1, "skin")
+
+    def build(self, level: npt.NDArray[np.int64]) -> Iterator[None]:
+        """Build people at levels of detail before they are chosen, a step each who is not there."""
+        for character, k in zip(self.cast, np.minimum(level, self.level_count - 1), strict=True):
+            if (id(character), int(k), True) not in self._models:
+                self._model(character, int(k), far=True)  # and from near, of which that is made
+                yield
 
     def upload(self) -> None:
         """Send where soles are; matrices stay here."""
