@@ -131,6 +131,18 @@ def test_press_that_comes_before_the_stamp_of_a_sound_is_kept(tmp_path):
     assert ("j", 130_000_000) == (step.option, step.answered_ns)
 
 
+def test_condition_beside_a_sound_alone_ends_it_though_its_stamp_has_not_come(tmp_path):
+    settings = find_study(str(write_study(tmp_path))).experiment({}).settings
+    script = TrialScript(Trial("T1", 1, 0, False, {}, 1), settings)
+    show = script.show(Tone(440.0), 2.0, until=lambda view: view.t_ns >= 150_000_000).perform()
+    frames = map(frame, range(100, 4000, 10))
+    with pytest.raises(StopIteration) as ended:
+        step = next(show)
+        while True:
+            step = show.send(next(frames) if isinstance(step, NextFrame) else None)
+    assert 150_000_000 == ended.value.value.view.t_ns
+
+
 def test_power_lets_the_same_people_hear(tmp_path):
     study = find_study(str(write_study(tmp_path)))
     simulated = quick_study(study, study.experiment({}), tracker_of, [0], seed=1)

@@ -107,26 +107,30 @@ class LitTrial:
             waveform = self.settings.sound_of(sound)
             yield PlaySound(column, waveform, None, gain_db_of(sound, waveform))
 
+    def _onset_ns_of(self, showing: Showing, name: str, lit_ns: int, view: FrameView) -> int | None:
+        """Return from when a showing is timed: what is heard alone from its first sample, all else
+        from its first light; None while the report of the sound is awaited.
+        """
+        if not showing.is_heard_alone:
+            return lit_ns
+        began_ns = self.row[f"{name}_sound_on_ns"]
+        if isinstance(began_ns, int):
+            self._sound_on_ns = began_ns
+            return began_ns
+        return None if view.t_ns < lit_ns + round(STAMP_LIMIT_S * NS_PER_S) else lit_ns
+
     def _onset_of(self, showing: Showing, name: str, view: FrameView) -> Performing:
         """Return from when a showing is timed, the frame in which that is known, and how many have
-        passed: what is heard alone counts from its first sample, all else from its first light.
-        The frame has the presses of all that passed.
+        passed. The frame has the presses of all that passed.
         """
-        on_ns, frames = view.t_ns, 1
-        if not showing.is_heard_alone:
-            return on_ns, view, frames
-        column, until_ns = f"{name}_sound_on_ns", on_ns + round(STAMP_LIMIT_S * NS_PER_S)
-        presses = presses_of(view)
-        while self.row[column] is None and view.t_ns < until_ns:
+        lit_ns, frames, presses = view.t_ns, 1, presses_of(view)
+        while (on_ns := self._onset_ns_of(showing, name, lit_ns, view)) is None:
             view = yield from self._frame()
             presses += presses_of(view)
             frames += 1
         if presses:
             pressed, pressed_ns = zip(*presses, strict=True)
             view = view._replace(pressed=pressed, pressed_ns=pressed_ns)
-        began_ns = self.row[column]
-        if isinstance(began_ns, int):
-            self._sound_on_ns = on_ns = began_ns
         return on_ns, view, frames
 
     def _end_light(self, t_ns: int) -> None:
@@ -155,16 +159,20 @@ class LitTrial:
         in which they would be.
         """
         name, staged_scene, view = yield from self._light(showing)
-        lit_ns = view.t_ns
-        on_ns, view, frames = yield from self._onset_of(showing, name, view)
+        lit_ns, frames = view.t_ns, 1
         until = self._condition(ends, staged_scene, lit_ns)
 
         def pass_frame(view: FrameView) -> None:
             nonlocal frames
             frames += 1
 
-        quiet_until_ns = 0 if until is not None else showing.calm_until_ns(view, on_ns)
-        while not (until is not None and until(view)) and not showing.is_over(frames, view, on_ns):
+        while not (until is not None and until(view)):
+            on_ns = self._onset_ns_of(showing, name, lit_ns, view)
+            if on_ns is not None and showing.is_over(frames, view, on_ns):
+                break
+            quiet_until_ns = 0
+            if until is None and on_ns is not None:
+                quiet_until_ns = showing.calm_until_ns(view, on_ns)
             view = yield from self._frame(quiet_until_ns, pass_frame)
             frames += 1
         off_ns = view.t_ns + view.surface.frame_ns
