@@ -23,7 +23,6 @@ from visavis.running.sessions.device_setup import devices_for
 from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.session_request import simulated_request
 from visavis.stimuli.audible import Tone
-from visavis.study.asking import Answer
 from visavis.study.responses import Keys
 from visavis.study.trial import TrialScript
 
@@ -115,32 +114,37 @@ def test_press_at_a_sound_counts_from_its_onset_and_answers_what_was_heard(recor
     assert (trials["answer_ms"] > 300.0).all()
 
 
+def result_of(action, frames):
+    """Perform a step frame by frame; return its result."""
+
+    def whole():
+        yield [(yield from action.perform())]
+
+    steps = whole()
+    step = next(steps)
+    while not isinstance(step, list):
+        step = steps.send(next(frames) if isinstance(step, NextFrame) else None)
+    return step[0]
+
+
 def test_press_that_comes_before_the_stamp_of_a_sound_is_kept(tmp_path):
     settings = find_study(str(write_study(tmp_path))).experiment({}).settings
     script = TrialScript(Trial("T1", 1, 0, False, {}, 1), settings)
 
-    def to_the_answer():
-        yield (yield from script.show(Tone(440.0), until=Keys("f", "j")).perform())
-
-    steps = to_the_answer()
     pressed = frame(133, ["j"], [130.0])
     frames = iter([frame(100), frame(117), pressed, *map(frame, range(150, 4000, 17))])
-    step = next(steps)
-    while not isinstance(step, Answer):
-        step = steps.send(next(frames) if isinstance(step, NextFrame) else None)
-    assert ("j", 130_000_000) == (step.option, step.answered_ns)
+    answer = result_of(script.show(Tone(440.0), until=Keys("f", "j")), frames)
+    assert ("j", 130_000_000) == (answer.option, answer.answered_ns)
 
 
 def test_condition_beside_a_sound_alone_ends_it_though_its_stamp_has_not_come(tmp_path):
     settings = find_study(str(write_study(tmp_path))).experiment({}).settings
     script = TrialScript(Trial("T1", 1, 0, False, {}, 1), settings)
-    show = script.show(Tone(440.0), 2.0, until=lambda view: view.t_ns >= 150_000_000).perform()
-    frames = map(frame, range(100, 4000, 10))
-    with pytest.raises(StopIteration) as ended:
-        step = next(show)
-        while True:
-            step = show.send(next(frames) if isinstance(step, NextFrame) else None)
-    assert 150_000_000 == ended.value.value.view.t_ns
+    shown = result_of(
+        script.show(Tone(440.0), 2.0, until=lambda view: view.t_ns >= 150_000_000),
+        map(frame, range(100, 4000, 10)),
+    )
+    assert 150_000_000 == shown.view.t_ns
 
 
 def test_power_lets_the_same_people_hear(tmp_path):
