@@ -175,11 +175,27 @@ def test_sound_that_cannot_be_played_is_told_at_plan(tmp_path, step, told):
         _ = find_study(str(path)).experiment({}).sounds
 
 
-def test_plan_refuses_sounds_on_a_page_instead_of_leaving_them_out(tmp_path):
-    path = write_study(tmp_path, STUDY.replace("calibrate=False", 'on="browser"'))
-    (tmp_path / "lab.yaml").write_bytes(SCREEN_EXAMPLE.read_bytes())
-    result = CliRunner().invoke(app, ["plan", str(path), "--config", str(tmp_path / "lab.yaml")])
-    assert "play a Tone or Sound" in str(result.exception)
+def plan_on_a_page(folder, text):
+    path = write_study(folder, text.replace("calibrate=False", 'on="browser"'))
+    (folder / "lab.yaml").write_bytes(SCREEN_EXAMPLE.read_bytes())
+    return CliRunner().invoke(app, ["plan", str(path), "--config", str(folder / "lab.yaml")])
+
+
+def test_sounds_on_a_page_are_planned(tmp_path):
+    assert 0 == plan_on_a_page(tmp_path, STUDY).exit_code
+
+
+@pytest.mark.parametrize(
+    ("step", "told"),
+    [
+        ('t.play("hum.wav")', "play a sound at a place"),
+        ("t.show(Tone(440, seconds=200))", "Tone: 200 s of sound are more than a page loads"),
+    ],
+)
+def test_sound_that_a_page_cannot_play_is_told_at_plan(tmp_path, step, told):
+    text = STUDY.replace('t.show(Sound("hum.wav", level_db=-30, ear="left"), name="hum")', step)
+    result = plan_on_a_page(tmp_path, text)
+    assert told in f"{result.exception} {result.output}"
     assert result.exit_code > 0
 
 

@@ -32,6 +32,7 @@ from visavis.lab.version import version
 from visavis.protocol.plan.experiment import no_progress
 from visavis.running.film_edges import refuse_cut_off
 from visavis.running.page.spoken_digits import spoken_digits
+from visavis.running.sound_store import require_fit
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.picture import Camera, Picture, Prop, Room
@@ -295,11 +296,13 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
         variant = experiment.study.procedure.xr_variant
         raise DesignError(
             f"{experiment.name} cannot be performed on a page: its trials show scenes frame by "
-            "frame, vibrate, or play a Tone or Sound, and a page shows texts, pictures, shapes and "
-            "gratings (t.show, without a condition), t.watch, t.ask, t.wait and t.dark. Perform it "
+            "frame, vibrate, or play a sound at a place (t.play), and a page shows and plays what "
+            "t.show does without a condition, t.watch, t.ask, t.wait and t.dark. Perform it "
             "in the laboratory (visavis run), or show its scenes as films (t.watch)"
             + (f", or perform {variant}, its variant for headsets' browsers" if variant else "")
         )
+    for audible in experiment.audibles:
+        require_fit(audible, experiment.settings.seconds_of(audible))
     if "sound" in experiment.study.procedure.screening:
         spoken_digits(experiment.language, experiment.settings.folder)
     return _store_of(experiment, cache_folder())

@@ -12,6 +12,8 @@ from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector
 from visavis.running.film_store import FilmStore
 from visavis.running.picture_store import PictureStore
+from visavis.running.sound_store import SoundStore
+from visavis.stimuli.audible import Audible
 from visavis.stimuli.dressing.casting import default_casting
 from visavis.stimuli.flat import Image
 from visavis.stimuli.motion.synthesis.blend_file import packed_examples
@@ -168,19 +170,27 @@ def prepare_live_films(
 
 
 def page_files(
-    films: FilmStore, lives: LiveStore, *, is_simulated: bool, pictures: PictureStore | None = None
-) -> Callable[[Film | Live | LiveFilm | Image], Mapping[str, Any]]:
+    films: FilmStore,
+    lives: LiveStore,
+    *,
+    is_simulated: bool,
+    pictures: PictureStore | None = None,
+    sounds: SoundStore | None = None,
+) -> Callable[[Film | Live | LiveFilm | Image | Audible], Mapping[str, Any]]:
     """Return what describes to a page whatever it shows, each thing once."""
     pictures = pictures or PictureStore((), films.study_folder)
 
     @cache
-    def describe(shown: Film | Live | LiveFilm | Image) -> Mapping[str, Any]:
+    def describe(shown: Film | Live | LiveFilm | Image | Audible) -> Mapping[str, Any]:
         if isinstance(shown, LiveFilm):
             return lives.describe_film(shown, films, is_simulated=is_simulated)
         if isinstance(shown, Live):
             return lives.describe(shown, is_simulated=is_simulated)
         if isinstance(shown, Image):
             return pictures.describe(shown, is_simulated=is_simulated)
+        if isinstance(shown, Audible):
+            assert sounds is not None  # noqa: S101 - a study that plays sounds gives them
+            return sounds.describe(shown, is_simulated=is_simulated)
         return films.describe(shown, is_simulated=is_simulated)
 
     return describe

@@ -53,6 +53,7 @@ from visavis.running.page.replies import check_reply
 from visavis.running.page.steps import PageStep, Reply, ns_of_ms
 from visavis.running.page.trial import perform_on_page
 from visavis.running.page.visitor import visitor_of
+from visavis.running.sound_store import SoundStore
 from visavis.stimuli.panels import PanelFrame
 from visavis.stimuli.scene import SceneFrame
 from visavis.study.experiment import StudyExperiment
@@ -206,7 +207,8 @@ def _page_rows(
     """Perform every trial of a person's plan but practice; yield each with its row and events."""
     store = film_store(experiment)
     visitor = visitor_of(person, experiment, store)
-    describe = page_files(store, LiveStore(experiment.lives), is_simulated=True)
+    sounds = SoundStore(experiment.settings.sound_of)
+    describe = page_files(store, LiveStore(experiment.lives), is_simulated=True, sounds=sounds)
     ended_blocks: set[int] = set()
     queue = deque((t, 0) for t in experiment.plan(index, seed).trials if not t.is_practice)
     while queue:

@@ -51,7 +51,7 @@ FRAME_S: Final = 0.25
 
 SCENE_ENDINGS: Final = ("on_ns", "off_ns", "frames")
 """Endings of the columns that a shown scene adds, beside those of its roles."""
-STEPS_OF_A_PAGE: Final = ("ask", "dark", "wait", "mark", "repeat", "end")
+STEPS_OF_A_PAGE: Final = ("ask", "dark", "hush", "wait", "mark", "repeat", "end")
 """Steps that a page can perform besides films."""
 
 
@@ -150,7 +150,6 @@ def read_trial(
                 # A page times a press from what it shows: a showing before it, of a known length.
                 on_page |= step.showing is not None or (step.name == "key" and lit_on_page)
                 fits_a_page &= on_page or step.name in STEPS_OF_A_PAGE
-                fits_a_page &= not step.sounds
                 if step.name not in ("dark", "wait"):
                     lit_on_page = step.showing is not None and step.response is None
                 seconds += step.seconds

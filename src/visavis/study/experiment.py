@@ -18,6 +18,7 @@ from visavis.protocol.plan.experiment import AfterPractice, Demands, no_progress
 from visavis.protocol.plan.session_plan import Block, SessionPlan, Trial
 from visavis.protocol.plan.steps import Plan
 from visavis.protocol.session.boards import DwellRule, Ways
+from visavis.stimuli.audible import Audible
 from visavis.stimuli.flat import Flat, Image
 from visavis.stimuli.scene import Scene as StageScene
 from visavis.stimuli.scene import SceneFrame
@@ -220,6 +221,12 @@ class StudyExperiment:
         """One picture of every file that a condition shows."""
         pictures = {item.file: item for item in self.flats if isinstance(item, Image)}
         return tuple(pictures.values())
+
+    @property
+    def audibles(self) -> tuple[Audible, ...]:
+        """Every tone and sound that a condition shows, each once."""
+        sources = (s for t in self.read.values() for s in t.sounds)
+        return tuple(dict.fromkeys(s for s in sources if isinstance(s, Audible)))
 
     @cached_property
     def lives(self) -> tuple[Live | LiveFilm, ...]:

@@ -58,6 +58,7 @@ EVENT_FACTS: Final[Mapping[str, tuple[str, ...]]] = {
     "films_loaded": ("films",),
     "shown": ("films",),
     "screen_measured": ("card",),
+    "sound": ("sounds",),
     "sound_checked": ("voice",),
     "pointer_window": ("pointer",),
     "headset_entered": ("headset",),
@@ -188,6 +189,7 @@ def information_on_page(
     facts += ["films"] if experiment.films else []
     facts += ["moulding"] if experiment.lives else []
     facts += ["flats"] if experiment.flats else []
+    facts += ["sounds"] if experiment.audibles else []
     streams = experiment.headset_streams
     facts += ["headset", *(STREAM_FACTS[name] for name in streams)] if streams else []
     facts += ["pointer"] if any("pointer" in t.rests_on for t in experiment.read.values()) else []
@@ -250,6 +252,7 @@ def facts_in_event(name: str, payload: Mapping[str, Any]) -> frozenset[str]:
         answers = [a for a in (reply.get("answers") or {}).values() if isinstance(a, Mapping)]
         facts |= {"holding"} if any("released_ms" in answer for answer in answers) else set()
         facts |= {"flats"} if "parts" in reply else set()
+        facts |= {"sounds"} if any("sound" in p for p in reply.get("parts", ())) else set()
         facts |= {"pointer"} if any("pointer" in p for p in reply.get("parts", ())) else set()
         facts |= {"card"} if "px_per_mm" in reply else set()
         facts |= {"distance"} if "distance_mm" in reply or "screen" in reply else set()

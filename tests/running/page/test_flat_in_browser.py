@@ -33,18 +33,23 @@ pytestmark = [
 FRAME_MS = 1000 / 60
 
 
+def measure_screen(page: Any) -> None:
+    """Say how large the screen is and how far away, where the page asks."""
+    if page.query_selector(".slider input[type=range]") and page.query_selector("#far"):
+        page.fill("#far", "60")
+        page.eval_on_selector(
+            ".slider input",
+            "e => { e.value = 324; e.dispatchEvent(new Event('input')); }",
+        )
+
+
 def perform(page: Any, keys: str, words: str, part: int) -> None:
     """Press keys in turn while a part of a step is shown, until the page says something."""
     watch, n = StopWatch(), 0
     while words not in state_of(page)["text"]:
         assert watch.elapsed_s() < PATIENCE_S, state_of(page)
         with contextlib.suppress(playwright_error()):
-            if page.query_selector(".slider input[type=range]") and page.query_selector("#far"):
-                page.fill("#far", "60")
-                page.eval_on_selector(
-                    ".slider input",
-                    "e => { e.value = 324; e.dispatchEvent(new Event('input')); }",
-                )
+            measure_screen(page)
             if page.query_selector(f"canvas.flat[data-part='{part}']"):
                 page.keyboard.press(keys[n % len(keys)])
                 n += 1

@@ -17,12 +17,13 @@ from hypothesis import strategies as st
 
 from visavis.lab.errors import DesignError
 from visavis.running.page.replies import _check_answer, check_reply
-from visavis.running.page.server import SITE
+from visavis.running.page.server import FILES, SITE
 from visavis.running.page.steps import PageError, PageStep, page_question
 from visavis.running.page.streams import POST_BYTES
 from visavis.study.information import ABOUT_PAGE
 from visavis.study.responses import Choice, Number
 
+PAGE_SCRIPTS = [name for name in FILES.values() if name.endswith(".js")]
 HOST = """
 class Element {
   constructor(tag) { this.tag = tag; this.children = []; this.listeners = {}; this.attributes = {};
@@ -117,7 +118,7 @@ def in_node(folder: Path, code: str, argument: str, store: str = "") -> dict[str
     node = shutil.which("node")
     if node is None:
         pytest.skip("there is no node; apt install nodejs")
-    for name in ("page.js", "store.js", "film.js", "flat.js", "dots.js", "wire.js"):
+    for name in PAGE_SCRIPTS:
         shutil.copyfile(SITE / name, folder / name)
     (folder / "package.json").write_text('{"type": "module"}', "utf-8")
     if store:
@@ -396,7 +397,7 @@ def ask_page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[Any
     if node is None:
         pytest.skip("there is no node; apt install nodejs")
     folder = tmp_path_factory.mktemp("page")
-    for name in ("page.js", "store.js", "film.js", "flat.js", "dots.js", "wire.js"):
+    for name in PAGE_SCRIPTS:
         shutil.copyfile(SITE / name, folder / name)
     (folder / "package.json").write_text('{"type": "module"}', "utf-8")
     host = folder / "host.mjs"

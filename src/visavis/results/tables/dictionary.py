@@ -78,7 +78,8 @@ def trial_columns(experiment: StudyExperiment, measures: Sequence[Measure]) -> d
     columns |= {c.name: c for c in (*WALK_COLUMNS, *HAND_COLUMNS)}
     for name in dict.fromkeys(n for t in experiment.read.values() for n in t.sound_columns):
         words = (
-            "session time at which the sound's first sample left the card; empty if nobody knows"
+            "session time at which the sound's first sample left the card, on a page the browser; "
+            "empty if nobody knows"
         )
         columns[name] = Column(name, "ns", words)
     columns |= film_columns(
@@ -144,6 +145,11 @@ def scene_column(name: str, columns: Collection[str] | None = None) -> Column | 
     """
     for ending, unit, words in (
         *GAZE_ENDINGS,
+        (
+            "_sound_error_ms",
+            "ms",
+            "half the range within which a browser said when the sounds of {} began",
+        ),
         ("_on_ns", "ns", "session time at which the first frame that showed {} began"),
         (
             "_off_ns",

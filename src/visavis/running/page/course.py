@@ -20,7 +20,7 @@ from visavis.protocol.plan.steps import EndEarly, Mark, Repeat, Row
 from visavis.running.page.flat import USUAL_DISTANCE_MM, measured_screen
 from visavis.running.page.headset_information import headset_information
 from visavis.running.page.spoken_digits import HOW_MANY, say_digits, spoken_digits
-from visavis.running.page.steps import PRELOAD, PageStep, Reply, mapping, number, put
+from visavis.running.page.steps import PRELOAD, PageStep, Reply, count, mapping, number, put
 from visavis.running.page.trial import FilmFailed, FilmFiles, perform_on_page
 from visavis.study.careless_answers import NOT_HEARD
 from visavis.study.experiment import HANDS, StudyExperiment
@@ -37,6 +37,8 @@ HEADSET_ENTERED: Final = "headset_entered"
 DISCOMFORT: Final = "discomfort"
 MAX_DISCOMFORT: Final = 10
 SOUND_CHECKED: Final = "sound_checked"
+SOUND_FLAG: Final = "sound interrupted"
+"""Flag on a trial in which the browser stopped what sounded."""
 FILMS_LOADED: Final = "films_loaded"
 """A page loads films by itself: no person replied to the step before this event."""
 SOUND_STREAM: Final = 0x50D
@@ -228,9 +230,11 @@ def course(visit: Visit) -> Course:
         files = [part[name] for part in described for name in ASSETS if name in part]
         assets = [*{file["name"]: file for file in files}.values()]  # each once
         pictures = [visit.files(picture) for picture in experiment.pictures]
-        if films or lives or pictures:
+        sounds = [visit.files(sound) for sound in experiment.audibles]
+        if films or lives or pictures or sounds:
             more = {"assets": assets} if assets else {}
             more |= {"pictures": pictures} if pictures else {}
+            more |= {"sounds": sounds} if sounds else {}
             reply = yield from _step(PageStep(PRELOAD, {"films": films, **more}))
             yield Event(FILMS_LOADED, dict(mapping(reply.content.get("films", {}), "films")))
         has_entered = yield from _enter(visit)
@@ -423,6 +427,8 @@ def _trial(
                 reply = yield from _step(PageStep(out.kind, {**out.content, **number_of}))
                 if number(reply.content.get("hidden_ms", 0), "hidden_ms") > 0:
                     visit.notes.add("page hidden")
+                if count(reply.content.get("sound_breaks", 0), "sound_breaks"):
+                    visit.notes.add(SOUND_FLAG)
     except StopIteration as end:
         row = end.value or {}
         script.remember(row)

@@ -20,6 +20,7 @@ from visavis.lab.screen import FlatScreen, PlacedScreen
 from visavis.protocol.plan.steps import Mark
 from visavis.running.page.steps import WAYS, PageError, PageStep, Reply, count, mapping, number
 from visavis.stimuli.areas import areas_text
+from visavis.stimuli.audible import Audible, Sound, Tone
 from visavis.stimuli.flat import KINDS, Dots, Flat, Grating, Image, Shape, Text, rgb_of
 from visavis.stimuli.panels import Surface
 from visavis.stimuli.scenes.flat import FlatScene
@@ -28,6 +29,7 @@ from visavis.study.area_measures import POINTER_WINDOW
 from visavis.study.dry_run import still_view
 from visavis.study.responses import Keys
 from visavis.study.scenes import FLAT, areas_of
+from visavis.study.showing import sound_columns
 
 MAX_PARTS: Final = 1000
 MAX_VIEW_PX: Final = 100_000
@@ -117,6 +119,11 @@ class _Part:
     scene: ComingScene | None = None
 
     @property
+    def is_heard_alone(self) -> bool:
+        """Whether there is nothing to see; times then run from the onset of the sound."""
+        return bool(self.content.get("sounds")) and not self.content["items"]
+
+    @property
     def is_limited(self) -> bool:
         """Whether it ends by itself."""
         return self.content["seconds"] is not None or self.content["frames"] is not None
@@ -139,6 +146,8 @@ class Sequence:
             "seconds": None if showing.frames is not None else showing.seconds,
             "frames": showing.frames,
         }
+        if showing.sounds:
+            content["sounds"] = [sound_on_page(one, files) for one in showing.sounds]
         if "names" in options:
             content["names"] = list(options["names"])
         if showing.window_deg:
@@ -156,8 +165,9 @@ class Sequence:
 
     def add_wait(self, seconds: float | None) -> None:
         """Add more time of what was shown last."""
-        content = {**self.parts[-1].content, "seconds": seconds, "frames": None, "goes_on": True}
-        self.parts.append(_Part(content))
+        shown = {name: v for name, v in self.parts[-1].content.items() if name != "sounds"}
+        again = {"seconds": seconds, "frames": None, "goes_on": True}
+        self.parts.append(_Part(shown | again))
 
     def step(self, keys: Keys | None, since: int | None) -> PageStep:
         """Return the step for a page; a key is timed from the last part that has columns, and
@@ -194,6 +204,17 @@ def item_on_page(item: Flat, files: Callable[[Any], Mapping[str, Any]]) -> dict[
             return content | dict(files(item))
 
 
+def sound_on_page(audible: Audible, files: Callable[[Any], Mapping[str, Any]]) -> dict[str, Any]:
+    """Return a tone or sound as a page plays it; `files` describes its samples."""
+    return {**asdict(audible), "kind": type(audible).__name__.lower(), **files(audible)}
+
+
+def read_sound_item(content: Mapping[str, Any]) -> Audible:
+    """Return the tone or sound of which a page was told."""
+    kind = Tone if content["kind"] == "tone" else Sound
+    return kind(**{f.name: content[f.name] for f in fields(kind)})
+
+
 def read_item(content: Mapping[str, Any]) -> Flat:
     """Return the flat stimulus of which a page was told."""
     kind = next(kind for name, kind in KINDS.items() if name.lower() == content["kind"])
@@ -212,19 +233,45 @@ def flat_scene(part: Mapping[str, Any], folder: Path) -> FlatScene:
         background_srgb=rgb_of(part["background"]),
         folder=folder,
         names=tuple(part.get("names", ())),
+        sounds=tuple(map(read_sound_item, part.get("sounds", ()))),
     )
+
+
+CLOCKS: Final = ("output_timestamp", "output_latency", "current_time", "simulated")
+"""What a browser's audio time was placed on the page's clock by, from the surest on."""
+SILENT: Final[Mapping[str, Any]] = {
+    "on_ms": 0.0,
+    "error_ms": 0.0,
+    "latency_ms": 0.0,
+    "by": "simulated",
+}
+"""What a page would say of a sound."""
+
+
+@dataclass(frozen=True)
+class Heard:
+    """When the first sample of a part's sounds left the browser, in milliseconds of the page's
+    clock; half the range in which the browser said so, its `latency_ms`, and by what it knew.
+    """
+
+    on_ms: float
+    error_ms: float
+    latency_ms: float
+    by: str
 
 
 @dataclass(frozen=True)
 class Lit:
     """The light of one part, in milliseconds of the page's clock: from its first frame to the
-    first without it, with the frames that it had and those that its browser left out.
+    first without it, with the frames that it had and those that its browser left out; and its
+    sounds, if it has any.
     """
 
     on_ms: float
     off_ms: float
     frames: int
     frames_dropped: int
+    heard: Heard | None = None
 
 
 def read_lit(content: Mapping[str, Any]) -> list[Lit]:
@@ -242,9 +289,22 @@ def read_lit(content: Mapping[str, Any]) -> list[Lit]:
             number(part.get("off_ms"), "off_ms"),
             count(part.get("frames"), "frames"),
             count(part.get("dropped"), "dropped"),
+            None if part.get("sound") is None else _read_heard(part["sound"]),
         )
         for part in parts
     ]
+
+
+def _read_heard(content: Any) -> Heard:
+    heard = mapping(content, "a sound")
+    if heard.get("by") not in CLOCKS:
+        raise PageError(f"a sound was timed by {str(heard.get('by'))[:40]!r}")
+    on_ms, error_ms, latency_ms = (
+        number(heard.get(name), name) for name in ("on_ms", "error_ms", "latency_ms")
+    )
+    if error_ms < 0:
+        raise PageError(f"error_ms is {error_ms}")
+    return Heard(on_ms, error_ms, latency_ms, heard["by"])
 
 
 def read_screen(content: Any) -> PageScreen:
@@ -285,6 +345,9 @@ def check_shown(step: PageStep, content: Mapping[str, Any]) -> None:
         raise PageError(f"{len(lit)} parts were shown, not {parts}")
     if asked is not None and len(lit) <= asked["from"]:
         raise PageError("what the key answers to was not shown")
+    for one, part in zip(lit, step.content["parts"], strict=False):
+        if (one.heard is None) == bool(part.get("sounds")):
+            raise PageError("every part with sounds says when they began, and no other")
     if any(not one.on_ms <= one.off_ms for one in lit):
         raise PageError("a part was gone before it was there")
     read_screen(content.get("screen"))
@@ -357,6 +420,29 @@ def pointer_events(sequence: Sequence, reply: Reply, folder: Path, trial_id: str
         )
 
 
+def sound_events(sequence: Sequence, reply: Reply, trial_id: str) -> Iterator[Mark]:
+    """Yield what is recorded of every sound: which it was, and how its onset is known."""
+    for part, lit in zip(sequence.parts, read_lit(reply.content), strict=False):
+        if lit.heard is None:
+            continue
+        for sound in part.content["sounds"]:
+            yield Mark(
+                "sound",
+                {
+                    "trial_id": trial_id,
+                    "name": part.name,
+                    "sound": sound.get("title", ""),
+                    "sound_sha256": sound.get("sound_sha256", ""),
+                    "seconds": sound.get("length_s"),
+                    "gain_db": sound.get("gain_db"),
+                    "on_ns": reply.t_ns_of(lit.heard.on_ms),
+                    "error_ms": lit.heard.error_ms,
+                    "latency_ms": lit.heard.latency_ms,
+                    "by": lit.heard.by,
+                },
+            )
+
+
 def _check_view(view_px: Any) -> None:
     if not isinstance(view_px, list) or len(view_px) != 2:
         raise PageError("view_px are width and height of the page")
@@ -387,9 +473,15 @@ def shown_columns(sequence: Sequence, reply: Reply) -> dict[str, Any]:
             f"{part.name}_frames": frames,
             f"{part.name}_frames_dropped": dropped,
         }
+        if light.heard is not None:
+            onsets = sound_columns(part.name, len(part.content["sounds"]))
+            row |= dict.fromkeys(onsets, reply.t_ns_of(light.heard.on_ms))
+            row[f"{part.name}_sound_error_ms"] = light.heard.error_ms
         if part.scene is not None:
             on_ns, off_ns = row[f"{part.name}_on_ns"], row[f"{part.name}_off_ns"]
             part.scene.__dict__.update(on_ns=on_ns, off_ns=off_ns, ms=(off_ns - on_ns) / 1e6)
+    if not any(part.content["items"] for part in sequence.parts):
+        return row
     row |= {
         "px_per_deg": round(screen.px_per_deg, 3),
         "size_error_01": screen.size_error_01,

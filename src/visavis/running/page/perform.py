@@ -49,6 +49,7 @@ from visavis.running.sessions.plan_lock import carried_by_session
 from visavis.running.sessions.recorded_design import DESIGN_KEY, design_of
 from visavis.running.sessions.recorded_part import recorded_part, recorder_of, refuse_other_plan
 from visavis.running.sessions.session_request import PageAddress, Request, behaviour_seed
+from visavis.running.sound_store import SoundStore
 from visavis.study.cast import use_cast_of, use_recorded_cast
 from visavis.study.catalogue import typed_reference
 from visavis.study.experiment import StudyExperiment
@@ -234,7 +235,8 @@ def page_session_of(
     notes = Notes()
     lives = LiveStore(experiment.lives)
     pictures = PictureStore(experiment.pictures, experiment.settings.folder, lives.assets)
-    describe = page_files(store, lives, is_simulated=virtual, pictures=pictures)
+    sounds = SoundStore(experiment.settings.sound_of, lives.assets)
+    describe = page_files(store, lives, is_simulated=virtual, pictures=pictures, sounds=sounds)
     visit_of = Visit(
         experiment,
         plan,

@@ -43,6 +43,7 @@ def check_reply(step: PageStep, content: Mapping[str, Any]) -> None:
             raise PageError(f"stop is {str(content['stop'])[:40]!r}; it is keep or delete")
         return
     number(content.get("hidden_ms", 0), "hidden_ms")
+    count(content.get("sound_breaks", 0), "sound_breaks")
     if step.kind == "consent" and not isinstance(content.get("agreed"), bool):
         raise PageError("consent was neither given nor declined")
     if step.kind == "card":

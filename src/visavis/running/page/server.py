@@ -34,6 +34,8 @@ FILES: Final = {
     "/film.js": "film.js",
     "/flat.js": "flat.js",
     "/dots.js": "dots.js",
+    "/sound.js": "sound.js",
+    "/loading.js": "loading.js",
     "/wire.js": "wire.js",
     "/page.css": "page.css",
 }

@@ -7,7 +7,13 @@ from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.protocol.plan.steps import Mark, Row, TrialInterrupted
 from visavis.running.live_store import until_on_page
-from visavis.running.page.flat import NO_PRESS, Sequence, pointer_events, shown_columns
+from visavis.running.page.flat import (
+    NO_PRESS,
+    Sequence,
+    pointer_events,
+    shown_columns,
+    sound_events,
+)
 from visavis.running.page.steps import (
     Drawn,
     FilmPlayback,
@@ -22,6 +28,7 @@ from visavis.running.page.steps import (
     read_film,
     read_page_answer,
 )
+from visavis.stimuli.audible import Audible
 from visavis.stimuli.flat import Image
 from visavis.study.actions import Action
 from visavis.study.asking import Answer
@@ -40,9 +47,9 @@ from visavis.study.responses import Keys, Response
 from visavis.study.trial import TrialPlan, TrialScript
 
 OnPage: TypeAlias = Generator[PageStep | Mark, Reply | None, Any]
-FilmFiles: TypeAlias = Callable[[Film | Live | LiveFilm | Image], Mapping[str, Any]]
-"""Returns what a page must know about a film, a live figure or a picture: files' names, hashes,
-sizes.
+FilmFiles: TypeAlias = Callable[[Film | Live | LiveFilm | Image | Audible], Mapping[str, Any]]
+"""Returns what a page must know about a film, a live figure, a picture or a sound: files' names,
+hashes, sizes.
 """
 SHOWS: Final = "it shows t.show without a condition, t.watch, t.mould, t.ask, t.wait, t.dark"
 
@@ -121,17 +128,21 @@ def _shown(
     content = reply.content
     if content.get("failed") is not None:
         failure = mapping(content["failed"], "what failed")
-        raise FilmFailed(f"picture {failure.get('file')}: {failure.get('why')}"[:300])
+        what = "sound" if failure.get("sound") else f"picture {failure.get('file')}"
+        raise FilmFailed(f"{what}: {failure.get('why')}"[:300])
     columns = shown_columns(coming, reply)
     first = next(part.name for part in coming.parts if part.name)
-    last = [part.name for part in coming.parts if f"{part.name}_on_ns" in columns][-1]
-    from_ns, end_ns = columns[f"{last}_on_ns"], columns[f"{last}_off_ns"]
+    last = [part for part in coming.parts if f"{part.name}_on_ns" in columns][-1]
+    end_ns = columns[f"{last.name}_off_ns"]
+    from_ns = columns[f"{last.name}_{'sound_on_ns' if last.is_heard_alone else 'on_ns'}"]
     script.row.setdefault("t_start_ns", columns[f"{first}_on_ns"])
-    columns["stimuli_outside"] += script.row.get("stimuli_outside", 0)
+    if "stimuli_outside" in columns:
+        columns["stimuli_outside"] += script.row.get("stimuli_outside", 0)
     script.row |= columns | {"t_end_ns": end_ns}
     script.view = still_view(end_ns)
     trial_id = script.trial.trial_id
     yield from pointer_events(coming, reply, script.settings.folder, trial_id)
+    yield from sound_events(coming, reply, trial_id)
     coming.parts.clear()
     if keys is None:
         return None
@@ -175,6 +186,9 @@ def _perform_action(script: TrialScript, action: Action, files: FilmFiles) -> On
     if action.name in ("dark", "wait"):
         reply = yield from put(PageStep("blank", {"seconds": action.seconds}))
         script.view = still_view(reply.t_ns)
+        return None
+    if action.name == "hush":
+        yield from put(PageStep("hush"))
         return None
     if action.name in ("mark", "repeat", "end"):
         script.view = script.view or still_view()

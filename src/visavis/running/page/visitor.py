@@ -15,15 +15,17 @@ import numpy as np
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import ConfigError, DataError
 from visavis.people.moulder import Task
-from visavis.people.person import StudyPerson
+from visavis.people.person import LISTEN_S, StudyPerson
 from visavis.protocol.people.simulated_participant import STRETCH_AGAIN
 from visavis.running.film_store import FilmStore
-from visavis.running.page.flat import flat_scene
+from visavis.running.page.flat import SILENT, flat_scene
 from visavis.running.page.simulated_headset import ENTERED, SimulatedHeadset
 from visavis.running.page.spoken_digits import hear_digits, spoken_digits
 from visavis.running.page.steps import BY_LIMIT, PageStep
+from visavis.stimuli.audible import Audible, gain_db_of
 from visavis.stimuli.motion.synthesis.pose_distance import Likeness
 from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.sound import Waveform
 from visavis.study.dry_run import still_view
 from visavis.study.experiment import StudyExperiment
 from visavis.study.films import Film, Lens, LiveFilm, Pair, films_of, scene_of, seconds_of
@@ -72,6 +74,7 @@ class Visitor:
     responses: Mapping[str, Response]
     views: Views
     store: FilmStore
+    sound_of: Callable[[Audible], Waveform]
     now_ms: float = 0.0
     digits: Sequence[bytes] = ()
     """Recordings of the digits in the language of the page."""
@@ -127,6 +130,8 @@ class Visitor:
                 return {"films": {f["film"]: "simulated" for f in content["films"]}}
             case "show":
                 return self._show(content)
+            case "hush":
+                return {}
             case "text":
                 self.now_ms += READING_S * 1000
                 return {}
@@ -152,14 +157,17 @@ class Visitor:
     def _see_parts(self, content: Mapping[str, Any]) -> None:
         """See everything that a step shows up to what is answered, as the person would."""
         self._begin_trial(content)
-        keys, parts = content["keys"], content["parts"]
+        keys, parts, at_ms = content["keys"], content["parts"], self.now_ms + FIRST_FRAME_MS
         for part in parts[: keys["from"] + 1] if keys else parts:
-            if part["items"]:
-                self.person.see(self._flat_frame(part), 0)
-
-    def _flat_frame(self, part: Mapping[str, Any]) -> SceneFrame:
-        scene = flat_scene(part, self.store.study_folder)
-        return SceneFrame(scene, 0, np.zeros((0, 3)), np.zeros(0))
+            scene = flat_scene(part, self.store.study_folder)
+            if scene.items or scene.sounds:
+                self.person.see(SceneFrame(scene, 0, np.zeros((0, 3)), np.zeros(0)), 0)
+            for one in scene.sounds:
+                sound = self.sound_of(one)
+                samples = sound.at_both_ears(gain_db_of(one, sound))
+                self.person.hear(samples, sound.rate_hz, round(at_ms * NS_PER_MS))
+            if math.isfinite(lasts_ms := _lasts_ms(part)):
+                at_ms += lasts_ms
 
     def _show(self, content: Mapping[str, Any]) -> dict[str, Any]:
         """See what is shown, part by part, and press a key where one is asked for."""
@@ -172,6 +180,8 @@ class Visitor:
             if keys is not None and k == keys["from"]:
                 end_ms = at_ms + 1000 * keys["limit_s"]
                 option, takes_s = self.person.press(self.presses[keys["question"]])
+                lengths_s = [min(LISTEN_S, sound["length_s"]) for sound in part.get("sounds", ())]
+                takes_s = max([takes_s, *lengths_s])
                 if option is not None and at_ms + 1000 * takes_s <= end_ms:
                     end_ms = at_ms + 1000 * takes_s
                     answer = {"option": option, "at_ms": end_ms, "by": ANSWERED_BY}
@@ -179,6 +189,8 @@ class Visitor:
             frames = max(1, math.ceil((min(at_ms + lasts_ms, end_ms) - at_ms) / FRAME_MS - 1e-6))
             off_ms = at_ms + frames * FRAME_MS
             parts.append({"on_ms": at_ms, "off_ms": off_ms, "frames": frames, "dropped": 0})
+            if part.get("sounds"):
+                parts[-1]["sound"] = {**SILENT, "on_ms": at_ms}
             if "reveal" in part:
                 scene = flat_scene(part, self.store.study_folder)
                 path = self.person.pointer_path(scene, (off_ms - at_ms) / 1000)
@@ -423,11 +435,11 @@ def _lasts_ms(part: Mapping[str, Any]) -> float:
     """Return for how long a part is shown: whole frames, or until a key."""
     if part["frames"] is not None:
         return float(part["frames"] * FRAME_MS)
-    return (
-        math.inf
-        if part["seconds"] is None
-        else float(round(part["seconds"] * REFRESH_HZ) * FRAME_MS)
-    )
+    if part["seconds"] is None:
+        return math.inf
+    if part.get("sounds") and not part["items"]:  # a sound alone is not hurried
+        return float((math.floor(part["seconds"] * REFRESH_HZ) + 1) * FRAME_MS)
+    return float(round(part["seconds"] * REFRESH_HZ) * FRAME_MS)
 
 
 def scenes_seen(staged_frames: Callable[[Film | Pair], tuple[SceneFrame, SceneFrame]]) -> Views:
@@ -464,6 +476,7 @@ def visitor_of(person: Any, experiment: StudyExperiment, store: FilmStore) -> Vi
         experiment.words,
         scenes_seen(_frames_of_films(store)),
         store,
+        experiment.settings.sound_of,
         digits=digits,
         lives=experiment.lives,
         presses={n: r for n, r in experiment.responses.items() if isinstance(r, Keys)},

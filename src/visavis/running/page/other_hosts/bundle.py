@@ -28,12 +28,14 @@ from visavis.running.film_store import FilmStore
 from visavis.running.live_store import LiveStore, page_files
 from visavis.running.page.arrivals import PLACES_AHEAD
 from visavis.running.page.course import Notes, Visit, course
+from visavis.running.page.flat import SILENT
 from visavis.running.page.perform import about_of, experiment_of
 from visavis.running.page.server import FILES, LIVE_FILES, SITE
 from visavis.running.page.steps import PageStep, Reply
 from visavis.running.picture_store import PictureStore
 from visavis.running.sessions.device_setup import is_simulated
 from visavis.running.sessions.session_request import Request
+from visavis.running.sound_store import SoundStore
 from visavis.study.declaration import Study
 from visavis.study.experiment import StudyExperiment
 
@@ -194,13 +196,16 @@ def steps_of_place(request: Request, store: FilmStore, index: int) -> tuple[Page
 @lru_cache(maxsize=8)
 def files_of(
     store: FilmStore, experiment: StudyExperiment
-) -> tuple[Callable[[Any], Mapping[str, Any]], LiveStore, PictureStore]:
-    """Return what describes everything that a study shows on pages, and the files of live figures
-    and pictures; those of figures are there once they were described.
+) -> tuple[Callable[[Any], Mapping[str, Any]], Mapping[str, bytes]]:
+    """Return what describes everything that a study shows on pages, and the files of live figures,
+    pictures and sounds, which are there once they were described.
     """
-    lives = LiveStore(experiment.lives)
-    pictures = PictureStore(experiment.pictures, experiment.settings.folder)
-    return page_files(store, lives, is_simulated=False, pictures=pictures), lives, pictures
+    settings, assets = experiment.settings, dict[str, bytes]()
+    lives = LiveStore(experiment.lives, assets)
+    pictures = PictureStore(experiment.pictures, settings.folder, assets)
+    sounds = SoundStore(settings.sound_of, assets)
+    describe = page_files(store, lives, is_simulated=False, pictures=pictures, sounds=sounds)
+    return describe, assets
 
 
 def visit_of(
@@ -277,8 +282,7 @@ def _write(
         assert film_file is not None  # noqa: S101  # `steps_of_place` needed it
         (folder / "films").mkdir(exist_ok=True)
         shutil.copyfile(film_file.path, folder / "films" / film_file.path.name)
-    _, lives, pictures = files_of(store, experiment)
-    for name, data in {**lives.assets, **pictures.assets}.items():
+    for name, data in files_of(store, experiment)[1].items():
         (folder / "assets").mkdir(exist_ok=True)
         (folder / "assets" / name).write_bytes(data)
     return len({store.name_of(film) for film in experiment.films})
@@ -398,9 +402,10 @@ def _reply(step: PageStep, choose: Choose) -> dict[str, Any]:
         case "mould":
             return {**_timed(content, choose), **_DRAWN}
         case "show":
-            parts = [{"on_ms": 0.0, "off_ms": 0.0, "frames": 1, "dropped": 0}]
+            lit = {"on_ms": 0.0, "off_ms": 0.0, "frames": 1, "dropped": 0}
+            parts = content["parts"]
             return {
-                "parts": parts * len(content["parts"]),
+                "parts": [lit | ({"sound": SILENT} if p.get("sounds") else {}) for p in parts],
                 "screen": {},
                 "outside": 0,
                 "answer": _press(content["keys"], choose),

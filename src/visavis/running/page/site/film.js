@@ -1,16 +1,14 @@
 // Films: loaded whole before they are needed, checked, played together. Each film reports how it was presented.
 
+import { loaded } from "./loading.js";
 import * as wire from "./wire.js";
 
 const AT_ONCE = 2;
-const TRIES = 4;
 const FIRST_FRAME_LIMIT_MS = 10000;
 const MAX_AHEAD_S = 0.1;
 const TOGETHER_S = 0.04;
 const KEYS = ["play", "pause", "stop", "seekbackward", "seekforward", "seekto"];
 const cache = new Map();
-
-const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 
 async function hashOf(buffer) {
   if (!globalThis.crypto?.subtle) return null; // not on a plain address of another machine
@@ -35,26 +33,14 @@ export function isLoaded(film) {
 }
 
 export async function load(film, key) {
-  if (cache.has(film.film)) return cache.get(film.film).report;
-  let why = "";
-  for (let attempt = 1; attempt <= TRIES; attempt += 1) {
-    const startMs = performance.now();
-    try {
-      const response = await wire.film(film.film, key);
-      if (!response.ok) throw new Error(`the server answered ${response.status}`);
-      const buffer = await response.arrayBuffer();
-      if (buffer.byteLength !== film.bytes) throw new Error("it came in part");
+  if (!cache.has(film.film)) {
+    cache.set(film.film, await loaded(() => wire.film(film.film, key), film.bytes, async (buffer) => {
       const hash = await hashOf(buffer);
       if (hash !== null && hash !== film.sha256) throw new Error("it came damaged");
-      const report = { attempts: attempt, ms: performance.now() - startMs, is_checked: hash !== null };
-      cache.set(film.film, { url: URL.createObjectURL(new Blob([buffer], { type: "video/webm" })), report });
-      return report;
-    } catch (error) {
-      why = String(error.message || error);
-      await pause(300 * 2 ** (attempt - 1));
-    }
+      return { url: URL.createObjectURL(new Blob([buffer], { type: "video/webm" })), report: { is_checked: hash !== null } };
+    }));
   }
-  throw new Error(why);
+  return cache.get(film.film).report;
 }
 
 export async function loadAll(films, key, onProgress) {

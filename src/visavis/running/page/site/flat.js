@@ -1,40 +1,28 @@
 // Flat stimuli: texts, pictures, shapes, gratings and dots on a canvas over the whole window, in degrees
-// of visual angle, one after another without a break. Every picture is loaded once, and decoded before
-// anything of its step is shown.
+// of visual angle, one after another without a break, and what is heard with them. Every picture is
+// loaded once, and decoded before anything of its step is shown.
 
 import { dotsPixels, stepAt } from "./dots.js";
+import { loaded } from "./loading.js";
+import * as sound from "./sound.js";
 import * as wire from "./wire.js";
 
-const TRIES = 4;
 const NAMES = { " ": ["space", "trigger"], enter: ["enter", "select"], arrowleft: ["left"], arrowright: ["right"], arrowup: ["up"], arrowdown: ["down"] };
 const LINE_EM = 1.2;
 const MAX_PATH = 20000; // places of the pointer in a part
-const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 const files = new Map();
 
 // ---- pictures -------------------------------------------------------------------------------
 
 export async function load(picture, key) {
-  if (files.has(picture.picture)) return files.get(picture.picture).report;
-  let why = "";
-  for (let attempt = 1; attempt <= TRIES; attempt += 1) {
-    const startMs = performance.now();
-    try {
-      const response = await wire.asset(picture.picture, key);
-      if (!response.ok) throw new Error(`the server answered ${response.status}`);
-      const buffer = await response.arrayBuffer();
-      if (buffer.byteLength !== picture.bytes) throw new Error("it came in part");
+  if (!files.has(picture.picture)) {
+    files.set(picture.picture, await loaded(() => wire.asset(picture.picture, key), picture.bytes, async (buffer) => {
       const blob = new Blob([buffer], { type: "image/png" });
       (await decoded(blob)).close();
-      const report = { attempts: attempt, ms: performance.now() - startMs };
-      files.set(picture.picture, { blob, report });
-      return report;
-    } catch (error) {
-      why = String(error.message || error);
-      await pause(300 * 2 ** (attempt - 1));
-    }
+      return { blob };
+    }));
   }
-  throw new Error(why);
+  return files.get(picture.picture).report;
 }
 
 const decoded = (blob) => createImageBitmap(blob, { colorSpaceConversion: "none" });
@@ -169,8 +157,11 @@ const DRAW = { text: drawText, shape: drawShape, grating: drawGrating, image: dr
 // ---- one step -------------------------------------------------------------------------------
 
 // Shows the parts of a step one after another in `holder`; `done` gets when each was there, by the
-// page's clock, and the key. A part is drawn within a frame and lit from the next one on.
-export async function open(step, holder, screen, frameMs, done) {
+// page's clock, and the key; `broken` why its sounds were not heard whole. A part is drawn within a
+// frame and lit from the next one on.
+export async function open(step, holder, screen, frameMs, done, broken) {
+  const hasSounds = step.parts.some((part) => part.sounds?.length);
+  if (hasSounds) sound.forget();
   const canvas = document.createElement("canvas");
   const ratio = devicePixelRatio || 1;
   canvas.className = "flat";
@@ -270,13 +261,42 @@ export async function open(step, holder, screen, frameMs, done) {
   let dropped = 0;
   let before = null;
   let windowAt = null; // where the window is that was drawn last
+  const heard = new Map(); // what began of the sounds of each part
+  const isHeardAlone = (k) => Boolean(step.parts[k].sounds?.length) && !step.parts[k].items.length;
+  // From when on a part is timed: what is heard alone from its first sample.
+  const timedFrom = (k) => (isHeardAlone(k) && heard.has(k) ? sound.timeOf(heard.get(k)).on_ms : lit[k].on_ms);
+  // For how long a part is lit; null where only a key ends it.
+  const lastsMs = (k) => {
+    const { frames: count, seconds } = step.parts[k];
+    if (count !== null) return count * frameMs;
+    return seconds === null ? null : Math.round(1000 * seconds / frameMs) * frameMs;
+  };
+  // Sounds are begun as long before their part is lit as the browser takes to play them; before the
+  // first part that takes, the page waits.
+  let beginMs = null;
+  const beginSounds = (now) => {
+    if (!hasSounds) return;
+    sound.follow();
+    if (beginMs === null) beginMs = step.parts[0].sounds?.length ? now + frameMs * Math.ceil(sound.leadMs() / frameMs) : now + frameMs;
+    let atMs = drawn < 0 ? beginMs : lit[drawn].on_ms + (lastsMs(drawn) ?? Infinity);
+    if (drawn >= 0 && isHeardAlone(drawn)) atMs += Math.max(0, timedFrom(drawn) - lit[drawn].on_ms);
+    for (let k = drawn + 1; k < step.parts.length && atMs - now <= sound.leadMs(); k += 1) {
+      if (step.parts[k].sounds?.length && !heard.has(k)) heard.set(k, sound.begin(step.parts[k].sounds, Math.max(atMs, now + frameMs)));
+      atMs += lastsMs(k) ?? Infinity;
+    }
+  };
   // How long what moves in a part will have moved in the next frame; it goes on from part to part.
   const movedMs = (k, now) => {
     let first = k;
     while (step.parts[first] && step.parts[first].goes_on) first -= 1;
     return lit[first] ? now + frameMs - lit[first].on_ms : 0;
   };
-  const show = (k, now) => { draw(k, movedMs(k, now)); drawn = k; windowAt = pointer; };
+  const show = (k, now) => {
+    if (step.parts[k]?.sounds?.length && !heard.has(k)) heard.set(k, sound.begin(step.parts[k].sounds, now + frameMs));
+    draw(k, movedMs(k, now));
+    drawn = k;
+    windowAt = pointer;
+  };
   const onFrame = (now) => {
     if (isOver) return;
     requestAnimationFrame(onFrame);
@@ -289,7 +309,8 @@ export async function open(step, holder, screen, frameMs, done) {
       frames = dropped = 0;
       if (drawn === step.parts.length || answer || isLate) { finish(); return; }
     } else dropped += missed;
-    if (drawn < 0) { show(0, now); return; }
+    beginSounds(now);
+    if (drawn < 0) { if (beginMs === null || now + 1.5 * frameMs > beginMs) show(0, now); return; }
     frames += 1;
     const part = step.parts[drawn];
     if (part.reveal && pointer && pointer !== windowAt && lit[drawn].pointer.length < MAX_PATH) { // what is drawn now is lit from the next frame on
@@ -297,21 +318,27 @@ export async function open(step, holder, screen, frameMs, done) {
       windowAt = pointer;
       lit[drawn].pointer.push([now + frameMs, ...pointer]);
     }
-    const onMs = lit[drawn].on_ms;
+    const onMs = timedFrom(drawn);
     if (keys && drawn >= keys.since) {
-      const fromMs = lit[keys.from].on_ms;
-      const heardMs = lit[keys.since].on_ms;
-      answer = presses.find((p) => p.at_ms > heardMs && p.at_ms <= fromMs + 1000 * keys.limit_s) || null;
+      const fromMs = timedFrom(keys.from);
+      const sinceMs = Math.max(fromMs, lit[keys.since].on_ms);
+      answer = presses.find((p) => p.at_ms > sinceMs && p.at_ms <= fromMs + 1000 * keys.limit_s) || null;
       isLate = !answer && now + frameMs / 2 > fromMs + 1000 * keys.limit_s;
       if (answer || isLate) { draw(step.parts.length); drawn += 1; return; }
     }
     const lasts = part.frames !== null ? frames >= part.frames
-      : part.seconds !== null && now + 1.5 * frameMs > onMs + 1000 * part.seconds;
+      : part.seconds !== null && now + (isHeardAlone(drawn) ? 1 : 1.5) * frameMs > onMs + 1000 * part.seconds;
     if (lasts) show(drawn + 1, now);
     else if (layers[drawn].length) move(drawn, movedMs(drawn, now));
   };
-  const finish = () => { close(); done({ parts: lit.slice(0, -1), answer, outside, view_px: [Math.round(canvas.width / ratio), Math.round(canvas.height / ratio)] }); };
+  const finish = () => {
+    close();
+    if (![...heard.values()].every(sound.hasBegun)) { broken(new Error("its clock stands still")); return; }
+    for (const [k, begun] of heard) if (lit[k]) lit[k].sound = sound.timeOf(begun);
+    done({ parts: lit.slice(0, -1), answer, outside, view_px: [Math.round(canvas.width / ratio), Math.round(canvas.height / ratio)] });
+  };
   holder.append(canvas);
+  sound.onBreak(() => { if (hasSounds && !isOver) { close(); broken(new Error("the browser stopped it")); } });
   requestAnimationFrame(onFrame);
-  return { close };
+  return { close: () => { if (!isOver) sound.hush(); close(); } };
 }

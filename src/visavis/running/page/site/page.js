@@ -4,6 +4,7 @@
 import { openStore } from "./store.js";
 import * as film from "./film.js";
 import * as flat from "./flat.js";
+import * as sound from "./sound.js";
 import * as wire from "./wire.js";
 
 const BEAT_MS = 4000;
@@ -234,7 +235,8 @@ const reply = (content) => {
   replyNumber = stepNumber;
   tell("");
   headset?.close();
-  const whole = mayRecord() ? { hidden_ms: hiddenNow(), ...content } : content;
+  const breaks = sound.breaksSince();
+  const whole = mayRecord() ? { hidden_ms: hiddenNow(), ...(breaks ? { sound_breaks: breaks } : {}), ...content } : content;
   stop.hidden = true;
   return send("reply", { step: stepNumber, reply: whole });
 };
@@ -465,6 +467,26 @@ async function opened(step, canvas, ended, began, repeated = () => {}) {
   return figure;
 }
 
+// A browser plays nothing before a gesture, and may stop later: then the page asks for another one.
+async function awaitSound(where) {
+  while (!await sound.wake()) {
+    await new Promise((resolve) => {
+      const line = paragraph(say("sound_needed"));
+      const on = button(say("sound_on"), () => { sound.wake(); line.remove(); on.remove(); resolve(); });
+      where.append(line, element("div", { class: "buttons" }, on));
+      on.focus();
+    });
+  }
+}
+
+// What sounds in a trial ends with it.
+let soundingTrial = "";
+function endSounds(step) {
+  const trial = step.trial ? `${step.is_practice} ${step.trial}` : "";
+  if (trial !== soundingTrial) sound.hush();
+  soundingTrial = trial;
+}
+
 const steps = {
   consent(step) {
     const box = element("input", { type: "checkbox", id: "agree", onchange: () => { go.disabled = !box.checked; } });
@@ -528,7 +550,8 @@ const steps = {
   async preload(step) {
     const assets = step.assets || [];
     const pictures = step.pictures || [];
-    const first = assets.length + pictures.length;
+    const sounds = step.sounds || [];
+    const first = assets.length + pictures.length + sounds.length;
     const all = first + step.films.length;
     const bar = element("progress", { max: all, value: 0, "aria-label": say("loading", { n: 0, m: all }) });
     const line = paragraph("");
@@ -543,11 +566,14 @@ const steps = {
         for (const asset of assets) { await live.load(asset, key); report(bar.value + 1); }
       }
       for (const picture of pictures) { pictureReports[picture.picture] = await flat.load(picture, key); report(bar.value + 1); }
+      for (const one of sounds) { await sound.load(one, key); report(bar.value + 1); }
     } catch (error) {
       put("narrow", paragraph(say("load_failed", { why: String(error.message || error) })), element("div", { class: "buttons" }, button(say("again"), () => steps.preload(step))));
       return;
     }
     const { reports, failures } = await film.loadAll(step.films, key, (n) => report(first + n));
+    if (sounds.length) await awaitSound(main);
+    if (current !== step) return;
     const more = pictures.length ? { pictures: pictureReports } : {};
     if (!failures.length) { reply({ films: reports, ...more }); return; }
     put("narrow", paragraph(say("load_failed", { why: failures[0].why })), element("div", { class: "buttons" },
@@ -555,8 +581,19 @@ const steps = {
       button(say("skip"), () => reply({ ...more, films: { ...reports, ...Object.fromEntries(failures.map((f) => [f.film.film, { failed: f.why }])) } }), true)));
   },
 
-  // Texts, pictures, shapes and gratings, one after another; see flat.js.
+  hush() {
+    sound.hush();
+    reply({});
+  },
+
+  // Texts, pictures, shapes, gratings and sounds, one after another; see flat.js.
   async show(step) {
+    const sounds = step.parts.flatMap((part) => part.sounds || []);
+    if (sounds.length && !sound.isAwake()) {
+      put("narrow");
+      await awaitSound(main);
+      if (current !== step) return;
+    }
     const shownMs = performance.now();
     hiddenMs = 0;
     if (hiddenSince !== null) hiddenSince = shownMs;
@@ -570,22 +607,26 @@ const steps = {
     cleanUp = () => { document.removeEventListener("keydown", leave); if (opened) opened.close(); cleanUp = () => {}; };
     const measured = (await store.get("screen")) || {};
     const screen = { px_per_mm: measured.px_per_mm ?? null, distance_mm: measured.distance_mm ?? null };
+    const showFailure = (failed) => {
+      if (current !== step) return;
+      cleanUp();
+      put("narrow", paragraph(say(failed.sound ? "sound_failed" : "play_failed", { why: failed.why })), element("div", { class: "buttons" },
+        button(say("again"), () => show(step)),
+        button(say("skip"), () => reply({ shown_ms: shownMs, failed }), true)));
+    };
     const inUse = { px_per_mm: screen.px_per_mm ?? USUAL_PX_PER_MM, distance_mm: screen.distance_mm ?? USUAL_DISTANCE_MM };
     try {
       const frameMs = 1000 / (await refreshHz() || 60);
       for (const picture of step.parts.flatMap((part) => part.items).filter((item) => item.kind === "image")) await flat.load(picture, key);
+      for (const one of sounds) await sound.load(one, key);
       if (current !== step) return;
       opened = await flat.open(step, holder, inUse, frameMs, (content) => {
         cleanUp();
         reply({ shown_ms: shownMs, screen, ...content });
-      });
+      }, (error) => showFailure({ sound: true, why: error.message }));
       if (current !== step) opened.close();
     } catch (error) {
-      if (current !== step) return;
-      const why = String(error.message || error);
-      put("narrow", paragraph(say("play_failed", { why })), element("div", { class: "buttons" },
-        button(say("again"), () => show(step)),
-        button(say("skip"), () => reply({ shown_ms: shownMs, failed: { file: error.file || "", why } }), true)));
+      showFailure({ file: error.file || "", why: String(error.message || error) });
     }
   },
 
@@ -830,6 +871,7 @@ const steps = {
 function show(step) {
   cleanUp();
   current = step;
+  endSounds(step);
   headset?.begin();
   stop.hidden = !["enter", "card", "sound", "preload", "text", "watch", "mould", "questions"].includes(step.kind);
   const progress = document.getElementById("progress");
