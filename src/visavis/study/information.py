@@ -20,6 +20,7 @@ ABOUT_PAGE: Final[Mapping[str, str]] = {
     "touch_points": "browser",
     "is_automated": "browser",
     "keeps_events": "browser",
+    "checks_files": "browser",
     "tells_frames": "browser",
     "screen_px": "screen",
     "view_px": "screen",

@@ -253,7 +253,8 @@ const before = globalThis.fetch;
 globalThis.fetch = async (path, request) => {
   tries[path] = (tries[path] || 0) + 1;
   if (tries[path] > refusals) return before(path, request);
-  return answer.failed && path === "/api/hello" ? { ok: true, status: 200, json: async () => answer }
+  const greeting = { ok: true, status: 200, json: async () => answer };
+  return answer.failed && path === "/api/hello" ? greeting
     : answer.failed ? before(path, request) : { ok: false, status: answer.status, json: html };
 };
 await import(process.argv[2]);

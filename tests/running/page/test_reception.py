@@ -26,6 +26,7 @@ from visavis.results.opened_study import find_study
 from visavis.running.film_store import film_store
 from visavis.running.page.arrivals import arrival_of, check_completion, completion_of, least_filled
 from visavis.running.page.client import arrive, visit
+from visavis.running.page.opening_code import OpeningCode
 from visavis.running.page.perform import about_of
 from visavis.running.page.rate_limit import ArrivalLimits, RateLimit, visitor_address
 from visavis.running.page.reception import ARRIVED_IDLE_NS, IDLE_NS, Reception, Rules
@@ -53,7 +54,8 @@ class Somebody(Visitor):
 class Place:
     """A study that is served, with its ledger and the identities it keeps elsewhere."""
 
-    def __init__(self, root: Path, rules: Rules) -> None:
+    def __init__(self, root: Path, rules: Rules, code: OpeningCode | None = None) -> None:
+        self.code = code
         self.clock = SimClock()
         self.lab = config(root)
         self.folder = self.lab.data_root / "simulated" / study().name
@@ -82,6 +84,7 @@ class Place:
             identity_of=self.who.get,
             forget=lambda label: self.who.pop(label, None),
             withdraw=lambda label: void(self.ledger.withdraw(label, [self.folder])),
+            code=self.code,
         )
 
     def visitor(self, stop: str = "") -> Somebody:

@@ -3,9 +3,12 @@
 import asyncio
 import re
 import signal
+from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 from urllib.parse import urlsplit
 
 import typer
@@ -28,7 +31,7 @@ from visavis.cli.commands.session import ENDING_SIGNALS, LanguageOption, SeedOpt
 from visavis.cli.notifier import NOTIFIER, build_missing_films
 from visavis.cli.studies import StudyHere, people_here, study_of_lab
 from visavis.lab.clock import SystemClock
-from visavis.lab.errors import UsageError
+from visavis.lab.errors import ConfigError, UsageError
 from visavis.protocol.session.operator import UnattendedOperator
 from visavis.running.film_store import FilmStore, film_store
 from visavis.running.page.arrivals import check_completion
@@ -37,7 +40,18 @@ from visavis.running.sessions.data_root import require_space
 from visavis.running.sessions.session_request import Request, SessionPerson
 from visavis.study.experiment import StudyExperiment
 
+if TYPE_CHECKING:
+    from visavis.running.page.lan import Certificate
+
 EVERYWHERE: Final = ("0.0.0.0", "::")  # noqa: S104  # refused without a name to come under
+
+LOOPBACK: Final = ("127.0.0.1", "localhost")
+DEFAULT_HOST: Final = LOOPBACK[0]
+NOT_SECURE: Final = (
+    "Browsers take this address for no safe one: films, figures and pictures that come damaged are "
+    "not noticed (each session records checks_files: false), and no headset is entered. Serve it "
+    "with --lan, or by https behind a proxy."
+)
 
 CompletionOption = Annotated[
     str,
@@ -45,6 +59,65 @@ CompletionOption = Annotated[
         "--completion", help="Where people go afterwards; {id} is what their panel calls them."
     ),
 ]
+
+
+@dataclass(frozen=True)
+class Way:
+    """How people's browsers reach a server.
+
+    `public` is the address that whoever serves gave, `host` and `port` are where it listens. With
+    `is_lan` it speaks https on the lab's network, by the `certificate` and `key` of the lab or by
+    one of its own.
+    """
+
+    public: str
+    host: str
+    port: int
+    is_lan: bool = False
+    certificate: Path | None = None
+    key: Path | None = None
+
+    @property
+    def name(self) -> str:
+        """The name in the address that was given, "" without one."""
+        return urlsplit(self.public).hostname or ""
+
+    @property
+    def is_insecure(self) -> bool:
+        """Whether browsers take the given address for no safe one, as they do http of a network."""
+        return urlsplit(self.public).scheme == "http" and self.name not in LOOPBACK
+
+    def check(self) -> None:
+        """Check that the options fit together.
+
+        Raises:
+            UsageError: saying which do not, and what to do.
+        """
+        parts = urlsplit(self.public)
+        if self.public and (parts.scheme not in ("http", "https") or not parts.hostname):
+            raise UsageError(f"--public takes an address, https://…, not {self.public!r}")
+        if parts.path.strip("/") or parts.query or parts.fragment:
+            raise UsageError(
+                f"--public takes the name of a server alone, not {self.public!r}: pages lie at "
+                "its root"
+            )
+        if self.is_lan:
+            if self.public and parts.scheme != "https":
+                raise UsageError(f"--lan speaks https; say --public https://{parts.netloc}")
+            if (self.certificate is None) != (self.key is None):
+                raise UsageError("--certificate and --key go together: two PEM files")
+            if self.certificate is not None and not self.public:
+                raise UsageError(
+                    "say with --public which name of the certificate people type, such as "
+                    f"--public https://study.example.org:{self.port}"
+                )
+        elif self.certificate is not None or self.key is not None:
+            raise UsageError("--certificate and --key are for --lan; without it a proxy has them")
+        elif self.host in EVERYWHERE and not self.public:
+            raise UsageError(
+                f"--host {self.host} listens to other computers; say with --public under which "
+                "address they come, such as http://192.168.1.5:8080, or use --lan"
+            )
 
 
 @app.command()
@@ -58,7 +131,7 @@ def serve(
     ] = "",
     host: Annotated[
         str, typer.Option("--host", help="Where to listen; 0.0.0.0 for other computers.")
-    ] = "127.0.0.1",
+    ] = DEFAULT_HOST,
     port: Annotated[int, typer.Option("--port", min=0, max=65535, help="0: a free one.")] = 8080,
     participants: Annotated[
         str,
@@ -68,6 +141,22 @@ def serve(
         ),
     ] = "",
     completion: CompletionOption = "",
+    lan: Annotated[
+        bool,
+        typer.Option(
+            "--lan",
+            help="https on the lab's network, for headsets; a code shown here opens sessions.",
+        ),
+    ] = False,
+    certificate: Annotated[
+        Path | None,
+        typer.Option(
+            "--certificate", help="With --lan: the lab's own (PEM), for the name in --public."
+        ),
+    ] = None,
+    key: Annotated[
+        Path | None, typer.Option("--key", help="The key of --certificate (PEM, no password).")
+    ] = None,
     seed: SeedOption = None,
     devices: DevicesOption = None,
     config: ConfigOption = None,
@@ -79,24 +168,16 @@ def serve(
     Everybody who opens the address gets the order that the fewest have, and the same session again
     when they come back. With --devices sim all of it is a rehearsal.
 
+    With --lan headsets on the lab's network come by https, and by a code that is shown here.
+
     Example: visavis serve ./lively.py --public https://study.example.org --participants 40
     """
     check_completion(completion)
     places = people_wanted(participants)
-    parts = urlsplit(public)
-    if public and (parts.scheme not in ("http", "https") or not parts.hostname):
-        raise UsageError(f"--public takes an address, https://…, not {public!r}")
-    if parts.path.strip("/") or parts.query or parts.fragment:
-        raise UsageError(
-            f"--public takes the name of a server alone, not {public!r}: pages lie at its root"
-        )
-    if host in EVERYWHERE and not public:
-        raise UsageError(
-            f"--host {host} listens to other computers; say with --public under which address "
-            "they come, such as http://192.168.1.5:8080"
-        )
+    way = Way(public.rstrip("/"), host, port, lan, certificate, key)
+    way.check()
     here, base = page_study(study, devices, config, seed, assignments, language)
-    asyncio.run(_serve(here, base, public, host, port, places, completion))
+    asyncio.run(_serve(here, base, way, places, completion))
 
 
 def people_wanted(text: str, option: str = "--participants") -> tuple[int | None, int | None]:
@@ -170,22 +251,32 @@ def build_films(base: Request) -> "FilmStore":
 async def _serve(
     here: StudyHere,
     base: Request,
-    public: str,
-    host: str,
-    port: int,
+    way: Way,
     wanted: tuple[int | None, int | None],
     completion: str,
 ) -> None:
     # Late: aiohttp comes with visavis[browser], which the other commands here do not need.
+    from visavis.running.page.lan import addresses_here
+    from visavis.running.page.opening_code import OpeningCode
     from visavis.running.page.reception import Reception, Rules
-    from visavis.running.page.server import LOCAL, PageServer
+    from visavis.running.page.server import PageServer
 
+    listens_everywhere = way.host in EVERYWHERE or (way.is_lan and way.host == DEFAULT_HOST)
+    near = (addresses_here() if listens_everywhere else (way.host,)) if way.is_lan else ()
+    if way.is_lan and not (way.name or near):
+        raise UsageError("this computer has no address on a network; join one, or say --host")
+    names = tuple(dict.fromkeys(filter(None, (way.name, *near, *LOOPBACK))))
+    shown = _certificate(way, names, base) if way.is_lan else None
     store = build_films(base)
     key_file = None if here.is_simulated else here.key_file
 
     def withdraw(label: str) -> None:
         here.ledger.withdraw(label, [here.folder], reason="asked on the page", key_file=key_file)
 
+    def warn(text: str) -> None:
+        errors.print(f"[yellow]{verbatim(text)}[/]", soft_wrap=True)
+
+    code = OpeningCode(say=warn) if way.is_lan else None
     reception = Reception(
         base,
         store,
@@ -195,23 +286,34 @@ async def _serve(
         identity_of=lambda label: None if key_file is None else key_file.identity(label),
         forget=lambda label: None if key_file is None else key_file.forget(label),
         withdraw=withdraw,
-        say=lambda text: errors.print(f"[yellow]{verbatim(text)}[/]", soft_wrap=True),
+        say=warn,
+        code=code,
     )
-    hosts = dict.fromkeys((LOCAL, "localhost", host, urlsplit(public).hostname or LOCAL))
-    server = PageServer(tuple(hosts), reception)
-    await server.start(host, port)
+    server = PageServer((*names, way.host), reception)
+    host = EVERYWHERE[0] if way.is_lan and listens_everywhere else way.host
+    await server.start(host, way.port, shown.context if shown else None)
     until = asyncio.Event()
     loop = asyncio.get_running_loop()
     for name in ENDING_SIGNALS:
         if hasattr(signal, name):
             with suppress(NotImplementedError):  # Windows: only Ctrl-C works
                 loop.add_signal_handler(getattr(signal, name), until.set)
-    own = f"http://{LOCAL}:{server.port}"
-    address = public.rstrip("/") or own
+    own = f"{'https' if way.is_lan else 'http'}://{LOOPBACK[0]}:{server.port}"
+    if way.certificate is not None:  # it is for no other name
+        own = way.public
     mark = "[magenta]REHEARSAL[/]  " if here.is_simulated else ""
     console.print(f"{mark}For participants:", soft_wrap=True)
-    for line in (address, f"{address}/?PROLIFIC_PID={{{{%PROLIFIC_PID%}}}}"):
+    addresses = [way.public] if way.public else [f"https://{n}:{server.port}" for n in near]
+    if not way.is_lan:
+        address = way.public or own
+        addresses = [address, f"{address}/?PROLIFIC_PID={{{{%PROLIFIC_PID%}}}}"]
+    for line in addresses:
         console.print(f"  [b]{verbatim(line)}[/]", soft_wrap=True, highlight=False)
+    if code is not None and shown is not None:
+        for line in _on_a_lan(way, code.digits, shown):
+            console.print(line, soft_wrap=True, highlight=False)
+    if way.is_insecure:
+        warn(NOT_SECURE)
     console.print("For you alone; do not share it:", soft_wrap=True)
     console.print(f"  [b]{own}/board#{reception.board_key}[/]", soft_wrap=True, highlight=False)
     console.print("Ctrl-C ends it; every answer is kept, and people go on when it is back.")
@@ -219,6 +321,47 @@ async def _serve(
         await reception.serve(server, until)
     finally:
         await server.stop()
+
+
+def _on_a_lan(way: Way, digits: str, shown: "Certificate") -> Iterator[str]:
+    """Yield what whoever serves on a network reads: the code, and how to know the server again."""
+    yield "Code that opens a session:"
+    yield f"  [b]{digits[:3]} {digits[3:]}[/]"
+    if way.certificate is None:
+        yield (
+            "Browsers warn, as this computer made its certificate itself: go on (Advanced) if the "
+            "one they show has this SHA-256:"
+        )
+    else:
+        yield "SHA-256 of the certificate:"
+    half = len(shown.fingerprint) // 2
+    yield f"  {shown.fingerprint[:half]}"
+    yield f"  {shown.fingerprint[half + 1 :]}"
+
+
+def _certificate(way: Way, names: tuple[str, ...], base: Request) -> "Certificate":
+    """Return the certificate that a server on a network shows.
+
+    Raises:
+        UsageError: the lab's own does not hold.
+        ConfigError: none can be made, as a library is not installed.
+    """
+    # Late: as in _serve.
+    from visavis.running.page.lan import certificate_of
+
+    if way.certificate is not None and way.key is not None:
+        return certificate_of(way.certificate, way.key, [way.name])
+    try:
+        # cryptography comes with visavis[lan], which whoever has a certificate does not need.
+        from visavis.running.page.own_certificate import own_certificate
+    except ModuleNotFoundError as error:
+        raise ConfigError(
+            f"a certificate of its own needs {error.name}, which is not installed; run: pip "
+            "install 'visavis[lan]', or give the lab's with --certificate and --key, or join one "
+            "headset by cable and serve without --lan (adb reverse tcp:8080 tcp:8080)"
+        ) from error
+    now = datetime.fromisoformat(base.clock.wall_iso())
+    return own_certificate(base.config.key_root, names, now)
 
 
 @app.command()

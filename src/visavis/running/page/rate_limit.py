@@ -59,6 +59,11 @@ class ArrivalLimits:
                 return False
         return self.of_all.lets_pass(now_ns)
 
+    def give_back(self, address: str) -> None:
+        """Let one more pass in place of who came from an address and does not count."""
+        for limit in filter(None, (self.of_all, self._of_address.get(address))):
+            limit.left = min(limit.at_once, limit.left + 1.0)
+
     def _forget(self, now_ns: int) -> None:
         """Forget the addresses that have their whole allowance; the oldest where there are many."""
         for address, limit in list(self._of_address.items()):

@@ -32,6 +32,7 @@ from visavis.running.page.arrivals import (
 from visavis.running.page.board import ARRIVED, COUNTING, Board, Place, board_of
 from visavis.running.page.course import DECLINED, DONE, FULL, WITHDRAWN, texts_of_page
 from visavis.running.page.earlier_parts import returning_to
+from visavis.running.page.opening_code import OpeningCode
 from visavis.running.page.perform import (
     ENDINGS,
     SERVED_EVENT,
@@ -100,7 +101,7 @@ class Reception:
 
     `base` is a request that is completed for each person. `identify` stores a person's identity
     separately from the data, `identity_of` returns it, `forget` deletes it; `withdraw` deletes a
-    participant's data.
+    participant's data. Where `code` is given, sessions begin by it alone.
     """
 
     def __init__(
@@ -115,6 +116,7 @@ class Reception:
         forget: Callable[[str], object],
         withdraw: Callable[[str], None],
         say: Callable[[str], None] = lambda text: None,
+        code: OpeningCode | None = None,
     ) -> None:
         self.board_key = board_key_of(base)
         self._base, self._store, self._ledger, self._rules = base, store, ledger, rules
@@ -123,6 +125,7 @@ class Reception:
         self._identify, self._identity_of, self._forget = identify, identity_of, forget
         self._withdraw = withdraw
         self._say_line = say
+        self._code = code
         self._simulated = is_simulated(base.config)
         self._contact = base.config.privacy.contact
         self._returning = self._experiment.study.procedure.returning
@@ -146,15 +149,21 @@ class Reception:
     # ---- what the server asks ----------------------------------------------------------------
 
     async def arrive(
-        self, parameters: Mapping[str, str], before: str = "", address: str = ""
+        self, parameters: Mapping[str, str], before: str = "", address: str = "", code: str = ""
     ) -> Mapping[str, Any]:
         """Return the key of a session for a person who arrives, or why there is none.
 
         `before` is the key that their browser remembers. If others could guess the identifier, a
         session continues only in the browser that began it. A place is taken with the consent, or
-        with the first answer where none is asked for.
+        with the first answer where none is asked for. Where a code opens sessions, `code` is what
+        was typed of it; a browser that remembers a session of this study needs none.
         """
         words = dict(texts_of_page(self._experiment))
+        if self._code is not None and before not in self._keys:
+            name = self._code.refusal(code, address, self._base.clock.now_ns())
+            if name:
+                texts = {"title": words.get("code_title", ""), "text": words.get(name, "")}
+                return {"refused": "code", **texts, "go_on": words.get("next", "")}
         try:
             arrival = self._with_label(arrival_of(parameters))
         except PageError as error:

@@ -3,6 +3,7 @@
 import asyncio
 import hmac
 import logging
+import ssl
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -133,12 +134,13 @@ class Reception(Protocol):
     board_key: str
 
     async def arrive(
-        self, parameters: Mapping[str, str], before: str = "", address: str = ""
+        self, parameters: Mapping[str, str], before: str = "", address: str = "", code: str = ""
     ) -> Mapping[str, Any]:
         """Return the key of a session for a person who arrives, or why there is none.
 
         `before` is the key that their browser remembers, "" where it remembers none; `address` is
-        where the request came from, "" where nobody knows, and is kept nowhere.
+        where the request came from, "" where nobody knows, and is kept nowhere; `code` is what
+        they typed of the code that opens sessions, where there is one.
         """
         ...
 
@@ -185,15 +187,17 @@ class LocalServer:
         )
         self.port = 0
 
-    async def start(self, host: str = LOCAL, port: int = 0) -> None:
-        """Begin to listen; port 0 takes a free one.
+    async def start(
+        self, host: str = LOCAL, port: int = 0, tls: ssl.SSLContext | None = None
+    ) -> None:
+        """Begin to listen; port 0 takes a free one, `tls` makes it https.
 
         Raises:
             DeviceError: the port is taken.
         """
         await self._runner.setup()
         try:
-            await web.TCPSite(self._runner, host, port).start()
+            await web.TCPSite(self._runner, host, port, ssl_context=tls).start()
         except OSError as error:
             await self._runner.cleanup()
             raise DeviceError(
@@ -370,7 +374,8 @@ class PageServer(LocalServer):
         assert self._reception is not None  # noqa: S101  # the route exists only with it
         parameters = {str(name): text_of(content, str(name), is_needed=False) for name in content}
         address = visitor_address(request.remote or "", request.headers)
-        return web.json_response(await self._reception.arrive(parameters, before, address))
+        code = text_of(body, "code", is_needed=False)
+        return web.json_response(await self._reception.arrive(parameters, before, address, code))
 
     async def _board(self, request: web.Request) -> web.StreamResponse:
         assert self._reception is not None  # noqa: S101  # as above

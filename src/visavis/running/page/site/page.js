@@ -20,6 +20,7 @@ const SESSION = `visavis-session${wire.scope}`;
 const ONWARD_MS = 4000;
 const BUSY_MS = 5000;
 const DOUBLE_MS = 500;
+const CODE_DIGITS = 6;
 const ENTERED_MS = 300;
 // A CSS pixel by its standard, and where a centimetre is a degree: for who could not measure theirs.
 const USUAL_PX_PER_MM = 96 / 25.4;
@@ -212,6 +213,7 @@ async function about() {
     touch_points: navigator.maxTouchPoints || 0,
     is_automated: navigator.webdriver === true,
     keeps_events: store.isDurable,
+    checks_files: Boolean(globalThis.crypto?.subtle),
     tells_frames: "requestVideoFrameCallback" in HTMLVideoElement.prototype,
   };
 }
@@ -916,7 +918,8 @@ async function arrive() {
   else {
     let answer;
     try {
-      answer = await post("/api/arrive", { parameters, before });
+      do answer = await post("/api/arrive", { parameters, before, ...(code ? { code } : {}) });
+      while (answer.body.refused === "code" && (code = await codeTyped(answer.body)));
     } catch (error) {
       if (error instanceof TypeError) {
         put("narrow", paragraph("The study cannot be reached. This page asks again."));
@@ -936,6 +939,20 @@ async function arrive() {
   wire.keepKey(key);
 }
 
+// On a network of a lab whoever serves shows six digits: nobody types a long address in a headset.
+function codeTyped({ title, text, go_on: goOn }) {
+  return new Promise((resolve) => {
+    const field = element("input", { type: "text", class: "number", id: "code", inputmode: "numeric", maxlength: 9, autocomplete: "off" });
+    const go = button(goOn, () => resolve(field.value.replace(/\D/g, "")));
+    go.disabled = true;
+    field.addEventListener("input", () => { go.disabled = field.value.replace(/\D/g, "").length !== CODE_DIGITS; });
+    field.addEventListener("keydown", (e) => { if (e.key === "Enter" && !e.repeat && !go.disabled) go.click(); });
+    put("narrow", element("h1", {}, title), element("label", { class: "prompt", for: "code" }, text), field,
+      element("div", { class: "buttons" }, go));
+    field.focus();
+  });
+}
+
 // At a computer of a lab or a library the next person must not go on as the one before.
 function isTheirs() {
   return new Promise((resolve) => {
@@ -948,6 +965,7 @@ let isLocked = false;
 let isRemembered = false;
 let completion = "";
 let contact = "";
+let code = "";
 
 async function begin(takesOver) {
   if (!key) await arrive();
