@@ -141,7 +141,7 @@ class Everybody:
         self.arrivals = 0
 
     async def arrive(
-        self, parameters: Mapping[str, str], before: str = "", address: str = ""
+        self, parameters: Mapping[str, str], before: str = "", address: str = "", code: str = ""
     ) -> Mapping[str, Any]:
         """Let somebody in."""
         self.arrivals += 1
