@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from PIL import Image
 from typer.testing import CliRunner
 
 import visavis
@@ -194,3 +195,63 @@ def test_the_direction_of_a_locked_claim_cannot_be_turned_round_afterwards(studi
     tests = pd.read_csv(folder / "derived" / "statistics.csv").set_index("measure")
     assert "directed > averted" == tests.loc["liking", "expects"]
     file.write_text(STUDY, "utf-8")
+
+
+ITEMS = """
+from visavis import Factor, Image, Items, Rating, Study
+study = Study("short", factors=[Factor("eyes", ["averted", "directed"])], items=Items("faces.csv"),
+    repetitions=1, calibrate=False, uses=[], texts="words", after_block=["mood"])
+
+@study.trial
+def trial(t):
+    yield t.show(Image(t.picture, 4, areas="areas.yaml"), 1)
+    yield t.ask(Rating("liking", 1, 7))
+"""
+MOOD = """
+name: mood
+title: Mood
+instruction: Now.
+scale: {options: {1: low, 2: high}}
+items: {calm: "How calm?"}
+"""
+
+
+def test_a_file_that_the_study_shows_or_asks_from_is_told_by_name_once_it_changed(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "words").mkdir()
+    (tmp_path / "words" / "en.yaml").write_text("instruction: Look.\n", "utf-8")
+    (tmp_path / "mood.yaml").write_text(MOOD, "utf-8")
+    (tmp_path / "faces.csv").write_text("picture\na.png\nb.png\n", "utf-8")
+    (tmp_path / "areas.yaml").write_text("eye: {mask: painted.png, colour: red}\n", "utf-8")
+    for name in ("a.png", "b.png"):
+        Image.new("RGB", (40, 40), (1, 2, 3)).save(tmp_path / name)
+    Image.new("RGB", (40, 40), (255, 0, 0)).save(tmp_path / "painted.png")
+    file = tmp_path / "short.py"
+    file.write_text(ITEMS, "utf-8")
+    chosen = find_study(str(file))
+    locked = lock_plan(tmp_path, chosen, chosen.experiment({}), 1, SimClock(), participants=3)  # type: ignore[arg-type]  # it is on the kit
+    assert "`faces.csv`: SHA-256" in (tmp_path / PAGE_NAME).read_text("utf-8")
+
+    def told() -> list[str]:
+        now = find_study(str(file))
+        content = content_now(now, now.experiment({}), 1)  # type: ignore[arg-type]
+        return [d.what for d in deviations_between(locked.plan, content)]
+
+    assert [] == told()
+    (tmp_path / "faces.csv").write_text(
+        "picture\na.png\na.png\nb.png\n".replace("a.png\na", "a"), "utf-8"
+    )
+    assert [] == told()  # the same bytes
+    (tmp_path / "faces.csv").write_text("picture\nb.png\na.png\n", "utf-8")
+    assert ["file faces.csv"] == told()
+    Image.new("RGB", (40, 40), (3, 2, 1)).save(tmp_path / "b.png")
+    assert ["file b.png", "file faces.csv"] == told()
+    Image.new("RGB", (40, 40), (0, 255, 0)).save(tmp_path / "painted.png")
+    (tmp_path / "areas.yaml").write_text("eye: {mask: painted.png, colour: '#00ff00'}\n", "utf-8")
+    (tmp_path / "mood.yaml").write_text(MOOD.replace("calm?", "calm now?"), "utf-8")
+    (tmp_path / "words" / "en.yaml").write_text("instruction: Look well.\n", "utf-8")
+    names = ("areas.yaml", "b.png", "faces.csv", "mood.yaml", "painted.png", "words/en.yaml")
+    assert [f"file {name}" for name in names] == told()
+    file.write_text(ITEMS.replace('"areas.yaml"), 1)', '"areas.yaml"), 2)'), "utf-8")
+    assert ["study file (what is shown or said)", *(f"file {name}" for name in names)] == told()

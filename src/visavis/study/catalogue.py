@@ -84,10 +84,11 @@ def typed_reference(study: Study) -> str:
     return study.name if study.files.path is None else typed_path(study.files.path)
 
 
-def digest_of(path: Path) -> str:
+def digest_of(path: Path, *, with_words: bool = True) -> str:
     """Return the SHA-256 of a study file with its texts, to notice changes.
 
-    It includes the files of the studies it was derived from, and its own questionnaires.
+    It includes the files of the studies it was derived from, and its own questionnaires; without
+    `with_words` the study files alone.
     """
     digest = hashlib.sha256()
     study: Study | None = study_of_file(path)
@@ -95,7 +96,8 @@ def digest_of(path: Path) -> str:
         files = study.files
         texts = () if files.texts is None else (files.folder / files.texts).glob("*.yaml")
         questionnaire_files = (files.folder / f"{name}.yaml" for name in study.asks.questionnaires)
-        for file in (own, *sorted(texts), *questionnaire_files):
+        words = (*sorted(texts), *questionnaire_files) if with_words else ()
+        for file in (own, *words):
             digest.update(file.read_bytes() if file.is_file() else b"")
         study = study.base
     return digest.hexdigest()

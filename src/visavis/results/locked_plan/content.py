@@ -13,6 +13,7 @@ from visavis.results.planned_tests import planned_tests, primary_tests
 from visavis.study.comparisons import Compare
 from visavis.study.exclusions import limits_in_force
 from visavis.study.experiment import StudyExperiment
+from visavis.study.files_read import digests_of_files
 from visavis.study.measures import Measure
 
 LOCK_VERSION: Final = 1
@@ -20,6 +21,9 @@ VERSIONS: Final = "versions"
 GROUPS: Final = "groups"
 PRIMARY_CLAIMS: Final = "primary"
 FILE_SHA256: Final = "study_file_sha256"
+CODE_SHA256: Final = "code_sha256"
+"""The study file alone, without its texts and questionnaires, which are among the files."""
+FILES: Final = "files"
 COMPARED_PARTS: Final = (
     "parameters",
     "factors",
@@ -45,6 +49,7 @@ def plan_content(
     seed: int,
     provenance: Provenance,
     file_sha256: str = "",
+    code_sha256: str = "",
     settings: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Return the plan of a study as plain data; `settings` replace limits of exclusion rules.
@@ -124,6 +129,8 @@ def plan_content(
             "code revision": provenance.code_revision,
         },
         FILE_SHA256: file_sha256,
+        CODE_SHA256: code_sha256,
+        FILES: digests_of_files(experiment),
     }
     plan: dict[str, Any] = as_json(content)
     return plan

@@ -5,8 +5,10 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from visavis.results.locked_plan.content import (
+    CODE_SHA256,
     COMPARED_PARTS,
     FILE_SHA256,
+    FILES,
     PRIMARY_CLAIMS,
     VERSIONS,
     comparisons_by_name,
@@ -23,6 +25,7 @@ _PART: Final[Mapping[str, str]] = {
     "families": "family",
     "tests": "test rule",
     "exclusions": "exclusion", VERSIONS: "version", "questions": "question", "scenes": "scene",
+    FILES: "file",
 }  # fmt: skip
 
 
@@ -61,12 +64,19 @@ def deviations_between(plan: Mapping[str, Any], actual: Mapping[str, Any]) -> tu
         if part != PRIMARY_CLAIMS or part in plan  # plans of earlier versions have none
         for d in differing(part, plan.get(part, {}), actual.get(part, {}))
     )
-    before, after = str(plan[FILE_SHA256]), str(actual[FILE_SHA256])
+    if FILES in plan:  # plans of earlier versions have none; what is not there shows nothing
+        now = {name: digest[:12] for name, digest in actual[FILES].items()}
+        then = {name: digest[:12] for name, digest in plan[FILES].items() if name in now}
+        of_files = tuple(differing(FILES, then, now))
+    else:
+        of_files = ()
+    key = CODE_SHA256 if CODE_SHA256 in plan else FILE_SHA256
+    before, after = str(plan[key]), str(actual[key])
     in_file = any(d.part != VERSIONS for d in deviations)
     if before != after and before and after and not in_file:
         about = "(what is shown or said)"
         deviations = (*deviations, Deviation("study file", about, before[:12], after[:12]))
-    return deviations
+    return (*deviations, *of_files)
 
 
 def differing(part: str, plan: Any, actual: Any) -> Iterator[Deviation]:

@@ -72,11 +72,20 @@ def markdown(content: Mapping[str, Any], sha256: str) -> str:
         ),
         "### Exploratory analyses",
         _list(_test(n, c) for n, c in besides.items()),
+        *_files(plan),
         "## Software",
         _list(f"{name} {value or 'unknown'}" for name, value in plan["versions"].items()),
         f"Seed of the study: {plan['seed']}.",
     ]
     return "\n\n".join(parts) + "\n"
+
+
+def _files(plan: Mapping[str, Any]) -> list[str]:
+    """Return the files that the study shows or asks from; of older plans none."""
+    files = plan.get("files")
+    if not files:
+        return []
+    return ["## Files", _list(f"`{name}`: SHA-256 `{digest}`" for name, digest in files.items())]
 
 
 def _primary(plan: Mapping[str, Any]) -> list[str]:

@@ -82,6 +82,7 @@ def content_now(
         seed=seed,
         provenance=provenance(),
         file_sha256="" if file is None else digest_of(file),
+        code_sha256="" if file is None else digest_of(file, with_words=False),
         settings=settings,
     )
 
