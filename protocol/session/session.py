@@ -265,8 +265,12 @@ class Session:
         words, experiment = self._setup.board_words.pause, self._setup.experiment
         if isinstance(experiment, Guiding):
             words = experiment.pause_before(self._setup.plan, block) or words
-        self._let_read("break", words, f"Break before {block.name}. {OFF}")
+        self._let_read("break", words, f"Break before {self._name_of(block)}. {OFF}")
         self._recorder.event("break_end", self._loop.t_ns, before_block=block.index)
+
+    def _name_of(self, block: Block) -> str:
+        """Return the name of a block for the operator, which may give conditions away."""
+        return f"Block {block.index + 1}" if self._setup.blind else block.name
 
     def _let_read(self, name: str, words: str, prompt: str) -> None:
         """Wait for the operator at a prompt while words stand before participants at a screen.
@@ -281,6 +285,8 @@ class Session:
         hint = board_words.go_on if is_self_paced else ""
         board = board_before(loop.head, loop.surface, words, (), hint=hint)
         show_board(loop, self._recorder, name, board, experiment.blank(None))
+        if self._setup.blind and is_self_paced:
+            prompt = f"The participant reads words on the screen ({name.replace('_', ' ')})."
         by = self._desk.wait(prompt, controls=CONFIRM if is_self_paced else ())
         loop.show_scene(experiment.blank(None))
         self._recorder.event("panel_answered", loop.t_ns, question=name, by=by)
@@ -296,7 +302,7 @@ class Session:
             block_name=block.name,
             trials_left=len(trials),
         )
-        self._desk.block_name = block.name
+        self._desk.block_name = self._name_of(block)
         self._let_read("instruction", block.instruction, block.instruction)
         if self._calibrates and (block.calibrate or self._is_uncalibrated(block)):
             self._calibrate(block)

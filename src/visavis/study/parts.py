@@ -243,6 +243,9 @@ class Procedure:
     instructions: Instructions = "read out"
     """Who goes on after an instruction or a break before a screen: the operator, who has it read
     out, or the participant, who has read it there and presses a key."""
+    blind: bool = False
+    """Whether operators see neither conditions nor groups: every session runs as with `--blind`,
+    and lists of people do not say who is in which group."""
     screening: Sequence[Screening] = ()
     """What a page checks before its first trial: "card", the size of the screen; "sound", whether
     spoken digits are heard."""
@@ -261,6 +264,10 @@ class Procedure:
             *self._screening_problems(),
             *self._returning_problems(),
         ]
+
+    def shown_group(self, group: str) -> str:
+        """Return what operators read for a person's group."""
+        return "hidden" if self.blind and group else group
 
     def _returning_problems(self) -> list[str]:
         value: Any = self.returning

@@ -72,9 +72,10 @@ def add(
         raise UsageError("simulated participants have no names")
     if name:
         here.key_file.identify(entry.label, {"name": name})
+    group = here.study.study.procedure.shown_group(entry.group)
     console.print(
         f"[b]{verbatim(entry.label)}[/b] is participant {entry.number} of {verbatim(study)}, "
-        f"place {entry.index + 1}" + (f", group {entry.group}" if entry.group else "")
+        f"place {entry.index + 1}" + (f", group {group}" if group else "")
     )
     console.print(
         f"next: visavis run {verbatim(shlex.quote(study))} --participant {verbatim(entry.label)}"
@@ -98,7 +99,7 @@ def list_them(
         table.add_row(
             e.label,
             str(e.index + 1),
-            e.group,
+            here.study.study.procedure.shown_group(e.group),
             e.consent_version,
             e.status,
             str(sessions),

@@ -376,7 +376,8 @@ def board(
     `visavis serve` prints the address of the same as a page. Example: visavis board ./lively.py
     """
     here = people_here(study, load_lab(config, devices, quiet=as_json), devices)
-    study_board = board_of(here.ledger.list(), here.folder)
+    procedure = here.study.study.procedure
+    study_board = board_of(here.ledger.list(), here.folder, shown_group=procedure.shown_group)
     if as_json:
         say_json(study_board.as_data())
         return

@@ -3,7 +3,7 @@
 import shlex
 import signal
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -177,7 +177,16 @@ def plan(
     else:
         experiment = plan_inputs.experiment
         criterion = experiment.study.design.practice_until
-        _print_plan(session_plan, plan_inputs.label, plan_inputs.note, experiment.texts, criterion)
+        procedure, between = experiment.study.procedure, experiment.study.design.factors
+        hidden_factors = {f.name for f in between if f.between and procedure.blind}
+        _print_plan(
+            replace(session_plan, group=procedure.shown_group(session_plan.group)),
+            plan_inputs.label,
+            plan_inputs.note,
+            experiment.texts,
+            criterion,
+            hidden_factors,
+        )
     if not as_json:
         for voice in plan_inputs.experiment.voices:
             console.print(
@@ -257,7 +266,12 @@ def _place_shown(
 
 
 def _print_plan(
-    session_plan: SessionPlan, label: str, note: str, texts: Texts, criterion: Criterion | None
+    session_plan: SessionPlan,
+    label: str,
+    note: str,
+    texts: Texts,
+    criterion: Criterion | None,
+    hidden_factors: Collection[str],
 ) -> None:
     console.print(
         f"[b]{verbatim(session_plan.study)}[/b]  "
@@ -272,7 +286,8 @@ def _print_plan(
         calibration = "calibration and validation first" if block.calibrate else ""
         table = Table(title=f"{block.name}  ({calibration})" if calibration else block.name)
         table.title_justify = "left"
-        names = list(dict.fromkeys(k for t in block.trials for k in t.factors))
+        shown_names = (k for t in block.trials for k in t.factors if k not in hidden_factors)
+        names = list(dict.fromkeys(shown_names))
         for name in ("trial", *names):
             table.add_column(name.replace("_", " "))  # a space lets the table wrap the heading
         for trial in block.trials:
@@ -289,16 +304,19 @@ def _print_plan(
     )
     if criterion is not None:
         console.print(verbatim(criterion.words), soft_wrap=True)
-    for legend in legends(session_plan, texts):
+    for legend in legends(session_plan, texts, hidden_factors):
         console.print(f"[dim]{verbatim(legend)}[/]", soft_wrap=True)
 
 
-def legends(session_plan: SessionPlan, texts: Texts) -> Iterator[str]:
+def legends(
+    session_plan: SessionPlan, texts: Texts, hidden_factors: Collection[str] = ()
+) -> Iterator[str]:
     """Yield a line for each factor whose reports use other names for its levels."""
     levels: dict[str, dict[str, None]] = {}
     for trial in session_plan.trials:
         for name, level in trial.factors.items():
-            levels.setdefault(name, {})[str(level)] = None
+            if name not in hidden_factors:
+                levels.setdefault(name, {})[str(level)] = None
     for name, factor_levels in levels.items():
         level_labels = [
             f"{level} {label}"
@@ -561,6 +579,7 @@ def _perform(
     port: int = 0,
 ) -> None:
     is_rehearsal = here.is_simulated
+    blind = blind or here.study.study.procedure.blind
     experiment = here.study.experiment(settings.parameters).of_session(session)
     if not fast and on == "browser" and isinstance(experiment, StudyExperiment):
         build_missing_films(film_store(experiment), experiment.films)
@@ -642,10 +661,10 @@ def _perform(
                 role = error.role if isinstance(error, DeviceError) else ""
                 spare = role in spare_roles_of(request.experiment)
                 left_out = [*request.without, *([role] if spare else ())]
-                _print_way_on(path, fast=fast, without=left_out if spare else ())
+                _print_way_on(path, fast=fast, blind=blind, without=left_out if spare else ())
                 raise
             errors.print(f"[yellow]{verbatim(error)}[/]", soft_wrap=True)
-            _print_way_on(path, fast=fast)
+            _print_way_on(path, fast=fast, blind=blind)
             raise typer.Exit(error.exit_code) from error
     verdict = check_session(Recording(path))
     print_check(verdict, path)
@@ -703,13 +722,16 @@ def ask_body(
     here.ledger.describe_body(entry.label, OwnBody(body, stature_m))
 
 
-def _print_way_on(path: Path, *, fast: bool, without: Sequence[str] = ()) -> None:
+def _print_way_on(
+    path: Path, *, fast: bool, blind: bool = False, without: Sequence[str] = ()
+) -> None:
     if not path.exists():
         return
     trials = check_session(Recording(path)).trials
     complete_count = sum(t.status == "complete" for t in trials)
     skip_count = sum(t.status == "skipped" for t in trials)
-    again = f"visavis resume {shlex.quote(str(path))}{' --fast' if fast else ''}"
+    options = f"{' --fast' if fast else ''}{' --blind' if blind else ''}"
+    again = f"visavis resume {shlex.quote(str(path))}{options}"
     without_options = "".join(f" --without {role}" for role in without)
     errors.print(
         f"{complete_count} of {len(trials)} trials are done and kept"

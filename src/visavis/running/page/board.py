@@ -1,8 +1,8 @@
 """The progress of all participants of a served study, read from their sessions on disk."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from statistics import median
 from typing import Any, Final
@@ -147,14 +147,16 @@ def board_of(
     *,
     quota: int | None = None,
     cached_places: dict[str, Place] | None = None,
+    shown_group: Callable[[str], str] = str,
 ) -> Board:
-    """Return the progress of all participants.
+    """Return the progress of all participants; `shown_group` gives what is read for a group.
 
     `cached_places` holds, by label, the places that no longer change; new ones are added to it.
     """
     final_places = {} if cached_places is None else cached_places
     places = []
     for entry in entries:
+        entry = replace(entry, group=shown_group(entry.group))
         place = final_places.get(entry.label)
         if place is None or entry.status != "active":
             try:

@@ -307,7 +307,11 @@ class Reception:
     def _board(self) -> Board:
         folder = self._path_of_study()
         return board_of(
-            self._ledger.list(), folder, quota=self._rules.quota, cached_places=self._places
+            self._ledger.list(),
+            folder,
+            quota=self._rules.quota,
+            cached_places=self._places,
+            shown_group=self._experiment.study.procedure.shown_group,
         )
 
     def _path_of_study(self) -> Path:
