@@ -1,6 +1,7 @@
 """Every changed byte of a study's folder is named, and what has an intact copy comes back."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import DataError
 from visavis.protocol.people.ledger import Ledger
 from visavis.protocol.people.own_body import OwnBody, write_own_body
+from visavis.recording.annotations import ANNOTATIONS_NAME, Annotation, place_annotations
 from visavis.running.sessions.folder_check import repair_study, study_problems
 from visavis.running.sessions.study_folder import StudySettings, read_settings, settle
 
@@ -173,3 +175,39 @@ def test_data_are_found_by_the_name_of_their_study_alone(
     checked = CliRunner().invoke(app, ["check", "probe", "--config", str(lab)])
 
     assert "2 sessions, every file verified" in checked.output
+
+
+def test_what_people_coded_is_checked_row_by_row(tmp_path: Path) -> None:
+    recording = perform("asking", tmp_path)
+    person, study = recording.path.parent, recording.path.parents[1]
+    row = recording.trials().iloc[0]
+    begin_ns, end_ns, trial_id = int(row["t_start_ns"]), int(row["t_end_ns"]), row["trial_id"]
+    part = int(row["recording_part"])
+    whole = Annotation("S01", 1, part, str(trial_id), "AM", "smile", begin_ns, end_ns, "")
+    place_annotations(person, [whole, replace(whole, trial_id="", label="frown")])
+    assert () == tuple(p for p in study_problems(study) if ANNOTATIONS_NAME in p)
+    wrong = {
+        "there is no session 7": replace(whole, session=7),
+        "it is about S02C, in the folder of S01": replace(whole, participant="S02C"),
+        "session 1 has no part 9": replace(whole, recording_part=9),
+        "the span is not within part 1": replace(whole, end_ns=end_ns + 10**15),
+        "the span does not begin within trial X9": replace(whole, trial_id="X9"),
+        f"the span does not begin within trial {trial_id}": replace(
+            whole, begin_ns=begin_ns - 5 * 10**6
+        ),
+        "spelled differently, 'smile' in row 2 and 'Smile' in row 3": replace(
+            whole, label="Smile", coder="BK"
+        ),
+    }
+    for problem, span in wrong.items():
+        (person / ANNOTATIONS_NAME).unlink()
+        place_annotations(person, [whole, replace(span, coder="BK")])
+        (said,) = (p for p in study_problems(study) if ANNOTATIONS_NAME in p)
+        assert problem in said
+        assert "row 3" in said
+    (person / ANNOTATIONS_NAME).write_text("participant,label\n", "utf-8")
+    (said,) = (p for p in study_problems(study) if ANNOTATIONS_NAME in p)
+    assert "has no column session" in said
+    checked = CliRunner().invoke(app, ["check", str(study)])
+    assert 1 <= checked.exit_code
+    assert "annotations.csv" in checked.output

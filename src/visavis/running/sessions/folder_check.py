@@ -10,6 +10,7 @@ from visavis.protocol.people.exports_register import LOCK_NAME as REGISTER_LOCK
 from visavis.protocol.people.exports_register import REGISTER_NAME, registered_exports
 from visavis.protocol.people.ledger import LEDGER_NAME, Ledger
 from visavis.protocol.people.own_body import FILE_NAMES, OWN_BODY_NAME, read_own_body
+from visavis.recording.annotations import ANNOTATIONS_NAME
 from visavis.recording.chained import read_lines, repair_lines
 from visavis.recording.durable import replace_file, sha256_of
 from visavis.recording.folder import SIMULATED_ROOT
@@ -18,6 +19,7 @@ from visavis.recording.reader import Recording
 from visavis.recording.recovery import recover
 from visavis.recording.remarks import REMARKS_NAME, remarks_of
 from visavis.recording.sealed import copy_path, copy_state, restore
+from visavis.running.sessions.coding_check import coding_problems
 from visavis.running.sessions.plan_lock import LOCK_NAME, PEEKS_NAME, read_lock, read_peeks
 from visavis.running.sessions.session_list import LIST_NAME, complete_list, list_problems
 from visavis.running.sessions.study_folder import (
@@ -58,6 +60,8 @@ def study_problems(
     problems += _lock_problems(folder)
     problems += [problem for path in _bodies(folder) for problem in _body_problems(path)]
     problems += [problem for path in _remarks(folder) for problem in _remark_problems(path)]
+    coded = sorted(folder.glob(f"sub-*/{ANNOTATIONS_NAME}"))
+    problems += [problem for path in coded for problem in coding_problems(path.parent)]
     if sessions is None:
         problems += [*list_problems(folder), *_unknown_people(folder)]
     for session in session_folders(folder) if sessions is None else sessions:
