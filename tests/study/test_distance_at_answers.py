@@ -9,15 +9,19 @@ from visavis.lab.clock import NS_PER_S
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import DesignError
+from visavis.protocol.plan.session_plan import Trial
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
 from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.session_request import simulated_request
 from visavis.stimuli.dressing.office import look_of
 from visavis.stimuli.dressing.picture_of import picture_of
+from visavis.study.asking import Answer
 from visavis.study.distances import WhenNear, floor_distances_m
 from visavis.study.dry_run import still_view
 from visavis.study.scenes import Scene, Staging, stage
+from visavis.study.trial import TrialScript
+from visavis.study.trial_settings import Settings
 
 STUDY = """
 from visavis import Factor, Keys, Scene, Study, Text, WhenNear
@@ -53,10 +57,14 @@ def recording_of(folder, *lines, answer="'trigger'"):
     return Recording(perform_new(asked))
 
 
+def staged_scene_of(start_ns=0, **options):
+    """Return a scene of one person."""
+    return stage(Scene("person", **options), Staging(np.random.default_rng(1), 8.0, start_ns), {})
+
+
 def staged(start_ns=0, **options):
     """Return the first frame of a scene of one person."""
-    staging = Staging(np.random.default_rng(1), 8.0, start_ns)
-    return stage(Scene("person", **options), staging, {}).frame(still_view(start_ns), 0)
+    return staged_scene_of(start_ns, **options).frame(still_view(start_ns), 0)
 
 
 def test_the_distance_at_a_press_is_the_one_that_the_recording_holds(tmp_path):
@@ -130,3 +138,37 @@ def test_simulated_people_press_when_somebody_has_come_near_enough():
     assert None is WhenNear("trigger", 0.1).seconds(frame, 0, eyes_m, 6.0)
     with pytest.raises(DesignError, match="other_s -1"):
         WhenNear("trigger", 1.0, other_s=-1)
+
+
+def press(at_ns):
+    """Return an answer given at a session time, before a head at rest."""
+    return Answer("trigger", "keys", 0, at_ns, still_view(at_ns))
+
+
+def test_a_press_in_the_last_lit_frame_has_a_distance_and_one_in_the_dark_has_none():
+    """Which frame hears of a press says nothing of what was lit when it came."""
+    walker = staged_scene_of(motion="walk", distance_m=3, speed_mps=1.0)
+    script = TrialScript(Trial("T1", 1, 0, False, {}, 1), Settings({}, *[None] * 6))
+    script.showing(walker, 0)
+    frame = script._lit_frame = walker.frame(still_view(), 0)
+    lit_m = script._distance_m("person", press(NS_PER_S))
+    eyes_m = still_view().head.position_m
+    assert floor_distances_m(frame, NS_PER_S, eyes_m)[0] == lit_m
+    script.put_out()
+    script.end_light(2 * NS_PER_S)  # the first dark frame
+    assert lit_m == script._distance_m("person", press(NS_PER_S))
+    assert script._distance_m("person", press(2 * NS_PER_S)) is None
+    assert script._distance_m("person", press(3 * NS_PER_S)) is None
+
+
+def test_a_session_keeps_the_distance_of_a_press_that_the_first_dark_frame_heard(tmp_path):
+    line = 'yield t.show(Scene("person"), SECONDS, until=STOP, limit_s=2)'
+    times_ms = recording_of(tmp_path, line.replace("SECONDS", "1.9")).trials()["stop_ms"]
+    deeper = tmp_path / "deeper"
+    deeper.mkdir()
+    # The scene goes at the press itself, to within a frame.
+    seconds = f"{times_ms.max() / 1000 + 0.001:.3f}"
+    rows = recording_of(deeper, line.replace("SECONDS", seconds)).trials()
+    last = rows.loc[rows["stop_ms"].idxmax()]
+    assert last["scene_off_ns"] > last["scene_on_ns"] + 1e6 * last["stop_ms"]
+    assert not np.isnan(last["stop_distance_m"])

@@ -41,6 +41,9 @@ class LitTrial:
         self.row: dict[str, Scalar | None] = {}
         self.view: FrameView | None = None
         self._staged_scene: StagedScene | None = None
+        self._gone_scene: StagedScene | None = None
+        """What was lit before the dark, and until when."""
+        self._dark_ns = 0
         self._lit_frame: SceneFrame | None = None
         self._onset_ns = 0
         self._sound_on_ns = 0
@@ -74,12 +77,13 @@ class LitTrial:
 
     def _dark(self, seconds: float) -> Performing:
         view = yield from self._now()
-        self._staged_scene = None
+        self.put_out()
         yield dark_view(view.t_ns)
         until_ns = view.t_ns + round(seconds * NS_PER_S)
-        if self._lit_column and view.t_ns < until_ns:
+        is_noted = not self._lit_column and (self._gone_scene is None or self._dark_ns > 0)
+        if not is_noted and view.t_ns < until_ns:
             view = yield from self._frame()
-            self._end_light(view.t_ns)
+            self.end_light(view.t_ns)
         yield from self._until(until_ns, None)
 
     def _light(self, showing: Showing) -> Performing:
@@ -92,7 +96,7 @@ class LitTrial:
         yield from show_frame(self._scene_update(before))
         yield from self._begin_sounds(showing, name)
         view = yield from self._frame()
-        self._end_light(view.t_ns)
+        self.end_light(view.t_ns)
         self._gaze_watch = None
         self._onset_ns = view.t_ns
         self.row.setdefault("t_start_ns", view.t_ns)
@@ -133,8 +137,15 @@ class LitTrial:
             view = view._replace(pressed=pressed, pressed_ns=pressed_ns)
         return on_ns, view, frames
 
-    def _end_light(self, t_ns: int) -> None:
-        """Note that flat stimuli were lit up to now."""
+    def put_out(self) -> None:
+        """Note that what is shown goes with the next frame."""
+        if self._staged_scene is not None:
+            self._gone_scene, self._dark_ns = self._staged_scene, 0
+        self._staged_scene = None
+
+    def end_light(self, t_ns: int) -> None:
+        """Note that flat stimuli, and a scene that was put out, were lit up to now."""
+        self._dark_ns = self._dark_ns or t_ns
         if self._lit_column:
             self.row[self._lit_column] = t_ns
             self._note_gaze(self._lit_column.removesuffix("_off_ns"), t_ns)
@@ -213,10 +224,11 @@ class LitTrial:
             if is_lit and showing.is_over(frames, view, on_ns):
                 off_ns = view.t_ns + view.surface.frame_ns
                 self._note_shown(name, staged_scene, lit_ns, off_ns, frames)
-                is_lit, self._staged_scene = False, None
+                is_lit = False
+                self.put_out()
                 yield dark_view(view.t_ns)
                 view = yield from self._frame()
-                self._end_light(view.t_ns)
+                self.end_light(view.t_ns)
             else:
                 yield from show_frame(self._scene_update(view))
                 calm_ns = min(showing.calm_until_ns(view, on_ns), until_ns) if is_lit else until_ns
@@ -299,8 +311,11 @@ class LitTrial:
     def _distance_m(self, role: str, answer: Answer) -> float | None:
         """Return how far the person of a role was at an answer; None where that is not known."""
         frame, agent = self._lit_frame, -1
-        if self._staged_scene is not None:
-            agent = self._staged_scene.roles.get(role, -1)
+        scene = self._staged_scene
+        if scene is None and answer.answered_ns < self._dark_ns:
+            scene = self._gone_scene
+        if scene is not None:
+            agent = scene.roles.get(role, -1)
         if answer.option is None or frame is None or agent < 0 or not answer.view.head_valid:
             return None
         eyes_m = answer.view.head.position_m

@@ -594,7 +594,7 @@ class TrialScript(LitTrial):
     def _record_answer(self, response: Response, answer: Answer) -> Performing:
         self.view = answer.view
         if not isinstance(response, Keys):  # a board has taken the place of what was lit
-            self._end_light(answer.asked_ns)
+            self.end_light(answer.asked_ns)
         answer = self.take(response, answer)
         name, option = response.name, answer.option
         if isinstance(response, Pointing):
