@@ -27,7 +27,11 @@ STREAMS = ("head", "frame_timing", "pointer", "responses")
 def opened(server: Server, browser: Any, which: str) -> tuple[Any, list[str]]:
     """Return a page before a headset, after the consent, at the step that enters VR."""
     (server.root / "apart.py").write_text(IN_HEADSET, "utf-8")
-    address = server.start("run", "apart.py", "--participant", "1")
+    return before_a_headset(browser, server.start("run", "apart.py", "--participant", "1"), which)
+
+
+def before_a_headset(browser: Any, address: str, which: str) -> tuple[Any, list[str]]:
+    """Return the page at an address, at the step that enters VR, and what goes wrong on it."""
     # The emulator draws as large as the window; without a graphics card that is slow.
     page = browser.new_context(viewport={"width": 200, "height": 150}).new_page()
     problems: list[str] = []

@@ -297,6 +297,7 @@ let nextRows = {};
 let onHeadset = () => {};
 
 const WITHOUT = ["", "consent", "enter", "end"];
+const TYPED = "questions"; // answered outside of VR where something is typed: nobody is asked back before the next step
 const INTERRUPTS = ["blurred", "hidden", "off"];
 
 async function enterHeadset(step) {
@@ -315,11 +316,18 @@ function tellAround(text, ...more) {
 function happened(what) {
   if (what === "ended") {
     headset = null;
-    if (!isOver && !WITHOUT.includes(current.kind)) offerHeadset();
+    askBack();
   } else if (INTERRUPTS.includes(what)) tellAround(say("vr_paused"));
   else if (what === "controllers_asleep") tellAround(say("vr_controllers"));
   else if (["visible", "on", "controllers_awake", "hands"].includes(what) && headset && !headset.isPaused()) tellAround("");
   onHeadset(what);
+}
+
+let isOutside = false; // for what is typed
+
+function askBack() {
+  isOutside = current.kind === TYPED;
+  if (!isOver && !isOutside && !WITHOUT.includes(current.kind)) offerHeadset();
 }
 
 // Somebody may come back, go on at the screen where the study allows it, or leave this trial out.
@@ -879,6 +887,7 @@ function show(step) {
   const progress = document.getElementById("progress");
   progress.textContent = step.trial ? (step.is_practice ? `${say("practice")} ` : "") + say("progress", { n: step.trial, m: step.trials }) : "";
   steps[step.kind](step);
+  if (isOutside) askBack();
   describe();
 }
 
@@ -1033,7 +1042,7 @@ async function begin(takesOver) {
   ofHeadset = state.xr ? await store.get("vr") || null : null;
   if (queue.length) { stepNumber = state.number; await flush(); if (stepNumber === state.number && current.kind === "") show(state.step); }
   else { stepNumber = -1; await take(state); }
-  if (ofHeadset && !headset && !isOver && !WITHOUT.includes(current.kind)) offerHeadset(); // the page was opened anew
+  if (ofHeadset && !headset) askBack(); // the page was opened anew
 }
 
 setInterval(() => { if (stepNumber >= 0 && !isOver) flush(); }, BEAT_MS);
