@@ -1,7 +1,7 @@
 """Serve a study behind a reverse proxy to a crowd, kill server and proxy, set the clock back.
 
 python -m benchmarks.unattended [--arrivals 500] [--within 60] [--minutes 30] [--think 6]
-                                [--trials 300] [--kill-every 45] [--json]
+                                [--trials 300] [--kill-every 45] [--places 200] [--json]
                                 [--keep DIR [--fill-disk]]
 
 `visavis serve` runs in a process of its own behind nginx, as docs/pages.md has it. People come
@@ -14,7 +14,8 @@ turn; whoever then reads that their session failed loads the page again. At the 
 any more, the server is ended (SIGTERM), and what was acknowledged is looked for in the recordings.
 `lost`, `twice` and `wrong` have to be 0: answers that were acknowledged and are not recorded,
 recorded twice, or another than was given; `refused` counts answers but "wait" and "gone", `red`
-sessions whose files `visavis check` finds damaged. Times of steps are of those whose answer came at
+sessions whose files `visavis check` finds damaged (of a disk that was full, after `visavis
+recover`). With `--places` so many people stay and the others read that it is full. Times of steps are of those whose answer came at
 the first try. Without nginx people come to the server itself, and the table says so.
 """
 
@@ -42,6 +43,7 @@ from benchmarks.page_crowd import STUDY
 from benchmarks.page_faults.study import kept_replies
 from visavis.lab.clock import StopWatch, SystemClock
 from visavis.recording.reader import Recording
+from visavis.recording.recovery import recover
 from visavis.running.page.server import KEY, LOCAL
 from visavis.running.sessions.folder_check import session_problems
 
@@ -126,8 +128,8 @@ def free_port() -> int:
 class Site:
     """Own the server and the proxy before it; both may be killed and begun anew."""
 
-    def __init__(self, root: Path, trials: int) -> None:
-        self._root = root
+    def __init__(self, root: Path, trials: int, places: int | None) -> None:
+        self._root, self._places = root, places
         self._back, self._front = free_port(), free_port()
         self.has_proxy = shutil.which("nginx") is not None
         self._hours_back = 0
@@ -152,7 +154,9 @@ class Site:
 
     def start_server(self) -> None:
         """Begin the server at its address, or go on with it."""
-        options = ("--port", str(self._back), "--devices", "sim")
+        options = ["--port", str(self._back), "--devices", "sim"]
+        if self._places is not None:
+            options += ["--participants", str(self._places)]
         self._server = self._visavis("serve", "./many.py", *options)
 
     def start_proxy(self) -> None:
@@ -349,6 +353,8 @@ def look_through(root: Path, crowd: Crowd) -> None:
     outcome, recorded = crowd.outcome, {}
     for manifest in sorted(root.glob("**/ses-001/manifest.json")):
         session = manifest.parent
+        if outcome.disk_full:  # it renews the copy of a manifest that found no room
+            recover(session)
         outcome.red += bool(session_problems(session))
         events = Recording(session).events()
         own = events.loc[events["name"] == "page_event", "payload"]
@@ -368,7 +374,7 @@ def look_through(root: Path, crowd: Crowd) -> None:
 
 def measure(root: Path, options: argparse.Namespace) -> tuple[Outcome, Site]:
     """Serve, let everybody come, and look through what was recorded."""
-    site = Site(root, options.trials)
+    site = Site(root, options.trials, options.places)
     crowd = Crowd(site.base, 60 * options.minutes, options.think, Outcome())
     site.start()
     try:
@@ -405,6 +411,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--kill-every", type=float, default=45.0, help="seconds")
     parser.add_argument("--json", action="store_true", help="print JSON instead")
     parser.add_argument("--keep", type=Path, help="keep everything in this new folder")
+    parser.add_argument("--places", type=int, help="of how many answers are wanted (else all)")
     parser.add_argument("--fill-disk", action="store_true", help="fill the kept folder's disk")
     options = parser.parse_args(arguments)
     if options.fill_disk and (

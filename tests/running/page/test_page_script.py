@@ -253,8 +253,8 @@ const before = globalThis.fetch;
 globalThis.fetch = async (path, request) => {
   tries[path] = (tries[path] || 0) + 1;
   if (tries[path] > refusals) return before(path, request);
-  const greeting = { ok: true, status: 200, json: async () => answer };
-  return answer.failed && path === "/api/hello" ? greeting
+  const failure = { ok: true, status: 200, json: async () => answer };
+  return answer.failed && path === "/api/hello" ? failure
     : answer.failed ? before(path, request) : { ok: false, status: answer.status, json: html };
 };
 await import(process.argv[2]);

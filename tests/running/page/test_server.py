@@ -3,7 +3,7 @@
 import asyncio
 import json
 import re
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -11,8 +11,9 @@ from typing import Any
 import aiohttp
 import pytest
 
-from tests.running.page.pages import Page, begun
+from tests.running.page.pages import TAB, Page, begun
 from visavis.cli import viewer
+from visavis.lab.errors import RecordingError
 from visavis.running.page.server import (
     HEADERS,
     KEY,
@@ -315,3 +316,34 @@ def test_a_port_that_is_taken_is_told_with_the_way_out(tmp_path: Path) -> None:
             await other.start(port=server.port)
 
     served(tmp_path, ask)
+
+
+@pytest.mark.parametrize("is_closed", [False, True])
+def test_a_session_whose_recording_failed_acknowledges_nothing_more(
+    is_closed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What it took before it failed is in memory alone: the disk was full for a moment."""
+
+    async def ask(
+        http: aiohttp.ClientSession, page: Page, server: PageServer
+    ) -> list[Mapping[str, Any]]:
+        def fail() -> None:
+            raise RecordingError("the disk is full")
+
+        body = {"tab": TAB, "events": [page.event()]}
+        checkpoint = page.desk.recorder.checkpoint
+        said = []
+        for path, write in (
+            ("/api/events", fail),
+            ("/api/events", checkpoint),
+            ("/api/hello", checkpoint),
+        ):
+            monkeypatch.setattr(page.desk.recorder, "checkpoint", write)
+            async with http.post(path, json=body, headers={KEY: "key"}) as response:
+                said.append(await response.json())
+            if is_closed:  # as its reception does meanwhile
+                server._sessions["key"].closed.set()
+        return said
+
+    failure = {"failed": "the recording failed", "ack": -1}
+    assert [failure, failure, {"words": {}, **failure}] == served(tmp_path, ask)

@@ -45,7 +45,7 @@ from visavis.running.page.perform import (
 )
 from visavis.running.page.rate_limit import ArrivalLimits
 from visavis.running.page.server import EndedSession, PageServer, PageSession
-from visavis.running.page.steps import PageError
+from visavis.running.page.steps import CannotGoOnError, PageError
 from visavis.running.sessions.device_setup import is_simulated
 from visavis.running.sessions.recorded_part import (
     begin_part,
@@ -201,7 +201,7 @@ class Reception:
         `new_tab` is a page that says hello: a study may let it go on from a checkpoint alone.
 
         Raises:
-            PageError: it cannot continue; the operator of the server is told why.
+            CannotGoOnError: the operator of the server is told why.
         """
         if key in self._open:
             session = self._open[key]
@@ -220,7 +220,7 @@ class Reception:
                     self._keep(continued)
                 except LabError as error:
                     self._say(f"{self._keys[key]} came again and could not go on: {error}")
-                    raise PageError(CANNOT_GO_ON) from error
+                    raise CannotGoOnError(CANNOT_GO_ON) from error
         return self._open[key].page if key in self._open else None
 
     async def board(self) -> Mapping[str, Any]:

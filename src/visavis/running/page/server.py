@@ -19,6 +19,7 @@ from visavis.running.page.desk import PageDesk, Post
 from visavis.running.page.rate_limit import visitor_address
 from visavis.running.page.steps import (
     BadEventError,
+    CannotGoOnError,
     OpenElsewhereError,
     PageError,
     count,
@@ -233,6 +234,8 @@ class LocalServer:
             response = _refusal(400, str(error), event=error.n)
         except PageError as error:
             response = _refusal(400, str(error))
+        except CannotGoOnError as error:
+            response = _refusal(500, str(error))
         except (ValueError, OverflowError, RecursionError):
             response = _refusal(400, "that is not JSON")
         except web.HTTPException:  # not modified, or another part of a film
@@ -398,6 +401,8 @@ class PageServer(LocalServer):
         """
 
         def whole() -> dict[str, Any]:
+            if session.failures:  # its last state is in memory alone
+                raise session.failures[0]
             if session.closed.is_set():
                 return session.desk.state()
             if act() is not False:
@@ -413,7 +418,8 @@ class PageServer(LocalServer):
             except (PageError, OpenElsewhereError):
                 raise
             except Exception as error:
-                session.failures.append(error)
+                if error not in session.failures:
+                    session.failures.append(error)
                 session.over.set()
                 reason = (
                     "the recording failed" if isinstance(error, RecordingError) else "it failed"

@@ -38,6 +38,10 @@ class BadEventError(PageError):
         self.n = n
 
 
+class CannotGoOnError(LabError):
+    """A session is there and cannot go on now, by no fault of its page, which remembers it."""
+
+
 class OpenElsewhereError(LabError):
     """The session is open in another tab or browser."""
 
