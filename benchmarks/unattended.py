@@ -15,8 +15,9 @@ any more, the server is ended (SIGTERM), and what was acknowledged is looked for
 `lost`, `twice` and `wrong` have to be 0: answers that were acknowledged and are not recorded,
 recorded twice, or another than was given; `refused` counts answers but "wait" and "gone", `red`
 sessions whose files `visavis check` finds damaged (of a disk that was full, after `visavis
-recover`). With `--places` so many people stay and the others read that it is full. Times of steps are of those whose answer came at
-the first try. Without nginx people come to the server itself, and the table says so.
+recover`). With `--places` so many people stay, and the others read that it is full. Times of steps
+are of those whose answer came at the first try. Without nginx people come to the server itself, and
+the table says so.
 """
 
 import argparse
