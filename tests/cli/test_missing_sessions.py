@@ -1,5 +1,6 @@
 """Who vanishes from a study is missed, by check, by analyse and by scripts."""
 
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +11,7 @@ from typer.testing import CliRunner
 from tests.cli.test_changed_design import STUDY, simulated
 from visavis.cli.main import app
 from visavis.lab.clock import SimClock
-from visavis.lab.errors import DataError, RecordingError
+from visavis.lab.errors import DataError, LabError, RecordingError
 from visavis.protocol.people.ledger import Ledger
 from visavis.recording.folder import open_session
 from visavis.recording.sealed import copy_path
@@ -37,6 +38,7 @@ def study(recorded: Path, tmp_path: Path) -> Path:
 
 def run(*arguments: str) -> tuple[int, str]:
     result = CliRunner().invoke(app, [*arguments])
+    assert result.exception is None or isinstance(result.exception, (LabError, SystemExit))
     text = f"{result.output} {result.exception or ''}"
     return result.exit_code or int(result.exception is not None), " ".join(text.split())
 
@@ -53,6 +55,29 @@ def cut_by_a_line(path: Path) -> None:
 def as_link(folder: Path) -> None:
     folder.rename(folder.parent.parent / "elsewhere")
     folder.symlink_to(folder.parent.parent / "elsewhere")
+
+
+def as_pipe(path: Path) -> None:
+    path.unlink()
+    os.mkfifo(path)
+
+
+def as_link_to_itself(path: Path) -> None:
+    path.unlink()
+    path.symlink_to(path.name)
+
+
+@pytest.mark.parametrize("name", ["sessions.jsonl", "study.json", "participants.jsonl"])
+@pytest.mark.parametrize("change", [as_pipe, as_link_to_itself])
+def test_what_is_no_file_is_named_and_no_internal_error(
+    change: Callable[[Path], None], name: str, study: Path
+) -> None:
+    change(study / name)
+    code, text = run("check", str(study))
+    assert 0 != code
+    assert name in text
+    code, text = run("recover", str(study))  # puts some back from their copies, names the others
+    assert name in text
 
 
 PART_2 = "sub-S02C/ses-001/part-02"

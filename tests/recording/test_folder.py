@@ -1,6 +1,7 @@
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,7 @@ from visavis.lab.clock import SimClock
 from visavis.lab.errors import RecordingError, UsageError
 from visavis.recording import durable
 from visavis.recording.folder import create_session, open_session, session_dir
-from visavis.recording.lock import is_held
+from visavis.recording.lock import is_held, lock_path
 from visavis.recording.reader import Recording
 
 
@@ -166,3 +167,17 @@ def test_read_only_folder_is_refused_by_the_system_too(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="permission denied"):
         create_session(tmp_path, probe_manifest())
     tmp_path.chmod(0o755)
+
+
+@pytest.mark.parametrize(
+    "make", [os.mkfifo, lambda path: path.symlink_to(path.name)], ids=["pipe", "loop"]
+)
+def test_what_stands_in_a_locks_place_is_not_waited_for(
+    make: Callable[[Path], None], tmp_path: Path
+) -> None:
+    make(lock_path(tmp_path / "ses-001"))
+    try:
+        is_waited_for = is_held(tmp_path / "ses-001")
+    except RecordingError as error:
+        is_waited_for = "delete it if nobody does" not in str(error)
+    assert is_waited_for is False

@@ -8,7 +8,7 @@ import os
 import sys
 from pathlib import Path
 
-from visavis.lab.errors import UsageError
+from visavis.lab.errors import RecordingError, UsageError
 from visavis.recording.durable import open_private, write_failure
 
 
@@ -17,6 +17,8 @@ def lock_path(session_dir: Path) -> Path:
     return session_dir.parent / f".{session_dir.name}.lock"
 
 
+_WITHOUT_WAITING: int = getattr(os, "O_NONBLOCK", 0)
+"""At a pipe, opening would wait for a writer."""
 MAX_READERS = 64
 """How many may read a session at a time on Windows."""
 
@@ -72,11 +74,21 @@ class SessionLock:
 
 
 def is_held(session_dir: Path) -> bool:
-    """Tell whether some process, this one included, holds the session."""
+    """Tell whether some process, this one included, holds the session.
+
+    Raises:
+        RecordingError: something else stands where its lock does.
+    """
+    path = lock_path(session_dir)
     try:
-        fd = os.open(lock_path(session_dir), os.O_RDONLY)
+        fd = os.open(path, os.O_RDONLY | _WITHOUT_WAITING)
     except FileNotFoundError:
         return False
+    except OSError as error:
+        raise RecordingError(
+            f"{path} cannot be opened ({error.strerror}); it is an empty file that whoever records "
+            "the session holds: delete it if nobody does"
+        ) from error
     try:
         return not _try_lock(fd, is_shared=True)
     finally:

@@ -347,3 +347,19 @@ def test_a_session_whose_recording_failed_acknowledges_nothing_more(
 
     failure = {"failed": "the recording failed", "ack": -1}
     assert [failure, failure, {"words": {}, **failure}] == served(tmp_path, ask)
+
+
+def test_a_connection_that_is_lost_in_the_middle_of_a_post_prints_nothing(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def ask(http: aiohttp.ClientSession, page: Page, server: PageServer) -> None:
+        _, writer = await asyncio.open_connection("127.0.0.1", server.port)
+        head = f"POST /api/events HTTP/1.1\r\nHost: 127.0.0.1\r\n{KEY}: key\r\nContent-Length: 9"
+        writer.write(f"{head}\r\n\r\n{{".encode())
+        await writer.drain()
+        async with http.post("/api/hello", json={"tab": TAB}, headers={KEY: "key"}) as response:
+            assert 200 == response.status  # what came before has been read
+        writer.transport.abort()
+
+    served(tmp_path, ask)  # waits for every handler
+    assert "" == caplog.text

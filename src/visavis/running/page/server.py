@@ -240,6 +240,8 @@ class LocalServer:
             response = _refusal(400, "that is not JSON")
         except web.HTTPException:  # not modified, or another part of a film
             raise
+        except ConnectionError:  # of whoever sent it: nobody hears the answer
+            response = _refusal(400, "the connection was lost")
         except Exception:
             LOG.exception("a request failed")
             response = _refusal(500, "it failed")

@@ -104,7 +104,7 @@ def repair_study(folder: Path) -> tuple[str, ...]:
     for path in (*lists, *_remarks(folder)):
         try:
             note = repair_lines(path)
-        except ValueError as error:
+        except (ValueError, OSError) as error:
             raise RecordingError(str(error)) from error
         repairs += [note] if note else []
     for name in complete_list(folder):

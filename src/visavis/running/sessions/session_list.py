@@ -112,7 +112,7 @@ def _without_end(study: Path) -> tuple[str, ...]:
     newest_parts = _newest_parts(study)
     try:
         listed = listed_sessions(study)
-    except (RecordingError, OSError):
+    except RecordingError:
         return ()  # which is reported by itself
     return tuple(
         one.name
@@ -176,7 +176,7 @@ def _missing(study: Path) -> tuple[str, ...]:
             for one in absent
         ),
         *(
-            f"{path} is a link to {path.resolve()}; move the data themselves here"
+            f"{path} is a link to {path.readlink()}; move the data themselves here"
             for path in sorted((*study.glob("*"), *study.glob("sub-*/*")))
             if path.is_symlink()
         ),
@@ -208,10 +208,14 @@ def listed_sessions(study: Path) -> dict[str, ListedSession]:
     """Return the sessions that belong to a study, as they were last listed, by name.
 
     Raises:
-        RecordingError: the list is damaged.
-        OSError: it cannot be read.
+        RecordingError: the list is damaged, or cannot be read.
     """
-    lines = read_lines(study / LIST_NAME)
+    try:
+        lines = read_lines(study / LIST_NAME)
+    except OSError as error:
+        raise RecordingError(
+            f"the list of sessions cannot be read ({error}); restore it from a backup"
+        ) from error
     if lines.damaged_line is not None:
         number, what = lines.damaged_line
         raise RecordingError(
