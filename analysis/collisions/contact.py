@@ -1,5 +1,7 @@
 """Find where two surfaces cross: the box around their crossing curves."""
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -8,8 +10,19 @@ from visavis.analysis.collisions.tiles import Crossings
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
 
-_BUCKET_M = 0.03
+_CELL_M = 0.02
+_MAX_CELLS = 96
 _SLACK = 1e-12
+
+
+class _Grid(NamedTuple):
+    """Square cells over the two longer sides of a box; `axes` (3,) ends with the shortest."""
+
+    axes: npt.NDArray[np.int64]
+    low_m: Vector
+    per_m: Vector
+    """(2,) cells in a metre."""
+    shape: npt.NDArray[np.int64]
 
 
 @compiled
@@ -28,93 +41,96 @@ def crossing_box(
     Only faces that reach into the box `low_m`..`high_m` are looked at. Zero meetings mean that
     the surfaces are apart or one encloses the other.
     """
-    # Divide the box into buckets of about 3 cm, so that a face is compared with near ones alone.
-    size = np.empty(3)
-    shape = np.empty(3, np.int64)
-    for k in range(3):
-        extent = max(high_m[k] - low_m[k], 1e-9)
-        shape[k] = min(64, int(extent / _BUCKET_M) + 1)
-        size[k] = extent / shape[k]
-    boxes, spans = _boxes(vertices_b, faces_b, near_b, low_m, high_m, size, shape)
-    mine, reach = _boxes(vertices_a, faces_a, near_a, low_m, high_m, size, shape)
-    # Bit 1: surface b reaches the bucket, bit 2: a does. Without a common bucket nothing crosses.
-    marks = np.zeros(shape[0] * shape[1] * shape[2], np.uint8)
-    _mark(spans, shape, marks, 1)
-    if not _mark(reach, shape, marks, 2):
-        return 0, np.full((2, 3), np.nan)
-    # Faces of b as linked lists, one for each bucket that both surfaces reach.
-    head = np.full(marks.size, -1, np.int32)
-    entries = _entries(spans, shape, marks)
+    # Over each cell of a grid both surfaces lie between two heights. Only faces between the higher
+    # floor and the lower ceiling can cross, and those of the same cell alone are compared.
+    grid = _grid_over(low_m, high_m)
+    cells = grid.shape[0] * grid.shape[1]
+    boxes, spans = _boxes(vertices_b, faces_b, near_b, low_m, high_m, grid)
+    mine, reach = _boxes(vertices_a, faces_a, near_a, low_m, high_m, grid)
+    floor, ceiling = np.full(cells, -np.inf), np.full(cells, np.inf)
+    _narrow(boxes, spans, grid, floor, ceiling)
+    _narrow(mine, reach, grid, floor, ceiling)
+    # Faces of b as linked lists, one for each cell.
+    head = np.full(cells, -1, np.int32)
+    entries = 0
+    for j in range(near_b.shape[0]):
+        entries += (spans[j, 2] - spans[j, 0]) * (spans[j, 3] - spans[j, 1])
     after = np.empty(entries, np.int32)
     owner = np.empty(entries, np.int32)
     n = 0
     for j in range(near_b.shape[0]):
-        for x in range(spans[j, 0], spans[j, 3]):
-            for y in range(spans[j, 1], spans[j, 4]):
-                for z in range(spans[j, 2], spans[j, 5]):
-                    bucket = (x * shape[1] + y) * shape[2] + z
-                    if marks[bucket] != 3:
-                        continue
-                    after[n], owner[n] = head[bucket], j
-                    head[bucket] = n
+        for x in range(spans[j, 0], spans[j, 2]):
+            for y in range(spans[j, 1], spans[j, 3]):
+                cell = x * grid.shape[1] + y
+                if boxes[j, 2] <= ceiling[cell] and boxes[j, 5] >= floor[cell]:
+                    after[n], owner[n] = head[cell], j
+                    head[cell] = n
                     n += 1
-    # A pair that shares several buckets is met in each; only zero or not matters to callers.
     box = np.empty((2, 3))
     box[0], box[1] = np.inf, -np.inf
     n_meetings = 0
+    if n == 0:
+        return 0, box
     for i in range(near_a.shape[0]):
-        for x in range(reach[i, 0], reach[i, 3]):
-            for y in range(reach[i, 1], reach[i, 4]):
-                for z in range(reach[i, 2], reach[i, 5]):
-                    entry = head[(x * shape[1] + y) * shape[2] + z]
-                    while entry >= 0:
-                        j = owner[entry]
-                        entry = after[entry]
-                        if (
-                            mine[i, 0] > boxes[j, 3]
-                            or boxes[j, 0] > mine[i, 3]
-                            or mine[i, 1] > boxes[j, 4]
-                            or boxes[j, 1] > mine[i, 4]
-                            or mine[i, 2] > boxes[j, 5]
-                            or boxes[j, 2] > mine[i, 5]
-                        ):
-                            continue
-                        f, g = near_a[i], near_b[j]
-                        n_meetings += edges_through(
-                            vertices_a, faces_a, f, vertices_b, faces_b, g, box
-                        )
-                        n_meetings += edges_through(
-                            vertices_b, faces_b, g, vertices_a, faces_a, f, box
-                        )
+        for x in range(reach[i, 0], reach[i, 2]):
+            for y in range(reach[i, 1], reach[i, 3]):
+                cell = x * grid.shape[1] + y
+                if mine[i, 2] > ceiling[cell] or mine[i, 5] < floor[cell]:
+                    continue
+                entry = head[cell]
+                while entry >= 0:
+                    j = owner[entry]
+                    entry = after[entry]
+                    # one branch in the place of six: most boxes are apart
+                    if (
+                        (mine[i, 2] > boxes[j, 5])
+                        | (boxes[j, 2] > mine[i, 5])
+                        | (mine[i, 0] > boxes[j, 3])
+                        | (boxes[j, 0] > mine[i, 3])
+                        | (mine[i, 1] > boxes[j, 4])
+                        | (boxes[j, 1] > mine[i, 4])
+                    ):
+                        continue
+                    # a pair that shares several cells is looked at in the first alone
+                    if x != max(reach[i, 0], spans[j, 0]) or y != max(reach[i, 1], spans[j, 1]):
+                        continue
+                    f, g = near_a[i], near_b[j]
+                    # Most pairs end here: one triangle lies on one side of the other's plane.
+                    if _is_beyond(vertices_a, faces_a, f, vertices_b, faces_b, g):
+                        continue
+                    if _is_beyond(vertices_b, faces_b, g, vertices_a, faces_a, f):
+                        continue
+                    n_meetings += edges_through(vertices_a, faces_a, f, vertices_b, faces_b, g, box)
+                    n_meetings += edges_through(vertices_b, faces_b, g, vertices_a, faces_a, f, box)
     return n_meetings, box
 
 
 @compiled
-def _mark(
-    spans: Crossings, shape: npt.NDArray[np.int64], marks: npt.NDArray[np.uint8], bit: int
-) -> bool:
-    """Set a bit in all buckets reached; tell whether one of them had another bit already."""
-    any_overlap = False
-    for j in range(spans.shape[0]):
-        for x in range(spans[j, 0], spans[j, 3]):
-            for y in range(spans[j, 1], spans[j, 4]):
-                for z in range(spans[j, 2], spans[j, 5]):
-                    bucket = (x * shape[1] + y) * shape[2] + z
-                    marks[bucket] |= bit
-                    any_overlap |= marks[bucket] != bit
-    return any_overlap
+def _grid_over(low_m: Vector, high_m: Vector) -> _Grid:
+    """Return the grid of cells over a box."""
+    sides = high_m - low_m
+    axes = np.argsort(-sides)
+    low, per = np.empty(2), np.empty(2)
+    shape = np.empty(2, np.int64)
+    for k in range(2):
+        side = max(sides[axes[k]], 1e-9)
+        shape[k] = min(_MAX_CELLS, int(side / _CELL_M) + 1)
+        low[k], per[k] = low_m[axes[k]], shape[k] / side
+    return _Grid(axes, low, per, shape)
 
 
 @compiled
-def _entries(spans: Crossings, shape: npt.NDArray[np.int64], marks: npt.NDArray[np.uint8]) -> int:
-    """Count the buckets that both surfaces reach, each as often as it is reached."""
-    n = 0
+def _narrow(boxes: Vector, spans: Crossings, grid: _Grid, floor: Vector, ceiling: Vector) -> None:
+    """Raise floors to the lowest face over each cell, and lower ceilings to the highest."""
+    lowest, highest = np.full(floor.size, np.inf), np.full(floor.size, -np.inf)
     for j in range(spans.shape[0]):
-        for x in range(spans[j, 0], spans[j, 3]):
-            for y in range(spans[j, 1], spans[j, 4]):
-                for z in range(spans[j, 2], spans[j, 5]):
-                    n += marks[(x * shape[1] + y) * shape[2] + z] == 3
-    return n
+        for x in range(spans[j, 0], spans[j, 2]):
+            for y in range(spans[j, 1], spans[j, 3]):
+                cell = x * grid.shape[1] + y
+                lowest[cell] = min(lowest[cell], boxes[j, 2])
+                highest[cell] = max(highest[cell], boxes[j, 5])
+    for k in range(floor.size):
+        floor[k], ceiling[k] = max(floor[k], lowest[k]), min(ceiling[k], highest[k])
 
 
 @compiled
@@ -124,30 +140,54 @@ def _boxes(
     near: Crossings,
     low_m: Vector,
     high_m: Vector,
-    size: Vector,
-    shape: npt.NDArray[np.int64],
+    grid: _Grid,
 ) -> tuple[Vector, Crossings]:
-    """Return each face's box (k, 6) and the buckets (k, 6) it reaches."""
+    """Return each face's box (k, 6), its sides in the order of the grid's axes, and the first cell
+    and the one after the last (k, 4) that it lies over.
+    """
     boxes = np.empty((near.shape[0], 6))
-    spans = np.zeros((near.shape[0], 6), np.int32)
+    spans = np.zeros((near.shape[0], 4), np.int32)
     for i in range(near.shape[0]):
         f = np.uint32(near[i])
         a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
         apart = False
         for k in range(3):
-            p, q, r = vertices_m[a, k], vertices_m[b, k], vertices_m[c, k]
+            axis = grid.axes[k]
+            p, q, r = vertices_m[a, axis], vertices_m[b, axis], vertices_m[c, axis]
             least, most = min(p, q, r), max(p, q, r)
             boxes[i, k], boxes[i, k + 3] = least, most
-            if most < low_m[k] or least > high_m[k]:
-                apart = True
-                break
-            begin = int(min(max((least - low_m[k]) / size[k], 0.0), shape[k] - 1.0))
-            end = int(min(max((most - low_m[k]) / size[k], 0.0), shape[k] - 1.0)) + 1
-            spans[i, k], spans[i, k + 3] = begin, end
+            apart |= most < low_m[axis] or least > high_m[axis]
         if apart:
-            # an empty range along x: the face reaches no bucket
-            spans[i, 3] = spans[i, 0] = 0
+            continue  # it lies over no cell
+        for k in range(2):
+            last = grid.shape[k] - 1.0
+            spans[i, k] = int(min(max((boxes[i, k] - grid.low_m[k]) * grid.per_m[k], 0.0), last))
+            end = (boxes[i, k + 3] - grid.low_m[k]) * grid.per_m[k]
+            spans[i, k + 2] = int(min(max(end, 0.0), last)) + 1
     return boxes, spans
+
+
+@compiled
+def _is_beyond(
+    vertices_a: Vector, faces_a: Faces, f: int, vertices_b: Vector, faces_b: Faces, g: int
+) -> bool:
+    """Tell whether face f lies on one side of the plane of face g, without touching it."""
+    g0, g1, g2 = np.uint32(faces_b[g, 0]), np.uint32(faces_b[g, 1]), np.uint32(faces_b[g, 2])
+    ox, oy, oz = vertices_b[g0, 0], vertices_b[g0, 1], vertices_b[g0, 2]
+    px, py, pz = vertices_b[g1, 0] - ox, vertices_b[g1, 1] - oy, vertices_b[g1, 2] - oz
+    qx, qy, qz = vertices_b[g2, 0] - ox, vertices_b[g2, 1] - oy, vertices_b[g2, 2] - oz
+    nx, ny, nz = py * qz - pz * qy, pz * qx - px * qz, px * qy - py * qx
+    above, below = 0, 0
+    for k in range(3):
+        v = np.uint32(faces_a[f, k])
+        side = (
+            nx * (vertices_a[v, 0] - ox)
+            + ny * (vertices_a[v, 1] - oy)
+            + nz * (vertices_a[v, 2] - oz)
+        )
+        above += side > 0.0
+        below += side < 0.0
+    return above == 3 or below == 3
 
 
 @compiled
