@@ -344,28 +344,29 @@ def machine_command(folder: Path) -> tuple[str, list[str]]:
         return "host", build("host", folder)
 
 
+def round_trips(port: str, commands: int) -> list[Row]:
+    """Return the figures of commands and their answers beside those of the wire alone."""
+    through = np.array(driver_round_trips_ms(port, commands))
+    bare = np.array(bare_round_trips_ms(port, commands))
+    (middle, late), (wire, wire_late) = (np.percentile(x, [50, 99]) for x in (through, bare))
+    return [
+        Row("wire alone, median", float(wire), "ms"),
+        Row("driver round trip, median", float(middle), "ms"),
+        Row("driver overhead, median", float(middle - wire), "ms", 0.3),
+        Row("driver overhead, p99", float(late - wire_late), "ms", 2.0),
+        Row("answered of commands", 100 * len(through) / commands, "%"),
+        Row("driver CPU per command", driver_cpu_ms(), "ms"),
+    ]
+
+
 def measure(commands: int, frames: int) -> list[Row]:
     """Run every measurement."""
-    rows: list[Row] = []
     with EchoBand() as band:
-        through = driver_round_trips_ms(band.port, commands)
-        bare = bare_round_trips_ms(band.port, commands)
+        rows = round_trips(band.port, commands)
         contact = contact_to_command_ms(band.port)
-    extra = np.array(through)
     rows += [
-        Row("wire alone, median", float(np.median(bare)), "ms"),
-        Row("driver round trip, median", float(np.median(through)), "ms"),
-        Row("driver overhead, median", float(np.median(extra) - np.median(bare)), "ms", 0.3),
-        Row(
-            "driver overhead, p99",
-            float(np.percentile(extra, 99) - np.percentile(bare, 99)),
-            "ms",
-            2.0,
-        ),
-        Row("answered of commands", 100 * len(through) / commands, "%"),
         Row("contact to command, median", float(np.median(contact)), "ms", 1.0),
         Row("contact to command, p99", float(np.percentile(contact, 99)), "ms"),
-        Row("driver CPU per command", driver_cpu_ms(), "ms"),
     ]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

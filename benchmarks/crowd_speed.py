@@ -9,17 +9,19 @@ cores) are extrapolated. Ratio is limit / value: 1 or more is within the limit.
 """
 
 import argparse
-import json
 import sys
 from collections.abc import Sequence
+from typing import get_args
 
 import numpy as np
 
+from benchmarks.table import Row, show
 from visavis.analysis.gait import resample
 from visavis.experiments.crowd.measures import MeasureParameters, measure_walk
 from visavis.experiments.crowd.participant.participant import CrowdParticipant
 from visavis.experiments.crowd.quick_study import quick_walk
 from visavis.experiments.crowd.study import plan_session
+from visavis.experiments.crowd.surfaces import MeshSurface
 from visavis.experiments.crowd.walks import STEP_NS, Walk
 from visavis.lab.clock import NS_PER_S, cpu_time_s
 
@@ -50,15 +52,10 @@ def simulated_walks(n: int) -> list[Walk]:
     return found
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table; return 1 when the limit is missed."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--walks", type=int, default=3)
-    parser.add_argument("--surface", default="characters", choices=("characters", "fine", "light"))
-    parser.add_argument("--json", action="store_true", help="print JSON")
-    options = parser.parse_args(arguments)
-    params = MeasureParameters(surface=options.surface)
-    walks = simulated_walks(options.walks + 1)
+def measure(n: int, surface: MeshSurface) -> list[Row]:
+    """Measure so many walks; return every figure."""
+    params = MeasureParameters(surface=surface)
+    walks = simulated_walks(n + 1)
     measure_walk(walks[0], STEP_M, params)  # compiles, loads characters
     began_s = cpu_time_s()
     measured = [measure_walk(walk, STEP_M, params) for walk in walks[1:]]
@@ -69,23 +66,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     actual_min = cpu_s / len(measured) * PEOPLE * WALKS_EACH / CORES / 60
     person_s = cpu_s / len(measured) * WALKS_EACH
     collisions = sum(m.row["collisions"] for m in measured) / len(measured)
-    rows = [
-        ("CPU per 10 ms step", cpu_s / walked_s * 10, "ms", None),
-        ("CPU per walk of a minute", per_walk_s, "s", None),
-        ("walks measured, mean length", walked_s / len(measured), "s", None),
-        ("collisions per walk", collisions, "", None),
-        ("one person, 24 walks of that length", person_s, "s", PERSON_LIMIT_S),
-        ("study of 23 × 24 walks of a minute on two cores", study_min, "min", LIMIT_MIN),
-        ("the same at the length walked here", actual_min, "min", None),
+    return [
+        Row("CPU per 10 ms step", cpu_s / walked_s * 10, "ms"),
+        Row("CPU per walk of a minute", per_walk_s, "s"),
+        Row("walks measured, mean length", walked_s / len(measured), "s"),
+        Row("collisions per walk", collisions, ""),
+        Row("one person, 24 walks of that length", person_s, "s", PERSON_LIMIT_S),
+        Row("study of 23 × 24 walks of a minute on two cores", study_min, "min", LIMIT_MIN),
+        Row("the same at the length walked here", actual_min, "min"),
     ]
-    if options.json:
-        keys = ("name", "value", "unit", "limit")
-        print(json.dumps([dict(zip(keys, row, strict=True)) for row in rows], indent=1))
-    else:
-        for name, value, unit, limit in rows:
-            against = "" if limit is None else f"limit {limit:g}  ratio {limit / value:.2f}"
-            print(f"{name:<50} {value:>9.3f} {unit:<4} {against}")
-    return 1 if study_min > LIMIT_MIN or person_s > PERSON_LIMIT_S else 0
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table; return 1 when the limit is missed."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--walks", type=int, default=3)
+    parser.add_argument("--surface", default="characters", choices=get_args(MeshSurface))
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    options = parser.parse_args(arguments)
+    return show(measure(options.walks, options.surface), as_json=options.json)
 
 
 if __name__ == "__main__":

@@ -7,12 +7,12 @@ times and value / limit for rates: 1 or more is within the limit.
 """
 
 import argparse
-import json
 import sys
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from benchmarks.table import Row, show
 from visavis.analysis.gaze.aoi import aoi_of_samples
 from visavis.analysis.gaze.events import detect_idt, detect_ivt
 from visavis.analysis.gaze.looks import measure_trial
@@ -52,11 +52,8 @@ def cpu_us(call: Callable[[], object], times: int) -> float:
     return min(rounds) * 1e6
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the table; return 1 when a limit is missed."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--json", action="store_true", help="print JSON")
-    options = parser.parse_args(arguments)
+def measure() -> list[Row]:
+    """Return every figure."""
     rng = np.random.default_rng(7)
     t_ns = np.rint(np.arange(ROWS) * 1e9 / 120).astype(np.int64)
     gaze = gaze_of(16, 120, rng)
@@ -77,45 +74,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
     long_t = np.rint(np.arange(IVT_SAMPLES) * 1e9 / 120).astype(np.int64)
     long_gaze = np.tile(gaze, (IVT_SAMPLES // ROWS + 1, 1))[:IVT_SAMPLES]
     trial_us = cpu_us(trial, 200)
-    rows: list[dict[str, object]] = []
-
-    def add(name: str, value: float, unit: str, limit_: float, ratio: float) -> None:
-        rows.append(
-            {
-                "name": name,
-                "value": round(value, 2),
-                "unit": unit,
-                "limit": limit_,
-                "ratio": round(ratio, 2),
-            }
-        )
-
-    add("area of interest and looks, trial with a switch", trial_us, "us", 1000, 1000 / trial_us)
-    frame_us = cpu_us(frame, 5000)
-    add("area of interest online, 2 samples", frame_us, "us", 20, 20 / frame_us)
     study_s = trial_us * STUDY_TRIALS / 1e6
-    add(f"looks of {STUDY_TRIALS} trials", study_s, "CPU s", 2.16, 2.16 / study_s)
+    rows = [
+        Row("area of interest and looks, trial with a switch", trial_us, "us", 1000),
+        Row("area of interest online, 2 samples", cpu_us(frame, 5000), "us", 20),
+        Row(f"looks of {STUDY_TRIALS} trials", study_s, "CPU s", 2.16),
+    ]
     at_once: tuple[tuple[str, Callable[[], object]], ...] = (
         ("I-VT, 4 M samples at once", lambda: detect_ivt(long_t, long_gaze)),
         ("I-DT, 4 M samples at once", lambda: detect_idt(long_t, long_gaze)),
     )
     for name, call in at_once:
-        call()
-        began_s = cpu_time_s()
-        call()
-        rate = IVT_SAMPLES / (cpu_time_s() - began_s)
-        add(name, rate, "samples/CPU s", 1e6, rate / 1e6)
+        rate = IVT_SAMPLES / cpu_us(call, 1) * 1e6
+        rows.append(Row(name, rate, "samples/CPU s", 1e6, at_least=True))
     ivt_us = cpu_us(lambda: detect_ivt(t_ns, gaze), 200)
-    add("I-VT, one trial", ivt_us, "us", 1920, 1920 / ivt_us)
-    if options.json:
-        print(json.dumps(rows, indent=1, ensure_ascii=False))
-    else:
-        for row in rows:
-            print(
-                f"{row['name']:<50} {row['value']:>16,} {row['unit']:<14} "
-                f"limit {row['limit']:>12,} ratio {row['ratio']}"
-            )
-    return 1 if any(float(str(row["ratio"])) < 1 for row in rows) else 0
+    return [*rows, Row("I-VT, one trial", ivt_us, "us", 1920)]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table; return 1 when a limit is missed."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    return show(measure(), as_json=parser.parse_args(arguments).json)
 
 
 if __name__ == "__main__":
