@@ -25,12 +25,14 @@ from visavis.stimuli.dots import motion_of as motion_of
 from visavis.stimuli.flat import Dots as Dots
 from visavis.stimuli.flat import Grating as Grating
 from visavis.stimuli.flat import Image as Image
+from visavis.stimuli.flat import Panorama as Panorama
 from visavis.stimuli.flat import Shape as Shape
 from visavis.stimuli.flat import Text as Text
 from visavis.stimuli.sound import Waveform as Waveform
 from visavis.study.area_measures import looks_at as looks_at
 from visavis.study.area_measures import pointer_at as pointer_at
 from visavis.study.area_measures import transitions as transitions
+from visavis.study.area_measures import view_range as view_range
 from visavis.study.blink_measures import blink_count as blink_count
 from visavis.study.blink_measures import blink_rate as blink_rate
 from visavis.study.careless_answers import Careless as Careless

@@ -23,6 +23,7 @@ SHORT = {
     "dots.py": {"repetitions": 2},
     "faces.py": {"repetitions": 2},
     "search.py": {"repetitions": 2},
+    "around.py": {"repetitions": 1},
     "approach.py": {"repetitions": 1},
     "before_after.py": {"repetitions": 1, "scene_s": 0.5},
     "lively_films.py": {"repetitions": 1, "film_s": 0.2},
@@ -34,7 +35,7 @@ def test_examples_are_written_once_and_overwrite_nothing(tmp_path: Path) -> None
     pictures = {path.name for path in written if path.suffix in (".png", ".yaml")}
     others = {"README.md", "means.R", "means.py", "faces.csv", "search.csv", *SHORT}
     assert others == {path.name for path in written} - pictures
-    assert 8 + 16 == len(pictures)
+    assert 8 + 16 + 2 == len(pictures)
     assert sorted({"means.py", *SHORT}) == STUDIES
     with pytest.raises(UsageError, match="there already"):
         write_examples(tmp_path / "here")

@@ -1,6 +1,6 @@
 """Simulated bodies: a hand that points and presses, tracked segments, a standing body."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -45,13 +45,16 @@ class PointingHand:
         self._presses += [(t_ns, control, 1.0), (t_ns + RELEASED_AFTER_NS, control, 0.0)]
         self._presses.sort(key=lambda press: press[0])
 
-    def press_no_more(self) -> None:
-        """Give up what it meant to press; what is pressed is still released."""
+    def press_no_more(self, controls: Collection[str] | None = None) -> None:
+        """Give up what it meant to press, of some controls or of all; what is pressed is still
+        released.
+        """
         to_press = {(t_ns, control) for t_ns, control, value in self._presses if value > 0}
         self._presses = [
             (t_ns, control, value)
             for t_ns, control, value in self._presses
-            if value <= 0 and (t_ns - RELEASED_AFTER_NS, control) not in to_press
+            if (controls is not None and control not in controls)
+            or (value <= 0 and (t_ns - RELEASED_AFTER_NS, control) not in to_press)
         ]
 
     def presses(self, until_ns: int) -> Iterator[tuple[int, str, float]]:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from visavis.lab.chance import generator
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DataError
-from visavis.lab.geometry import Vector, unit
+from visavis.lab.geometry import Vector, quat_conjugate, rotate, unit, yaw_pitch_deg_of
 from visavis.people.body import PointingHand, hand_alone, segments_of
 from visavis.people.body_kernels import POINT_S
 from visavis.people.ears import Ears
@@ -36,11 +36,13 @@ from visavis.people.observer.observer import Layout
 from visavis.people.observer.picture_layout import PictureLayout
 from visavis.people.observer.state import HEAD, ROOM, SPEAKER_SIDE
 from visavis.protocol.session.boards import HAND, keys_of_choice
+from visavis.stimuli.areas import SurroundingAreas
 from visavis.stimuli.motion.synthesis.pose_distance import Likeness, compared_joints
 from visavis.stimuli.panels import PanelFrame, choice_centre_m, place_m, track_01
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import Scene, SceneFrame
 from visavis.stimuli.scenes.flat import FlatScene
+from visavis.stimuli.view_turns import ARROWS, MAX_PITCH_DEG, STEP_DEG
 from visavis.study.distances import WhenNear
 from visavis.study.live import Live, LiveScene, Moulding
 from visavis.study.moulding import MouldingFrame, press_step
@@ -62,6 +64,7 @@ if TYPE_CHECKING:
     from visavis.study.moving_camera import FilmSeen
 
 _MIND_STREAM, _LEANING_STREAM, _PACE_STREAM, _MOULD_STREAM, _POINTER_STREAM = 11, 12, 13, 14, 15
+_TURN_STREAM = 16
 HAND_AT_M: Final = (0.26, -0.42, -0.30)
 """Position of the pointing right hand, relative to the eyes."""
 HAND_REST: Final = (0.30, -0.85, -1.0)
@@ -71,6 +74,10 @@ SEED_STEP: Final = 1_000_003
 PRESS_S: Final = 0.1
 POINTER_STOP_S: Final = 0.6
 """How long a pointer rests on what it reveals."""
+AROUND_REACH: Final = 3.0
+"""How much farther gaze goes at a time in a panorama than among people; our estimate."""
+TURN_S: Final = 2.0
+"""How long somebody looks at a part of a panorama before they turn the view."""
 STEP_S: Final = 0.25
 """Time between two presses on the way to a choice."""
 THINKING_S: Final = 1.1
@@ -102,6 +109,10 @@ class StudyPerson(Observer):
     _figures: LiveScene | None
     _moulding: Moulding | None
     _listens_for: tuple[Keys, ...]
+    _looks_around: bool
+    _turned_deg: tuple[float, float]
+    _goal_deg: tuple[float, float]
+    _turns: int
 
     def __init__(
         self,
@@ -162,9 +173,15 @@ class StudyPerson(Observer):
         if self._panel_text:
             self._panel_text = ""
             self.look_at(None, t_display_ns)
+        if self._looks_around and view.scene is not self._scene:
+            self._looks_around = False
+            self._hand.press_no_more(ARROWS)
         super().see(view, t_display_ns)
         if view.scene.brightness_01 > 0:
             self._take_in(view, t_display_ns)
+        scene = view.scene
+        if isinstance(scene, FlatScene) and scene.panorama is not None:
+            self._look_around(scene, view.turned_deg, t_display_ns)
 
     # ---- Body ----
 
@@ -280,10 +297,17 @@ class StudyPerson(Observer):
 
     # ---- within ----
 
+    def _meet(self, scene: Scene, t_ns: int) -> None:
+        """Receive a scene; all around it gaze goes farther at a time, and takes the head along."""
+        is_around = isinstance(scene, FlatScene) and scene.panorama is not None
+        reach = AROUND_REACH if is_around else 1.0
+        self._person["amplitude_rad"] = self.temperament.constants["amplitude_rad"] * reach
+        super()._meet(scene, t_ns)
+
     def _layout_of(self, scene: Scene) -> Layout | PictureLayout | None:
-        sheets = areas_of(scene) if isinstance(scene, FlatScene) else ()
-        if sheets:
-            return PictureLayout(scene, sheets, self._seat)
+        if isinstance(scene, FlatScene) and (sheets := areas_of(scene)):
+            screen = scene.surface.screen if scene.panorama is not None else None
+            return PictureLayout(scene, sheets, self._seat, screen)
         return super()._layout_of(scene)
 
     def _appeal_of(self, what: Layout | PictureLayout) -> npt.NDArray[np.float64]:
@@ -299,6 +323,54 @@ class StudyPerson(Observer):
         appeal[kind == ROOM] *= min(1.0, people / FITTED_PEOPLE)
         appeal[kind == SPEAKER_SIDE] = 0.0
         return appeal
+
+    def _look_around(self, scene: FlatScene, turned_deg: tuple[float, float], t_ns: int) -> None:
+        """See where the areas of a panorama are as a screen shows it, and turn the view there: to
+        what attracts, or anywhere.
+        """
+        screen = scene.surface.screen
+        if screen is None or (self._looks_around and turned_deg == self._turned_deg):
+            return
+        if not self._looks_around:
+            self._looks_around, self._goal_deg, self._turns = True, turned_deg, 0
+        self._turned_deg = turned_deg
+        layout = self._layout = PictureLayout(
+            scene, areas_of(scene), self._seat, screen, turned_deg
+        )
+        self._appeal = self._appeal_of(layout)
+        for name in ("direction", "distance_m"):
+            self._targets[name] = layout.targets[name]
+        self._targets["appeal"] = self._appeal
+        self._plan_number += 1
+        if turned_deg == self._goal_deg:
+            self._turn_on(scene, t_ns)
+
+    def _turn_on(self, scene: FlatScene, t_ns: int) -> None:
+        """Decide where to look next in a panorama that a screen shows in parts, and press what
+        turns the view there.
+        """
+        self._turns += 1
+        rng = self._rng(_TURN_STREAM, self.stretch(), self._turns)
+        (around,) = (one for one in areas_of(scene) if isinstance(one, SurroundingAreas))
+        all_around = PictureLayout(scene, [around], around.pose.position_m)
+        appeal = self._appeal_of(all_around)
+        chosen = all_around.targets["direction"][rng.choice(len(appeal), p=appeal / appeal.sum())]
+        own = rotate(quat_conjugate(around.pose.orientation_wxyz), chosen)
+        yaw_deg, pitch_deg = (float(v) for v in yaw_pitch_deg_of(own))
+        right_deg, up_deg = self._goal_deg
+        to_right = round(((-yaw_deg - right_deg + 180.0) % 360.0 - 180.0) / STEP_DEG)
+        pitch_deg = float(np.clip(pitch_deg, -MAX_PITCH_DEG, MAX_PITCH_DEG))
+        upwards = round(pitch_deg / STEP_DEG) - round(up_deg / STEP_DEG)
+        keys = ["right" if to_right > 0 else "left"] * abs(to_right)
+        keys += ["up" if upwards > 0 else "down"] * abs(upwards)
+        if not keys:  # it is before them; somebody who sees all of it turns on
+            keys = ["right" if rng.random() < 0.5 else "left"]
+        wait_s = float(TURN_S * np.exp(THINKING_LOG_SD * rng.standard_normal()))
+        for number, key in enumerate(keys):
+            self._hand.press(t_ns + round((wait_s + number * STEP_S) * NS_PER_S), key)
+            right, up = ARROWS[key]
+            right_deg, up_deg = right_deg + right * STEP_DEG, up_deg + up * STEP_DEG
+        self._goal_deg = right_deg, up_deg
 
     def _forget(self) -> None:
         self._first: SceneFrame | None = None
@@ -316,6 +388,9 @@ class StudyPerson(Observer):
         self._moulding = None
         self._ears = Ears()
         self._listens_for = ()
+        self._looks_around = False
+        self._turned_deg = self._goal_deg = 0.0, 0.0
+        self._turns = 0
 
     def _see_figure(self, view: MouldingFrame, t_ns: int) -> None:
         """At first sight of a figure to mould: look at it, and press what moulds it."""

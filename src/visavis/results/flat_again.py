@@ -3,6 +3,7 @@
 import ast
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -11,10 +12,11 @@ from visavis.lab.errors import DataError
 from visavis.lab.geometry import Pose
 from visavis.lab.screen import PlacedScreen
 from visavis.protocol.plan.shown_scene import RecordedScene, of_part
-from visavis.stimuli.flat import KINDS, Flat, rgb_of
+from visavis.stimuli.flat import KINDS, Flat, Panorama, rgb_of
 from visavis.stimuli.panels import IN_HEADSET, Surface
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.flat import DRESSED_BY, FlatScene
+from visavis.stimuli.view_turns import VIEW_TURNED, read_turns
 
 LAST_SAMPLES = 3
 """How many samples of the head may have been the newest when something was shown."""
@@ -39,6 +41,10 @@ def flat_views(record: RecordedScene, folder: Path) -> Iterator[SceneFrame]:
         )
         surface, heads = Surface(PlacedScreen(lab_screen.flat, upright)), heads[:1]
     items = read_items_text(str(payload["option_items"]))
+    panorama: Panorama | None = None
+    if "option_panorama" in payload:
+        (panorama,) = read_items_text(f"({payload['option_panorama']},)")
+    turns = read_turns(record.since(VIEW_TURNED))
     for head in heads:
         scene = FlatScene(
             name=record.scene.name,
@@ -52,13 +58,16 @@ def flat_views(record: RecordedScene, folder: Path) -> Iterator[SceneFrame]:
             folder=folder,
             answered_by=str(payload.get("option_answered_by", "")),
             moves_since_ns=int(payload.get("moves_since_ns", 0)),
+            panorama=panorama,
+            turns=turns,
         )
         # What moves stood still between two frames.
         t_ns = record.t_ns if scene.moves else record.t_scene_ns
-        yield SceneFrame(scene, t_ns, np.zeros((0, 3)), np.zeros(0))
+        turned_deg = turns.at(record.t_scene_ns)
+        yield SceneFrame(scene, t_ns, np.zeros((0, 3)), np.zeros(0), turned_deg=turned_deg)
 
 
-def read_items_text(text: str) -> tuple[Flat, ...]:
+def read_items_text(text: str) -> tuple[Any, ...]:
     """Return flat stimuli from the text by which the event "shown" describes them.
 
     Raises:
@@ -72,11 +81,11 @@ def read_items_text(text: str) -> tuple[Flat, ...]:
         raise DataError(f"no flat stimuli are described by {text[:60]!r}") from error
 
 
-def _item(call: ast.expr) -> Flat:
+def _item(call: ast.expr) -> Flat | Panorama:
     if not isinstance(call, ast.Call) or not isinstance(call.func, ast.Name) or call.args:
         raise ValueError("no stimulus")
     values = {str(k.arg): ast.literal_eval(k.value) for k in call.keywords}
-    item: Flat = KINDS[call.func.id](**values)
+    item: Flat | Panorama = KINDS[call.func.id](**values)
     return item
 
 

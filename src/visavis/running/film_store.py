@@ -292,6 +292,11 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
             enter, or digits that it cannot say.
     """
     experiment.check_in_headset()
+    if any("panorama" in read.rests_on for read in experiment.read.values()):
+        raise DesignError(
+            f"{experiment.name} shows a Panorama, which no page shows; perform it before a monitor "
+            'or in a headset of the laboratory (on="lab"), or show a part of it as an Image'
+        )
     if not all(read.fits_a_page for read in experiment.read.values()):
         variant = experiment.study.procedure.xr_variant
         raise DesignError(

@@ -46,8 +46,8 @@ class Fades:
         if self._dark_since_ns is None:
             self._dark_since_ns = picture.t_ns
         left = 1.0 - _share(picture.t_ns - self._dark_since_ns, self._out_ns)
-        # Sheets end within one frame: their time is what a study measures.
-        if self._lit is None or left <= 0.0 or self._lit.sheets:
+        # Sheets and panoramas end within one frame: their time is what a study measures.
+        if self._lit is None or left <= 0.0 or self._lit.sheets or self._lit.surround:
             return picture
         return fading_out(self._lit, picture, self._lit.brightness_01 * left)
 

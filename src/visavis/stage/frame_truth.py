@@ -100,6 +100,9 @@ def picture_crc32(picture: Picture) -> int:
     for sheet in picture.sheets:
         crc = zlib.crc32(repr((sheet.size_m, zlib.crc32(sheet.pixels.tobytes()))).encode(), crc)
         crc = zlib.crc32(_bytes(sheet.pose.position_m), crc)
+    if picture.surround is not None:
+        crc = zlib.crc32(repr(picture.surround.crc32).encode(), crc)
+        crc = zlib.crc32(_bytes(picture.surround.orientation_wxyz), crc)
     if picture.mark_m is not None:
         crc = zlib.crc32(_bytes(np.asarray(picture.mark_m)), crc)
     names = ",".join(person.name for person in picture.cast)

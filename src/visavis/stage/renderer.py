@@ -190,6 +190,9 @@ class Renderer(Closing):
         yield
         self._buffers.room(picture.room)
         yield
+        for pixels in () if picture.surround is None else picture.surround.eyes:
+            self._overlays.send(pixels)
+            yield
         before = self.last_choice
         crowd.joints.pose(picture.people)
         level, _ = self._levels(crowd, cameras, _px_per_tangent(cameras, width_px))
@@ -249,7 +252,7 @@ class Renderer(Closing):
             self.light(picture, crowd, choice, cameras, width_px, grid)
         if late is not None:
             cameras = late()
-        for camera, target in zip(cameras, targets, strict=True):
+        for eye, (camera, target) in enumerate(zip(cameras, targets, strict=True)):
             self.look_from(camera, picture.brightness_01, 0.35 if target.samples else 0.5)
             if crowd is not None and target.samples:
                 ctx.enable_direct(GL_SAMPLE_ALPHA_TO_COVERAGE)
@@ -263,7 +266,7 @@ class Renderer(Closing):
                 ctx.disable_direct(GL_SAMPLE_ALPHA_TO_COVERAGE)
                 if self.quality.shadows != "none":
                     self._contacts.draw(crowd, picture.room)
-            self._overlays.draw(picture, camera)
+            self._overlays.draw(picture, camera, eye)
             target.finish()
         self.last_choice = choice
         return choice

@@ -1,4 +1,8 @@
-"""Read the areas of interest of a picture: YAML, CSV of corners, SVG, or a painted PNG."""
+"""Read the areas of interest of a picture: YAML, CSV of corners, SVG, or a painted PNG.
+
+Of a panorama YAML and CSV give degrees: to the right of the picture's middle, and upwards. An area
+may reach across the picture's edge, as 170 to 190 does; areas are counted in pixels all the same.
+"""
 
 import csv
 import io
@@ -29,18 +33,23 @@ MAX_BYTES: Final = 16 * 1024 * 1024
 OPAQUE: Final = 128
 
 
-def read_areas(path: Path, size_px: tuple[int, int]) -> tuple[Area, ...]:
-    """Return the areas of a picture of so many pixels, in the order of their file.
+def read_areas(
+    path: Path, size_px: tuple[int, int], *, is_around: bool = False
+) -> tuple[Area, ...]:
+    """Return the areas of a picture of so many pixels, in the order of their file; `is_around`
+    tells of a panorama.
 
     Raises:
         DesignError: the file cannot be read, has none, or one is not possible, with its line.
     """
     modified_ns = path.stat().st_mtime_ns if path.is_file() else 0
-    return _read(path, modified_ns, size_px)
+    return _read(path, modified_ns, size_px, is_around)
 
 
 @lru_cache(maxsize=512)
-def _read(path: Path, modified_ns: int, size_px: tuple[int, int]) -> tuple[Area, ...]:
+def _read(
+    path: Path, modified_ns: int, size_px: tuple[int, int], is_around: bool
+) -> tuple[Area, ...]:
     if not path.is_file():
         near = did_you_mean(path.name, (p.name for p in path.parent.glob("*.*")))
         near = near if near.startswith("; did") else "; put it beside the study's file"
@@ -50,21 +59,40 @@ def _read(path: Path, modified_ns: int, size_px: tuple[int, int]) -> tuple[Area,
         raise DesignError(f"{path}: areas are read from {', '.join(SUFFIXES)}")
     if suffix == ".png":
         areas = list(_of_png(path, size_px))
+    elif suffix == ".svg":
+        areas = list(_of_svg(path, size_px))
+    elif suffix == ".csv":
+        areas = list(_of_csv(path, ("yaw_deg", "pitch_deg") if is_around else ("x", "y")))
     else:
-        reader = {".csv": _of_csv, ".svg": _of_svg}.get(suffix, _of_yaml)
-        areas = list(reader(path, size_px))
+        areas = list(_of_yaml(path, size_px, is_around))
+    if is_around and suffix not in (".png", ".svg"):
+        areas = [(where, _from_degrees(area, size_px)) for where, area in areas]
     if not areas:
         raise DesignError(f"{path} has no areas; describe or paint one at least")
     first_at: dict[str, str] = {}
     for where, area in areas:
-        _check(where, area, size_px)
+        _check(where, area, size_px, is_around)
         if area.name in first_at:
             raise DesignError(f"{where}: there are two areas {area.name!r}; name one otherwise")
         first_at[area.name] = where
     return tuple(area for _, area in areas)
 
 
-def _check(where: str, area: Area, size_px: tuple[int, int]) -> None:
+def _from_degrees(area: Area, size_px: tuple[int, int]) -> Area:
+    """Return an area of a panorama in pixels that is in degrees to the right and upwards."""
+    (wide, high), ellipse = size_px, area.ellipse
+    px_per_deg = high / 180.0
+
+    def place(right_deg: float, up_deg: float) -> tuple[float, float]:
+        return wide / 2 + right_deg * px_per_deg, high / 2 - up_deg * px_per_deg
+
+    if ellipse is not None:
+        x, y, wide_deg, high_deg, turn_deg = ellipse
+        ellipse = (*place(x, y), wide_deg * px_per_deg, high_deg * px_per_deg, turn_deg)
+    return replace(area, outline=tuple(place(x, y) for x, y in area.outline), ellipse=ellipse)
+
+
+def _check(where: str, area: Area, size_px: tuple[int, int], is_around: bool) -> None:
     """Refuse an area with a name, form or place that is not possible."""
     if not area.name.isidentifier():
         raise DesignError(
@@ -91,6 +119,15 @@ def _check(where: str, area: Area, size_px: tuple[int, int]) -> None:
     if not area.size_px2() > 0 or (area.ellipse and min(area.ellipse[2:4]) < 0):
         raise DesignError(f"{where}: area {area.name} is empty: its corners lie on one line")
     beyond = (corners < -1e-6) | (corners > np.array(size_px) + 1e-6)
+    if is_around:
+        if np.ptp(corners[:, 0]) > size_px[0] + 1e-6 or beyond[:, 1].any():
+            raise DesignError(
+                f"{where}: area {area.name} does not fit around: 360 degrees wide at most, from "
+                "-90 to 90 upwards"
+            )
+        if np.abs(corners[:, 0] - size_px[0] / 2).max() > size_px[0] + 1e-6:
+            raise DesignError(f"{where}: area {area.name}: give yaws from -360 to 360")
+        return
     if beyond.any():
         x, y = corners[beyond.any(axis=1)][0]
         raise DesignError(
@@ -120,7 +157,7 @@ def _crossing(corners: npt.NDArray[np.float64]) -> tuple[int, int] | None:
     return None
 
 
-def _of_yaml(path: Path, size_px: tuple[int, int]) -> Iterator[tuple[str, Area]]:
+def _of_yaml(path: Path, size_px: tuple[int, int], is_around: bool) -> Iterator[tuple[str, Area]]:
     try:
         document = read_document(path)
     except ConfigError as error:
@@ -141,12 +178,23 @@ def _of_yaml(path: Path, size_px: tuple[int, int]) -> Iterator[tuple[str, Area]]
         forms = [form for form in FORMS if form in of]
         if len(forms) != 1:
             raise DesignError(f"{where}: area {name}: give one of {', '.join(FORMS)}")
-        yield where, _area_of(where, path, str(name), of, size_px)
+        if is_around and "mask" in of:
+            raise DesignError(
+                f"{where}: area {name}: a mask of a panorama is a PNG of its own, in the place of "
+                "this file"
+            )
+        yield where, _area_of(where, path, str(name), of, size_px, -1 if is_around else 1)
 
 
 def _area_of(
-    where: str, path: Path, name: str, of: dict[str, Any], size_px: tuple[int, int]
+    where: str,
+    path: Path,
+    name: str,
+    of: dict[str, Any],
+    size_px: tuple[int, int],
+    downwards: int,
 ) -> Area:
+    """Return an area as it is described; `downwards` is the sign of what lies below."""
     salience = of.get("salience")
     if salience is not None and (
         isinstance(salience, bool) or not isinstance(salience, int | float)
@@ -173,13 +221,14 @@ def _area_of(
             return Area(name, ellipse=(x, y, wide, high, turn), salience=salience)
         if "rectangle" in of:
             left, top, wide, high = map(float, of["rectangle"])
-            return Area(name, _rectangle(left, top, wide, high), salience=salience)
+            return Area(name, _rectangle(left, top, wide, downwards * high), salience=salience)
         outline = tuple((float(x), float(y)) for x, y in of["polygon"])
         return Area(name, outline, salience=salience)
     except (TypeError, ValueError) as error:
         raise DesignError(
             f"{where}: area {name}: polygon is [[x, y], …], rectangle [left, top, width, height], "
-            "ellipse [x, y, width, height] around its middle, all in pixels"
+            "ellipse [x, y, width, height] around its middle, all in pixels; of a panorama in "
+            "degrees, x to the right of its middle and y upwards"
         ) from error
 
 
@@ -190,17 +239,17 @@ def _rectangle(
     return (left, top), (right, top), (right, bottom), (left, bottom)
 
 
-def _of_csv(path: Path, size_px: tuple[int, int]) -> Iterator[tuple[str, Area]]:
+def _of_csv(path: Path, axes: tuple[str, str]) -> Iterator[tuple[str, Area]]:
     text = _text(path)
     head = text.partition("\n")[0]
     delimiter = max(",;\t", key=head.count)
     rows = csv.DictReader(io.StringIO(text), delimiter=delimiter)
     there = [name.strip() for name in rows.fieldnames or ()]
-    missing = [name for name in ("area", "x", "y") if name not in there]
+    missing = [name for name in ("area", *axes) if name not in there]
     if missing:
         raise DesignError(
-            f"{path}: there is no column {missing[0]!r}; a table of areas has area, x and y, one "
-            "row for each corner, in order"
+            f"{path}: there is no column {missing[0]!r}; a table of areas has area, {axes[0]} and "
+            f"{axes[1]}, one row for each corner, in order"
         )
     corners: dict[str, list[tuple[float, float]]] = {}
     lines: dict[str, int] = {}
@@ -217,7 +266,7 @@ def _of_csv(path: Path, size_px: tuple[int, int]) -> Iterator[tuple[str, Area]]:
                 f"{lines[name]}); its corners follow one another, and names stand once"
             )
         try:
-            corner = float(row.get("x", "")), float(row.get("y", ""))
+            corner = float(row.get(axes[0], "")), float(row.get(axes[1], ""))
             if row.get("salience"):
                 saliences[name] = float(row["salience"])
         except ValueError as error:

@@ -1,4 +1,4 @@
-"""Areas of interest in a flat stimulus: polygons, ellipses and painted pixels, and which is hit.
+"""Areas of interest in a picture: polygons, ellipses and painted pixels, and which is hit.
 
 Coordinates are pixels of the upright picture, right and down from its top left corner: pixel k
 reaches from k to k + 1.
@@ -8,22 +8,40 @@ import base64
 import json
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from visavis.lab.errors import DataError
-from visavis.lab.geometry import Pose, Vector, quat_conjugate, rotate
+from visavis.lab.geometry import (
+    Pose,
+    Vector,
+    direction_from_yaw_pitch_deg,
+    quat_conjugate,
+    quat_from_yaw_pitch_deg,
+    quat_multiply,
+    rotate,
+    yaw_pitch_deg_of,
+)
+from visavis.stimuli.view_turns import ViewTurns
 
 NOWHERE: Final = -1
 """No area is here."""
 MAX_PAIRS: Final = 4_000_000
 """Points times edges whose distances are computed together."""
 CORNERS_OF_ELLIPSE: Final = 256
+ELSEWHERE: Final = (0.2, 0.5, 0.8)
+"""Places across and down a picture where people look for no reason that is known."""
+AROUND: Final = 8
+DOWN_AROUND: Final = (0.4, 0.55)
+"""Such places in a panorama: so many around, a little above and below the horizon."""
+FAR_M: Final = 20.0
+"""How far eyes are set that look at a panorama."""
 Values = npt.NDArray[np.float64]
+Times = npt.NDArray[np.int64]
 Is = npt.NDArray[np.bool_]
 
 
@@ -86,16 +104,18 @@ class Area:
         c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
         return np.stack([mid_x + along * c - across * s, mid_y + along * s + across * c], axis=1)
 
-    def distances(self, x: Values, y: Values, unit_px: tuple[float, float]) -> Values:
-        """Return how far points (n,) outside lie from it; a pixel counts `unit_px` each way."""
-        points = np.stack([x * unit_px[0], y * unit_px[1]], axis=1)
+    def distances(self, x: Values, y: Values, unit_px: tuple[float, float] | Values) -> Values:
+        """Return how far points (n,) outside lie from it; a pixel counts `unit_px` each way, which
+        may differ from point to point (n, 2).
+        """
+        points = np.stack([x, y], axis=1)
+        units = np.broadcast_to(np.asarray(unit_px, np.float64), points.shape)
         if self.pixels:
             row, first, end = unpack_runs(self.pixels).astype(np.float64).T
-            low = np.stack([first * unit_px[0], row * unit_px[1]], axis=1)
-            high = np.stack([end * unit_px[0], (row + 1) * unit_px[1]], axis=1)
-            return _nearest(points, low, high, _to_boxes)
-        corners = self.corners() * unit_px
-        return _nearest(points, corners, np.roll(corners, -1, axis=0), _to_lines)
+            low, high = np.stack([first, row], axis=1), np.stack([end, row + 1], axis=1)
+            return _nearest(points, units, low, high, _to_boxes)
+        corners = self.corners()
+        return _nearest(points, units, corners, np.roll(corners, -1, axis=0), _to_lines)
 
 
 def areas_at(
@@ -104,19 +124,29 @@ def areas_at(
     y: Values,
     *,
     pad: float = 0.0,
-    unit_px: tuple[float, float] = (1.0, 1.0),
+    unit_px: tuple[float, float] | Values = (1.0, 1.0),
+    around_px: float = 0.0,
 ) -> npt.NDArray[np.int16]:
     """Return the index (n,) of the area at each point, the last of several; else `NOWHERE`.
 
     A point in no area counts for the nearest one that is not farther than `pad`, where a pixel
-    counts `unit_px` to the right and downwards.
+    counts `unit_px` to the right and downwards, everywhere or at each point (n, 2). A picture that
+    goes all around comes again after `around_px` to the right.
     """
     at = np.full(x.shape, NOWHERE, np.int16)
+    places = (x, x - around_px, x + around_px) if around_px else (x,)
     for index, area in enumerate(areas):
-        at[area.holds(x, y)] = index
+        for place in places:
+            at[area.holds(place, y)] = index
     rest = np.flatnonzero((at == NOWHERE) & np.isfinite(x) & np.isfinite(y))
     if pad > 0 and len(rest) and areas:
-        away = np.stack([area.distances(x[rest], y[rest], unit_px) for area in areas])
+        units = np.broadcast_to(np.asarray(unit_px, np.float64), (len(x), 2))[rest]
+        away = np.stack(
+            [
+                np.min([area.distances(p[rest], y[rest], units) for p in places], axis=0)
+                for area in areas
+            ]
+        )
         nearest = away.argmin(axis=0)
         is_near = away.min(axis=0) <= pad
         at[rest[is_near]] = nearest[is_near]
@@ -131,6 +161,15 @@ class PlacedAreas:
     size_m: tuple[float, float]
     size_px: tuple[int, int]
     areas: tuple[Area, ...]
+
+    def areas_met(
+        self, origin_m: Vector, direction: Vector, t_ns: Times | None, pad_deg: float
+    ) -> npt.NDArray[np.int16]:
+        """Return the index (n,) of the area that each ray (n, 3) in world meets, else `NOWHERE`."""
+        x, y = self.pixels_met(origin_m, direction)
+        eyes_m = origin_m[np.isfinite(origin_m).all(axis=1)]
+        unit_px = self.degrees_px(eyes_m[0]) if len(eyes_m) else (1.0, 1.0)
+        return areas_at(self.areas, x, y, pad=pad_deg, unit_px=unit_px)
 
     def pixels_met(self, origin_m: Vector, direction: Vector) -> tuple[Values, Values]:
         """Return x and y (n,) in its pixels of rays (n, 3) in world; NaN where they do not meet."""
@@ -159,38 +198,122 @@ class PlacedAreas:
         wide, high = (m / px for m, px in zip(self.size_m, self.size_px, strict=True))
         return float(np.degrees(wide / far_m)), float(np.degrees(high / far_m))
 
+    def size_deg2(self, area: Area, origin_m: Vector) -> float:
+        """Return the size of one of them from an eye, in square degrees."""
+        wide, high = self.degrees_px(origin_m)
+        return area.size_px2() * wide * high
+
+    def spots(self, origin_m: Vector) -> tuple[list[Vector], float]:
+        """Return places all over it, and the angle around each where people look for no reason."""
+        width, height = self.size_px
+        places = [self.place_m(x * width, y * height) for x in ELSEWHERE for y in ELSEWHERE]
+        return places, float(np.radians(self.degrees_px(origin_m)[0] * width / 3))
+
+
+@dataclass(frozen=True, eq=False)
+class SurroundingAreas:
+    """The areas of a panorama, of which an eye sees `size_px`, around somebody.
+
+    `pose` is where the head was at the onset, upright and facing what was straight ahead then:
+    `yaw_deg` to the right of the picture's middle. Before a monitor the view `turns` since.
+    """
+
+    pose: Pose
+    yaw_deg: float
+    size_px: tuple[int, int]
+    areas: tuple[Area, ...]
+    turns: ViewTurns = field(default_factory=lambda: ViewTurns(1))
+
+    def areas_met(
+        self, origin_m: Vector, direction: Vector, t_ns: Times | None, pad_deg: float
+    ) -> npt.NDArray[np.int16]:
+        """Return the index (n,) of the area that each ray (n, 3) in world meets, else `NOWHERE`.
+
+        With `t_ns` (n,) a view that turns is the one of that moment, else the first.
+        """
+        x, y = self.pixels_met(direction, t_ns)
+        high = 180.0 / self.size_px[1]
+        wide = high * np.cos(np.radians(90.0 - y * high))
+        unit_px = np.stack([wide, np.full(len(y), high)], axis=1)
+        around_px = float(self.size_px[0])
+        return areas_at(self.areas, x, y, pad=pad_deg, unit_px=unit_px, around_px=around_px)
+
+    def pixels_met(self, direction: Vector, t_ns: Times | None) -> tuple[Values, Values]:
+        """Return x and y (n,) in its pixels of directions (n, 3) in world."""
+        own = rotate(quat_conjugate(self.pose.orientation_wxyz), direction)
+        turned = np.zeros((len(own), 2)) if t_ns is None else self.turns.course(t_ns)
+        right = np.radians(turned[:, 0] + self.yaw_deg) / 2
+        up = np.radians(turned[:, 1]) / 2
+        zero = np.zeros(len(own))
+        to_right = np.stack([np.cos(right), zero, -np.sin(right), zero], axis=1)
+        upwards = np.stack([np.cos(up), np.sin(up), zero, zero], axis=1)
+        yaw_deg, pitch_deg = yaw_pitch_deg_of(rotate(quat_multiply(to_right, upwards), own))
+        width, height = self.size_px
+        return (0.5 - yaw_deg / 360.0) * width, (0.5 - pitch_deg / 180.0) * height
+
+    def orientation_at(self, turned_deg: tuple[float, float]) -> Vector:
+        """Return the rotation (4,) from the picture's own directions to world, as the view is
+        turned to the right and upwards.
+        """
+        view = quat_from_yaw_pitch_deg(-(self.yaw_deg + turned_deg[0]), turned_deg[1])
+        return quat_multiply(self.pose.orientation_wxyz, quat_conjugate(view))
+
+    def place_m(self, x: float, y: float, turned_deg: tuple[float, float] = (0.0, 0.0)) -> Vector:
+        """Return where a pixel is in the world, on a sphere of `FAR_M` around the head."""
+        width, height = self.size_px
+        yaw_deg, pitch_deg = (0.5 - x / width) * 360.0, (0.5 - y / height) * 180.0
+        towards = direction_from_yaw_pitch_deg(yaw_deg, pitch_deg)
+        place: Vector = self.pose.position_m + FAR_M * rotate(
+            self.orientation_at(turned_deg), towards
+        )
+        return place
+
+    def size_deg2(self, area: Area, origin_m: Vector) -> float:
+        """Return about the size of one of them, in square degrees."""
+        high = 180.0 / self.size_px[1]
+        return float(area.size_px2() * high**2 * np.sin(np.radians(area.middle()[1] * high)))
+
+    def spots(self, origin_m: Vector) -> tuple[list[Vector], float]:
+        """Return places all around, and the angle around each where people look for no reason."""
+        width, height = self.size_px
+        across, down = np.arange(AROUND) / AROUND * width, np.array(DOWN_AROUND) * height
+        places = [self.place_m(float(x), float(y)) for x in across for y in down]
+        return places, float(np.pi / AROUND)
+
+
+Areas: TypeAlias = PlacedAreas | SurroundingAreas
+"""The areas of one stimulus, where it stands."""
+
 
 def areas_under(
-    sheets: Sequence[PlacedAreas],
+    sheets: Sequence[Areas],
     names: Sequence[str],
     origin_m: Vector,
     direction: Vector,
     pad_deg: float = 0.0,
+    t_ns: Times | None = None,
 ) -> npt.NDArray[np.int16]:
-    """Return for each ray (n, 3) in world the place of its area's name among `names`, of several
-    the one in front; else `NOWHERE`.
+    """Return for each ray (n, 3) in world, at its time (n,), the place of its area's name among
+    `names`, of several the one in front; else `NOWHERE`.
 
     Names that are not asked for count as nowhere, but still stand before others.
     """
     under = np.full(len(direction), NOWHERE, np.int16)
     for one in sheets:
-        x, y = one.pixels_met(origin_m, direction)
-        eyes_m = origin_m[np.isfinite(origin_m).all(axis=1)]
-        unit_px = one.degrees_px(eyes_m[0]) if len(eyes_m) else (1.0, 1.0)
-        at = areas_at(one.areas, x, y, pad=pad_deg, unit_px=unit_px)
+        at = one.areas_met(origin_m, direction, t_ns, pad_deg)
         places = [names.index(a.name) if a.name in names else NOWHERE for a in one.areas]
         hit = at != NOWHERE
         under[hit] = np.array([*places, NOWHERE], np.int16)[at[hit]]
     return under
 
 
-def areas_text(sheets: Iterable[PlacedAreas]) -> str:
+def areas_text(sheets: Iterable[Areas]) -> str:
     """Return placed areas as the text by which an event describes them."""
     return json.dumps([_as_json(one) for one in sheets], separators=(",", ":"))
 
 
 @lru_cache(maxsize=64)
-def read_areas_text(text: str) -> tuple[PlacedAreas, ...]:
+def read_areas_text(text: str) -> tuple[Areas, ...]:
     """Return placed areas from the text of an event.
 
     Raises:
@@ -202,11 +325,15 @@ def read_areas_text(text: str) -> tuple[PlacedAreas, ...]:
         raise DataError(f"no areas are described by {text[:60]!r}") from error
 
 
-def _as_json(one: PlacedAreas) -> dict[str, Any]:
+def _as_json(one: Areas) -> dict[str, Any]:
+    if isinstance(one, PlacedAreas):
+        place: dict[str, Any] = {"size_m": list(one.size_m)}
+    else:
+        place = {"yaw_deg": one.yaw_deg}
     return {
         "position_m": one.pose.position_m.tolist(),
         "orientation_wxyz": one.pose.orientation_wxyz.tolist(),
-        "size_m": list(one.size_m),
+        **place,
         "size_px": list(one.size_px),
         "areas": [
             {k: v for k, v in vars(area).items() if v not in ((), None, "")} for area in one.areas
@@ -214,7 +341,7 @@ def _as_json(one: PlacedAreas) -> dict[str, Any]:
     }
 
 
-def _from_json(raw: Mapping[str, Any]) -> PlacedAreas:
+def _from_json(raw: Mapping[str, Any]) -> Areas:
     areas = []
     for of in raw["areas"]:
         ellipse = of.get("ellipse")
@@ -228,7 +355,10 @@ def _from_json(raw: Mapping[str, Any]) -> PlacedAreas:
             )
         )
     pose = Pose(np.array(raw["position_m"]), np.array(raw["orientation_wxyz"]))
-    (wide_m, high_m), (wide, high) = raw["size_m"], raw["size_px"]
+    wide, high = raw["size_px"]
+    if "yaw_deg" in raw:
+        return SurroundingAreas(pose, float(raw["yaw_deg"]), (wide, high), tuple(areas))
+    wide_m, high_m = raw["size_m"]
     return PlacedAreas(pose, (wide_m, high_m), (wide, high), tuple(areas))
 
 
@@ -285,24 +415,28 @@ def _in_runs(runs: npt.NDArray[np.int32], x: Values, y: Values) -> Is:
     return inside
 
 
-def _nearest(points: Values, begins: Values, ends: Values, distance: Any) -> Values:
-    """Return the distance of each point (n, 2) to the nearest of k lines or boxes."""
+def _nearest(points: Values, units: Values, begins: Values, ends: Values, of: Any) -> Values:
+    """Return the distance of each point (n, 2) to the nearest of k lines or boxes, in units of the
+    point (n, 2); `of` measures it from the point.
+    """
     least = np.empty(len(points))
     step = max(1, MAX_PAIRS // max(1, len(begins)))
     for i in range(0, len(points), step):
-        least[i : i + step] = distance(points[i : i + step, None], begins, ends).min(axis=1)
+        here, unit = points[i : i + step, None], units[i : i + step, None]
+        away = of((begins - here) * unit, (ends - here) * unit)
+        least[i : i + step] = away.min(axis=1)
     return least
 
 
-def _to_lines(points: Values, begins: Values, ends: Values) -> Values:
+def _to_lines(begins: Values, ends: Values) -> Values:
     along = ends - begins
     square = np.maximum((along**2).sum(axis=-1), 1e-300)
-    share = np.clip(((points - begins) * along).sum(axis=-1) / square, 0.0, 1.0)
-    away: Values = np.linalg.norm(points - begins - share[..., None] * along, axis=-1)
+    share = np.clip(-(begins * along).sum(axis=-1) / square, 0.0, 1.0)
+    away: Values = np.linalg.norm(begins + share[..., None] * along, axis=-1)
     return away
 
 
-def _to_boxes(points: Values, low: Values, high: Values) -> Values:
-    beyond = np.maximum(np.maximum(low - points, points - high), 0.0)
+def _to_boxes(low: Values, high: Values) -> Values:
+    beyond = np.maximum(np.maximum(low, -high), 0.0)
     away: Values = np.linalg.norm(beyond, axis=-1)
     return away

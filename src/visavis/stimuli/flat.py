@@ -1,4 +1,5 @@
-"""Flat stimuli as data: texts, pictures, shapes, gratings and dots, in degrees of visual angle.
+"""Flat stimuli as data: texts, pictures, shapes, gratings and dots, in degrees of visual angle; and
+the panorama that may stand around them.
 
 What they look like is `visavis.stimuli.flat_pixels`'s, how dots move `visavis.stimuli.dots`'s;
 where they stand before somebody is `visavis.stimuli.scenes.flat`'s.
@@ -35,6 +36,7 @@ Kind: TypeAlias = Literal["rectangle", "ellipse", "cross", "triangle"]
 Mask: TypeAlias = Literal["gauss", "circle", "none"]
 Noise: TypeAlias = Literal["direction", "position"]
 Aperture: TypeAlias = Literal["circle", "square"]
+Stereo: TypeAlias = Literal["none", "top-bottom", "left-right"]
 MAX_DEG: Final = 150.0
 LEVELS: Final = 255
 MAX_DOTS: Final = 5000
@@ -259,10 +261,40 @@ class Dots:
         rgb_of(self.colour)
 
 
+@dataclass(frozen=True)
+class Panorama:
+    """A picture all around, 360 by 180 degrees (equirectangular), of a file beside the study's.
+
+    With `stereo` each eye sees its half of it: the left eye the upper or the left one. `yaw_deg`
+    says which part is straight ahead at the onset, to the right of the picture's middle. `areas`
+    names a file of areas of interest, in degrees. Before a monitor arrow keys turn the view.
+    """
+
+    file: str
+    stereo: Stereo = "none"
+    yaw_deg: float = 0.0
+    areas: str = ""
+
+    def __post_init__(self) -> None:
+        _write_plain_numbers(self)
+        object.__setattr__(self, "file", str(self.file))
+        object.__setattr__(self, "areas", str(self.areas))
+        if self.stereo not in get_args(Stereo):
+            raise DesignError(
+                f"Panorama {self.file!r}: stereo is {self.stereo!r}"
+                f"{did_you_mean(str(self.stereo), get_args(Stereo))}; it is one of "
+                f"{', '.join(get_args(Stereo))}"
+            )
+        if not -360.0 <= self.yaw_deg <= 360.0:
+            raise DesignError(f"Panorama {self.file!r}: yaw_deg is {self.yaw_deg:g}; -360 to 360")
+
+
 Flat: TypeAlias = Text | Image | Shape | Grating | Dots
 """What stands flat before somebody."""
-KINDS: Final[Mapping[str, type[Flat]]] = {kind.__name__: kind for kind in get_args(Flat)}
-"""The kinds of flat stimuli by name."""
+KINDS: Final[Mapping[str, type[Flat | Panorama]]] = {
+    kind.__name__: kind for kind in (*get_args(Flat), Panorama)
+}
+"""The kinds of flat stimuli by name, and the panorama."""
 
 
 def is_round(flat: Flat) -> bool:
@@ -277,6 +309,6 @@ def is_round(flat: Flat) -> bool:
     return False
 
 
-def picture_path(image: Image, folder: Path) -> Path:
+def picture_path(image: Image | Panorama, folder: Path) -> Path:
     """Return where the file of a picture lies."""
     return folder / image.file

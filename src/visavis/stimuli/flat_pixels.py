@@ -20,6 +20,9 @@ SMOOTH: Final = 4
 """Edges of shapes are drawn so many times as large, and shrunk."""
 MIDDLE: Final = 127.5
 REACHES_EM: Final = 1.2
+ORIENTATION: Final = 0x0112
+"""The EXIF tag that says how a camera was turned."""
+UPRIGHT: Final = 1
 
 
 @lru_cache(maxsize=32)
@@ -73,11 +76,12 @@ def text_size_em(text: Text) -> tuple[float, float]:
     return (right - left) / _height_px(text.text, 100) + 0.1, lines * REACHES_EM
 
 
-def read_picture(path: Path) -> Files.Image:
+def read_picture(path: Path, *, may_lie: bool = True) -> Files.Image:
     """Return a picture of a file as RGBA, turned upright as its camera says.
 
     Raises:
-        DesignError: it is missing, no picture, truncated, or of a kind whose colours are unclear.
+        DesignError: it is missing, no picture, truncated, of a kind whose colours are unclear, or
+            it has to be turned and `may_lie` says that it must not.
     """
     if not path.is_file():
         near = [p.name for p in path.parent.glob("*")] if path.parent.is_dir() else []
@@ -86,6 +90,9 @@ def read_picture(path: Path) -> Files.Image:
         raise DesignError(f"there is no picture {path}{hint}")
     try:
         with Files.open(path) as file:
+            # of colours, Pillow reads 16 bits as if they were 8
+            is_deep = any("16" in str(tile[3]) for tile in file.tile)
+            lies = file.getexif().get(ORIENTATION, UPRIGHT) != UPRIGHT
             file.load()
             picture = ImageOps.exif_transpose(file)
     except UnidentifiedImageError as error:
@@ -94,8 +101,13 @@ def read_picture(path: Path) -> Files.Image:
         raise DesignError(f"{path} is damaged ({error}); copy or save it again") from error
     if picture.mode == "CMYK":
         raise DesignError(f"{path} has colours for print (CMYK); save it as RGB")
-    if picture.mode.startswith(("I", "F")):
+    if is_deep or picture.mode.startswith(("I", "F")):
         raise DesignError(f"{path} has more than 8 bits a channel; save it with 8 bits")
+    if lies and not may_lie:
+        raise DesignError(
+            f"{path} lies on its side and says so (EXIF orientation); turn it upright and save it "
+            "without that"
+        )
     return picture.convert("RGBA")
 
 

@@ -157,12 +157,26 @@ class Sheet:
 
 
 @dataclass(frozen=True, eq=False)
+class Surround:
+    """A picture all around and infinitely far, in the sRGB values of its pixels.
+
+    `eyes` (h, 2 h, 3) are what one eye (of both) or two see, the left first: equirectangular, top
+    row first, the middle straight ahead (−z). `orientation_wxyz` leads from there to world;
+    `crc32` is of all pixels.
+    """
+
+    eyes: tuple[npt.NDArray[np.uint8], ...]
+    orientation_wxyz: Vector
+    crc32: int
+
+
+@dataclass(frozen=True, eq=False)
 class Picture:
     """Everything in front of a camera at `t_ns`.
 
-    `sheets` are drawn over the scene, the last in front, and panels over them. `brightness_01`
-    fades everything but the mark, sheets and panels to black; `mark_m` (3,) is where the
-    fixation mark stands, or None.
+    A `surround` is behind everything. `sheets` are drawn over the scene, the last in front, and
+    panels over them. `brightness_01` fades everything but the mark, surround, sheets and panels to
+    black; `mark_m` (3,) is where the fixation mark stands, or None.
     """
 
     t_ns: int
@@ -174,6 +188,7 @@ class Picture:
     brightness_01: float = 1.0
     mark_m: Vector | None = None
     sheets: tuple[Sheet, ...] = ()
+    surround: Surround | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -71,7 +71,8 @@ class SceneFrame:
     `eye_openness_01` (n,) 0 closed; `gaze_distance_m` (n,) from between the eyes to where both
     lines of gaze meet, NaN where they are parallel, None where nobody says. `people` is everybody's
     pose when the study computes it itself. `scene` is the same object while nothing static changes,
-    so identity tells whether anything must be rebuilt.
+    so identity tells whether anything must be rebuilt. `turned_deg` is how far the view onto a
+    panorama was turned, to the right and upwards.
     """
 
     scene: Scene
@@ -80,3 +81,4 @@ class SceneFrame:
     eye_openness_01: npt.NDArray[np.float64]
     people: PosedPeople | None = None
     gaze_distance_m: npt.NDArray[np.float64] | None = None
+    turned_deg: tuple[float, float] = (0.0, 0.0)

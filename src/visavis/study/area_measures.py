@@ -5,7 +5,7 @@ All come from the recording alone: gaze, and the areas with the place where they
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from itertools import pairwise, permutations
 from typing import Any, Final, TypeAlias
@@ -18,9 +18,11 @@ from visavis.analysis.gaze.looks import LookMeasures, Looks, looks_on, measure_t
 from visavis.analysis.gaze.targets import GazeTargets
 from visavis.lab.clock import NS_PER_MS
 from visavis.lab.errors import DesignError
+from visavis.lab.geometry import rotate
 from visavis.lab.screen import FlatScreen
 from visavis.protocol.plan.steps import Scalar
-from visavis.stimuli.areas import PlacedAreas, areas_under, read_areas_text
+from visavis.stimuli.areas import Areas, SurroundingAreas, areas_under, read_areas_text
+from visavis.stimuli.view_turns import VIEW_TURNED, read_turns
 from visavis.study.measures import LOOKS, Measure, Of, TrialRecord
 
 POINTER_WINDOW: Final = "pointer_window"
@@ -84,22 +86,30 @@ def gaze_by_area(record: TrialRecord, scene: str, pad_deg: float) -> GazeByArea 
     return GazeByArea(samples, area, tuple(roles), window)
 
 
-def areas_shown(record: TrialRecord, scene: str) -> tuple[PlacedAreas, ...]:
+def areas_shown(record: TrialRecord, scene: str) -> tuple[Areas, ...]:
     """Return the areas of what a trial showed under a name, where they stood; () without any."""
-    payload = _payload_of(record, "shown", scene)
-    return (
-        () if payload is None or "areas" not in payload else read_areas_text(str(payload["areas"]))
+    shown = _payloads_of(record, "shown", scene)[-1:]
+    if not shown or "areas" not in shown[0]:
+        return ()
+    sheets = read_areas_text(str(shown[0]["areas"]))
+    if not any(isinstance(one, SurroundingAreas) for one in sheets):
+        return sheets
+    since_ns = int(shown[0]["start_ns"])
+    turned = _payloads_of(record, VIEW_TURNED, scene)
+    turns = read_turns(t for t in turned if int(t["changed_ns"]) >= since_ns)
+    return tuple(
+        replace(one, turns=turns) if isinstance(one, SurroundingAreas) else one for one in sheets
     )
 
 
 def on_areas(
-    samples: GazeTargets, sheets: Sequence[PlacedAreas], names: Sequence[str], pad_deg: float
+    samples: GazeTargets, sheets: Sequence[Areas], names: Sequence[str], pad_deg: float
 ) -> npt.NDArray[np.int16]:
     """Return the area (n,) that each sample is on: a place in `names`, `NONE` or `LOST`."""
     direction = samples.direction_world.astype(np.float64)
     origin = samples.origin_world_m
     eyes_m = np.zeros_like(direction) if origin is None else origin.astype(np.float64)
-    under = areas_under(sheets, names, eyes_m, direction, pad_deg)
+    under = areas_under(sheets, names, eyes_m, direction, pad_deg, samples.t_ns)
     area = np.where(under < 0, NONE, under).astype(np.int16)
     area[~samples.valid | (samples.hit == LOST)] = LOST
     return area
@@ -177,6 +187,36 @@ def transitions(
     )
 
 
+def view_range(scene: str = "stimulus", *, prefix: str = "") -> Measure:
+    """Return how much of a panorama was straight ahead, `view_range_deg`: from the farthest to the
+    left to the farthest to the right, 360 at most. In a headset the head turns, before a monitor
+    arrow keys turn the view.
+    """
+    return Measure(
+        f"{prefix}view_range_deg",
+        "deg",
+        "Width of the panorama that was straight ahead",
+        partial(_range_ahead, scene=scene),
+        scene=scene,
+    )
+
+
+def _range_ahead(record: TrialRecord, scene: str) -> float | None:
+    window = record.window(scene)
+    sheets = areas_shown(record, scene)
+    around = next((one for one in sheets if isinstance(one, SurroundingAreas)), None)
+    if window is None or around is None:
+        return None
+    head = record.stream("head", *window)
+    t_ns = head["t_host_ns"][head["valid"]]
+    if not len(t_ns):
+        return None
+    turn = head["orientation_wxyz"][head["valid"]].astype(np.float64)
+    x, _ = around.pixels_met(rotate(turn, np.array([0.0, 0.0, -1.0])), t_ns)
+    yaw_deg = np.unwrap(360.0 * x / around.size_px[0], period=360.0)
+    return min(360.0, float(np.ptp(yaw_deg)))
+
+
 def pointer_at(*areas: str, scene: str = "stimulus", pad_deg: float = 0.0) -> tuple[Measure, ...]:
     """Return the measures of the pointer on each area that `reveal="pointer"` let it uncover on a
     page: `AREA_pointer_ms`, `AREA_pointer_share_01` of the time, `AREA_pointer_first_ms` (missing
@@ -214,9 +254,10 @@ def pointer_by_area(record: TrialRecord, scene: str, pad_deg: float) -> GazeByAr
     as `gaze_by_area` returns gaze; None where nothing was shown so.
     """
     window = record.window(scene)
-    event = _payload_of(record, POINTER_WINDOW, scene)
-    if window is None or event is None:
+    events = _payloads_of(record, POINTER_WINDOW, scene)
+    if window is None or not events:
         return None
+    event = events[-1]
     wide, high = int(event["width_px"]), int(event["height_px"])
     px_per_m = 1000 * event["px_per_mm"]
     screen = FlatScreen(wide / px_per_m, high / px_per_m, wide, high, event["distance_mm"] / 1000)
@@ -242,15 +283,14 @@ def pointer_by_area(record: TrialRecord, scene: str, pad_deg: float) -> GazeByAr
     return GazeByArea(samples, under, names, window)
 
 
-def _payload_of(record: TrialRecord, event: str, scene: str) -> Mapping[str, Any] | None:
-    """Return the payload of the last event of a trial that tells of what was shown as `scene`."""
+def _payloads_of(record: TrialRecord, event: str, scene: str) -> list[Mapping[str, Any]]:
+    """Return the payloads of a trial's events of a name that tell of what was shown as `scene`."""
     payloads: Iterable[Mapping[str, Any]] = (p for name, p in record.events if name == event)
     if record.recording is not None:
         part = int(record.row["recording_part"])
         payloads = record.recording.events_named(event, part)["payload"]
     trial_id = record.row.get("trial_id")
-    mine = [p for p in payloads if p.get("trial_id") == trial_id and p.get("name") == scene]
-    return mine[-1] if mine else None
+    return [p for p in payloads if p.get("trial_id") == trial_id and p.get("name") == scene]
 
 
 def _of(area: str, gaze_of: Callable[[TrialRecord], GazeByArea | None], pick: Pick) -> Of:

@@ -25,6 +25,7 @@ from visavis.protocol.plan.steps import (
     Show,
 )
 from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.view_turns import ARROWS
 from visavis.study.actions import Action, PlayedSound, ShownScene, Source
 from visavis.study.asking import Answer
 from visavis.study.background import BackgroundExecutor
@@ -90,7 +91,8 @@ class TrialRead:
     areas: frozenset[str] = frozenset()
     """The names of the areas of interest in its flat stimuli."""
     rests_on: frozenset[str] = frozenset()
-    """What steps cannot do without: "gaze" that ends one, a "pointer" whose window shows one."""
+    """What steps cannot do without: "gaze" that ends one, a "pointer" whose window shows one, a
+    "panorama" that is all around."""
 
 
 def still_view(t_ns: int = 0) -> FrameView:
@@ -123,6 +125,7 @@ def read_trial(
     script = TrialScript(trial, settings)
     script.is_read = True
     seconds, agents, vibrates, fits_a_page, lit_on_page = 0.0, 0, False, True, False
+    has_panorama = False
     lit_frame: SceneFrame | None = None
     staged_scene: StagedScene | None = None
     responses: list[Response] = []
@@ -187,6 +190,7 @@ def read_trial(
                     script.row |= dict.fromkeys(onsets, script.now_ns)
                     endings = (*SCENE_ENDINGS, *staged_scene.roles)
                     scene_columns += [f"{prefix}_{ending}" for ending in endings]
+                    has_panorama = has_panorama or "panorama" in step.scene.options
                     if step.gaze_on is not None:
                         step.gaze_on.watch(staged_scene)
                         scene_columns += [column.name for column in gaze_columns(prefix)]
@@ -197,6 +201,8 @@ def read_trial(
                     reply = False
                 if isinstance(step.response, Keys) and step.response.distance_to is not None:
                     agent_of(step.response.distance_to, staged_scene)
+                if has_panorama and isinstance(step.response, Keys):
+                    _refuse_arrows(step.response)
                 answers = {}
                 for response in step.responses:
                     if any(r.name == response.name and r != response for r in responses):
@@ -266,7 +272,7 @@ def read_trial(
             dressings=frozenset(dressings - {""}),
             staircases=tuple(script.staircases.values()),
             areas=frozenset(areas),
-            rests_on=frozenset(rests_on),
+            rests_on=frozenset(rests_on | ({"panorama"} if has_panorama else set())),
         )
     except (DesignError, TypeError) as error:
         reason = explain(error)
@@ -288,6 +294,20 @@ def read_trials(
         if key not in by_condition:
             by_condition[key] = read_trial(plan, trial, settings)
     return by_condition
+
+
+def _refuse_arrows(keys: Keys) -> None:
+    """Refuse keys that turn the view onto a panorama.
+
+    Raises:
+        DesignError: one of them does.
+    """
+    turning = sorted(ARROWS.keys() & set(map(str, keys.options)))
+    if turning:
+        raise DesignError(
+            f"{', '.join(turning)}: arrow keys turn the view onto a panorama before a monitor; "
+            f"answer {keys.name} by other keys"
+        )
 
 
 def _answer_to(response: Response, view: FrameView) -> Answer:

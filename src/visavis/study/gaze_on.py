@@ -14,7 +14,7 @@ from visavis.lab.errors import DesignError
 from visavis.lab.yaml_lines import did_you_mean
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.steps import FrameView, GazeView, Scalar
-from visavis.stimuli.areas import PlacedAreas, areas_under
+from visavis.stimuli.areas import Areas, areas_under
 from visavis.study.scenes import StagedScene
 
 BRIDGE_NS: Final = round(DEFAULT_LOOK_PARAMETERS.bridge_ms * NS_PER_MS)
@@ -53,7 +53,7 @@ class GazeOn:
         Raises:
             DesignError: it has no such area or role.
         """
-        sheets: tuple[PlacedAreas, ...] = getattr(staged_scene, "areas", ())
+        sheets: tuple[Areas, ...] = getattr(staged_scene, "areas", ())
         areas = [area.name for one in sheets for area in one.areas]
         names = [*areas, *staged_scene.roles]
         if self.name not in names:
@@ -81,7 +81,7 @@ class GazeWatch:
     """Follow gaze while something is shown, sample by sample, until a look was long enough."""
 
     def __init__(
-        self, condition: GazeOn, sheets: Sequence[PlacedAreas], agent: int | None, on_ns: int
+        self, condition: GazeOn, sheets: Sequence[Areas], agent: int | None, on_ns: int
     ) -> None:
         self._condition, self._sheets, self._agent = condition, sheets, agent
         self._from_ns = on_ns
@@ -129,6 +129,7 @@ class GazeWatch:
             gaze.origin_world_m,
             gaze.direction_world,
             self._condition.pad_deg,
+            gaze.t_ns,
         )
         return np.where(gaze.valid, under == 0, LOST).astype(np.int16)
 

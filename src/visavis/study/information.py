@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from visavis.protocol.plan.questionnaires import Questionnaire
+from visavis.stimuli.view_turns import VIEW_TURNED
 from visavis.study.experiment import StudyExperiment
 from visavis.study.moulding import FIGURE_ON, FIGURE_TURNED, SLIDER_MOVED
 from visavis.study.texts import Texts
@@ -128,6 +129,7 @@ LAB_EVENT_FACTS: Final[Mapping[str, tuple[str, ...]]] = {
     "own_body_seen": ("stature",),
     "answered": ("answers_in_lab",),
     **dict.fromkeys((SLIDER_MOVED, FIGURE_TURNED), ("moulding_in_lab",)),
+    VIEW_TURNED: ("turning_in_lab",),
     "panel_answered": ("answers_in_lab",),
     "panel_shown": ("shown",),
     "sound": ("sounds",),
@@ -209,6 +211,8 @@ def information_at_devices(
     roles = ("headset", *experiment.needed_roles, *experiment.useful_roles, "responses")
     facts = ["answers_in_lab", "course_in_lab", "stature"]
     facts += ["moulding_in_lab"] if experiment.lives else []
+    has_panorama = any("panorama" in read.rests_on for read in experiment.read.values())
+    facts += ["turning_in_lab"] if has_panorama else []
     others = []
     for role in dict.fromkeys(roles):
         if role.startswith(ARMBAND):

@@ -14,6 +14,7 @@ from visavis.stimuli.audible import gain_db_of
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.flat import FlatScene
 from visavis.stimuli.sound import part_of
+from visavis.stimuli.view_turns import VIEW_TURNED
 from visavis.study.actions import Performing, ShownScene
 from visavis.study.asking import Answer, frame, press_in, presses_of
 from visavis.study.distances import floor_distances_m
@@ -50,6 +51,7 @@ class LitTrial:
         self._names: dict[str, int] = {}
         self._lit_column = ""
         self._gaze_watch: GazeWatch | None = None
+        self._shown_as = ""
 
     def _frame(
         self,
@@ -92,7 +94,7 @@ class LitTrial:
         name = self.next_prefix(showing.name)
         staged_scene = self._stage(showing.scene, showing.seconds, len(self._names), before.t_ns)
         self._staged_scene, self._onset_ns = staged_scene, before.t_ns
-        self._sound_on_ns = 0
+        self._sound_on_ns, self._shown_as = 0, name
         yield from show_frame(self._scene_update(before))
         yield from self._begin_sounds(showing, name)
         view = yield from self._frame()
@@ -173,9 +175,10 @@ class LitTrial:
         lit_ns, frames = view.t_ns, 1
         until = self._condition(ends, staged_scene, lit_ns)
 
-        def pass_frame(view: FrameView) -> None:
+        def pass_frame(view: FrameView) -> SceneFrame | None:
             nonlocal frames
             frames += 1
+            return self._scene_update(view)
 
         while not (until is not None and until(view)):
             on_ns = self._onset_ns_of(showing, name, lit_ns, view)
@@ -184,6 +187,7 @@ class LitTrial:
             quiet_until_ns = 0
             if until is None and on_ns is not None:
                 quiet_until_ns = showing.calm_until_ns(view, on_ns)
+            yield from self._follow(view)
             view = yield from self._frame(quiet_until_ns, pass_frame)
             frames += 1
         off_ns = view.t_ns + view.surface.frame_ns
@@ -230,7 +234,7 @@ class LitTrial:
                 view = yield from self._frame()
                 self.end_light(view.t_ns)
             else:
-                yield from show_frame(self._scene_update(view))
+                yield from self._follow(view)
                 calm_ns = min(showing.calm_until_ns(view, on_ns), until_ns) if is_lit else until_ns
                 view = yield from self._frame(calm_ns, pass_frame)
                 frames += is_lit
@@ -299,6 +303,17 @@ class LitTrial:
         rng = self.trial.rng(SCENE_STREAM + number)
         staging = Staging(rng, seconds, start_ns, self.settings.folder)
         return stage(scene, staging, self.settings.makers)
+
+    def _follow(self, view: FrameView) -> Performing:
+        """Show what the current scene shows after a frame, and tell what turned the view."""
+        yield from show_frame(self._scene_update(view))
+        yield from self._tell_turns()
+
+    def _tell_turns(self) -> Performing:
+        """Record what turned the view onto a panorama since the last call."""
+        for turn in getattr(self._staged_scene, "new_turns", tuple)():
+            about = {"trial_id": self.trial.trial_id, "name": self._shown_as}
+            yield Mark(VIEW_TURNED, {**about, **turn})
 
     def _scene_update(self, view: FrameView) -> SceneFrame | None:
         """Return the current scene's next frame; None without a change."""

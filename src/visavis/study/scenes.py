@@ -17,12 +17,12 @@ from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector
 from visavis.lab.yaml_lines import did_you_mean
 from visavis.protocol.plan.steps import FrameView, GazeView, UpdateAhead
-from visavis.stimuli.areas import PlacedAreas
+from visavis.stimuli.areas import Areas
 from visavis.stimuli.audible import Audible
 from visavis.stimuli.dressing.casting import default_casting
 from visavis.stimuli.dressing.gathering import agents_of
 from visavis.stimuli.dressing.picture_of import named_function
-from visavis.stimuli.flat import Colour, Flat, Image, picture_path, rgb_of
+from visavis.stimuli.flat import Colour, Flat, Image, Panorama, picture_path, rgb_of
 from visavis.stimuli.gaze.behaviour import Course, EyeBehaviour
 from visavis.stimuli.gaze.blinks import draw_blinks
 from visavis.stimuli.motion.kinds import (
@@ -49,6 +49,7 @@ from visavis.stimuli.scenes.audience import (
 )
 from visavis.stimuli.scenes.flat import DRESSED_BY, FlatScene
 from visavis.stimuli.scenes.gathering import GatheringScene, Standing
+from visavis.stimuli.view_turns import ViewTurns
 from visavis.study.arguments import argument_names, unknown_argument
 
 FOLLOW_STEP_M: Final = 0.005
@@ -374,21 +375,48 @@ class _StagedFlat:
 
     scene: FlatScene
     roles: Mapping[str, int] = field(default_factory=dict)
-    areas: tuple[PlacedAreas, ...] = ()
+    areas: tuple[Areas, ...] = ()
     _is_shown: bool = False
+    _turned_deg: tuple[float, float] = (0.0, 0.0)
+    _reported: int = 0
 
     def frame(self, view: FrameView, elapsed_ns: int) -> SceneFrame | None:
-        """Return the first frame; None after it, as nothing changes."""
+        """Return the first frame; None after it, as nothing changes but a view that turns."""
         if self._is_shown:
-            return None
+            return self._turned(view)
         self._is_shown = True
         since_ns = view.t_ns + view.surface.frame_ns
         self.scene = replace(
-            self.scene, head=view.head, surface=view.surface, moves_since_ns=since_ns
+            self.scene,
+            head=view.head,
+            surface=view.surface,
+            moves_since_ns=since_ns,
+            turns=ViewTurns(view.surface.frame_ns),
         )
         if self.areas:
             self.areas = areas_of(self.scene)
         return SceneFrame(self.scene, view.t_ns, np.zeros((0, 3)), np.zeros(0))
+
+    def new_turns(self) -> Sequence[Mapping[str, float]]:
+        """Return what events say of what turned the view since the last call."""
+        new = self.scene.turns.turns[self._reported :]
+        self._reported += len(new)
+        return [turn.as_event(self.scene.turns.frame_ns) for turn in new]
+
+    def _turned(self, view: FrameView) -> SceneFrame | None:
+        """Return a frame where arrow keys turn the view: onto a panorama, before a monitor."""
+        if self.scene.panorama is None or self.scene.surface.screen is None:
+            return None
+        turns = self.scene.turns
+        for control in view.pressed:
+            turns.press(control, view.t_ns)
+        turned_deg = turns.at(view.t_ns + turns.frame_ns)
+        if turned_deg == self._turned_deg:
+            return None
+        self._turned_deg = turned_deg
+        return SceneFrame(
+            self.scene, view.t_ns, np.zeros((0, 3)), np.zeros(0), turned_deg=turned_deg
+        )
 
 
 def flat(
@@ -399,15 +427,16 @@ def flat(
     answered_by: str = "",
     names: tuple[str, ...] = (),
     sounds: tuple[Audible, ...] = (),
+    panorama: Panorama | None = None,
 ) -> StagedScene:
     """Return flat stimuli before a background, the last in front; those with names are areas.
-    The `sounds` are heard meanwhile.
+    The `sounds` are heard meanwhile. A `panorama` is behind everything.
 
     Raises:
         DesignError: there is none, a colour does not exist, or a picture or its areas cannot be
             read.
     """
-    if not items and not sounds:
+    if not items and not sounds and panorama is None:
         raise DesignError("t.show: there is nothing to show; give a stimulus, or several in a list")
     for item in items:
         if isinstance(item, Image):
@@ -422,19 +451,22 @@ def flat(
         answered_by=answered_by,
         names=names,
         sounds=sounds,
+        panorama=panorama,
     )
     return _StagedFlat(scene, areas=areas_of(scene))
 
 
-def areas_of(scene: FlatScene) -> tuple[PlacedAreas, ...]:
+def areas_of(scene: FlatScene) -> tuple[Areas, ...]:
     """Return the areas of interest of flat stimuli; their reader is loaded only where there are.
+    Of a panorama it tells where it stands, even without areas.
 
     Raises:
         DesignError: they cannot be read.
     """
-    if not scene.names and not any(getattr(item, "areas", "") for item in scene.items):
+    has_areas = scene.names or any(getattr(item, "areas", "") for item in scene.items)
+    if not has_areas and scene.panorama is None:
         return ()
-    sheets: tuple[PlacedAreas, ...] = named_function(AREAS_OF, "places areas of interest")(scene)
+    sheets: tuple[Areas, ...] = named_function(AREAS_OF, "places areas of interest")(scene)
     return sheets
 
 

@@ -11,12 +11,13 @@ from visavis.lab.errors import DesignError
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.steps import FrameView
 from visavis.stimuli.audible import Audible
-from visavis.stimuli.flat import Flat
+from visavis.stimuli.flat import Flat, Panorama
 from visavis.study.gaze_on import GazeOn
 from visavis.study.responses import Keys
 from visavis.study.scenes import Scene
 
-Stimuli: TypeAlias = Flat | Audible | Sequence[Flat | Audible] | Mapping[str, Flat | Audible]
+Stimulus: TypeAlias = Flat | Audible | Panorama
+Stimuli: TypeAlias = Stimulus | Sequence[Stimulus] | Mapping[str, Stimulus]
 """What is shown in a showing: one stimulus, several, or several by name."""
 PAGE_COLUMNS: Final = (
     Column("px_per_deg", "1/deg", "pixels of the page in a degree, in the middle of its screen"),
@@ -50,7 +51,8 @@ class Showing:
     @property
     def is_heard_alone(self) -> bool:
         """Whether there is nothing to see; times then run from the onset of the sound."""
-        return bool(self.sounds) and not self.scene.options.get("items")
+        options = self.scene.options
+        return bool(self.sounds) and not options.get("items") and "panorama" not in options
 
     def calm_until_ns(self, view: FrameView, on_ns: int) -> int:
         """Return until when nothing of it changes, two frames before its end."""
@@ -68,21 +70,44 @@ class Showing:
         return next_ns + view.surface.frame_ns / 2 > on_ns + self.seconds * NS_PER_S
 
 
-def parted(
-    what: object,
-) -> tuple[tuple[Flat, ...], tuple[Audible, ...], tuple[str, ...]]:
-    """Return what is seen, what is heard, and the names of the former; nothing of a scene."""
+@dataclass(frozen=True)
+class Parted:
+    """What is shown together: what is seen flat, its names, what is heard, and what is around."""
+
+    flats: tuple[Flat, ...] = ()
+    names: tuple[str, ...] = ()
+    sounds: tuple[Audible, ...] = ()
+    panorama: Panorama | None = None
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is none of it."""
+        return not (self.flats or self.sounds) and self.panorama is None
+
+
+def parted(what: object) -> Parted:
+    """Return the parts of what is shown; nothing of a scene.
+
+    Raises:
+        DesignError: there are two panoramas.
+    """
+    names: tuple[str, ...] = ()
     if isinstance(what, Mapping):
         names = tuple(str(name) for name, one in what.items() if isinstance(one, Flat))
-        return (*parted(list(what.values()))[:2], names)
-    if isinstance(what, Flat | Audible):
-        return parted([what])
-    if not isinstance(what, Sequence) or isinstance(what, str):
-        return (), (), ()
-    if not all(isinstance(one, Flat | Audible) for one in what):
-        return (), (), ()
-    sounds = tuple(one for one in what if isinstance(one, Audible))
-    return tuple(one for one in what if isinstance(one, Flat)), sounds, ()
+        what = list(what.values())
+    elif isinstance(what, Stimulus):
+        what = [what]
+    if not isinstance(what, Sequence) or not all(isinstance(one, Stimulus) for one in what):
+        return Parted()
+    panoramas = [one for one in what if isinstance(one, Panorama)]
+    if len(panoramas) > 1:
+        raise DesignError("t.show: two panoramas cannot be around somebody at a time; show one")
+    return Parted(
+        tuple(one for one in what if isinstance(one, Flat)),
+        names,
+        tuple(one for one in what if isinstance(one, Audible)),
+        next(iter(panoramas), None),
+    )
 
 
 def sound_columns(prefix: str, count: int) -> list[str]:

@@ -13,7 +13,7 @@ from visavis.protocol.plan.experiment import Demands
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.protocol.plan.shown_scene import RecordedScene
 from visavis.protocol.plan.steps import Step
-from visavis.stimuli.flat import Flat
+from visavis.stimuli.flat import Flat, Panorama
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.flat import FlatScene
 from visavis.stimuli.sound import Waveform
@@ -66,10 +66,14 @@ class Seen:
     `level_db` say what it was like, `samples` are all of it so far."""
 
     @property
-    def stimuli(self) -> tuple[Flat, ...]:
-        """The texts, pictures, shapes, gratings and dots that are shown; () where a scene is."""
+    def stimuli(self) -> tuple[Flat | Panorama, ...]:
+        """The texts, pictures, shapes, gratings and dots that are shown, the panorama before them;
+        () where a scene is.
+        """
         scene = None if self.first is None else self.first.scene
-        return scene.items if isinstance(scene, FlatScene) else ()
+        if not isinstance(scene, FlatScene):
+            return ()
+        return scene.items if scene.panorama is None else (scene.panorama, *scene.items)
 
     @property
     def areas(self) -> dict[str, tuple[float, float]]:

@@ -209,9 +209,10 @@ class TrialScript(LitTrial):
         window_deg: float = 4.0,
     ) -> Action:
         """Show a scene, or flat stimuli (`Text`, `Image`, `Shape`, `Grating`, `Dots`; the last in
-        front), for some seconds or frames, or until `until` is true for a frame (`gaze_on` says of
-        gaze when) or a key of it is pressed. `Tone` and `Sound` are heard with them or alone, all
-        from the beginning, and to their end or the trial's; alone they need no `seconds`.
+        front; before a `Panorama`, if there is one), for some seconds or frames, or until `until`
+        is true for a frame (`gaze_on` says of gaze when) or a key of it is pressed. `Tone` and
+        `Sound` are heard with them or alone, all from the beginning, and to their end or the
+        trial's; alone they need no `seconds`.
         Stimuli in a mapping have names, which make areas of interest of them. On a page,
         `reveal="pointer"` blurs all but a window `window_deg` wide, which follows the pointer.
 
@@ -228,14 +229,16 @@ class TrialScript(LitTrial):
             DesignError: there is nothing to show, or nothing says how long.
         """
         keys = awaited_keys(until, limit_s)
-        flats, sounds, names = parted(what)
-        flats = tuple(self._with_seed(flat) for flat in flats)
-        is_flat = bool(flats or sounds)
+        parts = parted(what)
+        sounds, names, panorama = parts.sounds, parts.names, parts.panorama
+        flats = tuple(self._with_seed(flat) for flat in parts.flats)
+        is_flat = not parts.is_empty
         if is_flat:
             options: dict[str, Any] = {"background": background}
             options["answered_by"] = keys.name if keys else ""
             options |= {"names": names} if names else {}
             options |= {"sounds": sounds} if sounds else {}
+            options |= {} if panorama is None else {"panorama": panorama}
             scene = Scene(FLAT, items=flats, **options)
             if sounds and seconds is None and frames is None and until is None:
                 seconds = max(map(self.settings.seconds_of, sounds))
@@ -243,8 +246,8 @@ class TrialScript(LitTrial):
             scene = what
         else:
             raise DesignError(
-                "t.show shows a Scene, Text, Image, Shape, Grating, Dots, Tone or Sound, or a list "
-                f"of the latter; not {what!r}"
+                "t.show shows a Scene, Text, Image, Shape, Grating, Dots, Panorama, Tone or Sound, "
+                f"or a list of the latter; not {what!r}"
             )
         name = name or ("stimulus" if is_flat else "scene")
         seconds = shown_seconds(seconds, frames, keys, until)
@@ -258,7 +261,8 @@ class TrialScript(LitTrial):
             stop = None if isinstance(until, Keys) else until
             perform = partial(self._show_exactly if is_flat else self._show, showing, stop)
         lasts_s = min(seconds, 0.0 if keys is None else keys.limit_s) if keys else seconds
-        of_page = showing if is_flat and (until is None or keys is not None) else None
+        is_of_page = is_flat and panorama is None and (until is None or keys is not None)
+        of_page = showing if is_of_page else None
         return Action(
             "show",
             perform,
@@ -593,6 +597,7 @@ class TrialScript(LitTrial):
 
     def _record_answer(self, response: Response, answer: Answer) -> Performing:
         self.view = answer.view
+        yield from self._tell_turns()
         if not isinstance(response, Keys):  # a board has taken the place of what was lit
             self.end_light(answer.asked_ns)
         answer = self.take(response, answer)
@@ -716,6 +721,7 @@ class TrialScript(LitTrial):
         scene = self._staged_scene
         passing = None if scene is None else PassingScene(scene, self._onset_ns)
         yield from self._until(view.t_ns + round(seconds * NS_PER_S), passing)
+        yield from self._tell_turns()
 
     def _vibrate(
         self, role: str, pattern: VibrationPattern, motors: tuple[int, ...], amplitude_01: float

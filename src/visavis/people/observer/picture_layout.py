@@ -1,17 +1,18 @@
 """A picture with areas of interest as targets of a simulated observer."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
-from visavis.lab.geometry import Vector
+from visavis.lab.geometry import Vector, quat_conjugate, rotate
+from visavis.lab.screen import PlacedScreen
 from visavis.people.observer import state
-from visavis.stimuli.areas import PlacedAreas
+from visavis.stimuli.areas import ELSEWHERE, Areas, PlacedAreas, SurroundingAreas
 from visavis.stimuli.scene import Scene
 
-ELSEWHERE: Final = (0.2, 0.5, 0.8)
-"""Places across and down a picture where people look for no reason that is known."""
 ELSEWHERE_APPEAL: Final = 0.5
 """Attraction of all of them together; that of an area of average size is 1."""
 
@@ -20,34 +21,91 @@ class PictureLayout:
     """The areas of a picture seen from a seat, each with its appeal: the salience that its study
     gives, or else the root of its share of the mean size. Somebody to whom areas make no difference
     looks all over the picture.
+
+    Of a panorama before a `screen`, which shows it `turned_deg` to the right and upwards, they see
+    what is on the screen.
     """
 
-    def __init__(self, scene: Scene, sheets: Sequence[PlacedAreas], seat: Vector) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        sheets: Sequence[Areas],
+        seat: Vector,
+        screen: PlacedScreen | None = None,
+        turned_deg: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
         self.scene = scene
-        points, sizes, saliences = [], [], []
+        points, sizes, saliences, is_around = [], [], [], []
         for one in sheets:
-            wide, high = one.degrees_px(seat)
+            place_m = one.place_m
+            if isinstance(one, SurroundingAreas):
+                place_m = partial(one.place_m, turned_deg=turned_deg)
             for area in one.areas:
-                points.append(one.place_m(*area.middle()))
-                sizes.append(area.size_px2() * wide * high)
+                points.append(place_m(*area.middle()))
+                sizes.append(one.size_deg2(area, seat))
                 saliences.append(area.salience)
+                is_around.append(isinstance(one, SurroundingAreas))
+        n = len(points)
         size_deg2 = np.array(sizes)
-        by_size = np.sqrt(size_deg2 / size_deg2.mean())
+        by_size = np.sqrt(size_deg2 / size_deg2.mean()) if n else size_deg2
         appeals = [s if s is not None else by_size[i] for i, s in enumerate(saliences)]
-        back = max(sheets, key=lambda one: one.size_m[0] * one.size_m[1])
-        width, height = back.size_px
-        elsewhere = [back.place_m(x * width, y * height) for x in ELSEWHERE for y in ELSEWHERE]
+        around = next((one for one in sheets if isinstance(one, SurroundingAreas)), None)
+        if around is not None and screen is not None:
+            elsewhere, wide_rad = _spots_of(screen)
+        elif around is not None:
+            elsewhere, wide_rad = around.spots(seat)
+        else:
+            flat = [one for one in sheets if isinstance(one, PlacedAreas)]
+            back = max(flat, key=lambda one: one.size_m[0] * one.size_m[1])
+            elsewhere, wide_rad = back.spots(seat)
         rest = np.full(len(elsewhere), ELSEWHERE_APPEAL / len(elsewhere))
-        self.appeal = np.concatenate([appeals, rest])
-        self.appeal_anywhere = np.concatenate([np.zeros(len(points)), rest])
         offset = np.array([*points, *elsewhere]) - seat
+        if around is not None and screen is not None:
+            offset[:n], on_screen = _through(screen, seat, offset[:n], np.array(is_around, bool))
+            appeals = np.where(on_screen, appeals, 0.0).tolist()
+        self.appeal = np.concatenate([appeals, rest])
+        self.appeal_anywhere = np.concatenate([np.zeros(n), rest])
         distance = np.linalg.norm(offset, axis=1)
         t = np.zeros(len(offset), dtype=state.TARGET_DTYPE)
         t["kind"], t["agent"], t["lost_ns"] = state.ROOM, -1, -1
         t["direction"], t["distance_m"] = offset / distance[:, None], distance
-        t["radius_rad"] = np.radians(back.degrees_px(seat)[0] * width / 3)
-        t["radius_rad"][: len(points)] = np.radians(np.sqrt(size_deg2 / np.pi))
+        t["radius_rad"] = wide_rad
+        t["radius_rad"][:n] = np.radians(np.sqrt(size_deg2 / np.pi))
         self.targets = t
         self.agent_eyes = np.zeros((0, 3))
-        ahead = offset[: len(points)].mean(axis=0)
+        ahead = offset[:n].mean(axis=0) if around is None else _ahead(around)
         self.rest = (float(np.arctan2(-ahead[0], -ahead[2])), 0.0)
+
+
+def _ahead(around: SurroundingAreas) -> Vector:
+    """Return what was straight ahead when a panorama came."""
+    return rotate(around.pose.orientation_wxyz, np.array([0.0, 0.0, -1.0]))
+
+
+def _spots_of(screen: PlacedScreen) -> tuple[list[Vector], float]:
+    """Return places all over a screen, and the angle around each where people look."""
+    left_m, right_m, bottom_m, top_m = screen.flat.edges_m()
+    wide_m, high_m = right_m - left_m, top_m - bottom_m
+    spots = [
+        screen.pose_at(left_m + x * wide_m, bottom_m + y * high_m).position_m
+        for x in ELSEWHERE
+        for y in ELSEWHERE
+    ]
+    return spots, float(np.arctan2(wide_m / 3, screen.flat.distance_m))
+
+
+def _through(
+    screen: PlacedScreen, seat: Vector, offset_m: Vector, is_around: npt.NDArray[np.bool_]
+) -> tuple[Vector, npt.NDArray[np.bool_]]:
+    """Return offsets (n, 3) from a seat, those of what is behind a screen led to its plane, and
+    which of them are on it.
+    """
+    if not len(offset_m):
+        return offset_m, is_around
+    back = quat_conjugate(screen.place.orientation_wxyz)
+    at = np.broadcast_to(rotate(back, seat - screen.place.position_m), offset_m.shape)
+    hit_m = screen.flat.meets_m(at, rotate(back, offset_m))
+    on_screen = screen.flat.is_on(hit_m)
+    on_plane = rotate(screen.place.orientation_wxyz, hit_m) + screen.place.position_m - seat
+    led = is_around & on_screen
+    return np.where(led[:, None], on_plane, offset_m), on_screen | ~is_around

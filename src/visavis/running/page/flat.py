@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from visavis.protocol.plan.steps import Mark
 from visavis.running.page.steps import WAYS, PageError, PageStep, Reply, count, mapping, number
 from visavis.stimuli.areas import areas_text
 from visavis.stimuli.audible import Audible, Sound, Tone
-from visavis.stimuli.flat import KINDS, Dots, Flat, Grating, Image, Shape, Text, rgb_of
+from visavis.stimuli.flat import Dots, Flat, Grating, Image, Shape, Text, rgb_of
 from visavis.stimuli.panels import Surface
 from visavis.stimuli.scenes.flat import FlatScene
 from visavis.study.actions import Action
@@ -217,7 +217,7 @@ def read_sound_item(content: Mapping[str, Any]) -> Audible:
 
 def read_item(content: Mapping[str, Any]) -> Flat:
     """Return the flat stimulus of which a page was told."""
-    kind = next(kind for name, kind in KINDS.items() if name.lower() == content["kind"])
+    kind = next(kind for kind in get_args(Flat) if kind.__name__.lower() == content["kind"])
     own = {f.name: content[f.name] for f in fields(kind) if f.name != "kind" and f.name in content}
     own = {name: tuple(v) if isinstance(v, list) else v for name, v in own.items()}
     item: Flat = kind(**own, **({"kind": content["shape"]} if kind is Shape else {}))

@@ -1,20 +1,23 @@
-"""Overlays on a scene: panels of text and the fixation mark."""
+"""Overlays on a scene: panels of text and the fixation mark; and a picture all around it."""
 
 from typing import Any
 
 import moderngl
 import numpy as np
+import numpy.typing as npt
 
-from visavis.lab.geometry import Vector
+from visavis.lab.geometry import Vector, quat_conjugate, quat_multiply, rotate
 from visavis.stage.card.programs import compile_program, set_bytes
 from visavis.stage.card.shaders import room as glsl_room
 from visavis.stage.geometry.projection import for_gl, world_from
 from visavis.stage.panel_image import panel_image
-from visavis.stimuli.picture import Camera, Panel, Picture, Sheet
+from visavis.stimuli.picture import Camera, Panel, Picture, Sheet, Surround
 
 MARK_HALF_DEG = 0.45
 PANELS_KEPT = 24
 MAX_SHEETS = 48
+MAX_SURROUNDS = 4
+"""Eyes' panoramas on the card: of 8k each takes 130 megabytes there."""
 
 
 class Overlays:
@@ -27,15 +30,19 @@ class Overlays:
         self._corners = context.buffer(corners.tobytes())
         self._panels: dict[tuple[object, ...], moderngl.Texture] = {}
         self._sheets: dict[int, tuple[object, object, moderngl.Texture]] = {}
+        self._surrounds: dict[int, tuple[object, moderngl.Texture]] = {}
         self._arrays: dict[str, moderngl.VertexArray] = {}
         self._programs: dict[str, moderngl.Program] = {}
 
-    def draw(self, picture: Picture, camera: Camera) -> None:
-        """Draw panels and mark over the picture."""
-        if not (picture.panels or picture.sheets) and picture.mark_m is None:
+    def draw(self, picture: Picture, camera: Camera, eye: int = 0) -> None:
+        """Draw what is around an eye, and panels and mark over the picture."""
+        has_more = picture.panels or picture.sheets or picture.surround
+        if not has_more and picture.mark_m is None:
             return
         context = self._context
         context.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+        if picture.surround is not None:
+            self._around(picture.surround, camera, eye)
         context.enable(moderngl.BLEND)
         context.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
         for sheet in picture.sheets:
@@ -50,6 +57,29 @@ class Overlays:
             self._board("mark", glsl_room.MARK_FRAGMENT, _mark_matrix(picture.mark_m, camera))
         context.disable(moderngl.BLEND)
         context.enable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
+
+    def send(self, pixels: npt.NDArray[np.uint8]) -> moderngl.Texture:
+        """Return the texture of a panorama's pixels (h, w, 3), which are sent at the first call."""
+        entry = self._surrounds.get(id(pixels))
+        if entry is None:
+            while len(self._surrounds) >= MAX_SURROUNDS:
+                self._surrounds.pop(next(iter(self._surrounds)))[1].release()
+            height, width = pixels.shape[:2]
+            texture = self._context.texture((width, height), 3, pixels, alignment=1)
+            _smooth(texture)
+            texture.repeat_x, texture.repeat_y = True, False
+            entry = self._surrounds[id(pixels)] = pixels, texture
+        return entry[1]
+
+    def _around(self, surround: Surround, camera: Camera, eye: int) -> None:
+        content = [(self._corners, "2f4", "in_corner")]
+        array = self._array(
+            "surround", glsl_room.SURROUND_VERTEX, glsl_room.SURROUND_FRAGMENT, content
+        )
+        matrix = _picture_from_corner(surround, camera).T.astype(np.float32)
+        set_bytes(self._programs["surround"], "picture_from_corner", matrix.tobytes())
+        self.send(surround.eyes[min(eye, len(surround.eyes) - 1)]).use(2)
+        array.render(moderngl.TRIANGLE_STRIP, vertices=4)
 
     def _board(self, name: str, fragment: str, matrix: Vector) -> None:
         array = self._array(
@@ -93,9 +123,7 @@ class Overlays:
 
     def _texture_of(self, size_px: tuple[int, int], pixels: bytes) -> moderngl.Texture:
         texture = self._context.texture(size_px, 4, pixels)
-        texture.build_mipmaps()
-        texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
-        texture.anisotropy = 8.0
+        _smooth(texture)
         texture.repeat_x = texture.repeat_y = False
         return texture
 
@@ -119,7 +147,29 @@ class Overlays:
                 thing.release()
         for _, _, texture in self._sheets.values():
             texture.release()
+        for _, texture in self._surrounds.values():
+            texture.release()
         self._corners.release()
+
+
+def _smooth(texture: moderngl.Texture) -> None:
+    """Let a texture be seen from afar and askew without flicker."""
+    texture.build_mipmaps()
+    texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+    texture.anisotropy = 8.0
+
+
+def _picture_from_corner(surround: Surround, camera: Camera) -> Vector:
+    """Return what leads from a place in an eye's picture, each way from -0.5 to 0.5, and 1, to a
+    direction in the panorama, (3, 3).
+    """
+    wide, high = camera.right - camera.left, camera.top - camera.bottom
+    middle = (camera.left + camera.right) / 2, (camera.bottom + camera.top) / 2
+    ray = np.array([[wide, 0.0, middle[0]], [0.0, high, middle[1]], [0.0, 0.0, -1.0]])
+    turn = quat_multiply(quat_conjugate(surround.orientation_wxyz), camera.pose.orientation_wxyz)
+    axes = np.stack([rotate(turn, axis) for axis in np.eye(3)], axis=1)
+    matrix: Vector = axes @ ray
+    return matrix
 
 
 def _mark_matrix(mark_m: Vector, camera: Camera) -> Vector:

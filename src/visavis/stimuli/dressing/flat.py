@@ -2,6 +2,7 @@
 
 On a screen a stimulus lies in the screen's plane and on whole pixels, so that its pixels are the
 screen's own. In a headset it stands upright at a distance, facing the head as it was at the onset.
+A panorama is all around: behind the screen as through a window, in a headset around the head.
 """
 
 from collections.abc import Iterator
@@ -16,13 +17,14 @@ from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg, quat_multiply, rotate
 from visavis.lab.screen import FlatScreen, PlacedScreen
 from visavis.stimuli.area_files import read_areas
-from visavis.stimuli.areas import Area, PlacedAreas
+from visavis.stimuli.areas import Area, Areas, PlacedAreas, SurroundingAreas
 from visavis.stimuli.dots import step_at
 from visavis.stimuli.dressing.picture_of import NOBODY
 from visavis.stimuli.flat import Dots, Flat, Image, Text, is_round, picture_path
 from visavis.stimuli.flat_pixels import moving_pixels, picture_size, pixels_of, text_size_em
 from visavis.stimuli.panels import board_pose
-from visavis.stimuli.picture import Picture, Room, Sheet
+from visavis.stimuli.panorama_pixels import eye_size_px, panorama_pixels
+from visavis.stimuli.picture import Picture, Room, Sheet, Surround
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.flat import FlatScene
 
@@ -31,6 +33,7 @@ DISTANCE_M: Final = 2.0
 PX_PER_DEG: Final = 40.0
 """Pixels of a sheet in a headset; more than any headset has."""
 MAX_PX: Final = 4096
+AT_REST: Final = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 
 
 def picture_of_flat(frame: SceneFrame) -> Picture:
@@ -43,7 +46,30 @@ def picture_of_flat(frame: SceneFrame) -> Picture:
         sheets = tuple(
             _moved(sheet, item, elapsed_s) for sheet, item in zip(sheets, scene.items, strict=True)
         )
-    return Picture(frame.t_ns, room, (), NOBODY, sheets=sheets)
+    surround = _surround(scene, frame.turned_deg)
+    return Picture(frame.t_ns, room, (), NOBODY, sheets=sheets, surround=surround)
+
+
+def _surround(scene: FlatScene, turned_deg: tuple[float, float]) -> Surround | None:
+    """Return a scene's panorama as the view is turned; None without one."""
+    if scene.panorama is None:
+        return None
+    pixels, around = panorama_pixels(scene.panorama, scene.folder), _around(scene)
+    return Surround(pixels.eyes, around.orientation_at(turned_deg), pixels.crc32)
+
+
+@lru_cache(maxsize=16)
+def _around(scene: FlatScene) -> SurroundingAreas:
+    """Return where the areas of a scene's panorama are."""
+    panorama, screen = scene.panorama, scene.surface.screen
+    assert panorama is not None  # noqa: S101 - whoever calls this has looked
+    head = (scene.head or AT_REST) if screen is None else screen.place
+    pose = Pose(head.position_m, board_pose(head).orientation_wxyz)
+    size_px = eye_size_px(panorama, scene.folder)
+    areas: tuple[Area, ...] = ()
+    if panorama.areas:
+        areas = read_areas(scene.folder / panorama.areas, size_px, is_around=True)
+    return SurroundingAreas(pose, panorama.yaw_deg, size_px, areas, scene.turns)
 
 
 @lru_cache(maxsize=16)
@@ -77,13 +103,14 @@ def place_of(item: Flat, scene: FlatScene) -> tuple[Pose, tuple[float, float], t
     return _around_head(item, scene) if screen is None else _on_screen(item, scene, screen)
 
 
-def areas_of(scene: FlatScene) -> tuple[PlacedAreas, ...]:
+def areas_of(scene: FlatScene) -> tuple[Areas, ...]:
     """Return the areas of interest of a scene's stimuli, from the back to the front.
 
     Raises:
         DesignError: a file of areas cannot be read, or two areas have one name.
     """
-    sheets = list(_placed_areas(scene))
+    around = () if scene.panorama is None else (_around(scene),)
+    sheets = (*around, *_placed_areas(scene))
     names: set[str] = set()
     for area in (area for one in sheets for area in one.areas):
         if not area.name.isidentifier():
@@ -97,7 +124,7 @@ def areas_of(scene: FlatScene) -> tuple[PlacedAreas, ...]:
                 "otherwise"
             )
         names.add(area.name)
-    return tuple(sheets)
+    return sheets
 
 
 def _placed_areas(scene: FlatScene) -> Iterator[PlacedAreas]:
@@ -175,7 +202,7 @@ def _on_screen(
 
 def _around_head(item: Flat, scene: FlatScene) -> tuple[Pose, tuple[float, float], tuple[int, int]]:
     wide_deg, high_deg = size_deg(item, scene)
-    head = scene.head or Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    head = scene.head or AT_REST
     upright = board_pose(head).orientation_wxyz
     right_deg, up_deg = item.at_deg
     turn = quat_multiply(upright, quat_from_yaw_pitch_deg(-right_deg, up_deg))

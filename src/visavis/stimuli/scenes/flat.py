@@ -1,14 +1,15 @@
 """Flat stimuli as a scene: before a screen in its plane, in a headset on sheets around the head."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
 from visavis.lab.geometry import Pose
 from visavis.stimuli.audible import Audible
-from visavis.stimuli.flat import Dots, Flat
+from visavis.stimuli.flat import Dots, Flat, Panorama
 from visavis.stimuli.panels import IN_HEADSET, Surface
 from visavis.stimuli.scene import Scene
+from visavis.stimuli.view_turns import ViewTurns
 
 DRESSED_BY: Final = "visavis.stimuli.dressing.flat:picture_of_flat"
 
@@ -20,7 +21,8 @@ class FlatScene(Scene):
     `background_srgb` fills what they leave free; pictures lie in `folder`. `answered_by` names the
     response for which somebody presses a key while this is shown, as their instruction says.
     `names` (one for each item, or none) make areas of interest of whole stimuli. `sounds` are heard
-    with them, or alone. What moves began to at `moves_since_ns`.
+    with them, or alone. What moves began to at `moves_since_ns`. A `panorama` is behind them all;
+    before a monitor the view onto it `turns`.
     """
 
     items: tuple[Flat, ...] = ()
@@ -32,6 +34,8 @@ class FlatScene(Scene):
     names: tuple[str, ...] = ()
     sounds: tuple[Audible, ...] = ()
     moves_since_ns: int = 0
+    panorama: Panorama | None = None
+    turns: ViewTurns = field(default_factory=lambda: ViewTurns(1))
 
     @property
     def moves(self) -> bool:

@@ -15,4 +15,8 @@ _CODES = DECODED + source("of_codes")
 
 BOARD_FRAGMENT = _CODES + source("board_fragment")
 
+SURROUND_VERTEX = source("surround_vertex")
+
+SURROUND_FRAGMENT = _CODES + source("surround_fragment")
+
 MARK_FRAGMENT = _CODES + source("mark_fragment")
