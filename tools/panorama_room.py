@@ -61,8 +61,8 @@ def wall_image(name: str) -> npt.NDArray[np.uint8]:
     image = Image.new("RGB", (round(wide_m * PX_PER_M), round(high_m * PX_PER_M)), colour)
     draw = ImageDraw.Draw(image)
     if name == "floor":
-        for x in range(0, image.width, PX_PER_M // 4):
-            draw.line((x, 0, x, image.height), "#6f5438", 6)
+        for board in range(0, image.width, PX_PER_M // 4):
+            draw.line((board, 0, board, image.height), "#6f5438", 6)
     elif axis != 1:
         draw.rectangle((0, image.height - 40, image.width, image.height), "#a89e8a")
     for thing in THINGS.values():

@@ -81,6 +81,7 @@ PICTURES: Final[Mapping[str, Recipe | FilmRecipe | DeskRecipe | ByHand]] = {
     "gaze_map.jpg": Recipe(
         (PEOPLE, f"gaze-map {STUDY} --by condition"), "**/gaze_map_by_condition.png"
     ),
+    "panorama.jpg": Recipe(("examples", "preview examples/around.py --png {file}")),
     "desk.jpg": DeskRecipe("stare"),
     "report.jpg": Recipe((PEOPLE, f"analyse {STUDY}"), "**/report.html", (1280, 800)),
     "viewer.jpg": Recipe(

@@ -128,12 +128,27 @@ def test_in_a_headset_each_eye_sees_its_half(folder, renderer, file, stereo):
         target.release()
 
 
-def test_where_the_edges_of_the_picture_meet_there_is_no_seam(folder, renderer):
-    plain = Files.new("RGB", SIZE, (120, 60, 30))
-    plain.save(folder / "plain.png")
-    picture = picture_of(frame_of(scene(folder, Panorama("plain.png", yaw_deg=180.0))))
+@pytest.mark.parametrize("yaw_deg", [180.0, 172.7, 200.0])
+def test_where_the_edges_of_the_picture_meet_there_is_no_seam(folder, yaw_deg, renderer):
+    pixels = np.full((*SIZE[::-1], 3), 200, np.uint8)
+    pixels[:, SIZE[0] // 4 : 3 * SIZE[0] // 4] = 0  # the mean of all is another grey
+    Files.fromarray(pixels).save(folder / "behind.png")
+    picture = picture_of(frame_of(scene(folder, Panorama("behind.png", yaw_deg=yaw_deg))))
     image = renderer.image(picture, eye_camera(HEAD, default_views()[0]), EYE_PX)
-    assert {(120, 60, 30)} == set(map(tuple, image.reshape(-1, 3).tolist()))
+    assert {200} == set(np.unique(image).tolist())
+
+
+def test_below_people_a_fine_pattern_is_as_sharp_as_ahead(folder, renderer):
+    pixels = np.zeros((*SIZE[::-1], 3), np.uint8)
+    pixels[::8], pixels[1::8], pixels[2::8], pixels[3::8] = 255, 255, 255, 255
+    Files.fromarray(pixels).save(folder / "rings.png")
+    picture = picture_of(frame_of(scene(folder, Panorama("rings.png"))))
+    down = Pose(HEAD.position_m, quat_from_yaw_pitch_deg(0.0, -80.0))
+    contrasts = [
+        np.ptp(renderer.image(picture, eye_camera(head, default_views()[0]), EYE_PX)[230:270, 225])
+        for head in (HEAD, down)
+    ]
+    assert min(contrasts) > 0.9 * 200
 
 
 def test_flat_stimuli_stand_before_a_panorama(folder, renderer):

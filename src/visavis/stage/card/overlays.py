@@ -66,7 +66,8 @@ class Overlays:
                 self._surrounds.pop(next(iter(self._surrounds)))[1].release()
             height, width = pixels.shape[:2]
             texture = self._context.texture((width, height), 3, pixels, alignment=1)
-            _smooth(texture)
+            texture.build_mipmaps()
+            texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
             texture.repeat_x, texture.repeat_y = True, False
             entry = self._surrounds[id(pixels)] = pixels, texture
         return entry[1]
@@ -123,7 +124,9 @@ class Overlays:
 
     def _texture_of(self, size_px: tuple[int, int], pixels: bytes) -> moderngl.Texture:
         texture = self._context.texture(size_px, 4, pixels)
-        _smooth(texture)
+        texture.build_mipmaps()
+        texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+        texture.anisotropy = 8.0
         texture.repeat_x = texture.repeat_y = False
         return texture
 
@@ -150,13 +153,6 @@ class Overlays:
         for _, texture in self._surrounds.values():
             texture.release()
         self._corners.release()
-
-
-def _smooth(texture: moderngl.Texture) -> None:
-    """Let a texture be seen from afar and askew without flicker."""
-    texture.build_mipmaps()
-    texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
-    texture.anisotropy = 8.0
 
 
 def _picture_from_corner(surround: Surround, camera: Camera) -> Vector:
