@@ -8,12 +8,16 @@ from visavis.cli.redraw import redraw
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.errors import DesignError
+from visavis.lab.geometry import Pose
 from visavis.recording.cached import CachedRecording
 from visavis.results.opened_study import find_study
 from visavis.running.film_store import film_store
 from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.session_request import simulated_request
+from visavis.stimuli.areas import SurroundingAreas, areas_text
 from visavis.stimuli.view_turns import VIEW_TURNED
+from visavis.study.area_measures import view_range
+from visavis.study.measures import TrialRecord
 
 STUDY = """
 from visavis import Factor, Keys, Panorama, Shape, Study, gaze_on, looks_at, view_range
@@ -33,6 +37,10 @@ lamp: {ellipse: [180, 0, 30, 30]}
 """
 
 ELSEWHERE = "door: {rectangle: [90, 80, 1, 1]}\nlamp: {rectangle: [90, -80, 1, 1]}\n"
+
+AROUND_TEXT = areas_text(
+    [SurroundingAreas(Pose(np.zeros(3), np.array([1.0, 0, 0, 0])), 0.0, (2048, 1024), ())]
+)
 
 
 def written(folder, text=STUDY):
@@ -136,6 +144,12 @@ def test_a_page_refuses_a_panorama_by_name_with_the_way_out(tmp_path):
     study = written(tmp_path)
     with pytest.raises(DesignError, match=r"shows a Panorama, which no page shows; .* monitor"):
         film_store(study.experiment({}))
+
+
+def test_how_much_was_straight_ahead_is_missing_without_a_recording():
+    shown = {"trial_id": "T01", "name": "stimulus", "start_ns": 0, "areas": AROUND_TEXT}
+    row = {"trial_id": "T01", "stimulus_on_ns": 0, "stimulus_off_ns": 10}
+    assert view_range().of(TrialRecord(row, None, events=(("shown", shown),))) is None
 
 
 def test_gaze_at_an_area_around_ends_what_is_shown(tmp_path):

@@ -32,6 +32,7 @@ from visavis.results.opened_study import OpenedStudy
 from visavis.results.several_sessions import SESSION_NUMBER
 from visavis.running.scripts import StudyData
 from visavis.stimuli.surfaces import Surfaces
+from visavis.stimuli.view_turns import VIEW_TURNED
 from visavis.study.area_measures import areas_shown
 from visavis.study.measures import TrialRecord
 from visavis.study.texts import label_of
@@ -159,6 +160,12 @@ def _looks(
             continue
         for trial_id, level in zip(mine["trial_id"], mine[factor], strict=True):
             trial = recorded_trial(recording, str(trial_id))
+            turned = recording.events_named(VIEW_TURNED, trial.part)["payload"]
+            if any(payload["trial_id"] == str(trial_id) for payload in turned):
+                raise UsageError(
+                    f"{session.path}: in trial {trial_id} the view onto a panorama was turned, so "
+                    "that no one picture shows what was seen; measure gaze on its areas (looks_at)"
+                )
             ends = _ends(data.study, trial, surfaces, during)
             if ends is not None:
                 first = first or trial

@@ -190,7 +190,7 @@ def transitions(
 def view_range(scene: str = "stimulus", *, prefix: str = "") -> Measure:
     """Return how much of a panorama was straight ahead, `view_range_deg`: from the farthest to the
     left to the farthest to the right, 360 at most. In a headset the head turns, before a monitor
-    arrow keys turn the view.
+    arrow keys turn the view. Missing without a recording, as in power's quick path.
     """
     return Measure(
         f"{prefix}view_range_deg",
@@ -205,7 +205,7 @@ def _range_ahead(record: TrialRecord, scene: str) -> float | None:
     window = record.window(scene)
     sheets = areas_shown(record, scene)
     around = next((one for one in sheets if isinstance(one, SurroundingAreas)), None)
-    if window is None or around is None:
+    if window is None or around is None or record.recording is None:
         return None
     head = record.stream("head", *window)
     t_ns = head["t_host_ns"][head["valid"]]
