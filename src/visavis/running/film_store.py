@@ -35,6 +35,7 @@ from visavis.running.page.spoken_digits import spoken_digits
 from visavis.running.sound_store import require_fit
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.dressing.picture_of import picture_of
+from visavis.stimuli.flat import Video
 from visavis.stimuli.picture import Camera, Picture, Prop, Room
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.sound import Waveform, part_of, read_sound
@@ -305,6 +306,11 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
             "t.show does without a condition, t.watch, t.ask, t.wait and t.dark. Perform it "
             "in the laboratory (visavis run), or show its scenes as films (t.watch)"
             + (f", or perform {variant}, its variant for headsets' browsers" if variant else "")
+        )
+    if any(isinstance(flat, Video) for flat in experiment.flats):
+        raise DesignError(
+            f"{experiment.name} cannot be performed on a page: it shows a Video, and no page plays "
+            "a lab's own films yet. Perform it in the laboratory (visavis run)"
         )
     for audible in experiment.audibles:
         require_fit(audible, experiment.settings.seconds_of(audible))

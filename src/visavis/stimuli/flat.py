@@ -1,5 +1,5 @@
-"""Flat stimuli as data: texts, pictures, shapes, gratings and dots, in degrees of visual angle; and
-the panorama that may stand around them.
+"""Flat stimuli as data: texts, pictures, shapes, gratings, dots and films, in degrees of visual
+angle; and the panorama that may stand around them.
 
 What they look like is `visavis.stimuli.flat_pixels`'s, how dots move `visavis.stimuli.dots`'s;
 where they stand before somebody is `visavis.stimuli.scenes.flat`'s.
@@ -262,6 +262,35 @@ class Dots:
 
 
 @dataclass(frozen=True)
+class Video:
+    """A film of a file beside the study's (MP4, WebM, …), `width_deg` wide or `height_deg` high;
+    the other follows from its pixels. After its end its last picture stays.
+
+    Its sound, if it has any, is heard with it unless `is_heard` is false, as loud as it was
+    recorded or at `level_db`, as of a `Sound`.
+    """
+
+    file: str
+    width_deg: float | None = None
+    height_deg: float | None = None
+    at_deg: tuple[float, float] = (0.0, 0.0)
+    is_heard: bool = True
+    level_db: float | None = None
+
+    def __post_init__(self) -> None:
+        _write_plain_numbers(self)
+        object.__setattr__(self, "file", str(self.file))
+        if not self.file:
+            raise DesignError("Video: name its file, which lies beside the study's")
+        sizes = {n: getattr(self, n) for n in ("width_deg", "height_deg")}
+        given = {name: deg for name, deg in sizes.items() if deg is not None}
+        if not given:
+            raise DesignError(f"Video {self.file!r}: give width_deg or height_deg")
+        _require_size(f"Video {self.file!r}", **given)
+        object.__setattr__(self, "at_deg", _require_place("Video", self.at_deg))
+
+
+@dataclass(frozen=True)
 class Panorama:
     """A picture all around, 360 by 180 degrees (equirectangular), of a file beside the study's.
 
@@ -289,7 +318,7 @@ class Panorama:
             raise DesignError(f"Panorama {self.file!r}: yaw_deg is {self.yaw_deg:g}; -360 to 360")
 
 
-Flat: TypeAlias = Text | Image | Shape | Grating | Dots
+Flat: TypeAlias = Text | Image | Shape | Grating | Dots | Video
 """What stands flat before somebody."""
 KINDS: Final[Mapping[str, type[Flat | Panorama]]] = {
     kind.__name__: kind for kind in (*get_args(Flat), Panorama)
@@ -309,6 +338,6 @@ def is_round(flat: Flat) -> bool:
     return False
 
 
-def picture_path(image: Image | Panorama, folder: Path) -> Path:
-    """Return where the file of a picture lies."""
+def picture_path(image: Image | Video | Panorama, folder: Path) -> Path:
+    """Return where the file of a picture or film lies."""
     return folder / image.file

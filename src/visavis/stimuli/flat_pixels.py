@@ -11,7 +11,8 @@ from PIL import ImageDraw, ImageOps, UnidentifiedImageError
 
 from visavis.lab.errors import DesignError
 from visavis.stimuli.dots import places_deg
-from visavis.stimuli.flat import Dots, Flat, Grating, Image, Shape, Text, rgb_of
+from visavis.stimuli.film_file import FilmReader
+from visavis.stimuli.flat import Dots, Flat, Grating, Image, Shape, Text, Video, rgb_of
 from visavis.stimuli.text_font import font_for
 
 Pixels = npt.NDArray[np.uint8]
@@ -44,6 +45,8 @@ def pixels_of(flat: Flat, size_px: tuple[int, int], folder: Path) -> Pixels:
             return _grating(flat, size_px)
         case Dots():
             return moving_pixels(flat, size_px, 0)
+        case Video():
+            return FilmReader(folder / flat.file, size_px).picture_at(0.0)
 
 
 @lru_cache(maxsize=4)

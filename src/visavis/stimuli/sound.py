@@ -17,8 +17,10 @@ from visavis.lab.errors import DataError
 MAX_S: Final = 1800.0
 MIN_RATE_HZ, MAX_RATE_HZ = 4000, 192_000
 MAX_FILE_BYTES: Final = 1 << 30
-PACKED: Final = (b"fLaC", b"OggS")
-"""The first bytes of files that PyAV reads."""
+PACKED: Final = (b"fLaC", b"OggS", b"\x1aE\xdf\xa3")
+"""The first bytes of files that PyAV reads: FLAC, OGG, and films as WebM and Matroska."""
+FILM: Final = b"ftyp"
+"""What films as MP4 begin with after four bytes; PyAV reads them."""
 CUT_S: Final = 0.1
 SILENCE_DB: Final = -200.0
 
@@ -88,10 +90,11 @@ def read_sound(path: Path) -> Waveform:
         if path.stat().st_size > MAX_FILE_BYTES:
             raise DataError(f"{path}: larger than {MAX_FILE_BYTES >> 20} MiB; cut the recording")
         with path.open("rb") as file:
-            head = file.read(4)
+            head = file.read(8)
     except OSError as problem:
         raise DataError(f"{path}: cannot be read ({problem.strerror or problem})") from problem
-    samples, rate_hz = (_read_packed if head in PACKED else _read_wav)(path)
+    is_packed = head[:4] in PACKED or head[4:] == FILM
+    samples, rate_hz = (_read_packed if is_packed else _read_wav)(path)
     if not 1 <= samples.shape[1] <= 2:
         raise DataError(f"{path}: {samples.shape[1]} channels; a sound has one or two")
     if not MIN_RATE_HZ <= rate_hz <= MAX_RATE_HZ:
@@ -147,6 +150,8 @@ def _read_packed(path: Path) -> tuple[npt.NDArray[np.float32], int]:
                 for frame in file.decode(stream)
                 for part in to_float.resample(frame)
             ]
+            if parts and file.streams.video:
+                parts = [_beside_pictures(file, stream, parts)]
     except (av.error.FFmpegError, ValueError) as problem:
         why = getattr(problem, "strerror", None) or problem
         raise DataError(f"{path}: a damaged sound ({why}); save it again") from problem
@@ -157,6 +162,16 @@ def _read_packed(path: Path) -> tuple[npt.NDArray[np.float32], int]:
             "it again"
         )
     return samples, rate_hz
+
+
+def _beside_pictures(file: Any, stream: Any, parts: list[npt.NDArray[Any]]) -> npt.NDArray[Any]:
+    """Return a film's sound from its first picture on, with silence where it begins later."""
+    samples, video = np.concatenate(parts), file.streams.video[0]
+    starts = [float((s.start_time or 0) * s.time_base) for s in (stream, video)]
+    late = round((starts[0] - starts[1]) * stream.rate)
+    if late <= 0:
+        return samples[-late:]
+    return np.concatenate([np.zeros((late, samples.shape[1]), samples.dtype), samples])
 
 
 def part_of(sound: Waveform, from_s: float, seconds: float) -> Waveform:

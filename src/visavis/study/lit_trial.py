@@ -18,11 +18,12 @@ from visavis.stimuli.view_turns import VIEW_TURNED
 from visavis.study.actions import Performing, ShownScene
 from visavis.study.asking import Answer, frame, press_in, presses_of
 from visavis.study.distances import floor_distances_m
+from visavis.study.film_pictures import FilmPictures
 from visavis.study.films import Film
 from visavis.study.frames import dark_view, gaze_has_arrived, show_frame
 from visavis.study.gaze_on import GazeOn, GazeWatch
 from visavis.study.responses import Keys
-from visavis.study.scenes import PAIR, PassingScene, Scene, StagedScene, Staging, stage
+from visavis.study.scenes import PAIR, PassingScene, Scene, StagedFlat, StagedScene, Staging, stage
 from visavis.study.showing import Showing, sound_columns
 from visavis.study.trial_settings import Settings
 
@@ -52,6 +53,7 @@ class LitTrial:
         self._lit_column = ""
         self._gaze_watch: GazeWatch | None = None
         self._shown_as = ""
+        self._film_pictures = FilmPictures((), 0)
 
     def _frame(
         self,
@@ -93,6 +95,10 @@ class LitTrial:
         before = yield from self._now()
         name = self.next_prefix(showing.name)
         staged_scene = self._stage(showing.scene, showing.seconds, len(self._names), before.t_ns)
+        if isinstance(staged_scene, StagedFlat) and staged_scene.films:
+            # What stands there stays a frame at least, so that a film misses none of its own.
+            staged_scene.open_films(before)
+            before = yield from self._frame()
         self._staged_scene, self._onset_ns = staged_scene, before.t_ns
         self._sound_on_ns, self._shown_as = 0, name
         yield from show_frame(self._scene_update(before))
@@ -101,6 +107,11 @@ class LitTrial:
         self.end_light(view.t_ns)
         self._gaze_watch = None
         self._onset_ns = view.t_ns
+        self._film_pictures = FilmPictures((), 0)
+        if isinstance(staged_scene, StagedFlat):
+            since_ns = staged_scene.scene.moves_since_ns
+            self._film_pictures = FilmPictures(staged_scene.films, since_ns)
+            self._film_pictures.note(view.t_ns)
         self.row.setdefault("t_start_ns", view.t_ns)
         yield Mark("shown", _payload(self.trial, name, showing.scene, staged_scene, before.t_ns))
         return name, staged_scene, view
@@ -178,6 +189,7 @@ class LitTrial:
         def pass_frame(view: FrameView) -> SceneFrame | None:
             nonlocal frames
             frames += 1
+            self._film_pictures.note(view.t_ns)
             return self._scene_update(view)
 
         while not (until is not None and until(view)):
@@ -190,6 +202,7 @@ class LitTrial:
             yield from self._follow(view)
             view = yield from self._frame(quiet_until_ns, pass_frame)
             frames += 1
+            self._film_pictures.note(view.t_ns)
         off_ns = view.t_ns + view.surface.frame_ns
         self._note_shown(name, staged_scene, lit_ns, off_ns, frames)
         return ShownScene(lit_ns, off_ns, staged_scene.roles, view)
@@ -199,6 +212,7 @@ class LitTrial:
     ) -> None:
         columns = {f"{name}_on_ns": on_ns, f"{name}_off_ns": off_ns, f"{name}_frames": frames}
         self.row |= {**columns, **self._role_columns(name, staged_scene), "t_end_ns": off_ns}
+        self.row |= self._film_pictures.columns(name)
         self._note_gaze(name, off_ns)
         self._lit_column = f"{name}_off_ns"
 
@@ -221,6 +235,8 @@ class LitTrial:
         def pass_frame(view: FrameView) -> SceneFrame | None:
             nonlocal frames
             frames += is_lit
+            if is_lit:
+                self._film_pictures.note(view.t_ns)
             return self._scene_update(view)
 
         answer = press_in(view, controls, on_ns, until_ns)
@@ -238,6 +254,8 @@ class LitTrial:
                 calm_ns = min(showing.calm_until_ns(view, on_ns), until_ns) if is_lit else until_ns
                 view = yield from self._frame(calm_ns, pass_frame)
                 frames += is_lit
+                if is_lit:
+                    self._film_pictures.note(view.t_ns)
             answer = press_in(view, controls, on_ns, until_ns)
         if is_lit:
             off_ns = view.t_ns + view.surface.frame_ns

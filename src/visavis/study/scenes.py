@@ -22,7 +22,8 @@ from visavis.stimuli.audible import Audible
 from visavis.stimuli.dressing.casting import default_casting
 from visavis.stimuli.dressing.gathering import agents_of
 from visavis.stimuli.dressing.picture_of import named_function
-from visavis.stimuli.flat import Colour, Flat, Image, Panorama, picture_path, rgb_of
+from visavis.stimuli.film_file import FilmFacts, film_facts
+from visavis.stimuli.flat import Colour, Flat, Image, Panorama, Video, picture_path, rgb_of
 from visavis.stimuli.gaze.behaviour import Course, EyeBehaviour
 from visavis.stimuli.gaze.blinks import draw_blinks
 from visavis.stimuli.motion.kinds import (
@@ -58,6 +59,7 @@ BEYOND_S: Final = 120.0
 """Blinks are drawn for this time beyond the planned duration, because answers may take longer."""
 FLAT: Final = "flat"
 """The scene of flat stimuli, which `t.show(Text(…))` makes."""
+OPEN_FILMS: Final = "visavis.stimuli.dressing.flat:open_films"
 PICTURE_SIZE: Final = "visavis.stimuli.flat_pixels:picture_size"
 AREAS_OF: Final = "visavis.stimuli.dressing.flat:areas_of"
 PAIR: Final = "pair"
@@ -370,7 +372,7 @@ def audience(
 
 
 @dataclass
-class _StagedFlat:
+class StagedFlat:
     """Flat stimuli, which stand where the participant is at their first frame."""
 
     scene: FlatScene
@@ -379,6 +381,17 @@ class _StagedFlat:
     _is_shown: bool = False
     _turned_deg: tuple[float, float] = (0.0, 0.0)
     _reported: int = 0
+
+    @property
+    def films(self) -> tuple[FilmFacts, ...]:
+        """The films among them."""
+        videos = (item for item in self.scene.items if isinstance(item, Video))
+        return tuple(film_facts(picture_path(video, self.scene.folder)) for video in videos)
+
+    def open_films(self, view: FrameView) -> None:
+        """Decode the first pictures of films, as large as they will stand there."""
+        opened = named_function(OPEN_FILMS, "decodes films")
+        opened(replace(self.scene, head=view.head, surface=view.surface))
 
     def frame(self, view: FrameView, elapsed_ns: int) -> SceneFrame | None:
         """Return the first frame; None after it, as nothing changes but a view that turns."""
@@ -441,6 +454,8 @@ def flat(
     for item in items:
         if isinstance(item, Image):
             picture_size(picture_path(item, staging.folder))
+        elif isinstance(item, Video):
+            film_facts(picture_path(item, staging.folder))
     scene = FlatScene(
         name=FLAT,
         agents=(),
@@ -453,7 +468,7 @@ def flat(
         sounds=sounds,
         panorama=panorama,
     )
-    return _StagedFlat(scene, areas=areas_of(scene))
+    return StagedFlat(scene, areas=areas_of(scene))
 
 
 def areas_of(scene: FlatScene) -> tuple[Areas, ...]:

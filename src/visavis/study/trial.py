@@ -33,8 +33,9 @@ from visavis.protocol.plan.steps import (
     SoundOnset,
     Step,
 )
-from visavis.stimuli.audible import MAX_GAIN_DB
-from visavis.stimuli.flat import MAX_SEED, Colour, Dots, Flat, Text
+from visavis.stimuli.audible import MAX_GAIN_DB, Sound
+from visavis.stimuli.film_file import film_facts
+from visavis.stimuli.flat import MAX_SEED, Colour, Dots, Flat, Text, Video, picture_path
 from visavis.stimuli.panels import SIZE_M, PanelFrame, Surface, board_before
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import SceneFrame
@@ -208,11 +209,12 @@ class TrialScript(LitTrial):
         reveal: Literal["pointer"] | None = None,
         window_deg: float = 4.0,
     ) -> Action:
-        """Show a scene, or flat stimuli (`Text`, `Image`, `Shape`, `Grating`, `Dots`; the last in
-        front; before a `Panorama`, if there is one), for some seconds or frames, or until `until`
-        is true for a frame (`gaze_on` says of gaze when) or a key of it is pressed. `Tone` and
-        `Sound` are heard with them or alone, all from the beginning, and to their end or the
-        trial's; alone they need no `seconds`.
+        """Show a scene, or flat stimuli (`Text`, `Image`, `Shape`, `Grating`, `Dots`, `Video`; the
+        last in front; before a `Panorama`, if there is one), for some seconds or frames, or until
+        `until` is true for a frame (`gaze_on` says of gaze when) or a key of it is pressed. `Tone`
+        and `Sound` are heard with them or alone, all from the beginning, and to their end or the
+        trial's; alone they need no `seconds`, and neither does a `Video`, which then lasts as long
+        as it does.
         Stimuli in a mapping have names, which make areas of interest of them. On a page,
         `reveal="pointer"` blurs all but a window `window_deg` wide, which follows the pointer.
 
@@ -234,26 +236,29 @@ class TrialScript(LitTrial):
         flats = tuple(self._with_seed(flat) for flat in parts.flats)
         is_flat = not parts.is_empty
         if is_flat:
+            own = [of for of in flats if isinstance(of, Video)]
+            sounds += tuple(of for film in own for of in self._sound_of(film))
             options: dict[str, Any] = {"background": background}
             options["answered_by"] = keys.name if keys else ""
             options |= {"names": names} if names else {}
             options |= {"sounds": sounds} if sounds else {}
             options |= {} if panorama is None else {"panorama": panorama}
             scene = Scene(FLAT, items=flats, **options)
-            if sounds and seconds is None and frames is None and until is None:
-                seconds = max(map(self.settings.seconds_of, sounds))
+            if (sounds or own) and seconds is None and frames is None and until is None:
+                lengths_s = [film_facts(picture_path(f, self.settings.folder)).seconds for f in own]
+                seconds = max([*lengths_s, *map(self.settings.seconds_of, sounds)])
         elif isinstance(what, Scene):
             scene = what
         else:
             raise DesignError(
-                "t.show shows a Scene, Text, Image, Shape, Grating, Dots, Panorama, Tone or Sound, "
-                f"or a list of the latter; not {what!r}"
+                "t.show shows a Scene, Text, Image, Shape, Grating, Dots, Video, Panorama, Tone or "
+                f"Sound, or a list of the latter; not {what!r}"
             )
         name = name or ("stimulus" if is_flat else "scene")
         seconds = shown_seconds(seconds, frames, keys, until)
         wide_deg = window_of(reveal if is_flat else None, window_deg)
-        if wide_deg and any(isinstance(flat, Dots) for flat in flats):
-            raise DesignError("t.show: reveal uncovers what stands still; dots move")
+        if wide_deg and any(isinstance(flat, Dots | Video) for flat in flats):
+            raise DesignError("t.show: reveal uncovers what stands still; dots and films move")
         showing = Showing(scene, seconds, frames, name, is_flat, wide_deg, sounds)
         if keys is not None:
             perform = partial(self._answer_shown, showing, keys)
@@ -274,6 +279,13 @@ class TrialScript(LitTrial):
             gaze_on=until if isinstance(until, GazeOn) else None,
             sounds=sounds,
         )
+
+    def _sound_of(self, film: Video) -> tuple[Sound, ...]:
+        """Return what is heard with a film; nothing of a silent one, or where its file is not."""
+        path = picture_path(film, self.settings.folder)
+        if not film.is_heard or not path.is_file() or not film_facts(path).has_sound:
+            return ()
+        return (Sound(film.file, film.level_db),)
 
     def _with_seed(self, flat: Flat) -> Flat:
         """Return a stimulus; dots without a seed get one of the trial."""

@@ -145,6 +145,8 @@ def scene_column(name: str, columns: Collection[str] | None = None) -> Column | 
     """
     for ending, unit, words in (
         *GAZE_ENDINGS,
+        ("_film_pictures", "1", "pictures of the film that were shown as {}"),
+        ("_film_dropped", "1", "pictures of the film of {} that no frame showed in their time"),
         (
             "_sound_error_ms",
             "ms",

@@ -8,6 +8,7 @@ A panorama is all around: behind the screen as through a window, in a headset ar
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -20,7 +21,8 @@ from visavis.stimuli.area_files import read_areas
 from visavis.stimuli.areas import Area, Areas, PlacedAreas, SurroundingAreas
 from visavis.stimuli.dots import step_at
 from visavis.stimuli.dressing.picture_of import NOBODY
-from visavis.stimuli.flat import Dots, Flat, Image, Text, is_round, picture_path
+from visavis.stimuli.film_file import FilmReader, film_facts
+from visavis.stimuli.flat import Dots, Flat, Image, Text, Video, is_round, picture_path
 from visavis.stimuli.flat_pixels import moving_pixels, picture_size, pixels_of, text_size_em
 from visavis.stimuli.panels import board_pose
 from visavis.stimuli.panorama_pixels import eye_size_px, panorama_pixels
@@ -81,12 +83,34 @@ def _sheets_of(scene: FlatScene) -> tuple[Room, tuple[Sheet, ...]]:
 def _sheet(item: Flat, scene: FlatScene) -> Sheet:
     pose, size_m, size_px = place_of(item, scene)
     is_exact = scene.surface.screen is not None
+    if isinstance(item, Video):
+        film = _reader(picture_path(item, scene.folder), size_px)
+        return Sheet(film.picture_at(0.0), pose, size_m, is_exact, film)
     course = object() if isinstance(item, Dots) else None
     return Sheet(pixels_of(item, size_px, scene.folder), pose, size_m, is_exact, course)
 
 
+@lru_cache(maxsize=4)
+def _reader(path: Path, size_px: tuple[int, int]) -> FilmReader:
+    """Return one reader of a film of one size: it stays open from one showing to the next."""
+    return FilmReader(path, size_px)
+
+
+def open_films(scene: FlatScene) -> None:
+    """Decode the first pictures of a scene's films before it is shown.
+
+    Raises:
+        DesignError: a film cannot be decoded.
+    """
+    for item in scene.items:
+        if isinstance(item, Video):
+            _reader(picture_path(item, scene.folder), place_of(item, scene)[2]).picture_at(0.0)
+
+
 def _moved(sheet: Sheet, item: Flat, elapsed_s: float) -> Sheet:
     """Return a sheet as it is some time after its onset."""
+    if isinstance(sheet.course, FilmReader):
+        return replace(sheet, pixels=sheet.course.picture_at(elapsed_s))
     if not isinstance(item, Dots):
         return sheet
     high, wide = sheet.pixels.shape[:2]
@@ -133,8 +157,7 @@ def _placed_areas(scene: FlatScene) -> Iterator[PlacedAreas]:
             continue
         pose, size_m, size_px = place_of(item, scene)
         if isinstance(item, Image):
-            path = picture_path(item, scene.folder)
-            size_px = picture_size(path, path.stat().st_mtime_ns if path.is_file() else 0)
+            size_px = own_size_px(item, scene.folder)
         wide, high = map(float, size_px)
         whole = Area(name, ((0.0, 0.0), (wide, 0.0), (wide, high), (0.0, high)))
         if is_round(item):
@@ -143,6 +166,18 @@ def _placed_areas(scene: FlatScene) -> Iterator[PlacedAreas]:
         if isinstance(item, Image) and item.areas:
             own = read_areas(scene.folder / item.areas, size_px)
         yield PlacedAreas(pose, size_m, size_px, (*((whole,) if name else ()), *own))
+
+
+def own_size_px(item: Image | Video, folder: Path) -> tuple[int, int]:
+    """Return width and height of a picture or film in its own pixels.
+
+    Raises:
+        DesignError: its file cannot be read.
+    """
+    path = picture_path(item, folder)
+    if isinstance(item, Video):
+        return film_facts(path).size_px
+    return picture_size(path, path.stat().st_mtime_ns if path.is_file() else 0)
 
 
 def size_deg(flat: Flat, scene: FlatScene) -> tuple[float, float]:
@@ -154,10 +189,8 @@ def size_deg(flat: Flat, scene: FlatScene) -> tuple[float, float]:
     if isinstance(flat, Text):
         wide_em, high_em = text_size_em(flat)
         return wide_em * flat.height_deg, high_em * flat.height_deg
-    if isinstance(flat, Image):
-        path = picture_path(flat, scene.folder)
-        modified_ns = path.stat().st_mtime_ns if path.is_file() else 0
-        wide, high = picture_size(path, modified_ns)
+    if isinstance(flat, Image | Video):
+        wide, high = own_size_px(flat, scene.folder)
         if flat.width_deg is None:
             assert flat.height_deg is not None  # noqa: S101 - one of them is given
             return flat.height_deg * wide / high, flat.height_deg
