@@ -35,7 +35,8 @@ from visavis.running.page.spoken_digits import spoken_digits
 from visavis.running.sound_store import require_fit
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.dressing.picture_of import picture_of
-from visavis.stimuli.flat import Video
+from visavis.stimuli.film_file import kind_for_browsers
+from visavis.stimuli.flat import picture_path
 from visavis.stimuli.picture import Camera, Picture, Prop, Room
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.sound import Waveform, part_of, read_sound
@@ -307,11 +308,8 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
             "in the laboratory (visavis run), or show its scenes as films (t.watch)"
             + (f", or perform {variant}, its variant for headsets' browsers" if variant else "")
         )
-    if any(isinstance(flat, Video) for flat in experiment.flats):
-        raise DesignError(
-            f"{experiment.name} cannot be performed on a page: it shows a Video, and no page plays "
-            "a lab's own films yet. Perform it in the laboratory (visavis run)"
-        )
+    for video in experiment.videos:
+        kind_for_browsers(picture_path(video, experiment.settings.folder))
     for audible in experiment.audibles:
         require_fit(audible, experiment.settings.seconds_of(audible))
     if "sound" in experiment.study.procedure.screening:

@@ -39,6 +39,9 @@ class FilmFacts:
     seconds: float
     has_sound: bool
     start_s: float
+    codec: str = ""
+    pixel_format: str = ""
+    container: str = ""
 
     def index_at(self, t_s: float) -> int:
         """Return which picture is there at a time; before and after it the first and the last."""
@@ -121,11 +124,45 @@ def _read_facts(path: Path, file: Any) -> FilmFacts:
             f"{path}: {size_px[0]} × {size_px[1]} pixels; up to {MAX_SIZE_PX} each way. Make it "
             f"smaller: ffmpeg -i {path.name} -vf scale=1920:-2 smaller.mp4"
         )
-    return FilmFacts(size_px, stamps_s, seconds, bool(file.streams.audio), start_s)
+    return FilmFacts(
+        size_px,
+        stamps_s,
+        seconds,
+        bool(file.streams.audio),
+        start_s,
+        stream.codec_context.name,
+        str(stream.codec_context.pix_fmt),
+        file.format.name,
+    )
+
+
+BROWSERS_PLAY: Final = {
+    "mp4": ("video/mp4", ("h264", "libdav1d", "av1")),
+    "webm": ("video/webm", ("vp8", "libvpx", "vp9", "libvpx-vp9", "libdav1d", "av1")),
+}
+"""The kinds of file that browsers play: their names, and codecs within by FFmpeg's names."""
+
+
+def kind_for_browsers(path: Path) -> str:
+    """Return the kind of a film, as browsers call it.
+
+    Raises:
+        DesignError: few browsers play it.
+    """
+    facts = film_facts(path)
+    for container, (kind, codecs) in BROWSERS_PLAY.items():
+        is_plain = facts.pixel_format in ("yuv420p", "yuvj420p")
+        if container in facts.container.split(",") and facts.codec in codecs and is_plain:
+            return kind
+    raise DesignError(
+        f"{path}: few browsers play such a film ({facts.container}, {facts.codec}, "
+        f"{facts.pixel_format}){_as_usual(path)}"
+    )
 
 
 def _as_usual(path: Path) -> str:
-    return f"; write it in a usual one: ffmpeg -i {path.name} -c:v libx264 usual.mp4"
+    usual = "-c:v libx264 -pix_fmt yuv420p usual.mp4"
+    return f"; write it in a usual one: ffmpeg -i {path.name} {usual}"
 
 
 def _av(path: Path) -> Any:

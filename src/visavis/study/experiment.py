@@ -19,7 +19,7 @@ from visavis.protocol.plan.session_plan import Block, SessionPlan, Trial
 from visavis.protocol.plan.steps import Plan
 from visavis.protocol.session.boards import DwellRule, Ways
 from visavis.stimuli.audible import Audible
-from visavis.stimuli.flat import Flat, Image
+from visavis.stimuli.flat import Flat, Image, Video
 from visavis.stimuli.scene import Scene as StageScene
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.sound import Waveform, part_of
@@ -221,6 +221,12 @@ class StudyExperiment:
         """One picture of every file that a condition shows."""
         pictures = {item.file: item for item in self.flats if isinstance(item, Image)}
         return tuple(pictures.values())
+
+    @property
+    def videos(self) -> tuple[Video, ...]:
+        """One video of every file that a condition shows."""
+        videos = {item.file: item for item in self.flats if isinstance(item, Video)}
+        return tuple(videos.values())
 
     @property
     def audibles(self) -> tuple[Audible, ...]:

@@ -189,7 +189,7 @@ def information_on_page(
     screening = experiment.study.procedure.screening
     facts = ["agreement", "answers", "course"]
     facts += ["holding"] if experiment.settings.held_answers else []
-    facts += ["films"] if experiment.films else []
+    facts += ["films"] if experiment.films or experiment.videos else []
     facts += ["moulding"] if experiment.lives else []
     facts += ["flats"] if experiment.flats else []
     facts += ["sounds"] if experiment.audibles else []

@@ -225,6 +225,7 @@ def course(visit: Visit) -> Course:
         if "sound" in experiment.study.procedure.screening:
             yield from _sound(visit)
         films = [visit.files(film) for film in experiment.films]
+        films += [visit.files(video) for video in experiment.videos]
         lives = [visit.files(live) for live in experiment.lives]
         described = [part for live in lives for part in (live, *live.get("people", ()))]
         files = [part[name] for part in described for name in ASSETS if name in part]

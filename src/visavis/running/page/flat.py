@@ -18,10 +18,20 @@ from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Pose
 from visavis.lab.screen import FlatScreen, PlacedScreen
 from visavis.protocol.plan.steps import Mark
-from visavis.running.page.steps import WAYS, PageError, PageStep, Reply, count, mapping, number
+from visavis.running.page.steps import (
+    WAYS,
+    FilmPlayback,
+    PageError,
+    PageStep,
+    Reply,
+    count,
+    mapping,
+    number,
+    read_film,
+)
 from visavis.stimuli.areas import areas_text
 from visavis.stimuli.audible import Audible, Sound, Tone
-from visavis.stimuli.flat import Dots, Flat, Grating, Image, Shape, Text, rgb_of
+from visavis.stimuli.flat import Dots, Flat, Grating, Image, Shape, Text, Video, rgb_of
 from visavis.stimuli.panels import Surface
 from visavis.stimuli.scenes.flat import FlatScene
 from visavis.study.actions import Action
@@ -200,7 +210,7 @@ def item_on_page(item: Flat, files: Callable[[Any], Mapping[str, Any]]) -> dict[
             return content | ({"shape": item.kind} if isinstance(item, Shape) else {})
         case Grating():
             return content
-        case Image():
+        case Image() | Video():
             return content | dict(files(item))
 
 
@@ -264,7 +274,7 @@ class Heard:
 class Lit:
     """The light of one part, in milliseconds of the page's clock: from its first frame to the
     first without it, with the frames that it had and those that its browser left out; and its
-    sounds, if it has any.
+    sounds and films, if it has any.
     """
 
     on_ms: float
@@ -272,6 +282,7 @@ class Lit:
     frames: int
     frames_dropped: int
     heard: Heard | None = None
+    films: tuple[FilmPlayback, ...] = ()
 
 
 def read_lit(content: Mapping[str, Any]) -> list[Lit]:
@@ -290,9 +301,32 @@ def read_lit(content: Mapping[str, Any]) -> list[Lit]:
             count(part.get("frames"), "frames"),
             count(part.get("dropped"), "dropped"),
             None if part.get("sound") is None else _read_heard(part["sound"]),
+            tuple(map(read_film, part.get("films", ()))),
         )
         for part in parts
     ]
+
+
+def films_of_part(part: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the films that begin with a part of a step."""
+    items = () if part.get("goes_on") else part["items"]
+    return [item for item in items if item["kind"] == "video"]
+
+
+def of_part_unseen(part: Mapping[str, Any], at_ms: float = 0.0, seconds: float = 0.0) -> Any:
+    """Return what a page would say of a part's sounds and films that nobody heard and saw."""
+    films = [
+        {
+            "first_ms": at_ms,
+            "frames": max(1, round(film["pictures"] * min(1.0, seconds / film["lasts_s"]))),
+            "dropped": 0,
+            "rounds": 0,
+            "stalls": 0,
+        }
+        for film in films_of_part(part)
+    ]
+    sound = {"sound": {**SILENT, "on_ms": at_ms}} if part.get("sounds") else {}
+    return sound | ({"films": films} if films else {})
 
 
 def _read_heard(content: Any) -> Heard:
@@ -348,6 +382,8 @@ def check_shown(step: PageStep, content: Mapping[str, Any]) -> None:
     for one, part in zip(lit, step.content["parts"], strict=False):
         if (one.heard is None) == bool(part.get("sounds")):
             raise PageError("every part with sounds says when they began, and no other")
+        if len(one.films) != len(films_of_part(part)):
+            raise PageError("every part with films says how they were presented, and no other")
     if any(not one.on_ms <= one.off_ms for one in lit):
         raise PageError("a part was gone before it was there")
     read_screen(content.get("screen"))
@@ -477,6 +513,13 @@ def shown_columns(sequence: Sequence, reply: Reply) -> dict[str, Any]:
             onsets = sound_columns(part.name, len(part.content["sounds"]))
             row |= dict.fromkeys(onsets, reply.t_ns_of(light.heard.on_ms))
             row[f"{part.name}_sound_error_ms"] = light.heard.error_ms
+        if light.films:
+            onsets_ns = [reply.t_ns_of(film.first_ms) for film in light.films]
+            row |= {
+                f"{part.name}_film_on_ns": min(onsets_ns),
+                f"{part.name}_film_pictures": sum(film.frames for film in light.films),
+                f"{part.name}_film_dropped": sum(film.frames_dropped for film in light.films),
+            }
         if part.scene is not None:
             on_ns, off_ns = row[f"{part.name}_on_ns"], row[f"{part.name}_off_ns"]
             part.scene.__dict__.update(on_ns=on_ns, off_ns=off_ns, ms=(off_ns - on_ns) / 1e6)

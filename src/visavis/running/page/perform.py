@@ -234,7 +234,8 @@ def page_session_of(
     virtual = request.clock.is_virtual
     notes = Notes()
     lives = LiveStore(experiment.lives)
-    pictures = PictureStore(experiment.pictures, experiment.settings.folder, lives.assets)
+    folder_of_study, films = experiment.settings.folder, dict[str, Path]()
+    pictures = PictureStore(experiment.pictures, folder_of_study, lives.assets, films=films)
     sounds = SoundStore(experiment.settings.sound_of, lives.assets)
     describe = page_files(store, lives, is_simulated=virtual, pictures=pictures, sounds=sounds)
     visit_of = Visit(
@@ -258,19 +259,12 @@ def page_session_of(
         key=key,
         headset_streams=experiment.headset_streams,
     )
-    files = (
-        {}
-        if virtual
-        else {
-            describe(film)["film"]: film_file.path
-            for film in experiment.films
-            if (film_file := store.file_of(film)) is not None
-        }
-    )
-    if files:
+    drawn_films = {} if virtual else {film: store.file_of(film) for film in experiment.films}
+    films |= {describe(film)["film"]: file.path for film, file in drawn_films.items() if file}
+    if drawn_films:
         _record_drawing(recorder, request.clock.now_ns(), experiment, store)
     about = about_of(experiment, folder.manifest.is_simulated, request.config.privacy.contact)
-    return PageSession(desk, about, files, lives.assets)
+    return PageSession(desk, about, films, lives.assets)
 
 
 def _record_drawing(

@@ -29,7 +29,7 @@ from visavis.running.page.steps import (
     read_page_answer,
 )
 from visavis.stimuli.audible import Audible
-from visavis.stimuli.flat import Image
+from visavis.stimuli.flat import Image, Video
 from visavis.study.actions import Action
 from visavis.study.asking import Answer
 from visavis.study.dry_run import still_view
@@ -47,7 +47,9 @@ from visavis.study.responses import Keys, Response
 from visavis.study.trial import TrialPlan, TrialScript
 
 OnPage: TypeAlias = Generator[PageStep | Mark, Reply | None, Any]
-FilmFiles: TypeAlias = Callable[[Film | Live | LiveFilm | Image | Audible], Mapping[str, Any]]
+FilmFiles: TypeAlias = Callable[
+    [Film | Live | LiveFilm | Image | Video | Audible], Mapping[str, Any]
+]
 """Returns what a page must know about a film, a live figure, a picture or a sound: files' names,
 hashes, sizes.
 """
@@ -128,7 +130,7 @@ def _shown(
     content = reply.content
     if content.get("failed") is not None:
         failure = mapping(content["failed"], "what failed")
-        what = "sound" if failure.get("sound") else f"picture {failure.get('file')}"
+        what = "sound" if failure.get("sound") else f"file {failure.get('file')}"
         raise FilmFailed(f"{what}: {failure.get('why')}"[:300])
     columns = shown_columns(coming, reply)
     first = next(part.name for part in coming.parts if part.name)

@@ -18,7 +18,7 @@ from visavis.people.moulder import Task
 from visavis.people.person import LISTEN_S, StudyPerson
 from visavis.protocol.people.simulated_participant import STRETCH_AGAIN
 from visavis.running.film_store import FilmStore
-from visavis.running.page.flat import SILENT, flat_scene
+from visavis.running.page.flat import flat_scene, of_part_unseen
 from visavis.running.page.simulated_headset import ENTERED, SimulatedHeadset
 from visavis.running.page.spoken_digits import hear_digits, spoken_digits
 from visavis.running.page.steps import BY_LIMIT, PageStep
@@ -189,8 +189,7 @@ class Visitor:
             frames = max(1, math.ceil((min(at_ms + lasts_ms, end_ms) - at_ms) / FRAME_MS - 1e-6))
             off_ms = at_ms + frames * FRAME_MS
             parts.append({"on_ms": at_ms, "off_ms": off_ms, "frames": frames, "dropped": 0})
-            if part.get("sounds"):
-                parts[-1]["sound"] = {**SILENT, "on_ms": at_ms}
+            parts[-1] |= of_part_unseen(part, at_ms, (off_ms - at_ms) / 1000)
             if "reveal" in part:
                 scene = flat_scene(part, self.store.study_folder)
                 path = self.person.pointer_path(scene, (off_ms - at_ms) / 1000)

@@ -28,7 +28,7 @@ from visavis.running.film_store import FilmStore
 from visavis.running.live_store import LiveStore, page_files
 from visavis.running.page.arrivals import PLACES_AHEAD
 from visavis.running.page.course import Notes, Visit, course
-from visavis.running.page.flat import SILENT
+from visavis.running.page.flat import of_part_unseen
 from visavis.running.page.perform import about_of, experiment_of
 from visavis.running.page.server import FILES, LIVE_FILES, SITE
 from visavis.running.page.steps import PageStep, Reply
@@ -196,16 +196,16 @@ def steps_of_place(request: Request, store: FilmStore, index: int) -> tuple[Page
 @lru_cache(maxsize=8)
 def files_of(
     store: FilmStore, experiment: StudyExperiment
-) -> tuple[Callable[[Any], Mapping[str, Any]], Mapping[str, bytes]]:
+) -> tuple[Callable[[Any], Mapping[str, Any]], Mapping[str, bytes], Mapping[str, Path]]:
     """Return what describes everything that a study shows on pages, and the files of live figures,
-    pictures and sounds, which are there once they were described.
+    pictures and sounds, and where films of its own lie: there once they were described.
     """
     settings, assets = experiment.settings, dict[str, bytes]()
     lives = LiveStore(experiment.lives, assets)
     pictures = PictureStore(experiment.pictures, settings.folder, assets)
     sounds = SoundStore(settings.sound_of, assets)
     describe = page_files(store, lives, is_simulated=False, pictures=pictures, sounds=sounds)
-    return describe, assets
+    return describe, assets, pictures.films
 
 
 def visit_of(
@@ -282,6 +282,9 @@ def _write(
         assert film_file is not None  # noqa: S101  # `steps_of_place` needed it
         (folder / "films").mkdir(exist_ok=True)
         shutil.copyfile(film_file.path, folder / "films" / film_file.path.name)
+    for name, own_film in files_of(store, experiment)[2].items():
+        (folder / "films").mkdir(exist_ok=True)
+        shutil.copyfile(own_film, folder / "films" / f"{name}.webm")  # whatever its kind
     for name, data in files_of(store, experiment)[1].items():
         (folder / "assets").mkdir(exist_ok=True)
         (folder / "assets" / name).write_bytes(data)
@@ -405,7 +408,7 @@ def _reply(step: PageStep, choose: Choose) -> dict[str, Any]:
             lit = {"on_ms": 0.0, "off_ms": 0.0, "frames": 1, "dropped": 0}
             parts = content["parts"]
             return {
-                "parts": [lit | ({"sound": SILENT} if p.get("sounds") else {}) for p in parts],
+                "parts": [lit | of_part_unseen(part) for part in parts],
                 "screen": {},
                 "outside": 0,
                 "answer": _press(content["keys"], choose),

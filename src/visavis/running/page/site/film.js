@@ -37,7 +37,7 @@ export async function load(film, key) {
     cache.set(film.film, await loaded(() => wire.film(film.film, key), film.bytes, async (buffer) => {
       const hash = await hashOf(buffer);
       if (hash !== null && hash !== film.sha256) throw new Error("it came damaged");
-      return { url: URL.createObjectURL(new Blob([buffer], { type: "video/webm" })), report: { is_checked: hash !== null } };
+      return { url: URL.createObjectURL(new Blob([buffer], { type: film.mime || "video/webm" })), report: { is_checked: hash !== null } };
     }));
   }
   return cache.get(film.film).report;
@@ -135,6 +135,12 @@ class Player {
   }
 }
 
+// Let a film's first pictures be decoded.
+export function prepare(film, video) {
+  const url = cache.get(film.film)?.url || "";
+  if (video.src !== url) video.src = url;
+}
+
 // Plays films round after round (or once), begun together; resolves `first` with when all were presented.
 export function play(films, videos, onRound, once = false) {
   const players = films.map((film, i) => new Player(film, videos[i]));
@@ -189,7 +195,7 @@ export function play(films, videos, onRound, once = false) {
   };
   for (const { video, film } of players) {
     video.addEventListener("ended", again);
-    video.src = cache.get(film.film)?.url || "";
+    prepare(film, video);
   }
   const ready = players.map(({ video }) => new Promise((resolve) => {
     if (video.readyState >= 3) resolve(); else video.addEventListener("canplay", resolve, { once: true });

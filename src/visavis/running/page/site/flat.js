@@ -3,6 +3,7 @@
 // loaded once, and decoded before anything of its step is shown.
 
 import { dotsPixels, stepAt } from "./dots.js";
+import * as film from "./film.js";
 import { loaded } from "./loading.js";
 import * as sound from "./sound.js";
 import * as wire from "./wire.js";
@@ -60,7 +61,7 @@ function sizeOf(item, context) {
     const wide = Math.max(...lines.map((line) => context.measureText(line).width));
     return [(wide / (up + down) + 0.1) * item.height_deg, lines.length * LINE_EM * item.height_deg];
   }
-  if (item.kind === "image") {
+  if (item.kind === "image" || item.kind === "video") {
     const shape = item.width_px / item.height_px;
     if (item.width_deg === null) return [item.height_deg * shape, item.height_deg];
     return [item.width_deg, item.height_deg ?? item.width_deg / shape];
@@ -154,6 +155,23 @@ function blurred(page, blurPx) {
 
 const DRAW = { text: drawText, shape: drawShape, grating: drawGrating, image: drawPicture };
 
+// A film stands over the canvas, and what is in front of it over that.
+function filmOver(item, [left, top, wide, high], ratio) {
+  const video = document.createElement("video");
+  Object.assign(video, { muted: true, playsInline: true, preload: "auto", disablePictureInPicture: true });
+  const px = { left, top, width: wide, height: high };
+  for (const [name, value] of Object.entries(px)) video.style[name] = `${value / ratio}px`;
+  film.prepare(item, video);
+  return video;
+}
+
+// The first picture of a film has to be there before anything of its step is shown.
+const decodedFilm = (item, video) => new Promise((resolve, reject) => {
+  if (video.readyState >= 3) resolve();
+  video.addEventListener("canplay", resolve, { once: true });
+  video.addEventListener("error", () => reject(Object.assign(new Error(video.error?.message || "it cannot be played"), { file: item.file })), { once: true });
+});
+
 // ---- one step -------------------------------------------------------------------------------
 
 // Shows the parts of a step one after another in `holder`; `done` gets when each was there, by the
@@ -180,6 +198,7 @@ export async function open(step, holder, screen, frameMs, done, broken) {
   let outside = 0;
   // What stands still is drawn beforehand: up to the first dots on `pages`, the rest in layers over it.
   const layers = step.parts.map(() => []);
+  const films = step.parts.map(() => []); // the films of each part, those of the one before where it goes on
   const pages = step.parts.map((part, k) => {
     const page = new OffscreenCanvas(canvas.width, canvas.height);
     let on = page.getContext("2d", { alpha: false });
@@ -189,7 +208,13 @@ export async function open(step, holder, screen, frameMs, done, broken) {
       const box = boxOf(item.at_deg, sizeOf(item, on), canvas, distancePx);
       const isWhole = box[0] >= 0 && box[1] >= 0 && box[0] + box[2] <= page.width && box[1] + box[3] <= page.height;
       if (!isWhole && !part.goes_on) outside += 1;
-      if (item.kind === "dots") {
+      if (item.kind === "video") {
+        const over = document.createElement("canvas");
+        [over.width, over.height] = [canvas.width, canvas.height];
+        on = over.getContext("2d");
+        if (part.goes_on) { films[k] = films[k - 1]; continue; }
+        films[k].push({ item, over, video: filmOver(item, box, ratio), player: null });
+      } else if (item.kind === "dots") {
         const over = new OffscreenCanvas(canvas.width, canvas.height);
         on = over.getContext("2d");
         layers[k].push({ item, box, over });
@@ -222,8 +247,17 @@ export async function open(step, holder, screen, frameMs, done, broken) {
     context.drawImage(pages[k], 0, 0);
     context.restore();
   };
+  const showFilms = (k) => {
+    for (const one of films.flat()) one.video.style.visibility = one.over.style.visibility = films[k]?.includes(one) ? "visible" : "hidden";
+    for (const one of films[k] || []) {
+      if (one.player) continue;
+      one.player = film.play([{ ...one.item, place: "film" }], [one.video], () => {}, true);
+      one.player.first.catch((error) => { if (!isOver) { close(); broken(Object.assign(error, { file: one.item.file })); } });
+    }
+  };
   const draw = (k, elapsedMs) => {
     canvas.dataset.part = k;
+    showFilms(k);
     if (k < pages.length && layers[k].length) { move(k, elapsedMs); return; }
     if (k < pages.length && veils[k]) { reveal(k); return; }
     if (k < pages.length) context.drawImage(pages[k], 0, 0);
@@ -253,6 +287,7 @@ export async function open(step, holder, screen, frameMs, done, broken) {
     document.removeEventListener("keydown", onKey);
     document.removeEventListener("pointermove", onPointer);
     document.removeEventListener("pointerdown", onPointer);
+    for (const { player } of films.flat()) player?.end();
   };
 
   // `drawn` is the part that the frame before drew; it has been lit since this one.
@@ -335,9 +370,14 @@ export async function open(step, holder, screen, frameMs, done, broken) {
     close();
     if (![...heard.values()].every(sound.hasBegun)) { broken(new Error("its clock stands still")); return; }
     for (const [k, begun] of heard) if (lit[k]) lit[k].sound = sound.timeOf(begun);
+    step.parts.forEach((part, k) => {
+      if (lit[k] && !part.goes_on && films[k].length) lit[k].films = films[k].map(({ player }) => ({ ...player.report().film, first_ms: player.report().film.first_ms ?? lit[k].on_ms }));
+    });
     done({ parts: lit.slice(0, -1), answer, outside, view_px: [Math.round(canvas.width / ratio), Math.round(canvas.height / ratio)] });
   };
-  holder.append(canvas);
+  holder.append(canvas, ...films.flat().flatMap(({ video, over }) => [video, over]));
+  showFilms(-1);
+  await Promise.all(films.flat().map(({ item, video }) => decodedFilm(item, video)));
   sound.onBreak(() => { if (hasSounds && !isOver) { close(); broken(new Error("the browser stopped it")); } });
   requestAnimationFrame(onFrame);
   return { close: () => { if (!isOver) sound.hush(); close(); } };

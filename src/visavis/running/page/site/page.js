@@ -629,11 +629,12 @@ const steps = {
       const frameMs = 1000 / (await refreshHz() || 60);
       for (const picture of step.parts.flatMap((part) => part.items).filter((item) => item.kind === "image")) await flat.load(picture, key);
       for (const one of sounds) await sound.load(one, key);
+      for (const one of step.parts.flatMap((part) => part.items).filter((item) => item.kind === "video")) await film.load(one, key);
       if (current !== step) return;
       opened = await flat.open(step, holder, inUse, frameMs, (content) => {
         cleanUp();
         reply({ shown_ms: shownMs, screen, ...content });
-      }, (error) => showFailure({ sound: true, why: error.message }));
+      }, (error) => showFailure({ ...(error.file ? { file: error.file } : { sound: true }), why: error.message }));
       if (current !== step) opened.close();
     } catch (error) {
       showFailure({ file: error.file || "", why: String(error.message || error) });
