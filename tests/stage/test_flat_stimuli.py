@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image as Files
 
+from benchmarks.film_in_step import number_of, write_film
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Pose
 from visavis.lab.screen import FlatScreen, PlacedScreen
@@ -13,7 +14,7 @@ from visavis.stage.renderer import Quality, Renderer
 from visavis.stimuli.dots import places_deg
 from visavis.stimuli.dressing.flat import box_px
 from visavis.stimuli.dressing.picture_of import picture_of
-from visavis.stimuli.flat import Dots, Grating, Image, Shape, Text, rgb_of
+from visavis.stimuli.flat import Dots, Grating, Image, Shape, Text, Video, rgb_of
 from visavis.stimuli.flat_pixels import moving_pixels, read_picture
 from visavis.stimuli.panels import IN_HEADSET, Surface
 from visavis.stimuli.scene import SceneFrame
@@ -208,3 +209,20 @@ def test_dots_are_drawn_where_they_are_in_each_frame(surface):
         shown = np.isfinite(places_deg(dots, 0)[:, 0]).sum()
         expected_px = shown * np.pi * (px(0.3) / 2) ** 2
         assert first.max(axis=2).sum() / 255 == pytest.approx(expected_px, rel=0.15)
+
+
+def test_a_film_is_drawn_with_the_picture_that_is_due_in_each_frame(tmp_path):
+    pytest.importorskip("av")
+    write_film(tmp_path / "film.mp4", 45)
+    before = scene(Video("film.mp4", width_deg=12), folder=tmp_path)
+    camera = eye_camera(HEAD, SCREEN.view_from(np.zeros(3)))
+    try:
+        with Renderer(quality=Quality(samples=0)) as renderer:
+            for number in (0, 7, 30, 8, 44):
+                t_ns = round((number + 0.5) / 30 * 1e9)
+                picture = picture_of(SceneFrame(before, t_ns, np.zeros((0, 3)), np.zeros(0)))
+                image = renderer.image(picture, camera, (640, 360))
+                left, top, right, bottom = box_px((0.0, 0.0), (12.0, 6.75), SCREEN)
+                assert number == number_of(image[top:bottom, left:right])
+    except StageError as problem:
+        pytest.skip(str(problem))

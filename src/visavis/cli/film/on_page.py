@@ -18,8 +18,8 @@ from visavis.running.film_store import FilmStore, film_drawing
 from visavis.running.page.seen_trial import Question, SeenPart, SeenStep, seen_trial
 from visavis.stage.movie import open_movie, picture_times_ns
 from visavis.stimuli.dots import step_at
-from visavis.stimuli.dressing.flat import box_px, size_deg
-from visavis.stimuli.flat import Dots
+from visavis.stimuli.dressing.flat import box_px, reader_of, size_deg
+from visavis.stimuli.flat import Dots, Video, picture_path
 from visavis.stimuli.flat_pixels import moving_pixels, pixels_of
 from visavis.stimuli.picture import Picture
 from visavis.stimuli.text_font import font_for
@@ -197,8 +197,12 @@ def _flat_page(parts: Sequence[SeenPart], t_ns: int, size_px: tuple[int, int]) -
     for item in part.scene.items:
         box = box_px(item.at_deg, size_deg(item, part.scene), screen)
         size = (box[2] - box[0], box[3] - box[1])
-        if isinstance(item, Dots):
-            step = step_at(item, (t_ns - part.scene.moves_since_ns) / NS_PER_S)
+        elapsed_s = (t_ns - part.scene.moves_since_ns) / NS_PER_S
+        if isinstance(item, Video):
+            film = reader_of(picture_path(item, part.scene.folder), size)
+            pixels = Image.fromarray(film.picture_at(elapsed_s))
+        elif isinstance(item, Dots):
+            step = step_at(item, elapsed_s)
             pixels = Image.fromarray(moving_pixels(item, size, step))
         else:
             pixels = Image.fromarray(pixels_of(item, size, part.scene.folder))

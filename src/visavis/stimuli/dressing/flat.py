@@ -84,14 +84,14 @@ def _sheet(item: Flat, scene: FlatScene) -> Sheet:
     pose, size_m, size_px = place_of(item, scene)
     is_exact = scene.surface.screen is not None
     if isinstance(item, Video):
-        film = _reader(picture_path(item, scene.folder), size_px)
+        film = reader_of(picture_path(item, scene.folder), size_px)
         return Sheet(film.picture_at(0.0), pose, size_m, is_exact, film)
     course = object() if isinstance(item, Dots) else None
     return Sheet(pixels_of(item, size_px, scene.folder), pose, size_m, is_exact, course)
 
 
 @lru_cache(maxsize=4)
-def _reader(path: Path, size_px: tuple[int, int]) -> FilmReader:
+def reader_of(path: Path, size_px: tuple[int, int]) -> FilmReader:
     """Return one reader of a film of one size: it stays open from one showing to the next."""
     return FilmReader(path, size_px)
 
@@ -104,7 +104,7 @@ def open_films(scene: FlatScene) -> None:
     """
     for item in scene.items:
         if isinstance(item, Video):
-            _reader(picture_path(item, scene.folder), place_of(item, scene)[2]).picture_at(0.0)
+            reader_of(picture_path(item, scene.folder), place_of(item, scene)[2]).picture_at(0.0)
 
 
 def _moved(sheet: Sheet, item: Flat, elapsed_s: float) -> Sheet:
