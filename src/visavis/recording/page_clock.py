@@ -182,6 +182,18 @@ class PageClock:
             "is_set": is_set,
         }
 
+    def offset_of_one_way(self, page_out_ms: float, in_ns: int) -> dict[str, Any] | None:
+        """Return what is to be recorded of a post of a page of which nothing is known so far.
+
+        What waited there while a server began anew came with it, and happened before it left. It
+        may be wrong by the way of this one post; None where more is known already.
+        """
+        if self.offsets or self._least_ns is not None:
+            return None
+        offset_ns = in_ns - _ns_of_ms(page_out_ms)
+        about = {"page_ms": page_out_ms, "offset_ns": offset_ns, "round_trip_ms": None}
+        return {"kind": CLOCK, **about, "is_set": False}
+
     def place(self, payload: Mapping[str, Any]) -> None:
         """Use a recorded offset from now on, and back to the one before it."""
         if payload.get("offset_ns") is None:  # a shared copy, without what tells of the page
@@ -189,7 +201,8 @@ class PageClock:
         if payload.get("is_set"):
             self.offsets.clear()
         self.offsets.append((_ns_of_ms(float(payload["page_ms"])), int(payload["offset_ns"])))
-        self._round_trip_ns = _ns_of_ms(float(payload.get("round_trip_ms") or 0))
+        round_trip_ms = payload.get("round_trip_ms")  # None: of one way
+        self._round_trip_ns = WINDOW_NS if round_trip_ms is None else _ns_of_ms(round_trip_ms)
 
     def _is_set_at(self, page_ns: int, offset_ns: int, round_trip_ns: int) -> bool:
         """Tell whether a clock was set between the last recorded offset and this one.

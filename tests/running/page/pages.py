@@ -97,14 +97,14 @@ def begun(root: Path, label: str = "S01") -> Iterator[tuple[Page, Path]]:
 
 
 @contextmanager
-def gone_on(path: Path, checkpoint: Resumes = "step") -> Iterator[Page]:
-    """Go on with a session that broke off."""
+def gone_on(path: Path, checkpoint: Resumes = "step", *, says_hello: bool = True) -> Iterator[Page]:
+    """Go on with a session that broke off; the page says hello, unless it noticed nothing."""
     folder, _ = open_session(path)
     with folder:
-        yield page_of(folder, back_to(Recording(path), checkpoint))
+        yield page_of(folder, back_to(Recording(path), checkpoint), says_hello=says_hello)
 
 
-def page_of(folder: SessionFolder, past: EarlierParts | None) -> Page:
+def page_of(folder: SessionFolder, past: EarlierParts | None, *, says_hello: bool = True) -> Page:
     """Return a page with a desk that records into a new part of a session."""
     clock = SimClock()
     part = folder.begin_part(clock)
@@ -131,5 +131,6 @@ def page_of(folder: SessionFolder, past: EarlierParts | None) -> Page:
     for step in desk.trial_steps[:-1]:
         if step.kind == "watch":
             visitor.look(step.content)
-    desk.hello(TAB)
+    if says_hello:
+        desk.hello(TAB)
     return Page(desk, visitor, clock)

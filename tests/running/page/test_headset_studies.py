@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from tests.running.page.pages import config
+from tests.running.page.test_elsewhere import Host
 from tests.running.page.test_live_scenes import STUDY, opened
 from visavis.analysis.session_check import check_session
 from visavis.cli.main import app
@@ -148,6 +149,17 @@ def test_what_would_be_typed_in_a_headset_is_refused(tmp_path: Path) -> None:
     typed = typed.replace("Factor, Live,", "Factor, FreeText, Live,")
     with pytest.raises(DesignError, match="heavy would be typed"):
         opened(tmp_path, typed).experiment({}).check_in_headset()
+
+
+@pytest.mark.parametrize("name", ["bundle", "bundle.jzip"])
+@pytest.mark.parametrize("xr", ["optional", "required"])
+def test_a_bundle_of_a_study_in_a_headset_is_refused_by_name_and_leaves_nothing(
+    tmp_path: Path, name: str, xr: str
+) -> None:
+    host = Host(tmp_path, IN_HEADSET.replace("optional", xr))
+    with pytest.raises(DesignError, match=r'apart enters a headset.*serve it.*xr="never"'):
+        host.exported(name)
+    assert [] == [p.name for p in tmp_path.iterdir() if "bundle" in p.name]
 
 
 def test_another_word_for_xr_is_refused(tmp_path: Path) -> None:

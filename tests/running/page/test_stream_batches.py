@@ -19,7 +19,7 @@ from visavis.recording.page_clock import PAGE_ROLE
 from visavis.recording.reader import Recording
 from visavis.recording.session_times import session_times
 from visavis.recording.writer import REAL_TIME_BATCH_NS, Recorder
-from visavis.running.page.desk import LOST_FLAG
+from visavis.running.page.desk import LOST_FLAG, Post
 from visavis.running.page.steps import BadEventError, PageError
 from visavis.running.page.stream_batches import PageStreams, read_batch
 from visavis.running.page.streams import COLUMNS, MAX_ROWS
@@ -241,6 +241,34 @@ def test_a_killed_server_loses_and_doubles_no_row(tmp_path: Path) -> None:
         page.answer_all()
         page.desk.recorder.close("complete")
     assert list(range(25)) == list(Recording(path).stream("head")["seq"])
+
+
+@pytest.mark.parametrize("says_hello", [True, False])
+def test_what_waited_while_a_server_began_anew_has_the_times_at_which_it_was_measured(
+    tmp_path: Path, says_hello: bool
+) -> None:
+    with begun(tmp_path) as (page, path):
+        in_headset(page)
+    away_s = 5.0
+    with gone_on(path, says_hello=False) as page:
+        page.desk.headset_streams = ("head", "frame_timing")
+        page.clock.sleep_until_ns(2 * NS_PER_S)
+        now_ms = 60_000.0  # of the page, when its post leaves
+        if says_hello:
+            page.desk.hello(TAB, at_ms=now_ms - 10)
+        first = page.desk.last_event_number + 1
+        waiting = [
+            batch(head_rows(36), seq0=seq0, t0_ms=now_ms - 1000 * away_s + seq0 * FRAME_MS)
+            for seq0 in range(0, round(72 * away_s), 36)
+        ]
+        post = Post(now_ms, 1.7e12, 1, 2 * NS_PER_S)
+        page.desk.take(TAB, [{**e, "n": first + i} for i, e in enumerate(waiting)], post)
+        page.answer_all()
+        page.desk.recorder.close("complete")
+    found = Recording(path).stream_arrays("head", part=2)["t_host_ns"]
+    want_ns = (2 - away_s) * NS_PER_S + np.arange(len(found)) * FRAME_MS * NS_PER_MS
+    assert 360 == len(found)
+    assert 20 * NS_PER_MS > np.abs(found - want_ns).max()  # three seconds before the part began
 
 
 def test_whoever_goes_on_behind_rows_that_are_on_the_disk_has_lost_none(tmp_path: Path) -> None:

@@ -291,7 +291,7 @@ def _trials(
     last_of = {str(name): i for i, name in enumerate(rows["trial_id"])}
     for i, row in enumerate(rows.to_dict("records")):
         name, part = str(row["trial_id"]), int(row["recording_part"])
-        if not (row["t_start_ns"] >= 0 and row["t_end_ns"] >= 0):
+        if any(row[n] is None or row[n] != row[n] for n in ("t_start_ns", "t_end_ns")):
             continue
         yield {
             "id": name,

@@ -255,7 +255,7 @@ class PageDesk:
         if self.step.kind == "consent":  # nothing about a page is recorded yet
             return False
         self._exchanges += filter(None, exchanges)
-        offset = clock.offset_to_place(now_ns)
+        offset = clock.offset_to_place(now_ns) or clock.offset_of_one_way(post.out_ms, post.in_ns)
         if offset is None:
             return False
         payload = {**offset, "tab": tab}
