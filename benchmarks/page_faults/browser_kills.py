@@ -12,7 +12,7 @@ import shutil
 import signal
 import subprocess
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -65,8 +65,15 @@ GO_ON: Final = "document.querySelector('#main.narrow button')?.click()"
 class Chromium:
     """Own a browser with a profile that outlives it."""
 
-    def __init__(self, program: str, profile: Path, playwright: Any) -> None:
+    def __init__(
+        self,
+        program: str,
+        profile: Path,
+        playwright: Any,
+        options: Sequence[str] = OPTIONS_OF_BROWSER,
+    ) -> None:
         self._program, self._profile, self._playwright = program, profile, playwright
+        self._options = options
         self._process: subprocess.Popen[bytes] | None = None
         self.page: Any = None
 
@@ -90,7 +97,7 @@ class Chromium:
         told = self._profile / "DevToolsActivePort"
         told.unlink(missing_ok=True)
         self._process = subprocess.Popen(
-            [self._program, *OPTIONS_OF_BROWSER, f"--user-data-dir={self._profile}"],
+            [self._program, *self._options, f"--user-data-dir={self._profile}"],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             start_new_session=True,
