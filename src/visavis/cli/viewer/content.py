@@ -268,17 +268,20 @@ def trial_lengths_ns(recording: CachedRecording) -> dict[str, int]:
 def times_of(recording: CachedRecording) -> Times:
     """Return where every part of a session lies on one line of seconds that begins at 0.
 
-    Session times of a real clock count from the computer's start.
+    Session times of a real clock count from the computer's start. What waited on a page while its
+    server began anew is earlier than the part that holds it.
     """
     offset_s, begun_s = {}, 0.0
     for part in recording.manifest.parts:
-        offset_s[part.number] = begun_s - part.started_ns / NS_PER_S
         events = recording.journal(part.number).events
-        last_ns = max((int(e["t_ns"]) for e in events), default=part.started_ns)
+        first_ns = part.started_ns
+        last_ns = max((int(e["t_ns"]) for e in events), default=first_ns)
         for name in recording.stream_names:
             t_ns = recording.stream_arrays(name, part=part.number).get("t_host_ns")
-            last_ns = max(last_ns, 0 if t_ns is None or not len(t_ns) else int(t_ns[-1]))
-        begun_s += (last_ns - part.started_ns) / NS_PER_S + GAP_S
+            if t_ns is not None and len(t_ns):
+                first_ns, last_ns = min(first_ns, int(t_ns[0])), max(last_ns, int(t_ns[-1]))
+        offset_s[part.number] = begun_s - first_ns / NS_PER_S
+        begun_s += (last_ns - first_ns) / NS_PER_S + GAP_S
     return Times(offset_s)
 
 
