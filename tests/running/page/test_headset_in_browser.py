@@ -24,9 +24,24 @@ FILES = Path(__file__).parent / "headsets"
 STREAMS = ("head", "frame_timing", "pointer", "responses")
 
 
-def opened(server: Server, browser: Any, which: str) -> tuple[Any, list[str]]:
+ASKING_IN_HEADSET = """
+from visavis import Factor, Rating, Study
+
+study = Study("apart", factors=[Factor("place", [1, 2])], on="browser", uses=(), calibrate=False,
+              xr="required")
+
+
+@study.trial
+def trial(t):
+    yield t.ask(Rating("answer", 1, 9))
+"""
+
+
+def opened(
+    server: Server, browser: Any, which: str, text: str = IN_HEADSET
+) -> tuple[Any, list[str]]:
     """Return a page before a headset, after the consent, at the step that enters VR."""
-    (server.root / "apart.py").write_text(IN_HEADSET, "utf-8")
+    (server.root / "apart.py").write_text(text, "utf-8")
     return before_a_headset(browser, server.start("run", "apart.py", "--participant", "1"), which)
 
 
@@ -228,6 +243,24 @@ def test_whoever_leaves_vr_or_reloads_goes_on_at_the_screen_and_each_trial_says_
     assert not problems
 
 
+def test_whoever_enters_again_goes_on_with_the_numbers_of_their_frames(
+    server: Server, browser: Any
+) -> None:
+    page, problems = opened(server, browser, "standard", ASKING_IN_HEADSET)
+    page.locator("#main button:not(.quiet):not([disabled])").click()
+    for _ in range(2):  # VR ends, and somebody enters again on the same page
+        wait(page, "() => window.worn && worn.isPresenting() && worn.frames() > 60")
+        page.evaluate("drive.end()")
+        page.locator("#headset button").first.click()
+    wait(page, "() => worn.isPresenting() && worn.frames() > 60")
+    at_last = len(page_events(server, "stream"))
+    wait(page, partial(has_batches, server, at_last + 4))
+    assert [] == page_events(server, "problem")
+    numbers = [p["seq0"] for p in page_events(server, "stream") if p["stream"] == "pointer"]
+    assert sorted(numbers) == numbers
+    assert not problems
+
+
 def has_batches(server: Server, more_than: int) -> bool:
     """Tell whether the journal names more batches than that."""
     return len(page_events(server, "stream")) > more_than
@@ -261,10 +294,9 @@ def test_a_server_that_is_killed_loses_and_doubles_no_sample(server: Server, bro
 
 
 BATCHES = """async ([code]) => {
-    const { newStreams, nextNumbers } = await import(`data:text/javascript;base64,${code}`);
+    const { newStreams } = await import(`data:text/javascript;base64,${code}`);
     const sent = [];
-    const streams = newStreams((batch) => sent.push(batch), nextNumbers({ head: 7 },
-        [{ kind: "stream", stream: "head", seq0: 10, rows: 5 }, { kind: "reply" }]));
+    const streams = newStreams((batch) => sent.push(batch), { head: 15 });
     for (let i = 0; i < 5000; i += 1) streams.row("head", 1000 + i / 10, [i]);
     streams.skip("head", 3);
     streams.row("head", 1600, [1]);
@@ -274,7 +306,7 @@ BATCHES = """async ([code]) => {
 }"""
 
 
-def test_batches_are_cut_by_rows_and_by_time_and_go_on_where_the_store_ends(browser: Any) -> None:
+def test_batches_are_cut_by_rows_and_by_time_and_go_on_at_a_number(browser: Any) -> None:
     page = browser.new_page()
     code = base64.b64encode((SITE / "streams.js").read_bytes()).decode()
     sent = page.evaluate(BATCHES, [code])

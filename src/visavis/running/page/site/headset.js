@@ -4,7 +4,7 @@
 
 import { Stage, addFloor } from "./live.js";
 import { HEIGHT_M, WIDTH_M, newBoard } from "./headset_board.js";
-import { newStreams, nextNumbers } from "./streams.js";
+import { newStreams } from "./streams.js";
 import { rendererOf } from "./painting.js";
 
 const [NEAR_M, FAR_M] = [0.05, 60];
@@ -85,7 +85,7 @@ export function meet(board, from, way) {
  * Enter a headset; to be called from a press of a button.
  *
  * `page` has `main`, `notice` and `stop` (elements), `say`, `send(kind, event)`, `happened(what)`,
- * `acknowledged` (streams' next numbers) and `waiting` (events in the store).
+ * `next` (the number of each stream's next row).
  */
 export async function enter(step, page) {
   const wantsHands = (step.needs || []).includes("hands");
@@ -104,7 +104,7 @@ export async function enter(step, page) {
 }
 
 function present(session, space, hall, page) {
-  const streams = newStreams((batch) => page.send("stream", { ...batch, rate_hz: session.frameRate ?? null }), nextNumbers(page.acknowledged, page.waiting));
+  const streams = newStreams((batch) => page.send("stream", { ...batch, rate_hz: session.frameRate ?? null }), page.next);
   const board = newBoard(page.main, page.notice, page.stop, page.say, () => session.end());
   const isSeen = () => session.visibilityState === "visible";
   let stage = null; // a step's stage, its drawing and where one stands in it

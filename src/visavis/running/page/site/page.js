@@ -92,8 +92,13 @@ async function send(kind, more = {}) {
   if (kind === "stream" && queue.length >= MOST_WAITING) { giveUp(); return; }
   const event = { n: next++, kind, at_ms: performance.now(), tab, ...more };
   queue.push(event);
+  numberRows(event);
   await store.put(event);
   flush();
+}
+
+function numberRows({ kind, stream, seq0, rows }) {
+  if (kind === "stream") nextRows[stream] = Math.max(nextRows[stream] || 0, seq0 + rows);
 }
 
 // A post stays far below what a server takes at once, however long the connection was lost.
@@ -191,13 +196,14 @@ async function hello(takesOver) {
   if (answer.status !== 200 || answer.body.failed) return answer;
   await store.set("tab", tab);
   const state = answer.body;
-  nextRows = state.streams || {};
+  nextRows = { ...state.streams };
   helloKind = state.step.kind;
   // A reply to a step that has passed was given elsewhere; what is left is numbered anew.
   const rest = queue.filter((e) => e.n > state.ack && (e.kind !== "reply" || e.step === state.number));
   rest.forEach((e, i) => { e.n = state.ack + 1 + i; });
   queue = rest;
   next = state.ack + 1 + rest.length;
+  rest.forEach(numberRows);
   await store.replace(rest);
   return answer;
 }
@@ -293,7 +299,7 @@ stop.addEventListener("click", () => {
 const around = document.getElementById("headset");
 let headset = null;
 let ofHeadset = null; // the step by which somebody entered
-let nextRows = {};
+let nextRows = {}; // of each stream: behind what the server has, waits here or was sent from here
 let onHeadset = () => {};
 
 const WITHOUT = ["", "consent", "enter", "end"];
@@ -302,7 +308,7 @@ const INTERRUPTS = ["blurred", "hidden", "off"];
 
 async function enterHeadset(step) {
   const { enter } = await import("./headset.js");
-  headset = await enter(step, { main, notice: around, stop, say, send, happened, acknowledged: nextRows, waiting: queue });
+  headset = await enter(step, { main, notice: around, stop, say, send, happened, next: { ...nextRows } });
   ofHeadset = step;
   await store.set("vr", step);
   globalThis.dispatchEvent(new CustomEvent("headset", { detail: headset }));

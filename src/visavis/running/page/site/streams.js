@@ -12,13 +12,6 @@ export function base64Of(floats) {
   return btoa(text);
 }
 
-/** Return the numbers from which streams go on: the server's, or the end of what waits in the store. */
-export function nextNumbers(acknowledged, waiting) {
-  const numbers = { ...acknowledged };
-  for (const e of waiting) if (e.kind === "stream") numbers[e.stream] = Math.max(numbers[e.stream] || 0, e.seq0 + e.rows);
-  return numbers;
-}
-
 /**
  * Return what collects rows and passes full batches to `pass(event)`.
  *
