@@ -221,8 +221,8 @@ def pause(seconds: float) -> None:
     clock.sleep_until_ns(clock.now_ns() + round(seconds * 1e9))
 
 
-def wait_for(condition: Callable[[], object]) -> None:
-    """Wait until something holds.
+def wait_for(condition: Callable[[], object], state: Callable[[], str] = lambda: "") -> None:
+    """Wait until something holds; `state` says in an error how things are instead.
 
     Raises:
         DataError: it does not.
@@ -230,7 +230,7 @@ def wait_for(condition: Callable[[], object]) -> None:
     watch = StopWatch()
     while not condition():
         if watch.elapsed_s() > PATIENCE_S:
-            raise DataError("a page or a server does not go on")
+            raise DataError(f"a page or a server does not go on {state()}")
         pause(0.02)
 
 
@@ -295,7 +295,7 @@ class Session:
                     button.evaluate("button => button.click()")
             return False
 
-        wait_for(step)
+        wait_for(step, lambda: str(self.page.evaluate("document.body.innerText")))
 
     def answer(self) -> None:
         """Answer what is asked, and go on to the next trial or the end."""
