@@ -129,7 +129,8 @@ With orientation the whole body was turned towards the addressee. With visual wa
 (warp_from: {{warp_from}}) was warped to the addressee's view, {{increment}} more coverage of face
 and waving hand, for eyes {{eye_height_m}} m above the floor: no loop corrected it for the tracked
 head, and the eyes of the clerk were led to that height, too. Poses were computed {RATE_HZ} times a
-second and drawn by the headset's browser. Nobody blinked.
+second and drawn by the headset's browser. Nobody blinked. Between scenes {{intertrial_s}} s passed
+in an empty hall.
 """,
 ).with_changes(folder=Path(__file__).parent, texts="texts_page")
 
@@ -190,6 +191,7 @@ def film_of(t: TrialScript) -> LiveFilm:
 @study.trial
 def trial(t: TrialScript) -> Generator[Any, Any, None]:
     """Show the wave once, then ask to whom it was and how realistic."""
+    yield t.dark(t.intertrial_s)
     t.row |= warp_columns(None) | {"planned_eye_height_m": t.eye_height_m}
     if not t.is_read:
         wave = wave_of(t.trial.factors, making_of(t.settings.parameters), t.eye_height_m)

@@ -49,6 +49,7 @@ from visavis.study.films import Directed as Directed
 from visavis.study.films import Film as Film
 from visavis.study.films import Following as Following
 from visavis.study.films import Lens as Lens
+from visavis.study.films import LiveFilm as LiveFilm
 from visavis.study.films import Pair as Pair
 from visavis.study.films import Placed as Placed
 from visavis.study.films import Voice as Voice

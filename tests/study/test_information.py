@@ -32,6 +32,7 @@ ON_PAGES = (
     "hybrid",
     "interpolation",
     "matching",
+    "waving_page",
 )
 AT_DEVICES = ("crowd", "stare", "waving")
 

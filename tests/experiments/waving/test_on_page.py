@@ -35,6 +35,7 @@ SMALL = {
     "before_s": 0.3,
     "wave_s": 0.6,
     "after_s": 0.1,
+    "intertrial_s": 0.1,
     "blocks": 1,
 }
 SEED = 1

@@ -1,6 +1,7 @@
 """Waving's variant in a headset's browser, from consent to thanks: drawn, pressed, recorded."""
 
 import shutil
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -97,14 +98,15 @@ def test_waving_runs_from_consent_to_thanks_in_a_headset(
 
 def go_to_figures(page: Any) -> None:
     """Go on by the board past what is read, to figures whose questions may be answered."""
-    wait(
-        page,
-        """() => document.querySelector("fieldset input:not([disabled])")
-            || (document.querySelector("#main button:not(.quiet):not([disabled])")
-                && !document.querySelector("fieldset"))""",
-    )
     while page.locator("fieldset").count() == 0:
+        wait(page, "() => document.querySelector('fieldset, #main button:not([disabled])')")
         text = state_of(page)["text"]
-        press(page, "Continue")
-        wait(page, lambda text=text: state_of(page)["text"] != text)
+        if page.locator("fieldset").count() == 0:
+            press(page, "Continue")
+            wait(page, partial(has_gone_on, page, text))
     figures(page)
+
+
+def has_gone_on(page: Any, text: str) -> bool:
+    """Tell whether a page says something else by now."""
+    return bool(state_of(page)["text"] != text)
