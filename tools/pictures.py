@@ -98,6 +98,9 @@ PICTURES: Final[Mapping[str, Recipe | FilmRecipe | DeskRecipe | ByHand]] = {
     "headset_in_a_browser.jpg": ByHand(
         "what `tests/running/page/headsets/standard.js` drew for both eyes, 480 pixels each"
     ),
+    "waving_in_a_headset.jpg": ByHand(
+        "what the same drew of `waving_page`, in `tests/running/page/test_waving_in_browser.py`"
+    ),
     "moulding_monitor.jpg": ByHand("the same study before a monitor (`display.show: screen`)"),
     "viewer_together.jpg": ByHand(
         "`visavis view STUDY --trial T02 --participants all` of three people in Chromium, keys F, N"
