@@ -77,15 +77,27 @@ def browser() -> Iterator[Any]:
         opened.close()
 
 
-@pytest.fixture
-def other_browser(tmp_path: Path) -> Iterator[Any]:
-    """Debian's Firefox without a window (tests.firefox); skipped where there is none."""
+def _firefox(folder: Path, *, draws: bool) -> Iterator[Any]:
     pytest.importorskip("websockets")
     from tests.firefox import firefox, program
 
     if program() is None:
         pytest.skip("there is no Firefox; apt install firefox-esr")
-    profile = tmp_path / "firefox"
+    if draws and shutil.which("xvfb-run") is None:
+        pytest.skip("there is no screen for Firefox; apt install xvfb")
+    profile = folder / "firefox"
     profile.mkdir()
-    with firefox(profile) as window:
+    with firefox(profile, draws=draws) as window:
         yield window
+
+
+@pytest.fixture
+def other_browser(tmp_path: Path) -> Iterator[Any]:
+    """Debian's Firefox without a window (tests.firefox); skipped where there is none."""
+    yield from _firefox(tmp_path, draws=False)
+
+
+@pytest.fixture
+def other_drawing_browser(tmp_path: Path) -> Iterator[Any]:
+    """The same, which draws in three dimensions."""
+    yield from _firefox(tmp_path, draws=True)

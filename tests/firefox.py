@@ -119,14 +119,16 @@ class Firefox:
 
 
 @contextmanager
-def firefox(profile: Path) -> Iterator[Firefox]:
-    """Begin a Firefox without a window and with nothing remembered; end it."""
+def firefox(profile: Path, *, draws: bool = False) -> Iterator[Firefox]:
+    """Begin a Firefox without a window and with nothing remembered; end it.
+
+    One that `draws` WebGL needs a screen, and is given one that nobody sees.
+    """
     found = program()
     assert found is not None
     process = subprocess.Popen(
         [
-            found,
-            "--headless",
+            *(["xvfb-run", "-a", found] if draws else [found, "--headless"]),
             "--no-remote",
             "--profile",
             str(profile),

@@ -1,6 +1,8 @@
 """The page that shows a session again: what is in it, and a real browser that opens it."""
 
 import base64
+import hashlib
+import io
 import json
 import stat
 import zlib
@@ -9,7 +11,9 @@ from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
+import av
 import numpy as np
 import pandas as pd
 import pytest
@@ -509,3 +513,168 @@ def test_a_file_for_rerun_holds_people_gaze_and_every_column(tmp_path: Path) -> 
     assert {"/world/people", "/world/gaze", "/world/room/0", "/events"} <= set(rows)
     gaze = len(recording.stream_arrays("gaze")["seq"])
     assert gaze == rows["/streams/gaze/left_pupil_mm"]
+
+
+ROWS = "viewer.line.rows().filter(r => r.looks).map(r => [r.name, r.looks.length])"
+
+
+def test_areas_of_interest_have_a_line_each_where_asked_and_a_click_leads_there(tab: Any) -> None:
+    names = tab.evaluate("viewer.line.whom().map(([name]) => name)")
+    assert [["looks at", len(names)]] == tab.evaluate(ROWS)
+    tab.click("#apart")
+    assert [[name, 1] for name in names] == tab.evaluate(ROWS)
+    tab.evaluate("() => { viewer.line.show(0, viewer.line.end); viewer.line.draw(); }")
+    at_s, x, y = tab.evaluate(
+        """() => { const line = viewer.line, t = line.whom().at(-1)[1].at(-1)[0],
+        k = line.rows().findLastIndex(r => r.looks), box = $('line').getBoundingClientRect();
+        return [t, box.x + line.x(t), box.y + 20 + (ROW_PX + 2) * k + ROW_PX / 2]; }"""
+    )
+    tab.mouse.move(x, y)
+    assert f"{names[-1]} for " in tab.inner_text("#tip")
+    tab.mouse.click(x, y)
+    one_pixel_s = tab.evaluate("viewer.line.end / viewer.line.width")
+    assert pytest.approx(at_s, abs=2 * one_pixel_s) == tab.evaluate("viewer.t")
+    tab.click("#apart")
+    tab.evaluate("viewer.seek(viewer.header.trials.at(-1).t0 + 0.5)")
+
+
+def test_a_picture_says_from_which_recording_it_is_and_is_as_large_as_asked(
+    tab: Any, page: Path
+) -> None:
+    folder = next(page.parent.glob("simulated/duel/sub-*/ses-001"))
+    digest = hashlib.sha256((folder / "manifest.json").read_bytes()).hexdigest()
+    seed = Recording(folder).manifest.seed
+    caption = tab.evaluate("viewer.saving.caption()")
+    assert f"seed {seed} · recording {digest[:12]}" in caption
+    assert "T04 at 0.50 s" in caption
+    assert "SIMULATED" in caption
+    wide, high, size = tab.evaluate(
+        """async () => { const image = await createImageBitmap(await viewer.saving.png(2));
+        const s = $('stage'); return [image.width, image.height, [s.clientWidth, s.clientHeight]];
+        }"""
+    )
+    assert [2 * size[0], 2 * (size[1] + 26)] == [wide, high]
+    tab.click("#save-png")  # and the page stands as before
+    tab.wait_for_function("viewer.scale === 1")
+
+
+def test_a_vector_picture_has_what_lies_over_the_scene_as_lines_and_letters(tab: Any) -> None:
+    text, named = tab.evaluate(
+        """() => { for (const l of ['heat', 'fixations']) if (!viewer.show[l]) viewer.toggle(l);
+        viewer.setCamera('eyes'); const text = viewer.saving.svg(1);
+        for (const l of ['heat', 'fixations']) viewer.toggle(l); return [text,
+        viewer.namedPeople]; }"""
+    )
+    root = ElementTree.fromstring(text)  # noqa: S314 - written by our own page
+    svg = "{http://www.w3.org/2000/svg}"
+    assert 1 == len(root.findall(f"{svg}image"))
+    words = [one.text for one in root.findall(f"{svg}text")]
+    assert 2 == named <= len(words)
+    assert tab.evaluate("viewer.saving.caption()") == words[-1]
+    assert root.findall(f"{svg}defs/{svg}radialGradient")
+    assert 10 < len(root.findall(f"{svg}path"))
+    drawn = [
+        value for one in root.iter() if one.tag != f"{svg}image" for value in one.attrib.values()
+    ]
+    assert [] == [value for value in drawn if "NaN" in value or "undefined" in value]
+
+
+FILM = """async () => { const reader = new FileReader();
+    reader.readAsDataURL(await viewer.saving.film(0.2));
+    await new Promise(done => { reader.onload = done; });
+    return [reader.result, $('stage').clientWidth, $('stage').clientHeight + 26]; }"""
+
+
+def pictures_of(film: str) -> list[tuple[float, int, int]]:
+    """Return time in seconds, width and height of the pictures of a film in a data address."""
+    with av.open(io.BytesIO(base64.b64decode(film.partition(",")[2]))) as opened_film:
+        frames = opened_film.decode(video=0)
+        return [(float(one.time or 0.0), one.width, one.height) for one in frames]
+
+
+def test_a_film_of_what_is_seen_lasts_as_long_as_what_is_seen(tab: Any) -> None:
+    before = tab.evaluate("viewer.t")
+    film, width, height = tab.evaluate(FILM)
+    even = width // 2 * 2, height // 2 * 2
+    assert [(pytest.approx(k / 25), *even) for k in range(5)] == pictures_of(film)
+    assert before == tab.evaluate("viewer.t")
+    assert "film" == tab.inner_text("#save-film")
+
+
+def test_contacts_lie_on_the_walked_path_and_a_click_leads_to_their_moment(tab: Any) -> None:
+    found = tab.evaluate(
+        """() => { const trial = viewer.header.trials.at(-1), head = t => viewer.streams.headAt(t);
+        const path = [0.2, 0.9].map(s => ({t: trial.t0 + s, at: [head(trial.t0 + s).at[0], 0.01,
+            head(trial.t0 + s).at[2]]}));
+        viewer.session.paths.set(trial, path);
+        viewer.header.lanes.push({name: 'left hand', kind: 'contact', role: 'left_hand',
+            spans: [[trial.t0 + 0.3, trial.t0 + 0.4, ''], [trial.t1 + 9, trial.t1 + 10, '']]});
+        viewer.setCamera('above'); viewer.draw();
+        const s = $('stage'), view = viewer.view(viewer.sceneAt(viewer.t), s.clientWidth,
+            s.clientHeight), at = head(trial.t0 + 0.3).at, wanted = viewer.project(view,
+            [at[0], 0.01, at[2]], s.clientWidth, s.clientHeight), touches = viewer.touches;
+        viewer.click(touches[0].x, touches[0].y);
+        const found = [touches.length, touches[0].text, [touches[0].x, touches[0].y],
+            wanted.slice(0, 2), viewer.t - trial.t0];
+        viewer.header.lanes.pop(); viewer.session.paths.delete(trial);
+        viewer.seek(trial.t0 + 0.5); return found; }"""
+    )
+    count, text, at, wanted, seconds = found
+    assert (1, "left hand at 0.30 s") == (count, text)
+    assert pytest.approx(wanted, abs=0.5) == at
+    assert pytest.approx(0.3) == seconds
+
+
+@pytest.mark.slow  # a browser with a profile of its own
+@pytest.mark.parametrize("width_px", [320, 2560])
+def test_firefox_shows_the_page_and_does_what_is_clicked(
+    page: Path, other_drawing_browser: Any, width_px: int
+) -> None:
+    window = other_drawing_browser
+    window.size(width_px, 900)
+    window.goto(page.as_uri())
+    window.wait_for("document.body.dataset.ready === 'yes'", 60.0)
+    assert window.evaluate("document.documentElement.scrollWidth") <= width_px
+    assert "SIMULATED" == window.evaluate("document.getElementById('badge').textContent")
+    window.evaluate("viewer.seek(viewer.header.trials[0].t0 + 0.5)")
+    colours = """(() => { viewer.draw(); const gl = viewer.drawing.gl, p = new Uint8Array(4),
+        seen = new Set(); for (let x = 0; x < 40; x++) for (let y = 0; y < 40; y++) {
+        gl.readPixels(gl.drawingBufferWidth * x / 40, gl.drawingBufferHeight * y / 40, 1, 1,
+        gl.RGBA, gl.UNSIGNED_BYTE, p); seen.add(p.join()); } return seen.size; })()"""
+    assert 200 < window.evaluate(colours)
+    before = window.evaluate("viewer.t")
+    window.click("#play")
+    window.wait_for(f"viewer.t > {before} + 0.2", 60.0)
+    window.click("#play")
+    window.wait_for("!viewer.playing", 30.0)
+    window.evaluate("viewer.seek(viewer.header.trials[0].t0 + 0.5)")
+    window.click("#next")
+    window.wait_for("viewer.trialAt(viewer.t).id === 'T02'", 30.0)
+    window.press("2")
+    window.wait_for("viewer.camera === 'eyes'", 30.0)
+    window.click("#layer-heat")
+    window.wait_for("viewer.show.heat", 30.0)
+    window.click("#apart")
+    # The time line is drawn anew: the place above it is as high as it stays.
+    window.wait_for("viewer.line.apart && !viewer.line.dirty", 30.0)
+    at_head = """(() => { viewer.draw(); const agent = viewer.sceneAt(viewer.t).data.agents[0],
+        s = $('stage'), view = viewer.view(viewer.sceneAt(viewer.t), s.clientWidth,
+        s.clientHeight), p = viewer.project(view, agent.at, s.clientWidth, s.clientHeight);
+        const mark = document.createElement('i'); mark.id = 'head'; mark.style =
+        `position: absolute; pointer-events: none; left: ${p[0]}px; top: ${p[1]}px`;
+        s.append(mark);
+        return agent.place || agent.id; })()"""
+    name = window.evaluate(at_head)
+    window.click("#head")
+    window.wait_for("!document.getElementById('about-box').hidden", 30.0)
+    said = "document.getElementById('about').textContent"
+    assert f"{name} (head)" in window.evaluate(said), window.evaluate(said)
+    window.click("#coding-box summary")
+    window.wait_for("document.getElementById('coding-box').open", 30.0)
+    window.click("#mark")
+    window.wait_for("viewer.coding.open !== null", 30.0)
+    film, *size = window.evaluate(f"({FILM})()")
+    even = tuple(px // 2 * 2 for px in size)
+    assert [(pytest.approx(k / 25), *even) for k in range(5)] == pictures_of(film)
+    window.click("#help-button")
+    window.wait_for("document.getElementById('help').open", 30.0)

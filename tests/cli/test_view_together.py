@@ -146,3 +146,35 @@ def test_nothing_is_wider_than_a_narrow_screen(tab: Any) -> None:
     assert tab.evaluate("document.documentElement.scrollWidth") <= 390
     assert tab.evaluate("document.getElementById('stage').clientHeight") >= 200
     tab.set_viewport_size({"width": 1000, "height": 700})
+
+
+def test_how_alike_views_were_is_counted_at_once_and_in_all(tab: Any) -> None:
+    """Of four quarters, three are looked at the same; of the time on a, a quarter is shared."""
+    counted = """() => { const one = until => ({trialAt: () => ({t0: 0, t1: 4}), keyOf: hit =>
+        ({kind: 'person', name: 'ab'[hit]}), streams: {gazeAt: t => ({valid: true, hit:
+        Number(t >= until)})}});
+        return alikeOf([one(2), one(1)], {t0: 0, t1: 4}); }"""
+    (pair,) = tab.evaluate(counted)
+    assert (pytest.approx(0.75, abs=0.01),) * 2 == (pair["atOnce"], pair["inAll"])
+    same = "alikeOf([viewer.sessions[0], viewer.sessions[0]], viewer.header.trials[0])"
+    (itself,) = tab.evaluate(same)
+    assert (1, pytest.approx(1)) == (itself["atOnce"], itself["inAll"])
+    tab.evaluate("viewer.pick(-1)")
+    tab.evaluate("$('alike-box').open = true")
+    tab.wait_for_function("document.querySelectorAll('#alike tbody tr').length === 2")
+    tab.click("#alike tbody tr:nth-child(2)")
+    tab.wait_for_function("document.querySelectorAll('#alike tbody tr').length === 1")
+    tab.evaluate("viewer.pick(-1)")
+
+
+def test_everybody_has_a_line_of_looks_until_one_is_picked_out(tab: Any) -> None:
+    rows = "k => { viewer.pick(k); return viewer.line.rows().filter(r => r.looks).length; }"
+    assert [2, 1] == [tab.evaluate(rows, k) for k in (-1, 1)]
+    tab.evaluate("viewer.pick(-1)")
+
+
+def test_a_picture_of_several_names_every_recording(tab: Any) -> None:
+    caption = tab.evaluate("viewer.saving.caption()")
+    hashes = tab.evaluate("viewer.sessions.map(one => one.header.sha256.slice(0, 6))")
+    assert f"2 participants · T02 at {tab.evaluate('viewer.t') - 1:.2f} s" in caption
+    assert all(one in caption for one in hashes)

@@ -1,5 +1,6 @@
 """What a page about a session holds: its time line, its streams, and its trials in space."""
 
+import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -26,6 +27,7 @@ from visavis.lab.geometry import Vector, rotate
 from visavis.lab.schema import Field
 from visavis.recording.blurring import MIN_EYE_M
 from visavis.recording.cached import CachedRecording
+from visavis.recording.manifest import MANIFEST_NAME
 from visavis.recording.reader import flat_components
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.page.seen_trial import is_on_page
@@ -194,6 +196,8 @@ def whose(recording: CachedRecording) -> dict[str, Any]:
         "simulated": recording.is_simulated,
         "status": recording.status,
         "created": manifest.created_wall_iso,
+        "seed": manifest.seed,
+        "sha256": hashlib.sha256((recording.path / MANIFEST_NAME).read_bytes()).hexdigest(),
         "version": manifest.provenance.packages.get("visavis", ""),
     }
 

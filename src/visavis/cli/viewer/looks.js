@@ -1,6 +1,7 @@
 // Where somebody looked and walked in a session: gaze on what is drawn, fixations, measures of looks, the path of the head.
 
 const HOLD_STEPS = 1.5, BRIDGE_S = 0.075, LEAST_FIXATION_S = 0.15, SLACK_S = 2e-5; // as `analysis.gaze.looks`
+const ALIKE_STEP_S = 0.02;
 const STANDS_M = 0.5; // who stays within this has not walked
 
 class Session {
@@ -13,6 +14,7 @@ class Session {
     this.label = header.participant + (header.session > 1 ? ` session ${header.session}` : '');
     this.paths = new Map();
     this.measured = new Map();
+    this.lookSpans = null;
   }
 
   sceneAt(t) {
@@ -34,6 +36,7 @@ class Session {
       this.header.gazeEnds.push(...gazeEnds.map(e => ({...e, content: own})));
       trial.isLoaded = true;
       this.measured.clear();
+      this.lookSpans = null;
       done();
     });
     script.src = trial.beside;
@@ -70,6 +73,31 @@ class Session {
       this.paths.set(trial, Math.hypot(reach(0), reach(2)) > STANDS_M ? points : []);
     }
     return this.paths.get(trial);
+  }
+
+  // Whom gaze was on: [name, spans] for everybody who was ever looked at.
+  whom() {
+    if (this.lookSpans) return this.lookSpans;
+    const looks = new Map();
+    if (this.streams.has('gaze_targets')) {
+      const t = this.streams.t('gaze_targets'), hit = this.streams.field('gaze_targets', 'hit')[0];
+      const scenes = this.header.scenes.filter(s => s.agents.length);
+      let scene = 0, open = null;
+      for (let i = 0; i < t.length; i++) {
+        while (scene < scenes.length - 1 && t[i] >= scenes[scene + 1].t0) scene++;
+        const here = scenes[scene];
+        const inside = here && t[i] >= here.t0 && t[i] < here.t1;
+        const name = inside && hit[i] >= 0 && here.agents[hit[i]] ? here.agents[hit[i]].place || here.agents[hit[i]].id : null;
+        if (open && open.name === name && t[i] - open.span[1] < 0.1) { open.span[1] = t[i]; continue; }
+        open = null;
+        if (name) {
+          open = {name, span: [t[i], t[i]]};
+          if (!looks.has(name)) looks.set(name, []);
+          looks.get(name).push(open.span);
+        }
+      }
+    }
+    return this.lookSpans = [...looks].sort((a, b) => a[0] < b[0] ? -1 : 1);
   }
 
   // Dwell and looks on what is called `key` in a trial: a person's head by their place, a thing by its name.
@@ -135,6 +163,32 @@ function transitionsOf(sessions, trial, most = 8) {
     }
   }
   return {nodes: top, moves: [...moves.values()].sort((a, b) => b.n - a.n)};
+}
+
+// How alike two participants' views of a trial were, of every pair: the share of moments with gaze of both in which both
+// were on the same head or thing (`atOnce`), and how much of the time on heads and things both spent on the same
+// (`inAll`: the sum over these of the smaller share); null without gaze.
+function alikeOf(sessions, trial) {
+  const ways = sessions.map(one => {
+    const mine = one.trialAt(trial.t0 + 1e-6) || trial, looked = [], shares = new Map();
+    for (let t = mine.t0; t < Math.min(mine.t1, mine.t0 + trial.t1 - trial.t0); t += ALIKE_STEP_S) {
+      const gaze = one.streams.gazeAt(t), key = gaze && gaze.valid ? one.keyOf(gaze.hit, gaze.on, t) : null;
+      const name = key ? key.kind + ' ' + key.name : null;
+      looked.push(name);
+      if (name) shares.set(name, (shares.get(name) || 0) + 1);
+    }
+    const n = looked.filter(Boolean).length;
+    for (const [name, count] of shares) shares.set(name, count / n);
+    return {looked, shares};
+  });
+  const pairs = [];
+  ways.forEach((one, a) => ways.slice(0, a).forEach((other, b) => {
+    let same = 0, both = 0, inAll = 0;
+    one.looked.forEach((name, k) => { if (name && other.looked[k]) { both++; same += name === other.looked[k]; } });
+    for (const [name, share] of one.shares) inAll += Math.min(share, other.shares.get(name) || 0);
+    pairs.push({a: b, b: a, atOnce: both ? same / both : null, inAll: one.shares.size && other.shares.size ? inAll : null});
+  }));
+  return pairs;
 }
 
 Session.waiting = new Map();

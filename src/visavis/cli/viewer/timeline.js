@@ -2,28 +2,31 @@
 
 const LABEL_PX = 168, ROW_PX = 17, PLOT_PX = 62;
 const LOOKS = ['#f2b134', '#4fb3bf', '#e8756a', '#8fb339', '#b388eb', '#5a9bd8', '#e39ac0', '#c7a17a', '#7fd1ae', '#d9d264', '#9aa7b1', '#f08c3a'];
+const LANE_COLOURS = {contact: '#ff6b5e', vibration: '#5ec8ff'};
 const PRACTICE = '#3b4654';
 const STATUS = {complete: '#3f6b4b', damaged: '#8a3a34', interrupted: '#7a5a2a', repeated: '#7a5a2a', aborted: '#7a5a2a'};
 
 class Timeline {
-  constructor(canvas, header, streams, seek, slow) {
+  constructor(canvas, sessions, seek, slow) {
+    const [{header, streams}] = sessions;
     // Where the processor draws, a canvas in its own memory is much the quicker one.
     this.g = canvas.getContext('2d', {willReadFrequently: slow});
     this.cursor = $('cursor'); this.values = $('values');
+    this.sessions = sessions; this.apart = false;
     this.canvas = canvas; this.header = header; this.streams = streams; this.seek = seek;
     this.end = Math.max(1, ...header.trials.map(t => t.t1 || 0), ...header.events.map(e => e.t));
     this.from = 0; this.to = this.end; this.t = 0;
     this.plots = [];
-    this.looks = null;
     this.marks = header.events.filter(e => e.name !== 'scene');
     this.tip = () => {};
     matchMedia('(prefers-color-scheme: light)').addEventListener('change', () => { this.viewKey = ''; this.dirty = true; });
     this.listen();
   }
 
-  // Show another session's time line, with the same plots where it has their columns.
-  take(header, streams) {
-    Object.assign(this, {header, streams, looks: null, marks: header.events.filter(e => e.name !== 'scene')});
+  // Show the time line of other sessions, mostly of the first, with the same plots where it has their columns.
+  take(sessions) {
+    const [{header, streams}] = sessions;
+    Object.assign(this, {sessions, header, streams, marks: header.events.filter(e => e.name !== 'scene')});
     this.viewKey = '';
     this.plots = this.plots.filter(p => streams.byName.get(p.stream)?.columns.some(c => c.of.includes(p.column))).map(({key, stream, column}) => ({key, stream, column}));
     this.dirty = true;
@@ -96,45 +99,25 @@ class Timeline {
       const trial = this.header.trials.find(one => t >= one.t0 && t < one.t1);
       return trial ? `${trial.id}${trial.practice ? ' (practice)' : ''}, ${trial.status}: ${Object.values(trial.factors).map(inWords).join(', ')}` : '';
     }
-    if (row.name === 'looks at') return this.whom().filter(([, spans]) => within(spans)).map(([name, spans]) => `${inWords(name)} for ${(within(spans)[1] - within(spans)[0]).toFixed(2)} s`).join(', ');
+    if (row.looks) return row.looks.filter(([, spans]) => within(spans)).map(([name, spans]) => `${inWords(name || row.name)} for ${(within(spans)[1] - within(spans)[0]).toFixed(2)} s`).join(', ');
     if (row.name === 'events') return this.marks.filter(e => Math.abs(e.t - t) <= near).slice(0, 6).map(e => `${clockText(e.t)} ${inWords(e.name)} ${e.text}`.slice(0, 160)).join('\n');
     if (row.name === 'coded') { const one = this.coded.find(s => t >= s.from - near && t <= s.to + near); return one ? `${one.label} ${one.comment}` : ''; }
     const span = within(this.header.lanes.find(l => l.name === row.name)?.spans || []);
     return span ? `${row.name} ${(span[1] - span[0]).toFixed(2)} s ${span[2]}` : '';
   }
 
-  // Whom gaze was on: [name, spans] for everybody who was ever looked at.
-  whom() {
-    if (this.looks) return this.looks;
-    const looks = new Map();
-    if (this.streams.has('gaze_targets')) {
-      const t = this.streams.t('gaze_targets'), hit = this.streams.field('gaze_targets', 'hit')[0];
-      const scenes = this.header.scenes.filter(s => s.agents.length);
-      let scene = 0, open = null;
-      for (let i = 0; i < t.length; i++) {
-        while (scene < scenes.length - 1 && t[i] >= scenes[scene + 1].t0) scene++;
-        const here = scenes[scene];
-        const inside = here && t[i] >= here.t0 && t[i] < here.t1;
-        const name = inside && hit[i] >= 0 && here.agents[hit[i]] ? here.agents[hit[i]].place || here.agents[hit[i]].id : null;
-        if (open && open.name === name && t[i] - open.span[1] < 0.1) { open.span[1] = t[i]; continue; }
-        open = null;
-        if (name) {
-          open = {name, span: [t[i], t[i]]};
-          if (!looks.has(name)) looks.set(name, []);
-          looks.get(name).push(open.span);
-        }
-      }
-    }
-    return this.looks = [...looks].sort((a, b) => a[0] < b[0] ? -1 : 1);
-  }
+  whom() { return this.sessions[0].whom(); }
 
   rows() {
     const rows = [{name: 'trials', draw: (c, y) => this.drawTrials(c, y)}];
-    if (this.whom().length) rows.push({name: 'looks at', draw: (c, y) => {
-      this.whom().forEach(([name, spans], k) => this.spans(c, y, spans, LOOKS[k % LOOKS.length], inWords(name)));
-    }});
+    // One line of everything looked at for each participant; or, of each thing apart, one with everybody's looks at it.
+    const all = this.sessions.map(one => one.whom()), names = [...new Set(all.flatMap(looks => looks.map(([name]) => name)))].sort();
+    const colour = name => LOOKS[names.indexOf(name) % LOOKS.length], several = this.sessions.length > 1;
+    const add = (name, looks, ink) => rows.push({name, looks, draw: (c, y) => looks.forEach(([what, spans], k) => this.spans(c, y, spans, ink(what, k), what && inWords(what)))});
+    if (this.apart) for (const name of names) add(inWords(name), all.map((looks, k) => [several ? this.sessions[k].label : '', looks.find(([one]) => one === name)?.[1] || []]), (_, k) => several ? this.sessions[k].colour : colour(name));
+    else this.sessions.forEach((one, k) => { if (all[k].length) add(several ? `${one.label} looks at` : 'looks at', all[k], colour); });
     for (const lane of this.header.lanes)
-      rows.push({name: lane.name, draw: (c, y) => this.spans(c, y, lane.spans, lane.kind === 'contact' ? '#ff6b5e' : '#5ec8ff')});
+      rows.push({name: lane.name, draw: (c, y) => this.spans(c, y, lane.spans, LANE_COLOURS[lane.kind])});
     if (this.coded?.length) rows.push({name: 'coded', draw: (c, y) => this.coded.forEach(s => this.spans(c, y, [[s.from, s.to]], '#b388eb', s.label))});
     rows.push({name: 'events', draw: (c, y) => this.drawEvents(c, y)});
     return rows;

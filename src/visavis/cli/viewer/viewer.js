@@ -33,14 +33,15 @@ class Viewer {
     this.free = {at: [0, 1.6, 3], yaw: 0, pitch: -0.1};
     this.above = {zoom: 1, by: [0, 0]};
     this.pressedKeys = new Set();
-    this.frames = 0; this.spent = 0;
+    this.frames = 0; this.spent = 0; this.scale = 1;
     this.moveMs = -1e9; this.quick = false; this.panelMs = -1e9;
     this.coarse = 0; this.pace = ON_TIME_MS; this.timed = false;
-    this.line = new Timeline($('line'), header, this.streams, t => this.seek(t), this.drawing.slow);
+    this.line = new Timeline($('line'), this.seen, t => this.seek(t), this.drawing.slow);
     this.over = $('overlay').getContext('2d', {willReadFrequently: this.drawing.slow});
     this.segments = this.segmentsOf();
     this.page();
     this.coding = new Coding(this);
+    this.saving = new Saving(this);
     this.listen();
     this.startView();
     this.line.tip = (text, x, y) => this.tip(text, x, y);
@@ -71,7 +72,7 @@ class Viewer {
   // Look at one of several sessions, or at all of them together (−1).
   pick(k) {
     this.picked = k < 0 || k >= this.sessions.length ? -1 : k;
-    this.line.take(this.header, this.streams);
+    this.line.take(this.seen);
     this.heatOf = this.panelTrial = undefined;
     this.tellSession();
     this.tellAbout();
@@ -213,11 +214,11 @@ class Viewer {
   draw() {
     const startMs = performance.now();
     const quick = this.quick = this.drawing.slow && startMs - this.moveMs < REST_MS;
-    const stage = $('stage'), ratio = Math.min(2, window.devicePixelRatio || 1);
+    const stage = $('stage'), ratio = this.scale * Math.min(2, window.devicePixelRatio || 1);
     const width = Math.max(2, Math.round(stage.clientWidth * ratio)), height = Math.max(2, Math.round(stage.clientHeight * ratio));
     const scene = this.sceneAt(this.t), t = this.t;
     if (scene) scene.pose(t);
-    else this.session.load(this.trialAt(t), problem => { this.problem = problem; this.line.take(this.header, this.streams); this.dirty = true; });
+    else this.session.load(this.trialAt(t), problem => { this.problem = problem; this.line.take(this.seen); this.dirty = true; });
     const view = this.view(scene, width, height);
     const light = scene ? this.show.light ? 1 : scene.brightness(t) : 1;
     const room = scene ? this.content.header.rooms[scene.data.room] : null;
@@ -324,7 +325,7 @@ class Viewer {
     g.clearRect(0, 0, width, height);
     const agents = scene ? scene.data.agents : [], gaze = this.streams.gazeAt(t), trial = this.trialAt(t);
     const labels = new Labels(g, ratio, width, height);
-    this.rings = [];
+    this.rings = []; this.touches = [];
     const at = p => this.project(view, p, width, height);
     const scale = height / (2 * view.top);
     g.font = `${12 * ratio}px system-ui, sans-serif`;
@@ -417,6 +418,16 @@ class Viewer {
         g.beginPath(); g.moveTo(before[0], before[1]); g.lineTo(p[0], p[1]); g.stroke();
       }
       before = p;
+    }
+    g.globalAlpha = 1;
+    // Where on the way something was touched or felt.
+    if (one.walked(trial).length) for (const lane of one.header.lanes) for (const [from] of lane.spans) {
+      const head = from >= trial.t0 && from < trial.t1 ? one.streams.headAt(from) : null, p = head && at([head.at[0], 0.01, head.at[2]]);
+      if (!p) continue;
+      g.globalAlpha = from <= this.t ? 1 : 0.4;
+      this.dot(g, p, 5 * ratio, '#111');
+      this.dot(g, p, 4 * ratio, LANE_COLOURS[lane.kind]);
+      this.touches.push({x: p[0] / ratio, y: p[1] / ratio, t: from, text: `${this.sessions.length > 1 ? one.label + ': ' : ''}${lane.name} at ${(from - trial.t0).toFixed(2)} s`});
     }
     g.globalAlpha = 1;
   }
@@ -527,7 +538,7 @@ class Viewer {
     $('nothing').textContent = dark ? 'dark' : trial ? trial.shown ? trial.beside && !trial.isLoaded ? this.problem || `loading ${trial.id} …` : '' : `${trial.id} is not in this page in space\nvisavis view … --trial ${trial.id}`
       : `between trials: . goes to the next`;
     const key = trial ? trial.id + trial.t0 : '';
-    if (key !== this.panelTrial) { this.panelTrial = key; this.tellTrial(trial); this.tellTransitions(trial); }
+    if (key !== this.panelTrial) { this.panelTrial = key; this.tellTrial(trial); this.tellTransitions(trial); this.tellAlike(trial); }
     this.tellEvents();
     const place = trial ? `trial ${trial.id} at ${(this.t - trial.t0).toFixed(1)} s` : 'between trials';
     $('overlay').setAttribute('aria-label', `The scene, ${place}, camera ${inWords(this.camera)}` + (this.session.streams.gazeAt(this.t)?.on ? `, gaze on ${inWords(this.session.streams.gazeAt(this.t).on)}` : ''));
@@ -562,10 +573,37 @@ class Viewer {
     for (const n of nodes) {
       const [x, y] = place.get(n.name);
       make('circle', {cx: x, cy: y, r: 3 + 5 * Math.sqrt(n.s), fill: colour}, svg);
-const right = (x - 180) / 75, name = inWords(n.name);
+      const right = (x - 180) / 75, name = inWords(n.name);
       make('text', {x: x + 13 * right, y: y + 16 * (y - 110) / 75 + 4, 'text-anchor': Math.abs(right) < 0.3 ? 'middle' : right > 0 ? 'start' : 'end'}, svg)
         .textContent = `${name.length > 17 ? name.slice(0, 16) + '…' : name} ${n.s.toFixed(1)} s`;
     }
+  }
+
+  // How alike the views of participants were: with each other one on average, or with the one picked out.
+  tellAlike(trial) {
+    const box = $('alike');
+    $('alike-box').hidden = this.sessions.length < 2 || !trial;
+    if ($('alike-box').hidden) return;
+    const pairs = alikeOf(this.sessions, trial), picked = this.picked, table = document.createElement('table');
+    const mean = values => values.length ? values.reduce((a, b) => a + b, 0) / values.length : null;
+    const head = table.createTHead().insertRow();
+    for (const [text, about] of [['who', ''], ['at once', 'share of the time with gaze of both in which both look at the same'], ['in all', 'how much of the time on heads and things both share, whenever it was']]) {
+      const th = document.createElement('th');
+      th.textContent = text; th.title = about;
+      head.append(th);
+    }
+    const body = table.createTBody();
+    this.sessions.forEach((one, k) => {
+      if (k === picked) return;
+      const own = pairs.filter(p => (p.a === k || p.b === k) && (picked < 0 || p.a === picked || p.b === picked));
+      const row = body.insertRow();
+      for (const text of [one.label, ...['atOnce', 'inAll'].map(name => { const m = mean(own.map(p => p[name]).filter(v => v !== null)); return m === null ? '–' : `${Math.round(100 * m)} %`; })]) row.insertCell().textContent = text;
+      row.onclick = () => this.pick(k);
+    });
+    const about = document.createElement('p');
+    about.className = 'quiet';
+    about.textContent = picked < 0 ? 'with the others, on average' : `with ${this.sessions[picked].label}`;
+    box.replaceChildren(about, table);
   }
 
   tellTrial(trial) {
@@ -688,7 +726,7 @@ const right = (x - 180) / 75, name = inWords(n.name);
     }
     const lines = [...this.streams.has('gaze_targets') ? [[GAZE, 'gaze: where it ends on what is drawn; area it is on'], ['#d8d8d8', 'area of interest'], ['#78dcff', 'path of gaze, 2 s']] : [],
       ...this.header.trials.some(t => t.shown && this.session.walked(t).length) ? [[GAZE, 'walked path, on the floor: what is to come is faint']] : [],
-      ...this.header.lanes.some(l => l.kind === 'contact') ? [['#ff6b5e', 'contact']] : [], ...this.header.lanes.some(l => l.kind !== 'contact') ? [['#5ec8ff', 'vibration']] : [],
+      ...this.header.lanes.some(l => l.kind === 'contact') ? [[LANE_COLOURS.contact, 'contact']] : [], ...this.header.lanes.some(l => l.kind !== 'contact') ? [[LANE_COLOURS.vibration, 'vibration']] : [],
       [STATUS.complete, 'trial: complete'], [STATUS.damaged, 'trial: damaged'], [STATUS.interrupted, 'trial: interrupted, aborted or repeated'], [PRACTICE, 'trial: practice']];
     const seen = new Set(this.header.trials.map(t => t.practice ? 'practice' : t.status));
     box.replaceChildren(...lines.filter(([, text]) => !text.startsWith('trial: ') || [...seen].some(s => text.includes(s))).map(([colour, text]) => {
@@ -713,6 +751,8 @@ const right = (x - 180) / 75, name = inWords(n.name);
     const ring = (this.rings || []).find(r => Math.hypot(r.x - x, r.y - y) < NEAR_PX);
     if (ring && this.sessions.length > 1) return {session: ring.k, text: `gaze of ${this.sessions[ring.k].label}`};
     if (!scene || this.pages.at(this.t)) return null;
+    const touch = (this.touches || []).find(c => Math.hypot(c.x - x, c.y - y) < NEAR_PX / 2);
+    if (touch) return touch;
     const view = this.view(scene, width, height);
     const along = unit(rotate(view.turn, [(2 * x / width - 1) * view.top * view.aspect, (1 - 2 * y / height) * view.top, -1]));
     const key = metBy(scene, this.content.header, view.at, along);
@@ -723,6 +763,7 @@ const right = (x - 180) / 75, name = inWords(n.name);
 
   click(x, y) {
     const there = this.under(x, y);
+    if (there && there.t !== undefined) { this.seek(there.t); return; }
     if (there && there.session !== undefined) { this.pick(there.session === this.picked ? -1 : there.session); return; }
     this.about = there ? there.key : null;
     this.tellAbout();
@@ -806,6 +847,8 @@ const right = (x - 180) / 75, name = inWords(n.name);
       $('column').value = '';
       $('column').blur();
     };
+    $('apart').onclick = () => { this.line.apart = !this.line.apart; this.line.viewKey = ''; this.line.dirty = true; $('apart').setAttribute('aria-pressed', String(this.line.apart)); $('apart').blur(); };
+    $('apart').hidden = this.line.whom().length < 2;
     $('fit-all').onclick = () => this.line.show(0, this.line.end);
     $('fit-trial').onclick = () => { const t = this.trialAt(this.t); if (t) this.line.show(t.t0 - 0.5, t.t1 + 0.5); };
     $('help-button').onclick = () => $('help').showModal();
