@@ -585,18 +585,18 @@ FILM = """async () => { const reader = new FileReader();
     return [reader.result, $('stage').clientWidth, $('stage').clientHeight + 26]; }"""
 
 
-def pictures_of(film: str) -> list[tuple[float, int, int]]:
-    """Return time in seconds, width and height of the pictures of a film in a data address."""
-    with av.open(io.BytesIO(base64.b64decode(film.partition(",")[2]))) as opened_film:
+def pictures_of(film: str) -> list[tuple[int, int, int]]:
+    """Return time in ms, width and height of the pictures of a film in a data address."""
+    with av.open(io.BytesIO(base64.b64decode(film.partition(",")[2])), "r") as opened_film:
         frames = opened_film.decode(video=0)
-        return [(float(one.time or 0.0), one.width, one.height) for one in frames]
+        return [(round(1000 * (one.time or 0.0)), one.width, one.height) for one in frames]
 
 
 def test_a_film_of_what_is_seen_lasts_as_long_as_what_is_seen(tab: Any) -> None:
     before = tab.evaluate("viewer.t")
     film, width, height = tab.evaluate(FILM)
     even = width // 2 * 2, height // 2 * 2
-    assert [(pytest.approx(k / 25), *even) for k in range(5)] == pictures_of(film)
+    assert [(40 * k, *even) for k in range(5)] == pictures_of(film)
     assert before == tab.evaluate("viewer.t")
     assert "film" == tab.inner_text("#save-film")
 
@@ -675,6 +675,6 @@ def test_firefox_shows_the_page_and_does_what_is_clicked(
     window.wait_for("viewer.coding.open !== null", 30.0)
     film, *size = window.evaluate(f"({FILM})()")
     even = tuple(px // 2 * 2 for px in size)
-    assert [(pytest.approx(k / 25), *even) for k in range(5)] == pictures_of(film)
+    assert [(40 * k, *even) for k in range(5)] == pictures_of(film)
     window.click("#help-button")
     window.wait_for("document.getElementById('help').open", 30.0)
