@@ -78,6 +78,9 @@ PICTURES: Final[Mapping[str, Recipe | FilmRecipe | DeskRecipe | ByHand]] = {
     "stare_eyes.jpg": Recipe(("preview stare --trial 5 --png {file}",)),
     "crowd_eyes.jpg": Recipe(("preview crowd --trial 8 --at 3 --png {file}",)),
     "waving_eyes.jpg": Recipe(("preview waving --trial 16 --at 1.5 --png {file}",)),
+    "approach_eyes.jpg": Recipe(
+        ("examples", "preview examples/approach.py --trial 2 --at 3 --png {file}")
+    ),
     "gaze_map.jpg": Recipe(
         (PEOPLE, f"gaze-map {STUDY} --by condition"), "**/gaze_map_by_condition.png"
     ),

@@ -29,7 +29,7 @@ from visavis.running.page.arrivals import (
     least_filled,
     order_of,
 )
-from visavis.running.page.board import ARRIVED, COUNTING, Board, Place, board_of
+from visavis.running.page.board import ARRIVED, COUNTING, Board, Place, board_of, place_of
 from visavis.running.page.course import DECLINED, DONE, FULL, WITHDRAWN, texts_of_page
 from visavis.running.page.earlier_parts import returning_to
 from visavis.running.page.opening_code import OpeningCode
@@ -47,6 +47,7 @@ from visavis.running.page.rate_limit import ArrivalLimits
 from visavis.running.page.server import EndedSession, PageServer, PageSession
 from visavis.running.page.steps import CannotGoOnError, PageError
 from visavis.running.sessions.device_setup import is_simulated
+from visavis.running.sessions.next_session import next_session
 from visavis.running.sessions.recorded_part import (
     begin_part,
     end_part,
@@ -54,6 +55,7 @@ from visavis.running.sessions.recorded_part import (
     refuse_other_plan,
 )
 from visavis.running.sessions.session_request import Request, SessionPerson
+from visavis.study.experiment import StudyExperiment
 from visavis.study.returning import EXPIRED
 
 IDLE_NS: Final = 30 * 60 * NS_PER_S
@@ -122,6 +124,7 @@ class Reception:
         self._base, self._store, self._ledger, self._rules = base, store, ledger, rules
         self._experiment = experiment = experiment_of(base)
         self._plan = lru_cache(PLANS_IN_MEMORY)(lambda index: experiment.plan(index, base.seed))
+        self._of_session = lru_cache(experiment.of_session)
         self._identify, self._identity_of, self._forget = identify, identity_of, forget
         self._withdraw = withdraw
         self._say_line = say
@@ -135,6 +138,8 @@ class Reception:
         self._of_panel: dict[tuple[str, str], str] = {}
         self._orders: dict[int, Order] = {}
         self._places: dict[str, Place] = {}
+        self._session_numbers: dict[str, int] = {}
+        """The session of each participant that was begun last, where it is not the first."""
         self._turn = asyncio.Lock()
         self._closing: set[asyncio.Task[None]] = set()
         self._port = 0
@@ -144,7 +149,10 @@ class Reception:
         for entry in ledger.list():
             self._read(entry)
         self._states = {place.label: place.state for place in self._board().places}
-        """State of every participant, without reading the disk."""
+        """State of every participant's last session, without reading the disk."""
+        for entry in ledger.list():
+            if entry.label in self._session_numbers:
+                self._states[entry.label] = place_of(entry, self._path(entry)).state
 
     # ---- what the server asks ----------------------------------------------------------------
 
@@ -173,6 +181,11 @@ class Reception:
         async with self._turn:
             key = self._of_panel.get((arrival.panel, arrival.identifier))
             if arrival.identifier and key is not None:
+                later = await self._run(self._later_session, key)
+                if isinstance(later, str):
+                    return {"refused": "early", "text": later}
+                if later is not None:
+                    return await self._admit(partial(self._begin, arrival, *later), words)
                 if arrival.can_be_guessed and key != before:
                     self._say(
                         f"{arrival.panel} {arrival.identifier} has a session and came again from "
@@ -187,13 +200,38 @@ class Reception:
                 address, self._base.clock.now_ns()
             ):
                 return {"refused": "busy", "text": words.get("busy", "")}
-            try:
-                session = await self._run(self._begin, arrival)
-            except LabError as error:
-                self._say(f"somebody came and got no session: {error}")
-                return {"refused": "failed", "text": words.get("failed", "")}
-            self._keep(session)
-            return {"key": session.page.desk.key}
+            return await self._admit(partial(self._begin, arrival), words)
+
+    async def _admit(
+        self, begin: Callable[[], _OpenSession], words: Mapping[str, str]
+    ) -> Mapping[str, Any]:
+        """Begin a session; return its key, or why there is none."""
+        try:
+            session = await self._run(begin)
+        except LabError as error:
+            self._say(f"somebody came and got no session: {error}")
+            return {"refused": "failed", "text": words.get("failed", "")}
+        self._keep(session)
+        return {"key": session.page.desk.key}
+
+    def _later_session(self, key: str) -> tuple[Participant, int] | str | None:
+        """Return the participant and number of a further session that somebody comes to, or when it
+        is due; None where they come to the one that is there.
+        """
+        design, label = self._experiment.study.design, self._keys[key]
+        if not design.sessions or self._states.get(label) != "complete":
+            return None
+        entry = self._ledger.resolve(label)
+        person, now = self._path(entry).parent, self._base.clock.wall_iso()
+        number = self._session_numbers.get(label, 1)
+        if number == len(design.sessions):
+            return None
+        due = next_session(person, design.sessions, design.days_between, now)
+        if due.is_early:
+            self._say(f"{label} came again: {due.words}")
+            days = {"n": due.first_day, "m": due.last_day}
+            return self._experiment.texts.get("page.early", days)
+        return entry, due.number
 
     async def session_of(self, key: str, new_tab: str = "") -> PageSession | EndedSession | None:
         """Return the session of a key, continued where it was left; None if there is none.
@@ -301,7 +339,11 @@ class Reception:
 
     def _path(self, entry: Participant) -> Path:
         return session_dir(
-            self._root, self._base.study.name, entry.label, 1, is_simulated=self._simulated
+            self._root,
+            self._base.study.name,
+            entry.label,
+            self._session_numbers.get(entry.label, 1),
+            is_simulated=self._simulated,
         )
 
     def _board(self) -> Board:
@@ -325,13 +367,27 @@ class Reception:
         return self._orders[index]
 
     def _plan_of(self, entry: Participant) -> SessionPlan:
+        experiment = self._experiment_for(entry)
+        if experiment is not self._experiment:
+            return experiment.plan(entry.index, self._base.seed, entry.group)
         plan = self._plan(entry.index)
         if entry.group in ("", plan.group):
             return plan
-        return self._experiment.plan(entry.index, self._base.seed, entry.group)
+        return experiment.plan(entry.index, self._base.seed, entry.group)
+
+    def _experiment_for(self, entry: Participant) -> StudyExperiment:
+        """Return the experiment of a participant's session."""
+        return self._of_session(self._session_numbers.get(entry.label, 1))
 
     def _read(self, entry: Participant) -> None:
         """Register the key and the participant of a session that was begun earlier."""
+        for number in range(2, len(self._experiment.study.design.sessions) + 1):
+            self._session_numbers[entry.label] = number
+            if not (self._path(entry) / "manifest.json").exists():
+                self._session_numbers.pop(entry.label)
+                if number > 2:
+                    self._session_numbers[entry.label] = number - 1
+                break
         path = self._path(entry)
         if entry.status != "active" or not (path / "manifest.json").exists():
             return
@@ -348,16 +404,24 @@ class Reception:
         if who and who.get("identifier"):
             self._of_panel[who.get("panel", ""), who["identifier"]] = key
 
-    def _begin(self, arrival: Arrival) -> _OpenSession:
-        entry = self._registered(arrival) or self._add_to_ledger()
-        if arrival.identifier:
-            self._identify(entry.label, arrival.identity)
+    def _begin(
+        self, arrival: Arrival, entry: Participant | None = None, number: int = 1
+    ) -> _OpenSession:
+        """Begin a new person's session, or a further one of somebody."""
+        if entry is None:
+            entry = self._registered(arrival) or self._add_to_ledger()
+            if arrival.identifier:
+                self._identify(entry.label, arrival.identity)
+        else:
+            self._forget_key(entry.label)
+            self._session_numbers[entry.label] = number
         request = self._request(entry)
         stack = ExitStack()
         with stack:
             folder = stack.enter_context(
                 create_session(
-                    self._root, manifest_of(request, self._experiment, self._plan_of(entry))
+                    self._root,
+                    manifest_of(request, self._experiment_for(entry), self._plan_of(entry)),
                 )
             )
             session = self._part(request, entry, folder, None, key_of(request), arrival)
@@ -366,6 +430,12 @@ class Reception:
         if arrival.identifier:
             self._of_panel[arrival.panel, arrival.identifier] = session.page.desk.key
         return session
+
+    def _forget_key(self, label: str) -> None:
+        """Forget the page of a participant's session that is over."""
+        for key in [key for key, of in self._keys.items() if of == label]:
+            del self._keys[key]
+            self._open.pop(key, None)
 
     def _with_label(self, arrival: Arrival) -> Arrival:
         """Return the arrival, with the ledger's label if a link (participant=07) names an entry.
@@ -443,8 +513,13 @@ class Reception:
         return replace(
             self._base,
             person=SessionPerson(
-                entry.label, entry.index, entry.group, consent_version=entry.consent_version
+                entry.label,
+                entry.index,
+                entry.group,
+                self._session_numbers.get(entry.label, 1),
+                consent_version=entry.consent_version,
             ),
+            experiment=self._experiment_for(entry),
         )
 
     def _part(
@@ -464,7 +539,7 @@ class Reception:
             recorder.event(SERVED_EVENT, clock.now_ns(), port=self._port)
             page_session = page_session_of(
                 request,
-                self._experiment,
+                self._experiment_for(entry),
                 self._plan_of(entry),
                 self._store,
                 folder,
@@ -483,7 +558,8 @@ class Reception:
     def _keep(self, session: _OpenSession) -> None:
         desk, label = session.page.desk, session.entry.label
         key = desk.key
-        self._states[label] = "running" if desk.has_answered else ARRIVED
+        is_later = label in self._session_numbers  # who has a place keeps it
+        self._states[label] = "running" if desk.has_answered or is_later else ARRIVED
         desk.take_place = partial(self._take_place, label)
         self._open[key] = session
         task = asyncio.get_running_loop().create_task(self._end_when_over(session))
@@ -512,7 +588,7 @@ class Reception:
         await self._close(session, "aborted" if why else "complete", why.partition(";")[0])
         if outcome == WITHDRAWN:
             await self._delete(session.entry.label)
-        if outcome in (DECLINED, FULL):
+        if outcome in (DECLINED, FULL) and session.entry.label not in self._session_numbers:
             await self._forget_identity(session.entry.label)
 
     async def _forget_identity(self, label: str) -> None:
