@@ -204,10 +204,16 @@ class Site:
         new.replace(self._root / "hours_back")
 
     def end(self) -> None:
-        """End the server as a system does, and the proxy."""
+        """End the server as a system does, by SIGKILL where it takes too long, and the proxy."""
         assert self._server is not None
         self._server.send_signal(signal.SIGTERM)
-        self._server.wait(timeout=PATIENCE_S)
+        try:
+            self._server.wait(timeout=PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            print(
+                f"the server did not end within {PATIENCE_S:g} s, and was killed", file=sys.stderr
+            )
+            self.kill_server()
         if self._proxy is not None:
             self.kill_proxy()
 

@@ -11,6 +11,7 @@ HOSTILE = {
     "\x9b31m": r"\x9b31m",
     "abc\u202etxt.exe": r"abc\u202etxt.exe",
     "back\x08space\r": r"back\x08space\r",
+    "sub-\udcff": r"sub-\udcff",
 }
 
 

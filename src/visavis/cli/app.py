@@ -33,8 +33,9 @@ class _PlainConsole(Console):
         return super().render_str(CONTROL.sub(lambda c: ascii(c.group())[1:-1], text), **options)
 
 
-CONTROL: Final = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
-"""Characters that move a terminal's cursor, colour it or turn its writing; not tab and new line."""
+CONTROL: Final = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+"""Characters that move a terminal's cursor, colour it or turn its writing, not tab and new line;
+halves of characters, as in a file's name that is no UTF-8."""
 console = _PlainConsole(emoji=False)
 errors = _PlainConsole(stderr=True, emoji=False)
 

@@ -9,6 +9,7 @@ import itertools
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Literal
 
 from visavis.lab.errors import DataError
@@ -176,6 +177,20 @@ def _delimiter(text: str) -> str:
     if bare.count(best) == 0 and " " in bare.strip():
         return " "
     return best
+
+
+def require_csv(path: Path, text: str, delimiter: str = ",") -> None:
+    """Refuse a table of the laboratory's that no reader of CSV can take, such as an endless cell.
+
+    Raises:
+        DataError: naming the line.
+    """
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
+    try:
+        for _ in reader:
+            pass
+    except csv.Error as error:
+        raise DataError(f"{path}, line {reader.line_num}: {error}; repair the line") from error
 
 
 def _numbered_rows(

@@ -13,6 +13,8 @@ from typing import Final
 import pandas as pd
 
 from visavis.lab.errors import DataError
+from visavis.lab.foreign_text import require_csv
+from visavis.lab.plain_files import read_plain
 from visavis.recording.csv_file import unescape, write_csv
 
 ANNOTATIONS_NAME: Final = "annotations.csv"
@@ -46,9 +48,10 @@ def read_annotations(path: Path) -> tuple[Annotation, ...]:
         DataError: the file cannot be read, a column is missing, or a row is no span.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_plain(path).decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise DataError(f"{path} cannot be read as UTF-8 text: {error}") from error
+    require_csv(path, text)
     reader = csv.DictReader(text.splitlines())
     missing = [name for name in COLUMNS if name not in (reader.fieldnames or ())]
     if missing:

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.lab.errors import ConfigError, DesignError
+from visavis.lab.foreign_text import require_csv
 from visavis.lab.plain_files import read_plain
 from visavis.lab.yaml_lines import did_you_mean, read_document
 from visavis.stimuli.areas import Area, pack_runs
@@ -243,6 +244,7 @@ def _of_csv(path: Path, axes: tuple[str, str]) -> Iterator[tuple[str, Area]]:
     text = _text(path)
     head = text.partition("\n")[0]
     delimiter = max(",;\t", key=head.count)
+    require_csv(path, text, delimiter)
     rows = csv.DictReader(io.StringIO(text), delimiter=delimiter)
     there = [name.strip() for name in rows.fieldnames or ()]
     missing = [name for name in ("area", *axes) if name not in there]

@@ -17,6 +17,7 @@ from typing import Any, Final
 import numpy as np
 
 from visavis.lab.errors import DataError, DesignError
+from visavis.lab.foreign_text import require_csv
 from visavis.lab.plain_files import read_plain
 from visavis.lab.yaml_lines import did_you_mean
 from visavis.protocol.plan.design import Factor
@@ -263,6 +264,7 @@ def _read(items: Items, folder: Path) -> ItemTable:
         ) from error
     lines = text.splitlines() or [""]
     delimiter = max(",;\t", key=lines[0].count)
+    require_csv(path, text, delimiter)
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
     numbered = [(reader.line_num, [c.strip() for c in row]) for row in reader if any(row)]
     if not numbered:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from visavis.lab.errors import DataError
+from visavis.lab.foreign_text import require_csv
 from visavis.lab.plain_files import read_plain
 from visavis.lab.yaml_lines import Problem, ProblemsError, did_you_mean, read_document
 from visavis.stimuli.motion.errors import MotionError
@@ -104,6 +105,7 @@ def read_script(path: Path, *, any_lexeme: bool = False) -> GestureScript:
             text = read_plain(path).decode("utf-8-sig")
         except (OSError, UnicodeDecodeError) as error:
             raise MotionError(f"{path} cannot be read ({error}); save it as UTF-8 text") from error
+        require_csv(path, text)
         reader = csv.DictReader(io.StringIO(text))
         rows, lines = [], []
         for row in reader:

@@ -16,6 +16,7 @@ from typing import Final
 import numpy as np
 
 from visavis.lab.errors import DataError
+from visavis.lab.foreign_text import require_csv
 from visavis.lab.plain_files import read_plain
 from visavis.stimuli.sound import Waveform, read_sound
 
@@ -84,6 +85,7 @@ def read_speech(path: Path) -> Speech:
         text = read_plain(times).decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise DataError(f"{times} cannot be read ({error}); save it as UTF-8 text") from error
+    require_csv(times, text)
     reader = csv.DictReader(io.StringIO(text))
     if missing := [name for name in COLUMNS if name not in (reader.fieldnames or ())]:
         raise DataError(f"{times}: the columns {', '.join(missing)} are missing")
