@@ -536,6 +536,45 @@ def test_a_session_that_cannot_be_gone_on_with_is_refused_in_words(
     assert 1 == len(said)
 
 
+@pytest.mark.parametrize("comes", ["for the first time", "again"])
+def test_who_still_waits_to_be_let_in_keeps_no_server_from_ending(
+    comes: str, place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What answers them waits for its turn after their page has gone: nobody would close that."""
+
+    async def leaves(base: str, _: Reception) -> str:
+        return (await arrive(base, {})).partition("#")[2]
+
+    key = served(place, leaves) if comes == "again" else ""
+
+    async def ends() -> tuple[Any, Reception]:
+        reception = place.reception()
+        server = PageServer(reception=reception)
+        await server.start()
+        until, stop = asyncio.Event(), server.stop
+        serving = asyncio.create_task(reception.serve(server, until))
+        await reception._turn.acquire()
+        asked = reception.session_of(key) if key else reception.arrive({})
+        waiting = asyncio.create_task(asked)
+
+        async def stop_and_let_in() -> None:
+            await stop()
+            reception._turn.release()
+            await asyncio.wait([waiting])
+
+        monkeypatch.setattr(server, "stop", stop_and_let_in)
+        until.set()
+        await serving
+        return waiting.exception() or waiting.result(), reception
+
+    said, reception = asyncio.run(ends())
+    assert {} == reception._open
+    refused = said if comes == "again" else said["refused"]
+    assert "this session cannot go on; please tell the researchers" == str(refused) or (
+        "busy" == refused
+    )
+
+
 def test_one_damaged_session_leaves_the_board_of_all_others(place: Place) -> None:
     async def act(base: str, reception: Reception) -> dict[str, int]:
         for _ in range(2):

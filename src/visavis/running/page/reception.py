@@ -142,6 +142,8 @@ class Reception:
         """The session of each participant that was begun last, where it is not the first."""
         self._turn = asyncio.Lock()
         self._closing: set[asyncio.Task[None]] = set()
+        self._opening: set[asyncio.Task[_OpenSession | None]] = set()
+        self._is_ending = False
         self._port = 0
         self._ledger_state = self._read_ledger_state()
         self._limits = ArrivalLimits()
@@ -196,8 +198,10 @@ class Reception:
             is_open = sum(not session.page.closed.is_set() for session in self._open.values())
             if self._is_full():
                 return {"refused": "full", "text": words.get("full", "")}
-            if is_open >= MAX_OPEN or not self._limits.lets_pass(
-                address, self._base.clock.now_ns()
+            if (
+                self._is_ending
+                or is_open >= MAX_OPEN
+                or not self._limits.lets_pass(address, self._base.clock.now_ns())
             ):
                 return {"refused": "busy", "text": words.get("busy", "")}
             return await self._admit(partial(self._begin, arrival), words)
@@ -207,11 +211,11 @@ class Reception:
     ) -> Mapping[str, Any]:
         """Begin a session; return its key, or why there is none."""
         try:
-            session = await self._run(begin)
+            session = await self._opened(begin)
+            assert session is not None  # noqa: S101  # only one that is gone on with may be
         except LabError as error:
             self._say(f"somebody came and got no session: {error}")
             return {"refused": "failed", "text": words.get("failed", "")}
-        self._keep(session)
         return {"key": session.page.desk.key}
 
     def _later_session(self, key: str) -> tuple[Participant, int] | str | None:
@@ -251,11 +255,12 @@ class Reception:
             if key not in self._open and key in self._keys:
                 if (ending := self._ending_of(key)) is not None:
                     return ending
+                if self._is_ending:
+                    raise CannotGoOnError(CANNOT_GO_ON)
                 try:
-                    continued = await self._run(self._go_on, key)
+                    continued = await self._opened(self._go_on, key)
                     if continued is None:
                         return self._ended(self._keys[key], EXPIRED)
-                    self._keep(continued)
                 except LabError as error:
                     self._say(f"{self._keys[key]} came again and could not go on: {error}")
                     raise CannotGoOnError(CANNOT_GO_ON) from error
@@ -287,9 +292,12 @@ class Reception:
                 except TimeoutError:
                     continue
         finally:
+            self._is_ending = True
             await server.stop()  # an event that arrives now would reopen its session
-            for session in list(self._open.values()):
-                await self._close(session, "aborted", SERVER_ENDED)
+            # Who is being let in may have closed their page: aiohttp ends no handler then.
+            await asyncio.gather(*self._opening, return_exceptions=True)
+            open_sessions = list(self._open.values())
+            await asyncio.gather(*(self._close(s, "aborted", SERVER_ENDED) for s in open_sessions))
             if self._closing:
                 await asyncio.gather(*self._closing)
 
@@ -299,6 +307,22 @@ class Reception:
         if self._base.clock.is_virtual:
             return act(*arguments)
         return await asyncio.to_thread(act, *arguments)
+
+    async def _opened(
+        self, act: Callable[..., _OpenSession | None], *arguments: Any
+    ) -> _OpenSession | None:
+        """Open a session and keep it, also if whoever asked for it is cancelled meanwhile."""
+
+        async def open_and_keep() -> _OpenSession | None:
+            session: _OpenSession | None = await self._run(act, *arguments)
+            if session is not None:
+                self._keep(session)
+            return session
+
+        opening = asyncio.create_task(open_and_keep())
+        self._opening.add(opening)
+        opening.add_done_callback(self._opening.discard)
+        return await asyncio.shield(opening)
 
     def _say(self, text: str) -> None:
         """Say one line: a break or a terminal's command that a stranger sent would forge ours."""
