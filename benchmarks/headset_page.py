@@ -15,7 +15,13 @@ from visavis.experiments.waving.on_page import study
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.film_store import film_store
 from visavis.running.live_film import live_film_files
-from visavis.running.page.server import FILES, HEADSET_FILES, LIVE_FILES, SITE
+from visavis.running.page.server import (
+    DRAWN_FILM_FILES,
+    FILES,
+    HEADSET_FILES,
+    LIVE_FILES,
+    SITE,
+)
 from visavis.stimuli.characters.cast import cast_names, load_character
 from visavis.stimuli.characters.gltf.exporting import glb_of_character
 from visavis.study.films import LiveFilm
@@ -26,7 +32,7 @@ PICTURES_A_DRAW: Final = 5
 
 def page_bytes() -> int:
     """Return how many bytes of files a page in a headset loads, compressed."""
-    names = {**FILES, **LIVE_FILES, **HEADSET_FILES}.values()
+    names = {**FILES, **LIVE_FILES, **DRAWN_FILM_FILES, **HEADSET_FILES}.values()
     return sum(len(gzip.compress((SITE / name).read_bytes(), 9)) for name in set(names))
 
 

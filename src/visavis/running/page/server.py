@@ -48,6 +48,8 @@ LIVE_FILES: Final = {
     "/painting.js": "painting.js",
 }
 """What pages with live figures load besides."""
+DRAWN_FILM_FILES: Final = {"/drawn_film.js": "drawn_film.js"}
+"""What pages that draw films load besides those."""
 HEADSET_FILES: Final = {
     "/headset.js": "headset.js",
     "/headset_board.js": "headset_board.js",
@@ -287,7 +289,7 @@ class PageServer(LocalServer):
     ) -> None:
         self._reception = reception
         self._sessions: dict[str, PageSession] = {}
-        files = FILES | LIVE_FILES | HEADSET_FILES
+        files = FILES | LIVE_FILES | DRAWN_FILM_FILES | HEADSET_FILES
         posts: dict[str, Handler] = {
             "/api/hello": self._hello,
             "/api/events": self._events,

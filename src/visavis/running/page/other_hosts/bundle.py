@@ -30,7 +30,7 @@ from visavis.running.page.arrivals import PLACES_AHEAD
 from visavis.running.page.course import Notes, Visit, course
 from visavis.running.page.flat import of_part_unseen
 from visavis.running.page.perform import about_of, experiment_of
-from visavis.running.page.server import FILES, LIVE_FILES, SITE
+from visavis.running.page.server import DRAWN_FILM_FILES, FILES, LIVE_FILES, SITE
 from visavis.running.page.steps import PageStep, Reply
 from visavis.running.picture_store import PictureStore
 from visavis.running.sessions.device_setup import is_simulated
@@ -272,7 +272,8 @@ def _write(
     }
     bundle["id"] = hashlib.sha256(_json([bundle, digests])).hexdigest()[:12]
     (folder / "bundle.json").write_bytes(_json(bundle))
-    for name in (FILES | LIVE_FILES if experiment.lives else FILES).values():
+    drawn = LIVE_FILES | DRAWN_FILM_FILES if experiment.lives else {}
+    for name in (FILES | drawn).values():
         shutil.copyfile(SITE / name, folder / name)
     for name in ("wire.js", "worker.js"):
         shutil.copyfile(SITE / "bundle" / name, folder / name)
