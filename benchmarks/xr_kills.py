@@ -300,7 +300,7 @@ class Session:
     def answer(self) -> None:
         """Answer what is asked, and go on to the next trial or the end."""
         before = self.progress
-        self._go_on(lambda: self.progress != before)
+        self._go_on(lambda: self.progress != before or self.is_over)
 
     @property
     def progress(self) -> str:
@@ -380,7 +380,7 @@ def _disturb(session: Session, kinds: list[Kind], rng: np.random.Generator) -> N
     for _ in range(TRIALS - 1):
         for _ in range(FAULTS_A_TRIAL):
             left = [kind for kind in kinds if kind.faults < kind.wanted]
-            if not left:
+            if not left or session.is_over:
                 break
             weights = np.array([kind.wanted - kind.faults for kind in left], float)
             kind = left[int(rng.choice(len(left), p=weights / weights.sum()))]

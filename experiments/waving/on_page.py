@@ -157,7 +157,7 @@ def office_before(
 ) -> BakedOffice:
     """Return the office with a wave, for eyes at the origin `eye_height_m` above the floor."""
     target = neighbour(participant_place, direction).name
-    made, wave = (
+    motion, wave = (
         Making(**making),
         {
             "clerk": clerk,
@@ -166,9 +166,9 @@ def office_before(
             "participant_place": participant_place,
         },
     )
-    waving_clerk = wave_of(wave, made, eye_height_m).waving
+    waving_clerk = wave_of(wave, motion, eye_height_m).waving
     scene = office_scene(participant_place, waving_clerk, SCENE_SEED)
-    eyes = office_eyes(scene, target, 0, 0.0, made.before_s - 0.3)
+    eyes = office_eyes(scene, target, 0, 0.0, motion.before_s - 0.3)
     eye_m = np.array([0.0, eye_height_m, 0.0])
     return BakedOffice(scene, places(scene), eyes, eye_m, start_ns=staging.start_ns)
 

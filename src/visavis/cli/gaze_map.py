@@ -160,10 +160,10 @@ def _looks(
             continue
         for trial_id, level in zip(mine["trial_id"], mine[factor], strict=True):
             trial = recorded_trial(recording, str(trial_id))
-            turned = recording.events_named(VIEW_TURNED, trial.part)["payload"]
-            if any(payload["trial_id"] == str(trial_id) for payload in turned):
+            turns = recording.events_named(VIEW_TURNED, trial.part)["payload"]
+            if any(payload["trial_id"] == str(trial_id) for payload in turns):
                 raise UsageError(
-                    f"{session.path}: in trial {trial_id} the view onto a panorama was turned, so "
+                    f"{session.path}: in trial {trial_id} the view onto a panorama was turns, so "
                     "that no one picture shows what was seen; measure gaze on its areas (looks_at)"
                 )
             ends = _ends(data.study, trial, surfaces, during)

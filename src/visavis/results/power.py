@@ -235,15 +235,22 @@ class KitPower:
             return times
         has_time: dict[str, set[bool]] = {}
 
-        def note(seen: Seen, response: Response, rng: np.random.Generator) -> Any:
-            reply = answer_of(seen, response, rng)
+        def note(view: Seen, response: Response, rng: np.random.Generator) -> Any:
+            reply = answer_of(view, response, rng)
             if reply is not None:
                 has_time.setdefault(response.name, set()).add(isinstance(reply, Race | WhenNear))
             return reply
 
-        watched = replace(opened_study, study=opened_study.study.with_changes(answer_of=note))
+        watching_study = replace(
+            opened_study, study=opened_study.study.with_changes(answer_of=note)
+        )
         self.simulate_study(
-            watched, watched.experiment(self.overrides), self.make_tracker, [0], seed=1, effect=1
+            watching_study,
+            watching_study.experiment(self.overrides),
+            self.make_tracker,
+            [0],
+            seed=1,
+            effect=1,
         )
         return tuple(time for time in times if has_time.get(names[time]) != {True})
 

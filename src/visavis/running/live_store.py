@@ -121,17 +121,17 @@ def _light() -> Mapping[str, Any]:
     There people stand 2.6 m ahead and face the viewer, here at the origin and face −z.
     """
 
-    def turned(vector: Vector, ahead_m: float) -> Vector:
+    def in_page(vector: Vector, ahead_m: float) -> Vector:
         return np.array([-vector[0], vector[1], -vector[2] - ahead_m])
 
-    return _light_of(plain_room(), turned)
+    return _light_of(plain_room(), in_page)
 
 
-def _light_of(room: Room, turned: Callable[[Vector, float], Vector]) -> Mapping[str, Any]:
+def _light_of(room: Room, in_page: Callable[[Vector, float], Vector]) -> Mapping[str, Any]:
     """Return the light of a room, `turned` to the axes of what is drawn in it."""
 
     def numbers(vector: Vector | None, ahead_m: float) -> list[float] | None:
-        return None if vector is None else turned(vector, ahead_m).tolist()
+        return None if vector is None else in_page(vector, ahead_m).tolist()
 
     lamps = [
         {
@@ -160,13 +160,13 @@ def prepare_live_films(
 
     `report_progress` is called with the number of films made and of all.
     """
-    drawn = [live for live in lives if isinstance(live, LiveFilm)]
-    for count, live in enumerate(drawn, start=1):
+    live_films = [live for live in lives if isinstance(live, LiveFilm)]
+    for count, live in enumerate(live_films, start=1):
         # late, as above
         from visavis.running.live_film import live_film_files
 
         live_film_files(live.film, films)
-        report_progress(count, len(drawn))
+        report_progress(count, len(live_films))
 
 
 def page_files(
@@ -181,17 +181,17 @@ def page_files(
     pictures = pictures or PictureStore((), films.study_folder)
 
     @cache
-    def describe(shown: Film | Live | LiveFilm | Image | Video | Audible) -> Mapping[str, Any]:
-        if isinstance(shown, LiveFilm):
-            return lives.describe_film(shown, films, is_simulated=is_simulated)
-        if isinstance(shown, Live):
-            return lives.describe(shown, is_simulated=is_simulated)
-        if isinstance(shown, Image | Video):
-            return pictures.describe(shown, is_simulated=is_simulated)
-        if isinstance(shown, Audible):
+    def describe(stimulus: Film | Live | LiveFilm | Image | Video | Audible) -> Mapping[str, Any]:
+        if isinstance(stimulus, LiveFilm):
+            return lives.describe_film(stimulus, films, is_simulated=is_simulated)
+        if isinstance(stimulus, Live):
+            return lives.describe(stimulus, is_simulated=is_simulated)
+        if isinstance(stimulus, Image | Video):
+            return pictures.describe(stimulus, is_simulated=is_simulated)
+        if isinstance(stimulus, Audible):
             assert sounds is not None  # noqa: S101 - a study that plays sounds gives them
-            return sounds.describe(shown, is_simulated=is_simulated)
-        return films.describe(shown, is_simulated=is_simulated)
+            return sounds.describe(stimulus, is_simulated=is_simulated)
+        return films.describe(stimulus, is_simulated=is_simulated)
 
     return describe
 

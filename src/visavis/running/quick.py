@@ -265,8 +265,8 @@ def _row(
         never = np.zeros(gaze.t_ns.size, np.bool_)  # a model's samples do not freeze
         row |= looks.columns(TrialRecord(row, None, gaze), never, rules)
     record = TrialRecord(row, None, gaze, events=tuple(frames.marks))
-    measured = {m.column: value_of(m, record) for m in measures if m.of_cell is None}
-    return row | measured, frames.wish
+    values = {m.column: value_of(m, record) for m in measures if m.of_cell is None}
+    return row | values, frames.wish
 
 
 class _Frames:

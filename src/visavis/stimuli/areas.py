@@ -241,9 +241,9 @@ class SurroundingAreas:
     def pixels_met(self, direction: Vector, t_ns: Times | None) -> tuple[Values, Values]:
         """Return x and y (n,) in its pixels of directions (n, 3) in world."""
         own = rotate(quat_conjugate(self.pose.orientation_wxyz), direction)
-        turned = np.zeros((len(own), 2)) if t_ns is None else self.turns.course(t_ns)
-        right = np.radians(turned[:, 0] + self.yaw_deg) / 2
-        up = np.radians(turned[:, 1]) / 2
+        turns_deg = np.zeros((len(own), 2)) if t_ns is None else self.turns.course(t_ns)
+        right = np.radians(turns_deg[:, 0] + self.yaw_deg) / 2
+        up = np.radians(turns_deg[:, 1]) / 2
         zero = np.zeros(len(own))
         to_right = np.stack([np.cos(right), zero, -np.sin(right), zero], axis=1)
         upwards = np.stack([np.cos(up), np.sin(up), zero, zero], axis=1)

@@ -180,7 +180,7 @@ class _Decoding:
     """What a thread that decodes shares with its reader; it holds no reader, so that both end."""
 
     pictures: "queue.Queue[tuple[int, Pixels | Exception]]"
-    wanted: int
+    wanted_index: int
     is_over: threading.Event
 
 
@@ -193,7 +193,7 @@ class FilmReader:
         ahead = AHEAD_BYTES // (4 * size_px[0] * size_px[1])
         self._ahead = int(np.clip(ahead, MIN_AHEAD, MAX_AHEAD))
         self._decoding: _Decoding | None = None
-        self._shown: tuple[int, Pixels] | None = None
+        self._shown_picture: tuple[int, Pixels] | None = None
         self._first: Pixels | None = None
 
     def picture_at(self, t_s: float) -> Pixels:
@@ -203,34 +203,36 @@ class FilmReader:
         Raises:
             DesignError: it cannot be decoded.
         """
-        wanted = self.facts.index_at(t_s)
-        if self._shown is not None and self._shown[0] == wanted:
-            return self._shown[1]
-        if wanted == 0 and self._first is not None:
+        wanted_index = self.facts.index_at(t_s)
+        if self._shown_picture is not None and self._shown_picture[0] == wanted_index:
+            return self._shown_picture[1]
+        if wanted_index == 0 and self._first is not None:
             self._begin(0)
-        elif self._decoding is None or (self._shown is not None and self._shown[0] > wanted):
-            self._begin(wanted)
+        elif self._decoding is None or (
+            self._shown_picture is not None and self._shown_picture[0] > wanted_index
+        ):
+            self._begin(wanted_index)
         assert self._decoding is not None  # noqa: S101 - it was begun
-        self._decoding.wanted = wanted
-        while self._shown is None or self._shown[0] < wanted:
+        self._decoding.wanted_index = wanted_index
+        while self._shown_picture is None or self._shown_picture[0] < wanted_index:
             index, pixels = self._decoding.pictures.get()
             if isinstance(pixels, Exception):
                 self._decoding = None
                 raise DesignError(
-                    f"{self._path}: damaged at {self.facts.stamps_s[wanted]:.2f} s ({pixels}); "
-                    "copy or save it again"
+                    f"{self._path}: damaged at {self.facts.stamps_s[wanted_index]:.2f} s "
+                    f"({pixels}); copy or save it again"
                 ) from pixels
-            self._shown = index, pixels
-        if wanted == 0:
-            self._first = self._shown[1]
-        return self._shown[1]
+            self._shown_picture = index, pixels
+        if wanted_index == 0:
+            self._first = self._shown_picture[1]
+        return self._shown_picture[1]
 
     def _begin(self, first: int) -> None:
         if self._decoding is not None:
             self._decoding.is_over.set()
         decoding = _Decoding(queue.Queue(self._ahead), first, threading.Event())
         self._decoding = decoding
-        self._shown = None if first or self._first is None else (0, self._first)
+        self._shown_picture = None if first or self._first is None else (0, self._first)
         weakref.finalize(self, decoding.is_over.set)
         arguments = (self._path, self._size_px, self.facts, first, decoding)
         threading.Thread(target=_decode, args=arguments, name="film", daemon=True).start()
@@ -243,7 +245,7 @@ def _decode(
     last: tuple[int, Pixels | Exception] = (first, DesignError("it has no such picture"))
     try:
         for index, frame in _frames_from(path, facts, first):
-            if index < decoding.wanted and index != len(facts.stamps_s) - 1:
+            if index < decoding.wanted_index and index != len(facts.stamps_s) - 1:
                 continue  # nobody needs it any more
             last = index, _rgba(frame, size_px)
             if not _put(decoding, last):
@@ -286,10 +288,10 @@ def _rgba(frame: Any, size_px: tuple[int, int]) -> Pixels:
     from av.video.reformatter import Colorspace
 
     is_high = frame.height >= HIGH_DEFINITION_PX
-    unnamed = Colorspace.ITU709 if is_high else Colorspace.ITU601
+    assumed_space = Colorspace.ITU709 if is_high else Colorspace.ITU601
     space = {1: Colorspace.ITU709, 5: Colorspace.ITU601, 6: Colorspace.ITU601}.get(
-        int(frame.colorspace), unnamed
+        int(frame.colorspace), assumed_space
     )
     wide, high = size_px
-    shown = frame.reformat(width=wide, height=high, format="rgba", src_colorspace=space)
-    return np.ascontiguousarray(shown.to_ndarray())
+    picture = frame.reformat(width=wide, height=high, format="rgba", src_colorspace=space)
+    return np.ascontiguousarray(picture.to_ndarray())

@@ -283,10 +283,10 @@ class Video:
         if not self.file:
             raise DesignError("Video: name its file, which lies beside the study's")
         sizes = {n: getattr(self, n) for n in ("width_deg", "height_deg")}
-        given = {name: deg for name, deg in sizes.items() if deg is not None}
-        if not given:
+        sizes_deg = {name: deg for name, deg in sizes.items() if deg is not None}
+        if not sizes_deg:
             raise DesignError(f"Video {self.file!r}: give width_deg or height_deg")
-        _require_size(f"Video {self.file!r}", **given)
+        _require_size(f"Video {self.file!r}", **sizes_deg)
         object.__setattr__(self, "at_deg", _require_place("Video", self.at_deg))
 
 

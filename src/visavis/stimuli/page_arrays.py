@@ -16,8 +16,8 @@ import numpy.typing as npt
 
 def packed_arrays(head: Mapping[str, Any], arrays: Mapping[str, npt.NDArray[Any]]) -> bytes:
     """Return a head and arrays as one file."""
-    listed = [[name, a.shape, a.dtype.str[1:]] for name, a in arrays.items()]
-    text = json.dumps({**head, "arrays": listed}).encode()
+    header = [[name, a.shape, a.dtype.str[1:]] for name, a in arrays.items()]
+    text = json.dumps({**head, "arrays": header}).encode()
     start = _padded(struct.pack("<I", len(text)) + text)
     return start + b"".join(_padded(np.ascontiguousarray(a).tobytes()) for a in arrays.values())
 

@@ -17,7 +17,7 @@ from visavis.lab.errors import DataError
 MAX_S: Final = 1800.0
 MIN_RATE_HZ, MAX_RATE_HZ = 4000, 192_000
 MAX_FILE_BYTES: Final = 1 << 30
-PACKED: Final = (b"fLaC", b"OggS", b"\x1aE\xdf\xa3")
+PACKED_BEGINNINGS: Final = (b"fLaC", b"OggS", b"\x1aE\xdf\xa3")
 """The first bytes of files that PyAV reads: FLAC, OGG, and films as WebM and Matroska."""
 FILM: Final = b"ftyp"
 """What films as MP4 begin with after four bytes; PyAV reads them."""
@@ -93,7 +93,7 @@ def read_sound(path: Path) -> Waveform:
             head = file.read(8)
     except OSError as problem:
         raise DataError(f"{path}: cannot be read ({problem.strerror or problem})") from problem
-    is_packed = head[:4] in PACKED or head[4:] == FILM
+    is_packed = head[:4] in PACKED_BEGINNINGS or head[4:] == FILM
     samples, rate_hz = (_read_packed if is_packed else _read_wav)(path)
     if not 1 <= samples.shape[1] <= 2:
         raise DataError(f"{path}: {samples.shape[1]} channels; a sound has one or two")

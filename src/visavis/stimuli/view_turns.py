@@ -70,15 +70,15 @@ class ViewTurns:
 
     def course(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
         """Return the same at times (n,), as (n, 2). A display changes it from frame to frame."""
-        turned = np.zeros((len(t_ns), 2))
+        turns_deg = np.zeros((len(t_ns), 2))
         for turn in self.turns:
             after = t_ns >= turn.since_ns
             frames = np.floor((t_ns[after] - turn.since_ns) / self.frame_ns + SLACK)
             reach_deg = frames * self.frame_ns / NS_PER_S * SPEED_DEG_PER_S
             begin, way = np.array(turn.from_deg), np.subtract(turn.to_deg, turn.from_deg)
             share = np.minimum(1.0, reach_deg / max(float(np.linalg.norm(way)), 1e-9))
-            turned[after] = begin + share[:, None] * way
-        return turned
+            turns_deg[after] = begin + share[:, None] * way
+        return turns_deg
 
 
 def read_turns(events: Iterable[Mapping[str, Any]]) -> ViewTurns:

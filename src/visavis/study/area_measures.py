@@ -88,13 +88,13 @@ def gaze_by_area(record: TrialRecord, scene: str, pad_deg: float) -> GazeByArea 
 
 def areas_shown(record: TrialRecord, scene: str) -> tuple[Areas, ...]:
     """Return the areas of what a trial showed under a name, where they stood; () without any."""
-    shown = _payloads_of(record, "shown", scene)[-1:]
-    if not shown or "areas" not in shown[0]:
+    payloads = _payloads_of(record, "shown", scene)[-1:]
+    if not payloads or "areas" not in payloads[0]:
         return ()
-    sheets = read_areas_text(str(shown[0]["areas"]))
+    sheets = read_areas_text(str(payloads[0]["areas"]))
     if not any(isinstance(one, SurroundingAreas) for one in sheets):
         return sheets
-    since_ns = int(shown[0]["start_ns"])
+    since_ns = int(payloads[0]["start_ns"])
     turned = _payloads_of(record, VIEW_TURNED, scene)
     turns = read_turns(t for t in turned if int(t["changed_ns"]) >= since_ns)
     return tuple(

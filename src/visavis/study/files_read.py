@@ -33,17 +33,17 @@ def _files(experiment: StudyExperiment) -> Iterator[Path]:
     if experiment.item_table is not None:
         yield folder / experiment.item_table.file
         for row in experiment.item_table.rows:
-            yield from _named(folder, row.values())
-    yield from _named(folder, experiment.parameters.values())
+            yield from _paths_in(folder, row.values())
+    yield from _paths_in(folder, experiment.parameters.values())
     for picture in experiment.flats:
-        yield from _named(folder, vars(picture).values())
+        yield from _paths_in(folder, vars(picture).values())
         if areas := getattr(picture, "areas", ""):
             yield from _of_areas(folder / areas)
     for sound in (sound for trial in reads for sound in trial.sounds):
-        yield from _named(folder, [sound, getattr(sound, "file", None)])
+        yield from _paths_in(folder, [sound, getattr(sound, "file", None)])
     yield from (folder / voice.file for voice in experiment.voices)
     for scene in (scene for trial in reads for scene in trial.scenes):
-        yield from _named(folder, scene.options.values())
+        yield from _paths_in(folder, scene.options.values())
 
 
 def _of_areas(path: Path) -> Iterator[Path]:
@@ -55,7 +55,7 @@ def _of_areas(path: Path) -> Iterator[Path]:
                 yield path.parent / str(area["mask"])
 
 
-def _named(folder: Path, values: Any) -> Iterator[Path]:
+def _paths_in(folder: Path, values: Any) -> Iterator[Path]:
     """Yield the files below a folder, or anywhere, that some values name."""
     for value in values:
         if isinstance(value, Path) or (isinstance(value, str) and "." in value):

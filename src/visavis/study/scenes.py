@@ -380,7 +380,7 @@ class StagedFlat:
     areas: tuple[Areas, ...] = ()
     _is_shown: bool = False
     _turned_deg: tuple[float, float] = (0.0, 0.0)
-    _reported: int = 0
+    _report_count: int = 0
 
     @property
     def films(self) -> tuple[FilmFacts, ...]:
@@ -390,13 +390,13 @@ class StagedFlat:
 
     def open_films(self, view: FrameView) -> None:
         """Decode the first pictures of films, as large as they will stand there."""
-        opened = named_function(OPEN_FILMS, "decodes films")
-        opened(replace(self.scene, head=view.head, surface=view.surface))
+        decode = named_function(OPEN_FILMS, "decodes films")
+        decode(replace(self.scene, head=view.head, surface=view.surface))
 
     def frame(self, view: FrameView, elapsed_ns: int) -> SceneFrame | None:
         """Return the first frame; None after it, as nothing changes but a view that turns."""
         if self._is_shown:
-            return self._turned(view)
+            return self._turn(view)
         self._is_shown = True
         since_ns = view.t_ns + view.surface.frame_ns
         self.scene = replace(
@@ -412,11 +412,11 @@ class StagedFlat:
 
     def new_turns(self) -> Sequence[Mapping[str, float]]:
         """Return what events say of what turned the view since the last call."""
-        new = self.scene.turns.turns[self._reported :]
-        self._reported += len(new)
+        new = self.scene.turns.turns[self._report_count :]
+        self._report_count += len(new)
         return [turn.as_event(self.scene.turns.frame_ns) for turn in new]
 
-    def _turned(self, view: FrameView) -> SceneFrame | None:
+    def _turn(self, view: FrameView) -> SceneFrame | None:
         """Return a frame where arrow keys turn the view: onto a panorama, before a monitor."""
         if self.scene.panorama is None or self.scene.surface.screen is None:
             return None

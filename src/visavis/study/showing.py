@@ -71,7 +71,7 @@ class Showing:
 
 
 @dataclass(frozen=True)
-class Parted:
+class StimulusParts:
     """What is shown together: what is seen flat, its names, what is heard, and what is around."""
 
     flats: tuple[Flat, ...] = ()
@@ -85,7 +85,7 @@ class Parted:
         return not (self.flats or self.sounds) and self.panorama is None
 
 
-def parted(what: object) -> Parted:
+def parts_of(what: object) -> StimulusParts:
     """Return the parts of what is shown; nothing of a scene.
 
     Raises:
@@ -98,11 +98,11 @@ def parted(what: object) -> Parted:
     elif isinstance(what, Stimulus):
         what = [what]
     if not isinstance(what, Sequence) or not all(isinstance(one, Stimulus) for one in what):
-        return Parted()
+        return StimulusParts()
     panoramas = [one for one in what if isinstance(one, Panorama)]
     if len(panoramas) > 1:
         raise DesignError("t.show: two panoramas cannot be around somebody at a time; show one")
-    return Parted(
+    return StimulusParts(
         tuple(one for one in what if isinstance(one, Flat)),
         names,
         tuple(one for one in what if isinstance(one, Audible)),

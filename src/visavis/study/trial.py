@@ -73,7 +73,7 @@ from visavis.study.showing import (
     Stimuli,
     awaited_keys,
     duration,
-    parted,
+    parts_of,
     shown_seconds,
     window_of,
 )
@@ -231,7 +231,7 @@ class TrialScript(LitTrial):
             DesignError: there is nothing to show, or nothing says how long.
         """
         keys = awaited_keys(until, limit_s)
-        parts = parted(what)
+        parts = parts_of(what)
         sounds, names, panorama = parts.sounds, parts.names, parts.panorama
         flats = tuple(self._with_seed(flat) for flat in parts.flats)
         is_flat = not parts.is_empty

@@ -266,7 +266,7 @@ async def _serve(
     if way.is_lan and not (way.name or near):
         raise UsageError("this computer has no address on a network; join one, or say --host")
     names = tuple(dict.fromkeys(filter(None, (way.name, *near, *LOOPBACK))))
-    shown = _certificate(way, names, base) if way.is_lan else None
+    certificate = _certificate(way, names, base) if way.is_lan else None
     store = build_films(base)
     key_file = None if here.is_simulated else here.key_file
 
@@ -291,7 +291,7 @@ async def _serve(
     )
     server = PageServer((*names, way.host), reception)
     host = EVERYWHERE[0] if way.is_lan and listens_everywhere else way.host
-    await server.start(host, way.port, shown.context if shown else None)
+    await server.start(host, way.port, certificate.context if certificate else None)
     until = asyncio.Event()
     loop = asyncio.get_running_loop()
     for name in ENDING_SIGNALS:
@@ -309,8 +309,8 @@ async def _serve(
         addresses = [address, f"{address}/?PROLIFIC_PID={{{{%PROLIFIC_PID%}}}}"]
     for line in addresses:
         console.print(f"  [b]{verbatim(line)}[/]", soft_wrap=True, highlight=False)
-    if code is not None and shown is not None:
-        for line in _on_a_lan(way, code.digits, shown):
+    if code is not None and certificate is not None:
+        for line in _on_a_lan(way, code.digits, certificate):
             console.print(line, soft_wrap=True, highlight=False)
     if way.is_insecure:
         warn(NOT_SECURE)
@@ -323,7 +323,7 @@ async def _serve(
         await server.stop()
 
 
-def _on_a_lan(way: Way, digits: str, shown: "Certificate") -> Iterator[str]:
+def _on_a_lan(way: Way, digits: str, own_certificate: "Certificate") -> Iterator[str]:
     """Yield what whoever serves on a network reads: the code, and how to know the server again."""
     yield "Code that opens a session:"
     yield f"  [b]{digits[:3]} {digits[3:]}[/]"
@@ -334,9 +334,9 @@ def _on_a_lan(way: Way, digits: str, shown: "Certificate") -> Iterator[str]:
         )
     else:
         yield "SHA-256 of the certificate:"
-    half = len(shown.fingerprint) // 2
-    yield f"  {shown.fingerprint[:half]}"
-    yield f"  {shown.fingerprint[half + 1 :]}"
+    half = len(own_certificate.fingerprint) // 2
+    yield f"  {own_certificate.fingerprint[:half]}"
+    yield f"  {own_certificate.fingerprint[half + 1 :]}"
 
 
 def _certificate(way: Way, names: tuple[str, ...], base: Request) -> "Certificate":

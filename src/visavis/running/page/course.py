@@ -227,8 +227,8 @@ def course(visit: Visit) -> Course:
         films = [visit.files(film) for film in experiment.films]
         films += [visit.files(video) for video in experiment.videos]
         lives = [visit.files(live) for live in experiment.lives]
-        described = [part for live in lives for part in (live, *live.get("people", ()))]
-        files = [part[name] for part in described for name in ASSETS if name in part]
+        parts = [part for live in lives for part in (live, *live.get("people", ()))]
+        files = [part[name] for part in parts for name in ASSETS if name in part]
         assets = [*{file["name"]: file for file in files}.values()]  # each once
         pictures = [visit.files(picture) for picture in experiment.pictures]
         sounds = [visit.files(sound) for sound in experiment.audibles]

@@ -108,7 +108,7 @@ class PageDesk:
         rows_on_disk = {} if self.past is None else self.past.rows_on_disk
         self._streams = PageStreams(self.recorder, rows_on_disk)
         self._trials_finished: set[str] = set()
-        self._answered: Counter[tuple[str, str]] = Counter()
+        self._answer_counts: Counter[tuple[str, str]] = Counter()
         self._is_replaying = self.past is not None
         self._advance(None)
         if self.past is not None:
@@ -488,8 +488,8 @@ class PageDesk:
                 return (payload["questionnaire"], payload["question"]) in past.answers
             case "answered":
                 key = (payload["trial_id"], payload["question"])
-                self._answered[key] += 1
-                return self._answered[key] <= past.answered_questions[key]
+                self._answer_counts[key] += 1
+                return self._answer_counts[key] <= past.answered_questions[key]
             case "questionnaire_complete":
                 return payload["questionnaire"] in past.complete
             case _:

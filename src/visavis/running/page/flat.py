@@ -175,9 +175,9 @@ class Sequence:
 
     def add_wait(self, seconds: float | None) -> None:
         """Add more time of what was shown last."""
-        shown = {name: v for name, v in self.parts[-1].content.items() if name != "sounds"}
+        content = {name: v for name, v in self.parts[-1].content.items() if name != "sounds"}
         again = {"seconds": seconds, "frames": None, "goes_on": True}
-        self.parts.append(_Part(shown | again))
+        self.parts.append(_Part(content | again))
 
     def step(self, keys: Keys | None, since: int | None) -> PageStep:
         """Return the step for a page; a key is timed from the last part that has columns, and
@@ -259,7 +259,7 @@ SILENT: Final[Mapping[str, Any]] = {
 
 
 @dataclass(frozen=True)
-class Heard:
+class SoundOnset:
     """When the first sample of a part's sounds left the browser, in milliseconds of the page's
     clock; half the range in which the browser said so, its `latency_ms`, and by what it knew.
     """
@@ -281,7 +281,7 @@ class Lit:
     off_ms: float
     frames: int
     frames_dropped: int
-    heard: Heard | None = None
+    sound_onset: SoundOnset | None = None
     films: tuple[FilmPlayback, ...] = ()
 
 
@@ -300,7 +300,7 @@ def read_lit(content: Mapping[str, Any]) -> list[Lit]:
             number(part.get("off_ms"), "off_ms"),
             count(part.get("frames"), "frames"),
             count(part.get("dropped"), "dropped"),
-            None if part.get("sound") is None else _read_heard(part["sound"]),
+            None if part.get("sound") is None else _read_sound_onset(part["sound"]),
             tuple(map(read_film, part.get("films", ()))),
         )
         for part in parts
@@ -329,16 +329,16 @@ def of_part_unseen(part: Mapping[str, Any], at_ms: float = 0.0, seconds: float =
     return sound | ({"films": films} if films else {})
 
 
-def _read_heard(content: Any) -> Heard:
-    heard = mapping(content, "a sound")
-    if heard.get("by") not in CLOCKS:
-        raise PageError(f"a sound was timed by {str(heard.get('by'))[:40]!r}")
+def _read_sound_onset(content: Any) -> SoundOnset:
+    onset = mapping(content, "a sound")
+    if onset.get("by") not in CLOCKS:
+        raise PageError(f"a sound was timed by {str(onset.get('by'))[:40]!r}")
     on_ms, error_ms, latency_ms = (
-        number(heard.get(name), name) for name in ("on_ms", "error_ms", "latency_ms")
+        number(onset.get(name), name) for name in ("on_ms", "error_ms", "latency_ms")
     )
     if error_ms < 0:
         raise PageError(f"error_ms is {error_ms}")
-    return Heard(on_ms, error_ms, latency_ms, heard["by"])
+    return SoundOnset(on_ms, error_ms, latency_ms, onset["by"])
 
 
 def read_screen(content: Any) -> PageScreen:
@@ -380,7 +380,7 @@ def check_shown(step: PageStep, content: Mapping[str, Any]) -> None:
     if asked is not None and len(lit) <= asked["from"]:
         raise PageError("what the key answers to was not shown")
     for one, part in zip(lit, step.content["parts"], strict=False):
-        if (one.heard is None) == bool(part.get("sounds")):
+        if (one.sound_onset is None) == bool(part.get("sounds")):
             raise PageError("every part with sounds says when they began, and no other")
         if len(one.films) != len(films_of_part(part)):
             raise PageError("every part with films says how they were presented, and no other")
@@ -458,8 +458,8 @@ def pointer_events(sequence: Sequence, reply: Reply, folder: Path, trial_id: str
 
 def sound_events(sequence: Sequence, reply: Reply, trial_id: str) -> Iterator[Mark]:
     """Yield what is recorded of every sound: which it was, and how its onset is known."""
-    for part, lit in zip(sequence.parts, read_lit(reply.content), strict=False):
-        if lit.heard is None:
+    for part, lighting in zip(sequence.parts, read_lit(reply.content), strict=False):
+        if lighting.sound_onset is None:
             continue
         for sound in part.content["sounds"]:
             yield Mark(
@@ -471,10 +471,10 @@ def sound_events(sequence: Sequence, reply: Reply, trial_id: str) -> Iterator[Ma
                     "sound_sha256": sound.get("sound_sha256", ""),
                     "seconds": sound.get("length_s"),
                     "gain_db": sound.get("gain_db"),
-                    "on_ns": reply.t_ns_of(lit.heard.on_ms),
-                    "error_ms": lit.heard.error_ms,
-                    "latency_ms": lit.heard.latency_ms,
-                    "by": lit.heard.by,
+                    "on_ns": reply.t_ns_of(lighting.sound_onset.on_ms),
+                    "error_ms": lighting.sound_onset.error_ms,
+                    "latency_ms": lighting.sound_onset.latency_ms,
+                    "by": lighting.sound_onset.by,
                 },
             )
 
@@ -509,10 +509,10 @@ def shown_columns(sequence: Sequence, reply: Reply) -> dict[str, Any]:
             f"{part.name}_frames": frames,
             f"{part.name}_frames_dropped": dropped,
         }
-        if light.heard is not None:
+        if light.sound_onset is not None:
             onsets = sound_columns(part.name, len(part.content["sounds"]))
-            row |= dict.fromkeys(onsets, reply.t_ns_of(light.heard.on_ms))
-            row[f"{part.name}_sound_error_ms"] = light.heard.error_ms
+            row |= dict.fromkeys(onsets, reply.t_ns_of(light.sound_onset.on_ms))
+            row[f"{part.name}_sound_error_ms"] = light.sound_onset.error_ms
         if light.films:
             onsets_ns = [reply.t_ns_of(film.first_ms) for film in light.films]
             row |= {

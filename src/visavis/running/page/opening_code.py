@@ -40,12 +40,12 @@ class OpeningCode:
     )
     _is_locked: bool = False
 
-    def refusal(self, typed: str, address: str, now_ns: int) -> str:
+    def refusal(self, digits: str, address: str, now_ns: int) -> str:
         """Return the name of the words that a page shows; "" where the code is right.
 
         `address` is where it came from, "" where nobody knows; `now_ns` is session time.
         """
-        if not typed:
+        if not digits:
             return MISSING
         if not self.limits.lets_pass(address, now_ns):
             if not self._is_locked:
@@ -53,7 +53,7 @@ class OpeningCode:
             self._is_locked = True
             return TOO_MANY
         self._is_locked = False
-        if not hmac.compare_digest(typed.encode(errors="replace"), self.digits.encode()):
+        if not hmac.compare_digest(digits.encode(errors="replace"), self.digits.encode()):
             return WRONG
         self.limits.give_back(address)
         return ""

@@ -36,12 +36,12 @@ def own_certificate(folder: Path, names: Sequence[str], now: datetime) -> Certif
     draft = path.with_name(f".{NAME}.new")
     draft.unlink(missing_ok=True)
     with os.fdopen(os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
-        file.write(_made(names, now.astimezone(UTC)))
+        file.write(_make(names, now.astimezone(UTC)))
     draft.replace(path)
     return certificate_of(path, path, names)
 
 
-def _made(names: Sequence[str], now: datetime) -> bytes:
+def _make(names: Sequence[str], now: datetime) -> bytes:
     """Return a new key and a certificate for it, signed by itself, as PEM."""
     key = ec.generate_private_key(ec.SECP256R1())
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "Visavis on this network")])
@@ -53,7 +53,9 @@ def _made(names: Sequence[str], now: datetime) -> bytes:
         .serial_number(x509.random_serial_number())
         .not_valid_before(now - timedelta(days=1))
         .not_valid_after(now + AGE)
-        .add_extension(x509.SubjectAlternativeName([_named(n) for n in names]), critical=False)
+        .add_extension(
+            x509.SubjectAlternativeName([_general_name(n) for n in names]), critical=False
+        )
         .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
         .add_extension(x509.ExtendedKeyUsage([ExtendedKeyUsageOID.SERVER_AUTH]), critical=False)
         .sign(key, hashes.SHA256())
@@ -65,7 +67,7 @@ def _made(names: Sequence[str], now: datetime) -> bytes:
     ) + certificate.public_bytes(serialization.Encoding.PEM)
 
 
-def _named(name: str) -> x509.GeneralName:
+def _general_name(name: str) -> x509.GeneralName:
     try:
         return x509.IPAddress(ip_address(name))
     except ValueError:

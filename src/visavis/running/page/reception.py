@@ -211,7 +211,7 @@ class Reception:
     ) -> Mapping[str, Any]:
         """Begin a session; return its key, or why there is none."""
         try:
-            session = await self._opened(begin)
+            session = await self._open_and_keep(begin)
             assert session is not None  # noqa: S101  # only one that is gone on with may be
         except LabError as error:
             self._say(f"somebody came and got no session: {error}")
@@ -238,7 +238,7 @@ class Reception:
         return entry, due.number
 
     async def session_of(self, key: str, new_tab: str = "") -> PageSession | EndedSession | None:
-        """Return the session of a key, continued where it was left; None if there is none.
+        """Return the session of a key, open_session where it was left; None if there is none.
 
         `new_tab` is a page that says hello: a study may let it go on from a checkpoint alone.
 
@@ -258,8 +258,8 @@ class Reception:
                 if self._is_ending:
                     raise CannotGoOnError(CANNOT_GO_ON)
                 try:
-                    continued = await self._opened(self._go_on, key)
-                    if continued is None:
+                    open_session = await self._open_and_keep(self._go_on, key)
+                    if open_session is None:
                         return self._ended(self._keys[key], EXPIRED)
                 except LabError as error:
                     self._say(f"{self._keys[key]} came again and could not go on: {error}")
@@ -308,7 +308,7 @@ class Reception:
             return act(*arguments)
         return await asyncio.to_thread(act, *arguments)
 
-    async def _opened(
+    async def _open_and_keep(
         self, act: Callable[..., _OpenSession | None], *arguments: Any
     ) -> _OpenSession | None:
         """Open a session and keep it, also if whoever asked for it is cancelled meanwhile."""

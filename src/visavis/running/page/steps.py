@@ -203,7 +203,7 @@ def read_drawn(content: Mapping[str, Any]) -> Drawn:
     renderer = content.get("renderer")
     if not isinstance(renderer, str) or len(renderer) > 200:
         raise PageError("the renderer is a short text")
-    distance, opened = content.get("distance_m"), content.get("opened_ms")
+    distance, opening_ms = content.get("distance_m"), content.get("opened_ms")
     return Drawn(
         number(content.get("first_ms"), "first_ms"),
         number(content.get("off_ms"), "off_ms"),
@@ -214,7 +214,7 @@ def read_drawn(content: Mapping[str, Any]) -> Drawn:
         None if distance is None else number(distance, "distance_m"),
         renderer,
         count(content.get("rounds", 0), "rounds"),
-        None if opened is None else number(opened, "opened_ms"),
+        None if opening_ms is None else number(opening_ms, "opened_ms"),
     )
 
 

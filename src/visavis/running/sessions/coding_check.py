@@ -23,7 +23,7 @@ def coding_problems(person_folder: Path) -> list[str]:
         spans = annotations_of(person_folder)
     except LabError as error:
         return [str(error)]
-    found = [
+    problems = [
         f"{path}, row {row}: {problem}"
         for session in sorted({one.session for one in spans})
         for row, problem in _of_session(person_folder, session, spans)
@@ -33,8 +33,8 @@ def coding_problems(person_folder: Path) -> list[str]:
         rows.setdefault(one.label, row)
     for spelt in spellings_of(list(rows)).values():
         where = " and ".join(f"{label!r} in row {rows[label]}" for label in spelt)
-        found.append(f"{path}: one label is spelled differently, {where}; code it by one name")
-    return found
+        problems.append(f"{path}: one label is spelled differently, {where}; code it by one name")
+    return problems
 
 
 def _of_session(

@@ -60,8 +60,8 @@ def study_problems(
     problems += _lock_problems(folder)
     problems += [problem for path in _bodies(folder) for problem in _body_problems(path)]
     problems += [problem for path in _remarks(folder) for problem in _remark_problems(path)]
-    coded = sorted(folder.glob(f"sub-*/{ANNOTATIONS_NAME}"))
-    problems += [problem for path in coded for problem in coding_problems(path.parent)]
+    annotation_files = sorted(folder.glob(f"sub-*/{ANNOTATIONS_NAME}"))
+    problems += [problem for path in annotation_files for problem in coding_problems(path.parent)]
     if sessions is None:
         problems += [*list_problems(folder), *_unknown_people(folder)]
     for session in session_folders(folder) if sessions is None else sessions:

@@ -92,15 +92,15 @@ def share_list(sessions: Sequence[Path], *, keeps_empty: bool) -> IntakeList:
         )
 
     reasons = _reasons(sessions, "neither trial nor answer", holds_something)
-    shared = IntakeList(
+    shared_list = IntakeList(
         tuple(path for path in sessions if path not in reasons), tuple(reasons.items())
     )
-    if not shared.sessions:
+    if not shared_list.sessions:
         raise DataError(
-            f"nothing is there to share: {'; '.join(shared.counts())}. --tier raw copies a session "
-            "as it was recorded, unless its participant wants it deleted"
+            f"nothing is there to share: {'; '.join(shared_list.counts())}. --tier raw copies a "
+            "session as it was recorded, unless its participant wants it deleted"
         )
-    return shared
+    return shared_list
 
 
 def _reasons(

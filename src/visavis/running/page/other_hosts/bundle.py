@@ -272,8 +272,8 @@ def _write(
     }
     bundle["id"] = hashlib.sha256(_json([bundle, digests])).hexdigest()[:12]
     (folder / "bundle.json").write_bytes(_json(bundle))
-    drawn = LIVE_FILES | DRAWN_FILM_FILES if experiment.lives else {}
-    for name in (FILES | drawn).values():
+    drawing_files = LIVE_FILES | DRAWN_FILM_FILES if experiment.lives else {}
+    for name in (FILES | drawing_files).values():
         shutil.copyfile(SITE / name, folder / name)
     for name in ("wire.js", "worker.js"):
         shutil.copyfile(SITE / "bundle" / name, folder / name)
@@ -406,10 +406,10 @@ def _reply(step: PageStep, choose: Choose) -> dict[str, Any]:
         case "mould":
             return {**_timed(content, choose), **_DRAWN}
         case "show":
-            lit = {"on_ms": 0.0, "off_ms": 0.0, "frames": 1, "dropped": 0}
+            lighting = {"on_ms": 0.0, "off_ms": 0.0, "frames": 1, "dropped": 0}
             parts = content["parts"]
             return {
-                "parts": [lit | of_part_unseen(part) for part in parts],
+                "parts": [lighting | of_part_unseen(part) for part in parts],
                 "screen": {},
                 "outside": 0,
                 "answer": _press(content["keys"], choose),
