@@ -90,7 +90,9 @@ class Place:
     def visitor(self, stop: str = "") -> Somebody:
         person = study().participant(0, SEED, effect=True, experiment=experiment())
         made = visitor_of(person, experiment(), film_store(experiment()))
-        somebody = Somebody(made.person, made.films, made.responses, made.views, made.store)
+        somebody = Somebody(
+            made.person, made.films, made.responses, made.views, made.store, made.sound_of
+        )
         somebody.stop = stop
         somebody.now_ms = self.clock.now_ns() / 1e6
         return somebody
