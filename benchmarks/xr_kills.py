@@ -38,6 +38,8 @@ from visavis.recording.reader import Recording
 
 HEADSETS: Final = Path(__file__).parents[1] / "tests" / "running" / "page" / "headsets"
 SEED: Final = 45
+TRIAL: Final = "fieldset:not(:has-text('unwell'))"
+"""The question of a trial, and not the one that comes before the headset."""
 TRIALS: Final = 10
 FAULTS_A_TRIAL: Final = 4
 PATIENCE_S: Final = 120.0
@@ -258,7 +260,7 @@ class Session:
         for name in ("standard.js", "people.js"):
             page.add_init_script(path=HEADSETS / name)
         page.goto(self._address)
-        self._go_on(lambda: self.is_streaming)
+        self._go_on(lambda: self.is_streaming, answers=False)
 
     def _note(self, text: str) -> None:
         batch = json.loads(text)
@@ -275,8 +277,10 @@ class Session:
         """The number of the page's last acknowledged event since it was opened."""
         return int(self.page.evaluate("window.acknowledged"))
 
-    def _go_on(self, is_there: Callable[[], object]) -> None:
-        """Do what the page asks for, until something holds."""
+    def _go_on(self, is_there: Callable[[], object], *, answers: bool = True) -> None:
+        """Do what the page asks for, until something holds; `answers` says whether the questions
+        of trials are answered on the page, too.
+        """
         from playwright.sync_api import Error
 
         def step() -> object:
@@ -286,11 +290,15 @@ class Session:
                 self.page.evaluate("document.querySelector('#agree:not(:checked)')?.click()")
                 again = self.page.query_selector("#headset button")
                 button = again or self.page.query_selector("#main button:not([disabled])")
+                is_vr = button is not None and "VR" in button.inner_text()
+                if not (is_vr or answers) and self.page.query_selector(TRIAL):
+                    return False
                 for box in self.page.query_selector_all("fieldset:not(:has(:checked)) input"):
                     box.evaluate("box => box.click()")
                     break
-                if button is not None and "VR" in button.inner_text():
+                if button is not None and is_vr:
                     button.click(timeout=30_000)  # which browsers demand of a person
+                    wait_for(lambda: self.is_streaming)
                 elif button is not None:
                     button.evaluate("button => button.click()")
             return False
