@@ -11,12 +11,13 @@ from tests.running.page.test_reception import served
 from visavis.lab.clock import SimClock
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE
+from visavis.lab.errors import UsageError
 from visavis.protocol.people.ledger import Ledger
 from visavis.protocol.session.operator import UnattendedOperator
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
 from visavis.running.film_store import film_store
-from visavis.running.page import client
+from visavis.running.page import client, reception
 from visavis.running.page.reception import Reception, Rules
 from visavis.running.page.visitor import visitor_of
 from visavis.running.sessions.session_request import Request, SessionPerson
@@ -97,3 +98,27 @@ def test_a_link_leads_to_the_next_session_once_it_is_due(place: Place) -> None:
     assert 1 == len(place.ledger.list())
     place.comes(after_days=30)  # all are over: nothing more is asked
     assert 2 == len(sorted(place.folder.glob("sub-*/ses-*")))
+
+
+def test_where_too_many_pages_are_open_a_further_session_waits_too(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert "done" == place.comes(after_days=0)
+    monkeypatch.setattr(reception, "MAX_OPEN", 0)
+    assert "Many people come at this moment" in place.comes(after_days=7)
+    assert 1 == len(sorted(place.folder.glob("sub-*/ses-*")))
+
+
+def test_who_comes_again_while_their_session_is_being_closed_comes_to_that_session(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert "done" == place.comes(after_days=0)
+    (first,) = place.folder.glob("sub-*/ses-*")
+
+    def before_the_end_is_on_disk(*_: Any) -> Any:
+        raise UsageError(f"session 1 (before) is not finished; visavis resume {first}")
+
+    monkeypatch.setattr(reception, "next_session", before_the_end_is_on_disk)
+    # From another browser, as nothing is remembered here.
+    assert "begun with this address already" in place.comes(after_days=7)
+    assert [first] == sorted(place.folder.glob("sub-*/ses-*"))

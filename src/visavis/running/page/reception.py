@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from visavis.lab.clock import NS_PER_S
-from visavis.lab.errors import LabError, LedgerError
+from visavis.lab.errors import LabError, LedgerError, UsageError
 from visavis.protocol.people.ledger import Ledger, Participant
 from visavis.protocol.plan.session_plan import SessionPlan
 from visavis.recording.folder import SessionFolder, create_session, open_session, session_dir
@@ -187,7 +187,7 @@ class Reception:
                 if isinstance(later, str):
                     return {"refused": "early", "text": later}
                 if later is not None:
-                    return await self._admit(partial(self._begin, arrival, *later), words)
+                    return await self._admit(partial(self._begin, arrival, *later), words, address)
                 if arrival.can_be_guessed and key != before:
                     self._say(
                         f"{arrival.panel} {arrival.identifier} has a session and came again from "
@@ -195,21 +195,21 @@ class Reception:
                     )
                     return {"refused": "begun", "text": words.get("begun_elsewhere", "")}
                 return {"key": key}
-            is_open = sum(not session.page.closed.is_set() for session in self._open.values())
             if self._is_full():
                 return {"refused": "full", "text": words.get("full", "")}
-            if (
-                self._is_ending
-                or is_open >= MAX_OPEN
-                or not self._limits.lets_pass(address, self._base.clock.now_ns())
-            ):
-                return {"refused": "busy", "text": words.get("busy", "")}
-            return await self._admit(partial(self._begin, arrival), words)
+            return await self._admit(partial(self._begin, arrival), words, address)
 
     async def _admit(
-        self, begin: Callable[[], _OpenSession], words: Mapping[str, str]
+        self, begin: Callable[[], _OpenSession], words: Mapping[str, str], address: str
     ) -> Mapping[str, Any]:
-        """Begin a session; return its key, or why there is none."""
+        """Begin a session, if not too many are; return its key, or why there is none."""
+        open_count = sum(not session.page.closed.is_set() for session in self._open.values())
+        if (
+            self._is_ending
+            or open_count >= MAX_OPEN
+            or not self._limits.lets_pass(address, self._base.clock.now_ns())
+        ):
+            return {"refused": "busy", "text": words.get("busy", "")}
         try:
             session = await self._open_and_keep(begin)
             assert session is not None  # noqa: S101  # only one that is gone on with may be
@@ -230,7 +230,10 @@ class Reception:
         number = self._session_numbers.get(label, 1)
         if number == len(design.sessions):
             return None
-        due = next_session(person, design.sessions, design.days_between, now)
+        try:
+            due = next_session(person, design.sessions, design.days_between, now)
+        except UsageError:  # the end of their last session is not on the disk yet
+            return None
         if due.is_early:
             self._say(f"{label} came again: {due.words}")
             days = {"n": due.first_day, "m": due.last_day}
@@ -238,7 +241,7 @@ class Reception:
         return entry, due.number
 
     async def session_of(self, key: str, new_tab: str = "") -> PageSession | EndedSession | None:
-        """Return the session of a key, open_session where it was left; None if there is none.
+        """Return the session of a key, open where it was left; None if there is none.
 
         `new_tab` is a page that says hello: a study may let it go on from a checkpoint alone.
 
