@@ -132,8 +132,8 @@ class AfterPractice:
 class Guiding(Protocol):
     """An experiment with words and rules between its blocks."""
 
-    def after_practice(self, block: Block) -> AfterPractice:
-        """Return what follows the block of practice, whose trials are all performed."""
+    def after_practice(self, block: Block, rounds: int) -> AfterPractice:
+        """Return what follows the block of practice, performed so many times."""
         ...
 
     def pause_before(self, plan: SessionPlan, block: Block) -> str:

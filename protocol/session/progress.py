@@ -34,6 +34,8 @@ class Progress:
     memory: Mapping[str, float] = field(default_factory=dict)
     again: Mapping[str, int] = field(default_factory=dict)
     """How often the study has had each trial performed again."""
+    further_practice: int = 0
+    """How many rounds of practice were begun after the first."""
     endings: Mapping[int | None, str] = field(default_factory=dict)
     """Why blocks, by index, or the whole session (None) ended before their end."""
 
@@ -55,6 +57,7 @@ def progress_of(events: Iterable[Mapping[str, Any]]) -> Progress:
     validated_at_end = False
     memory: dict[str, float] = {}
     again: Counter[str] = Counter()
+    further_practice = 0
     endings: list[tuple[str, int | None, str]] = []
     for event in events:
         kind = event.get("event")
@@ -80,6 +83,7 @@ def progress_of(events: Iterable[Mapping[str, Any]]) -> Progress:
             finished_ids.discard(trial_id)
             unfinished_ids[trial_id] = None
         elif kind == "practice_again":
+            further_practice += 1
             again.update(event["trial_ids"])
             finished_ids.difference_update(event["trial_ids"])
             unfinished_ids |= dict.fromkeys(event["trial_ids"])
@@ -106,6 +110,7 @@ def progress_of(events: Iterable[Mapping[str, Any]]) -> Progress:
         validated_at_end,
         memory,
         +again,
+        further_practice,
         # An ending counts with the row of its trial, which is written after it.
         {block: reason for trial_id, block, reason in endings if trial_id in finished_ids},
     )

@@ -61,6 +61,7 @@ class Session:
         self._queue: deque[Trial] = deque()
         self._again = Counter(setup.progress.again)
         self._endings = dict(setup.progress.endings)
+        self._practice_rounds = 1 + setup.progress.further_practice
         self._trials_left: deque[Trial] = deque()
         self._foreseen_trial: Trial | None = None
 
@@ -347,7 +348,7 @@ class Session:
         experiment, has_ended = self._setup.experiment, {block.index, None} & set(self._endings)
         if has_ended or not (block.is_practice and isinstance(experiment, Guiding)):
             return ()
-        after: AfterPractice = experiment.after_practice(block)
+        after: AfterPractice = experiment.after_practice(block, self._practice_rounds)
         if after.ends:
             ending = EndEarly(after.ends)
             self._runner.note_ending(block.trials[-1], ending)
@@ -357,6 +358,7 @@ class Session:
         names = [trial.trial_id for trial in block.trials]
         self._recorder.event("practice_again", self._loop.t_ns, block=block.index, trial_ids=names)
         self._again.update(names)
+        self._practice_rounds += 1
         self._desk.leave_trial()
         self._states.move(SessionState.INSTRUCTING)
         self._let_read("practice_again", after.again, after.again)

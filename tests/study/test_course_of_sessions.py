@@ -12,12 +12,14 @@ from visavis.analysis.session_check import check_session
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.errors import DataError, DesignError
-from visavis.protocol.plan.session_plan import SessionPlan
+from visavis.protocol.plan.session_plan import SessionPlan, Trial
+from visavis.protocol.session.trial_runner import Outcome, TrialRunner
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
 from visavis.running.film_store import film_store
 from visavis.running.page.other_hosts.bundle import steps_of_place
 from visavis.running.page.steps import PageStep
+from visavis.running.page.trial import FilmFailed
 from visavis.running.page.visitor import Visitor
 from visavis.running.quick import quick_study
 from visavis.running.sessions.perform import perform_new, perform_rest
@@ -285,8 +287,8 @@ def test_the_state_of_practice_follows_from_the_rows() -> None:
 
     criterion = Criterion("answer_is_right", min_01=2 / 3)
     rows = [row(True), row(False), row(None), row(1.0), row(True), row(False), row(True, False)]
-    assert PracticeState(1, 1, 3) == practice_state(criterion, rows[:3], 3)
-    assert PracticeState(2, 2, 3) == practice_state(criterion, rows, 3)
+    assert PracticeState(1, 3) == practice_state(criterion, rows[:3], 3)
+    assert PracticeState(2, 3) == practice_state(criterion, rows, 3)
     assert practice_state(criterion, rows, 3).is_reached(criterion)
     assert not practice_state(criterion, rows[:3], 3).is_reached(criterion)
     assert not practice_state(criterion, [], 3).is_reached(criterion)
@@ -301,3 +303,40 @@ def _no_tracker(seed: int, index: int) -> Any:
             return directions, directions[:, 0] == 0
 
     return Blind()
+
+
+@pytest.mark.parametrize("on", ["lab", "browser"])
+def test_nobody_practises_for_ever_where_trials_are_left_out(
+    on: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A page whose sounds cannot be played leaves trials out, an operator skips them."""
+    counts = iter(range(100))
+
+    def fail(*_: object) -> Any:
+        if next(counts) % 3:
+            raise FilmFailed("the browser stopped it")
+        yield from ()
+        return {"answer_is_right": False}
+
+    def skip(runner: TrialRunner, trial: Trial, _: object) -> Outcome:
+        if next(counts) % 3:
+            runner.skip(trial, "the operator")
+            return Outcome("skipped", "the operator")
+        outcome = run(runner, trial, None)
+        for row in rows_of(runner):
+            row["answer_is_right"] = False
+        return outcome
+
+    def rows_of(runner: TrialRunner) -> Any:
+        experiment: Any = runner._setup.experiment
+        return experiment.settings.rows
+
+    run = TrialRunner.run
+    if on == "browser":
+        monkeypatch.setattr("visavis.running.page.course.perform_on_page", fail)
+    else:
+        monkeypatch.setattr(TrialRunner, "run", skip)
+    recording, _ = session(tmp_path, on=on, otherwise=', otherwise="end"', seed=5)
+    assert 3 == len(events(recording, ROUNDS))
+    (ending,) = events(recording, "ended_early")
+    assert "after 4 rounds" in ending["reason"]

@@ -44,9 +44,8 @@ class Criterion:
 
 @dataclass(frozen=True)
 class PracticeState:
-    """How many rounds of practice are over, and how many of the trials in the last were right."""
+    """How many of the last trials of practice were right."""
 
-    rounds: int
     right: int
     trials: int
 
@@ -58,12 +57,10 @@ class PracticeState:
 def practice_state(
     criterion: Criterion, rows: Sequence[Mapping[str, Any]], trials: int
 ) -> PracticeState:
-    """Return the state of practice after all rows of a session's finished trials.
+    """Return the state of practice after all rows of a session's complete trials.
 
     `trials` is the number of trials in a round. It follows from the rows alone, so that a resumed
     session comes to the same.
     """
-    practice = [row for row in rows if row["is_practice"]]
-    last = practice[-trials:]
-    right = sum(row.get(criterion.of) in (True, 1) for row in last)
-    return PracticeState(len(practice) // trials, right, len(last))
+    last = [row for row in rows if row["is_practice"]][-trials:]
+    return PracticeState(sum(row.get(criterion.of) in (True, 1) for row in last), len(last))

@@ -624,10 +624,10 @@ class StudyExperiment:
         return self.texts.get("pause", self.values_of(plan) | self._values_of_block(plan, block))
 
     def after_practice(
-        self, block: Block, rows: Sequence[Mapping[str, Any]] | None = None
+        self, block: Block, rounds: int, rows: Sequence[Mapping[str, Any]] | None = None
     ) -> AfterPractice:
-        """Return what follows a block of practice; `rows` are those of the session's finished
-        trials (None: those of this experiment's session).
+        """Return what follows so many rounds of a block of practice; `rows` are those of the
+        session's complete trials (None: those of this experiment's session).
         """
         criterion = self.study.design.practice_until
         if criterion is None:
@@ -637,7 +637,7 @@ class StudyExperiment:
         )
         if state.trials == 0 or state.is_reached(criterion):
             return AfterPractice()
-        if state.rounds < criterion.max_rounds:
+        if rounds < criterion.max_rounds:
             values = {"right": state.right, "practised": state.trials}
             words = self.texts.get("practice_again", {**self.settings.values, **values})
             return AfterPractice(again=words)
@@ -645,7 +645,7 @@ class StudyExperiment:
             return AfterPractice()
         return AfterPractice(
             ends=f"practice: {criterion.of} held in {state.right} of {state.trials} trials after "
-            f"{state.rounds} rounds"
+            f"{rounds} rounds"
         )
 
     def run_trial(self, trial: Trial) -> Plan:

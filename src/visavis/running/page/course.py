@@ -337,7 +337,7 @@ def _block(visit: Visit, block: Block) -> Generator[Out, Reply | None, None]:
         "block_start",
         {"block": block.index, "block_name": block.name, "trials_left": len(block.trials)},
     )
-    queue = deque(block.trials)
+    queue, rounds = deque(block.trials), 1
     while queue:
         trial = queue.popleft()
         wish = yield from _trial(visit, block, trial)
@@ -346,7 +346,8 @@ def _block(visit: Visit, block: Block) -> Generator[Out, Reply | None, None]:
         elif wish is not None:
             yield from _end(visit, trial, wish, queue)
         if not queue and block.is_practice and not visit.endings:
-            queue.extend((yield from _further_practice(visit, block)))
+            queue.extend((yield from _further_practice(visit, block, rounds)))
+            rounds += 1
     yield Event("block_end", {"block": block.index})
     if None in visit.endings:
         return
@@ -382,10 +383,10 @@ def _skip(visit: Visit, trials: Iterable[Trial], reason: str) -> Generator[Out, 
 
 
 def _further_practice(
-    visit: Visit, block: Block
+    visit: Visit, block: Block, rounds: int
 ) -> Generator[Out, Reply | None, tuple[Trial, ...]]:
     """Return the trials of another round of practice, where the study asks for one."""
-    after = visit.experiment.after_practice(block, visit.settings.rows)
+    after = visit.experiment.after_practice(block, rounds, visit.settings.rows)
     if after.ends:
         yield from _end(visit, block.trials[-1], EndEarly(after.ends), deque())
     if not after.again:
