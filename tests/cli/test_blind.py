@@ -118,6 +118,7 @@ def test_a_blind_study_gives_no_group_away_at_any_command(
     type_in("run", file, "--participant", "1", "--fast", "--devices", "sim")
     type_in("board", file)
     type_in("plan", file, "--participant", "1")
+    type_in("plan", file, "--participant", "1", "--json")
     (session,) = tmp_path.rglob("ses-001")
     type_in("check", str(session))
     type_in("check", file)

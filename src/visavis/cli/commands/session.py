@@ -3,7 +3,7 @@
 import shlex
 import signal
 import sys
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -44,7 +44,7 @@ from visavis.protocol.people.identifiers import make_label
 from visavis.protocol.people.ledger import Ledger, Participant, UnknownParticipant
 from visavis.protocol.people.own_body import OwnBody, read_own_body
 from visavis.protocol.plan.experiment import Experiment, demands_of, spare_roles_of
-from visavis.protocol.plan.session_plan import SessionPlan
+from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.protocol.session.operator import Operator, UnattendedOperator
 from visavis.recording.folder import REAL_ROOT, SIMULATED_ROOT, session_dir
 from visavis.recording.reader import Recording
@@ -81,6 +81,7 @@ from visavis.running.sessions.study_folder import (
 from visavis.study.cast import use_recorded_cast
 from visavis.study.catalogue import typed_reference
 from visavis.study.criterion import Criterion
+from visavis.study.declaration import Study
 from visavis.study.experiment import StudyExperiment
 from visavis.study.texts import DEFAULT_LANGUAGE, Texts, label_of
 
@@ -172,21 +173,13 @@ def plan(
     session_plan = plan_inputs.experiment.of_session(session).plan(
         plan_inputs.index, plan_inputs.seed, plan_inputs.group
     )
+    session_plan = _as_operators_read(session_plan, here.study.study)
     if as_json:
         say_json(asdict(session_plan))
     else:
         experiment = plan_inputs.experiment
         criterion = experiment.study.design.practice_until
-        procedure, between = experiment.study.procedure, experiment.study.design.factors
-        hidden_factors = {f.name for f in between if f.between and procedure.blind}
-        _print_plan(
-            replace(session_plan, group=procedure.shown_group(session_plan.group)),
-            plan_inputs.label,
-            plan_inputs.note,
-            experiment.texts,
-            criterion,
-            hidden_factors,
-        )
+        _print_plan(session_plan, plan_inputs.label, plan_inputs.note, experiment.texts, criterion)
     if not as_json:
         for voice in plan_inputs.experiment.voices:
             console.print(
@@ -265,13 +258,23 @@ def _place_shown(
     )
 
 
+def _as_operators_read(session_plan: SessionPlan, study: Study) -> SessionPlan:
+    """Return a plan without group and the factors between people, where the study is blind."""
+    if not study.procedure.blind:
+        return session_plan
+    between = {factor.name for factor in study.design.factors if factor.between}
+
+    def shown(trial: Trial) -> Trial:
+        factors = {name: level for name, level in trial.factors.items() if name not in between}
+        return replace(trial, factors=factors)
+
+    blocks = (replace(b, trials=tuple(map(shown, b.trials))) for b in session_plan.blocks)
+    group = study.procedure.shown_group(session_plan.group)
+    return replace(session_plan, group=group, blocks=tuple(blocks))
+
+
 def _print_plan(
-    session_plan: SessionPlan,
-    label: str,
-    note: str,
-    texts: Texts,
-    criterion: Criterion | None,
-    hidden_factors: Collection[str],
+    session_plan: SessionPlan, label: str, note: str, texts: Texts, criterion: Criterion | None
 ) -> None:
     console.print(
         f"[b]{verbatim(session_plan.study)}[/b]  "
@@ -286,8 +289,7 @@ def _print_plan(
         calibration = "calibration and validation first" if block.calibrate else ""
         table = Table(title=f"{block.name}  ({calibration})" if calibration else block.name)
         table.title_justify = "left"
-        shown_names = (k for t in block.trials for k in t.factors if k not in hidden_factors)
-        names = list(dict.fromkeys(shown_names))
+        names = list(dict.fromkeys(k for t in block.trials for k in t.factors))
         for name in ("trial", *names):
             table.add_column(name.replace("_", " "))  # a space lets the table wrap the heading
         for trial in block.trials:
@@ -304,19 +306,16 @@ def _print_plan(
     )
     if criterion is not None:
         console.print(verbatim(criterion.words), soft_wrap=True)
-    for legend in legends(session_plan, texts, hidden_factors):
+    for legend in legends(session_plan, texts):
         console.print(f"[dim]{verbatim(legend)}[/]", soft_wrap=True)
 
 
-def legends(
-    session_plan: SessionPlan, texts: Texts, hidden_factors: Collection[str] = ()
-) -> Iterator[str]:
+def legends(session_plan: SessionPlan, texts: Texts) -> Iterator[str]:
     """Yield a line for each factor whose reports use other names for its levels."""
     levels: dict[str, dict[str, None]] = {}
     for trial in session_plan.trials:
         for name, level in trial.factors.items():
-            if name not in hidden_factors:
-                levels.setdefault(name, {})[str(level)] = None
+            levels.setdefault(name, {})[str(level)] = None
     for name, factor_levels in levels.items():
         level_labels = [
             f"{level} {label}"
