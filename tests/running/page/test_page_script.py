@@ -562,3 +562,24 @@ def test_a_browser_remembers_whose_session_it_is_while_a_recording_fails(tmp_pat
     page = while_away(tmp_path, 1, {"failed": "the recording failed", "ack": -1})
     assert "the recording failed" in page["shown"]
     assert "k" == page["session"]
+
+
+SOUNDS = """
+import { readFile } from "node:fs/promises";
+const script = await readFile(new URL(process.argv[2]), "utf-8");
+const own = script.slice(script.indexOf("let soundingTrial"), script.indexOf("const steps = {"));
+let hushes = 0;
+const sound = { hush: () => { hushes += 1; } };
+const endSounds = new Function("sound", `${own}; return endSounds;`)(sound);
+const counts = JSON.parse(process.argv[3]).map((step) => { endSounds(step); return hushes; });
+console.log(JSON.stringify({ counts }));
+"""
+
+
+def test_what_sounds_in_a_trial_ends_with_it_also_where_the_same_trial_comes_again(
+    tmp_path: Path,
+) -> None:
+    trial = {"trial": 3, "is_practice": False}
+    steps = [trial, trial, trial | {"again": 1}, {}]
+    answer = in_node(tmp_path, SOUNDS, json.dumps(steps))
+    assert [1, 1, 2, 3] == answer["counts"]

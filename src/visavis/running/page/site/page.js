@@ -498,7 +498,7 @@ async function awaitSound(where) {
 // What sounds in a trial ends with it.
 let soundingTrial = "";
 function endSounds(step) {
-  const trial = step.trial ? `${step.is_practice} ${step.trial}` : "";
+  const trial = step.trial ? `${step.is_practice} ${step.trial} ${step.again || 0}` : "";
   if (trial !== soundingTrial) sound.hush();
   soundingTrial = trial;
 }
