@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
@@ -104,6 +105,17 @@ def test_sessions_without_gaze_are_told_by_their_folder(
     with pytest.raises(UsageError, match=r"duel: no trial that counts has usable gaze"):
         gaze_maps(data, "gaze", peek=None, on_trial=lambda *of: calls.append(of))
     assert calls[-1][0] == calls[-1][1]  # the bar comes to its end
+
+
+def test_a_view_that_arrow_keys_turned_is_refused_in_words(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = open_study(folder)
+    (trial_id, *_) = data.analysis().selection.counted["trial_id"]
+    turns = pd.DataFrame({"payload": [{"trial_id": trial_id}]})
+    monkeypatch.setattr(CachedRecording, "events_named", lambda *of: turns)
+    with pytest.raises(UsageError, match="arrow keys turned the view onto a panorama"):
+        gaze_maps(data, "gaze", peek=None, on_trial=lambda done, total: None)
 
 
 def test_the_verb_writes_pictures_and_a_table_and_says_what_differs(folder: Path) -> None:

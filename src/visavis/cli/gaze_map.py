@@ -163,8 +163,9 @@ def _looks(
             turns = recording.events_named(VIEW_TURNED, trial.part)["payload"]
             if any(payload["trial_id"] == str(trial_id) for payload in turns):
                 raise UsageError(
-                    f"{session.path}: in trial {trial_id} the view onto a panorama was turns, so "
-                    "that no one picture shows what was seen; measure gaze on its areas (looks_at)"
+                    f"{session.path}: in trial {trial_id} arrow keys turned the view onto a "
+                    "panorama, so that no one picture shows what was seen; measure gaze on its "
+                    "areas (looks_at)"
                 )
             ends = _ends(data.study, trial, surfaces, during)
             if ends is not None:

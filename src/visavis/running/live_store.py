@@ -128,7 +128,7 @@ def _light() -> Mapping[str, Any]:
 
 
 def _light_of(room: Room, in_page: Callable[[Vector, float], Vector]) -> Mapping[str, Any]:
-    """Return the light of a room, `turned` to the axes of what is drawn in it."""
+    """Return the light of a room; `in_page` turns vectors to the axes of what is drawn in it."""
 
     def numbers(vector: Vector | None, ahead_m: float) -> list[float] | None:
         return None if vector is None else in_page(vector, ahead_m).tolist()
