@@ -17,7 +17,7 @@ from visavis.protocol.session.trial_runner import Outcome, TrialRunner
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
 from visavis.running.film_store import film_store
-from visavis.running.page.other_hosts.bundle import steps_of_place
+from visavis.running.page.other_hosts.bundle import changes_its_course, steps_of_place
 from visavis.running.page.steps import PageStep
 from visavis.running.page.trial import FilmFailed
 from visavis.running.page.visitor import Visitor
@@ -50,6 +50,20 @@ def answer(seen, response, rng):
         return None
     right = seen.stimuli[0].colour[0]
     return right if rng.random() < 0.7 else "rg".replace(right, "")
+"""
+HELPED = """
+from visavis import Factor, Keys, Study, Text
+
+study = Study("helped", factors=[Factor("ink", ["red", "green"])], on="browser", uses=(),
+              calibrate=False)
+
+def again(answer, t):
+    if answer.option is None:
+        yield STEP
+
+@study.trial
+def trial(t):
+    yield from again((yield t.show(Text("x"), until=Keys("r", "g"), limit_s=2)), t)
 """
 WORDS = """
 instruction: Go on.
@@ -259,6 +273,12 @@ def test_a_bundle_of_a_study_that_changes_its_course_is_refused(tmp_path: Path) 
         steps_of_place(request, film_store(request.experiment), 0)  # type: ignore[arg-type]
 
 
+def test_a_course_is_also_changed_by_a_function_that_the_trial_calls(tmp_path: Path) -> None:
+    for step, changes in (('t.repeat("slow")', True), ("t.wait(1)", False)):
+        (tmp_path / "helped.py").write_text(HELPED.replace("STEP", step), "utf-8")
+        assert changes is changes_its_course(find_study(str(tmp_path / "helped.py")).study)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
@@ -340,3 +360,16 @@ def test_nobody_practises_for_ever_where_trials_are_left_out(
     assert 3 == len(events(recording, ROUNDS))
     (ending,) = events(recording, "ended_early")
     assert "after 4 rounds" in ending["reason"]
+
+
+def test_a_trial_that_comes_again_and_ends_the_session_is_refused_with_the_way_out(
+    tmp_path: Path,
+) -> None:
+    request = request_of(tmp_path)
+    text = (tmp_path / "inks.py").read_text("utf-8")
+    both = text.replace("at_most=2)", 'at_most=2)\n        yield t.end("too slow")')
+    (tmp_path / "inks.py").write_text(both, "utf-8")
+    study: Any = find_study(str(tmp_path / "inks.py"))
+    experiment = study.experiment({})
+    with pytest.raises(DesignError, match=r"trial P\d asks for .* only where t.repeat gave False"):
+        perform_new(replace(request, study=study, experiment=experiment))

@@ -812,7 +812,11 @@ class TrialScript(LitTrial):
     def _wish_for(self, wish: Repeat | EndEarly) -> Performing:
         yield from self._now()
         if self.wish is not None:
-            raise DesignError("a trial asks once for its repetition, or for an early end")
+            raise DesignError(
+                f"trial {self.trial.trial_id} asks for its repetition and for an early end, or for "
+                "one of them twice; ask for an end only where t.repeat gave False: "
+                "`if not (yield t.repeat(…)): yield t.end(…)`"
+            )
         self.wish = wish
 
     def _walk_to(self, place: tuple[float, float], within_m: float, limit_s: float) -> Performing:

@@ -16,6 +16,7 @@ from functools import lru_cache
 from itertools import pairwise
 from math import isfinite
 from pathlib import Path
+from types import FunctionType
 from typing import Any, Final
 from urllib.parse import urlsplit
 
@@ -223,14 +224,30 @@ def visit_of(
 
 
 def changes_its_course(study: Study) -> bool:
-    """Tell whether the trial of a study names `t.repeat` or `t.end`, reached or not."""
-    code = study.trial_plan.__code__
-    steps = list(dis.get_instructions(code))
-    return any(
-        a.argval == code.co_varnames[0] and b.argval in ("repeat", "end")
-        for a, b in pairwise(steps)
-        if b.opname in ("LOAD_METHOD", "LOAD_ATTR")
-    )
+    """Tell whether the trial of a study names `t.repeat` or `t.end`, reached or not: itself, or a
+    function of its file that it calls.
+    """
+    functions, seen = [study.trial_plan], set[Any]()
+    while functions:
+        function = functions.pop()
+        seen.add(function)
+        code = function.__code__
+        arguments = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
+        if any(
+            a.argval in arguments and b.argval in ("repeat", "end")
+            for a, b in pairwise(dis.get_instructions(code))
+            if b.opname in ("LOAD_METHOD", "LOAD_ATTR")
+        ):
+            return True
+        called = (function.__globals__.get(name) for name in code.co_names)
+        functions += [
+            one
+            for one in called
+            if isinstance(one, FunctionType)
+            and one.__module__ == function.__module__
+            and one not in seen
+        ]
+    return False
 
 
 def digest_of(steps: Sequence[PageStep]) -> str:
