@@ -97,6 +97,21 @@ def test_options_that_do_not_fit_together_are_refused_with_the_way_out(way: Way,
 
 
 @pytest.mark.parametrize(
+    ("public", "said"),
+    [
+        ("https://study.example.org", "port 443, .* --public https://study.example.org:8080"),
+        ("https://study.example.org:80", "port 80, and this listens at 8080"),
+        ("https://study.example.org:8080", "^$"),
+        ("", "^$"),
+    ],
+)
+def test_a_name_that_leads_to_another_port_is_told(public: str, said: str) -> None:
+    way = Way(public, "127.0.0.1", 0, is_lan=True)
+    assert re.search(said, way.other_port(8080))
+    assert "" == Way(public, "127.0.0.1", 0).other_port(8080)
+
+
+@pytest.mark.parametrize(
     ("public", "is_insecure"),
     [
         ("", False),

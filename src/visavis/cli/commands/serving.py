@@ -87,6 +87,19 @@ class Way:
         """Whether browsers take the given address for no safe one, as they do http of a network."""
         return urlsplit(self.public).scheme == "http" and self.name not in LOOPBACK
 
+    def other_port(self, port: int) -> str:
+        """Return what to say where people's browsers come to another port than is listened at with
+        `is_lan`; "" where they do not.
+        """
+        parts = urlsplit(self.public)
+        typed = parts.port or 443
+        if not self.is_lan or not self.public or typed == port:
+            return ""
+        return (
+            f"{self.public} leads browsers to port {typed}, and this listens at {port}: unless "
+            f"something leads from there to here, say --public https://{parts.hostname}:{port}"
+        )
+
     def check(self) -> None:
         """Check that the options fit together.
 
@@ -314,6 +327,8 @@ async def _serve(
             console.print(line, soft_wrap=True, highlight=False)
     if way.is_insecure:
         warn(NOT_SECURE)
+    if note := way.other_port(server.port):
+        warn(note)
     console.print("For you alone; do not share it:", soft_wrap=True)
     console.print(f"  [b]{own}/board#{reception.board_key}[/]", soft_wrap=True, highlight=False)
     console.print("Ctrl-C ends it; every answer is kept, and people go on when it is back.")
