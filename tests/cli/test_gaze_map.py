@@ -107,14 +107,14 @@ def test_sessions_without_gaze_are_told_by_their_folder(
     assert calls[-1][0] == calls[-1][1]  # the bar comes to its end
 
 
-def test_a_view_that_arrow_keys_turned_is_refused_in_words(
+def test_a_panorama_is_refused_with_what_measures_it(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     data = open_study(folder)
     (trial_id, *_) = data.analysis().selection.counted["trial_id"]
-    turns = pd.DataFrame({"payload": [{"trial_id": trial_id}]})
-    monkeypatch.setattr(CachedRecording, "events_named", lambda *of: turns)
-    with pytest.raises(UsageError, match="arrow keys turned the view onto a panorama"):
+    shown = pd.DataFrame({"payload": [{"trial_id": trial_id, "option_panorama": "Panorama()"}]})
+    monkeypatch.setattr(CachedRecording, "events_named", lambda *of: shown)
+    with pytest.raises(UsageError, match=r"showed a panorama, .*view_range"):
         gaze_maps(data, "gaze", peek=None, on_trial=lambda done, total: None)
 
 

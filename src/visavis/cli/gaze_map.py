@@ -32,7 +32,6 @@ from visavis.results.opened_study import OpenedStudy
 from visavis.results.several_sessions import SESSION_NUMBER
 from visavis.running.scripts import StudyData
 from visavis.stimuli.surfaces import Surfaces
-from visavis.stimuli.view_turns import VIEW_TURNED
 from visavis.study.area_measures import areas_shown
 from visavis.study.measures import TrialRecord
 from visavis.study.texts import label_of
@@ -160,12 +159,13 @@ def _looks(
             continue
         for trial_id, level in zip(mine["trial_id"], mine[factor], strict=True):
             trial = recorded_trial(recording, str(trial_id))
-            turns = recording.events_named(VIEW_TURNED, trial.part)["payload"]
-            if any(payload["trial_id"] == str(trial_id) for payload in turns):
+            payloads = recording.events_named("shown", trial.part)["payload"]
+            mine_here = (p for p in payloads if p.get("trial_id") == str(trial_id))
+            if any("option_panorama" in payload for payload in mine_here):
                 raise UsageError(
-                    f"{session.path}: in trial {trial_id} arrow keys turned the view onto a "
-                    "panorama, so that no one picture shows what was seen; measure gaze on its "
-                    "areas (looks_at)"
+                    f"{session.path}: trial {trial_id} showed a panorama, which is all around: no "
+                    "one picture shows what was seen. Measure gaze on its areas (looks_at), or how "
+                    "far people looked around (view_range)"
                 )
             ends = _ends(data.study, trial, surfaces, during)
             if ends is not None:
