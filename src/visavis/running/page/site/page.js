@@ -303,7 +303,7 @@ let nextRows = {}; // of each stream: behind what the server has, waits here or 
 let onHeadset = () => {};
 
 const WITHOUT = ["", "consent", "enter", "end"];
-const TYPED = "questions"; // answered outside of VR where something is typed: nobody is asked back before the next step
+const QUESTIONS = "questions";
 const INTERRUPTS = ["blurred", "hidden", "off"];
 
 async function enterHeadset(step) {
@@ -329,10 +329,12 @@ function happened(what) {
   onHeadset(what);
 }
 
-let isOutside = false; // for what is typed
+// Who left VR to type something goes on outside until something else than questions comes.
+let isOutside = false;
+const isTyped = (question) => !question.options?.length && question.kind !== "slider";
 
 function askBack() {
-  isOutside = current.kind === TYPED;
+  isOutside = current.kind === QUESTIONS && (isOutside || current.questions.some(isTyped));
   if (!isOver && !isOutside && !WITHOUT.includes(current.kind)) offerHeadset();
 }
 
