@@ -30,7 +30,7 @@ from visavis.cli.viewer.bundle import MISSING, Bundle
 from visavis.cli.viewer.content import Times, _fact, _labels
 from visavis.cli.viewer.fixations import fixations_of
 from visavis.cli.viewer.models import LEVEL_OF_MANY, Models
-from visavis.cli.viewer.motion import key_samples, one_way_round
+from visavis.cli.viewer.motion import key_samples
 from visavis.devices.streams import body_schema
 from visavis.protocol.people.exports_register import registered_exports
 from visavis.recording.annotations import annotations_of
@@ -44,6 +44,7 @@ from visavis.stage.errors import StageError
 from visavis.stage.renderer import LIGHTEST, Renderer
 from visavis.stimuli.characters.cast import load_character
 from visavis.stimuli.dressing.casting import default_casting
+from visavis.stimuli.motion.rotations import one_way_round
 
 ROOM_KEPT = """() => {
     const gl = viewer.drawing.gl, d = viewer.drawing;
