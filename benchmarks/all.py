@@ -68,9 +68,9 @@ def _statistics() -> list[Row]:
 def _motion() -> list[Row]:
     squad = hybrid_motion.squad_mquat_per_s()
     rows = [Row("Squad", squad, "million/s", 90.0, at_least=True)]
-    found = [row for name in hybrid_motion.INCREMENTS for row in hybrid_motion.rows_of(name)]
+    ratios = [row for name in hybrid_motion.INCREMENTS for row in hybrid_motion.rows_of(name)]
     for people, goal in zip(PEOPLE, (0.9, 0.95), strict=True):
-        least = min(row.ratio for row in found if row.people == people)
+        least = min(row.ratio for row in ratios if row.people == people)
         rows.append(Row(f"hybrid beside clip, {people} people", least, "", goal, at_least=True))
     return rows
 
@@ -95,9 +95,9 @@ def _viewer() -> list[Row]:
         before_s = cpu_time_s()
         viewer.run("film", str(session), "--trial", "T01", "-o", str(film))
         film_row = Row("film, CPU", cpu_time_s() - before_s, "s")
-        found = viewer.of_page(page)
+        page_rows = viewer.of_page(page)
     faster = "pictures a second"
-    rows = [(str(row["what"]), float(str(row["value"]))) for row in found]
+    rows = [(str(row["what"]), float(str(row["value"]))) for row in page_rows]
     return [film_row, *(Row(n, v, "", at_least=n.endswith(faster)) for n, v in rows)]
 
 
@@ -159,12 +159,12 @@ def this_machine() -> str:
 
 def last_run(file: Path, machine: str) -> dict[str, float]:
     """Return the last figure of each row that a file holds of a machine; one run is one line."""
-    found: dict[str, float] = {}
+    figures: dict[str, float] = {}
     for line in file.read_text(encoding="utf-8").splitlines() if file.exists() else ():
         run = json.loads(line)
         if run["machine"] == machine:
-            found |= run["values"]
-    return found
+            figures |= run["values"]
+    return figures
 
 
 def line_of(row: Row, before: float | None) -> str:

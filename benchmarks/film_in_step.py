@@ -74,18 +74,20 @@ def main() -> int:
     arguments.add_argument("--minutes", type=float, default=5.0)
     arguments.add_argument("--height", type=int, default=1080)
     arguments.add_argument("--json", action="store_true")
-    given = arguments.parse_args()
-    size_px = (given.height * 16 // 9, given.height)
-    pictures = round(60 * given.minutes * RATE_HZ)
+    options = arguments.parse_args()
+    size_px = (options.height * 16 // 9, options.height)
+    pictures = round(60 * options.minutes * RATE_HZ)
     with tempfile.TemporaryDirectory() as folder:
         path = write_film(Path(folder) / "film.mp4", pictures, size_px)
-        found = shown(path, size_px)
-    found = {"minutes": given.minutes, "height_px": given.height, **found}
-    print(json.dumps(found) if given.json else "\n".join(f"{k}: {v}" for k, v in found.items()))
-    return int(found["apart_pictures"] > MAX_APART)
+        figures = show(path, size_px)
+    figures = {"minutes": options.minutes, "height_px": options.height, **figures}
+    print(
+        json.dumps(figures) if options.json else "\n".join(f"{k}: {v}" for k, v in figures.items())
+    )
+    return int(figures["apart_pictures"] > MAX_APART)
 
 
-def shown(path: Path, size_px: tuple[int, int]) -> dict[str, float]:
+def show(path: Path, size_px: tuple[int, int]) -> dict[str, float]:
     """Show a film in real time; return how far its pictures were from those that were due."""
     clock, reader = SystemClock(), FilmReader(path, size_px)
     reader.picture_at(0.0)

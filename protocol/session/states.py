@@ -26,6 +26,17 @@ class SessionState(StrEnum):
 
 S = SessionState
 _ENDS = frozenset({S.ABORTED, S.FAILED})
+_AFTER_TRIAL = frozenset(
+    {
+        S.INTERTRIAL,
+        S.INSTRUCTING,
+        S.PAUSED,
+        S.CALIBRATING,
+        S.BREAK,
+        S.VALIDATING,
+        S.QUESTIONNAIRE,
+    }
+)
 
 TRANSITIONS: Mapping[SessionState, frozenset[SessionState]] = {
     S.IDLE: frozenset({S.PREFLIGHT}) | _ENDS,
@@ -36,31 +47,8 @@ TRANSITIONS: Mapping[SessionState, frozenset[SessionState]] = {
         {S.CALIBRATING, S.VALIDATING, S.INTERTRIAL, S.QUESTIONNAIRE, S.PAUSED, S.INSTRUCTING}
     )
     | _ENDS,
-    S.INTERTRIAL: frozenset(
-        {
-            S.TRIAL,
-            S.INTERTRIAL,
-            S.INSTRUCTING,
-            S.PAUSED,
-            S.CALIBRATING,
-            S.BREAK,
-            S.VALIDATING,
-            S.QUESTIONNAIRE,
-        }
-    )
-    | _ENDS,
-    S.TRIAL: frozenset(
-        {
-            S.INTERTRIAL,
-            S.INSTRUCTING,
-            S.PAUSED,
-            S.CALIBRATING,
-            S.BREAK,
-            S.VALIDATING,
-            S.QUESTIONNAIRE,
-        }
-    )
-    | _ENDS,
+    S.INTERTRIAL: _AFTER_TRIAL | {S.TRIAL} | _ENDS,
+    S.TRIAL: _AFTER_TRIAL | _ENDS,
     S.PAUSED: frozenset(
         {S.INTERTRIAL, S.CALIBRATING, S.VALIDATING, S.INSTRUCTING, S.BREAK, S.QUESTIONNAIRE}
     )

@@ -1,13 +1,14 @@
 """Somebody's link leads to their next session, once it is due."""
 
 from collections.abc import Mapping
+from dataclasses import fields
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.running.page.test_reception import served
+from tests.running.page.test_reception import Somebody, served
 from visavis.lab.clock import SimClock
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE
@@ -49,34 +50,50 @@ class Place:
         self.folder.mkdir(parents=True)
         self.ledger = Ledger(self.folder, self.clock)
         self.who: dict[str, Mapping[str, str]] = {}
+        self.is_full = False
+        """Whether somebody else would have found a place at the end of the last visit."""
 
     def reception(self) -> Reception:
         base = Request(
-            study=self.study, experiment=self.experiment, config=self.lab,
-            person=SessionPerson("", 0), seed=1, clock=self.clock,
-            operator=UnattendedOperator(), on="browser",
-        )  # fmt: skip
+            study=self.study,
+            experiment=self.experiment,
+            config=self.lab,
+            person=SessionPerson("", 0),
+            seed=1,
+            clock=self.clock,
+            operator=UnattendedOperator(),
+            on="browser",
+        )
         return Reception(
-            base, film_store(self.experiment), self.ledger, Rules(),
-            identify=self.who.__setitem__, identity_of=self.who.get,
-            forget=lambda label: self.who.pop(label, None), withdraw=lambda label: None,
-        )  # fmt: skip
+            base,
+            film_store(self.experiment),
+            self.ledger,
+            Rules(quota=1),
+            identify=self.who.__setitem__,
+            identity_of=self.who.get,
+            forget=lambda label: self.who.pop(label, None),
+            withdraw=lambda label: None,
+        )
 
-    def comes(self, *, after_days: float) -> str:
+    def comes(self, *, after_days: float, stop: str = "") -> str:
         """Return how a visit by the person's link ended, so long after the first day."""
         first = datetime.fromisoformat(SimClock().wall_iso())
         at_iso = (first + timedelta(days=after_days)).isoformat()
         self.clock.wall_iso = lambda: at_iso  # type: ignore[method-assign]  # another day
 
-        async def come(base: str, _: Reception) -> str:
+        async def come(base: str, reception: Reception) -> str:
             try:
                 at = await client.arrive(base, {"participant": "1"})
             except Exception as refusal:
                 return str(refusal)
             person = self.study.participant(0, 1, effect=True, experiment=self.experiment)
-            visitor = visitor_of(person, self.experiment, film_store(self.experiment))
+            made = visitor_of(person, self.experiment, film_store(self.experiment))
+            visitor = Somebody(**{f.name: getattr(made, f.name) for f in fields(made) if f.repr})
+            visitor.stop = stop
             visitor.now_ms = self.clock.now_ns() / 1e6
-            return await client.visit(at, visitor, self.clock)
+            ending = await client.visit(at, visitor, self.clock)
+            self.is_full = reception._is_full()
+            return ending
 
         return str(served(self, come))  # type: ignore[arg-type]  # as much of a place as it needs
 
@@ -98,6 +115,13 @@ def test_a_link_leads_to_the_next_session_once_it_is_due(place: Place) -> None:
     assert 1 == len(place.ledger.list())
     place.comes(after_days=30)  # all are over: nothing more is asked
     assert 2 == len(sorted(place.folder.glob("sub-*/ses-*")))
+
+
+def test_who_stops_in_a_later_session_keeps_the_place_of_the_first(place: Place) -> None:
+    assert "done" == place.comes(after_days=0)
+    assert place.is_full
+    assert "stopped" == place.comes(after_days=7, stop="keep")
+    assert place.is_full
 
 
 def test_where_too_many_pages_are_open_a_further_session_waits_too(

@@ -606,17 +606,22 @@ class Reception:
         if session.page.closed.is_set():
             return
         if session.page.failures:
-            self._states[session.entry.label] = "left"
+            self._note_end(session, "left")
             await self._close(session, "aborted", str(session.page.failures[0]))
             return
         outcome = session.page.desk.outcome
         why = ENDINGS.get(outcome, "")
-        self._states[session.entry.label] = outcome if why else "complete"
+        self._note_end(session, outcome if why else "complete")
         await self._close(session, "aborted" if why else "complete", why.partition(";")[0])
         if outcome == WITHDRAWN:
             await self._delete(session.entry.label)
         if outcome in (DECLINED, FULL) and session.entry.label not in self._session_numbers:
             await self._forget_identity(session.entry.label)
+
+    def _note_end(self, session: _OpenSession, state: str) -> None:
+        """Note how a session ended; however a later one ends, the first keeps its place."""
+        is_later = session.entry.label in self._session_numbers and state != WITHDRAWN
+        self._states[session.entry.label] = "complete" if is_later else state
 
     async def _forget_identity(self, label: str) -> None:
         """Keep nothing of whoever declined, or had no place, but that somebody did."""
@@ -670,7 +675,7 @@ class Reception:
             idle_ns = ARRIVED_IDLE_NS if has_arrived else IDLE_NS
             if now_ns - max(session.page.desk.heard_ns, session.begun_ns) > idle_ns:
                 if not session.page.desk.is_over:
-                    self._states[session.entry.label] = "left"
+                    self._note_end(session, "left")
                     await self._close(session, "aborted", LEFT)
 
     async def _close(self, session: _OpenSession, status: CloseStatus, reason: str) -> None:

@@ -7,7 +7,7 @@ import * as wire from "./wire.js";
 const RATE_HZ = 48000;
 const WAKE_MS = 1000;
 const MARGIN_S = 0.03; // from a call to its first sample; no thread is so late
-const MOST_READINGS = 300;
+const MAX_READINGS = 300;
 const buffers = new Map();
 const sources = new Set();
 let context = null;
@@ -70,7 +70,7 @@ function reading() {
 
 // A step with sounds begins anew, and follows in every frame.
 export const forget = () => { readings = []; };
-export function follow() { readings = [...readings.slice(1 - MOST_READINGS), reading()]; }
+export function follow() { readings = [...readings.slice(1 - MAX_READINGS), reading()]; }
 
 const latencyMs = () => 1000 * context.currentTime + reading().offsetMs - performance.now();
 
