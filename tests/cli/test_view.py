@@ -550,9 +550,11 @@ def test_a_picture_says_from_which_recording_it_is_and_is_as_large_as_asked(
     assert "T04 at 0.50 s" in caption
     assert "SIMULATED" in caption
     wide, high, size = tab.evaluate(
-        """async () => { const image = await createImageBitmap(await viewer.saving.png(2));
-        const s = $('stage'); return [image.width, image.height, [s.clientWidth, s.clientHeight]];
-        }"""
+        """async () => { const frame = () => new Promise(requestAnimationFrame);
+        await frame(); await frame();
+        const s = $('stage'), size = [s.clientWidth, s.clientHeight];
+        const image = await createImageBitmap(await viewer.saving.png(2));
+        return [image.width, image.height, size]; }"""
     )
     assert [2 * size[0], 2 * (size[1] + 26)] == [wide, high]
     tab.click("#save-png")  # and the page stands as before

@@ -28,6 +28,7 @@ from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.session_request import simulated_request
 
 EYES_M = np.array([0.0, 1.2, 0.0])
+ABOVE_M = np.array([0.0, 0.35, -2.0])
 STUDY = """
 from visavis import Choice, Factor, Keys, Rating, Scene, Study, dwell_on
 
@@ -67,10 +68,13 @@ QUICK = TargetTiming(60, 40, 120, 500)
 
 
 class Onlooker(FixatingBody):
-    """Somebody in the chin rest, whose eyes meet whatever they are told to look at."""
+    """Somebody in the chin rest, whose eyes meet whatever they are told to look at.
+
+    Without a mark they look above the options of a board, which their gaze would choose.
+    """
 
     def at(self, mark_m):
-        self.point_m = np.array([0, 0, -2.0]) if mark_m is None else np.asarray(mark_m) - EYES_M
+        self.point_m = ABOVE_M if mark_m is None else np.asarray(mark_m) - EYES_M
         self.direction = unit(self.point_m)
 
 

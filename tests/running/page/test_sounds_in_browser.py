@@ -75,6 +75,10 @@ window.AudioContext = class extends Context {
 """
 """Listens to whatever the page plays, sample by sample."""
 BLOCKS = "() => window.tap ? window.tap.blocks : []"
+COUNT = "() => window.tap.blocks.length"
+COMPARED = 4800
+"""Samples of each sound: a tenth of a second."""
+BLOCKS_BEFORE_PRESS = 2 * COMPARED // 128
 PART = "canvas.flat[data-part='2']"
 
 
@@ -107,9 +111,11 @@ def go_on(page: Any, is_there: str) -> None:
 
 
 def answer(page: Any) -> None:
-    """Press a key once the sound alone is heard, until the part is over."""
+    """Press a key once a tenth of a second of the sound alone is heard, until the part is over."""
     go_on(page, f'() => Boolean(document.querySelector("{PART}"))')
     watch = StopWatch()
+    blocks = page.evaluate(COUNT)
+    page.wait_for_function(f"{blocks + BLOCKS_BEFORE_PRESS} <= window.tap.blocks.length")
     while page.query_selector(PART):
         assert watch.elapsed_s() < PATIENCE_S, state_of(page)
         page.keyboard.press("f")
@@ -142,7 +148,7 @@ def samples_from(
         row = block["frame"] - first
         played[row : row + 128] = np.array(block["channels"], np.float32).T
     wanted = sound.at_both_ears(0.0)
-    count = min(len(wanted), 4800)
+    count = min(len(wanted), COMPARED)
     starts = np.flatnonzero((played[:, 0] == wanted[0, 0]) & (played[:, 1] == wanted[0, 1]))
     for start in starts:
         if first + start > after and np.array_equal(played[start : start + count], wanted[:count]):
