@@ -583,3 +583,30 @@ def test_what_sounds_in_a_trial_ends_with_it_also_where_the_same_trial_comes_aga
     steps = [trial, trial, trial | {"again": 1}, {}]
     answer = in_node(tmp_path, SOUNDS, json.dumps(steps))
     assert [1, 1, 2, 3] == answer["counts"]
+
+
+PUTS = """
+const { openStore } = await import(new URL("store.js", process.argv[2]));
+const stored = [];
+const base = { transaction() {
+  const changes = [];
+  const change = { objectStore: () => ({ put: (event) => changes.push(event.n) }) };
+  setTimeout(() => { stored.push(changes); change.oncomplete(); });
+  return change;
+} };
+globalThis.indexedDB = { open() {
+  const request = { result: base };
+  setTimeout(() => request.onsuccess());
+  return request;
+} };
+const store = await openStore("own");
+await Promise.all([store.put({ n: 1 }), store.put({ n: 2 })]);
+await store.put({ n: 3 });
+console.log(JSON.stringify({ stored }));
+"""
+
+
+def test_what_a_page_puts_in_one_task_is_stored_together_or_not_at_all(tmp_path: Path) -> None:
+    # else a browser that is killed in between leaves a head without its frame's timing
+    answer = in_node(tmp_path, PUTS, "")
+    assert [[1, 2], [3]] == answer["stored"]

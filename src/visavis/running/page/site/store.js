@@ -21,7 +21,7 @@ class InMemory {
 }
 
 class Durable {
-  constructor(base) { this.base = base; this.isDurable = true; }
+  constructor(base) { this.base = base; this.isDurable = true; this.waiting = []; this.together = null; }
   change(name, act) {
     return new Promise((resolve, reject) => {
       const change = this.base.transaction(name, "readwrite", { durability: "strict" });
@@ -31,7 +31,16 @@ class Durable {
     });
   }
   all() { return resultOf(this.base.transaction(STORE).objectStore(STORE).getAll()); }
-  put(event) { return this.change(STORE, (s) => s.put(event)); }
+  // What is put in one task is stored together or not at all: of a frame, its head and its timing.
+  put(event) {
+    this.waiting.push(event);
+    this.together ??= Promise.resolve().then(() => {
+      const events = this.waiting;
+      [this.waiting, this.together] = [[], null];
+      return this.change(STORE, (s) => { for (const e of events) s.put(e); });
+    });
+    return this.together;
+  }
   replace(events) { return this.change(STORE, (s) => { s.clear(); for (const e of events) s.put(e); }); }
   drop(upTo) { return this.change(STORE, (s) => s.delete(IDBKeyRange.upperBound(upTo))); }
   get(name) { return resultOf(this.base.transaction("meta").objectStore("meta").get(name)); }
