@@ -425,7 +425,9 @@ def main(arguments: list[str]) -> int:
     ]
     found = Batches()
     with tempfile.TemporaryDirectory(prefix="xr_kills") as folder:
-        perform(Path(folder), kinds, found, np.random.default_rng(SEED))
+        lab = Path(folder) / "lab"  # its keys are beside it
+        lab.mkdir()
+        perform(lab, kinds, found, np.random.default_rng(SEED))
     if options.json:
         print(json.dumps({**asdict(found), "faults": [asdict(kind) for kind in kinds]}))
     else:

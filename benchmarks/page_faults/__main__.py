@@ -42,7 +42,8 @@ def main(arguments: list[str]) -> int:
     found = [Found(kind) for kind in kinds]
     rng = np.random.default_rng(1)
     with tempfile.TemporaryDirectory(prefix="page_faults") as folder:
-        root = Path(folder)
+        root = Path(folder) / "lab"  # its keys are beside it
+        root.mkdir()
         write_study(root)
         faults_of_server(root, found[0], found[1], (options.kills, options.cuts), rng)
         _print(found[:2], as_json=options.json)
