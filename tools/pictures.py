@@ -84,6 +84,9 @@ PICTURES: Final[Mapping[str, Recipe | FilmRecipe | DeskRecipe | ByHand]] = {
     "gaze_map.jpg": Recipe(
         (PEOPLE, f"gaze-map {STUDY} --by condition"), "**/gaze_map_by_condition.png"
     ),
+    "time_course.png": Recipe((PEOPLE, f"analyse {STUDY}"), "**/figures/time_course.png"),
+    "scan_paths.png": Recipe((PEOPLE, f"analyse {STUDY}"), "**/figures/scan_paths.png"),
+    "gaze_moves.png": Recipe((PEOPLE, f"analyse {STUDY}"), "**/figures/gaze_moves.png"),
     "panorama.jpg": Recipe(("examples", "preview examples/around.py --png {file}")),
     "desk.jpg": DeskRecipe("stare"),
     "report.jpg": Recipe((PEOPLE, f"analyse {STUDY}"), "**/report.html", (1280, 800)),
