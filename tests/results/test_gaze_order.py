@@ -10,7 +10,7 @@ import pytest
 from tests.results.test_time_course import selection
 from visavis.analysis.gaze.aoi import LOST
 from visavis.analysis.gaze.targets import GazeTargets
-from visavis.results.figures.gaze_order_figures import gaze_order_figures
+from visavis.results.figures.gaze_order_figures import gaze_order_figures, numbers_of_path
 from visavis.results.gaze_order import (
     FIXATIONS,
     MOVES,
@@ -154,3 +154,11 @@ def test_trials_without_any_fixation_do_not_lower_the_mean() -> None:
     assert {"07K"} == set(moves["participant"])
     assert {1} == set(moves["trials"])
     assert 1.0 == moves[PER_TRIAL].sum()
+
+
+def test_numbers_that_would_hide_each_other_stand_in_one_place() -> None:
+    right_deg, up_deg = np.array([0, 20, 20.5, 40, 0.5, 1, 39]), np.array([0, 0, 0.5, 30, 0, 4, 29])
+    numbers = [name for name, _ in numbers_of_path(right_deg, up_deg)]
+    assert ["1, 5–6", "2–3", "4, 7"] == numbers
+    apart = numbers_of_path(right_deg[:4], up_deg[:4])
+    assert [("1", (0.0, 0.0)), ("2–3", (20.25, 0.25)), ("4", (40.0, 30.0))] == apart

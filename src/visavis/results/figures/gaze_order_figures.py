@@ -34,6 +34,8 @@ SCAN_PATHS: Final = "scan_paths"
 MAX_SHOWN: Final = 20
 """Fixations of a scan path that are drawn: more of them hide each other."""
 SAME_PLACE_DEG: Final = 2.5
+LABEL_01: Final = 0.12
+"""Stays nearer than this share of a panel have their numbers in one place."""
 COLOURS: Final = {AGENT: VERMILION, OTHERS: BLUE, ELSEWHERE: GREY}
 NAMES: Final = {AGENT: "the agent", OTHERS: "others", ELSEWHERE: "elsewhere"}
 PLACES: Final = {AGENT: (0.5, 0.84), OTHERS: (0.12, 0.2), ELSEWHERE: (0.88, 0.2)}
@@ -119,10 +121,10 @@ def _scan_paths(typical: Sequence[_Typical], texts: Texts) -> Figure:
                     zorder=3,
                 )
                 in_legend.add(area)
-        for first, last in _stays(right, up):
-            name = str(first + 1) if first == last else f"{first + 1}–{last + 1}"
-            middle = (right[first : last + 1].mean(), up[first : last + 1].mean())
-            axes.annotate(name, middle, (3, 3), textcoords="offset points", fontsize=8.5, zorder=4)
+        for numbers, middle in numbers_of_path(right, up):
+            axes.annotate(
+                numbers, middle, (3, 3), textcoords="offset points", fontsize=8.5, zorder=4
+            )
         axes.set_title(in_lines(label_of(texts, str(level)), 18))
         axes.margins(0.15)
         axes.set_aspect("equal", adjustable="datalim")
@@ -139,6 +141,29 @@ def _stays(right_deg: Values, up_deg: Values) -> list[tuple[int, int]]:
     steps = np.hypot(np.diff(right_deg), np.diff(up_deg))
     ends = [*np.flatnonzero(steps > SAME_PLACE_DEG).tolist(), len(right_deg) - 1]
     return list(zip([0, *(end + 1 for end in ends[:-1])], ends, strict=True))
+
+
+def numbers_of_path(right_deg: Values, up_deg: Values) -> list[tuple[str, tuple[float, float]]]:
+    """Return the numbers of a path's fixations and where they stand.
+
+    Those that would hide each other stand in one place, as in "2–4, 7".
+    """
+    near_deg = LABEL_01 * max(np.ptp(right_deg), np.ptp(up_deg))
+    places: list[tuple[list[list[int]], tuple[float, float]]] = []
+    for first, last in _stays(right_deg, up_deg):
+        x, y = float(right_deg[first : last + 1].mean()), float(up_deg[first : last + 1].mean())
+        near = (spans for spans, (u, v) in places if np.hypot(u - x, v - y) <= near_deg)
+        spans = next(near, None)
+        if spans is None:
+            places.append(([[first + 1, last + 1]], (x, y)))
+        elif spans[-1][1] == first:
+            spans[-1][1] = last + 1
+        else:
+            spans.append([first + 1, last + 1])
+    return [
+        (", ".join(f"{a}–{b}" if a != b else str(a) for a, b in spans), place)
+        for spans, place in places
+    ]
 
 
 def _graphs(moves: pd.DataFrame, levels: Sequence[object], texts: Texts) -> Figure:
