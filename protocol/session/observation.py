@@ -154,7 +154,7 @@ def _evaluate(
     t_ns, valid, rays, per_head, hit = gaze.t_ns, gaze.valid, gaze.rays, gaze.per_head, gaze.hit
     rows = samples.rows
     n = samples.seq.shape[0]
-    m = heads.shape[0]
+    m = heads.shape[1]
     valid_count = 0
     direction_head = np.empty((n, 3), np.float32)
     origin_head_m = np.empty((n, 3), np.float32)
@@ -447,7 +447,7 @@ class GazeObserver:
             self.clock_offset_ns - self._delay_ns,
             frames,
             heads.poses,
-            geometry.heads,
+            geometry.heads_at(batch.t_device_ns + (self.clock_offset_ns - self._delay_ns)),
             geometry.capsules,
             geometry.is_lit,
             gaze,

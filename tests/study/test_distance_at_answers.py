@@ -12,6 +12,7 @@ from visavis.lab.errors import DesignError
 from visavis.protocol.plan.session_plan import Trial
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
+from visavis.results.reevaluation import targets_again
 from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.session_request import simulated_request
 from visavis.stimuli.dressing.office import look_of
@@ -172,3 +173,30 @@ def test_a_session_keeps_the_distance_of_a_press_that_the_first_dark_frame_heard
     last = rows.loc[rows["stop_ms"].idxmax()]
     assert last["scene_off_ns"] > last["scene_on_ns"] + 1e6 * last["stop_ms"]
     assert not np.isnan(last["stop_distance_m"])
+
+
+def test_gaze_follows_a_walker_and_is_measured_on_the_head_as_it_is_drawn(tmp_path):
+    across = {"motion": "walk", "distance_m": 3, "bearing_deg": 25, "turn_deg": 70}
+    line = 'yield t.show(Scene("person", **WALK, bearing_deg=25, turn_deg=70), 4)'
+    recording = recording_of(tmp_path, line)
+    targets = recording.stream_arrays("gaze_targets")
+    t_ns, angle_deg = targets["t_sample_ns"], targets["angle_deg"][:, 0]
+    onsets_ns = [p["start_ns"] for p in recording.events_named("shown", 1)["payload"]]
+    near = []
+    for start_ns, (_, row) in zip(onsets_ns, recording.trials().iterrows(), strict=True):
+        walker = staged(start_ns, speed_mps=1.0, **across)
+        is_late = (row["scene_on_ns"] + 1.5e9 < t_ns) & (t_ns < row["scene_off_ns"])
+        late = np.flatnonzero(is_late & targets["valid"])
+        near.append(angle_deg[late] < targets["radius_deg"][late, 0] + 3.0)
+        for i in late[::20]:
+            picture = picture_of(replace(walker, t_ns=int(t_ns[i])))
+            people = picture.people
+            head_m = look_of(picture.cast[0], people.root_m[0], people.orientation_wxyz[0])[0]
+            towards = head_m - targets["origin_world_m"][i]
+            cosine = towards @ targets["direction_world"][i] / np.linalg.norm(towards)
+            expected_deg = float(np.degrees(np.arccos(min(1.0, cosine))))
+            assert expected_deg == pytest.approx(angle_deg[i], abs=0.1)
+    assert np.concatenate(near).mean() > 0.2  # by then they are far from where they set out
+    again = targets_again(recording, opened(tmp_path, [line]).views_of, 1)
+    assert targets["hit"].tolist() == again["hit"].tolist()
+    assert targets["angle_deg"] == pytest.approx(again["angle_deg"], nan_ok=True)

@@ -377,13 +377,14 @@ class OpenedStudy:
             if views:
                 yield from views
                 return
-        latest = record.latest("shown")
-        if latest is None or not record.scene.agents:
+        payload = record.with_onset("shown")
+        if payload is None and (latest := record.latest("shown")) is not None:
+            payload = latest[1]
+        if payload is None or not record.scene.agents:
             yield replace(
                 bare, scene=replace(bare.scene, dressed_by=self.study.procedure.dressed_by)
             )
             return
-        _, payload = latest
         options = {
             k.removeprefix("option_"): v for k, v in payload.items() if k.startswith("option_")
         }

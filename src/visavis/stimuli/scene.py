@@ -47,7 +47,8 @@ class Scene:
 
     `brightness_01` 0 is black (agents are then not visible, the mark still is); `mark_m` (3,) is
     where a small fixation mark stands in world, or None. `dressed_by` names what makes pictures
-    of it, as "module:function"; a scene without is dark.
+    of it, as "module:function"; a scene without is dark. `moved_by` likewise names what tells where
+    heads are later on (`stimuli.moving_heads`); without it they stay where `agents` has them.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Scene:
     brightness_01: float = 1.0
     mark_m: Vector | None = None
     dressed_by: str = ""
+    moved_by: str = ""
 
     @property
     def stand_m(self) -> Vector:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from visavis.lab.compiled import compiled
 from visavis.lab.geometry import Vector
+from visavis.stimuli.moving_heads import MovingHeads, moving_heads
 from visavis.stimuli.scene import Scene
 
 HIT_NOTHING = -1
@@ -153,10 +154,15 @@ def observe_rays(
     out: npt.NDArray[np.float64],
     hit: npt.NDArray[np.int16],
 ) -> None:
-    """Do what `SceneGeometry.observe` says; `out` (3, n, m) and `hit` (n,) receive its results."""
-    n, m = origin.shape[0], heads.shape[0]
+    """Do what `SceneGeometry.observe` says; `out` (3, n, m) and `hit` (n,) receive its results.
+
+    `heads` (1, m, 4) stay where they are, `heads` (n, m, 4) are elsewhere for every ray.
+    """
+    n, m = origin.shape[0], heads.shape[1]
     views = np.empty((m, 5))
+    is_still = heads.shape[0] == 1
     for i in range(n):
+        now = heads[0 if is_still else i]
         ox, oy, oz = origin[i, 0], origin[i, 1], origin[i, 2]
         if not (np.isfinite(ox) and np.isfinite(oy) and np.isfinite(oz)):
             out[:, i, :] = np.nan
@@ -164,14 +170,18 @@ def observe_rays(
             continue
         # Gaze samples come several to a head pose; sizes then are those of the sample before.
         same_origin = (
-            i > 0 and ox == origin[i - 1, 0] and oy == origin[i - 1, 1] and oz == origin[i - 1, 2]
+            is_still
+            and i > 0
+            and ox == origin[i - 1, 0]
+            and oy == origin[i - 1, 1]
+            and oz == origin[i - 1, 2]
         )
         if same_origin:
             for j in range(m):
                 out[1, i, j] = out[1, i - 1, j]
                 out[2, i, j] = out[2, i - 1, j]
         else:
-            _see_heads(ox, oy, oz, heads, views, out[1, i], out[2, i])
+            _see_heads(ox, oy, oz, now, views, out[1, i], out[2, i])
         dx, dy, dz = direction[i, 0], direction[i, 1], direction[i, 2]
         length = np.sqrt(dx * dx + dy * dy + dz * dz)
         if not valid[i] or not (length > 0.0) or not np.isfinite(length):
@@ -188,13 +198,13 @@ def observe_rays(
             # intersection.
             if is_lit and angle <= views[j, 3] + 1e-6:
                 t = _sphere_entry_m(
-                    ox - heads[j, 0],
-                    oy - heads[j, 1],
-                    oz - heads[j, 2],
+                    ox - now[j, 0],
+                    oy - now[j, 1],
+                    oz - now[j, 2],
                     dx,
                     dy,
                     dz,
-                    heads[j, 3],
+                    now[j, 3],
                 )
                 if t < first:
                     first = t
@@ -212,22 +222,35 @@ def observe_rays(
 class SceneGeometry:
     """The surfaces of a scene packed for ray tests.
 
-    `heads` (m, 4): centre and radius in metres; `capsules` (c, 7): start, end and radius.
+    `heads` (m, 4): centre and radius in metres; `capsules` (c, 7): start, end and radius. Heads
+    that have a `course` are there at the onset only.
     """
 
     heads: npt.NDArray[np.float64]
     capsules: npt.NDArray[np.float64]
     is_lit: bool
+    course: MovingHeads | None = None
 
     @classmethod
     def from_scene(cls, scene: Scene) -> Self:
         """Pack a scene's heads and occluders; agent order is the scene's."""
         heads = np.array([[*a.head_centre_m, a.head_radius_m] for a in scene.agents]).reshape(-1, 4)
         capsules = np.array([[*c.start_m, *c.end_m, c.radius_m] for c in scene.occluders])
-        return cls(heads, capsules.reshape(-1, 7), scene.brightness_01 > 0)
+        return cls(heads, capsules.reshape(-1, 7), scene.brightness_01 > 0, moving_heads(scene))
+
+    def heads_at(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
+        """Return the heads at session times (n,): (n, m, 4), or (1, m, 4) if they never move."""
+        if self.course is None:
+            return self.heads[None]
+        radius_m = np.broadcast_to(self.heads[:, 3:], (len(t_ns), len(self.heads), 1))
+        return np.concatenate([self.course.centres_m(t_ns), radius_m], axis=2)
 
     def observe(
-        self, origin_m: Vector, direction: Vector, valid: npt.NDArray[np.bool_]
+        self,
+        origin_m: Vector,
+        direction: Vector,
+        valid: npt.NDArray[np.bool_],
+        t_ns: npt.NDArray[np.int64] | None = None,
     ) -> Observation:
         """See n gaze rays: `(angle_deg, radius_deg, pad_limit_deg, hit)`, shapes (n, m) and (n,).
 
@@ -236,7 +259,8 @@ class SceneGeometry:
         radius; `pad_limit_deg` half the rim-to-rim gap to the nearest other head as seen (0 when
         they overlap, inf for a head alone); both need only an origin. `hit` is the head met
         before any other surface, -1 for none, -2 lost. A ray is lost when not valid, or when its
-        direction has no length or is not finite. In the dark nothing is hit.
+        direction has no length or is not finite. In the dark nothing is hit. `t_ns` (n,) are the
+        session times of the rays, without which heads are where they are at the onset.
         """
         n = origin_m.shape[0]
         out = np.empty((3, n, self.heads.shape[0]))
@@ -245,7 +269,7 @@ class SceneGeometry:
             np.ascontiguousarray(origin_m, np.float64),
             np.ascontiguousarray(direction, np.float64),
             np.ascontiguousarray(valid, np.bool_),
-            self.heads,
+            self.heads[None] if t_ns is None else self.heads_at(t_ns),
             self.capsules,
             self.is_lit,
             out,

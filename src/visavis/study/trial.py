@@ -36,9 +36,10 @@ from visavis.protocol.plan.steps import (
 from visavis.stimuli.audible import MAX_GAIN_DB, Sound
 from visavis.stimuli.film_file import film_facts
 from visavis.stimuli.flat import MAX_SEED, Colour, Dots, Flat, Text, Video, picture_path
+from visavis.stimuli.moving_heads import agents_at
 from visavis.stimuli.panels import SIZE_M, PanelFrame, Surface, board_before
 from visavis.stimuli.picture import Panel
-from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.scene import Agent, SceneFrame
 from visavis.stimuli.sound import Waveform
 from visavis.study.actions import Action, Performing, PlayedSound
 from visavis.study.asking import (
@@ -615,7 +616,7 @@ class TrialScript(LitTrial):
         answer = self.take(response, answer)
         name, option = response.name, answer.option
         if isinstance(response, Pointing):
-            self.row |= self._pointed_at(name, answer.pose)
+            self.row |= self._pointed_at(name, answer)
         if isinstance(response, Keys) and response.distance_to is not None:
             self.row[f"{name}_distance_m"] = self._distance_m(response.distance_to, answer)
         yield Mark(
@@ -642,10 +643,13 @@ class TrialScript(LitTrial):
         is_right = more.get(f"{name}_is_right")
         return replace(answer, is_right=None if is_right is None else bool(is_right))
 
-    def _pointed_at(self, name: str, pose: Pose | None) -> dict[str, Scalar | None]:
-        agents = () if self._staged_scene is None else self._staged_scene.scene.agents
+    def _agents_at(self, t_ns: int) -> tuple[Agent, ...]:
+        return () if self._staged_scene is None else agents_at(self._staged_scene.scene, t_ns)
+
+    def _pointed_at(self, name: str, answer: Answer) -> dict[str, Scalar | None]:
+        agents = self._agents_at(answer.answered_ns)
         heads: Vector = np.array([a.head_centre_m for a in agents]).reshape(-1, 3)
-        return direction_columns(name, pose, heads, tuple(a.place for a in agents))
+        return direction_columns(name, answer.pose, heads, tuple(a.place for a in agents))
 
     def words_of(self, response: Response) -> tuple[str, tuple[str, ...]]:
         """Return the text of a question and its options, in the study's language."""
@@ -754,7 +758,7 @@ class TrialScript(LitTrial):
         view = yield from self._now()
         column = f"{self.next_prefix(name)}_on_ns"
         self.row[column] = None
-        yield PlaySound(column, sound, self._place_of(at), gain_db, loops)
+        yield PlaySound(column, sound, self._place_of(at, view.t_ns), gain_db, loops)
         if wait != "no":
             until_ns = view.t_ns + round(STAMP_LIMIT_S * NS_PER_S)
             while self.row[column] is None and view.t_ns < until_ns:
@@ -772,12 +776,12 @@ class TrialScript(LitTrial):
         return (yield from self._frame())
 
     def _place_of(
-        self, at: str | tuple[float, float, float] | None
+        self, at: str | tuple[float, float, float] | None, t_ns: int
     ) -> tuple[float, float, float] | None:
         if not isinstance(at, str):
             return at
         roles = {} if self._staged_scene is None else self._staged_scene.roles
-        agents = () if self._staged_scene is None else self._staged_scene.scene.agents
+        agents = self._agents_at(t_ns)
         heads = {agent.place: agent for agent in agents} | {
             role: agents[index] for role, index in roles.items()
         }

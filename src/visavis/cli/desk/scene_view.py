@@ -12,6 +12,7 @@ from PIL import Image
 from visavis.lab.geometry import Vector, quat_conjugate, rotate
 from visavis.protocol.session.operator import SessionStatus
 from visavis.stage.contracts import Glance
+from visavis.stimuli.moving_heads import agents_at
 from visavis.stimuli.panels import PanelFrame
 from visavis.stimuli.picture import Camera, Panel
 from visavis.stimuli.scene import Scene
@@ -160,6 +161,7 @@ def _people(status: SessionStatus) -> list[tuple[str, Vector, float]]:
     """Return name, centre of the head (3,) and its radius of everybody in the scene."""
     scene_frame = status.scene_frame
     assert scene_frame is not None  # noqa: S101 - asked by both views
+    frame = status.frame
     if scene_frame.people is not None:
         up = np.array([0.0, ABOVE_HIPS_M, 0.0])
         return [(str(n + 1), at + up, HEAD_M) for n, at in enumerate(scene_frame.people.root_m)]
@@ -171,7 +173,7 @@ def _people(status: SessionStatus) -> list[tuple[str, Vector, float]]:
         ]
     return [
         (a.place, np.asarray(a.head_centre_m), max(a.head_radius_m, HEAD_M))
-        for a in scene_frame.scene.agents
+        for a in agents_at(scene_frame.scene, scene_frame.t_ns if frame is None else frame.t_ns)
     ]
 
 

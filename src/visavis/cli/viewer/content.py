@@ -34,6 +34,7 @@ from visavis.running.page.seen_trial import is_on_page
 from visavis.stimuli.camera.shots import ShotSize
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.motion.rotations import one_way_round
+from visavis.stimuli.moving_heads import agents_at
 from visavis.stimuli.picture import Picture
 from visavis.stimuli.scene import Agent
 from visavis.stimuli.surfaces import Surfaces
@@ -517,7 +518,7 @@ def samples_of(study: OpenedStudy, trial: RecordedTrial) -> list[Sample]:
         moment = trial.shown_at(t_ns)
         view = next(iter(study.views_of(moment)))
         picture = picture_of(view)
-        samples.append(Sample(t_ns, picture, moment.scene.agents, picture))
+        samples.append(Sample(t_ns, picture, agents_at(view.scene, t_ns), picture))
     return samples
 
 

@@ -1,12 +1,14 @@
 """A simulated person who sees people, moves eyes and head, and answers questions.
 
 It receives only the display; no condition, place or trial reaches it.
-Not modelled: fatigue and practice across trials, hearing, pursuit of moving targets,
+Gaze follows somebody who moves from fixation to fixation.
+Not modelled: fatigue and practice across trials, hearing, smooth pursuit of moving targets,
 attraction by an agent's blink, torsion of the eyes, standing or walking.
 """
 
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +25,7 @@ from visavis.people.observer.temperament import (
     Temperament,
     draw_temperament,
 )
+from visavis.stimuli.moving_heads import moving_heads
 from visavis.stimuli.scene import Scene, SceneFrame
 from visavis.stimuli.scenes.audience import PARTICIPANT_EYE_M
 
@@ -42,11 +45,15 @@ ROOM_DISTANCE_M = 3.5
 ROOM_RADIUS_RAD = 0.12
 SPEAKER_SIDE_YAW_DEG = 52.0
 """Direction of the gaze of a seated person towards the speaker without turning round."""
+MOVES_NS = NS_PER_S // 10
+"""In such steps of session time targets that move are where they are then."""
 RECALLS_NS = NS_PER_S // 4
 """The last two blinks and sixteen saccades are remembered; blinks are 0.3 s apart at least."""
 N_PEOPLE_STREAM = 1
 N_BEHAVIOUR_STREAM = 2
 N_ANSWER_STREAM = 3
+Records: TypeAlias = tuple[npt.NDArray[np.void], npt.NDArray[np.void], npt.NDArray[np.void]]
+"""Mind, segments and targets."""
 
 
 class Observer(PressesNothing):
@@ -91,6 +98,8 @@ class Observer(PressesNothing):
         self._fit = 0
         self._origin_ns = 0
         self._plan_number = 0
+        self._moving: Layout | None = None
+        self._moved_step = 0
         self.prepare(0, 0)
 
     # ---- SimulatedParticipant ----
@@ -175,24 +184,17 @@ class Observer(PressesNothing):
         """Return eye states (n,), head positions (n, 3) and orientations (n, 4) at these times."""
         n = t_ns.shape[0]
         eyes, positions, orientations = np.empty((n, 8)), np.empty((n, 3)), np.empty((n, 4))
-        if n:
-            attention.sense(
-                self._mind,
-                self._person,
-                self._segments,
-                self._targets,
-                self._scratch,
-                t_ns,
-                self._origin_ns,
-                eyes,
-                positions,
-                orientations,
-            )
+        records = self._mind, self._segments, self._targets
+        for run in self._runs(t_ns, records, is_ahead=False):
+            self._sense(records, t_ns[run], eyes[run], positions[run], orientations[run])
         return np.ndarray((n,), EYES_DTYPE, eyes), positions, orientations
 
     def head(self, t_ns: int) -> tuple[Vector, Vector]:
         """Return position (3,) in metres and orientation (4,) (w, x, y, z) in world."""
         position, orientation = np.empty(3), np.empty(4)
+        if self._moving is not None:
+            records = self._mind, self._segments, self._targets
+            self._move_targets(t_ns // MOVES_NS, records, is_ahead=False)
         attention.advance_and_pose(
             self._mind,
             self._person,
@@ -218,35 +220,28 @@ class Observer(PressesNothing):
         """
         n = t_ns.shape[0]
         positions, orientations = np.empty((n, 3)), np.empty((n, 4))
-        attention.heads(
-            _copy_of(self._mind),
-            self._person,
-            _copy_of(self._segments),
-            _copy_of(self._targets),
-            self._scratch,
-            t_ns - self._origin_ns,
-            positions,
-            orientations,
-        )
+        records = _copy_of(self._mind), _copy_of(self._segments), _copy_of(self._targets)
+        mind, segments, targets = records
+        for run in self._runs(t_ns, records, is_ahead=True):
+            attention.heads(
+                mind,
+                self._person,
+                segments,
+                targets,
+                self._scratch,
+                t_ns[run] - self._origin_ns,
+                positions[run],
+                orientations[run],
+            )
         return positions, orientations
 
     def eyes_ahead(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.void]:
         """Return eye states (n,) at times of which the last are coming, likewise."""
         n = t_ns.shape[0]
-        eyes = np.empty((n, 8))
-        if n:
-            attention.sense(
-                _copy_of(self._mind),
-                self._person,
-                _copy_of(self._segments),
-                _copy_of(self._targets),
-                self._scratch,
-                t_ns,
-                self._origin_ns,
-                eyes,
-                np.empty((n, 3)),
-                np.empty((n, 4)),
-            )
+        eyes, positions, orientations = np.empty((n, 8)), np.empty((n, 3)), np.empty((n, 4))
+        records = _copy_of(self._mind), _copy_of(self._segments), _copy_of(self._targets)
+        for run in self._runs(t_ns, records, is_ahead=True):
+            self._sense(records, t_ns[run], eyes[run], positions[run], orientations[run])
         return np.ndarray((n,), EYES_DTYPE, eyes)
 
     def stretch(self) -> int:
@@ -284,6 +279,60 @@ class Observer(PressesNothing):
         distance = max(float(np.linalg.norm(offset)), 0.1)
         return offset / distance, 1 / distance
 
+    def _sense(
+        self,
+        records: Records,
+        t_ns: npt.NDArray[np.int64],
+        eyes: npt.NDArray[np.float64],
+        positions: npt.NDArray[np.float64],
+        orientations: npt.NDArray[np.float64],
+    ) -> None:
+        mind, segments, targets = records
+        attention.sense(
+            mind,
+            self._person,
+            segments,
+            targets,
+            self._scratch,
+            t_ns,
+            self._origin_ns,
+            eyes,
+            positions,
+            orientations,
+        )
+
+    def _runs(
+        self,
+        t_ns: npt.NDArray[np.int64],
+        records: Records,
+        *,
+        is_ahead: bool,
+    ) -> Iterator[slice]:
+        """Yield runs of times (n,) in which targets stay where they are, and lead these there."""
+        if not len(t_ns):
+            return
+        if self._moving is None:
+            yield slice(0, len(t_ns))
+            return
+        step = np.maximum.accumulate(t_ns // MOVES_NS)
+        begins = [0, *(np.flatnonzero(np.diff(step)) + 1).tolist()]
+        for begin, end in zip(begins, [*begins[1:], len(step)], strict=True):
+            self._move_targets(int(step[begin]), records, is_ahead=is_ahead)
+            yield slice(begin, end)
+
+    def _move_targets(self, step: int, records: Records, *, is_ahead: bool) -> None:
+        """Let everything happen that happens before a step of time, with targets where they are at
+        each, so that it does not depend on which times are asked for.
+        """
+        assert self._moving is not None  # noqa: S101 - the callers looked
+        mind, segments, targets = records
+        for k in range(self._moved_step + 1, step + 1):
+            until_ns = k * MOVES_NS - self._origin_ns
+            attention.advance(mind, self._person, segments, targets, self._scratch, until_ns)
+            self._moving.move(targets, k * MOVES_NS)
+        if not is_ahead:
+            self._moved_step = max(self._moved_step, step)
+
     def _meet(self, scene: Scene, t_ns: int) -> None:
         """Receive a scene: its targets and their appeal."""
         self._plan_number += 1
@@ -301,6 +350,9 @@ class Observer(PressesNothing):
             self._mind["rest_yaw"], self._mind["rest_pitch"] = what.rest
         else:
             self._mind["rest_yaw"] = self._mind["rest_pitch"] = 0.0
+        is_moving = is_lit and isinstance(what, Layout) and what.course is not None
+        self._moving = what if is_moving and isinstance(what, Layout) else None
+        self._moved_step = (t_ns + self._origin_ns) // MOVES_NS
         n = len(self._targets) if is_lit else 0
         key = self._scene_keys[int(is_lit)]
         attention_causes.begin_scene(self._mind, self._person, key, scene.brightness_01, n, t_ns)
@@ -345,7 +397,7 @@ class Layout:
     """A scene as targets seen from a seat, before anyone's preferences."""
 
     def __init__(self, scene: Scene, seat: Vector) -> None:
-        self.scene = scene
+        self.scene, self.course, self._seat = scene, moving_heads(scene), seat
         n = len(scene.agents)
         heads = np.array([a.head_centre_m for a in scene.agents])
         bodies = heads - np.array([0.0, CHEST_BELOW_HEAD_M, 0.0])
@@ -385,3 +437,16 @@ class Layout:
         turn = np.degrees(np.arctan2(-direction[:, 0], -direction[:, 2]) - yaw)
         self.leftward_deg = turn
         self.eccentric_deg = np.hypot(turn, np.degrees(np.arcsin(direction[:, 1])))
+
+    def move(self, targets: npt.NDArray[np.void], t_ns: int) -> None:
+        """Lead targets to where heads, and the bodies below, are at a session time."""
+        if self.course is None:
+            return
+        (heads,) = self.course.centres_m(np.array([t_ns]))
+        n = len(heads)
+        offset = np.concatenate([heads, heads - np.array([0.0, CHEST_BELOW_HEAD_M, 0.0])])
+        offset -= self._seat
+        distance = np.linalg.norm(offset, axis=1)
+        targets["direction"][: 2 * n] = offset / distance[:, None]
+        targets["radius_rad"][: 2 * n] *= targets["distance_m"][: 2 * n] / distance
+        targets["distance_m"][: 2 * n] = distance

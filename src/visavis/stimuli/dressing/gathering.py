@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from visavis.lab.geometry import Vector
 from visavis.stimuli.characters.character import Character
 from visavis.stimuli.dressing.casting import Casting, build_of, default_casting
 from visavis.stimuli.dressing.office import HEAD_RADIUS_M, gaze_of, look_of
@@ -13,6 +14,7 @@ from visavis.stimuli.dressing.picture_of import named_function
 from visavis.stimuli.gaze.turning import Aimed
 from visavis.stimuli.motion.kinds import Idle, Sit
 from visavis.stimuli.motion.people import HeldHeads, PeopleMotion, Person
+from visavis.stimuli.moving_heads import MovingHeads
 from visavis.stimuli.picture import Picture, Room
 from visavis.stimuli.rooms.plain import plain_room
 from visavis.stimuli.scene import Agent, SceneFrame
@@ -79,6 +81,34 @@ def _set_of(people: tuple[Standing, ...], casting: Casting) -> _Set:
     facing = np.where(rests, np.array([a.facing for a in agents]).reshape(-1, 3), np.nan)
     motion = replace(_motion(people, casting), held_heads=HeldHeads(eyes, facing))
     return _Set(tuple(casting(p.character) for p in people), motion)
+
+
+def heads_of_gathering(scene: GatheringScene) -> MovingHeads | None:
+    """Return how the heads of a gathering move; None where everybody stays in their place."""
+    if all(isinstance(person.does, AT_REST) for person in scene.people):
+        return None
+    return _heads_of(scene.people, scene.start_ns, default_casting)
+
+
+@lru_cache(maxsize=16)
+def _heads_of(people: tuple[Standing, ...], start_ns: int, casting: Casting) -> MovingHeads:
+    stage_set, agents = _set_of(people, casting), agents_of(people, casting)
+    # The gaze of people in a gathering turns their eyes, never their heads.
+    n = len(people)
+    ahead = Aimed(np.full((n, 3), np.nan), np.ones(n))
+
+    def pose(t_ns: int) -> Vector:
+        posed = stage_set.motion.at(max(0.0, (t_ns - start_ns) * 1e-9), ahead)
+        return np.array(
+            [
+                agents[i].head_centre_m
+                if isinstance(person.does, AT_REST)
+                else look_of(stage_set.cast[i], posed.root_m[i], posed.orientation_wxyz[i])[0]
+                for i, person in enumerate(people)
+            ]
+        )
+
+    return MovingHeads(pose)
 
 
 def gathering_picture(frame: SceneFrame, *, casting: Casting = default_casting) -> Picture:

@@ -37,3 +37,4 @@ class GatheringScene(Scene):
     start_ns: int = 0
     room_by: str = ""
     dressed_by: str = "visavis.stimuli.dressing.gathering:gathering_picture"
+    moved_by: str = "visavis.stimuli.dressing.gathering:heads_of_gathering"
