@@ -51,7 +51,10 @@ from visavis.protocol.session.states import SessionState, StateMachine
 from visavis.protocol.session.streams import FRAMES, gaze_targets_schema, scene_states_schema
 from visavis.recording.writer import Recorder
 from visavis.stage.contracts import GeometryStage, Glance, Stage
+from visavis.stimuli.own_room import PlacedRoom
 from visavis.stimuli.panels import Surface
+from visavis.stimuli.room_areas import ROOM_SHAPE
+from visavis.stimuli.room_shape import shape_of
 from visavis.stimuli.scene import Scene, SceneFrame
 
 STATE_CODES = {state: code for code, state in enumerate(SessionState)}
@@ -142,6 +145,7 @@ class FrameLoop:
         self._view: SceneFrame | None = None
         self._logged_view: SceneFrame | None = None
         self._scene_number = 0
+        self._rooms: set[str] = set()
         self._frame = FrameInfo(-1, clock.now_ns(), clock.now_ns())
         self.before_ns = 0
         """Session time of the frame before the present one."""
@@ -697,6 +701,7 @@ class FrameLoop:
             self.catch_up()  # with the scene it was seen in
             self.observer.show(view.scene)
             self._recorder.event("scene", self.t_ns, **self._describe(view.scene))
+            self._describe_room(view.scene.room)
         elif (
             view.gaze_direction is before.gaze_direction
             and view.eye_openness_01 is before.eye_openness_01
@@ -723,6 +728,15 @@ class FrameLoop:
             if values is not None:
                 row[:agent_count] = values
         self._scene_states.commit(1, self.t_ns)
+
+    def _describe_room(self, room: PlacedRoom | None) -> None:
+        """Record the meshes of a laboratory's own room before gaze first falls on them."""
+        if room is None:
+            return
+        shape = shape_of(room)
+        if shape.sha256 not in self._rooms:
+            self._rooms.add(shape.sha256)
+            self._recorder.event(ROOM_SHAPE, self.t_ns, **shape.event)
 
     def _describe(self, scene: Scene) -> dict[str, object]:
         return {

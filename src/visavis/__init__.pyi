@@ -29,6 +29,7 @@ from visavis.stimuli.flat import Panorama as Panorama
 from visavis.stimuli.flat import Shape as Shape
 from visavis.stimuli.flat import Text as Text
 from visavis.stimuli.flat import Video as Video
+from visavis.stimuli.own_room import Room as Room
 from visavis.stimuli.sound import Waveform as Waveform
 from visavis.study.area_measures import looks_at as looks_at
 from visavis.study.area_measures import pointer_at as pointer_at

@@ -31,6 +31,7 @@ from visavis.recording.csv_file import write_csv
 from visavis.results.opened_study import OpenedStudy
 from visavis.results.several_sessions import SESSION_NUMBER
 from visavis.running.scripts import StudyData
+from visavis.stimuli.room_areas import RoomAreas
 from visavis.stimuli.surfaces import Surfaces
 from visavis.study.area_measures import areas_shown
 from visavis.study.measures import TrialRecord
@@ -126,6 +127,8 @@ def _outlines(trial: RecordedTrial, during: str, seen_from: Pose) -> tuple[tuple
     outlines = []
     sheets = areas_shown(TrialRecord(trial.row, trial.recording), during) if during else ()
     for sheet in sheets:
+        if isinstance(sheet, RoomAreas):  # things have no outlines that one could draw
+            continue
         for area in sheet.areas:
             corners_m = np.array([sheet.place_m(x, y) for x, y in area.corners().tolist()])
             if len(corners_m):  # a painted area has none

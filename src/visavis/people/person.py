@@ -34,12 +34,14 @@ from visavis.people.moulder import (
 from visavis.people.observer import DEFAULT_POPULATION, Observer, Population
 from visavis.people.observer.observer import Layout
 from visavis.people.observer.picture_layout import PictureLayout
+from visavis.people.observer.room_layout import RoomLayout
 from visavis.people.observer.state import HEAD, ROOM, SPEAKER_SIDE
 from visavis.protocol.session.boards import HAND, keys_of_choice
 from visavis.stimuli.areas import SurroundingAreas
 from visavis.stimuli.motion.synthesis.pose_distance import Likeness, compared_joints
 from visavis.stimuli.panels import PanelFrame, choice_centre_m, place_m, track_01
 from visavis.stimuli.picture import Panel
+from visavis.stimuli.room_shape import areas_of_room
 from visavis.stimuli.scene import Scene, SceneFrame
 from visavis.stimuli.scenes.flat import FlatScene
 from visavis.stimuli.view_turns import ARROWS, MAX_PITCH_DEG, STEP_DEG
@@ -308,6 +310,12 @@ class StudyPerson(Observer):
         if isinstance(scene, FlatScene) and (sheets := areas_of(scene)):
             screen = scene.surface.screen if scene.panorama is not None else None
             return PictureLayout(scene, sheets, self._seat, screen)
+        if scene.room is not None:
+            screen = scene.room.screen
+            things = areas_of_room(scene.room).seen_from(self._seat, screen)
+            if not scene.agents:
+                return RoomLayout(scene, things, self._seat, screen)
+            return Layout(scene, self._seat, things)
         return super()._layout_of(scene)
 
     def _appeal_of(self, what: Layout | PictureLayout) -> npt.NDArray[np.float64]:

@@ -13,6 +13,7 @@ from visavis.lab.geometry import Pose
 from visavis.lab.screen import PlacedScreen
 from visavis.protocol.plan.shown_scene import RecordedScene, of_part
 from visavis.stimuli.flat import KINDS, Flat, Panorama, rgb_of
+from visavis.stimuli.own_room import Room
 from visavis.stimuli.panels import IN_HEADSET, Surface
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.flat import DRESSED_BY, FlatScene
@@ -68,7 +69,7 @@ def flat_views(record: RecordedScene, folder: Path) -> Iterator[SceneFrame]:
 
 
 def read_items_text(text: str) -> tuple[Any, ...]:
-    """Return flat stimuli from the text by which the event "shown" describes them.
+    """Return flat stimuli, or a room, from the text by which the event "shown" describes them.
 
     Raises:
         DataError: it is no such text.
@@ -81,11 +82,11 @@ def read_items_text(text: str) -> tuple[Any, ...]:
         raise DataError(f"no flat stimuli are described by {text[:60]!r}") from error
 
 
-def _item(call: ast.expr) -> Flat | Panorama:
+def _item(call: ast.expr) -> Flat | Panorama | Room:
     if not isinstance(call, ast.Call) or not isinstance(call.func, ast.Name) or call.args:
         raise ValueError("no stimulus")
     values = {str(k.arg): ast.literal_eval(k.value) for k in call.keywords}
-    item: Flat | Panorama = KINDS[call.func.id](**values)
+    item: Flat | Panorama | Room = {**KINDS, "Room": Room}[call.func.id](**values)
     return item
 
 

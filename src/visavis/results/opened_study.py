@@ -32,7 +32,7 @@ from visavis.results.claims import printed_orders
 from visavis.results.coding import ANNOTATIONS
 from visavis.results.family_tests import DEFAULT_TEST_RULES, TestRules
 from visavis.results.fidelity import design_names, names_of, refuse_unknown_names
-from visavis.results.flat_again import flat_views
+from visavis.results.flat_again import flat_views, read_items_text
 from visavis.results.gaze_order import FIXATIONS, shown_trials, with_fixations
 from visavis.results.intake import (
     SessionIntake,
@@ -56,6 +56,9 @@ from visavis.results.tables.dictionary import PEOPLE, of_shown, people_columns, 
 from visavis.results.time_course import TIME_COURSE, with_time_course
 from visavis.results.unusual import MAX_LISTED, UnusualTrial, unusual_trials
 from visavis.results.validation import judge_validation
+from visavis.stimuli.areas import rooms_in
+from visavis.stimuli.own_room import PlacedRoom
+from visavis.stimuli.room_shape import shape_of
 from visavis.stimuli.scene import SceneFrame
 from visavis.study.cast import use_recorded_cast
 from visavis.study.catalogue import declared_study
@@ -70,7 +73,7 @@ from visavis.study.moulding import FIGURE_ON, FIGURE_TURNED, SLIDER_MOVED, stage
 from visavis.study.moulding import SCENE as LIVE_SCENE
 from visavis.study.pieces import MeasuredTrial, Pieces
 from visavis.study.responses import Choice
-from visavis.study.scenes import FLAT, Scene, Staging, stage
+from visavis.study.scenes import FLAT, ROOM, Scene, Staging, stage
 from visavis.study.sections import Confusion
 from visavis.study.study_errors import line_saying
 from visavis.study.texts import label_of
@@ -380,7 +383,7 @@ class OpenedStudy:
         payload = record.with_onset("shown")
         if payload is None and (latest := record.latest("shown")) is not None:
             payload = latest[1]
-        if payload is None or not record.scene.agents:
+        if payload is None or not (record.scene.agents or record.scene.name == ROOM):
             yield replace(
                 bare, scene=replace(bare.scene, dressed_by=self.study.procedure.dressed_by)
             )
@@ -388,12 +391,15 @@ class OpenedStudy:
         options = {
             k.removeprefix("option_"): v for k, v in payload.items() if k.startswith("option_")
         }
+        if "room" in options:
+            (options["room"],) = read_items_text(f"({options['room']},)")
         staging = Staging(
             np.random.default_rng(0), 0.0, int(payload["start_ns"]), self.study.files.trial_folder
         )
         staged_scene = stage(
             Scene(payload["scene"], **options), staging, self.study.procedure.makers
         )
+        _require_same_room(record, payload, staged_scene.scene.room)
         scene = replace(
             staged_scene.scene, agents=record.scene.agents, brightness_01=record.scene.brightness_01
         )
@@ -735,3 +741,21 @@ def find_study(reference: str, of_lab: Mapping[str, Path] | None = None) -> Open
         DesignError: the file cannot be read, or declares no study.
     """
     return OpenedStudy(declared_study(reference, of_lab))
+
+
+def _require_same_room(
+    record: RecordedScene, payload: Mapping[str, Any], room: PlacedRoom | None
+) -> None:
+    """Refuse to draw a room from a file that is no longer the one that was shown.
+
+    Raises:
+        DataError: it is another.
+    """
+    if room is None:
+        return
+    sha256 = shape_of(room).sha256
+    if {sha256} != rooms_in(str(payload.get("areas", "[]"))):
+        raise DataError(
+            f"{room.path} is not the room that {record.recording.path} showed (SHA-256 {sha256}); "
+            "put the former file back to draw it again"
+        )

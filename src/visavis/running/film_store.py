@@ -299,6 +299,11 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
             f"{experiment.name} shows a Panorama, which no page shows; perform it before a monitor "
             'or in a headset of the laboratory (on="lab"), or show a part of it as an Image'
         )
+    if any("room" in read.rests_on for read in experiment.read.values()):
+        raise DesignError(
+            f"{experiment.name} shows a Room, which no page shows; perform it before a monitor or "
+            'in a headset of the laboratory (on="lab"), or show a picture of it as an Image'
+        )
     if not all(read.fits_a_page for read in experiment.read.values()):
         variant = experiment.study.procedure.xr_variant
         raise DesignError(

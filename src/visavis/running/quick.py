@@ -55,6 +55,8 @@ from visavis.running.page.trial import perform_on_page
 from visavis.running.page.visitor import visitor_of
 from visavis.running.sound_store import SoundStore
 from visavis.stimuli.panels import PanelFrame
+from visavis.stimuli.room_areas import ROOM_SHAPE
+from visavis.stimuli.room_shape import shape_of
 from visavis.stimuli.scene import SceneFrame
 from visavis.study.experiment import StudyExperiment
 from visavis.study.measures import Measure, TrialRecord, value_of
@@ -311,6 +313,8 @@ class _Frames:
                 elif isinstance(step, Show):
                     self._view = step.view
                     self._observer.show(step.view.scene)
+                    if (room := step.view.scene.room) is not None:
+                        self.marks.append((ROOM_SHAPE, shape_of(room).event))
                 elif isinstance(step, Mark):
                     self.marks.append((step.name, step.payload))
                 elif isinstance(step, PlaySound):

@@ -343,7 +343,7 @@ class DrawnStage:
     def _dress(self, view: SceneFrame) -> Picture:
         """Dress a scene; a dark or empty one needs no dressing."""
         scene = view.scene
-        is_empty = type(scene) is Scene and not scene.agents
+        is_empty = type(scene) is Scene and not scene.agents and scene.room is None
         if not is_empty and scene.brightness_01 > 0.0:
             return self._dresser(view)
         return Picture(

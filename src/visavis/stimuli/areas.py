@@ -26,6 +26,8 @@ from visavis.lab.geometry import (
     rotate,
     yaw_pitch_deg_of,
 )
+from visavis.stimuli import room_areas
+from visavis.stimuli.room_areas import RoomAreas, RoomShape
 from visavis.stimuli.view_turns import ViewTurns
 
 NOWHERE: Final = -1
@@ -281,8 +283,10 @@ class SurroundingAreas:
         return places, float(np.pi / AROUND)
 
 
-Areas: TypeAlias = PlacedAreas | SurroundingAreas
-"""The areas of one stimulus, where it stands."""
+PictureAreas: TypeAlias = PlacedAreas | SurroundingAreas
+"""The areas of a picture, where it stands or around somebody."""
+Areas: TypeAlias = PictureAreas | RoomAreas
+"""The areas of one stimulus, where it stands, or the things in a room."""
 
 
 def areas_under(
@@ -312,20 +316,36 @@ def areas_text(sheets: Iterable[Areas]) -> str:
     return json.dumps([_as_json(one) for one in sheets], separators=(",", ":"))
 
 
-@lru_cache(maxsize=64)
-def read_areas_text(text: str) -> tuple[Areas, ...]:
-    """Return placed areas from the text of an event.
+def rooms_in(text: str) -> frozenset[str]:
+    """Return the SHA-256 of the rooms whose meshes are areas in the text of an event."""
+    return frozenset(one["sha256"] for one in json.loads(text) if "room" in one)
+
+
+def read_areas_text(text: str, shapes: Mapping[str, RoomShape] | None = None) -> tuple[Areas, ...]:
+    """Return placed areas from the text of an event; `shapes` are the meshes of rooms by the
+    SHA-256 of their file.
 
     Raises:
         DataError: it is no such text.
     """
+    return _read_areas(text, tuple((shapes or {}).values()))
+
+
+@lru_cache(maxsize=64)
+def _read_areas(text: str, shapes: tuple[RoomShape, ...]) -> tuple[Areas, ...]:
+    by_sha256 = {shape.sha256: shape for shape in shapes}
     try:
-        return tuple(_from_json(one) for one in json.loads(text))
+        return tuple(
+            room_areas.from_json(one, by_sha256) if "room" in one else _from_json(one)
+            for one in json.loads(text)
+        )
     except (ValueError, KeyError, TypeError) as error:
         raise DataError(f"no areas are described by {text[:60]!r}") from error
 
 
 def _as_json(one: Areas) -> dict[str, Any]:
+    if isinstance(one, RoomAreas):
+        return room_areas.as_json(one)
     if isinstance(one, PlacedAreas):
         place: dict[str, Any] = {"size_m": list(one.size_m)}
     else:
@@ -341,7 +361,7 @@ def _as_json(one: Areas) -> dict[str, Any]:
     }
 
 
-def _from_json(raw: Mapping[str, Any]) -> Areas:
+def _from_json(raw: Mapping[str, Any]) -> PictureAreas:
     areas = []
     for of in raw["areas"]:
         ellipse = of.get("ellipse")

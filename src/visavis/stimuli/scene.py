@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.lab.geometry import Vector
+from visavis.stimuli.own_room import PlacedRoom
 from visavis.stimuli.picture import PosedPeople
 
 
@@ -49,6 +50,7 @@ class Scene:
     where a small fixation mark stands in world, or None. `dressed_by` names what makes pictures
     of it, as "module:function"; a scene without is dark. `moved_by` likewise names what tells where
     heads are later on (`stimuli.moving_heads`); without it they stay where `agents` has them.
+    `room` is drawn in place of the room that the picture would have.
     """
 
     name: str
@@ -58,6 +60,7 @@ class Scene:
     mark_m: Vector | None = None
     dressed_by: str = ""
     moved_by: str = ""
+    room: PlacedRoom | None = None
 
     @property
     def stand_m(self) -> Vector:

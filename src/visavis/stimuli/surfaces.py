@@ -30,7 +30,7 @@ class RayEnds:
 
 
 @compiled
-def _meet_triangles(
+def meet_triangles(
     origin_m: Vector,
     direction: Vector,
     vertices_m: npt.NDArray[np.float32],
@@ -96,7 +96,7 @@ class Surfaces:
             *(("board", _corners_m(panel), PANEL_TRIANGLES) for panel in picture.panels),
         ]
         for k, (_, vertices, triangles) in enumerate(rigid):
-            _meet_triangles(origin, along, vertices, triangles, k, distance_m, met)
+            meet_triangles(origin, along, vertices, triangles, k, distance_m, met)
         self._meet_people(picture, origin, along, len(rigid), distance_m, met)
         people = [character.name for character in picture.cast]
         every_name = np.array([*(name for name, _, _ in rigid), *people, ""], dtype=object)
@@ -133,7 +133,7 @@ class Surfaces:
                 mesh, character.skeleton, placement, picture.people.morphs_01[k]
             )
             some_m, some_met = distance_m[passes], met[passes]
-            _meet_triangles(
+            meet_triangles(
                 origin[passes], along[passes], vertices, mesh.triangles, first + k, some_m, some_met
             )
             distance_m[passes], met[passes] = some_m, some_met

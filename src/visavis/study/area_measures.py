@@ -21,7 +21,14 @@ from visavis.lab.errors import DesignError
 from visavis.lab.geometry import rotate
 from visavis.lab.screen import FlatScreen
 from visavis.protocol.plan.steps import Scalar
-from visavis.stimuli.areas import Areas, SurroundingAreas, areas_under, read_areas_text
+from visavis.stimuli.areas import (
+    Areas,
+    SurroundingAreas,
+    areas_under,
+    read_areas_text,
+    rooms_in,
+)
+from visavis.stimuli.room_areas import ROOM_SHAPE, RoomShape, read_shape_text
 from visavis.stimuli.view_turns import VIEW_TURNED, read_turns
 from visavis.study.measures import LOOKS, Measure, Of, TrialRecord
 
@@ -67,9 +74,7 @@ def gaze_by_area(record: TrialRecord, scene: str, pad_deg: float) -> GazeByArea 
         return None
     samples = record.gaze.between(*window)
     sheets = areas_shown(record, scene)
-    if sheets:
-        names = tuple(area.name for one in sheets for area in one.areas)
-        return GazeByArea(samples, on_areas(samples, sheets, names, pad_deg), names, window)
+    names = tuple(area.name for one in sheets for area in one.areas)
     prefix = f"{scene}_"
     roles = {
         str(column).removeprefix(prefix): int(value)
@@ -77,13 +82,15 @@ def gaze_by_area(record: TrialRecord, scene: str, pad_deg: float) -> GazeByArea 
         if str(column).startswith(prefix) and isinstance(value, int | float | np.number)
         if value == value and not str(column).endswith(("_ns", "_ms", "_frames"))
     }
-    if not samples.angle_deg.shape[1] or not roles:
+    has_people = samples.angle_deg.shape[1] > 0 and len(roles) > 0
+    if not sheets and not has_people:
         return None
-    agents = samples.areas(pad_deg)
-    area = agents.copy()
-    for place, agent in enumerate(roles.values()):
-        area[agents == agent] = place
-    return GazeByArea(samples, area, tuple(roles), window)
+    area = on_areas(samples, sheets, names, pad_deg)
+    if has_people:  # whose heads are before the things of a room
+        agents = samples.areas(pad_deg)
+        for place, agent in enumerate(roles.values(), len(names)):
+            area[agents == agent] = place
+    return GazeByArea(samples, area, (*names, *roles), window)
 
 
 def areas_shown(record: TrialRecord, scene: str) -> tuple[Areas, ...]:
@@ -91,7 +98,8 @@ def areas_shown(record: TrialRecord, scene: str) -> tuple[Areas, ...]:
     payloads = _payloads_of(record, "shown", scene)[-1:]
     if not payloads or "areas" not in payloads[0]:
         return ()
-    sheets = read_areas_text(str(payloads[0]["areas"]))
+    text = str(payloads[0]["areas"])
+    sheets = read_areas_text(text, _rooms_of(record, rooms_in(text)))
     if not any(isinstance(one, SurroundingAreas) for one in sheets):
         return sheets
     since_ns = int(payloads[0]["start_ns"])
@@ -100,6 +108,21 @@ def areas_shown(record: TrialRecord, scene: str) -> tuple[Areas, ...]:
     return tuple(
         replace(one, turns=turns) if isinstance(one, SurroundingAreas) else one for one in sheets
     )
+
+
+def _rooms_of(record: TrialRecord, wanted: Iterable[str]) -> Mapping[str, RoomShape]:
+    """Return the meshes of rooms by the SHA-256 of their files, as the session describes them."""
+    shapes: dict[str, RoomShape] = {}
+    for sha256 in wanted:
+        events: Iterable[Mapping[str, Any]] = (p for name, p in record.events if name == ROOM_SHAPE)
+        if record.recording is not None:
+            part = int(record.row["recording_part"])
+            events = record.recording.events_named(ROOM_SHAPE, part)["payload"]
+        for event in events:
+            if event["sha256"] == sha256:
+                shapes[sha256] = read_shape_text(event["file"], sha256, str(event["meshes"]))
+                break
+    return shapes
 
 
 def on_areas(

@@ -92,7 +92,7 @@ class TrialRead:
     """The names of the areas of interest in its flat stimuli."""
     rests_on: frozenset[str] = frozenset()
     """What steps cannot do without: "gaze" that ends one, a "pointer" whose window shows one, a
-    "panorama" that is all around."""
+    "panorama" that is all around, a "room" of the laboratory's own."""
 
 
 def still_view(t_ns: int = 0) -> FrameView:
@@ -125,7 +125,7 @@ def read_trial(
     script = TrialScript(trial, settings)
     script.is_read = True
     seconds, agents, vibrates, fits_a_page, lit_on_page = 0.0, 0, False, True, False
-    has_panorama = False
+    has_panorama = has_room = False
     lit_frame: SceneFrame | None = None
     staged_scene: StagedScene | None = None
     responses: list[Response] = []
@@ -191,6 +191,7 @@ def read_trial(
                     endings = (*SCENE_ENDINGS, *staged_scene.roles)
                     scene_columns += [f"{prefix}_{ending}" for ending in endings]
                     has_panorama = has_panorama or "panorama" in step.scene.options
+                    has_room = has_room or staged_scene.scene.room is not None
                     if step.gaze_on is not None:
                         step.gaze_on.watch(staged_scene)
                         scene_columns += [column.name for column in gaze_columns(prefix)]
@@ -272,7 +273,11 @@ def read_trial(
             dressings=frozenset(dressings - {""}),
             staircases=tuple(script.staircases.values()),
             areas=frozenset(areas),
-            rests_on=frozenset(rests_on | ({"panorama"} if has_panorama else set())),
+            rests_on=frozenset(
+                rests_on
+                | ({"panorama"} if has_panorama else set())
+                | ({"room"} if has_room else set())
+            ),
         )
     except (DesignError, TypeError) as error:
         reason = explain(error)

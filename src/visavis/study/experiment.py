@@ -138,7 +138,9 @@ class StudyExperiment:
             ways=Ways(float(p["answer_limit_s"]), None if p["answer_by"] == "ray" else DwellRule()),
             answer_by=str(p["answer_by"]),
             folder=self.study.files.trial_folder,
-            measured_roles=frozenset(m.role for m in self.study.analysis.measures if m.role),
+            measured_roles=frozenset(
+                role for m in self.study.analysis.measures for role in (m.role, *m.areas) if role
+            ),
             held_answers=frozenset(m.held for m in self.study.analysis.measures if m.held),
         )
 

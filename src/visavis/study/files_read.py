@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from visavis.lab.yaml_lines import read_document
+from visavis.stimuli.own_room import Room
 from visavis.study.experiment import StudyExperiment
 
 
@@ -43,7 +44,8 @@ def _files(experiment: StudyExperiment) -> Iterator[Path]:
         yield from _paths_in(folder, [sound, getattr(sound, "file", None)])
     yield from (folder / voice.file for voice in experiment.voices)
     for scene in (scene for trial in reads for scene in trial.scenes):
-        yield from _paths_in(folder, scene.options.values())
+        options = scene.options.values()
+        yield from _paths_in(folder, [o.file if isinstance(o, Room) else o for o in options])
 
 
 def _of_areas(path: Path) -> Iterator[Path]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from visavis.protocol.plan.questionnaires import Questionnaire
+from visavis.stimuli.room_areas import ROOM_SHAPE
 from visavis.stimuli.view_turns import VIEW_TURNED
 from visavis.study.experiment import StudyExperiment
 from visavis.study.moulding import FIGURE_ON, FIGURE_TURNED, SLIDER_MOVED
@@ -113,6 +114,7 @@ LAB_EVENT_FACTS: Final[Mapping[str, tuple[str, ...]]] = {
             "crowd",
             FIGURE_ON,
             "gaze_change",
+            ROOM_SHAPE,
             "scene",
             "scene_on",
             "shown",

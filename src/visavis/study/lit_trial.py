@@ -319,7 +319,8 @@ class LitTrial:
 
     def _stage(self, scene: Scene, seconds: float, number: int, start_ns: int) -> StagedScene:
         rng = self.trial.rng(SCENE_STREAM + number)
-        staging = Staging(rng, seconds, start_ns, self.settings.folder)
+        screen = None if self.view is None else self.view.surface.screen
+        staging = Staging(rng, seconds, start_ns, self.settings.folder, screen)
         return stage(scene, staging, self.settings.makers)
 
     def _follow(self, view: FrameView) -> Performing:

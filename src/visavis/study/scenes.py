@@ -15,9 +15,10 @@ import numpy.typing as npt
 
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Vector
+from visavis.lab.screen import PlacedScreen
 from visavis.lab.yaml_lines import did_you_mean
 from visavis.protocol.plan.steps import FrameView, GazeView, UpdateAhead
-from visavis.stimuli.areas import Areas
+from visavis.stimuli.areas import Areas, PictureAreas
 from visavis.stimuli.audible import Audible
 from visavis.stimuli.dressing.casting import default_casting
 from visavis.stimuli.dressing.gathering import agents_of
@@ -40,6 +41,8 @@ from visavis.stimuli.motion.kinds import (
     Wave,
 )
 from visavis.stimuli.motion.motion_file import MOTION_SUFFIXES, read_motion
+from visavis.stimuli.own_room import PlacedRoom, Room
+from visavis.stimuli.room_shape import areas_of_room
 from visavis.stimuli.scene import Scene as StageScene
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.audience import (
@@ -62,6 +65,8 @@ FLAT: Final = "flat"
 OPEN_FILMS: Final = "visavis.stimuli.dressing.flat:open_films"
 PICTURE_SIZE: Final = "visavis.stimuli.flat_pixels:picture_size"
 AREAS_OF: Final = "visavis.stimuli.dressing.flat:areas_of"
+ROOM: Final = "room"
+"""The scene of a laboratory's own room with nobody in it, which `t.show(Room(…))` makes."""
 PAIR: Final = "pair"
 """The scene that shows two others side by side: `Scene("pair", left=Scene(…), right=Scene(…))`."""
 BESIDE_M: Final = 0.75
@@ -131,6 +136,7 @@ class WithEyes:
     eyes: EyeBehaviour
     observer_m: Vector = field(default_factory=lambda: np.array(PARTICIPANT_EYE_M))
     step_m: float = FOLLOW_STEP_M
+    areas: tuple[Areas, ...] = ()
     _was_moving: bool = True
     _is_shown: bool = False
 
@@ -257,13 +263,14 @@ class Staging:
     """The input of a maker beside the scene's options: random numbers, duration and onset.
 
     `folder` is the study file's, from which relative paths start; `start_ns` the session time of
-    the frame before the onset.
+    the frame before the onset; `screen` is what people sit before, None in a headset.
     """
 
     rng: np.random.Generator
     duration_s: float
     start_ns: int = 0
     folder: Path = Path()
+    screen: PlacedScreen | None = None
 
 
 Maker = Callable[..., StagedScene]
@@ -372,12 +379,63 @@ def audience(
 
 
 @dataclass
+class StagedRoom:
+    """A laboratory's own room with nobody in it."""
+
+    scene: StageScene
+    areas: tuple[Areas, ...]
+    roles: Mapping[str, int] = field(default_factory=dict)
+    _is_shown: bool = False
+
+    def frame(self, view: FrameView, elapsed_ns: int) -> SceneFrame | None:
+        """Return the first frame; None after it."""
+        if self._is_shown:
+            return None
+        self._is_shown = True
+        return SceneFrame(self.scene, view.t_ns, np.zeros((0, 3)), np.zeros(0))
+
+
+def empty_room(staging: Staging, *, room: object) -> StagedScene:
+    """Return a laboratory's own room with nobody in it.
+
+    Raises:
+        DesignError: its file cannot be read, or is no such room.
+    """
+    placed = _placed(ROOM, room, staging)
+    return StagedRoom(StageScene(ROOM, (), room=placed), (areas_of_room(placed),))
+
+
+def _placed(name: str, room: object, staging: Staging) -> PlacedRoom:
+    if not isinstance(room, Room):
+        raise DesignError(f"scene {name}: room is {room!r}; write room=Room({str(room)!r})")
+    return PlacedRoom.of(room, staging.folder, staging.screen)
+
+
+def _in_room(maker: Maker, scene: Scene, staging: Staging) -> StagedScene:
+    """Make a scene, in a laboratory's own room."""
+    options = dict(scene.options)
+    placed = _placed(scene.name, options.pop("room"), staging)
+    areas, staged_scene = areas_of_room(placed), maker(staging, **options)
+    if not isinstance(staged_scene, WithEyes):
+        raise DesignError(f"scene {scene.name} has a place of its own; leave out room")
+    for area in areas.areas:
+        if area.name in staged_scene.roles:
+            raise DesignError(
+                f"{placed.path}: a mesh is called {area.name!r}, like a role or place of scene "
+                f"{scene.name}; call it otherwise"
+            )
+    staged_scene.scene = replace(staged_scene.scene, room=placed)
+    staged_scene.areas = (areas,)
+    return staged_scene
+
+
+@dataclass
 class StagedFlat:
     """Flat stimuli, which stand where the participant is at their first frame."""
 
     scene: FlatScene
     roles: Mapping[str, int] = field(default_factory=dict)
-    areas: tuple[Areas, ...] = ()
+    areas: tuple[PictureAreas, ...] = ()
     _is_shown: bool = False
     _turned_deg: tuple[float, float] = (0.0, 0.0)
     _report_count: int = 0
@@ -471,7 +529,7 @@ def flat(
     return StagedFlat(scene, areas=areas_of(scene))
 
 
-def areas_of(scene: FlatScene) -> tuple[Areas, ...]:
+def areas_of(scene: FlatScene) -> tuple[PictureAreas, ...]:
     """Return the areas of interest of flat stimuli; their reader is loaded only where there are.
     Of a panorama it tells where it stands, even without areas.
 
@@ -481,7 +539,7 @@ def areas_of(scene: FlatScene) -> tuple[Areas, ...]:
     has_areas = scene.names or any(getattr(item, "areas", "") for item in scene.items)
     if not has_areas and scene.panorama is None:
         return ()
-    sheets: tuple[Areas, ...] = named_function(AREAS_OF, "places areas of interest")(scene)
+    sheets: tuple[PictureAreas, ...] = named_function(AREAS_OF, "places areas of interest")(scene)
     return sheets
 
 
@@ -501,6 +559,7 @@ SCENES: Final[Mapping[str, Maker]] = {
     "person": person,
     "audience": audience,
     FLAT: flat,
+    ROOM: empty_room,
 }
 """The scenes that come with Visavis."""
 
@@ -517,15 +576,21 @@ def stage(scene: Scene, staging: Staging, own: Mapping[str, Maker]) -> StagedSce
         sides = {side: stage(half, staging, own) for side, half in scene.options.items()}
         return _beside(staging, sides)
     maker = makers.get(name)
-    if maker is None:
+    if maker is None and name.endswith((".glb", ".gltf")):
         raise DesignError(
-            f"there is no scene {name!r}{_nearest_of(name, tuple(n for n in makers if n != FLAT))}"
+            f"a room is no scene by its name: show Room({name!r}), or give a scene its place: "
+            f'Scene("person", room=Room({name!r}))'
         )
+    if maker is None:
+        names = tuple(n for n in makers if n not in (FLAT, ROOM))
+        raise DesignError(f"there is no scene {name!r}{_nearest_of(name, names)}")
     if (option_names := _option_names(name, maker, scene.options)) is not None:
         for option in scene.options:
-            if option not in option_names:
+            if option not in (*option_names, "room"):
                 raise DesignError(unknown_argument(f"scene {name}", option, option_names))
     try:
+        if "room" in scene.options and "room" not in (option_names or ()):
+            return _in_room(maker, scene, staging)
         return maker(staging, **scene.options)
     except TypeError as error:
         raise DesignError(f"scene {name}: {str(error).partition('() ')[2] or error}") from error
@@ -558,7 +623,7 @@ def scene_of_people(
     eyes: str,
     *,
     room_by: str = "",
-) -> StagedScene:
+) -> WithEyes:
     """Return people in a room; `eyes` is the gaze of the person at the place `active`.
 
     `room_by` names what makes the room ("module:function"); a plain one is made without.
@@ -584,7 +649,13 @@ def _beside(staging: Staging, sides: Mapping[str, StagedScene]) -> StagedScene:
         if len(alone) != 1:
             raise DesignError(f"a pair shows one person on each side; {side} has {len(alone)}")
         people.append(replace(alone[0], place=side, x_m=alone[0].x_m + sign * BESIDE_M))
-    return scene_of_people(staging, PAIR, tuple(people), people[0].place, "averted")
+    pair = scene_of_people(staging, PAIR, tuple(people), people[0].place, "averted")
+    rooms = {gathering.scene.room for gathering in sides.values()}
+    if len(rooms) > 1:
+        raise DesignError("a pair stands in one room; give both sides the same room, or neither")
+    pair.scene = replace(pair.scene, room=rooms.pop())
+    pair.areas = tuple(getattr(next(iter(sides.values())), "areas", ()))
+    return pair
 
 
 def places(scene: StageScene) -> dict[str, int]:

@@ -14,7 +14,9 @@ from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.protocol.plan.shown_scene import RecordedScene
 from visavis.protocol.plan.steps import Step
 from visavis.stimuli.flat import Flat, Panorama
+from visavis.stimuli.room_shape import areas_of_room
 from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.scenes.audience import PARTICIPANT_EYE_M
 from visavis.stimuli.scenes.flat import FlatScene
 from visavis.stimuli.sound import Waveform
 from visavis.study.responses import Response
@@ -77,10 +79,16 @@ class Seen:
 
     @property
     def areas(self) -> dict[str, tuple[float, float]]:
-        """The areas of interest of these, each with degrees to the right and upwards of its middle
-        from straight ahead.
+        """The areas of interest of these, or the things seen in a `Room`, each with degrees to the
+        right and upwards of its middle from straight ahead.
         """
         scene = None if self.first is None else self.first.scene
+        if scene is not None and scene.room is not None:
+            things = areas_of_room(scene.room)
+            return {
+                things.areas[one.area].name: direction_deg(one.place_m - PARTICIPANT_EYE_M, None)
+                for one in things.seen_from(PARTICIPANT_EYE_M, scene.room.screen)
+            }
         if not isinstance(scene, FlatScene):
             return {}
         screen = scene.surface.screen

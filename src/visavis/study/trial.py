@@ -37,6 +37,7 @@ from visavis.stimuli.audible import MAX_GAIN_DB, Sound
 from visavis.stimuli.film_file import film_facts
 from visavis.stimuli.flat import MAX_SEED, Colour, Dots, Flat, Text, Video, picture_path
 from visavis.stimuli.moving_heads import agents_at
+from visavis.stimuli.own_room import Room
 from visavis.stimuli.panels import SIZE_M, PanelFrame, Surface, board_before
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.scene import Agent, SceneFrame
@@ -68,7 +69,7 @@ from visavis.study.live import (
 from visavis.study.moulding import BoardWords, moulded
 from visavis.study.quest_plus import QuestPlus, QuestPlusTrial
 from visavis.study.responses import FreeText, Keys, Pointing, Rating, Response, labels_of
-from visavis.study.scenes import FLAT, PassingScene, Scene, StagedScene
+from visavis.study.scenes import FLAT, ROOM, PassingScene, Scene, StagedScene
 from visavis.study.showing import (
     Showing,
     Stimuli,
@@ -199,7 +200,7 @@ class TrialScript(LitTrial):
 
     def show(
         self,
-        what: Scene | Stimuli,
+        what: Scene | Room | Stimuli,
         seconds: float | None = None,
         *,
         frames: int | None = None,
@@ -210,9 +211,10 @@ class TrialScript(LitTrial):
         reveal: Literal["pointer"] | None = None,
         window_deg: float = 4.0,
     ) -> Action:
-        """Show a scene, or flat stimuli (`Text`, `Image`, `Shape`, `Grating`, `Dots`, `Video`; the
-        last in front; before a `Panorama`, if there is one), for some seconds or frames, or until
-        `until` is true for a frame (`gaze_on` says of gaze when) or a key of it is pressed. `Tone`
+        """Show a scene, a `Room`, or flat stimuli (`Text`, `Image`, `Shape`, `Grating`, `Dots`,
+        `Video`; the last in front; before a `Panorama`, if there is one), for some seconds or
+        frames, or until `until` is true for a frame (`gaze_on` says of gaze when) or a key of it is
+        pressed. `Tone`
         and `Sound` are heard with them or alone, all from the beginning, and to their end or the
         trial's; alone they need no `seconds`, and neither does a `Video`, which then lasts as long
         as it does.
@@ -248,12 +250,12 @@ class TrialScript(LitTrial):
             if (sounds or own) and seconds is None and frames is None and until is None:
                 lengths_s = [film_facts(picture_path(f, self.settings.folder)).seconds for f in own]
                 seconds = max([*lengths_s, *map(self.settings.seconds_of, sounds)])
-        elif isinstance(what, Scene):
-            scene = what
+        elif isinstance(what, Scene | Room):
+            scene = what if isinstance(what, Scene) else Scene(ROOM, room=what)
         else:
             raise DesignError(
-                "t.show shows a Scene, Text, Image, Shape, Grating, Dots, Video, Panorama, Tone or "
-                f"Sound, or a list of the latter; not {what!r}"
+                "t.show shows a Scene, Room, Text, Image, Shape, Grating, Dots, Video, Panorama, "
+                f"Tone or Sound, or a list of the last eight; not {what!r}"
             )
         name = name or ("stimulus" if is_flat else "scene")
         seconds = shown_seconds(seconds, frames, keys, until)

@@ -26,6 +26,7 @@ from visavis.people.observer.temperament import (
     draw_temperament,
 )
 from visavis.stimuli.moving_heads import moving_heads
+from visavis.stimuli.room_areas import SeenObject
 from visavis.stimuli.scene import Scene, SceneFrame
 from visavis.stimuli.scenes.audience import PARTICIPANT_EYE_M
 
@@ -396,7 +397,10 @@ def _copy_of(records: npt.NDArray[np.void]) -> npt.NDArray[np.void]:
 class Layout:
     """A scene as targets seen from a seat, before anyone's preferences."""
 
-    def __init__(self, scene: Scene, seat: Vector) -> None:
+    def __init__(
+        self, scene: Scene, seat: Vector, things: Sequence[SeenObject] | None = None
+    ) -> None:
+        """Look about in a room; with `things` at what is seen of the laboratory's own."""
         self.scene, self.course, self._seat = scene, moving_heads(scene), seat
         n = len(scene.agents)
         heads = np.array([a.head_centre_m for a in scene.agents])
@@ -407,11 +411,15 @@ class Layout:
         yaw = float(np.arctan2(-centre[0], -centre[2]))
         self.rest = (yaw, 0.0)
         room = np.array(ROOM_YAW_PITCH_DEG)
-        around = direction_from_yaw_pitch_deg(np.degrees(yaw) - room[:, 0], room[:, 1])
-        aside = direction_from_yaw_pitch_deg(SPEAKER_SIDE_YAW_DEG, 2.0)
-        points = np.concatenate(
-            [heads, bodies, seat + ROOM_DISTANCE_M * around, [seat + ROOM_DISTANCE_M * aside]]
+        around = seat + ROOM_DISTANCE_M * direction_from_yaw_pitch_deg(
+            np.degrees(yaw) - room[:, 0], room[:, 1]
         )
+        room_rad = np.full(len(around), ROOM_RADIUS_RAD)
+        if things is not None:
+            around = np.array([thing.place_m for thing in things]).reshape(-1, 3)
+            room_rad = np.array([thing.radius_rad for thing in things])
+        aside = direction_from_yaw_pitch_deg(SPEAKER_SIDE_YAW_DEG, 2.0)
+        points = np.concatenate([heads, bodies, around, [seat + ROOM_DISTANCE_M * aside]])
         offset = points - seat
         distance = np.linalg.norm(offset, axis=1)
         direction = offset / distance[:, None]
@@ -423,11 +431,11 @@ class Layout:
                 state.ROOM,
                 state.SPEAKER_SIDE,
             ],
-            [n, n, len(room), 1],
+            [n, n, len(around), 1],
         )
-        t["agent"] = np.concatenate([np.arange(n), np.arange(n), np.full(len(room) + 1, -1)])
+        t["agent"] = np.concatenate([np.arange(n), np.arange(n), np.full(len(around) + 1, -1)])
         t["direction"], t["distance_m"], t["lost_ns"] = direction, distance, -1
-        radius = np.full(len(points), ROOM_RADIUS_RAD)
+        radius = np.concatenate([np.zeros(2 * n), room_rad, [ROOM_RADIUS_RAD]])
         head_radius = np.array([a.head_radius_m for a in scene.agents]) / distance[:n]
         radius[:n] = radius[n : 2 * n] = head_radius
         t["radius_rad"] = radius

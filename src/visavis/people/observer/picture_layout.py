@@ -10,7 +10,7 @@ import numpy.typing as npt
 from visavis.lab.geometry import Vector, quat_conjugate, rotate
 from visavis.lab.screen import PlacedScreen
 from visavis.people.observer import state
-from visavis.stimuli.areas import ELSEWHERE, Areas, PlacedAreas, SurroundingAreas
+from visavis.stimuli.areas import ELSEWHERE, PictureAreas, PlacedAreas, SurroundingAreas
 from visavis.stimuli.scene import Scene
 
 ELSEWHERE_APPEAL: Final = 0.5
@@ -29,7 +29,7 @@ class PictureLayout:
     def __init__(
         self,
         scene: Scene,
-        sheets: Sequence[Areas],
+        sheets: Sequence[PictureAreas],
         seat: Vector,
         screen: PlacedScreen | None = None,
         turned_deg: tuple[float, float] = (0.0, 0.0),
@@ -51,7 +51,7 @@ class PictureLayout:
         appeals = [s if s is not None else by_size[i] for i, s in enumerate(saliences)]
         around = next((one for one in sheets if isinstance(one, SurroundingAreas)), None)
         if around is not None and screen is not None:
-            elsewhere, wide_rad = _spots_of(screen)
+            elsewhere, wide_rad = spots_of(screen)
         elif around is not None:
             elsewhere, wide_rad = around.spots(seat)
         else:
@@ -82,7 +82,7 @@ def _ahead(around: SurroundingAreas) -> Vector:
     return rotate(around.pose.orientation_wxyz, np.array([0.0, 0.0, -1.0]))
 
 
-def _spots_of(screen: PlacedScreen) -> tuple[list[Vector], float]:
+def spots_of(screen: PlacedScreen) -> tuple[list[Vector], float]:
     """Return places all over a screen, and the angle around each where people look."""
     left_m, right_m, bottom_m, top_m = screen.flat.edges_m()
     wide_m, high_m = right_m - left_m, top_m - bottom_m

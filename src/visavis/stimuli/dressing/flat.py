@@ -18,7 +18,7 @@ from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg, quat_multiply, rotate
 from visavis.lab.screen import FlatScreen, PlacedScreen
 from visavis.stimuli.area_files import read_areas
-from visavis.stimuli.areas import Area, Areas, PlacedAreas, SurroundingAreas
+from visavis.stimuli.areas import Area, PictureAreas, PlacedAreas, SurroundingAreas
 from visavis.stimuli.dots import step_at
 from visavis.stimuli.dressing.picture_of import NOBODY
 from visavis.stimuli.film_file import FilmReader, film_facts
@@ -127,7 +127,7 @@ def place_of(item: Flat, scene: FlatScene) -> tuple[Pose, tuple[float, float], t
     return _around_head(item, scene) if screen is None else _on_screen(item, scene, screen)
 
 
-def areas_of(scene: FlatScene) -> tuple[Areas, ...]:
+def areas_of(scene: FlatScene) -> tuple[PictureAreas, ...]:
     """Return the areas of interest of a scene's stimuli, from the back to the front.
 
     Raises:

@@ -2,6 +2,7 @@
 
 import importlib
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from typing import Any, Final
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from visavis.lab.errors import DesignError
 from visavis.stimuli.characters.character import MORPHS
+from visavis.stimuli.own_room import DRAWN_ROOM
 from visavis.stimuli.picture import Picture, PosedPeople, Room
 from visavis.stimuli.scene import SceneFrame
 
@@ -23,12 +25,15 @@ def picture_of(frame: SceneFrame) -> Picture:
         DesignError: what dresses the scene cannot be imported.
     """
     scene = frame.scene
-    if scene.dressed_by:
-        picture: Picture = named_function(scene.dressed_by, "dresses this scene")(frame)
-        return picture
-    return Picture(
+    picture = Picture(
         frame.t_ns, NOWHERE, (), NOBODY, brightness_01=scene.brightness_01, mark_m=scene.mark_m
     )
+    if scene.dressed_by:
+        picture = named_function(scene.dressed_by, "dresses this scene")(frame)
+    if scene.room is None:
+        return picture
+    room = named_function(DRAWN_ROOM, "draws a laboratory's room")(scene.room.as_drawn())
+    return replace(picture, room=room)
 
 
 @cache

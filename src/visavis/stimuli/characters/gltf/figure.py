@@ -24,7 +24,7 @@ Indices = npt.NDArray[np.int64]
 class Surface:
     """A primitive as bound: vertices in world, `joints` (v, k) nodes with `weights` (v, k).
 
-    `uv` is what its material reads; `colour` (v, 3) is linear.
+    `uv` is what its material reads; `colour` (v, 3) is linear; `node` is whose mesh it is of.
     """
 
     name: str
@@ -37,6 +37,7 @@ class Surface:
     material: int | None
     shapes: dict[str, Vector]
     colour: Vector | None = None
+    node: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,22 +64,12 @@ def read_figure(file: GltfFile, joint_map: Mapping[str, str] | None = None) -> F
     """
     nodes = file.items("nodes")
     skins = file.items("skins")
+    n = len(nodes)
     if not skins:
         raise CharacterError(
             f"{file.path}: has no skin, so its limbs cannot move; export mesh and armature together"
         )
-    n = len(nodes)
-    parents = np.full(n, -1, dtype=np.int64)
-    for i, node in enumerate(nodes):
-        parents[node.get("children", [])] = i
-    world: dict[int, Vector] = {}
-
-    def place(i: int) -> Vector:
-        if i not in world:
-            above = place(int(parents[i])) if parents[i] >= 0 else np.eye(4)
-            world[i] = above @ _local(nodes[i])
-        return world[i]
-
+    parents, place = places_of_nodes(file)
     bound = _bone_places(file, place)
     surfaces = []
     for i, node in enumerate(nodes):
@@ -95,7 +86,7 @@ def read_figure(file: GltfFile, joint_map: Mapping[str, str] | None = None) -> F
                 continue
             joints = np.array([above])
             moves = (bound[above] @ np.linalg.inv(place(above)) @ place(i))[None]
-        surfaces += _surfaces(file, node, joints, moves, i)
+        surfaces += surfaces_of(file, node, joints, moves, i)
     if not surfaces:
         raise CharacterError(
             f"{file.path}: has bones, but no mesh hangs on them, as where motion was saved alone; "
@@ -111,6 +102,23 @@ def read_figure(file: GltfFile, joint_map: Mapping[str, str] | None = None) -> F
     joint_names = _vrm_joints(file, names) | dict(joint_map or {})
     bone_of = _match_nodes(file, names, parents, bones, joint_names)
     return _upright(Figure(names, parents, at, bone_of, tuple(surfaces)))
+
+
+def places_of_nodes(file: GltfFile) -> tuple[Indices, Callable[[int], Vector]]:
+    """Return the parents (n,) of nodes, -1 for none, and what places (4, 4) a node in world."""
+    nodes = file.items("nodes")
+    parents = np.full(len(nodes), -1, dtype=np.int64)
+    for i, node in enumerate(nodes):
+        parents[node.get("children", [])] = i
+    world: dict[int, Vector] = {}
+
+    def place(i: int) -> Vector:
+        if i not in world:
+            above = place(int(parents[i])) if parents[i] >= 0 else np.eye(4)
+            world[i] = above @ _local(nodes[i])
+        return world[i]
+
+    return parents, place
 
 
 def _local(node: Mapping[str, Any]) -> Vector:
@@ -170,9 +178,12 @@ def _weights(file: GltfFile, attributes: Mapping[str, int], count: int) -> tuple
     return joints, weights
 
 
-def _surfaces(
+def surfaces_of(
     file: GltfFile, node: Mapping[str, Any], joints_of: Indices, moves: Vector, index: int
 ) -> list[Surface]:
+    """Return the triangles of the mesh of a node, of number `index`, as `moves` (k, 4, 4) of its
+    joints bring them to world.
+    """
     mesh = file.tree["meshes"][node["mesh"]]
     shape_names = (mesh.get("extras") or {}).get("targetNames", [])
     morph_weights = node.get(
@@ -228,6 +239,7 @@ def _surfaces(
                 primitive.get("material"),
                 shapes,
                 colour,
+                index,
             )
         )
     return surfaces

@@ -201,7 +201,7 @@ def read_glb(path: Path) -> GltfFile:
     except OSError as e:
         raise CharacterError(f"{path}: cannot be read ({e.strerror}); check the path") from e
     if len(data) < 20 or data[:4] != b"glTF":
-        raise CharacterError(f"{path}: not a glTF binary; export the character as .glb")
+        raise CharacterError(f"{path}: not a glTF binary; export it as .glb")
     version, total = struct.unpack("<II", data[4:12])
     if version != 2 or total > len(data):
         raise CharacterError(
