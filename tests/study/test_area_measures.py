@@ -196,3 +196,19 @@ def test_people_in_a_scene_are_areas_by_their_role():
     gaze = gaze_by_area(TrialRecord(row, Empty(), targets), "scene", 0.0)
     assert gaze.names == ("left", "right")
     assert gaze.area.tolist() == [1, 1, 0, NONE]
+
+
+def test_somebody_with_two_names_is_looked_at_under_both():
+    n = 100
+    targets = GazeTargets(
+        t_ns=np.arange(n) * 10_000_000,
+        valid=np.ones(n, np.bool_),
+        direction_world=np.tile([0.0, 0.0, -1.0], (n, 1)),
+        angle_deg=np.zeros((n, 1)),
+        radius_deg=np.full((n, 1), 3.0),
+        pad_limit_deg=np.full((n, 1), np.inf),
+        hit=np.zeros(n, np.int16),
+    )
+    row = {"scene_on_ns": 0, "scene_off_ns": 10_000_000 * n, "scene_active": 0, "scene_left": 0}
+    gaze = gaze_by_area(TrialRecord(row, None, targets), "scene", 0.0)
+    assert 1000.0 == gaze.measures("active").dwell_ms == gaze.measures("left").dwell_ms

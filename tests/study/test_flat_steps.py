@@ -100,8 +100,12 @@ def test_two_keys_without_a_name_are_the_answer():
         ("t.show(Text('a'), 1, limit_s=2)", "limit_s is how long keys"),
         ("t.show(Image('a.png', width_deg=3), 1)", "there is no picture .*a.png"),
         (
+            "t.show(Scene('rom'), 1)",
+            "there is no scene 'rom'; known: audience, person, two_people$",
+        ),
+        (
             "t.show(Scene('room.glb'), 1)",
-            "there is no scene 'room.glb'; known: audience, person, two_people$",
+            r"a room is no scene by its name: show Room\('room.glb'\)",
         ),
     ],
 )

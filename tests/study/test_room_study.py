@@ -150,7 +150,9 @@ def test_a_study_in_a_room_goes_from_plan_to_report(tmp_path, monkeypatch, displ
 
 
 def test_gaze_at_a_thing_ends_what_is_shown(tmp_path):
-    line = 'yield t.show(Scene("person", room=OFFICE), 20, until=gaze_on("cupboard", 0.2))'
+    line = (
+        'yield t.show(Scene("person", room=OFFICE), 20, until=gaze_on("cupboard", 0.2, pad_deg=0))'
+    )
     study = written(tmp_path, line)
     rows = study.measure(performed(tmp_path, study, EXAMPLE)).rows
     met = rows[rows["scene_gaze_on_ns"].notna()]

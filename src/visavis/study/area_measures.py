@@ -5,7 +5,7 @@ All come from the recording alone: gaze, and the areas with the place where they
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from itertools import pairwise, permutations
 from typing import Any, Final, TypeAlias
@@ -48,15 +48,21 @@ class GazeByArea:
     area: npt.NDArray[np.int16]
     names: tuple[str, ...]
     window: tuple[int, int]
+    same: Mapping[str, str] = field(default_factory=dict)
+    """Names of people who have another name too, under which gaze is on them."""
+
+    def place_of(self, name: str) -> int:
+        """Return the number of an area."""
+        return self.names.index(self.same.get(name, name))
 
     def looks(self, name: str) -> Looks:
         """Return every look on an area."""
-        place = self.names.index(name)
+        place = self.place_of(name)
         return looks_on(self.samples.t_ns, self.area, place, *self.window, params=LOOKS)
 
     def measures(self, name: str) -> LookMeasures:
         """Return the look measures of an area."""
-        place = self.names.index(name)
+        place = self.place_of(name)
         return measure_trial(self.samples.t_ns, self.area, place, *self.window, params=LOOKS)
 
 
@@ -86,11 +92,15 @@ def gaze_by_area(record: TrialRecord, scene: str, pad_deg: float) -> GazeByArea 
     if not sheets and not has_people:
         return None
     area = on_areas(samples, sheets, names, pad_deg)
+    first_role: dict[int, str] = {}
+    for role, agent in roles.items():
+        first_role.setdefault(agent, role)
+    same = {role: first_role[agent] for role, agent in roles.items()}
     if has_people:  # whose heads are before the things of a room
         agents = samples.areas(pad_deg)
-        for place, agent in enumerate(roles.values(), len(names)):
-            area[agents == agent] = place
-    return GazeByArea(samples, area, (*names, *roles), window)
+        for agent, role in first_role.items():
+            area[agents == agent] = len(names) + tuple(roles).index(role)
+    return GazeByArea(samples, area, (*names, *roles), window, same)
 
 
 def areas_shown(record: TrialRecord, scene: str) -> tuple[Areas, ...]:
@@ -334,7 +344,7 @@ def _first(gaze: GazeByArea, area: str) -> float | None:
 def _pupil(gaze: GazeByArea, area: str) -> float | None:
     if gaze.samples.pupil_mm is None:
         return None
-    is_here = (gaze.area == gaze.names.index(area)) & (gaze.samples.t_ns >= gaze.window[0])
+    is_here = (gaze.area == gaze.place_of(area)) & (gaze.samples.t_ns >= gaze.window[0])
     sizes = gaze.samples.pupil_mm[is_here]
     sizes = sizes[np.isfinite(sizes)]
     return float(sizes.mean()) if len(sizes) else None

@@ -114,14 +114,14 @@ class GazeWatch:
             self.met_ns = t_ns
 
     def _here(self, gaze: GazeView) -> npt.NDArray[np.int16]:
+        agents = aoi_of_samples(
+            gaze.angle_deg,
+            gaze.radius_deg,
+            gaze.pad_limit_deg,
+            gaze.hit,
+            pad_deg=self._condition.pad_deg,
+        )
         if self._agent is not None:
-            agents = aoi_of_samples(
-                gaze.angle_deg,
-                gaze.radius_deg,
-                gaze.pad_limit_deg,
-                gaze.hit,
-                pad_deg=self._condition.pad_deg,
-            )
             return np.where(agents == LOST, LOST, agents == self._agent).astype(np.int16)
         under = areas_under(
             self._sheets,
@@ -131,7 +131,8 @@ class GazeWatch:
             self._condition.pad_deg,
             gaze.t_ns,
         )
-        return np.where(gaze.valid, under == 0, LOST).astype(np.int16)
+        is_here = (under == 0) & (agents < 0)  # heads are before the things of a room
+        return np.where(gaze.valid, is_here, LOST).astype(np.int16)
 
     def columns(self, name: str, off_ns: int) -> dict[str, Scalar | None]:
         """Return the columns of a step that ended at a time."""

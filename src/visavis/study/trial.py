@@ -254,8 +254,8 @@ class TrialScript(LitTrial):
             scene = what if isinstance(what, Scene) else Scene(ROOM, room=what)
         else:
             raise DesignError(
-                "t.show shows a Scene, Room, Text, Image, Shape, Grating, Dots, Video, Panorama, "
-                f"Tone or Sound, or a list of the last eight; not {what!r}"
+                "t.show shows a Scene, a Room, Text, Image, Shape, Grating, Dots, Video, Panorama, "
+                f"Tone or Sound, or a list of the latter; not {what!r}"
             )
         name = name or ("stimulus" if is_flat else "scene")
         seconds = shown_seconds(seconds, frames, keys, until)
