@@ -25,6 +25,7 @@ from visavis.analysis.session_verdict import (
 )
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DataError
+from visavis.lab.luminance import LUMINANCE_KEY, UNMEASURED, table_of_entry
 from visavis.recording.integrity import damage_of
 from visavis.recording.reader import Recording
 
@@ -33,6 +34,8 @@ REDO_BLOCK = (
     "look how the headset sits and validate again while they are here; redo the last block in a "
     "further session (`visavis run` with --session) where it rests on gaze"
 )
+OF_GREYS = ("Grating(", "Dots(", "Shape(")
+"""How the event "shown" names the stimuli that are drawn in greys."""
 Events: TypeAlias = Sequence[tuple[str, Mapping[str, Any]]]
 """Names and payloads of all events of a session, in written order."""
 Rows: TypeAlias = Sequence[Mapping[str, Any]]
@@ -70,6 +73,7 @@ def _check(recording: Recording, limits: CheckLimits) -> SessionCheck:
         *(stream_findings(streams) if streams or not _is_on_page(recording) else ()),
         *_pace_findings(recording),
         *_calibration_findings(plan, events, limits),
+        *_luminance_findings(recording, events),
         *_questionnaire_findings(plan, events),
         *_deviation_findings(events, rows, recording),
     ]
@@ -321,6 +325,18 @@ def _is_on_page(recording: Recording) -> bool:
     """Tell whether a session was performed on a page, which sends samples only from a headset."""
     configuration = recording.manifest.configuration
     return isinstance(configuration, Mapping) and configuration.get("on") == "browser"
+
+
+def _luminance_findings(recording: Recording, events: Events) -> list[Finding]:
+    """Tell of greys and contrasts on a screen whether they are of light."""
+    configuration = recording.manifest.configuration
+    entry = configuration.get(LUMINANCE_KEY) if isinstance(configuration, Mapping) else None
+    items = [str(payload.get("option_items", "")) for name, payload in events if name == "shown"]
+    if entry is None or not any(kind in text for text in items for kind in OF_GREYS):
+        return []
+    table = table_of_entry(entry)
+    text = UNMEASURED if table is None else f"greys and contrasts are of light: {table.summary}"
+    return [Finding(Level.GREEN, "luminance", text)]
 
 
 # ---- calibration -----------------------------------------------------------------------------

@@ -56,12 +56,12 @@ def test_a_text_that_describes_none_is_no_stimulus(text: str) -> None:
 
 
 def performed(
-    file: Path, text: str, monkeypatch: pytest.MonkeyPatch
+    file: Path, text: str, monkeypatch: pytest.MonkeyPatch, lab: Path = SCREEN_EXAMPLE
 ) -> tuple[OpenedStudy, CachedRecording]:
     """Return a study file and a session of it, which is drawn again by that file."""
     file.write_text(text, "utf-8")
     study = find_study(str(file))
-    config = load_config(SCREEN_EXAMPLE).model_copy(
+    config = load_config(lab).model_copy(
         update={"data_root": file.parent / "data", "key_root": file.parent / "keys"}
     )
     request = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)

@@ -9,6 +9,7 @@ from typing import Any, Literal, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
+from visavis.lab.luminance import LuminanceTable, read_luminance
 from visavis.lab.model_problems import model_problems
 from visavis.lab.screen import FlatScreen
 from visavis.lab.units import explain_magnitude, explain_text, unit_of
@@ -119,6 +120,14 @@ class Screen(_Part):
             self.distance_m,
             self.center_right_m,
             self.center_up_m,
+        )
+
+    @property
+    def identity(self) -> str:
+        """The words by which a table of luminances says which screen it belongs to."""
+        return (
+            f"{self.width_px} x {self.height_px} px {self.width_m:g} x {self.height_m:g} m "
+            f"monitor {self.monitor}"
         )
 
     def as_options(self) -> dict[str, float]:
@@ -281,6 +290,23 @@ class LabConfig(BaseModel):
     def sha256(self) -> str:
         """SHA-256 of the file's text in UTF-8."""
         return hashlib.sha256(self.text.encode("utf-8")).hexdigest()
+
+    @property
+    def luminance_path(self) -> Path:
+        """Where the luminances of its screen are written."""
+        return self.path.with_name(f"{self.path.stem}.luminance.csv")
+
+    @property
+    def luminance(self) -> LuminanceTable | None:
+        """The luminances that were measured on its screen; None without.
+
+        Raises:
+            ConfigError: their table cannot be used.
+        """
+        screen = self.display.on_screen
+        if screen is None or not self.luminance_path.exists():
+            return None
+        return read_luminance(self.luminance_path, screen.identity)
 
 
 class _File(_Part):

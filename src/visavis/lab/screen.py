@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from visavis.lab.frame import EyeView
 from visavis.lab.geometry import Pose, Vector, rotate, unit
+from visavis.lab.luminance import LuminanceTable
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
 MIN_EYE_DISTANCE_M = 0.1
@@ -20,7 +21,7 @@ MIN_EYE_DISTANCE_M = 0.1
 @dataclass(frozen=True)
 class FlatScreen:
     """A screen: its picture in metres and pixels, and where its middle stands as seen from the
-    viewing place (right, up, and `distance_m` ahead).
+    viewing place (right, up, and `distance_m` ahead); its `luminance`, where it was measured.
     """
 
     width_m: float
@@ -30,6 +31,7 @@ class FlatScreen:
     distance_m: float
     center_right_m: float = 0.0
     center_up_m: float = 0.0
+    luminance: LuminanceTable | None = None
 
     def edges_m(self) -> tuple[float, float, float, float]:
         """Return left, right, bottom and top edge in the frame of the viewing place."""

@@ -2,6 +2,7 @@
 
 import ast
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from visavis.lab.config import Screen
 from visavis.lab.errors import DataError
 from visavis.lab.geometry import Pose
+from visavis.lab.luminance import LUMINANCE_KEY, table_of_entry
 from visavis.lab.screen import PlacedScreen
 from visavis.protocol.plan.shown_scene import RecordedScene, of_part
 from visavis.stimuli.flat import KINDS, Flat, Panorama, rgb_of
@@ -40,7 +42,9 @@ def flat_views(record: RecordedScene, folder: Path) -> Iterator[SceneFrame]:
         upright = Pose(
             np.array([0.0, lab_screen.eye_height_m, 0.0]), np.array([1.0, 0.0, 0.0, 0.0])
         )
-        surface, heads = Surface(PlacedScreen(lab_screen.flat, upright)), heads[:1]
+        luminance = table_of_entry(record.recording.manifest.configuration.get(LUMINANCE_KEY))
+        flat = replace(lab_screen.flat, luminance=luminance)
+        surface, heads = Surface(PlacedScreen(flat, upright)), heads[:1]
     items = read_items_text(str(payload["option_items"]))
     panorama: Panorama | None = None
     if "option_panorama" in payload:

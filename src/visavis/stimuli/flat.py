@@ -170,8 +170,8 @@ class Grating:
     Gabor patch.
 
     `orientation_deg` 0 is vertical bars, and turns counter-clockwise; `phase_deg` 0 is brightest in
-    the middle. `contrast_01` is Michelson's, of sRGB values: of light only after the screen's gamma
-    has been measured and corrected. `sd_deg` is the mask's standard deviation (left out: a sixth of
+    the middle. `contrast_01` is Michelson's: of light before a monitor whose luminances were
+    measured, else of sRGB values. `sd_deg` is the mask's standard deviation (left out: a sixth of
     the width).
     """
 

@@ -10,6 +10,7 @@ from PIL import Image as Files
 from PIL import ImageDraw, ImageOps, UnidentifiedImageError
 
 from visavis.lab.errors import DesignError
+from visavis.lab.luminance import LuminanceTable
 from visavis.stimuli.dots import places_deg
 from visavis.stimuli.film_file import FilmReader
 from visavis.stimuli.flat import Dots, Flat, Grating, Image, Shape, Text, Video, rgb_of
@@ -27,30 +28,45 @@ UPRIGHT: Final = 1
 
 
 @lru_cache(maxsize=32)
-def pixels_of(flat: Flat, size_px: tuple[int, int], folder: Path) -> Pixels:
+def pixels_of(
+    flat: Flat,
+    size_px: tuple[int, int],
+    folder: Path,
+    luminance: LuminanceTable | None = None,
+) -> Pixels:
     """Return what a stimulus looks like in a box of so many pixels; what moves, at its onset.
+
+    With measured luminances its greys and contrasts are of light; pictures and films stay as they
+    are.
 
     Raises:
         DesignError: its picture cannot be read.
     """
     match flat:
         case Text():
-            return _letters(flat, size_px)
+            return _letters(flat, size_px, shown_rgb(rgb_of(flat.colour), luminance))
         case Image():
             picture = read_picture(folder / flat.file)
             return np.asarray(picture.resize(size_px, Files.Resampling.LANCZOS))
         case Shape():
-            return _shape(flat, size_px)
+            return _shape(flat, size_px, shown_rgb(rgb_of(flat.colour), luminance))
         case Grating():
-            return _grating(flat, size_px)
+            return _grating(flat, size_px, luminance)
         case Dots():
-            return moving_pixels(flat, size_px, 0)
+            return moving_pixels(flat, size_px, 0, luminance)
         case Video():
             return FilmReader(folder / flat.file, size_px).picture_at(0.0)
 
 
+def shown_rgb(rgb: tuple[int, int, int], luminance: LuminanceTable | None) -> tuple[int, int, int]:
+    """Return what is drawn for a colour on a screen whose luminances were measured, or not."""
+    return rgb if luminance is None else luminance.rgb_of(rgb)
+
+
 @lru_cache(maxsize=4)
-def moving_pixels(dots: Dots, size_px: tuple[int, int], step: int) -> Pixels:
+def moving_pixels(
+    dots: Dots, size_px: tuple[int, int], step: int, luminance: LuminanceTable | None = None
+) -> Pixels:
     """Return what dots look like in a box of so many pixels after so many steps.
 
     Each is the same disc of whole pixels; those that reach over the box are cut off by it.
@@ -66,7 +82,7 @@ def moving_pixels(dots: Dots, size_px: tuple[int, int], step: int) -> Pixels:
     rows, columns = (top[:, None] + down).ravel(), (left[:, None] + right).ravel()
     is_within = (rows >= 0) & (rows < high) & (columns >= 0) & (columns < wide)
     pixels = np.empty((high, wide, 4), np.uint8)
-    pixels[...] = (*rgb_of(dots.colour), 0)
+    pixels[...] = (*shown_rgb(rgb_of(dots.colour), luminance), 0)
     pixels[rows[is_within], columns[is_within], 3] = 255
     return pixels
 
@@ -130,15 +146,15 @@ def _height_px(text: str, font_px: int) -> float:
     return float(bottom - top)
 
 
-def _letters(text: Text, size_px: tuple[int, int]) -> Pixels:
+def _letters(text: Text, size_px: tuple[int, int], rgb: tuple[int, int, int]) -> Pixels:
     lines = text.text.count("\n") + 1
     line_px = size_px[1] / (lines * REACHES_EM)
     font_px = max(4, round(100 * line_px / _height_px(text.text, 100)))
-    image = Files.new("RGBA", size_px, (*rgb_of(text.colour), 0))
+    image = Files.new("RGBA", size_px, (*rgb, 0))
     ImageDraw.Draw(image).multiline_text(
         (size_px[0] / 2, size_px[1] / 2),
         text.text,
-        (*rgb_of(text.colour), 255),
+        (*rgb, 255),
         font_for(text.text, font_px),
         anchor="mm",
         align="center",
@@ -147,7 +163,7 @@ def _letters(text: Text, size_px: tuple[int, int]) -> Pixels:
     return np.asarray(image)
 
 
-def _shape(shape: Shape, size_px: tuple[int, int]) -> Pixels:
+def _shape(shape: Shape, size_px: tuple[int, int], rgb: tuple[int, int, int]) -> Pixels:
     wide, high = size_px[0] * SMOOTH, size_px[1] * SMOOTH
     line = round(shape.line_deg / shape.width_deg * wide)
     mask = Files.new("L", (wide, high), 0)
@@ -166,12 +182,14 @@ def _shape(shape: Shape, size_px: tuple[int, int]) -> Pixels:
             draw.rectangle((wide / 2 - bar, 0, wide / 2 + bar, high), 255)
             draw.rectangle((0, high / 2 - bar, wide, high / 2 + bar), 255)
     pixels = np.empty((size_px[1], size_px[0], 4), np.uint8)
-    pixels[..., :3] = rgb_of(shape.colour)
+    pixels[..., :3] = rgb
     pixels[..., 3] = np.asarray(mask.resize(size_px, Files.Resampling.BOX))
     return pixels
 
 
-def _grating(grating: Grating, size_px: tuple[int, int]) -> Pixels:
+def _grating(
+    grating: Grating, size_px: tuple[int, int], luminance: LuminanceTable | None
+) -> Pixels:
     wide, high = size_px
     deg_per_px = grating.width_deg / wide
     x = (np.arange(wide) + 0.5 - wide / 2) * deg_per_px
@@ -179,12 +197,18 @@ def _grating(grating: Grating, size_px: tuple[int, int]) -> Pixels:
     turn = np.radians(grating.orientation_deg)
     across = x * np.cos(turn) + y * np.sin(turn)
     phase = 2 * np.pi * grating.cycles_per_deg * across + np.radians(grating.phase_deg)
-    wave = grating.contrast_01 * np.cos(phase)
+    contrast_01 = grating.contrast_01
+    if luminance is not None:
+        contrast_01 = luminance.swing_01(contrast_01)
+    wave = contrast_01 * np.cos(phase)
     radius = np.hypot(x, y)
     pixels = np.empty((high, wide, 4), np.uint8)
     if grating.mask == "gauss":
         wave = wave * np.exp(-0.5 * (radius / (grating.sd_deg or 1.0)) ** 2)
-    pixels[..., :3] = np.rint(MIDDLE + MIDDLE * wave)[..., None].clip(0, 255)
+    if luminance is None:
+        pixels[..., :3] = np.rint(MIDDLE + MIDDLE * wave)[..., None].clip(0, 255)
+    else:
+        pixels[..., :3] = luminance.rgb_of_shares(0.5 + 0.5 * wave)
     is_there = radius <= grating.width_deg / 2 if grating.mask == "circle" else True
     pixels[..., 3] = np.where(is_there, 255, 0)
     return pixels

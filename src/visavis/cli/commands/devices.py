@@ -1,4 +1,4 @@
-"""devices: list, test, identify, setup, rules, capture, replay."""
+"""devices: list, test, identify, setup, luminance, rules, capture, replay."""
 
 import shutil
 import subprocess
@@ -18,9 +18,11 @@ from visavis.cli.app import (
     load_lab,
     say,
     say_json,
+    say_written,
     verbatim,
 )
 from visavis.cli.device_report import print_trials
+from visavis.cli.luminance_sheet import full_field, measure, print_fit, write_table
 from visavis.cli.showing_devices import shown_pictures, with_their_headset
 from visavis.devices.access_rules import RULES_PATH, access_rules
 from visavis.devices.bench import Trial, capture
@@ -35,6 +37,7 @@ from visavis.devices.wiring import Site
 from visavis.lab.clock import SimClock, SystemClock
 from visavis.lab.config import DeviceConfig, LabConfig
 from visavis.lab.errors import DataError, DeviceError, UsageError
+from visavis.lab.luminance import MIN_LEVELS, WHITE, luminance_table, read_luminance
 from visavis.lab.yaml_lines import did_you_mean
 
 devices_app = typer.Typer(help="What devices there are, and whether they work.")
@@ -143,6 +146,61 @@ def set_up_device(role: RoleArgument, config: ConfigOption = None) -> None:
         raise UsageError(f"{role} is simulated, and simulated devices need no set-up")
     options = wiring.spec.checked_options(role, device.options)
     say(wiring.set_up(Site(wiring.spec, role, SystemClock(), options)))
+
+
+@devices_app.command("luminance")
+def measure_luminance(
+    file: Annotated[
+        Path | None,
+        typer.Argument(help="A table with level and cd_m2; left out: each level is shown."),
+    ] = None,
+    levels: Annotated[
+        int, typer.Option(min=MIN_LEVELS, max=WHITE + 1, help="How many levels are shown.")
+    ] = 17,
+    guns: Annotated[
+        bool, typer.Option("--guns", help="Red, green and blue by themselves, too.")
+    ] = False,
+    replaces: Annotated[
+        bool, typer.Option("--replace", help="Take the place of an earlier table.")
+    ] = False,
+    config: ConfigOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Measure the screen's luminances by a photometer; greys and contrasts are then of light.
+
+    Each level fills the participant's screen; type what the photometer says, in cd/m². The table
+    is written beside the configuration, where `plan`, `run` and `simulate` find it.
+
+    Example: visavis devices luminance
+    """
+    lab = load_lab(config, quiet=as_json)
+    screen, path = lab.display.on_screen, lab.luminance_path
+    if screen is None:
+        raise UsageError(
+            f"{lab.path} describes no screen; luminances are measured of a monitor under "
+            "display.screen (docs/screens.md)"
+        )
+    if path.exists() and not replaces:
+        raise UsageError(f"{path} is there already; to measure anew give --replace")
+    if file is not None:
+        rows = read_luminance(file, screen.identity).rows
+    elif lab.display.show != "screen":
+        raise UsageError(
+            f"{lab.path}: display.show is {lab.display.show}, so nothing can be shown; set it to "
+            "screen, or give a file of luminances"
+        )
+    else:
+        with full_field(screen) as ask:
+            rows = measure(ask, levels, guns=guns)
+    luminance_table(rows, screen.identity, "")  # raises before anything is written
+    write_table(rows, screen.identity, path)
+    table = read_luminance(path, screen.identity)
+    if as_json:
+        fits = {curve.gun: asdict(curve.fit) for curve in table.curves}
+        say_json({"file": path, **table.as_entry(), "fits": fits})
+        return
+    print_fit(table)
+    say_written(path)
 
 
 @devices_app.command("rules")

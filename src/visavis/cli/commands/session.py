@@ -40,6 +40,7 @@ from visavis.cli.studies import StudyHere, require_session, study_here, study_of
 from visavis.lab.clock import SimClock, SystemClock
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import DeviceError, RecordingError, SessionAborted, UsageError
+from visavis.lab.luminance import UNMEASURED
 from visavis.protocol.people.identifiers import make_label
 from visavis.protocol.people.ledger import Ledger, Participant, UnknownParticipant
 from visavis.protocol.people.own_body import OwnBody, read_own_body
@@ -78,6 +79,7 @@ from visavis.running.sessions.study_folder import (
     refuse_other,
     study_of_folder,
 )
+from visavis.stimuli.flat import Dots, Grating, Shape
 from visavis.study.cast import use_recorded_cast
 from visavis.study.catalogue import typed_reference
 from visavis.study.criterion import Criterion
@@ -164,9 +166,11 @@ def plan(
     lab = load_lab(config, devices, only_simulates=True, quiet=as_json)
     here = study_here(study, lab)
     plan_inputs = plan_inputs_of(here, participant, seed, assignments, language)
+    light = ""
     if here.study.study.procedure.on == "lab":  # a page needs none of the lab's devices
         plan_inputs.experiment.check_at_devices()
         check_rig(devices_for(lab, plan_inputs.experiment))
+        light = _luminance_words(lab, plan_inputs.experiment)
     else:
         film_store(plan_inputs.experiment)  # raises where no page can perform it
         plan_inputs.experiment.check_in_headset()
@@ -180,6 +184,8 @@ def plan(
         experiment = plan_inputs.experiment
         criterion = experiment.study.design.practice_until
         _print_plan(session_plan, plan_inputs.label, plan_inputs.note, experiment.texts, criterion)
+        if light:
+            console.print(f"[dim]{verbatim(light)}[/]", soft_wrap=True)
     if not as_json:
         for voice in plan_inputs.experiment.voices:
             console.print(
@@ -256,6 +262,17 @@ def _place_shown(
         "",
         f"{unknown_one}Shown is place {index + 1}, which {person} would get now.",
     )
+
+
+def _luminance_words(lab: LabConfig, experiment: StudyExperiment) -> str:
+    """Return what is known of the light of a study's greys before a monitor; "" without any."""
+    luminance = lab.luminance
+    has_greys = any(isinstance(item, Grating | Dots | Shape) for item in experiment.flats)
+    if lab.display.on_screen is None or not has_greys:
+        return ""
+    if luminance is None:
+        return UNMEASURED
+    return f"greys and contrasts are of light: {luminance.summary}"
 
 
 def _as_operators_read(session_plan: SessionPlan, study: Study) -> SessionPlan:

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection
 from contextlib import ExitStack
+from dataclasses import replace
 
 import numpy as np
 
@@ -59,13 +60,18 @@ def build_rig(
 
 
 def screen_display(config: LabConfig, clock: Clock) -> ScreenDisplay | None:
-    """Return the screen that stands in the place of a headset; None where there is a headset."""
+    """Return the screen that stands in the place of a headset; None where there is a headset.
+
+    Raises:
+        ConfigError: the table of its luminances cannot be used.
+    """
     screen = config.display.on_screen
     if screen is None:
         return None
     place = Pose(np.array([0.0, screen.eye_height_m, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]))
+    flat = replace(screen.flat, luminance=config.luminance)
     return ScreenDisplay(
-        screen.flat, place, clock, rate_hz=screen.rate_hz, is_tracked=screen.head == "tracked"
+        flat, place, clock, rate_hz=screen.rate_hz, is_tracked=screen.head == "tracked"
     )
 
 

@@ -25,6 +25,7 @@ from visavis.lab.clock import Clock, require_fine_clock
 from visavis.lab.compiled import forget_old_kernels
 from visavis.lab.config import INCIDENTS, LabConfig, with_devices
 from visavis.lab.errors import ConfigError, LabError, SessionAborted
+from visavis.lab.luminance import LUMINANCE_KEY
 from visavis.protocol.people.simulated_participant import KeyPresser, SimulatedParticipant
 from visavis.protocol.plan.experiment import Experiment, Respondent, no_progress
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
@@ -134,6 +135,7 @@ def perform_rest(request: Request, session_path: Path) -> Path:
         recording = Recording(session_path)
         plan = request.experiment.plan(request.person.index, request.seed, request.person.group)
         refuse_other_plan(recording, plan)
+        _refuse_other_luminance(recording, config)
         if isinstance(request.experiment, StudyExperiment):
             rows = recording.trials().to_dict("records")
             request.experiment.recall([{str(k): v for k, v in row.items()} for row in rows])
@@ -178,9 +180,30 @@ def _incidents(config: LabConfig) -> dict[str, Any]:
 
 
 def _screen(config: LabConfig) -> dict[str, Any]:
-    """Return the entry for the screen participants sit before; nothing for a headset."""
-    screen = config.display.on_screen
-    return {} if screen is None else {"screen": screen.model_dump()}
+    """Return the entries for the screen participants sit before and what was measured of its
+    luminances; nothing for a headset.
+    """
+    screen, luminance = config.display.on_screen, config.luminance
+    if screen is None:
+        return {}
+    entry = {"sha256": ""} if luminance is None else luminance.as_entry()
+    return {"screen": screen.model_dump(), LUMINANCE_KEY: entry}
+
+
+def _refuse_other_luminance(recording: Recording, config: LabConfig) -> None:
+    """Refuse to go on with a session whose greys would be of other light than at its beginning.
+
+    Raises:
+        ConfigError: luminances were measured since, or are no longer there.
+    """
+    before = recording.manifest.configuration.get(LUMINANCE_KEY, {}).get("sha256", "")
+    now = "" if config.luminance is None else config.luminance.sha256
+    if now != before:
+        begun, today = (f"table {sha[:12]}" if sha else "no table" for sha in (before, now))
+        raise ConfigError(
+            f"{recording.path} began with {begun} of luminances, and there is {today} now; put "
+            f"{config.luminance_path} back as it was to go on"
+        )
 
 
 @contextmanager

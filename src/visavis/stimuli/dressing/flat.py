@@ -16,6 +16,7 @@ import numpy as np
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Pose, quat_from_yaw_pitch_deg, quat_multiply, rotate
+from visavis.lab.luminance import LuminanceTable
 from visavis.lab.screen import FlatScreen, PlacedScreen
 from visavis.stimuli.area_files import read_areas
 from visavis.stimuli.areas import Area, PictureAreas, PlacedAreas, SurroundingAreas
@@ -23,7 +24,13 @@ from visavis.stimuli.dots import step_at
 from visavis.stimuli.dressing.picture_of import NOBODY
 from visavis.stimuli.film_file import FilmReader, film_facts
 from visavis.stimuli.flat import Dots, Flat, Image, Text, Video, is_round, picture_path
-from visavis.stimuli.flat_pixels import moving_pixels, picture_size, pixels_of, text_size_em
+from visavis.stimuli.flat_pixels import (
+    moving_pixels,
+    picture_size,
+    pixels_of,
+    shown_rgb,
+    text_size_em,
+)
 from visavis.stimuli.panels import board_pose
 from visavis.stimuli.panorama_pixels import eye_size_px, panorama_pixels
 from visavis.stimuli.picture import Picture, Room, Sheet, Surround
@@ -46,7 +53,8 @@ def picture_of_flat(frame: SceneFrame) -> Picture:
     if any(sheet.course is not None for sheet in sheets):
         elapsed_s = (frame.t_ns - scene.moves_since_ns) / NS_PER_S
         sheets = tuple(
-            _moved(sheet, item, elapsed_s) for sheet, item in zip(sheets, scene.items, strict=True)
+            _moved(sheet, item, elapsed_s, _luminance(scene))
+            for sheet, item in zip(sheets, scene.items, strict=True)
         )
     surround = _surround(scene, frame.turned_deg)
     return Picture(frame.t_ns, room, (), NOBODY, sheets=sheets, surround=surround)
@@ -76,8 +84,15 @@ def _around(scene: FlatScene) -> SurroundingAreas:
 
 @lru_cache(maxsize=16)
 def _sheets_of(scene: FlatScene) -> tuple[Room, tuple[Sheet, ...]]:
-    room = Room("flat", (), (), np.zeros(3), np.zeros(3), scene.background_srgb)
+    background = shown_rgb(scene.background_srgb, _luminance(scene))
+    room = Room("flat", (), (), np.zeros(3), np.zeros(3), background)
     return room, tuple(_sheet(item, scene) for item in scene.items)
+
+
+def _luminance(scene: FlatScene) -> LuminanceTable | None:
+    """Return what was measured of the screen before which a scene is shown."""
+    screen = scene.surface.screen
+    return None if screen is None else screen.flat.luminance
 
 
 def _sheet(item: Flat, scene: FlatScene) -> Sheet:
@@ -87,7 +102,8 @@ def _sheet(item: Flat, scene: FlatScene) -> Sheet:
         film = reader_of(picture_path(item, scene.folder), size_px)
         return Sheet(film.picture_at(0.0), pose, size_m, is_exact, film)
     course = object() if isinstance(item, Dots) else None
-    return Sheet(pixels_of(item, size_px, scene.folder), pose, size_m, is_exact, course)
+    pixels = pixels_of(item, size_px, scene.folder, _luminance(scene))
+    return Sheet(pixels, pose, size_m, is_exact, course)
 
 
 @lru_cache(maxsize=4)
@@ -107,14 +123,15 @@ def open_films(scene: FlatScene) -> None:
             reader_of(picture_path(item, scene.folder), place_of(item, scene)[2]).picture_at(0.0)
 
 
-def _moved(sheet: Sheet, item: Flat, elapsed_s: float) -> Sheet:
+def _moved(sheet: Sheet, item: Flat, elapsed_s: float, luminance: LuminanceTable | None) -> Sheet:
     """Return a sheet as it is some time after its onset."""
     if isinstance(sheet.course, FilmReader):
         return replace(sheet, pixels=sheet.course.picture_at(elapsed_s))
     if not isinstance(item, Dots):
         return sheet
     high, wide = sheet.pixels.shape[:2]
-    return replace(sheet, pixels=moving_pixels(item, (wide, high), step_at(item, elapsed_s)))
+    step = step_at(item, elapsed_s)
+    return replace(sheet, pixels=moving_pixels(item, (wide, high), step, luminance))
 
 
 def place_of(item: Flat, scene: FlatScene) -> tuple[Pose, tuple[float, float], tuple[int, int]]:

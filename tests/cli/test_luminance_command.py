@@ -1,0 +1,143 @@
+"""`visavis devices luminance`: from what a photometer says to a table that sessions use."""
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from tests.cli.test_flat_again import performed
+from visavis.analysis.session_check import check_session
+from visavis.cli.main import app
+from visavis.cli.redraw import redraw
+from visavis.lab.config import Screen, load_config
+from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
+from visavis.lab.errors import ConfigError, UsageError
+from visavis.lab.luminance import table_of_entry
+from visavis.running.sessions.perform import perform_rest
+from visavis.running.sessions.session_request import simulated_request
+
+LEVELS = (0, 32, 64, 96, 128, 160, 192, 224, 255)
+STUDY = """
+from visavis import Factor, Grating, Study
+
+study = Study("again", factors=[Factor("side", ["left"])], calibrate=False)
+
+@study.trial
+def trial(t):
+    yield t.show(Grating(20, 0.2, 0.5, mask="none"), seconds=0.3, background="grey")
+"""
+
+
+def light(level: float) -> float:
+    return 0.4 + 120.0 * (level / 255) ** 2.2
+
+
+@pytest.fixture
+def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A lab with a monitor in the current folder, and a table of its luminances elsewhere."""
+    monkeypatch.chdir(tmp_path)
+    config = tmp_path / "lab_config.yaml"
+    config.write_text(SCREEN_EXAMPLE.read_text("utf-8"), "utf-8")
+    rows = "".join(f"{level},{light(level):.4f}\n" for level in LEVELS)
+    (tmp_path / "own.csv").write_text(f"level,cd_m2\n{rows}", "utf-8")
+    (tmp_path / "again.py").write_text(STUDY, "utf-8")
+    return config
+
+
+def typed(*arguments: str, answers: str = "") -> Result:
+    result = CliRunner().invoke(app, list(arguments), input=answers)
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result
+
+
+def test_a_table_in_a_file_stands_beside_the_configuration_with_its_fit(lab: Path) -> None:
+    said = typed("devices", "luminance", "own.csv").stdout
+    assert "0.4 cd/m²  120.4 cd/m²   2.20" in said
+    table = load_config(lab).luminance
+    assert table is not None
+    assert table.summary in " ".join(said.split())
+    assert (LEVELS, "lab_config.luminance.csv") == (
+        table.grey.levels,
+        load_config(lab).luminance_path.name,
+    )
+    with pytest.raises(UsageError, match=r"luminance\.csv is there already; .*--replace"):
+        typed("devices", "luminance", "own.csv")
+    again = json.loads(typed("devices", "luminance", "own.csv", "--replace", "--json").stdout)
+    assert 2.2 == pytest.approx(again["fits"]["grey"]["gamma"], abs=0.001)
+    assert table.sha256 == again["sha256"]
+
+
+def test_what_is_shown_is_asked_for_and_mistyped_values_again(
+    lab: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown: list[tuple[int, int, int]] = []
+
+    @contextmanager
+    def planted(screen: Screen) -> Iterator[Callable[[tuple[int, int, int], str], str]]:
+        assert (1920, 1080) == (screen.width_px, screen.height_px)
+        slips = iter(("much", "-3", "0,4", "0.4", "b"))  # the second 0.4 does not rise; back to 0
+
+        def ask(rgb: tuple[int, int, int], prompt: str) -> str:
+            shown.append(rgb)
+            return next(slips, str(light(max(rgb))))
+
+        yield ask
+
+    monkeypatch.setattr("visavis.cli.commands.devices.full_field", planted)
+    said = typed("devices", "luminance", "--levels", "6", "--guns").stdout
+    assert 2 == said.count("a number of cd/m²")
+    assert 1 == said.count("not more than 0.4")
+    table = load_config(lab).luminance
+    assert table is not None
+    assert ["grey", "red", "green", "blue"] == [curve.gun for curve in table.curves]
+    assert all((0, 51, 102, 153, 204, 255) == curve.levels for curve in table.curves)
+    assert [(0, 0, 0)] * 3 + [(51, 51, 51)] * 2 + [(0, 0, 0), (51, 51, 51)] == shown[:7]
+    assert [(255, 0, 0), (0, 0, 0), (0, 51, 0)] == shown[16:19]
+
+
+def test_before_anything_else_is_shown_a_headset_is_refused(lab: Path) -> None:
+    lab.write_text(EXAMPLE.read_text("utf-8"), "utf-8")
+    with pytest.raises(UsageError, match="describes no screen"):
+        typed("devices", "luminance", "own.csv")
+
+
+def test_plan_says_whether_contrasts_are_of_light(lab: Path) -> None:
+    assert "luminances were not measured" in " ".join(typed("plan", "again.py").stdout.split())
+    typed("devices", "luminance", "own.csv")
+    said = " ".join(typed("plan", "again.py").stdout.split())
+    assert "greys and contrasts are of light: table" in said
+    path = load_config(lab).luminance_path
+    path.write_text(path.read_text("utf-8").replace("1920 x", "1024 x"), "utf-8")
+    with pytest.raises(ConfigError, match="row 2: this was measured on another screen, 1024 x"):
+        typed("plan", "again.py")
+
+
+def test_a_session_is_drawn_by_its_table_again_and_resumed_with_no_other(
+    tmp_path: Path, lab: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    typed("devices", "luminance", "own.csv")
+    config = load_config(lab)
+    table = config.luminance
+    assert table is not None
+    study, recording = performed(tmp_path / "again.py", STUDY, monkeypatch, lab)
+    entry = recording.manifest.configuration["luminance"]
+    assert table == table_of_entry(entry)
+    found = [f.message for f in check_session(recording).findings if f.subject == "luminance"]
+    assert [f"greys and contrasts are of light: {table.summary}"] == found
+
+    config.luminance_path.unlink()
+    frames = recording.stream_arrays("frames", part=1)
+    lit_ns = int(recording.trials().iloc[0]["stimulus_on_ns"]) + 100_000_000
+    frame = int(frames["frame_index"][frames["t_host_ns"].searchsorted(lit_ns)])
+    image, _ = redraw(recording, frame)
+    row = image[image.shape[0] // 2, :, 0]
+    brightest, darkest = light(float(row.max())), light(float(row.min()))
+    assert 0.5 == pytest.approx((brightest - darkest) / (brightest + darkest), abs=0.01)
+
+    request = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
+    with pytest.raises(ConfigError, match=rf"began with table {table.sha256[:12]}.* no table"):
+        perform_rest(request, recording.path)
