@@ -1,6 +1,10 @@
 """`visavis devices luminance`: from what a photometer says to a table that sessions use."""
 
 import json
+import os
+import shutil
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +23,7 @@ from visavis.lab.luminance import table_of_entry
 from visavis.running.sessions.perform import perform_rest
 from visavis.running.sessions.session_request import simulated_request
 
+ROOT = Path(__file__).parents[2]
 LEVELS = (0, 32, 64, 96, 128, 160, 192, 224, 255)
 STUDY = """
 from visavis import Factor, Grating, Study
@@ -74,7 +79,7 @@ def test_a_table_in_a_file_stands_beside_the_configuration_with_its_fit(lab: Pat
 def test_what_is_shown_is_asked_for_and_mistyped_values_again(
     lab: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    shown: list[tuple[int, int, int]] = []
+    colours: list[tuple[int, int, int]] = []
 
     @contextmanager
     def planted(screen: Screen) -> Iterator[Callable[[tuple[int, int, int], str], str]]:
@@ -82,7 +87,7 @@ def test_what_is_shown_is_asked_for_and_mistyped_values_again(
         slips = iter(("much", "-3", "0,4", "0.4", "b"))  # the second 0.4 does not rise; back to 0
 
         def ask(rgb: tuple[int, int, int], prompt: str) -> str:
-            shown.append(rgb)
+            colours.append(rgb)
             return next(slips, str(light(max(rgb))))
 
         yield ask
@@ -95,8 +100,28 @@ def test_what_is_shown_is_asked_for_and_mistyped_values_again(
     assert table is not None
     assert ["grey", "red", "green", "blue"] == [curve.gun for curve in table.curves]
     assert all((0, 51, 102, 153, 204, 255) == curve.levels for curve in table.curves)
-    assert [(0, 0, 0)] * 3 + [(51, 51, 51)] * 2 + [(0, 0, 0), (51, 51, 51)] == shown[:7]
-    assert [(255, 0, 0), (0, 0, 0), (0, 51, 0)] == shown[16:19]
+    assert [(0, 0, 0)] * 3 + [(51, 51, 51)] * 2 + [(0, 0, 0), (51, 51, 51)] == colours[:7]
+    assert [(255, 0, 0), (0, 0, 0), (0, 51, 0)] == colours[16:19]
+
+
+def test_the_whole_window_is_filled_with_the_level_that_is_asked_for() -> None:
+    if shutil.which("xvfb-run") is None:
+        pytest.skip("needs a virtual screen: apt install xvfb xvfb-run")
+    child = [sys.executable, "-m", "tests.cli.full_field_child"]
+    run = subprocess.run(
+        ["xvfb-run", "-a", "-s", "-screen 0 640x480x24", *child],  # noqa: S607 - found above
+        input="1\nb\n3,5\n4\n5\n",
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    if "OpenGL 3.3" in run.stderr or "no window" in run.stderr:
+        pytest.skip(run.stderr.strip().splitlines()[-1])
+    assert 0 == run.returncode, run.stderr
+    answers = [line.rpartition("typed ")[2] for line in run.stdout.splitlines()]
+    assert ["1", "b", "3,5", "4", "5"] == answers
 
 
 def test_before_anything_else_is_shown_a_headset_is_refused(lab: Path) -> None:

@@ -28,7 +28,7 @@ def table_of(gamma: float = 2.2, black: float = 0.4, span: float = 120.0) -> Lum
     return luminance_table(rows, SCREEN, "f" * 64)
 
 
-def written(folder: Path, text: str) -> Path:
+def file_of(folder: Path, text: str) -> Path:
     path = folder / "ä table.csv"
     path.write_text(text, "utf-8")
     return path
@@ -136,12 +136,12 @@ WRONG = {
 @pytest.mark.parametrize(("text", "said"), WRONG.values(), ids=WRONG)
 def test_what_is_wrong_with_a_table_is_named_by_row(text: str, said: str, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"ä table\.csv.*" + said):
-        read_luminance(written(tmp_path, text), SCREEN)
+        read_luminance(file_of(tmp_path, text), SCREEN)
 
 
 def test_rows_may_stand_in_any_order_with_decimal_commas(tmp_path: Path) -> None:
     rows = "\n".join(f"{light(v):.4f};{v}".replace(".", ",") for v in reversed(LEVELS))
-    table = read_luminance(written(tmp_path, f"\ufeffcd_m2;level\n{rows}"), SCREEN)
+    table = read_luminance(file_of(tmp_path, f"\ufeffcd_m2;level\n{rows}"), SCREEN)
     assert LEVELS == table.grey.levels
     assert pytest.approx(2.2, abs=0.001) == table.grey.fit.gamma
 

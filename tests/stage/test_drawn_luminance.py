@@ -25,13 +25,13 @@ SURFACE = Surface(PlacedScreen(MEASURED, HEAD))
 GROUND = (128,) * 3
 
 
-def emitted(*items):
+def light_of(*items):
     return light(drawn(*items, surface=SURFACE, background=GROUND)[..., 0])
 
 
 @pytest.mark.parametrize("contrast_01", [0.05, 0.1, 0.25, 0.5, 0.8, 0.95])
 def test_a_grating_has_the_asked_contrast_of_light(contrast_01):
-    seen = emitted(Grating(8.0, 0.5, contrast_01, mask="none"))[180, 240:400]
+    seen = light_of(Grating(8.0, 0.5, contrast_01, mask="none"))[180, 240:400]
     michelson = (seen.max() - seen.min()) / (seen.max() + seen.min())
     assert contrast_01 == pytest.approx(michelson, abs=0.006)  # half a level at both ends
     assert BLACK + SPAN / 2 == pytest.approx((seen.max() + seen.min()) / 2, rel=0.01)
@@ -39,18 +39,18 @@ def test_a_grating_has_the_asked_contrast_of_light(contrast_01):
 
 def test_half_the_contrast_is_half_of_the_swing_of_light():
     half, whole = (
-        np.ptp(emitted(Grating(8.0, 0.5, c, mask="none"))[180, 240:400]) for c in (0.49, 0.98)
+        np.ptp(light_of(Grating(8.0, 0.5, c, mask="none"))[180, 240:400]) for c in (0.49, 0.98)
     )
     assert 0.5 == pytest.approx(half / whole, abs=0.005)
 
 
 def test_more_contrast_than_the_screen_has_is_all_that_it_has():
-    seen = emitted(Grating(8.0, 0.5, 1.0, mask="none"))[180, 240:400]
+    seen = light_of(Grating(8.0, 0.5, 1.0, mask="none"))[180, 240:400]
     assert (light(0), light(255)) == pytest.approx((seen.min(), seen.max()), abs=0.3)
 
 
 def test_the_wave_is_a_cosine_in_light():
-    seen = emitted(Grating(8.0, 0.5, 0.9, mask="none"))[180, 240:400]
+    seen = light_of(Grating(8.0, 0.5, 0.9, mask="none"))[180, 240:400]
     wave = np.abs(np.fft.rfft((seen - seen.mean()) * np.hanning(len(seen)), 4096))
     first = wave[: 4 * wave.argmax() // 2].max()
     assert wave[2 * wave.argmax() - 5 : 2 * wave.argmax() + 5].max() < 0.02 * first
@@ -70,7 +70,7 @@ def test_a_grey_is_its_share_of_the_light_in_shapes_and_dots(grey):
         Shape("rectangle", 4.0, colour=(grey,) * 3),
         Dots(1.0, speed_deg_per_s=0, width_deg=4.0, dot_deg=1.5, colour=(grey,) * 3, seed=1),
     ):
-        seen = emitted(item)
+        seen = light_of(item)
         off = np.abs(seen - (BLACK + SPAN * share)).min()
         assert off < 0.01 * (BLACK + SPAN)
         if grey != 128:

@@ -40,7 +40,14 @@ def full_field(screen: Screen) -> Iterator[Asker]:
         monitor=screen.monitor if screen.fullscreen else None,
     )
 
+    def fill(rgb: Rgb) -> None:
+        window.context.screen.use()
+        red, green, blue = (value / WHITE for value in rgb)
+        window.context.clear(red, green, blue)
+        window.present()
+
     def ask(rgb: Rgb, prompt: str) -> str:
+        fill(rgb)
         answers: queue.Queue[str | EOFError] = queue.Queue()
         # The window has to take events meanwhile, or the system greys it.
         threading.Thread(target=_read, args=(prompt, answers), daemon=True).start()
@@ -49,11 +56,8 @@ def full_field(screen: Screen) -> Iterator[Asker]:
                 raise DeviceError(
                     "the window was closed", role="screen", remedy="measure once more"
                 )
-            window.context.screen.use()
-            red, green, blue = (value / WHITE for value in rgb)
-            window.context.clear(red, green, blue)
-            window.present()
             window.attend(LOOKS_S)
+            fill(rgb)
         answer = answers.get()
         if isinstance(answer, EOFError):
             raise answer
@@ -79,12 +83,12 @@ def measure(ask: Asker, level_count: int, *, guns: bool) -> list[tuple[str, int,
     the level before.
     """
     levels = [int(level) for level in np.rint(np.linspace(0, WHITE, level_count))]
-    asked = [(gun, level) for gun in (GREY, *(GUNS if guns else ())) for level in levels]
+    steps = [(gun, level) for gun in (GREY, *(GUNS if guns else ())) for level in levels]
     rows: list[tuple[str, int, float]] = []
-    while len(rows) < len(asked):
-        gun, level = asked[len(rows)]
+    while len(rows) < len(steps):
+        gun, level = steps[len(rows)]
         rgb = tuple(level if gun in (GREY, own) else 0 for own in GUNS)
-        prompt = f"{gun} {level} ({len(rows) + 1} of {len(asked)}), cd/m² > "
+        prompt = f"{gun} {level} ({len(rows) + 1} of {len(steps)}), cd/m² > "
         answer = ask((rgb[0], rgb[1], rgb[2]), prompt).strip()
         if answer == "b":
             del rows[-1:]

@@ -66,7 +66,7 @@ class LuminanceCurve:
         level, light = np.array(self.levels) / WHITE, np.array(self.cd_m2)
         weight = 1.0 / np.maximum(light, FLOOR_01 * light[-1])
 
-        def fitted(gamma: float) -> tuple[float, Floats]:
+        def nearest(gamma: float) -> tuple[float, Floats]:
             power = np.stack([np.ones_like(level), level**gamma], axis=1)
             own, *_ = np.linalg.lstsq(power * weight[:, None], light * weight, rcond=None)
             return float((((power @ own - light) * weight) ** 2).sum()), own
@@ -75,10 +75,10 @@ class LuminanceCurve:
         gamma = low
         while high - low > 1e-7:
             steps = np.linspace(low, high, 21).tolist()
-            gamma = min(steps, key=lambda gamma: fitted(gamma)[0])
+            gamma = min(steps, key=lambda gamma: nearest(gamma)[0])
             reach = steps[1] - steps[0]
             low, high = gamma - reach, gamma + reach
-        black, span = fitted(gamma)[1].tolist()
+        black, span = nearest(gamma)[1].tolist()
         off = np.abs(black + span * level**gamma - light)
         rms, worst = float(np.sqrt((off**2).mean())), int(off.argmax())
         return LuminanceFit(gamma, black, span, rms, float(off[worst]), self.levels[worst])
@@ -88,8 +88,8 @@ class LuminanceCurve:
 
         Between measured levels the curve is a power with the fit's gamma.
         """
-        asked = np.clip(np.asarray(share_01, np.float64), 0.0, 1.0)
-        return np.interp(asked ** (1.0 / self.fit.gamma), self._roots, self.levels)
+        shares = np.clip(np.asarray(share_01, np.float64), 0.0, 1.0)
+        return np.interp(shares ** (1.0 / self.fit.gamma), self._roots, self.levels)
 
     def luminances_of(self, levels: npt.ArrayLike) -> Floats:
         """Return the luminances (cd/m²) of levels, measured or between measured ones."""
@@ -220,14 +220,14 @@ def read_luminance(path: Path, screen: str) -> LuminanceTable:
         raise ConfigError(f"no luminances can be read from {path}: {error}") from error
     problems = [*remarks, *table.remarks, *_wrong_columns(table)]
     if problems:
-        raise ConfigError(_told(str(path), problems))
+        raise ConfigError(_refusal(str(path), problems))
     rows, problems = [], []
     for line, cells in zip(table.lines, table.rows, strict=True):
         row = dict(zip(table.names, map(str.strip, cells), strict=True))
         problems += [f"row {line}: {what}" for what in _wrong_cells(row, table.delimiter, screen)]
         rows.append((row.get("gun") or GREY, row["level"], _point(row["cd_m2"], table.delimiter)))
     if problems:
-        raise ConfigError(_told(str(path), problems))
+        raise ConfigError(_refusal(str(path), problems))
     numbers = [(gun, int(level), float(cd_m2)) for gun, level, cd_m2 in rows]
     sha256 = hashlib.sha256(raw).hexdigest()
     return luminance_table(numbers, screen, sha256, str(path), table.lines)
@@ -270,11 +270,11 @@ def luminance_table(
                 )
         curves.append(LuminanceCurve(gun, tuple(levels), tuple(c for _, c, _ in own)))
     if problems:
-        raise ConfigError(_told(what, problems))
+        raise ConfigError(_refusal(what, problems))
     return LuminanceTable(screen, tuple(curves), sha256)
 
 
-def _told(what: str, problems: Sequence[str]) -> str:
+def _refusal(what: str, problems: Sequence[str]) -> str:
     return f"{what} cannot be used: {'; '.join(problems)}"
 
 

@@ -199,9 +199,9 @@ def _refuse_other_luminance(recording: Recording, config: LabConfig) -> None:
     before = recording.manifest.configuration.get(LUMINANCE_KEY, {}).get("sha256", "")
     now = "" if config.luminance is None else config.luminance.sha256
     if now != before:
-        begun, today = (f"table {sha[:12]}" if sha else "no table" for sha in (before, now))
+        first, today = (f"table {sha[:12]}" if sha else "no table" for sha in (before, now))
         raise ConfigError(
-            f"{recording.path} began with {begun} of luminances, and there is {today} now; put "
+            f"{recording.path} began with {first} of luminances, and there is {today} now; put "
             f"{config.luminance_path} back as it was to go on"
         )
 
