@@ -169,6 +169,8 @@ def _header(content: bytes) -> dict[str, str]:
     """Return a header's entries; programs write XML in Latin-1 and call it UTF-8."""
     if len(content) > MAX_HEADER_BYTES:
         raise _DamageError(f"a header of more than {MAX_HEADER_BYTES} bytes")
+    if b"<!DOCTYPE" in content.replace(b"\0", b""):  # its attributes unpack to gigabytes
+        raise _DamageError("a header with a DOCTYPE")
     try:
         info = ET.fromstring(content)  # noqa: S314 - expat bounds entities by itself
     except ET.ParseError:

@@ -15,6 +15,7 @@ from visavis.lab.clock import NS_PER_MS
 from visavis.lab.errors import DataError, UsageError
 from visavis.lab.foreign_text import decode_text
 from visavis.lab.geometry import Vector
+from visavis.lab.plain_files import MAX_UNPACKED_BYTES, read_plain
 from visavis.lab.screen import FlatScreen
 
 _COORDS = re.compile(r"(?:GAZE_COORDS|DISPLAY_COORDS)[ =]+([\d.,\s-]+)")
@@ -107,7 +108,7 @@ def read_eyelink(path: Path, screen: FlatScreen | None) -> GazeRecording:
 
 def _lines(path: Path) -> tuple[list[str], tuple[str, ...]]:
     try:
-        text, remarks = decode_text(path.read_bytes())
+        text, remarks = decode_text(read_plain(path, max_bytes=MAX_UNPACKED_BYTES))
     except FileNotFoundError as error:
         raise UsageError(f"{path}: no such file; check the path") from error
     except (OSError, ValueError) as error:

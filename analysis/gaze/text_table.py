@@ -18,6 +18,7 @@ from visavis.lab.foreign_text import (
     read_rows,
     style_of_numbers,
 )
+from visavis.lab.plain_files import MAX_UNPACKED_BYTES, read_plain
 
 NS_PER_UNIT: Mapping[str, int] = {
     "ns": 1,
@@ -206,7 +207,7 @@ def read_text_table(
     remarks: tuple[str, ...] = ()
     if text is None:
         try:
-            text, remarks = decode_text(path.read_bytes())
+            text, remarks = decode_text(read_plain(path, max_bytes=MAX_UNPACKED_BYTES))
         except FileNotFoundError as error:
             raise UsageError(f"{path}: no such file; check the path") from error
         except (OSError, ValueError) as error:

@@ -68,8 +68,12 @@ def _hash_of(path: Path, modified_ns: int) -> str:
 
 
 def _lossless(picture: Any) -> bytes:
-    """Return a picture as PNG: upright, without a colour profile, as it is on a monitor here."""
+    """Return a picture as PNG: upright, as it is on a monitor here, without colour profile and
+    whatever else its camera wrote.
+    """
     file = BytesIO()
     is_opaque = picture.getchannel("A").getextrema()[0] == 255
-    (picture.convert("RGB") if is_opaque else picture).save(file, "PNG")
+    plain = picture.convert("RGB" if is_opaque else "RGBA")
+    plain.info.clear()  # Pillow would write the profile again
+    plain.save(file, "PNG")
     return file.getvalue()

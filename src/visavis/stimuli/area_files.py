@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 from xml.etree import ElementTree
@@ -32,6 +33,9 @@ COLOUR_NAMES: Final = {rgb: name for name, rgb in reversed(COLOURS.items()) if n
 NUMBER: Final = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 MAX_BYTES: Final = 16 * 1024 * 1024
 OPAQUE: Final = 128
+MAX_CORNERS: Final = 20_000
+"""Of all areas of a file; every edge is compared with every other of its area."""
+COLOURS_NAMED: Final = 8
 
 
 def read_areas(
@@ -70,6 +74,12 @@ def _read(
         areas = [(where, _from_degrees(area, size_px)) for where, area in areas]
     if not areas:
         raise DesignError(f"{path} has no areas; describe or paint one at least")
+    corners = sum(len(area.outline) for _, area in areas)
+    if corners > MAX_CORNERS:
+        raise DesignError(
+            f"{path}: its outlines have {corners} corners; {MAX_CORNERS} at most. Simplify "
+            "them, or paint the areas"
+        )
     first_at: dict[str, str] = {}
     for where, area in areas:
         _check(where, area, size_px, is_around)
@@ -211,9 +221,10 @@ def _area_of(
                 raise DesignError(f"{where}: area {name}: {error}") from error
             is_inside = (labels[..., :3] == colour).all(axis=-1) & (labels[..., 3] >= OPAQUE)
             if not is_inside.any():
+                there = [colour for colour, _ in islice(_colours_of(labels), COLOURS_NAMED)]
                 raise DesignError(
                     f"{where}: no pixel of {picture.name} has the colour {of['colour']!r} of area "
-                    f"{name}; there are {', '.join(_colours_of(labels)) or 'none'}"
+                    f"{name}; there are {', '.join(there) or 'none'}"
                 )
             return Area(name, pixels=pack_runs(is_inside), salience=salience)
         if "ellipse" in of:
@@ -303,13 +314,14 @@ def _of_svg(path: Path, size_px: tuple[int, int]) -> Iterator[tuple[str, Area]]:
             f"{size_px[1]} pixels; draw it over the picture, with the same shape"
         )
     scale = size_px[0] / wide, size_px[1] / high
+    moved = _moved_by_transforms(root)
     for element in root.iter():
         kind = str(element.tag).rpartition("}")[2]
         if kind not in ("polygon", "rect", "circle", "ellipse", "path", "polyline"):
             continue
         name = element.get("id", "")
         where = f"{path}, {kind} {name!r}"
-        if element.get("transform") or _is_moved(root, element):
+        if element in moved:
             raise DesignError(f"{where} is moved by a transform; apply it in the drawing program")
         area = _svg_area(where, kind, name, element)
         outline = tuple(((x - left) * scale[0], (y - top) * scale[1]) for x, y in area.outline)
@@ -325,13 +337,16 @@ def _of_svg(path: Path, size_px: tuple[int, int]) -> Iterator[tuple[str, Area]]:
         )
 
 
-def _is_moved(root: ElementTree.Element, element: ElementTree.Element) -> bool:
-    """Tell whether a group around an element bears a transform."""
-    return any(
-        group.get("transform") and any(one is element for one in group.iter())
-        for group in root.iter()
-        if str(group.tag).endswith("g")
-    )
+def _moved_by_transforms(root: ElementTree.Element) -> set[ElementTree.Element]:
+    """Return the elements that bear a transform, and all within them."""
+    moved, ahead = set(), [(root, False)]
+    while ahead:
+        element, is_moved = ahead.pop()
+        is_moved = is_moved or bool(element.get("transform"))
+        if is_moved:
+            moved.add(element)
+        ahead += [(one, is_moved) for one in element]
+    return moved
 
 
 def _svg_area(where: str, kind: str, name: str, element: ElementTree.Element) -> Area:
@@ -386,7 +401,7 @@ def _numbers(text: str) -> list[float]:
 
 def _of_png(path: Path, size_px: tuple[int, int]) -> Iterator[tuple[str, Area]]:
     labels = _mask(path, size_px)
-    for text, is_inside in _colours_of(labels).items():
+    for text, is_inside in _colours_of(labels):
         if text.startswith("#"):
             row, column = np.argwhere(is_inside)[0]
             raise DesignError(
@@ -408,15 +423,16 @@ def _mask(path: Path, size_px: tuple[int, int]) -> npt.NDArray[np.uint8]:
     return np.asarray(picture)
 
 
-def _colours_of(labels: npt.NDArray[np.uint8]) -> dict[str, npt.NDArray[np.bool_]]:
-    """Return where each colour is that was painted, by its name or "#rrggbb"; black is none."""
+def _colours_of(labels: npt.NDArray[np.uint8]) -> Iterator[tuple[str, npt.NDArray[np.bool_]]]:
+    """Yield each colour that was painted, by its name or "#rrggbb", and where; black is none.
+
+    A photograph has millions: who names some takes no more of them.
+    """
     red, green, blue = (labels[..., i].astype(np.int32) for i in range(3))
     rgb_of_pixel = np.where(labels[..., 3] >= OPAQUE, (red << 16) | (green << 8) | blue, 0)
-    colours = {}
     for value in np.unique(rgb_of_pixel[rgb_of_pixel != 0]).tolist():
         rgb = value >> 16, value >> 8 & 255, value & 255
-        colours[COLOUR_NAMES.get(rgb, f"#{value:06x}")] = rgb_of_pixel == value
-    return colours
+        yield COLOUR_NAMES.get(rgb, f"#{value:06x}"), rgb_of_pixel == value
 
 
 def _text(path: Path) -> str:

@@ -42,6 +42,8 @@ class FilmFacts:
     codec: str = ""
     pixel_format: str = ""
     container: str = ""
+    location: str = ""
+    """Where it was filmed, if its file says so."""
 
     def index_at(self, t_s: float) -> int:
         """Return which picture is there at a time; before and after it the first and the last."""
@@ -133,7 +135,14 @@ def _read_facts(path: Path, file: Any) -> FilmFacts:
         stream.codec_context.name,
         str(stream.codec_context.pix_fmt),
         file.format.name,
+        _location_in(file),
     )
+
+
+def _location_in(file: Any) -> str:
+    metadata = (file.metadata, *(stream.metadata for stream in file.streams))
+    found = (v for of in metadata for name, v in of.items() if "location" in name.lower())
+    return str(next(found, ""))
 
 
 BROWSERS_PLAY: Final = {
@@ -147,9 +156,16 @@ def kind_for_browsers(path: Path) -> str:
     """Return the kind of a film, as browsers call it.
 
     Raises:
-        DesignError: few browsers play it.
+        DesignError: few browsers play it, or it says where it was filmed, which whoever opens the
+            page could read.
     """
     facts = film_facts(path)
+    if facts.location:
+        raise DesignError(
+            f"{path} says where it was filmed ({facts.location[:40]}), and pages give it away as "
+            f"it is; write it without: ffmpeg -i {path.name} -map_metadata -1 -c copy "
+            f"plain{path.suffix}"
+        )
     for container, (kind, codecs) in BROWSERS_PLAY.items():
         is_plain = facts.pixel_format in ("yuv420p", "yuvj420p")
         if container in facts.container.split(",") and facts.codec in codecs and is_plain:

@@ -25,6 +25,8 @@ REACHES_EM: Final = 1.2
 ORIENTATION: Final = 0x0112
 """The EXIF tag that says how a camera was turned."""
 UPRIGHT: Final = 1
+FORMATS: Final = ("PNG", "JPEG", "WEBP", "GIF", "BMP", "TIFF", "PPM")
+"""What is read, whatever a file is called: of the others some begin a program (EPS)."""
 
 
 @lru_cache(maxsize=32)
@@ -108,7 +110,7 @@ def read_picture(path: Path, *, may_lie: bool = True) -> Files.Image:
         hint = f"; did you mean {same[0]}?" if same else "; put it beside the study's file"
         raise DesignError(f"there is no picture {path}{hint}")
     try:
-        with Files.open(path) as file:
+        with Files.open(path, formats=FORMATS) as file:
             # of colours, Pillow reads 16 bits as if they were 8
             is_deep = any("16" in str(tile[3]) for tile in file.tile)
             lies = file.getexif().get(ORIENTATION, UPRIGHT) != UPRIGHT
@@ -116,6 +118,8 @@ def read_picture(path: Path, *, may_lie: bool = True) -> Files.Image:
             picture = ImageOps.exif_transpose(file)
     except UnidentifiedImageError as error:
         raise DesignError(f"{path} is no picture that can be read; save it as PNG") from error
+    except Files.DecompressionBombError as error:
+        raise DesignError(f"{path} has too many pixels ({error}); make it smaller") from error
     except (OSError, SyntaxError, ValueError) as error:
         raise DesignError(f"{path} is damaged ({error}); copy or save it again") from error
     if picture.mode == "CMYK":

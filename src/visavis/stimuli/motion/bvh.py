@@ -4,6 +4,7 @@ Any channel order and any subset of the six channels per joint. Reading what `fo
 gives the same numbers back.
 """
 
+from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,9 +13,11 @@ import numpy.typing as npt
 
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Vector
+from visavis.lab.plain_files import read_plain
 from visavis.stimuli.motion.errors import BvhError, MotionError
 
 CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "XYZ")
+MAX_BYTES = 1 << 30
 _CANONICAL = {name.lower(): name for name in CHANNELS}
 
 
@@ -50,7 +53,7 @@ def read_bvh(path: Path) -> Bvh:
         MotionError: it cannot be read.
     """
     try:
-        raw = path.read_bytes()
+        raw = read_plain(path, max_bytes=MAX_BYTES)
     except FileNotFoundError as error:
         raise UsageError(f"there is no file {path}") from error
     except OSError as error:
@@ -88,7 +91,7 @@ class _Hierarchy:
     def __init__(self, name: str, lines: list[str]) -> None:
         self._name = name
         self._lines = lines
-        self._words: list[str] = []
+        self._words: deque[str] = deque()
         self.line = 0
         self.motion_line = 0
 
@@ -99,9 +102,10 @@ class _Hierarchy:
         while not self._words:
             if self.line >= len(self._lines):
                 raise self._fail(f"the file ends where {what} should stand", "copy it again")
-            self._words = self._lines[self.line].replace("{", " { ").replace("}", " } ").split()
+            line = self._lines[self.line].replace("{", " { ").replace("}", " } ")
+            self._words = deque(line.split())
             self.line += 1
-        return self._words.pop(0)
+        return self._words.popleft()
 
     def _demand(self, word: str) -> None:
         word_read = self._next(word)
@@ -122,7 +126,7 @@ class _Hierarchy:
         """Take the rest of the line: some programs write names with blanks."""
         words = []
         while self._words and self._words[0] != "{":
-            words.append(self._words.pop(0))
+            words.append(self._words.popleft())
         if not words:
             raise self._fail("a joint has no name")
         return " ".join(words)
@@ -189,7 +193,7 @@ class _Hierarchy:
         self._demand("SITE")
         # Some programs name their End Sites; the name carries nothing.
         while self._words and self._words[0] not in ("{", "}"):
-            self._words.pop(0)
+            self._words.popleft()
         self._demand("{")
         self._demand("OFFSET")
         end = self._numbers(f"the End Site of {joint.name!r}")

@@ -26,6 +26,7 @@ _KNOWN = {
     "KHR_materials_sheen",
     "KHR_materials_emissive_strength",
 }
+TEXTURES = ("PNG", "JPEG", "WEBP")
 Array = npt.NDArray[Any]
 
 
@@ -161,10 +162,11 @@ class GltfFile:
                 f"{self.path}: its textures lie in other files; export it as one .glb"
             )
         try:
-            with Image.open(io.BytesIO(self._view(image["bufferView"]))) as picture:
+            data = io.BytesIO(self._view(image["bufferView"]))
+            with Image.open(data, formats=TEXTURES) as picture:
                 kind = "RGBA" if "A" in picture.getbands() else "RGB"
                 return np.asarray(picture.convert(kind))
-        except OSError as e:  # not an image, or cut short
+        except (OSError, Image.DecompressionBombError) as e:  # no image, cut short, too large
             raise CharacterError(
                 f"{self.path}: a texture cannot be read ({e}); export again"
             ) from e

@@ -310,28 +310,33 @@ def _parsed(path: Path) -> _Element:
         raise MotionError(f"{path} cannot be read ({error.strerror or error})") from error
     parser = expat.ParserCreate()
     parser.buffer_text = True
-    above: list[_Element] = []
+    above: list[tuple[_Element, list[str]]] = []
     roots: list[_Element] = []
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         element = _Element(tag, attributes, parser.CurrentLineNumber)
         if len(above) >= MAX_DEPTH:
             raise MotionError(f"{path} line {element.line}: nested deeper than {MAX_DEPTH} levels")
-        (above[-1].children if above else roots).append(element)
-        above.append(element)
+        (above[-1][0].children if above else roots).append(element)
+        above.append((element, []))
+
+    def end(_: str) -> None:
+        element, pieces = above.pop()
+        element.text = "".join(pieces)
 
     def text(piece: str) -> None:
-        above[-1].text += piece
+        above[-1][1].append(piece)
 
     def refuse(*_: object) -> None:
         raise MotionError(
-            f"{path} line {parser.CurrentLineNumber}: it declares entities; remove its DOCTYPE"
+            f"{path} line {parser.CurrentLineNumber}: it declares entities or attributes; remove "
+            "its DOCTYPE"
         )
 
     parser.StartElementHandler = start
-    parser.EndElementHandler = lambda _: above.pop()
+    parser.EndElementHandler = end
     parser.CharacterDataHandler = text
-    parser.EntityDeclHandler = refuse
+    parser.EntityDeclHandler = parser.AttlistDeclHandler = refuse
     try:
         parser.Parse(data, True)
     except (expat.ExpatError, ValueError) as error:
