@@ -27,7 +27,7 @@ def own_certificate(folder: Path, names: Sequence[str], now: datetime) -> Certif
     alone, holds the key as well. `now` is the time of day, with its zone.
     """
     path = folder / NAME
-    if path.exists():
+    if path.is_file():  # a pipe would be waited for
         try:
             return certificate_of(path, path, names)
         except UsageError:

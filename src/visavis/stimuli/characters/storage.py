@@ -211,7 +211,7 @@ def _character(arrays: Mapping[str, npt.NDArray[Any]], head: dict[str, Any]) -> 
         arrays["tips"].astype(np.float64),
     )
     pictures = {
-        name: np.asarray(Image.open(io.BytesIO(png_bytes.tobytes()), formats=("PNG", "WEBP")))
+        name: np.asarray(Image.open(io.BytesIO(png_bytes.tobytes()), formats=("PNG", "JPEG")))
         for name, png_bytes in arrays.items()
         if re.fullmatch(r"(texture|picture)\d+", name)
     }
