@@ -138,9 +138,11 @@ class Renderer(Closing):
 
         Where the camera stands still its room is drawn once, not in every picture.
         """
-        target = self._target(size_px)
-        self.draw(picture, [camera], [target])
-        return target.read()
+        return self._drawn(picture, camera, size_px).read()
+
+    def codes(self, picture: Picture, camera: Camera, size_px: tuple[int, int]) -> Image:
+        """Return the picture as `image` does, but as the card has it (`EyeTarget.codes`)."""
+        return self._drawn(picture, camera, size_px).codes()
 
     def draw(
         self,
@@ -480,6 +482,11 @@ class Renderer(Closing):
         low = LIT_STEP_M * np.floor((hips.min(axis=0) - 1.5) / LIT_STEP_M)
         high = LIT_STEP_M * np.ceil((hips.max(axis=0) + 1.5) / LIT_STEP_M)
         return np.maximum(low, room.low_m), np.minimum(high, room.high_m)
+
+    def _drawn(self, picture: Picture, camera: Camera, size_px: tuple[int, int]) -> EyeTarget:
+        target = self._target(size_px)
+        self.draw(picture, [camera], [target])
+        return target
 
     def _target(self, size_px: tuple[int, int]) -> EyeTarget:
         if size_px not in self._targets:

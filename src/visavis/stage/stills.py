@@ -38,8 +38,8 @@ _CODE_OF_LIGHT = np.round(
 
 
 def shrink(large: npt.NDArray[np.uint8], size_px: tuple[int, int]) -> npt.NDArray[np.uint8]:
-    """Return a picture (height, width, 3) in a size whose width and height divide its own: each
-    pixel is the mean of the light of those it stands for.
+    """Return a picture (height, width, 3 or 4) in a size whose width and height divide its own, as
+    (height, width, 3): each pixel is the mean of the light of those it stands for.
     """
     small = np.empty((size_px[1], size_px[0], 3), np.uint8)
     _shrink_into(np.ascontiguousarray(large), _LIGHT_OF_CODE, _CODE_OF_LIGHT, small)
@@ -89,8 +89,11 @@ class Stills(Closing):
     ) -> npt.NDArray[np.uint8]:
         """Return the picture as (height, width, 3) sRGB bytes, top row first."""
         (width, height), times = size_px, self.renderer.quality.shrink_factor
-        image = self.renderer.image(picture, camera, (times * width, times * height))
-        return image if times == 1 else shrink(image, size_px)
+        if times == 1:
+            return self.renderer.image(picture, camera, size_px)
+        # What the card has is turned over once it is small, and copied nowhere before.
+        codes = self.renderer.codes(picture, camera, (times * width, times * height))
+        return shrink(codes, size_px)[::-1].copy()
 
     def close(self) -> None:
         """Release the graphics context."""

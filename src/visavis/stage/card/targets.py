@@ -60,6 +60,7 @@ class EyeTarget:
         else:
             self.frame = context.framebuffer(self.texture, self._depth)
         self.drawn_into = self.frame if self._many is None else self._many
+        self._codes: npt.NDArray[np.uint8] | None = None
         self._hiding: moderngl.VertexArray | None = None
         if view is not None and view.hidden:
             self._hider = compile_program(context, _HIDING_VERTEX, _HIDING_FRAGMENT)
@@ -99,6 +100,17 @@ class EyeTarget:
         width, height = self.size_px
         raw = self.frame.read(components=3, alignment=1)
         return np.frombuffer(raw, np.uint8).reshape(height, width, 3)[::-1].copy()
+
+    def codes(self) -> npt.NDArray[np.uint8]:
+        """Return the texture as it lies on the card, (height, width, 4) bytes, bottom row first.
+
+        The array is this target's own: the next call writes it again.
+        """
+        if self._codes is None:
+            width, height = self.size_px
+            self._codes = np.empty((height, width, 4), np.uint8)
+        self.frame.read_into(self._codes, components=4, alignment=1)
+        return self._codes
 
     def release(self) -> None:
         """Free the card's memory."""
