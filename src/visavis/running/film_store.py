@@ -75,6 +75,10 @@ ENCODING: Final[Mapping[str, str]] = {
 """One thread, so that the same pictures give the same bytes."""
 REPORT_EVERY: Final = 10
 POSE_DECIMALS: Final = 6
+MAX_HELD_POSES: Final = 1000
+"""A film of at most so many poses, of one person in each of its pictures, is posed once to be
+named, checked and drawn. A pose takes 2 kB, so what `_posed` holds takes at most 64 MB.
+"""
 Image = npt.NDArray[np.uint8]
 Draw = Callable[[Picture, Camera, tuple[int, int]], Image]
 NO_POSE: Final = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
@@ -218,7 +222,8 @@ class FilmStore:
 
     def pictures(self, film: Film) -> Iterator[Picture]:
         """Yield every picture of a film, to be drawn."""
-        return (picture_of(frame) for frame in self.frames(film))
+        posed = _posed(self, film)
+        return (picture_of(frame) for frame in self.frames(film)) if posed is None else iter(posed)
 
     def sound_of(self, film: Film) -> Waveform | None:
         """Return what is heard with a film; None where it has no voice.
@@ -326,6 +331,18 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
 def _store_of(experiment: StudyExperiment, folder: Path) -> FilmStore:
     """Return one store for an experiment, which finds the name of a film once."""
     return FilmStore(experiment.settings.makers, experiment.settings.folder, folder)
+
+
+@lru_cache(maxsize=32)
+def _posed(store: FilmStore, film: Film) -> tuple[Picture, ...] | None:
+    """Return every picture of a film; None where they are too many to be held."""
+    if film.frame_count > MAX_HELD_POSES:
+        return None
+    pictures = map(picture_of, store.frames(film))
+    first = next(pictures)
+    if film.frame_count * len(first.cast) > MAX_HELD_POSES:
+        return None
+    return (first, *pictures)
 
 
 @lru_cache(maxsize=512)

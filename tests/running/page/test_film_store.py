@@ -17,8 +17,10 @@ from scipy.ndimage import binary_erosion
 
 from tests.stage import figures
 from visavis.cli.film.on_page import FilmPictures
+from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Pose, Vector, quat_conjugate, rotate
+from visavis.protocol.plan.experiment import no_progress
 from visavis.results.opened_study import find_study
 from visavis.running.film_store import (
     ENCODING,
@@ -29,7 +31,7 @@ from visavis.running.film_store import (
 )
 from visavis.stage.errors import StageError
 from visavis.stimuli.characters.character import Material
-from visavis.stimuli.dressing.picture_of import NOBODY
+from visavis.stimuli.dressing.picture_of import NOBODY, picture_of
 from visavis.stimuli.motion.skeleton import forward
 from visavis.stimuli.picture import (
     Camera,
@@ -41,6 +43,7 @@ from visavis.stimuli.picture import (
     Room,
     StaticMesh,
 )
+from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.surfaces import Surfaces
 from visavis.study.films import Film, Following, Lens, Placed
 from visavis.study.scenes import Scene
@@ -182,6 +185,27 @@ def test_a_film_built_again_is_equal_to_the_byte(tmp_path: Path) -> None:
         assert found is not None
         built.append(found.path.read_bytes())
     assert built[0] == built[1]
+
+
+@pytest.mark.parametrize(("limit", "times"), [(3, 1), (2, 3)])
+def test_a_film_is_posed_once_to_be_named_checked_and_drawn_unless_it_is_long(
+    limit: int, times: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    times_ns = []
+
+    def counted(frame: SceneFrame) -> Picture:
+        times_ns.append(frame.t_ns)
+        return picture_of(frame)
+
+    monkeypatch.setattr("visavis.running.film_store.picture_of", counted)
+    monkeypatch.setattr("visavis.running.film_store.MAX_HELD_POSES", limit)
+    made = store(tmp_path)
+    try:
+        made.build([SHORT], no_progress)
+    except StageError as problem:
+        pytest.skip(str(problem))
+    assert made.file_of(SHORT) is not None
+    assert [times] * 3 == [times_ns.count(k * NS_PER_S // 30) for k in range(3)]
 
 
 def test_a_film_tells_what_drew_it_and_how(tmp_path: Path) -> None:
