@@ -161,6 +161,12 @@ def test_too_few_items_and_limits_that_cannot_hold_are_told(
         ("item,mood\na,glad,x\nb,sad\n", {}, "line 2: 3 cells below 2 columns"),
         ("item,item\na,b\n", {}, "has the column 'item' twice"),
         ("item,participant\na,b\n", {}, "'participant' is a column of every trial"),
+        ("item,session\na,b\n", {}, "a column of its own, .*let the trial choose by t.session"),
+        (
+            "item,moood\na,glad\nb,sad\n",
+            {},
+            "line 1: the column 'moood' holds levels of the factor 'mood' .*call it 'mood'",
+        ),
         ("item,two words\na,b\n", {}, "the column 'two words' is no name"),
         ("item,mood,w\na,glad,1\nb,sad,-1\n", {"weight": "w"}, "line 3: w is -1; a weight"),
         ("item,mood\na,glad\nb,sad\n", {"lists": "lst"}, "lists names 'lst', which is no col"),

@@ -53,6 +53,12 @@ SLIPS = [
         9,
         "expects something of 'far', which is no factor of it; there are distance, eyes",
     ),
+    (
+        'Compare("dwell_ms", within="eyes"',
+        'Compare("dwell_ms", within="distance", only={"eyes": "direct"}',
+        10,
+        "names 'direct', which is no level of eyes; did you mean 'directed'?",
+    ),
     ('dwell_on("active")', 'dwell_on("actve")', 7, "no role 'actve'; did you mean 'active'?"),
     ("distance_m=", "distance=", 18, "scene person takes no 'distance'; did you mean 'distance_m'"),
     ("eyes=t.eyes", "eys=t.eyes", 18, "scene person takes no 'eys'; did you mean 'eyes'"),
@@ -67,6 +73,12 @@ SLIPS = [
     ("practice=1", "practise=1", 3, "Study takes no 'practise'; did you mean 'practice'"),
     ('within="eyes"', 'witin="eyes"', 10, "Compare takes no 'witin'; did you mean 'within'"),
     ("yield t.show", "t.show", 18, "t.show(…) is made and not performed; write yield t.show(…)"),
+    (
+        "yield t.show",
+        "look = t.show",
+        18,
+        "t.show(…) is made and not performed; write look = yield t.show(…)",
+    ),
     ("@study.trial", "@study.trail", 16, "a study has no 'trail'; did you mean 'trial'?"),
 ]
 

@@ -235,7 +235,7 @@ class OpenedStudy:
         return [(name, "column", (*there, *groups)) for name in columns]
 
     def _refuse_unknown_levels(self) -> None:
-        """Refuse directions of claims and of published results about levels that are not there.
+        """Refuse comparisons, directions of claims and published results of levels not there.
 
         Raises:
             DesignError: with the line of the study file and the most similar valid name.
@@ -243,6 +243,17 @@ class OpenedStudy:
         levels = {f.name: tuple(map(str, f.levels)) for f in self.study.design.factors}
         levels |= {name: tuple(of) for name, of in self.study.analysis.groups.items()}
         levels |= {SESSION: tuple(self.study.design.sessions)} if self.study.design.sessions else {}
+        # Groups of people may be left to whoever derives the study, and derived columns follow
+        # from trials.
+        between = {f.name for f in self.study.design.factors if f.between}
+        for compare in self.study.analysis.compare:
+            for factor, level in compare.only.items():
+                if factor in levels.keys() - between and str(level) not in levels[factor]:
+                    place = line_saying(self.study.files.path, str(level)) or self.study.name
+                    raise DesignError(
+                        f"{place}: only={{{factor!r}: {level!r}}} names {level!r}, which is no "
+                        f"level of {factor}{did_you_mean(level, levels[factor])}"
+                    )
         for compare in (c for c in self.study.analysis.compare if c.within or c.between):
             texts = [(compare.expects, compare.orders)]
             texts += [

@@ -126,9 +126,10 @@ def study_of_file(path: Path) -> Study:
         )
     study = studies[0]
     study.files = replace(study.files, path=path, folder=path.parent)
-    for line, step in forgotten_yields(path, STEPS):
+    for line, answer, step in forgotten_yields(path, STEPS):
         raise DesignError(
-            f"{path}, line {line}: {step}(…) is made and not performed; write yield {step}(…)"
+            f"{path}, line {line}: {step}(…) is made and not performed; write {answer}yield "
+            f"{step}(…)"
         )
     _ = study.trial_plan
     return study

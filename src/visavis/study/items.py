@@ -11,6 +11,7 @@ import unicodedata
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,7 +21,7 @@ from visavis.lab.errors import DataError, DesignError
 from visavis.lab.foreign_text import require_csv
 from visavis.lab.plain_files import read_plain
 from visavis.lab.yaml_lines import did_you_mean
-from visavis.protocol.plan.design import Factor
+from visavis.protocol.plan.design import SESSION, Factor
 from visavis.protocol.plan.orders import Constraint, no_more_than
 from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.protocol.plan.steps import Scalar
@@ -306,10 +307,25 @@ def _of_columns(items: Items, table: ItemTable, factors: Sequence[Factor]) -> It
     reserved = reserved_names(factors)
     own = {f.name for f in factors}
     for name in table.columns:
-        if name in reserved:
+        if name == SESSION:
+            yield (
+                f"{name!r} is a column of every trial, and an item has one row for all sessions: "
+                "give what each session shows a column of its own, such as picture_before and "
+                "picture_after, and let the trial choose by t.session"
+            )
+        elif name in reserved:
             yield f"{name!r} is a column of every trial; name yours otherwise"
         elif not is_name(name):
             yield f"the column {name!r} is no name; give letters, digits and _"
+    for factor in (f for f in factors if f.name not in table.columns):
+        levels = {*factor.levels, *factor.practice_only}
+        for name in get_close_matches(factor.name, sorted({*table.columns} - own), cutoff=0.6):
+            if {row[name] for row in table.rows} <= levels:
+                yield (
+                    f"line 1: the column {name!r} holds levels of the factor {factor.name!r} and "
+                    "is called otherwise, so that items would be shown at any level; call it "
+                    f"{factor.name!r}, or give it a name unlike a factor's"
+                )
     options = {"name": table.name, "lists": items.lists, "weight": items.weight}
     named = [*options.items(), *(("alike", column) for column in items.alike)]
     for what, column in named:

@@ -198,8 +198,12 @@ def line_reached(steps: Generator[Any, Any, Any]) -> str:
     return place
 
 
-def forgotten_yields(path: Path | None, steps: Iterable[str]) -> Iterator[tuple[int, str]]:
-    """Yield line and name of every step that a trial in a study file makes without yielding it."""
+def forgotten_yields(path: Path | None, steps: Iterable[str]) -> Iterator[tuple[int, str, str]]:
+    """Yield line, answer and call of every step that a trial makes without yielding it.
+
+    A step with a name counts where nothing but attributes of that name are read: it is taken for
+    the answer. It is "answer = " then, else "".
+    """
     if path is None or not path.is_file():
         return
     names = frozenset(steps)
@@ -212,7 +216,18 @@ def forgotten_yields(path: Path | None, steps: Iterable[str]) -> Iterator[tuple[
             isinstance(n, ast.Yield | ast.YieldFrom) for n in inner
         ):
             continue
-        for call in (n.value for n in inner if isinstance(n, ast.Expr)):
+        owners = {n.value for n in inner if isinstance(n, ast.Attribute)}
+        reads = [n for n in inner if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Load)]
+        passed_on = {n.id for n in reads if n not in owners}
+        statements = [(n.value, "") for n in inner if isinstance(n, ast.Expr)]
+        statements += [
+            (n.value, f"{n.targets[0].id} = ")
+            for n in inner
+            if isinstance(n, ast.Assign)
+            and isinstance(n.targets[0], ast.Name)
+            and n.targets[0].id not in passed_on
+        ]
+        for call, answer in statements:
             if (
                 isinstance(call, ast.Call)
                 and isinstance(call.func, ast.Attribute)
@@ -220,7 +235,7 @@ def forgotten_yields(path: Path | None, steps: Iterable[str]) -> Iterator[tuple[
                 and call.func.value.id == function.args.args[0].arg
                 and call.func.attr in names
             ):
-                yield call.lineno, f"{call.func.value.id}.{call.func.attr}"
+                yield call.lineno, answer, f"{call.func.value.id}.{call.func.attr}"
 
 
 def line_saying(path: Path | None, word: str) -> str:
