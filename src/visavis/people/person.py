@@ -41,7 +41,7 @@ from visavis.stimuli.areas import SurroundingAreas
 from visavis.stimuli.motion.synthesis.pose_distance import Likeness, compared_joints
 from visavis.stimuli.panels import PanelFrame, choice_centre_m, place_m, track_01
 from visavis.stimuli.picture import Panel
-from visavis.stimuli.room_shape import areas_of_room
+from visavis.stimuli.room_shape import seen_of_room
 from visavis.stimuli.scene import Scene, SceneFrame
 from visavis.stimuli.scenes.flat import FlatScene
 from visavis.stimuli.view_turns import ARROWS, MAX_PITCH_DEG, STEP_DEG
@@ -312,7 +312,7 @@ class StudyPerson(Observer):
             return PictureLayout(scene, sheets, self._seat, screen)
         if scene.room is not None:
             screen = scene.room.screen
-            things = areas_of_room(scene.room).seen_from(self._seat, screen)
+            things = seen_of_room(scene.room, self._seat)
             if not scene.agents:
                 return RoomLayout(scene, things, self._seat, screen)
             return Layout(scene, self._seat, things)

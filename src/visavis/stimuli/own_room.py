@@ -61,6 +61,10 @@ class PlacedRoom:
         path = folder / room.file
         return cls(room, path, path.stat().st_mtime_ns if path.is_file() else 0, screen)
 
+    def of_file(self) -> "PlacedRoom":
+        """Return what is the same wherever somebody stands in it."""
+        return PlacedRoom(Room(self.room.file), self.path, self.modified_ns)
+
     def as_drawn(self) -> "PlacedRoom":
         """Return what is drawn alike, through whatever screen."""
         return PlacedRoom(self.room, self.path, self.modified_ns)

@@ -21,10 +21,11 @@ ROOM_SHAPE: Final = "room_shape"
 """The event that describes the meshes of a room, once in every part of a session."""
 POINTS_OF_TRIANGLE: Final = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2]]) / 6.0
 """Points of a triangle that stand for it, in shares of its corners."""
-TRIANGLES_LOOKED_AT: Final = 100
+TRIANGLES_LOOKED_AT: Final = 25
 """Of a mesh with more triangles, so many of the largest tell where it is seen."""
 VIEW_DEG: Final = (60.0, 35.0)
 """How far aside, and up and down, things attract who looks ahead, where no screen ends the view."""
+MARGIN_M: Final = 1e-4
 DEG2_PER_SR: Final = float(np.degrees(1.0) ** 2)
 
 
@@ -124,16 +125,21 @@ class RoomAreas:
     @cached_property
     def _in_world(
         self,
-    ) -> tuple[tuple[int, Vector, npt.NDArray[np.float32], npt.NDArray[np.int32]], ...]:
-        """Area, box (2, 3), vertices and triangles of each mesh in world."""
+    ) -> tuple[tuple[int, npt.NDArray[np.float32], npt.NDArray[np.int32]], ...]:
+        """Area, vertices and triangles of each mesh in world."""
         names = [area.name for area in self.areas]
         placed = []
         for mesh in self.shape.meshes:
             vertices = to_world(mesh.vertices_m, self.stand_m, self.yaw_deg)
-            box = np.stack([vertices.min(axis=0), vertices.max(axis=0)]).astype(np.float64)
             area = names.index(mesh.name) if mesh.name else NOWHERE
-            placed.append((area, box, vertices, mesh.triangles))
+            placed.append((area, vertices, mesh.triangles))
         return tuple(placed)
+
+    @cached_property
+    def _boxes(self) -> npt.NDArray[np.float64]:
+        """The box (k, 2, 3) of each of them."""
+        low_high = [[v.min(axis=0), v.max(axis=0)] for _, v, _ in self._in_world]
+        return np.array(low_high, np.float64).reshape(-1, 2, 3)
 
     def areas_met(
         self,
@@ -152,8 +158,10 @@ class RoomAreas:
         origin = np.ascontiguousarray(origin_m, np.float64)
         along = np.ascontiguousarray(direction, np.float64)
         distance_m, met = np.full(len(along), np.inf), np.full(len(along), NOWHERE)
-        for area, box, vertices, triangles in self._in_world:
-            near = np.flatnonzero(_meets_box(box, origin, along))
+        meets = _meets_boxes(self._boxes, origin, along)
+        for k in np.flatnonzero(meets.any(axis=0)).tolist():
+            area, vertices, triangles = self._in_world[k]
+            near = np.flatnonzero(meets[:, k])
             if len(near):
                 some_m, some_met = distance_m[near], met[near]
                 meet_triangles(
@@ -165,7 +173,7 @@ class RoomAreas:
     def seen_from(self, eye_m: Vector, screen: PlacedScreen | None) -> list[SeenObject]:
         """Return the things that are seen from an eye that looks ahead or through a screen."""
         seen = []
-        for area, _, vertices, triangles in self._in_world:
+        for area, vertices, triangles in self._in_world:
             if area == NOWHERE:
                 continue
             corners = vertices[triangles].astype(np.float64)
@@ -224,12 +232,14 @@ def from_json(raw: Mapping[str, Any], shapes: Mapping[str, RoomShape]) -> RoomAr
     return RoomAreas(shape, (x, y, z), float(raw["yaw_deg"]))
 
 
-def _meets_box(box: Vector, origin: Vector, along: Vector) -> npt.NDArray[np.bool_]:
-    """Tell which rays (n, 3) meet a box (2, 3), made a little larger."""
+def _meets_boxes(boxes: Vector, origin: Vector, along: Vector) -> npt.NDArray[np.bool_]:
+    """Tell which rays (n, 3) meet which boxes (k, 2, 3), made a little larger: (n, k)."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        a, b = (box[0] - 1e-4 - origin) / along, (box[1] + 1e-4 - origin) / along
-    enter = np.fmax.reduce(np.fmin(a, b), axis=1)
-    leave = np.fmin.reduce(np.fmax(a, b), axis=1)
+        per_m = 1.0 / along[:, None]
+        a = (boxes[:, 0] - MARGIN_M - origin[:, None]) * per_m
+        b = (boxes[:, 1] + MARGIN_M - origin[:, None]) * per_m
+    enter = np.fmax.reduce(np.fmin(a, b), axis=2)
+    leave = np.fmin.reduce(np.fmax(a, b), axis=2)
     meets: npt.NDArray[np.bool_] = (enter <= leave) & (leave > 0)
     return meets
 

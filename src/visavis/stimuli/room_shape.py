@@ -1,10 +1,15 @@
 """The meshes of a laboratory's own room; its reader is loaded only where there is one."""
 
+from functools import lru_cache
 from typing import Final
 
+import numpy as np
+
+from visavis.lab.geometry import Pose, Vector
+from visavis.lab.screen import FlatScreen, PlacedScreen
 from visavis.stimuli.dressing.picture_of import named_function
 from visavis.stimuli.own_room import PlacedRoom
-from visavis.stimuli.room_areas import RoomAreas, RoomShape
+from visavis.stimuli.room_areas import RoomAreas, RoomShape, SeenObject
 
 READER: Final = "visavis.stimuli.dressing.own_room:room_shape"
 
@@ -15,10 +20,40 @@ def shape_of(placed: PlacedRoom) -> RoomShape:
     Raises:
         DesignError: it cannot be read, has no meshes or too many triangles, or two have one name.
     """
-    shape: RoomShape = named_function(READER, "reads a laboratory's room")(placed.as_drawn())
+    shape: RoomShape = named_function(READER, "reads a laboratory's room")(placed)
     return shape
 
 
 def areas_of_room(placed: PlacedRoom) -> RoomAreas:
     """Return the meshes as areas around who looks; DesignError as `shape_of`."""
+    return _areas_of(placed.as_drawn())
+
+
+@lru_cache(maxsize=8)
+def _areas_of(placed: PlacedRoom) -> RoomAreas:
     return RoomAreas(shape_of(placed), placed.room.stand_m, placed.room.yaw_deg)
+
+
+def seen_of_room(placed: PlacedRoom, eye_m: Vector) -> tuple[SeenObject, ...]:
+    """Return what is seen of a room from an eye (3,), through its screen if there is one."""
+    screen = placed.screen
+    eye = tuple(eye_m.tolist())
+    if screen is None:
+        return _seen_of(placed.as_drawn(), eye, None)
+    at, turn = screen.place.position_m, screen.place.orientation_wxyz
+    through = screen.flat, tuple(at.tolist()), tuple(turn.tolist())
+    return _seen_of(placed.as_drawn(), eye, through)
+
+
+_Through = tuple[FlatScreen, tuple[float, ...], tuple[float, ...]]
+
+
+@lru_cache(maxsize=16)
+def _seen_of(
+    placed: PlacedRoom, eye_m: tuple[float, ...], through: _Through | None
+) -> tuple[SeenObject, ...]:
+    screen = None
+    if through is not None:
+        flat, at_m, turn = through
+        screen = PlacedScreen(flat, Pose(np.array(at_m), np.array(turn)))
+    return tuple(_areas_of(placed).seen_from(np.array(eye_m), screen))

@@ -14,7 +14,7 @@ from visavis.protocol.plan.session_plan import SessionPlan, Trial
 from visavis.protocol.plan.shown_scene import RecordedScene
 from visavis.protocol.plan.steps import Step
 from visavis.stimuli.flat import Flat, Panorama
-from visavis.stimuli.room_shape import areas_of_room
+from visavis.stimuli.room_shape import areas_of_room, seen_of_room
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.audience import PARTICIPANT_EYE_M
 from visavis.stimuli.scenes.flat import FlatScene
@@ -84,10 +84,10 @@ class Seen:
         """
         scene = None if self.first is None else self.first.scene
         if scene is not None and scene.room is not None:
-            things = areas_of_room(scene.room)
+            areas = areas_of_room(scene.room).areas
             return {
-                things.areas[one.area].name: direction_deg(one.place_m - PARTICIPANT_EYE_M, None)
-                for one in things.seen_from(PARTICIPANT_EYE_M, scene.room.screen)
+                areas[one.area].name: direction_deg(one.place_m - PARTICIPANT_EYE_M, None)
+                for one in seen_of_room(scene.room, PARTICIPANT_EYE_M)
             }
         if not isinstance(scene, FlatScene):
             return {}

@@ -36,10 +36,10 @@ def room_shape(placed: PlacedRoom) -> RoomShape:
     Raises:
         DesignError: it cannot be read, has no meshes or too many triangles, or two have one name.
     """
-    return _read(placed.as_drawn()).shape
+    return _read(placed.of_file()).shape
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=8)
 def drawn_room(placed: PlacedRoom) -> Room:
     """Return a room as it is drawn around who looks, in even light; the same object each time."""
     room = placed.room
@@ -57,10 +57,10 @@ def drawn_room(placed: PlacedRoom) -> Room:
             prop.material,
             prop.emission_01,
         )
-        for prop in _read(placed.as_drawn()).props
+        for prop in _read(placed.of_file()).props
     )
     return Room(
-        name=f"{room.file} {_read(placed.as_drawn()).shape.sha256}",
+        name=f"{room.file} {_read(placed.of_file()).shape.sha256}",
         props=props,
         lights=(
             Light("sun", np.full(3, 1.1), direction=unit(np.array([0.35, -0.8, -0.5]))),
