@@ -92,7 +92,7 @@ def test_what_is_shown_is_asked_for_and_mistyped_values_again(
 
         yield ask
 
-    monkeypatch.setattr("visavis.cli.commands.devices.full_field", planted)
+    monkeypatch.setattr("visavis.cli.luminance_sheet.full_field", planted)
     said = typed("devices", "luminance", "--levels", "6", "--guns").stdout
     assert 2 == said.count("a number of cd/m²")
     assert 1 == said.count("not more than 0.4")

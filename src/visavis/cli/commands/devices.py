@@ -22,7 +22,6 @@ from visavis.cli.app import (
     verbatim,
 )
 from visavis.cli.device_report import print_trials
-from visavis.cli.luminance_sheet import full_field, measure, print_fit, write_table
 from visavis.cli.showing_devices import shown_pictures, with_their_headset
 from visavis.devices.access_rules import RULES_PATH, access_rules
 from visavis.devices.bench import Trial, capture
@@ -173,6 +172,9 @@ def measure_luminance(
 
     Example: visavis devices luminance
     """
+    # late: it loads pandas, which the other commands on devices do without
+    from visavis.cli.luminance_sheet import full_field, measure, print_fit, write_table
+
     lab = load_lab(config, quiet=as_json)
     screen, path = lab.display.on_screen, lab.luminance_path
     if screen is None:
