@@ -25,11 +25,13 @@ from visavis.cli.preview.capture import (
     is_lit,
     spread,
 )
-from visavis.cli.preview.pictures import Viewpoint, add_label, camera_of
+from visavis.cli.preview.pictures import Viewpoint, add_label, camera_of, camera_through
+from visavis.lab.config import Screen
 from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import LabError, UsageError
 from visavis.lab.geometry import Pose, rotate
 from visavis.results.opened_study import find_study
+from visavis.running.sessions.session_request import Request
 from visavis.stage.errors import StageError
 from visavis.stage.renderer import Renderer
 from visavis.stimuli.picture import Camera
@@ -226,6 +228,51 @@ def test_views_from_outside_hold_everybody(view: Viewpoint, passed_s: float) -> 
 def test_view_from_the_eyes_is_the_participant_s_head() -> None:
     head = Pose(np.array([0.1, 1.6, 1.0]), np.array([1.0, 0, 0, 0]))
     assert camera_of(Viewpoint.EYES, figures.picture(1), head, 1.6, passed_s=0).pose is head
+
+
+def test_before_a_monitor_the_picture_reaches_from_edge_to_edge_of_it() -> None:
+    screen = Screen(
+        width_m=0.5, height_m=0.3, width_px=1920, height_px=1152, distance_m=0.5, center_up_m=0.05
+    )
+    head = Pose(np.array([0.0, 1.2, 0.0]), np.array([1.0, 0, 0, 0]))
+    camera = camera_through(screen, head, 5 / 3)
+    edges = (camera.left, camera.right, camera.bottom, camera.top)
+    assert edges == pytest.approx((-0.5, 0.5, -0.2, 0.4))
+    wide = camera_through(screen, head, 10 / 3)
+    assert (wide.left, wide.right) == pytest.approx((-1.0, 1.0))  # all of its height is in sight
+
+
+VISITS = """from visavis import Factor, Rating, Scene, Study
+
+study = Study("visits", factors=[Factor("motion", ["idle"])], sessions=["learning", "test"],
+              calibrate=False, uses=[])
+
+
+@study.trial
+def trial(t):
+    yield t.show(Scene("person", motion=t.motion), seconds=0.5, name=f"at_{t.session}")
+    yield t.ask(Rating("nice"))
+"""
+
+
+def test_plan_names_the_session_and_preview_performs_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "visits.py").write_text(VISITS, "utf-8")
+    monkeypatch.chdir(tmp_path)
+    CliRunner().invoke(app, ["init"])
+    said = CliRunner().invoke(app, ["plan", "./visits.py", "--session", "2"]).output
+    assert "session 2 of 2: test" in " ".join(said.split())
+    performed: list[object] = []
+
+    def keep(request: Request) -> None:
+        performed.append(request.experiment.session)
+        raise UsageError("seen")
+
+    monkeypatch.setattr("visavis.cli.preview.capture.perform_new", keep)
+    with pytest.raises(UsageError, match="seen"):
+        preview("./visits.py", "--session", 2, "--png", "a.png")
+    assert [2] == performed
 
 
 SHORT_STUDY = """from visavis import Factor, Rating, Scene, Study

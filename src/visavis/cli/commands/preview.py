@@ -38,12 +38,14 @@ from visavis.cli.preview.pictures import (
     Viewpoint,
     add_label,
     camera_of,
+    camera_through,
     check_picture_name,
     contact_sheet,
     simulated_panel,
 )
 from visavis.cli.studies import study_here
 from visavis.lab.clock import NS_PER_S, SystemClock
+from visavis.lab.config import Screen
 from visavis.lab.errors import UsageError
 from visavis.running.sessions.trial_counter import repeating
 from visavis.stage.card.context import draws_on_processor
@@ -70,6 +72,7 @@ def preview(
         str | None,
         typer.Option(help="Whose plan, such as 07, as `plan` shows it; the next new one left out."),
     ] = None,
+    session: Annotated[int, typer.Option("--session", min=1, help="Session number.")] = 1,
     seed: SeedOption = None,
     view: Annotated[Viewpoint, typer.Option(help="eyes, above, or orbit.")] = Viewpoint.EYES,
     png: Annotated[Path | None, typer.Option(help="Write one picture, at --at seconds.")] = None,
@@ -128,14 +131,14 @@ def preview(
         seed=plan_inputs.seed,
         group=plan_inputs.group,
         following=following,
-        experiment=plan_inputs.experiment,
+        experiment=plan_inputs.experiment.of_session(session),
     )
     factors = ", ".join(f"{k} {v}" for k, v in capture.trial.factors.items())
     label = f"{study} {capture.trial.trial_id}  {factors}"
     if on_page:
         preview_page(capture, here.study, label, size_px, png, sheet, video, at, seconds, rate)
         return
-    showing = _TrialPreview(capture, picture_of, view, size_px, label)
+    showing = _TrialPreview(capture, picture_of, view, size_px, label, lab.display.on_screen)
     if png is not None:
         _write_picture(showing, png, at)
     elif sheet is not None:
@@ -170,12 +173,16 @@ class _TrialPreview:
     view: Viewpoint
     size_px: tuple[int, int]
     label: str
+    screen: Screen | None = None
+    """The monitor through which the participant looks; without one, a headset."""
 
     def at(self, frame: CapturedFrame) -> tuple[Picture, Camera]:
         """Return the picture of a frame and the camera that sees it."""
         picture = self.dress(replace(frame.view, t_ns=frame.t_ns))
         aspect = self.size_px[0] / self.size_px[1]
         passed_s = self.passed_s(frame)
+        if self.view is Viewpoint.EYES and self.screen is not None:
+            return picture, camera_through(self.screen, frame.head, aspect)
         return picture, camera_of(self.view, picture, frame.head, aspect, passed_s=passed_s)
 
     def passed_s(self, frame: CapturedFrame) -> float:

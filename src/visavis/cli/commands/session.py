@@ -82,7 +82,6 @@ from visavis.running.sessions.study_folder import (
 from visavis.stimuli.flat import Dots, Grating, Shape
 from visavis.study.cast import use_recorded_cast
 from visavis.study.catalogue import typed_reference
-from visavis.study.criterion import Criterion
 from visavis.study.declaration import Study
 from visavis.study.experiment import StudyExperiment
 from visavis.study.texts import DEFAULT_LANGUAGE, Texts, label_of
@@ -174,16 +173,13 @@ def plan(
     else:
         film_store(plan_inputs.experiment)  # raises where no page can perform it
         plan_inputs.experiment.check_in_headset()
-    session_plan = plan_inputs.experiment.of_session(session).plan(
-        plan_inputs.index, plan_inputs.seed, plan_inputs.group
-    )
+    experiment = plan_inputs.experiment.of_session(session)
+    session_plan = experiment.plan(plan_inputs.index, plan_inputs.seed, plan_inputs.group)
     session_plan = _as_operators_read(session_plan, here.study.study)
     if as_json:
         say_json(asdict(session_plan))
     else:
-        experiment = plan_inputs.experiment
-        criterion = experiment.study.design.practice_until
-        _print_plan(session_plan, plan_inputs.label, plan_inputs.note, experiment.texts, criterion)
+        _print_plan(session_plan, plan_inputs.label, plan_inputs.note, experiment)
         if light:
             console.print(f"[dim]{verbatim(light)}[/]", soft_wrap=True)
     if not as_json:
@@ -291,14 +287,24 @@ def _as_operators_read(session_plan: SessionPlan, study: Study) -> SessionPlan:
 
 
 def _print_plan(
-    session_plan: SessionPlan, label: str, note: str, texts: Texts, criterion: Criterion | None
+    session_plan: SessionPlan, label: str, note: str, experiment: StudyExperiment
 ) -> None:
+    criterion, sessions = (
+        experiment.study.design.practice_until,
+        experiment.study.design.sessions,
+    )
     console.print(
         f"[b]{verbatim(session_plan.study)}[/b]  "
         + (f"participant [b]{verbatim(label)}[/b]  " if label else "[b]next new participant[/b]  ")
         + f"place {session_plan.participant_index + 1}  "
         f"seed {session_plan.seed}"
         + (f"  group {session_plan.group}" if session_plan.group else "")
+        + (
+            f"  session {experiment.session} of {len(sessions)}: "
+            f"{verbatim(sessions[experiment.session - 1])}"
+            if sessions
+            else ""
+        )
     )
     if note:
         console.print(f"[yellow]{verbatim(note)}[/]")
@@ -308,7 +314,8 @@ def _print_plan(
         table.title_justify = "left"
         names = list(dict.fromkeys(k for t in block.trials for k in t.factors))
         for name in ("trial", *names):
-            table.add_column(name.replace("_", " "))  # a space lets the table wrap the heading
+            # A space lets the table wrap the heading; a cell is folded, never cut off.
+            table.add_column(name.replace("_", " "), overflow="fold")
         for trial in block.trials:
             table.add_row(trial.trial_id, *(str(trial.factors.get(n, "")) for n in names))
         console.print(table)
@@ -323,7 +330,7 @@ def _print_plan(
     )
     if criterion is not None:
         console.print(verbatim(criterion.words), soft_wrap=True)
-    for legend in legends(session_plan, texts):
+    for legend in legends(session_plan, experiment.texts):
         console.print(f"[dim]{verbatim(legend)}[/]", soft_wrap=True)
 
 

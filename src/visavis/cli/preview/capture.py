@@ -174,7 +174,12 @@ class Capture:
     def _request(self, folder: Path) -> Request:
         return simulated_request(
             self._study,
-            _FewTrials(self._experiment.study, self._experiment.overrides, self._trial_ids),
+            _FewTrials(
+                self._experiment.study,
+                self._experiment.overrides,
+                self._trial_ids,
+                session=self._experiment.session,
+            ),
             self._config.model_copy(update={"data_root": folder}),
             label=f"{self._index:02d}",
             index=self._index,

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw
 
+from visavis.lab.config import Screen
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import (
     Pose,
@@ -130,6 +131,22 @@ def looking(place: Vector, towards: Vector) -> Pose:
     """Return a level pose at a place that looks along a direction."""
     yaw_deg, pitch_deg = yaw_pitch_deg_of(unit(towards))
     return Pose(place, quat_from_yaw_pitch_deg(float(yaw_deg), float(pitch_deg)))
+
+
+def camera_through(screen: Screen, head: Pose, aspect: float) -> Camera:
+    """Return the camera that sees what a monitor shows to eyes at `head`, facing it: all of its lit
+    area, and beyond it where the picture has other proportions.
+    """
+    half_height_m = max(screen.height_m / 2, screen.width_m / 2 / aspect)
+    half_width_m = half_height_m * aspect
+    right_m, up_m = screen.center_right_m, screen.center_up_m
+    return Camera(
+        head,
+        left=(right_m - half_width_m) / screen.distance_m,
+        right=(right_m + half_width_m) / screen.distance_m,
+        bottom=(up_m - half_height_m) / screen.distance_m,
+        top=(up_m + half_height_m) / screen.distance_m,
+    )
 
 
 def symmetric_camera(pose: Pose, top: float, aspect: float) -> Camera:
