@@ -266,7 +266,7 @@ def test_plan_names_the_session_and_preview_performs_it(
     performed: list[object] = []
 
     def keep(request: Request) -> None:
-        performed.append(request.experiment.session)
+        performed.append(request.experiment.of_session(request.person.session).session)
         raise UsageError("seen")
 
     monkeypatch.setattr("visavis.cli.preview.capture.perform_new", keep)

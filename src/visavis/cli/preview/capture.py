@@ -185,6 +185,7 @@ class Capture:
             index=self._index,
             seed=self._seed,
             group=self._group,
+            session=self._experiment.session,
         )
 
     def stop(self) -> None:
