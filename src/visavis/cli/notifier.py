@@ -101,6 +101,21 @@ def build_missing_films(store: "FilmStore", films: "Sequence[Film]") -> None:
             store.build(missing, on_progress)
 
 
+def prepare_pages(store: "FilmStore", experiment: "StudyExperiment") -> None:
+    """Make what a study's pages show, and say from the first second what is done."""
+    # Late: verbs that run no session load neither people nor rooms.
+    from visavis.running.live_store import prepare_live_films
+    from visavis.study.films import LiveFilm
+
+    if experiment.films:
+        build_missing_films(store, experiment.films)
+    if any(isinstance(live, LiveFilm) for live in experiment.lives):
+        with NOTIFIER.progress(f"getting {experiment.name} ready") as on_progress:
+            experiment.prepare(on_progress)
+        with NOTIFIER.progress("computing everybody's poses, scenes") as on_progress:
+            prepare_live_films(experiment.lives, store, on_progress)
+
+
 def make_ready(study: "OpenedStudy", experiment: "StudyExperiment", config: "LabConfig") -> None:
     """Prepare a study so that no frame is held up later; a second call takes no time."""
     # Late: verbs that run no session load neither devices nor pumps.

@@ -1,6 +1,10 @@
-"""What pages draw live figures from: files by the SHA-256 of their content, made when needed."""
+"""What pages draw live figures from: files by the SHA-256 of their content, made when needed.
+
+They are deflated (zlib), which `load` in `site/live.js` undoes.
+"""
 
 import hashlib
+import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
@@ -101,9 +105,16 @@ class LiveStore:
         return self.lives.index(live)
 
     def _asset(self, data: bytes) -> dict[str, Any]:
-        digest = hashlib.sha256(data).hexdigest()
-        self.assets[digest] = data
-        return {"name": digest, "bytes": len(data)}
+        digest, content = _deflated(data)
+        self.assets[digest] = content
+        return {"name": digest, "bytes": len(content)}
+
+
+@lru_cache(maxsize=1024)
+def _deflated(data: bytes) -> tuple[str, bytes]:
+    """Return a file as pages load it, after its SHA-256; made once for all sessions."""
+    content = zlib.compress(data, 9)
+    return hashlib.sha256(content).hexdigest(), content
 
 
 @lru_cache(maxsize=32)
@@ -161,6 +172,7 @@ def prepare_live_films(
     `report_progress` is called with the number of films made and of all.
     """
     live_films = [live for live in lives if isinstance(live, LiveFilm)]
+    report_progress(0, len(live_films))
     for count, live in enumerate(live_films, start=1):
         # late, as above
         from visavis.running.live_film import live_film_files

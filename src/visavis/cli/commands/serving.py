@@ -28,7 +28,7 @@ from visavis.cli.app import (
     verbatim,
 )
 from visavis.cli.commands.session import ENDING_SIGNALS, LanguageOption, SeedOption, SetOption
-from visavis.cli.notifier import NOTIFIER, build_missing_films
+from visavis.cli.notifier import NOTIFIER, prepare_pages
 from visavis.cli.studies import StudyHere, people_here, study_of_lab
 from visavis.lab.clock import SystemClock
 from visavis.lab.errors import ConfigError, UsageError
@@ -252,12 +252,11 @@ def page_study(
 
 
 def build_films(base: Request) -> "FilmStore":
-    """Return a study's films; build the missing ones with a progress bar."""
+    """Return a study's films; make what is missing of them, and of scenes, with a progress bar."""
     experiment = base.experiment
     assert isinstance(experiment, StudyExperiment)  # noqa: S101  # page_study has checked it
     store = film_store(experiment)
-    if experiment.films:
-        build_missing_films(store, experiment.films)
+    prepare_pages(store, experiment)
     return store
 
 

@@ -33,7 +33,7 @@ from visavis.cli.desk.link import ACTIONS, About, SessionLink
 from visavis.cli.doctor.findings import Finding
 from visavis.cli.doctor.station import station_findings
 from visavis.cli.lab_companion import LabCompanion
-from visavis.cli.notifier import build_missing_films, counting, make_ready
+from visavis.cli.notifier import counting, make_ready, prepare_pages
 from visavis.cli.operator_screen import TerminalOperator
 from visavis.cli.questions import TerminalRespondent
 from visavis.cli.studies import StudyHere, require_session, study_here, study_of_lab
@@ -605,7 +605,7 @@ def _perform(
     blind = blind or here.study.study.procedure.blind
     experiment = here.study.experiment(settings.parameters).of_session(session)
     if not fast and on == "browser" and isinstance(experiment, StudyExperiment):
-        build_missing_films(film_store(experiment), experiment.films)
+        prepare_pages(film_store(experiment), experiment)
     # Compute and compile before the operator's screen opens, which would stay empty meanwhile.
     if not fast and on == "lab":
         make_ready(here.study, experiment, here.lab)

@@ -179,14 +179,23 @@ function meanRotation(moments, at, near, nearAt) {
 // ---- poses ----------------------------------------------------------------------------------
 
 /** Place all joints: `pose.place` and `pose.world` from `pose.root` and `pose.turns`. */
-export function placeAll(blend, pose) {
-  const { parents } = blend;
-  pose.place[0] = [...pose.root];
-  pose.world[0] = pose.turns[0];
-  for (let j = 1; j < blend.joints; j += 1) {
-    const above = pose.world[parents[j]];
-    pose.place[j] = plus(pose.place[parents[j]], rotate(above, offsetOf(blend, j)));
-    pose.world[j] = times(above, pose.turns[j]);
+export function placeAll({ parents, joints, offsets_m: offsets }, { root, turns, place, world }) {
+  for (let i = 0; i < 3; i += 1) place[0][i] = root[i];
+  world[0] = turns[0];
+  for (let j = 1; j < joints; j += 1) { // nothing is made anew: a frame places everybody's joints
+    const [w, x, y, z] = world[parents[j]];
+    const [px, py, pz] = place[parents[j]];
+    const [a, b, c] = [offsets[3 * j], offsets[3 * j + 1], offsets[3 * j + 2]];
+    const [ta, tb, tc] = [2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)];
+    const [at, all, turn] = [place[j], world[j], turns[j]];
+    at[0] = px + (a + w * ta + (y * tc - z * tb));
+    at[1] = py + (b + w * tb + (z * ta - x * tc));
+    at[2] = pz + (c + w * tc + (x * tb - y * ta));
+    const [tw, tx, ty, tz] = turn;
+    all[0] = w * tw - x * tx - y * ty - z * tz;
+    all[1] = w * tx + x * tw + y * tz - z * ty;
+    all[2] = w * ty - x * tz + y * tw + z * tx;
+    all[3] = w * tz + x * ty - y * tx + z * tw;
   }
 }
 
@@ -270,7 +279,8 @@ function leadLeg(blend, pose, side, goalM, goalTurns, gap) {
 }
 
 export function newPose(blend) {
-  return { root: [0, 0, 0], turns: new Array(blend.joints), place: new Array(blend.joints), world: new Array(blend.joints) };
+  const rows = (numbers) => Array.from({ length: blend.joints }, () => [...numbers]);
+  return { root: [0, 0, 0], turns: rows([1, 0, 0, 0]), place: rows([0, 0, 0]), world: rows([1, 0, 0, 0]) };
 }
 
 /** Return what `poseAt` needs of weights; it does not change over time. */

@@ -4,32 +4,56 @@ import * as blends from "./blend.js";
 import { readPerson } from "./glb.js";
 import { boneRows } from "./painting.js";
 
+/** Read how somebody moves (`live_film`): a row for every picture, of the root and the turns of `moving`. */
+export function motionOf({ head, arrays }) {
+  const { moving, frames, step } = head;
+  const { changes, root_m: root, rest } = arrays;
+  const wide = 3 + 4 * moving.length;
+  const all = wide * frames;
+  const rows = new Float32Array(all);
+  for (let c = 0; c < wide; c += 1) {
+    const first = c < 3 ? root[c] : rest[4 * moving[(c - 3) >> 2] + ((c - 3) & 3)];
+    let at = 0;
+    let speed = 0;
+    for (let k = 0; k < frames; k += 1) {
+      const i = frames * c + k;
+      const whole = changes[i] + 256 * (changes[all + i] + 256 * (changes[2 * all + i] + 256 * changes[3 * all + i]));
+      speed += whole % 2 ? -(whole + 1) / 2 : whole / 2;
+      at += speed;
+      rows[wide * k + c] = first + step * at;
+    }
+  }
+  return { rows, wide };
+}
+
 /** Let a person move as a file of poses says, again and again or `once`; then they stay as they are. */
-function actorOf({ head, arrays }, person, stage, shade, once) {
-  const { joints, parents, moving, frames, rate_hz: rate } = head;
-  const body = { joints, parents, offsets_m: arrays.offsets_m };
+export function actorOf(file, person, number, shade, once) {
+  const { joints, parents, moving, frames, rate_hz: rate } = file.head;
+  const { offsets_m: offsets, rest } = file.arrays;
+  const { rows, wide } = motionOf(file);
+  const body = { joints, parents, offsets_m: offsets };
   const pose = blends.newPose(body);
-  const turnAt = (turns, i) => Array.from(turns.subarray(4 * i, 4 * i + 4));
-  for (let j = 0; j < joints; j += 1) pose.turns[j] = turnAt(arrays.rest, j);
-  const number = stage.add(person);
+  for (let j = 0; j < joints; j += 1) for (let i = 0; i < 4; i += 1) pose.turns[j][i] = rest[4 * j + i];
   const lastS = frames / rate;
-  const between = (values, i, k, n, share) => (1 - share) * values[n * k + i] + share * values[n * Math.min(frames - 1, k + 1) + i];
   let nowS = 0;
   return {
     rounds: 0,
+    pose,
     again() { this.rounds = 0; nowS = 0; },
     step(seconds, bones) {
       nowS += seconds;
       const rounds = Math.floor(nowS / lastS);
       if (once) { this.rounds = Math.min(1, rounds); nowS = Math.min(nowS, lastS); } else { this.rounds += rounds; nowS -= rounds * lastS; }
       const k = Math.min(frames - 1, Math.floor(nowS * rate));
-      const share = nowS * rate - k;
-      pose.root = [0, 1, 2].map((i) => between(arrays.root_m, i, k, 3, Math.min(1, share)));
-      moving.forEach((j, m) => {
-        const turn = [0, 1, 2, 3].map((i) => between(arrays.turns, 4 * m + i, k, 4 * moving.length, Math.min(1, share)));
-        const n = Math.hypot(...turn);
-        pose.turns[j] = turn.map((part) => part / n);
-      });
+      const share = Math.min(1, nowS * rate - k);
+      const [here, after] = [wide * k, wide * Math.min(frames - 1, k + 1)];
+      for (let i = 0; i < 3; i += 1) pose.root[i] = (1 - share) * rows[here + i] + share * rows[after + i];
+      for (let m = 0; m < moving.length; m += 1) {
+        const turn = pose.turns[moving[m]];
+        for (let i = 0; i < 4; i += 1) turn[i] = (1 - share) * rows[here + 3 + 4 * m + i] + share * rows[after + 3 + 4 * m + i];
+        const n = Math.sqrt(turn[0] * turn[0] + turn[1] * turn[1] + turn[2] * turn[2] + turn[3] * turn[3]);
+        for (let i = 0; i < 4; i += 1) turn[i] /= n;
+      }
       blends.placeAll(body, pose);
       for (let j = 0; j < joints; j += 1) boneRows(pose.world[j], 0, pose.place[j], 0, person.rest, 3 * j, bones, 12 * (number * joints + j));
       shade.middle = [pose.root[0], pose.root[2]];
@@ -52,7 +76,8 @@ export async function actorsOf({ live, once }, stage, load, addShade) {
   let joints = 0;
   for (const one of live.people) {
     const poses = blends.readArrays(await load(one.poses));
-    actors.push(actorOf(poses, await readPerson(await load(one.person)), stage, addShade(), once));
+    const person = await readPerson(await load(one.person));
+    actors.push(actorOf(poses, person, stage.add(person), addShade(), once));
     joints = poses.head.joints;
   }
   return { walkers: actors, joints };

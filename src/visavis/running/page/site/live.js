@@ -66,7 +66,9 @@ async function hashOf(buffer) {
   return [...new Uint8Array(digest)].map((b) => b.toString(16).padStart(2, "0")).join("");
 }
 
-/** Load a file of a figure whole and check it; it stays for all steps to come. */
+const inflated = (content) => new Response(new Blob([content]).stream().pipeThrough(new DecompressionStream("deflate"))).arrayBuffer();
+
+/** Load a file of a figure whole, check it and inflate it; it stays for all steps to come. */
 export async function load(asset, key) {
   if (files.has(asset.name)) return files.get(asset.name);
   let why = "";
@@ -74,10 +76,11 @@ export async function load(asset, key) {
     try {
       const response = await wire.asset(asset.name, key);
       if (!response.ok) throw new Error(`the server answered ${response.status}`);
-      const buffer = await response.arrayBuffer();
-      if (buffer.byteLength !== asset.bytes) throw new Error("it came in part");
-      const hash = await hashOf(buffer);
+      const content = await response.arrayBuffer();
+      if (content.byteLength !== asset.bytes) throw new Error("it came in part");
+      const hash = await hashOf(content);
       if (hash !== null && hash !== asset.name) throw new Error("it came damaged");
+      const buffer = await inflated(content);
       files.set(asset.name, buffer);
       return buffer;
     } catch (error) {
@@ -408,7 +411,7 @@ export function placesOf(blend, w, until) {
     const root = blends.inPlace(blend, w, keyS, phase, pose.root);
     pose.root = root;
     blends.placeAll(blend, pose);
-    for (const j of until.joints) places.push(pose.place[j]);
+    for (const j of until.joints) places.push([...pose.place[j]]);
   }
   return places;
 }

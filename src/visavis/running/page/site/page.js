@@ -1037,7 +1037,7 @@ async function begin(takesOver) {
     put("narrow", paragraph(say("no_play")));
     return;
   }
-  if (state.draws && !document.createElement("canvas").getContext("webgl2")) {
+  if (state.draws && !(window.DecompressionStream && document.createElement("canvas").getContext("webgl2"))) {
     put("narrow", paragraph(say("no_figures")));
     return;
   }
