@@ -7,11 +7,13 @@ import pytest
 
 from visavis.cli import main as command
 from visavis.cli.commands import preview, session
-from visavis.cli.notifier import build_missing_films
+from visavis.cli.notifier import build_missing_films, prepare_pages
 from visavis.lab.config_files import EXAMPLE
 from visavis.results.opened_study import find_study
+from visavis.running import live_film
 from visavis.running.film_store import FilmFile, FilmStore, film_store
 from visavis.running.sessions.session_request import Request
+from visavis.study.experiment import StudyExperiment
 from visavis.study.films import Film
 from visavis.study.scenes import Scene
 
@@ -75,6 +77,20 @@ def test_films_are_looked_for_and_drawn_with_a_word_before_each(
     looks, _, draws = said_before
     assert "looking for films" in looks
     assert "drawing 1 film" in draws
+
+
+def test_scenes_that_pages_draw_are_computed_with_a_word_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said_before: list[str] = []
+    monkeypatch.setattr(
+        live_film, "live_film_files", lambda *_: said_before.append(capsys.readouterr().err)
+    )
+    experiment = find_study("waving_page").experiment({"increment": 0.0})
+    assert isinstance(experiment, StudyExperiment)
+    prepare_pages(FilmStore({}, tmp_path, tmp_path), experiment)
+    assert len(experiment.lives) == len(said_before)
+    assert "computing everybody's poses" in said_before[0]
 
 
 def test_a_session_finds_the_names_of_its_films_once() -> None:

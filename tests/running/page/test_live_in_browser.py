@@ -24,6 +24,7 @@ from tests.running.page.test_browser import (
 )
 from tests.running.page.test_browser import server as server
 from tests.running.page.test_elsewhere import Host, recorded, saved, served_files
+from tests.running.page.test_headset_in_browser import serve_site
 from tests.running.page.test_live_scenes import STUDY as WATCHED
 from visavis.experiments.adjectives.pairs import PAIRS
 from visavis.experiments.matching.interfaces import target_shares
@@ -32,15 +33,20 @@ from visavis.lab.geometry import Vector
 from visavis.recording.folder import session_dir
 from visavis.recording.reader import Recording
 from visavis.results.moves import moves_of
+from visavis.running.film_store import FilmStore
+from visavis.running.live_film import live_film_files
 from visavis.running.page.server import SITE
 from visavis.stimuli.characters.cast import load_character
 from visavis.stimuli.motion.build import build_of_character
+from visavis.stimuli.motion.skeleton import forward
 from visavis.stimuli.motion.synthesis.blend_file import packed_examples
 from visavis.stimuli.motion.synthesis.example_blend import Blend, blend_at
 from visavis.stimuli.motion.synthesis.gesture_styles import gesture_examples
 from visavis.stimuli.motion.synthesis.pose_distance import MATCH_M
 from visavis.stimuli.motion.synthesis.style_weights import fit_weights
 from visavis.stimuli.motion.synthesis.walk_styles import style_names, walk_examples
+from visavis.study.films import Film
+from visavis.study.scenes import Scene
 
 STUDY = Path(__file__).parents[2] / "studies" / "moulding.py"
 DRAWN = "[data-frames]:not([data-frames='0']):not([data-frames='1']):not([data-frames='2'])"
@@ -59,6 +65,18 @@ POSES = """async ([code, file, values, phases, times]) => {
         return { weights: [...w], root: [...pose.root], turns: pose.turns.flat(),
             place: blends.inPlace(blend, w, keys, phases[i], pose.root),
             phase: blends.phaseOf(keys, times[i]) };
+    });
+}"""
+PLACES = """async ([file, frames, rate]) => {
+    const { actorOf } = await import("/drawn_film.js");
+    const { readArrays } = await import("/blend.js");
+    const poses = readArrays(Uint8Array.from(atob(file), (c) => c.charCodeAt(0)).buffer);
+    const bones = new Float32Array(12 * poses.head.joints);
+    const rest = new Float32Array(3 * poses.head.joints);
+    const actor = actorOf(poses, { rest }, 0, {}, true);
+    return Array.from({ length: frames }, (_, k) => {
+        actor.step(k ? 1 / rate : 1e-9, bones);
+        return actor.pose.place.map((at) => [...at]);
     });
 }"""
 
@@ -102,6 +120,23 @@ def test_a_page_blends_as_python_does_over_a_thousand_settings(browser: Any) -> 
         assert drawn[i]["place"] == pytest.approx(blend.at(t_s).root_m, abs=1e-9)
         phase = float(blend.phase_of(times[i])) % 4.0
         assert drawn[i]["phase"] == pytest.approx(phase, abs=1e-9)
+
+
+def test_a_page_moves_people_of_a_film_as_python_does(browser: Any) -> None:
+    film = Film(Scene("person", motion="wave"), 2.0, rate_hz=30)
+    store = FilmStore({}, Path())
+    (file,) = live_film_files(film, store).poses
+    pictures = list(store.pictures(film))
+    page = browser.new_page()
+    page.route("http://film.test/**", serve_site)
+    page.goto("http://film.test/")
+    drawn = np.array(page.evaluate(PLACES, [encoded(file), len(pictures), film.rate_hz]))
+    skeleton = pictures[0].cast[0].skeleton
+    roots = np.array([p.people.root_m[0] for p in pictures])
+    turns = np.array([p.people.orientation_wxyz[0] for p in pictures])
+    apart_m = np.linalg.norm(drawn - forward(skeleton, roots, turns).position_m, axis=-1)
+    assert np.ptp(drawn, axis=0).max() > 0.1  # somebody waves
+    assert 0 == pytest.approx(apart_m.max(), abs=1e-4)
 
 
 def leave(page: Any) -> None:
