@@ -106,7 +106,8 @@ def _changes(moves: Vector) -> npt.NDArray[np.uint8]:
     steps = np.rint((moves - moves[0]) / STEP).astype(np.int64)
     seconds = np.diff(steps, n=2, axis=0, prepend=np.zeros_like(steps, shape=(2, moves.shape[1])))
     whole = np.where(seconds >= 0, 2 * seconds, -2 * seconds - 1).T.astype("<u4")
-    return whole.reshape(-1, 1).view(np.uint8).T
+    changes: npt.NDArray[np.uint8] = whole.reshape(-1, 1).view(np.uint8).T
+    return changes
 
 
 @cache

@@ -183,13 +183,14 @@ def moves_of(head: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> np.nd
     low_first = arrays["changes"].T.astype(np.int64)
     whole = (low_first << np.array([0, 8, 16, 24])).sum(axis=1).reshape(len(first), -1)
     seconds = np.where(whole % 2, -(whole + 1) // 2, whole // 2)
-    moves = first[:, None].astype(np.float64) + head["step"] * seconds.cumsum(1).cumsum(1)
+    steps: np.ndarray = seconds.cumsum(1).cumsum(1)
+    moves: np.ndarray = first[:, None].astype(np.float64) + head["step"] * steps
     return moves.T
 
 
 def joints_m(skeleton: Skeleton, root_m: np.ndarray, turns: np.ndarray) -> np.ndarray:
     """Return where joints are in every picture."""
-    return np.asarray(forward(skeleton, root_m, turns).position_m)
+    return forward(skeleton, root_m, turns).position_m
 
 
 def signs(a: np.ndarray, b: np.ndarray) -> np.ndarray:
