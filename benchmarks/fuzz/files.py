@@ -8,9 +8,11 @@ import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from PIL import Image, PngImagePlugin
 
 from benchmarks.fuzz.codecs import WIRES
 from benchmarks.fuzz.damage import arrays_again, chained_again, journal_again, sealed_again
@@ -20,6 +22,7 @@ from tests.recording.sessions import record_session
 from tests.recording.test_export import gaze_session
 from tests.stimuli.glb_figure import write_glb
 from tests.stimuli.motion.motions import SMALL_BVH
+from tests.stimuli.motion.speaking.test_annotations import ANVIL, ELAN
 from visavis.analysis.foreign_check import read_bids_times, read_xdf_times
 from visavis.analysis.gaze.bids import read_bids
 from visavis.analysis.gaze.mapped_csv import mapping_of, read_csv, read_mapping
@@ -59,14 +62,17 @@ from visavis.running.sessions.plan_lock import (
     read_peeks,
 )
 from visavis.running.sessions.study_folder import StudySettings, read_settings, settle
+from visavis.stimuli.area_files import _read as read_areas
 from visavis.stimuli.characters.gltf import import_gltf
 from visavis.stimuli.characters.gltf.figure import read_figure
 from visavis.stimuli.characters.gltf.file import read_glb
 from visavis.stimuli.characters.storage import read_character, write_character
+from visavis.stimuli.flat_pixels import read_picture
 from visavis.stimuli.motion.bvh import parse_bvh
 from visavis.stimuli.motion.clip import Clip
 from visavis.stimuli.motion.clip_file import read_clip, write_clip
 from visavis.stimuli.motion.skeleton import canonical_skeleton
+from visavis.stimuli.motion.speaking.annotations import read_any_script
 from visavis.study.texts import WORDS_DIR, read_texts
 
 TOLD_BY_IMPORT = (
@@ -268,6 +274,15 @@ def files(scratch: Path) -> Iterator[Target]:
     yield target(
         "visavis.stimuli.motion.bvh", SMALL_BVH, lambda data: parse_bvh(data.decode("latin-1"))
     )
+    for ending, picture in pictures().items():
+        yield target(
+            f"visavis.stimuli.flat_pixels {ending}", picture, at(f"picture.{ending}", read_picture)
+        )
+    for ending, areas in AREAS.items():
+        yield target(f"visavis.stimuli.area_files {ending}", areas, at(f"areas.{ending}", _areas))
+    for ending, script in (("anvil", ANVIL), ("eaf", ELAN.read_text("utf-8"))):
+        name = f"visavis.stimuli.motion.speaking {ending}"
+        yield target(name, script, at(f"take.{ending}", read_any_script))
     clip = of_file("visavis.stimuli.motion.clip_file", made / "clip.npz", read_clip)
     yield from (clip, again(clip, arrays_again))
     figure = made / "figure.glb"
@@ -317,6 +332,42 @@ def foreign_bids(root: Path) -> Iterator[Target]:
     for path, text in content.items():
         name = f"visavis.analysis.foreign_check {path.name.split('_', 1)[1]}"
         yield Target(name, (text.encode(),), reading(path, text.encode()), (LabError,))
+
+
+def pictures() -> dict[str, bytes]:
+    """Return a small picture in each format, with what cameras and programs write beside it."""
+    shades, exif = np.arange(144, dtype=np.uint8).reshape(6, 8, 3), Image.Exif()
+    exif[0x0112], exif[0x010F] = 6, "camera"
+    exif.get_ifd(0x8825)[18] = "WGS-84"
+    text = PngImagePlugin.PngInfo()
+    text.add_text("Author", "somebody", zip=True)
+    text.add_itxt("XML:com.adobe.xmp", '<x tiff:Orientation="6"/>')
+    found = {}
+    beside: dict[str, dict[str, Any]] = {
+        "png": {"exif": exif, "pnginfo": text, "icc_profile": b"profile" * 9},
+        "jpg": {"exif": exif, "icc_profile": b"profile" * 9, "comment": b"words"},
+        "webp": {"exif": exif, "lossless": True},
+        "tiff": {"tiffinfo": {270: "words", 0x0112: 6}},
+        "gif": {"comment": b"words"},
+    }
+    for ending, more in beside.items():
+        written = io.BytesIO()
+        Image.fromarray(shades).save(written, {"jpg": "JPEG"}.get(ending, ending), **more)
+        found[ending] = written.getvalue()
+    return found
+
+
+AREAS = {
+    "svg": '<svg viewBox="0 0 8 6"><g><rect id="a" x="1" y="1" width="2" height="2"/></g>'
+    '<path id="b" d="M4 1h3v2L4 3z" data-salience="2"/><circle id="c" cx="3" cy="4" r="1"/></svg>',
+    "csv": "area,x,y,salience\na,1,1,2\na,3,1,\na,3,3,\nb,4,1,\nb,6,1,\nb,6,3,\n",
+    "yaml": "a: {polygon: [[1, 1], [3, 1], [3, 3]]}\nb: {ellipse: [5, 3, 2, 2], turn_deg: 10}\n",
+}
+"""Areas of a picture of 8 by 6 pixels."""
+
+
+def _areas(path: Path) -> object:
+    return read_areas.__wrapped__(path, 0, (8, 6), is_around=False)
 
 
 def zipped(text: str) -> bytes:

@@ -137,3 +137,15 @@ def test_a_long_text_costs_no_more_than_reading_it(tmp_path: Path) -> None:
     path, text = tmp_path / "a.eaf", "x" * 60 + "\n"
     path.write_text(f"<r>{text * 600_000}</r>")
     assert 600_000 * len(text) == len(_parsed(path).text)
+
+
+def test_a_corner_beyond_every_number_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text(f"a: {{ellipse: [{'9' * 400}, 3, 2, 2]}}\n")
+    with pytest.raises(DesignError, match="ellipse"):
+        read_areas(tmp_path / "a.yaml", (8, 6))
+
+
+def test_an_annotation_in_an_encoding_that_nobody_knows_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.eaf").write_text('<?xml version="1.0" encoding="UDF-8"?><r/>')
+    with pytest.raises(MotionError, match="UDF-8"):
+        _parsed(tmp_path / "a.eaf")

@@ -236,7 +236,7 @@ def _area_of(
             return Area(name, _rectangle(left, top, wide, downwards * high), salience=salience)
         outline = tuple((float(x), float(y)) for x, y in of["polygon"])
         return Area(name, outline, salience=salience)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise DesignError(
             f"{where}: area {name}: polygon is [[x, y], …], rectangle [left, top, width, height], "
             "ellipse [x, y, width, height] around its middle, all in pixels; of a panorama in "

@@ -11,6 +11,7 @@ from PIL import ImageDraw, ImageOps, UnidentifiedImageError
 
 from visavis.lab.errors import DesignError
 from visavis.lab.luminance import LuminanceTable
+from visavis.lab.plain_files import DAMAGED_ARCHIVE
 from visavis.stimuli.dots import places_deg
 from visavis.stimuli.film_file import FilmReader
 from visavis.stimuli.flat import Dots, Flat, Grating, Image, Shape, Text, Video, rgb_of
@@ -120,7 +121,7 @@ def read_picture(path: Path, *, may_lie: bool = True) -> Files.Image:
         raise DesignError(f"{path} is no picture that can be read; save it as PNG") from error
     except Files.DecompressionBombError as error:
         raise DesignError(f"{path} has too many pixels ({error}); make it smaller") from error
-    except (OSError, SyntaxError, ValueError) as error:
+    except (OSError, ValueError, *DAMAGED_ARCHIVE) as error:
         raise DesignError(f"{path} is damaged ({error}); copy or save it again") from error
     if picture.mode == "CMYK":
         raise DesignError(f"{path} has colours for print (CMYK); save it as RGB")

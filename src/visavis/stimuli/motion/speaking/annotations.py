@@ -266,7 +266,7 @@ def _elan(
                         Problem(element.line, name, f"{end} has no time; align it in ELAN")
                     )
                     break
-                times.append(int(value) / 1000)
+                times.append(float(value) / 1000)
             if len(times) == 2:
                 span = _Span(times[0], times[1], element.line, {"text": text_of(element)})
                 result.append((element.attributes.get("ANNOTATION_ID", ""), span))
@@ -339,7 +339,7 @@ def _parsed(path: Path) -> _Element:
     parser.EntityDeclHandler = parser.AttlistDeclHandler = refuse
     try:
         parser.Parse(data, True)
-    except (expat.ExpatError, ValueError) as error:
+    except (expat.ExpatError, LookupError, ValueError) as error:
         line = getattr(error, "lineno", parser.CurrentLineNumber)
         raise MotionError(
             f"{path} line {line}: it is not complete XML ({error}); save or export it again"
