@@ -31,7 +31,12 @@ def areas_of_room(placed: PlacedRoom) -> RoomAreas:
 
 @lru_cache(maxsize=8)
 def _areas_of(placed: PlacedRoom) -> RoomAreas:
-    return RoomAreas(shape_of(placed), placed.room.stand_m, placed.room.yaw_deg)
+    areas = RoomAreas(shape_of(placed), placed.room.stand_m, placed.room.yaw_deg)
+    # What takes long is done when a study is read, not between two frames of its session: kernels
+    # are loaded, and the text of the event is kept.
+    areas.areas_met(np.zeros((1, 3)), np.array([[0.0, 0.0, -1.0]]))
+    _ = areas.shape.event
+    return areas
 
 
 def seen_of_room(placed: PlacedRoom, eye_m: Vector) -> tuple[SeenObject, ...]:
