@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from visavis.stage.stills import Stills
     from visavis.study.moving_camera import FilmSeen
 
-FILM_VERSION: Final = "vp9 8"
+FILM_VERSION: Final = "vp9 9"
 """Version of drawing and encoding: a new value makes every film again."""
 FILM_QUALITY: Final[Mapping[str, Any]] = {
     "samples": 0,
