@@ -245,19 +245,19 @@ def luminance_table(
     Raises:
         ConfigError: there are too few, or they do not rise.
     """
-    numbered = sorted(zip(rows, lines or range(1, len(rows) + 1), strict=True))
+    rows_by_level = sorted(zip(rows, lines or range(1, len(rows) + 1), strict=True))
     problems, curves = [], []
     guns = [gun for gun in (GREY, *GUNS) if any(gun == row[0] for row in rows)]
     if guns not in ([GREY], [GREY, *GUNS]):
         there = ", ".join(guns) or "nothing"
         problems.append(f"{there} is measured; measure grey, and all three guns or none")
     for gun in guns:
-        own = [(level, cd_m2, line) for (of, level, cd_m2), line in numbered if of == gun]
+        own = [(level, cd_m2, line) for (of, level, cd_m2), line in rows_by_level if of == gun]
         levels = [level for level, _, _ in own]
         if len(set(levels)) < MIN_LEVELS or levels[0] != 0 or levels[-1] != WHITE:
-            named = ", ".join(map(str, levels))
+            listing = ", ".join(map(str, levels))
             problems.append(
-                f"{gun} has the levels {named}; measure {MIN_LEVELS} or more, 0 and {WHITE} among "
+                f"{gun} has the levels {listing}; measure {MIN_LEVELS} or more, 0 and {WHITE} among "
                 "them"
             )
         for (level, cd_m2, line), (next_level, next_cd_m2, next_line) in pairwise(own):

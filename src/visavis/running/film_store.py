@@ -77,7 +77,7 @@ REPORT_EVERY: Final = 10
 POSE_DECIMALS: Final = 6
 MAX_HELD_POSES: Final = 1000
 """A film of at most so many poses, of one person in each of its pictures, is posed once to be
-named, checked and drawn. A pose takes 2 kB, so what `_posed` holds takes at most 64 MB.
+named, checked and drawn. A pose takes 2 kB, so what `_pictures_of` holds takes at most 64 MB.
 """
 Image = npt.NDArray[np.uint8]
 Draw = Callable[[Picture, Camera, tuple[int, int]], Image]
@@ -222,8 +222,8 @@ class FilmStore:
 
     def pictures(self, film: Film) -> Iterator[Picture]:
         """Yield every picture of a film, to be drawn."""
-        posed = _posed(self, film)
-        return (picture_of(frame) for frame in self.frames(film)) if posed is None else iter(posed)
+        whole = _pictures_of(self, film)
+        return (picture_of(frame) for frame in self.frames(film)) if whole is None else iter(whole)
 
     def sound_of(self, film: Film) -> Waveform | None:
         """Return what is heard with a film; None where it has no voice.
@@ -334,7 +334,7 @@ def _store_of(experiment: StudyExperiment, folder: Path) -> FilmStore:
 
 
 @lru_cache(maxsize=32)
-def _posed(store: FilmStore, film: Film) -> tuple[Picture, ...] | None:
+def _pictures_of(store: FilmStore, film: Film) -> tuple[Picture, ...] | None:
     """Return every picture of a film; None where they are too many to be held."""
     if film.frame_count > MAX_HELD_POSES:
         return None

@@ -105,13 +105,13 @@ class LiveStore:
         return self.lives.index(live)
 
     def _asset(self, data: bytes) -> dict[str, Any]:
-        digest, content = _deflated(data)
+        digest, content = _deflate(data)
         self.assets[digest] = content
         return {"name": digest, "bytes": len(content)}
 
 
 @lru_cache(maxsize=1024)
-def _deflated(data: bytes) -> tuple[str, bytes]:
+def _deflate(data: bytes) -> tuple[str, bytes]:
     """Return a file as pages load it, after its SHA-256; made once for all sessions."""
     content = zlib.compress(data, 9)
     return hashlib.sha256(content).hexdigest(), content

@@ -314,14 +314,14 @@ def _of_svg(path: Path, size_px: tuple[int, int]) -> Iterator[tuple[str, Area]]:
             f"{size_px[1]} pixels; draw it over the picture, with the same shape"
         )
     scale = size_px[0] / wide, size_px[1] / high
-    moved = _moved_by_transforms(root)
+    transforms = _moved_by_transforms(root)
     for element in root.iter():
         kind = str(element.tag).rpartition("}")[2]
         if kind not in ("polygon", "rect", "circle", "ellipse", "path", "polyline"):
             continue
         name = element.get("id", "")
         where = f"{path}, {kind} {name!r}"
-        if element in moved:
+        if element in transforms:
             raise DesignError(f"{where} is moved by a transform; apply it in the drawing program")
         area = _svg_area(where, kind, name, element)
         outline = tuple(((x - left) * scale[0], (y - top) * scale[1]) for x, y in area.outline)
@@ -339,14 +339,14 @@ def _of_svg(path: Path, size_px: tuple[int, int]) -> Iterator[tuple[str, Area]]:
 
 def _moved_by_transforms(root: ElementTree.Element) -> set[ElementTree.Element]:
     """Return the elements that bear a transform, and all within them."""
-    moved, ahead = set(), [(root, False)]
+    groups, ahead = set(), [(root, False)]
     while ahead:
         element, is_moved = ahead.pop()
         is_moved = is_moved or bool(element.get("transform"))
         if is_moved:
-            moved.add(element)
+            groups.add(element)
         ahead += [(one, is_moved) for one in element]
-    return moved
+    return groups
 
 
 def _svg_area(where: str, kind: str, name: str, element: ElementTree.Element) -> Area:

@@ -141,8 +141,8 @@ def _read_facts(path: Path, file: Any) -> FilmFacts:
 
 def _location_in(file: Any) -> str:
     metadata = (file.metadata, *(stream.metadata for stream in file.streams))
-    found = (v for of in metadata for name, v in of.items() if "location" in name.lower())
-    return str(next(found, ""))
+    places = (v for of in metadata for name, v in of.items() if "location" in name.lower())
+    return str(next(places, ""))
 
 
 BROWSERS_PLAY: Final = {

@@ -21,7 +21,7 @@ class MovingHeads:
     """Centres of n heads over session time; `pose` returns them (n, 3) as drawn at one time."""
 
     pose: Callable[[int], Vector]
-    _posed: dict[int, Vector] = field(default_factory=dict)
+    _poses: dict[int, Vector] = field(default_factory=dict)
 
     def centres_m(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
         """Return the centres (k, n, 3) at session times (k,) of any order."""
@@ -34,9 +34,9 @@ class MovingHeads:
         return centres
 
     def _at(self, step: int) -> Vector:
-        if step not in self._posed:
-            self._posed[step] = self.pose(step * STEP_NS)
-        return self._posed[step]
+        if step not in self._poses:
+            self._poses[step] = self.pose(step * STEP_NS)
+        return self._poses[step]
 
 
 def moving_heads(scene: Scene) -> MovingHeads | None:

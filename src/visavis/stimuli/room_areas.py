@@ -51,7 +51,7 @@ class RoomShape:
     @cached_property
     def event(self) -> Mapping[str, str]:
         """What the event `ROOM_SHAPE` says of it."""
-        meshes = [[m.name, _packed(m.vertices_m), _packed(m.triangles)] for m in self.meshes]
+        meshes = [[m.name, _text_of(m.vertices_m), _text_of(m.triangles)] for m in self.meshes]
         text = json.dumps(meshes, separators=(",", ":"))
         return {"file": self.file, "sha256": self.sha256, "meshes": text}
 
@@ -67,8 +67,8 @@ def read_shape_text(file: str, sha256: str, text: str) -> RoomShape:
         meshes = tuple(
             RoomMesh(
                 name,
-                _unpacked(vertices, np.dtype("<f4")).astype(np.float32),
-                _unpacked(triangles, np.dtype("<i4")).astype(np.int32),
+                _array_of(vertices, np.dtype("<f4")).astype(np.float32),
+                _array_of(triangles, np.dtype("<i4")).astype(np.int32),
             )
             for name, vertices, triangles in json.loads(text)
         )
@@ -77,12 +77,12 @@ def read_shape_text(file: str, sha256: str, text: str) -> RoomShape:
     return RoomShape(file, sha256, meshes)
 
 
-def _packed(rows: npt.NDArray[Any]) -> str:
+def _text_of(rows: npt.NDArray[Any]) -> str:
     kind = "<f4" if rows.dtype.kind == "f" else "<i4"
     return base64.b64encode(zlib.compress(rows.astype(kind).tobytes(), 6)).decode("ascii")
 
 
-def _unpacked(text: str, kind: np.dtype[Any]) -> npt.NDArray[Any]:
+def _array_of(text: str, kind: np.dtype[Any]) -> npt.NDArray[Any]:
     return np.frombuffer(zlib.decompress(base64.b64decode(text)), kind).reshape(-1, 3)
 
 
@@ -128,12 +128,12 @@ class RoomAreas:
     ) -> tuple[tuple[int, npt.NDArray[np.float32], npt.NDArray[np.int32]], ...]:
         """Area, vertices and triangles of each mesh in world."""
         names = [area.name for area in self.areas]
-        placed = []
+        areas = []
         for mesh in self.shape.meshes:
             vertices = to_world(mesh.vertices_m, self.stand_m, self.yaw_deg)
             area = names.index(mesh.name) if mesh.name else NOWHERE
-            placed.append((area, vertices, mesh.triangles))
-        return tuple(placed)
+            areas.append((area, vertices, mesh.triangles))
+        return tuple(areas)
 
     @cached_property
     def _boxes(self) -> npt.NDArray[np.float64]:
@@ -157,22 +157,22 @@ class RoomAreas:
         """Return how far each ray goes, in lengths of its direction, and the area that ends it."""
         origin = np.ascontiguousarray(origin_m, np.float64)
         along = np.ascontiguousarray(direction, np.float64)
-        distance_m, met = np.full(len(along), np.inf), np.full(len(along), NOWHERE)
+        distance_m, mesh = np.full(len(along), np.inf), np.full(len(along), NOWHERE)
         meets = _meets_boxes(self._boxes, origin, along)
         for k in np.flatnonzero(meets.any(axis=0)).tolist():
             area, vertices, triangles = self._in_world[k]
             near = np.flatnonzero(meets[:, k])
             if len(near):
-                some_m, some_met = distance_m[near], met[near]
+                some_m, some_met = distance_m[near], mesh[near]
                 meet_triangles(
                     origin[near], along[near], vertices, triangles, area, some_m, some_met
                 )
-                distance_m[near], met[near] = some_m, some_met
-        return distance_m, met
+                distance_m[near], mesh[near] = some_m, some_met
+        return distance_m, mesh
 
     def seen_from(self, eye_m: Vector, screen: PlacedScreen | None) -> list[SeenObject]:
         """Return the things that are seen from an eye that looks ahead or through a screen."""
-        seen = []
+        objects = []
         for area, vertices, triangles in self._in_world:
             if area == NOWHERE:
                 continue
@@ -186,16 +186,16 @@ class RoomAreas:
             size_sr = np.abs(np.einsum("nc,nc->n", np.repeat(across[large], 4, axis=0), offset))
             size_sr /= 4 * far_m**3
             eyes_m = np.broadcast_to(eye_m, offset.shape)
-            reach, met = self._first(eyes_m, offset)
-            is_seen = _in_view(eye_m, offset, screen) & (met == area) & (reach > 0.999)
+            reach, mesh = self._first(eyes_m, offset)
+            is_seen = _in_view(eye_m, offset, screen) & (mesh == area) & (reach > 0.999)
             if not is_seen.any() or not size_sr[is_seen].sum() > 0:
                 continue
             towards = offset[is_seen] / far_m[is_seen, None]
             middle = (size_sr[is_seen, None] * towards).sum(axis=0)
             best = int(np.argmax(towards @ middle))
             size_deg2 = float(size_sr[is_seen].sum()) * DEG2_PER_SR
-            seen.append(SeenObject(area, points[is_seen][best], size_deg2))
-        return seen
+            objects.append(SeenObject(area, points[is_seen][best], size_deg2))
+        return objects
 
 
 def to_world(
@@ -203,9 +203,9 @@ def to_world(
 ) -> npt.NDArray[np.float32]:
     """Return vertices (v, 3) of a room's file in world, for who stands and faces there."""
     turn = quat_from_yaw_pitch_deg(yaw_deg)
-    moved = vertices_m.astype(np.float64) - np.array(stand_m, np.float64)
-    placed: npt.NDArray[np.float32] = rotate(turn, moved).astype(np.float32)
-    return np.ascontiguousarray(placed)
+    from_stand_m = vertices_m.astype(np.float64) - np.array(stand_m, np.float64)
+    turned_m: npt.NDArray[np.float32] = rotate(turn, from_stand_m).astype(np.float32)
+    return np.ascontiguousarray(turned_m)
 
 
 def as_json(one: RoomAreas) -> dict[str, Any]:

@@ -24,14 +24,14 @@ def shape_of(placed: PlacedRoom) -> RoomShape:
     return shape
 
 
-def areas_of_room(placed: PlacedRoom) -> RoomAreas:
+def areas_of_room(room: PlacedRoom) -> RoomAreas:
     """Return the meshes as areas around who looks; DesignError as `shape_of`."""
-    return _areas_of(placed.as_drawn())
+    return _areas_of(room.as_drawn())
 
 
 @lru_cache(maxsize=8)
-def _areas_of(placed: PlacedRoom) -> RoomAreas:
-    areas = RoomAreas(shape_of(placed), placed.room.stand_m, placed.room.yaw_deg)
+def _areas_of(room: PlacedRoom) -> RoomAreas:
+    areas = RoomAreas(shape_of(room), room.room.stand_m, room.room.yaw_deg)
     # What takes long is done when a study is read, not between two frames of its session: kernels
     # are loaded, and the text of the event is kept.
     areas.areas_met(np.zeros((1, 3)), np.array([[0.0, 0.0, -1.0]]))
@@ -55,10 +55,10 @@ _Through = tuple[FlatScreen, tuple[float, ...], tuple[float, ...]]
 
 @lru_cache(maxsize=16)
 def _seen_of(
-    placed: PlacedRoom, eye_m: tuple[float, ...], through: _Through | None
+    room: PlacedRoom, eye_m: tuple[float, ...], through: _Through | None
 ) -> tuple[SeenObject, ...]:
     screen = None
     if through is not None:
         flat, at_m, turn = through
         screen = PlacedScreen(flat, Pose(np.array(at_m), np.array(turn)))
-    return tuple(_areas_of(placed).seen_from(np.array(eye_m), screen))
+    return tuple(_areas_of(room).seen_from(np.array(eye_m), screen))

@@ -120,10 +120,10 @@ def areas_shown(record: TrialRecord, scene: str) -> tuple[Areas, ...]:
     )
 
 
-def _rooms_of(record: TrialRecord, wanted: Iterable[str]) -> Mapping[str, RoomShape]:
+def _rooms_of(record: TrialRecord, names: Iterable[str]) -> Mapping[str, RoomShape]:
     """Return the meshes of rooms by the SHA-256 of their files, as the session describes them."""
     shapes: dict[str, RoomShape] = {}
-    for sha256 in wanted:
+    for sha256 in names:
         events: Iterable[Mapping[str, Any]] = (p for name, p in record.events if name == ROOM_SHAPE)
         if record.recording is not None:
             part = int(record.row["recording_part"])

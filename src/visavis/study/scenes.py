@@ -401,11 +401,11 @@ def empty_room(staging: Staging, *, room: object) -> StagedScene:
     Raises:
         DesignError: its file cannot be read, or is no such room.
     """
-    placed = _placed(ROOM, room, staging)
-    return StagedRoom(StageScene(ROOM, (), room=placed), (areas_of_room(placed),))
+    room_place = _place_of(ROOM, room, staging)
+    return StagedRoom(StageScene(ROOM, (), room=room_place), (areas_of_room(room_place),))
 
 
-def _placed(name: str, room: object, staging: Staging) -> PlacedRoom:
+def _place_of(name: str, room: object, staging: Staging) -> PlacedRoom:
     if not isinstance(room, Room):
         raise DesignError(f"scene {name}: room is {room!r}; write room=Room({str(room)!r})")
     return PlacedRoom.of(room, staging.folder, staging.screen)
@@ -414,17 +414,17 @@ def _placed(name: str, room: object, staging: Staging) -> PlacedRoom:
 def _in_room(maker: Maker, scene: Scene, staging: Staging) -> StagedScene:
     """Make a scene, in a laboratory's own room."""
     options = dict(scene.options)
-    placed = _placed(scene.name, options.pop("room"), staging)
-    areas, staged_scene = areas_of_room(placed), maker(staging, **options)
+    room_place = _place_of(scene.name, options.pop("room"), staging)
+    areas, staged_scene = areas_of_room(room_place), maker(staging, **options)
     if not isinstance(staged_scene, WithEyes):
         raise DesignError(f"scene {scene.name} has a place of its own; leave out room")
     for area in areas.areas:
         if area.name in staged_scene.roles:
             raise DesignError(
-                f"{placed.path}: a mesh is called {area.name!r}, like a role or place of scene "
+                f"{room_place.path}: a mesh is called {area.name!r}, like a role or place of scene "
                 f"{scene.name}; call it otherwise"
             )
-    staged_scene.scene = replace(staged_scene.scene, room=placed)
+    staged_scene.scene = replace(staged_scene.scene, room=room_place)
     staged_scene.areas = (areas,)
     return staged_scene
 

@@ -53,7 +53,7 @@ def picture_of_flat(frame: SceneFrame) -> Picture:
     if any(sheet.course is not None for sheet in sheets):
         elapsed_s = (frame.t_ns - scene.moves_since_ns) / NS_PER_S
         sheets = tuple(
-            _moved(sheet, item, elapsed_s, _luminance(scene))
+            _sheet_at(sheet, item, elapsed_s, _luminance(scene))
             for sheet, item in zip(sheets, scene.items, strict=True)
         )
     surround = _surround(scene, frame.turned_deg)
@@ -123,7 +123,9 @@ def open_films(scene: FlatScene) -> None:
             reader_of(picture_path(item, scene.folder), place_of(item, scene)[2]).picture_at(0.0)
 
 
-def _moved(sheet: Sheet, item: Flat, elapsed_s: float, luminance: LuminanceTable | None) -> Sheet:
+def _sheet_at(
+    sheet: Sheet, item: Flat, elapsed_s: float, luminance: LuminanceTable | None
+) -> Sheet:
     """Return a sheet as it is some time after its onset."""
     if isinstance(sheet.course, FilmReader):
         return replace(sheet, pixels=sheet.course.picture_at(elapsed_s))

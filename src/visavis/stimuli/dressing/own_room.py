@@ -112,8 +112,8 @@ def _read(placed: PlacedRoom) -> _OwnRoom:
         ) from error
 
 
-def _sha256(placed: PlacedRoom) -> str:
-    return hashlib.sha256(placed.path.read_bytes()).hexdigest()
+def _sha256(room: PlacedRoom) -> str:
+    return hashlib.sha256(room.path.read_bytes()).hexdigest()
 
 
 def _meshes_of(placed: PlacedRoom, file: GltfFile, surfaces: list[Surface]) -> tuple[RoomMesh, ...]:
