@@ -81,6 +81,9 @@ PICTURES: Final[Mapping[str, Recipe | FilmRecipe | DeskRecipe | ByHand]] = {
     "approach_eyes.jpg": Recipe(
         ("examples", "preview examples/approach.py --trial 2 --at 3 --png {file}")
     ),
+    "faces.jpg": Recipe(
+        ("character sheet {file} anna henrik chloe jun --at 0.5,1,2 --px-per-deg 11",)
+    ),
     "gaze_map.jpg": Recipe(
         (PEOPLE, f"gaze-map {STUDY} --by condition"), "**/gaze_map_by_condition.png"
     ),
