@@ -1,5 +1,7 @@
 """Texts, pictures, shapes and gratings as they are drawn: their place, size and grey."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from PIL import Image as Files
@@ -15,7 +17,7 @@ from visavis.stimuli.dots import places_deg
 from visavis.stimuli.dressing.flat import box_px
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.flat import Dots, Grating, Image, Shape, Text, Video, rgb_of
-from visavis.stimuli.flat_pixels import moving_pixels, read_picture
+from visavis.stimuli.flat_pixels import moving_pixels, pixels_of, read_picture, text_size_em
 from visavis.stimuli.panels import IN_HEADSET, Surface
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.scenes.flat import DRESSED_BY, FlatScene
@@ -93,6 +95,24 @@ def test_the_letters_of_a_line_are_as_high_as_asked():
     image = drawn(Text("hg", height_deg=3.0))
     _, top, _, bottom = extent(image)
     assert bottom - top == pytest.approx(px(3.0), rel=0.05)
+
+
+def letters(text, em_px):
+    """Return where ink is in the box of a text of so many pixels."""
+    size_px = tuple(max(1, round(em * em_px)) for em in text_size_em(Text(text)))
+    return pixels_of(Text(text), size_px, Path())[..., 3]
+
+
+@pytest.mark.parametrize("text", ["angry: F    neutral: J", "seen", "J", "jj", "Wof", "Ägj\nÄfj"])
+def test_no_letter_of_any_size_is_cut_off_by_the_box_of_its_text(text):
+    for em_px in (100, 240):
+        ink = letters(text, em_px)
+        assert 0 == max(ink[[0, -1]].max(), ink[:, [0, -1]].max()), em_px
+    for em_px in (5, 9):
+        small = letters(text, em_px)
+        large = pixels_of(Text(text), (small.shape[1] * 12, small.shape[0] * 12), Path())[..., 3]
+        shrunk = Files.fromarray(large).resize(small.shape[::-1], Files.Resampling.BOX)
+        assert small == pytest.approx(np.asarray(shrunk), abs=64), em_px
 
 
 def test_a_grating_has_its_cycles_contrast_and_mean():

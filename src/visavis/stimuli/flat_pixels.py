@@ -1,5 +1,6 @@
 """The pixels of flat stimuli: letters, files, shapes, gratings and dots as sRGB bytes."""
 
+import math
 from functools import lru_cache
 from pathlib import Path
 from typing import Final
@@ -21,6 +22,8 @@ Pixels = npt.NDArray[np.uint8]
 """(height, width, 4) sRGB bytes with opacity, top row first."""
 SMOOTH: Final = 4
 """Edges of shapes are drawn so many times as large, and shrunk."""
+LETTERS_PX: Final = 100
+"""Letters less high are drawn at least so high, and shrunk."""
 MIDDLE: Final = 127.5
 REACHES_EM: Final = 1.2
 ORIENTATION: Final = 0x0112
@@ -152,20 +155,26 @@ def _height_px(text: str, font_px: int) -> float:
 
 
 def _letters(text: Text, size_px: tuple[int, int], rgb: tuple[int, int, int]) -> Pixels:
+    """Draw small letters large and shrink them: fonts widen small letters to whole pixels."""
     lines = text.text.count("\n") + 1
-    line_px = size_px[1] / (lines * REACHES_EM)
-    font_px = max(4, round(100 * line_px / _height_px(text.text, 100)))
-    image = Files.new("RGBA", size_px, (*rgb, 0))
-    ImageDraw.Draw(image).multiline_text(
-        (size_px[0] / 2, size_px[1] / 2),
-        text.text,
-        (*rgb, 255),
-        font_for(text.text, font_px),
-        anchor="mm",
-        align="center",
-        spacing=round(0.2 * font_px),
+    em_px = min(size_px[0] / text_size_em(text)[0], size_px[1] / (lines * REACHES_EM))
+    times = max(1, math.ceil(LETTERS_PX / em_px))
+    wide, high = size_px[0] * times, size_px[1] * times
+    font_px = max(4, int(100 * em_px * times / _height_px(text.text, 100)))
+    font = font_for(text.text, font_px)
+    spacing = round(0.2 * font_px)
+    mask = Files.new("L", (wide, high), 0)
+    draw = ImageDraw.Draw(mask)
+    left, top, right, bottom = draw.multiline_textbbox(
+        (0, 0), text.text, font, anchor="mm", spacing=spacing, align="center"
     )
-    return np.asarray(image)
+    x = max(2 - left, min(wide / 2, wide - 2 - right))
+    y = max(2 - top, min(high / 2, high - 2 - bottom))
+    draw.multiline_text((x, y), text.text, 255, font, "mm", spacing, "center")
+    pixels = np.empty((size_px[1], size_px[0], 4), np.uint8)
+    pixels[..., :3] = rgb
+    pixels[..., 3] = np.asarray(mask.resize(size_px, Files.Resampling.BOX))
+    return pixels
 
 
 def _shape(shape: Shape, size_px: tuple[int, int], rgb: tuple[int, int, int]) -> Pixels:
