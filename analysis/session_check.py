@@ -72,7 +72,7 @@ def _check(recording: Recording, limits: CheckLimits) -> SessionCheck:
         *_trial_findings(trials, _practice_trials(plan), is_calibrated=_plans_calibration(plan)),
         *(stream_findings(streams) if streams or not _is_on_page(recording) else ()),
         *_pace_findings(recording),
-        *_calibration_findings(plan, events, limits),
+        *(() if _is_on_page(recording) else _calibration_findings(plan, events, limits)),
         *_luminance_findings(recording, events),
         *_questionnaire_findings(plan, events),
         *_deviation_findings(events, rows, recording),

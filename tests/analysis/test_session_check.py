@@ -1,5 +1,6 @@
 """What check says of a session can be acted on: numbers are told, not replaced by dots."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,11 +21,14 @@ from visavis.recording.reader import Recording
 Event = tuple[str, dict[str, Any]]
 
 
-def said_of(root: Path, subject: str, *events: Event) -> list[tuple[Level, str]]:
+def said_of(
+    root: Path, subject: str, *events: Event, configuration: Mapping[str, Any] | None = None
+) -> list[tuple[Level, str]]:
     """Return what check says about a subject of a session in which these events happened."""
     clock = SimClock()
     plan = {"blocks": [], "questionnaires": ["scale"]}
-    with create_session(root, replace(probe_manifest(), plan=plan)) as folder:
+    manifest = replace(probe_manifest(), plan=plan, configuration=configuration or {})
+    with create_session(root, manifest) as folder:
         recorder = new_recorder(folder, clock)
         for t_ns, (name, payload) in enumerate(events):
             recorder.event(name, t_ns, **payload)
@@ -122,6 +126,16 @@ def test_calibrations_that_failed_are_counted_with_the_last_reason(tmp_path: Pat
     events = (NOT_CALIBRATED, CALIBRATED, NOT_CALIBRATED)
     found = said_of(tmp_path, "calibration", *events)
     assert (Level.AMBER, "calibrations that failed: 2; the eyes were shut") in found
+
+
+@pytest.mark.parametrize(
+    ("expected", "on"),
+    [([(Level.RED, "no validation was recorded")], "lab"), ([], "browser")],
+)
+def test_nobody_is_to_calibrate_on_a_page(
+    expected: list[tuple[Level, str]], on: str, tmp_path: Path
+) -> None:
+    assert expected == said_of(tmp_path, "calibration", configuration={"on": on})
 
 
 @pytest.mark.parametrize(

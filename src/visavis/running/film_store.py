@@ -41,7 +41,7 @@ from visavis.stimuli.picture import Camera, Picture, Prop, Room
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.sound import Waveform, part_of, read_sound
 from visavis.study.dry_run import still_view
-from visavis.study.experiment import StudyExperiment
+from visavis.study.experiment import HANDS, StudyExperiment
 from visavis.study.films import MIME, SOUND_MIME, Film, Lens
 from visavis.study.scenes import Maker, StagedScene, Staging, stage
 
@@ -49,6 +49,8 @@ if TYPE_CHECKING:
     from visavis.stage.stills import Stills
     from visavis.study.moving_camera import FilmSeen
 
+ROLES_OF_PAGES: Final = ("sound", "responses", HANDS)
+"""Roles that a page fills itself; hands only in a headset."""
 FILM_VERSION: Final = "vp9 9"
 """Version of drawing and encoding: a new value makes every film again."""
 FILM_QUALITY: Final[Mapping[str, Any]] = {
@@ -296,7 +298,7 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
 
     Raises:
         DesignError: its trials have steps that no page can show, or not in the headset that it may
-            enter, or digits that it cannot say.
+            enter, or digits that it cannot say; or it needs a device that no page has.
     """
     experiment.check_in_headset()
     if any("panorama" in read.rests_on for read in experiment.read.values()):
@@ -317,6 +319,15 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
             "t.show does without a condition, t.watch, t.ask, t.wait and t.dark. Perform it "
             "in the laboratory (visavis run), or show its scenes as films (t.watch)"
             + (f", or perform {variant}, its variant for headsets' browsers" if variant else "")
+        )
+    has = ROLES_OF_PAGES if experiment.headset_streams else ROLES_OF_PAGES[:-1]
+    lacking = [role for role in experiment.needed_roles if role not in has]
+    if lacking or experiment.needs_gaze:
+        raise DesignError(
+            f"{experiment.name} cannot be performed on a page: it needs "
+            f"{', '.join(lacking) or 'gaze, by which it measures (looks_at, looks)'}, which no "
+            'page has. Perform it in the laboratory (on="lab"), or make a study for pages without '
+            "it: uses=(), calibrate=False, no needs= of it and no measures of gaze"
         )
     for video in experiment.videos:
         kind_for_browsers(picture_path(video, experiment.settings.folder))

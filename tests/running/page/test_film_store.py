@@ -14,10 +14,13 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from scipy.ndimage import binary_erosion
+from typer.testing import CliRunner
 
 from tests.stage import figures
 from visavis.cli.film.on_page import FilmPictures
+from visavis.cli.main import app
 from visavis.lab.clock import NS_PER_S
+from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Pose, Vector, quat_conjugate, rotate
 from visavis.protocol.plan.experiment import no_progress
@@ -48,6 +51,16 @@ from visavis.stimuli.surfaces import Surfaces
 from visavis.study.films import Film, Following, Lens, Placed
 from visavis.study.scenes import Scene
 
+SEEN = """
+from visavis import Factor, Study, Text, looks_at
+
+study = Study("seen", factors=[Factor("ink", ["red", "green"])], on="browser", calibrate=False,
+              LINES)
+
+@study.trial
+def trial(t):
+    yield t.show({"word": Text("x", colour=t.ink)}, seconds=1, name="face")
+"""
 SHORT = Film(Scene("person", motion="wave"), 0.1, size_px=(64, 64), rate_hz=30)
 
 
@@ -323,3 +336,30 @@ def test_films_that_cannot_be_made_are_refused(wrong: dict[str, object]) -> None
 def test_a_study_of_the_laboratory_is_refused_before_anybody_is_let_in(name: str) -> None:
     with pytest.raises(DesignError, match=f"{name} cannot be performed on a page"):
         film_store(find_study(name).experiment({}))
+
+
+@pytest.mark.parametrize(
+    ("lines", "lacking"),
+    [
+        ('needs=["eye_tracker"]', "eye_tracker"),
+        ('needs=["body_tracker", "responses"]', "body_tracker"),
+        ('measures=[*looks_at("word", scene="face")]', "gaze"),
+    ],
+)
+def test_what_no_page_has_is_refused_by_name_with_the_way_out(
+    tmp_path: Path, lines: str, lacking: str
+) -> None:
+    (tmp_path / "seen.py").write_text(SEEN.replace("LINES", lines), "utf-8")
+    with pytest.raises(DesignError, match=rf"it needs {lacking}\b.* no page has\. .*on=.lab."):
+        film_store(find_study(str(tmp_path / "seen.py")).experiment({}))
+
+
+def test_a_page_that_refuses_a_study_does_so_at_plan_and_before_a_session(tmp_path: Path) -> None:
+    (tmp_path / "seen.py").write_text(SEEN.replace("LINES", 'needs=["eye_tracker"]'), "utf-8")
+    (tmp_path / "lab_config.yaml").write_text(EXAMPLE.read_text("utf-8"), "utf-8")
+    for verb in (["plan"], ["run", "--devices", "sim", "--fast", "--participant", "1"]):
+        config = ["--config", str(tmp_path / "lab_config.yaml")]
+        answer = CliRunner().invoke(app, [verb[0], str(tmp_path / "seen.py"), *verb[1:], *config])
+        assert isinstance(answer.exception, DesignError), answer.output
+        assert "it needs eye_tracker, which no page has" in str(answer.exception)
+    assert [] == list(tmp_path.rglob("ses-*"))
