@@ -27,6 +27,7 @@ from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DataError
 from visavis.lab.luminance import LUMINANCE_KEY, UNMEASURED, table_of_entry
 from visavis.recording.integrity import damage_of
+from visavis.recording.manifest import DESIGN_KEY, PRACTICE_UNTIL_KEY
 from visavis.recording.reader import Recording
 
 RESTORE = "restore the damaged files from a copy; `visavis analyse` leaves damaged trials out"
@@ -447,6 +448,27 @@ def _questionnaire_findings(plan: Mapping[str, Any], events: Events) -> list[Fin
     return findings
 
 
+def _practice_findings(events: Events, rows: Rows, recording: Recording) -> list[Finding]:
+    """Tell in how many rounds was practised and, once that is over, whether it sufficed."""
+    rounds = 1 + len(_payloads(events, "practice_again"))
+    count = f"practised in {rounds} round{'s' if rounds > 1 else ''}"
+    criterion = recording.manifest.configuration.get(DESIGN_KEY, {}).get(PRACTICE_UNTIL_KEY)
+    if criterion is None:  # none, or a session that did not keep it
+        message = f"{count}; whether the study's criterion was met was not kept"
+        return [Finding(Level.GREEN, "trials", message)] if rounds > 1 else []
+    done = [r for r in rows if r["is_practice"] and r["status"] == "complete"]
+    last = done[-_practice_trials(recording.manifest.plan) :]
+    if not last or all(r["is_practice"] for r in rows):
+        return []
+    right = sum(row.get(criterion["of"]) in (True, 1) for row in last)
+    is_met = right >= criterion["min_01"] * len(last) - 1e-9
+    message = (
+        f"{count}; the study's criterion was {'met' if is_met else 'not met'}: {criterion['of']} "
+        f"held in {right} of the last {len(last)} trials, {criterion['min_01']:.0%} are asked for"
+    )
+    return [Finding(Level.GREEN if is_met else Level.AMBER, "trials", message)]
+
+
 def _deviation_findings(events: Events, rows: Rows, recording: Recording) -> list[Finding]:
     findings = [
         Finding(
@@ -464,10 +486,7 @@ def _deviation_findings(events: Events, rows: Rows, recording: Recording) -> lis
     if again:
         message = f"repeated by the study's own rule: {_name_list(again)}"
         findings.append(Finding(Level.GREEN, "trials", message))
-    rounds = 1 + len(_payloads(events, "practice_again"))
-    if rounds > 1:
-        message = f"practised in {rounds} rounds, by the study's criterion"
-        findings.append(Finding(Level.GREEN, "trials", message))
+    findings += _practice_findings(events, rows, recording)
     findings += [
         Finding(
             Level.AMBER, "trials", f"the {p['of']} ended early after {p['trial_id']}: {p['reason']}"

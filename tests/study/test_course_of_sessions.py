@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from visavis.analysis.session_check import check_session
+from visavis.analysis.session_verdict import Level
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
 from visavis.lab.errors import DataError, DesignError
@@ -171,6 +172,25 @@ def test_a_block_that_ends_early_is_followed_by_the_next(tmp_path: Path) -> None
     status = main.groupby(["task", "status"]).size()
     assert status["name", "skipped"] > 0
     assert 8 == status["match", "complete"]
+
+
+@pytest.mark.parametrize("on", ["lab", "browser"])
+def test_check_says_whether_practice_met_its_criterion_amber_where_it_did_not(
+    on: str, tmp_path: Path
+) -> None:
+    levels = set()
+    for seed in (1, 2, 3):
+        recording, rows = session(tmp_path / str(seed), on=on, seed=seed)
+        rounds, right = len(rounds_of(rows)), sum(rounds_of(rows)[-1])
+        findings = [f for f in check_session(recording).findings if "practised" in f.message]
+        assert [
+            f"practised in {rounds} round{'s' if rounds > 1 else ''}; the study's criterion was "
+            f"{'met' if right == 3 else 'not met'}: answer_is_right held in {right} of the last 3 "
+            "trials, 100% are asked for"
+        ] == [f.message for f in findings]
+        assert [Level.GREEN if right == 3 else Level.AMBER] == [f.level for f in findings]
+        levels |= {f.level for f in findings}
+    assert {Level.GREEN, Level.AMBER} == levels, "choose other seeds"
 
 
 @pytest.mark.parametrize("on", ["lab", "browser"])

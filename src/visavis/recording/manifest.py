@@ -17,6 +17,10 @@ from visavis.recording.sealed import copy_path, read_sealed, write_sealed
 from visavis.recording.summary import FileSummary, JournalSummary, StreamSummary
 
 MANIFEST_NAME = "manifest.json"
+DESIGN_KEY = "design"
+"""Where a session's configuration keeps the design it was made with."""
+PRACTICE_UNTIL_KEY = "practice_until"
+"""Where the design keeps the criterion of practice, if it has one."""
 MANIFEST_VERSION = 2
 """Version of manifests; a reader understands this and all earlier ones."""
 

@@ -14,7 +14,7 @@ from visavis.protocol.plan.session_plan import SessionPlan
 from visavis.protocol.session.operator import SessionStatus, TrialCounts
 from visavis.protocol.session.states import SessionState
 from visavis.recording.folder import SessionFolder, create_session, open_session, study_dir
-from visavis.recording.manifest import Manifest
+from visavis.recording.manifest import DESIGN_KEY, Manifest
 from visavis.recording.provenance import provenance
 from visavis.recording.reader import Recording
 from visavis.recording.writer import Recorder
@@ -46,7 +46,7 @@ from visavis.running.page.visitor import Visitor, visitor_of
 from visavis.running.picture_store import PictureStore
 from visavis.running.sessions.device_setup import is_simulated
 from visavis.running.sessions.plan_lock import carried_by_session
-from visavis.running.sessions.recorded_design import DESIGN_KEY, design_of
+from visavis.running.sessions.recorded_design import design_of
 from visavis.running.sessions.recorded_part import recorded_part, recorder_of, refuse_other_plan
 from visavis.running.sessions.session_request import PageAddress, Request, behaviour_seed
 from visavis.running.sound_store import SoundStore

@@ -35,7 +35,7 @@ from visavis.protocol.session.rig import Rig
 from visavis.protocol.session.session import Session
 from visavis.protocol.session.session_setup import SessionListeners, SessionSetup
 from visavis.recording.folder import SessionFolder, create_session, open_session, study_dir
-from visavis.recording.manifest import Manifest
+from visavis.recording.manifest import DESIGN_KEY, Manifest
 from visavis.recording.provenance import provenance
 from visavis.recording.reader import Recording
 from visavis.recording.writer import (
@@ -44,7 +44,7 @@ from visavis.recording.writer import (
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.sessions.device_setup import build_rig, check_room, devices_for, is_simulated
 from visavis.running.sessions.plan_lock import carried_by_session
-from visavis.running.sessions.recorded_design import DESIGN_KEY, design_of
+from visavis.running.sessions.recorded_design import design_of
 from visavis.running.sessions.recorded_part import recorded_part, recorder_of, refuse_other_plan
 from visavis.running.sessions.session_request import (
     Request,

@@ -5,22 +5,25 @@ analysis may change while a study runs; the design may not.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final
 
 from visavis.lab.errors import DataError, RecordingError, UsageError
 from visavis.protocol.plan.design import SESSION
 from visavis.recording.journal import as_json
-from visavis.recording.manifest import Manifest, read_manifest
+from visavis.recording.manifest import (
+    DESIGN_KEY,
+    PRACTICE_UNTIL_KEY,
+    Manifest,
+    read_manifest,
+)
 from visavis.results.locked_plan.deviations import NOTHING, Deviation, differing
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.sessions.study_folder import holds_trial, session_folders
 from visavis.study.experiment import StudyExperiment
 from visavis.study.responses import kind_of
 
-DESIGN_KEY: Final = "design"
-"""Where a session's configuration keeps the design it was made with."""
 MAX_VALUES: Final = 12
 """For an option with more values than this, only their number is kept."""
 
@@ -30,7 +33,7 @@ def design_of(experiment: StudyExperiment) -> dict[str, Any]:
     study = experiment.study
     factors = study.design_with(experiment.parameters).all_factors
     factor_names = {f.name for f in study.design.factors}  # whose levels may be set like parameters
-    content = {
+    content: dict[str, Any] = {
         "parameters": {k: v for k, v in experiment.parameters.items() if k not in factor_names},
         "factors": {
             f.name: {"levels": list(f.levels), "between": bool(f.between)} for f in factors
@@ -48,6 +51,8 @@ def design_of(experiment: StudyExperiment) -> dict[str, Any]:
         "scenes": _scenes(experiment),
         "trials": _lengths(experiment),
     }
+    if study.design.practice_until is not None:
+        content[PRACTICE_UNTIL_KEY] = asdict(study.design.practice_until)
     design: dict[str, Any] = as_json(content)
     return design
 
