@@ -84,6 +84,14 @@ def test_practice_shows_what_the_session_leaves_over(tmp_path: Path) -> None:
     assert not practice & {t.factors["item"] for t in trials if not t.is_practice}
 
 
+def test_practice_takes_items_of_the_session_where_the_table_is_used_up(tmp_path: Path) -> None:
+    made = experiment(tmp_path, things(12), practice=4)
+    trials = made.plan(0, 7).trials
+    practice = {t.factors["item"] for t in trials if t.is_practice}
+    assert 4 == len(practice)
+    assert practice <= {t.factors["item"] for t in trials if not t.is_practice}
+
+
 def test_each_participant_sees_a_list_of_their_own(tmp_path: Path) -> None:
     made = experiment(tmp_path, things(16), 'lists="list"', repetitions=4)
     lists = [{t["list"] for t in shown(made, index)} for index in range(3)]
