@@ -28,6 +28,7 @@ study = Study(
             expects="far_m: 2.5 > 1.0",
         ),
         Compare("dwell_ms", within="eyes"),
+        Compare("dwell_ms", within="eyes", only={"far_m": 2.5}),
     ],
 )
 
@@ -125,6 +126,10 @@ def test_words_stand_where_columns_stood(said: str) -> None:
         "trials with share of the scene without usable gaze (max_trial_lost_01) above 0.5" in said
     )
     assert "dwell_ms by" not in said
+
+
+def test_a_figure_of_some_trials_says_of_which(said: str) -> None:
+    assert 1 == said.count("Only trials with distance in metres 2.5 are shown.")
 
 
 def test_a_rating_is_drawn_over_its_whole_scale(tmp_path: Path) -> None:

@@ -79,6 +79,8 @@ def _comparison(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> Repo
     notes = " Open diamonds: published means (dashed: ± SD)." if cells else ""
     if analysis.measured_by:
         notes += f" Measured by {analysis.measured_by}."
+    if of := _trials_shown(finding, texts):
+        notes += f" Only trials with {of} are shown."
     lines = "Each line is one participant. " if finding.compare.within else "Each dot is one. "
     return draw(
         figure_name(finding),
@@ -95,6 +97,15 @@ def _comparison(analysis: StudyAnalysis, finding: Finding, texts: Texts) -> Repo
             is_simulated=analysis.is_simulated,
         ),
     )
+
+
+def _trials_shown(finding: Finding, texts: Texts) -> str:
+    """Return the levels and conditions of the trials that a comparison uses; of all nothing."""
+    only = (
+        f"{label_of(texts, name)} {label_of(texts, str(level))}"
+        for name, level in finding.compare.only.items()
+    )
+    return ", ".join((*only, *finding.compare.where))
 
 
 def data_of_cells(
