@@ -177,7 +177,7 @@ def _mirrored(mesh: SkinnedMesh, triangles: npt.NDArray[np.int32]) -> npt.NDArra
     # Where a picture is cut, several vertices are at one place, with triangles on different sides.
     looks = np.concatenate([mesh.vertices_m, 0.2 * around], axis=1)
     _, nearest = cKDTree(looks[right]).query(looks[left] * np.array([-1, 1, 1] * 2))
-    off = mesh.vertices_m[right[nearest]] - mesh.vertices_m[left] * np.array([-1, 1, 1], np.float32)
+    off = mesh.vertices_m[right[nearest]] - mesh.vertices_m[left] * np.float32([-1, 1, 1])
     if np.abs(off).max() > _ALIKE_M or len(np.unique(nearest)) < len(right):
         return None
     mirrored = np.full(len(looks), -1, np.int32)
