@@ -46,7 +46,6 @@ from visavis.stimuli.characters.levels import (
     LEVELS,
     LevelBudget,
     join_skinned_meshes,
-    keep_triangles,
     lighter,
     thin_mesh,
 )
@@ -389,17 +388,6 @@ def _coloured_as(thin: SkinnedMesh, whole: SkinnedMesh, other: SkinnedMesh) -> S
     return replace(thin, colour_srgb=other.colour_srgb[index])
 
 
-def with_lashes(person: Character, figure: Figure, pieces: Sequence[Piece]) -> Character:
-    """Return the person in full with all lashes of the pieces: they are finer than what thinning
-    leaves.
-    """
-    full, whole = person.levels[0], assembled(figure, pieces, person.materials)
-    lash = [m.name for m in person.materials].index("lash")
-    others = keep_triangles(full, full.triangle_material != lash)
-    full = join_skinned_meshes([others, keep_triangles(whole, whole.triangle_material == lash)])
-    return replace(person, levels=(full, *person.levels[1:]))
-
-
 _COILED_LIGHTER = 2.2
 
 
@@ -481,4 +469,4 @@ def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> C
         return feet_hold(dressed((*levels, *levels[-1:] * missing), ()), len(levels) - 1)
 
     levels, copies = levels_of(figure, near, far, hair, materials, own + worn_far, holds)
-    return with_lashes(dressed(levels, copies), figure, own)
+    return dressed(levels, copies)

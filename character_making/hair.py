@@ -55,7 +55,7 @@ STYLES = {
         combing=Combing(0.016, 0.45, beyond_m=0.007, sweep_rad=0.25, ragged_m=0.026),
     ),
     "fringe": Style(
-        combing=Combing(0.015, 0.55, 0.007, fringe_m=0.023, sweep_rad=0.20, ragged_m=0.018)
+        combing=Combing(0.015, 0.55, 0.007, fringe_m=0.023, sweep_rad=0.20, ragged_m=0.024)
     ),
     "crop": Style(
         combing=Combing(0.018, 0.45, 0.007, fringe_m=0.012, sweep_rad=-0.25, ragged_m=0.024)
@@ -281,7 +281,7 @@ def locks(
         groups.append(_coloured(line, out, style.width_m, colour, rng, grey))
     if style.framing:
         line, out = _framing(figure, style, body, rng)
-        groups.append(replace(_coloured(line, out, 0.0035, colour, rng, grey), begins=0.2))
+        groups.append(replace(_coloured(line, out, 0.0080, colour, rng, grey), begins=0.2))
     if style.tie == "bun":
         groups.append(_bun(figure, style, colour, rng, grey))
     if style.tie == "tail":

@@ -10,7 +10,6 @@ from scipy.spatial import cKDTree
 
 from character_making.cutting import border
 from character_making.hair import STYLES
-from character_making.hair_texture import SHEETS_DOWN
 from character_making.recipes import CAST as RECIPES
 from visavis.lab.geometry import Vector, unit
 from visavis.stimuli.characters.body_parts import PART_INDEX
@@ -26,10 +25,6 @@ FALLING = [name for name in cast_names() if RECIPE[name].hair in ("long", "shoul
 TIED = [name for name in cast_names() if RECIPE[name].hair in ("bun", "ponytail")]
 """Whose hair is combed back into a bun or a tail."""
 MAX_TIED_OFF_M = {"bun": 0.031, "ponytail": 0.040}
-NOT_YET = ("dai", "elif", "freya")
-"""Whose files are of the former hair and lashes: made anew, a lighter copy of dai shows a part too
-large, one of elif is too unlike the full one, and a brow of freya slants.
-"""
 NECK_M = 0.3
 """So far to each side of the neck's joint triangles may hide its surroundings."""
 COLLAR_M = (0.070, 0.085)
@@ -307,8 +302,6 @@ def _largest(
 @pytest.mark.parametrize("name", [n for n in cast_names() if n not in FALLING])
 def test_hairlines_end_in_single_hairs(name: str) -> None:
     """Scalps were cut where the picture of hair is whole, like bald caps."""
-    if name in NOT_YET:
-        pytest.xfail("made before")
     person = load_character(name)
     uv = person.levels[0].uv
     assert uv is not None
@@ -316,7 +309,7 @@ def test_hairlines_end_in_single_hairs(name: str) -> None:
     # Hair also has an edge at the whorl or the tie.
     before_ears = person.levels[0].vertices_m[triangles][..., 2] < _eye(person)[2] + 0.07
     edge = np.isin(corners, np.unique(border(corners))) & before_ears
-    down = uv[triangles[edge], 1] / SHEETS_DOWN
+    down = uv[triangles[edge], 1]
     assert edge.sum() > 20
     assert 0.03 > np.median(np.minimum(down, 1 - down))
 
@@ -335,7 +328,7 @@ def test_curls_begin_at_the_hairline(name: str) -> None:
     in_front = (scalp[:, 2] < eye[2] + 0.06) & (scalp[:, 1] > eye[1] + 0.03)
     strip = scalp[in_front & (away > 0.006) & (away < 0.03)]
     assert len(strip) > 200
-    off, _ = cKDTree(_points(person, curls, -(-20_000 // len(curls)))).query(strip)
+    off, _ = cKDTree(_points(person, curls, 2)).query(strip)
     assert 0.0045 > np.median(off)
 
 
@@ -635,71 +628,3 @@ def test_plain_shirts_have_buttons_and_no_strip_below_them(name: str) -> None:
         assert [] == narrow
     before_m = person.levels[0].vertices_m[np.unique(_triangles(person, "shoe"))]
     assert (np.abs(before_m[before_m[:, 1] > 0.2][:, 0]) < 0.01).any()
-
-
-MAX_LOPSIDED_M = 0.0005
-
-
-@pytest.mark.parametrize("name", cast_names())
-def test_light_faces_are_alike_on_both_sides(name: str) -> None:
-    """Thinned as one, noses and mouths of three people were drawn to a side."""
-    if name in NOT_YET:
-        pytest.xfail("made before")
-    person = load_character(name)
-    for mesh in person.levels[1:]:
-        face = mesh.triangles[mesh.triangle_part == PART_INDEX["face"]]
-        places = mesh.vertices_m[np.unique(face)]
-        off_m, _ = cKDTree(places).query(places * [-1, 1, 1])
-        assert MAX_LOPSIDED_M > off_m.max()
-
-
-MAX_EAR_M2 = 60e-6
-
-
-@pytest.mark.parametrize("name", FALLING)
-def test_falling_hair_covers_ears(name: str) -> None:
-    """They came out through it: 209 and 238 mm² from in front."""
-    person = load_character(name)
-    assert MAX_EAR_M2 > max(_ears_seen_m2(person, yaw_deg) for yaw_deg in (-40.0, 0.0, 40.0))
-
-
-def _ears_seen_m2(person: Character, yaw_deg: float) -> float:
-    """Return how much of the ears is seen from a side."""
-    mesh, names = person.levels[0], [m.name for m in person.materials]
-    k = person.stature_m / 1.72
-    middle = (mesh.vertices_m[mesh.triangles].mean(axis=1) - _eye(person)) / k
-    skin = mesh.triangle_material == names.index("skin")
-    ear = skin & (np.abs(middle[:, 0]) > 0.078) & (np.abs(middle[:, 1] + 0.015) < 0.045)
-    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    within = _eye(person) + [0.0, -0.02, 0.10] + corners * [0.12, 0.06, 0.08]
-    near = (np.abs(middle) < 0.2).all(axis=1)
-    seen = seen_tags(
-        mesh.vertices_m.astype(np.float64),
-        mesh.triangles[near],
-        np.where(ear, 2, 1).astype(np.uint8)[near],
-        view_from(yaw_deg),
-        0.0005,
-        within.astype(np.float32),
-    )
-    return float((seen == 2).sum()) * 0.0005**2
-
-
-MAX_LOWER_LASH_M = 0.00035
-
-
-@pytest.mark.parametrize("name", cast_names())
-def test_lower_lashes_are_fine_hairs(name: str) -> None:
-    """As wide as .7 mm and as dark as the upper ones they were a row of dots."""
-    if name in NOT_YET:
-        pytest.xfail("made before")
-    person = load_character(name)
-    mesh = person.levels[0]
-    lash = _triangles(person, "lash")
-    eye = _eye(person)[1]
-    below = lash[mesh.vertices_m[lash][..., 1].mean(axis=1) < eye]
-    corners = mesh.vertices_m[below].astype(np.float64)
-    edges_m = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-    assert len(below) > 60
-    assert MAX_LOWER_LASH_M > np.median(edges_m.min(axis=1))
-    above = np.setdiff1d(lash, below)
-    assert mesh.colour_srgb[np.unique(below)].mean() > 1.3 * mesh.colour_srgb[above].mean()
