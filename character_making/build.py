@@ -279,10 +279,6 @@ _TRIM = 1200
 """Triangles of a neckline's band or a collar in the finest level at most."""
 _HAIR = (0, 1, 2)
 """How coarse the hair of each level is."""
-_SCALP = (0, 300, 110)
-"""Triangles of the scalp below it in the coarser ones."""
-_NOT_FROM_AFAR = ("teeth", "lash", "hair")
-"""What thinning does not touch: teeth and lashes are smaller than what it leaves."""
 _LIGHTER_BY = tuple(range(0, 240, 8))
 """Levels are tried with so many triangles fewer, until what is seen of feet holds."""
 _FEWER = (0, 30, 60, 90, 120, 150)
@@ -322,16 +318,16 @@ def levels_of(
     # Among large surfaces the folds of a collar would be thinned to rags.
     whole = assembled(figure, [p for p in pieces if not p.is_trim], materials)
     trim = [thin_mesh(assembled(figure, [p], materials), _TRIM) for p in pieces if p.is_trim]
+    # Teeth and lashes are smaller than what thinning leaves: from afar they would poke out.
     far, unshaded = (
-        assembled(figure, [p for p in some if p.material not in _NOT_FROM_AFAR], materials)
+        assembled(figure, [p for p in some if p.material not in ("teeth", "lash")], materials)
         for some in (from_afar, plain)
     )
-    scalp = assembled(figure, [p for p in from_afar if p.material == "hair"], materials)
 
     def hair_at(coarse: int, first: int = 0) -> SkinnedMesh:
-        locks = assembled(figure, drawn(figure, hair, coarse, first), materials)
-        # With the body a scalp would lose its roundness, and hair would stand off it.
-        return join_skinned_meshes([thin_mesh(scalp, _SCALP[coarse]), locks]) if coarse else locks
+        # Of the sheets only the two outer ones are seen from afar.
+        some = [g for i, g in enumerate(hair) if not (coarse and i == 0 and isinstance(g, Sheet))]
+        return assembled(figure, [drawn(figure, g, coarse, first) for g in some], materials)
 
     locks_of = {coarse: hair_at(coarse) for coarse in sorted(set(_HAIR))}
     levels: list[SkinnedMesh] = []
@@ -412,7 +408,7 @@ def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> C
         *mouth_apart(_below_clothes(body, covered), workshop.canvas, bare),
         *eyeballs(figure),
         *mouth_pieces(figure),
-        *lashes(figure, rgb(recipe.face.brow) * 0.4, base_colour(recipe.face), morphs),
+        *lashes(figure, rgb(recipe.face.brow) * 0.4, morphs),
         shell(figure, body, hair_colour, style, seed),
     ]
     hair = locks(figure, body, cloth, hair_colour, style, seed, recipe.face.grey)
@@ -439,7 +435,7 @@ def built(source: MakeHuman, workshop: Workshop, recipe: Recipe, seed: int) -> C
         Material("under", "cloth", 0.9, double_sided=True),
         Material("shoe", "leather", 0.5, double_sided=True),
     )
-    locks_near = drawn(figure, hair, 0)
+    locks_near = [drawn(figure, group, 0) for group in hair]
     near, far = (shaded([*own, *clothes], locks_near) for clothes in (worn, worn_far))
     blank = Character(
         name=recipe.name,

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from visavis.lab.geometry import Vector
 from visavis.stimuli.characters.body_parts import PART_INDEX
@@ -47,8 +46,6 @@ _NECK_SHARE = 0.5
 """Weight of the neck, relative to nose, lips and lids."""
 _PLAIN_SHARE = 0.3
 """Weight of bends and pictures on cheek and forehead, relative to facial features."""
-_ALIKE_M = 0.0005
-"""How far off a mirrored vertex of one side of a face is at most from that of the other."""
 _FEATURE_WEIGHTS = {"normal": 0.3, "colour": 0.02, "place": 6.0, "uv": 0.5}
 Indices = npt.NDArray[np.int64]
 
@@ -132,57 +129,10 @@ def lighter(mesh: SkinnedMesh, budget: LevelBudget) -> SkinnedMesh:
     on_face = np.isin(split_mesh.triangle_part, [PART_INDEX[p] for p in FACE])
     is_locked = _between(split_mesh, on_face.astype(np.int64))
     share = _features(split_mesh)
-    face = _thin_alike(split_mesh, on_face, budget.face, is_locked, share)
+    face = _thin(split_mesh, split_mesh.triangles[on_face], budget.face, is_locked, share)
     left = budget.triangles - len(face)
     thin = [face, _thin(split_mesh, split_mesh.triangles[~on_face], left, is_locked, share)]
     return _compact(split_mesh, np.concatenate(thin))
-
-
-def _thin_alike(
-    mesh: SkinnedMesh,
-    on_face: npt.NDArray[np.bool_],
-    n_triangles: int,
-    is_locked: npt.NDArray[np.bool_],
-    features_01: Vector,
-) -> npt.NDArray[np.int32]:
-    """Return fewer triangles of a face; where both its sides have the same vertices, one is thinned
-    and the other is like it, or few triangles would make the face lopsided.
-    """
-    triangles = mesh.triangles[on_face]
-    mirrored = _mirrored(mesh, triangles)
-    if mirrored is None:
-        return _thin(mesh, triangles, n_triangles, is_locked, features_01)
-    on_left = mesh.vertices_m[triangles, 0].mean(axis=1) < 0
-    side = _thin(mesh, triangles[on_left], n_triangles // 2, is_locked, features_01)
-    return np.concatenate([side, mirrored[side][:, ::-1]])
-
-
-def _mirrored(mesh: SkinnedMesh, triangles: npt.NDArray[np.int32]) -> npt.NDArray[np.int32] | None:
-    """Return by vertex (v,) of the side of negative x its like on the other side; None where some
-    have none.
-    """
-    middle_x = mesh.vertices_m[triangles, 0].mean(axis=1)
-    left, right = np.unique(triangles[middle_x < 0]), np.unique(triangles[middle_x >= 0])
-    if len(left) != len(right) or not len(left):
-        return None
-    count = np.maximum(np.bincount(triangles.ravel(), minlength=len(mesh.vertices_m)), 1)
-    middle = mesh.vertices_m[triangles].mean(axis=1)
-    around = np.stack(
-        [
-            np.bincount(triangles.ravel(), np.repeat(middle[:, k], 3), len(count)) / count
-            for k in range(3)
-        ],
-        axis=1,
-    )
-    # Where a picture is cut, several vertices are at one place, with triangles on different sides.
-    looks = np.concatenate([mesh.vertices_m, 0.2 * around], axis=1)
-    _, nearest = cKDTree(looks[right]).query(looks[left] * np.array([-1, 1, 1] * 2))
-    off = mesh.vertices_m[right[nearest]] - mesh.vertices_m[left] * np.float32([-1, 1, 1])
-    if np.abs(off).max() > _ALIKE_M or len(np.unique(nearest)) < len(right):
-        return None
-    mirrored = np.full(len(looks), -1, np.int32)
-    mirrored[left] = right[nearest]
-    return mirrored
 
 
 def keep_triangles(mesh: SkinnedMesh, is_kept: npt.NDArray[np.bool_]) -> SkinnedMesh:
