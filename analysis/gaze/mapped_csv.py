@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -92,6 +92,11 @@ class Screen(_Strict):
     def flat(self) -> FlatScreen:
         """The screen as the lab knows it."""
         return FlatScreen(**self.model_dump())
+
+    @classmethod
+    def of(cls, flat: FlatScreen) -> Self:
+        """Return where and how large a screen of the lab is, without how bright."""
+        return cls(**{name: getattr(flat, name) for name in cls.model_fields})
 
 
 class Pixels(_Strict):

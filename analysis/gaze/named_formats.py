@@ -9,7 +9,7 @@ import numpy as np
 
 from visavis.analysis.gaze.foreign import GazeRecording
 from visavis.analysis.gaze.foreign_times import LIKELY_HZ
-from visavis.analysis.gaze.mapped_csv import GazeMapping, mapping_of, recording_of_table
+from visavis.analysis.gaze.mapped_csv import GazeMapping, Screen, mapping_of, recording_of_table
 from visavis.analysis.gaze.text_table import NS_PER_UNIT, TextTable, read_text_table
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DataError, UsageError
@@ -94,7 +94,7 @@ def _mapping_for(table: TextTable, name: str, screen: FlatScreen | None) -> Gaze
                 f"{table.path}: {name} writes places on the screen; say how large and far it was: "
                 "--screen 1920x1080,0.53x0.30,0.65"
             )
-        content["screen"] = vars(screen)
+        content["screen"] = Screen.of(screen)
     mapping = mapping_of({**content, **eyes}, source=name)
     return _with_likely_unit(table, mapping) if name == "tobii" and mapping.where else mapping
 
@@ -174,7 +174,7 @@ def read_smi(path: Path, screen: FlatScreen | None) -> GazeRecording:
     content = {
         "time": {"column": "Time", "unit": "us"},
         "space": "head",
-        "screen": vars(screen),
+        "screen": Screen.of(screen),
         "rate_hz": float(rate) if re.fullmatch(r"[1-9][0-9]{0,4}", rate) else None,
         **eyes,
     }
