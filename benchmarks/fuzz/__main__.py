@@ -12,10 +12,10 @@ the device has not, a checked frame that nobody sent), and hangs: an input that 
 table says beside what was accepted wrong how many may be, and more are a failure.
 `--seconds` ends a target early; how many inputs it had is printed. An import of a whole person does
 far more than read: its reader gets all inputs, the rest of it a hundredth of them; endpoints, which
-record, get a tenth. Files are
-written to memory where the system has such a place. With `--tally FILE` counts are kept and each
-run goes on where the last one stopped, with other inputs, until every target has had its inputs;
-what each had in all is printed last (`--inputs 0`: nothing else).
+record, and whole GET requests to the servers of pages and desk get a tenth. Files are written to
+memory where the system has such a place. With `--tally FILE` counts are kept and each run goes on
+where the last one stopped, with other inputs, until every target has had its inputs; what each had
+in all is printed last (`--inputs 0`: nothing else).
 """
 
 import argparse
@@ -38,6 +38,7 @@ from benchmarks.fuzz.codecs import codecs
 from benchmarks.fuzz.damage import draws
 from benchmarks.fuzz.endpoints import endpoints
 from benchmarks.fuzz.files import files
+from benchmarks.fuzz.routes import routes
 from benchmarks.fuzz.target import Target, may_pass
 from visavis.lab.clock import StopWatch
 
@@ -193,8 +194,9 @@ def main() -> int:
     outcomes = []
     counts = tallied(options.tally, options.seed)
     with tempfile.TemporaryDirectory(dir=scratch_folder()) as scratch, ExitStack() as stack:
-        served = stack.enter_context(endpoints(Path(scratch)))
-        targets = (*codecs(), *files(Path(scratch)), *served)
+        posted = stack.enter_context(endpoints(Path(scratch)))
+        asked = stack.enter_context(routes(Path(scratch) / "routes"))
+        targets = (*codecs(), *files(Path(scratch)), *posted, *asked)
         wanted = {target.name: round(options.inputs * target.share_01) for target in targets}
         bits = {target.name: target.checksum_bits for target in targets}
         for target in targets:

@@ -10,7 +10,7 @@ import json
 import logging
 import re
 import socket
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -43,9 +43,11 @@ QUIET_TURNS: Final = 30
 """Turns of the loop without a byte after which nothing more comes: nothing waits for a thread."""
 MOST_TURNS: Final = 20_000
 WHOLE: Final = (200, 206)
-REFUSED: Final = (100, 304, 400, 403, 404, 405, 412, 413, 416, 417)
-STATUS: Final = re.compile(rb"HTTP/1\.[01] (\d{3})[^\r\n]*\r\n")
+REFUSED: Final = (100, 304, 400, 403, 404, 405, 412, 413, 415, 416, 417)
+STATUS: Final = re.compile(rb"HTTP/\d\.\d (\d{3})[^\r\n]*\r\n")  # of the version asked for
 LENGTH: Final = re.compile(rb"(?im)^content-length: *(\d+)\r?$")
+IN_CHUNKS: Final = re.compile(rb"(?im)^transfer-encoding: *chunked\r?$")
+CHUNK: Final = re.compile(rb"([0-9a-f]+)\r\n")
 PATHS: Final = (
     b"..", b"../", b"%2e%2e%2f", b"%5c", b"//", b"\\", b"%00", b"%c0%ae", b"%", b"%zz", b"?", b"#",
     b";", b"*", b"http://127.0.0.1/", b"//other.example/", b"?a=1&a=2", b"?=&&", b"\xc3\xa4",
@@ -121,9 +123,9 @@ class Asked:
         self._loop = asyncio.new_event_loop()
         self._loop.set_default_executor(_AtOnce())
         self._loop.set_exception_handler(self._errors.of_loop)
-        self._runner = server._runner  # noqa: SLF001  # no port between
-        self._loop.run_until_complete(self._runner.setup())
-        LOG.addHandler(self._errors)
+        self._loop.set_task_factory(self._task)
+        self._tasks: list[asyncio.Task[Any]] = []
+        self._protocols = self._loop.run_until_complete(server.make_ready())
 
     def answers(self, data: bytes) -> tuple[Answer, ...]:
         """Send the bytes of a connection; return what is answered before nothing more comes.
@@ -131,25 +133,36 @@ class Asked:
         Raises:
             Exception: what the server would have printed, or the loop.
         """
+        self._tasks.clear()
+        self._errors.found.clear()
+        LOG.addHandler(self._errors)
         said = self._loop.run_until_complete(self._sent(data))
-        if self._errors.found:
-            error = self._errors.found[0]
-            self._errors.found.clear()
+        LOG.removeHandler(self._errors)
+        for error in (*self._errors.found, *_failures(self._tasks)):
             raise error
         return answers_in(said)
 
     def close(self) -> None:
         """Stop the server, and the loop it answered in."""
-        LOG.removeHandler(self._errors)
-        self._loop.run_until_complete(self._runner.cleanup())
+        self._loop.run_until_complete(self._server.stop())
         self._loop.close()
 
+    def _task(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        act: Coroutine[Any, Any, Any] | Generator[Any, None, Any],
+        /,
+        **named: Any,
+    ) -> "asyncio.Task[Any]":
+        task = asyncio.Task(act, loop=loop, **named)
+        self._tasks.append(task)
+        return task
+
     async def _sent(self, data: bytes) -> bytes:
-        assert self._runner.server is not None
         here, there = socket.socketpair()
         with here:
             here.setblocking(False)
-            await self._loop.connect_accepted_socket(self._runner.server, there)
+            await self._loop.connect_accepted_socket(self._protocols, there)
             said, quiet, unsent = b"", 0, data
             for _ in range(MOST_TURNS):
                 await asyncio.sleep(0)
@@ -175,6 +188,12 @@ class Asked:
         return said
 
 
+def _failures(tasks: Sequence["asyncio.Task[Any]"]) -> list[BaseException]:
+    """Return why tasks ended early, which nobody else asks before they are collected."""
+    ended = (task.exception() for task in tasks if task.done() and not task.cancelled())
+    return [error for error in ended if error and not isinstance(error, ConnectionError)]
+
+
 def answers_in(said: bytes) -> tuple[Answer, ...]:
     """Return the answers that a connection brought; a second one follows the length of the first.
 
@@ -188,10 +207,29 @@ def answers_in(said: bytes) -> tuple[Answer, ...]:
         if status is None or not mark:
             raise ValueError(f"no answer: {said[:80]!r}")
         length = LENGTH.search(head)
-        n = 0 if length is None or STATUS.match(rest) else int(length[1])  # HEAD has none
-        found.append(Answer(int(status[1]), head, rest[:n]))
-        said = rest[n:]
+        if STATUS.match(rest):  # of HEAD there is the head alone
+            body, said = b"", rest
+        elif IN_CHUNKS.search(head):
+            body, said = _of_chunks(rest)
+        else:
+            n = 0 if length is None else int(length[1])
+            body, said = rest[:n], rest[n:]
+        found.append(Answer(int(status[1]), head, body))
     return tuple(found)
+
+
+def _of_chunks(rest: bytes) -> tuple[bytes, bytes]:
+    """Return what chunks hold, and what follows them."""
+    body = b""
+    while rest:
+        size = CHUNK.match(rest)
+        if size is None:
+            raise ValueError(f"no chunk: {rest[:80]!r}")
+        begin, n = size.end(), int(size[1], 16)
+        body, rest = body + rest[begin : begin + n], rest[begin + n + 2 :]
+        if n == 0:
+            break
+    return body, rest
 
 
 def asked_again(data: bytes, other: bytes, drawn: Iterator[int]) -> bytes:

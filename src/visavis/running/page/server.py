@@ -11,6 +11,8 @@ from typing import Any, Final, Protocol
 
 from aiohttp import web, web_response
 from aiohttp.http_exceptions import HttpProcessingError
+from aiohttp.http_parser import RawRequestMessage
+from aiohttp.web_protocol import ERROR
 
 from visavis.lab.errors import DeviceError, RecordingError
 from visavis.lab.plain_files import parse_json, with_whole_characters
@@ -198,7 +200,7 @@ class LocalServer:
         Raises:
             DeviceError: the port is taken.
         """
-        await self._runner.setup()
+        await self.make_ready()
         try:
             await web.TCPSite(self._runner, host, port, ssl_context=tls).start()
         except OSError as error:
@@ -209,6 +211,19 @@ class LocalServer:
                 remedy="end what uses it, or give another one with --port",
             ) from error
         self.port = int(self._runner.addresses[0][1])
+
+    async def make_ready(self) -> web.Server:
+        """Make ready what answers connections, and return it; nobody can reach it yet."""
+        await self._runner.setup()
+        server = self._runner.server
+        assert server is not None  # noqa: S101  # it is made there
+        as_read = server.request_factory
+
+        def request(message: RawRequestMessage, *more: Any) -> web.BaseRequest:
+            return as_read(message if _can_be_handled(message) else ERROR, *more)
+
+        server.request_factory = request
+        return server
 
     async def stop(self) -> None:
         """Stop listening."""
@@ -252,7 +267,7 @@ class LocalServer:
         return response
 
     def _refuse_strangers(self, request: web.Request) -> None:
-        """Refuse other host names, and what a page of another site sends through the browser.
+        """Refuse broken requests, other host names, and what pages of other sites send here.
 
         A page can post to any address without asking, but only as a form or as plain text, and
         browsers say where it comes from. Programs say neither; they have JSON or the key.
@@ -260,6 +275,12 @@ class LocalServer:
         Raises:
             StrangerError: it is one of these.
         """
+        if request.method == ERROR.method:
+            raise StrangerError(400, "that is no request")
+        try:  # what files are answered with reads them too, where nothing of ours hears of an error
+            _ = request.if_modified_since, request.if_unmodified_since, request.if_range
+        except OverflowError as error:
+            raise StrangerError(400, "no clock shows the time in its headers") from error
         if request.host.partition(":")[0] not in self._hosts:
             raise StrangerError(403, "this address is not served")
         if request.method in ("GET", "HEAD", "OPTIONS"):
@@ -459,6 +480,14 @@ def _post_of(body: Mapping[str, Any], in_ns: int) -> Post | None:
     pairs = tuple((count(n, "heard"), number(at_ms, "heard")) for n, at_ms in answers)
     of_page = body.get("post")
     return Post(out_ms, wall_ms, None if of_page is None else count(of_page, "post"), in_ns, pairs)
+
+
+def _can_be_handled(message: RawRequestMessage) -> bool:
+    """Tell whether aiohttp comes as far as our handlers with what it has read.
+
+    It needs a URL, which `CONNECT` to nobody has not, and answers with the text of an expectation.
+    """
+    return message.url is not None and message.headers.get("Expect", "").isascii()
 
 
 def _refusal(status: int, why: str, **more: int) -> web.Response:
