@@ -4,6 +4,7 @@ Positions come out in metres and orientations as quaternions (w, x, y, z); axes 
 y up and z backward where the set says which way its own point. Source: BIDS 1.11, "Motion".
 """
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -34,6 +35,9 @@ MAX_SPEED_M_S: Final = 13.0
 """No person's hand, foot or head is faster for long; sprinters reach 12.4 m/s."""
 MAX_FAST_01: Final = 0.01
 MAX_REACH_M: Final = 200.0
+MIN_RATE_HZ: Final = 0.01
+MAX_RATE_HZ: Final = 1e6
+"""Stamps of a nominal rate are whole nanoseconds, all of them different."""
 _AXIS_OF_LETTER: Final = {
     **dict.fromkeys("AF", ("forward", "+")),
     **dict.fromkeys("PB", ("forward", "-")),
@@ -82,14 +86,17 @@ def read_bids_motion(path: Path) -> ForeignMotion:
     names = [f"{name}/{k}" for k, name in enumerate(channels.column("name"))]
     table = read_text_table(path, delimiter="\t", names=names, decimal=".")
     sidecar = sidecar_of(path)
-    frames = sidecar_of(path, "channels").get("reference_frame", {}).get("Levels", {})
+    frames = _object(path, _object(path, sidecar_of(path, "channels"), "reference_frame"), "Levels")
     kinds = [cell.strip().upper() for cell in channels.column("type")]
+    components = [cell.strip().lower() for cell in channels.column("component")]
+    roles = tuple(zip(kinds, components, strict=True))
     remarks = list(table.remarks)
     t_ns = _times(path, table, names, kinds, channels, sidecar, remarks)
-    points = []
-    for name in dict.fromkeys(channels.column("tracked_point")):
-        own = [k for k, cell in enumerate(channels.column("tracked_point")) if cell == name]
-        point = _point(path, name, own, (table, names, kinds, channels), frames, remarks)
+    points, columns_of = [], defaultdict[str, list[int]](list)
+    for k, name in enumerate(channels.column("tracked_point")):
+        columns_of[name].append(k)
+    for name, own in columns_of.items():
+        point = _point(path, name, own, (table, names, roles, channels), frames, remarks)
         if point is not None:
             points.append(point)
     other = sum(kind not in ("POS", "ORNT", "LATENCY") for kind in kinds)
@@ -112,6 +119,13 @@ def _channels(path: Path) -> TextTable:
     return channels
 
 
+def _object(path: Path, content: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    found = content.get(name, {})
+    if not isinstance(found, Mapping):
+        raise DataError(f"{path}: {name} of its channels is no object; mend the sidecar")
+    return found
+
+
 def _times(
     path: Path,
     table: TextTable,
@@ -126,8 +140,12 @@ def _times(
         unit_name = channels.column("units")[k].strip().lower()
         return table.stamps(names[k], {"ms": "ms", "milliseconds": "ms"}.get(unit_name, "s"))
     rate_hz = sidecar.get("SamplingFrequencyEffective") or sidecar.get("SamplingFrequency")
-    if not isinstance(rate_hz, int | float) or not rate_hz > 0:
-        raise DataError(f"{path}: neither a latency channel nor a SamplingFrequency; add one")
+    is_number = isinstance(rate_hz, int | float) and not isinstance(rate_hz, bool)
+    if not is_number or not MIN_RATE_HZ <= rate_hz <= MAX_RATE_HZ:
+        raise DataError(
+            f"{path}: neither a latency channel nor a SamplingFrequency of {MIN_RATE_HZ:g} to "
+            f"{MAX_RATE_HZ:g} Hz; add one"
+        )
     remarks.append(
         f"no latency: stamps follow from {rate_hz:.6g} Hz, and nobody can tell whether samples "
         "were lost"
@@ -138,17 +156,17 @@ def _times(
     return t_ns
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what overflows is refused, or was not seen
 def _point(
     path: Path,
     name: str,
     own: Sequence[int],
-    content: tuple[TextTable, Sequence[str], Sequence[str], TextTable],
+    content: tuple[TextTable, Sequence[str], Sequence[tuple[str, str]], TextTable],
     frames: Mapping[str, Any],
     remarks: list[str],
 ) -> TrackedPoint | None:
-    table, names, kinds, channels = content
-    components = [cell.strip().lower() for cell in channels.column("component")]
-    column_of = {(kinds[k], components[k]): k for k in own}
+    table, names, roles, channels = content
+    column_of = {roles[k]: k for k in own}
     places = [column_of.get(("POS", axis)) for axis in "xyz"]
     angles = [column_of.get(("ORNT", axis)) for axis in "xyz"]
     turns = [column_of.get(("ORNT", f"quat_{axis}")) for axis in "wxyz"]
@@ -156,7 +174,7 @@ def _point(
         return None
     first = next(k for k in (*places, *angles, *turns) if k is not None)
     label = channels.column("reference_frame")[first] if channels.has("reference_frame") else ""
-    frame = frames.get(label, {})
+    frame = _object(path, frames, label)
     matrix = _matrix(path, str(frame.get("SpatialAxes", "")), remarks)
 
     def values(columns: Sequence[int | None]) -> Vector:
@@ -196,7 +214,9 @@ def _matrix(path: Path, axes: str, remarks: list[str]) -> Vector:
         return np.eye(3)
     signs = [_AXIS_OF_LETTER.get(letter) for letter in letters]
     if len(letters) != 3 or None in signs or len({k[0] for k in signs if k}) != 3:
-        raise DataError(f"{path}: SpatialAxes {axes!r} are none; three letters such as ALS, FRU")
+        raise DataError(
+            f"{path}: SpatialAxes {axes[:9]!r} are none; three letters such as ALS, FRU"
+        )
     own = {k[0]: f"{k[1]}{axis}" for k, axis in zip(signs, "xyz", strict=True) if k}
     return axes_matrix(own["right"], own["up"], own["forward"])
 

@@ -1,6 +1,7 @@
 """Read a table as labs have it: commas or semicolons, points or decimal commas, or Parquet."""
 
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
@@ -238,7 +239,7 @@ def truth_of(name: str, column: str, texts: Sequence[str]) -> list[bool]:
 
 
 def _refuse_names(table: str, names: Sequence[str]) -> None:
-    twice = sorted({n for n in names if names.count(n) > 1})
+    twice = sorted(name for name, n in Counter(names).items() if n > 1)
     if twice:
         raise DataError(
             f"{table} names the column {twice[0]!r} twice; give every column its own name"

@@ -89,6 +89,13 @@ def _changed_once(value: Any, drawn: Iterator[int]) -> Any:
     return found
 
 
+def json_or_bytes(data: bytes, other: bytes, drawn: Iterator[int]) -> bytes:
+    """Return a JSON text with values changed, or its bytes damaged."""
+    if next(drawn) % 2:
+        return damaged(data, other, drawn)
+    return json.dumps(changed(json.loads(data), drawn)).encode("utf-8", "surrogatepass")
+
+
 def sealed_again(data: bytes, other: bytes, drawn: Iterator[int]) -> bytes:
     """Return a sealed file with values changed and a checksum that agrees."""
     content = json.loads(data)

@@ -12,7 +12,7 @@ from aiohttp.base_protocol import BaseProtocol
 from aiohttp.test_utils import make_mocked_request
 
 from benchmarks.cross_site import Everybody
-from benchmarks.fuzz.damage import changed, damaged
+from benchmarks.fuzz.damage import json_or_bytes
 from benchmarks.fuzz.target import Target
 from tests.faults.sessions import lab
 from tests.running.page.pages import TAB, Page, begun
@@ -86,13 +86,6 @@ class Posted:
             bodies.append(json.dumps({"tab": TAB, "events": [page.event()]}).encode())
             page.answer()
         return tuple(bodies)
-
-
-def json_or_bytes(data: bytes, other: bytes, drawn: Iterator[int]) -> bytes:
-    """Return a body with values changed, or its bytes damaged."""
-    if next(drawn) % 2:
-        return damaged(data, other, drawn)
-    return json.dumps(changed(json.loads(data), drawn)).encode("utf-8", "surrogatepass")
 
 
 def is_answered(result: object) -> bool:

@@ -15,7 +15,14 @@ import pandas as pd
 from PIL import Image, PngImagePlugin
 
 from benchmarks.fuzz.codecs import WIRES
-from benchmarks.fuzz.damage import arrays_again, chained_again, journal_again, sealed_again
+from benchmarks.fuzz.damage import (
+    arrays_again,
+    chained_again,
+    damaged,
+    journal_again,
+    json_or_bytes,
+    sealed_again,
+)
 from benchmarks.fuzz.target import Target
 from tests.analysis.gaze.test_import import PUPIL, vive_text
 from tests.recording.sessions import record_session
@@ -24,6 +31,7 @@ from tests.stimuli.glb_figure import write_glb
 from tests.stimuli.motion.motions import SMALL_BVH
 from tests.stimuli.motion.speaking.test_annotations import ANVIL, ELAN
 from visavis.analysis.foreign_check import read_bids_times, read_xdf_times
+from visavis.analysis.foreign_motion import motion_table, quality_of_motion, read_bids_motion
 from visavis.analysis.gaze.bids import read_bids
 from visavis.analysis.gaze.mapped_csv import mapping_of, read_csv, read_mapping
 from visavis.analysis.gaze.readers import read_pupil, read_vive
@@ -299,14 +307,15 @@ def files(scratch: Path) -> Iterator[Target]:
 
 
 def foreign_bids(root: Path) -> Iterator[Target]:
-    """Yield a target per file of a data set that other software wrote, as `check` reads it."""
+    """Yield targets per file of a data set of other software, as `check` and `import` read it."""
     motion, gaze = root / "sub-1_tracksys-a_motion.tsv", root / "sub-1_recording-eye1_physio.tsv"
     root.mkdir(parents=True)
     (root / "dataset_description.json").write_text("{}")
     content = {
-        motion: "0.0\t1.5\n0.1\t1.6\nn/a\tn/a\n",
+        motion: "0.0\t1.5\t1\t2\t0.1\t0\t90\n0.1\t1.6\t1\t2\t0.1\t0\t91\n0.2" + "\tn/a" * 6,
         motion.with_suffix(".json"): '{"SamplingFrequency": 10}',
-        motion.with_name("sub-1_tracksys-a_channels.tsv"): "name\ttype\nlatency\tLATENCY\nx\tPOS\n",
+        motion.with_name("sub-1_tracksys-a_channels.tsv"): CHANNELS_OF_MOTION,
+        motion.with_name("sub-1_tracksys-a_channels.json"): FRAME_OF_MOTION,
         gaze: "0.0\t1\n0.1\t2\n",
         gaze.with_suffix(".json"): '{"SamplingFrequency": 10, "Columns": ["timestamp", "x"]}',
     }
@@ -317,21 +326,40 @@ def foreign_bids(root: Path) -> Iterator[Target]:
         else:
             path.write_bytes(data)
 
-    def reading(path: Path, whole: bytes) -> Callable[[bytes], object]:
+    def imported(root: Path) -> object:
+        found = read_bids_motion(root / motion.name)
+        return quality_of_motion(found), motion_table(found)
+
+    def target(reader: Callable[[Path], object], name: str, path: Path, whole: bytes) -> Target:
         def read(data: bytes) -> object:
             written(path, data)
             try:
-                return read_bids_times(root)
+                return reader(root)
             finally:
                 written(path, whole)
 
-        return read
+        name = f"visavis.analysis.{name} {path.name.split('_', 1)[1]}"
+        change = json_or_bytes if path.suffix == ".json" else damaged
+        return Target(name, (whole,), read, (LabError,), change=change)
 
     for path, text in content.items():
         written(path, text.encode())
     for path, text in content.items():
-        name = f"visavis.analysis.foreign_check {path.name.split('_', 1)[1]}"
-        yield Target(name, (text.encode(),), reading(path, text.encode()), (LabError,))
+        yield target(read_bids_times, "foreign_check", path, text.encode())
+        if "tracksys" in path.name:
+            yield target(imported, "foreign_motion", path, text.encode())
+
+
+CHANNELS_OF_MOTION = (
+    "name\tcomponent\ttype\ttracked_point\tunits\treference_frame\n"
+    "latency\tn/a\tLATENCY\tn/a\ts\tn/a\n"
+    + "".join(f"p{axis}\t{axis}\tPOS\thead\tm\tglobal\n" for axis in "xyz")
+    + "".join(f"r{axis}\t{axis}\tORNT\thead\tdeg\tglobal\n" for axis in "xyz")
+)
+FRAME_OF_MOTION = (
+    '{"reference_frame": {"Levels": {"global": {"SpatialAxes": "ALS", "RotationRule": '
+    '"right-hand", "RotationOrder": "ZXY"}}}}'
+)
 
 
 def pictures() -> dict[str, bytes]:

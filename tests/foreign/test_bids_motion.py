@@ -230,3 +230,44 @@ def test_the_command_reads_all_before_it_writes_any(tmp_path: Path) -> None:
         import_motion([path], out)
     with pytest.raises(UsageError, match="no BIDS motion"):
         read_bids_motion(channels)
+
+
+ODD = ("x", 5, [1], None, True)
+
+
+@pytest.mark.parametrize("odd", ODD)
+@pytest.mark.parametrize("place", ["reference_frame", "Levels", "global"])
+def test_frames_that_are_no_objects_are_refused(tmp_path: Path, place: str, odd: object) -> None:
+    path = data_set(tmp_path, [*places("head"), LATENCY], np.column_stack([OURS_M, T_S]))
+    whole = {"global": odd} if place == "global" else odd
+    frame = whole if place == "reference_frame" else {"Levels": whole}
+    (tmp_path / "task-walk_channels.json").write_text(json.dumps({"reference_frame": frame}))
+    with pytest.raises(DataError, match=f"{place} .* no object; mend the sidecar"):
+        read_bids_motion(path)
+
+
+@pytest.mark.parametrize("rate_hz", ["5e-324", "1" + "0" * 400, "1e300", "true", "[10]", "-1"])
+def test_a_rate_that_no_tracker_has_gives_no_stamps(tmp_path: Path, rate_hz: str) -> None:
+    path = data_set(tmp_path, places("head"), OURS_M)
+    sidecar = path.with_suffix(".json")
+    sidecar.write_text(f'{{"SamplingFrequency": {rate_hz}}}')
+    with pytest.raises(DataError, match="neither a latency channel nor a SamplingFrequency"):
+        read_bids_motion(path)
+
+
+def test_tens_of_thousands_of_points_are_gone_through_once(tmp_path: Path) -> None:
+    """Each of them went through all channels: minutes, of a file of 1 MB."""
+    n = 30_000
+    channels = [(f"c{k}", "n/a", "MISC", f"p{k}", "n/a", "n/a") for k in range(n)]
+    path = data_set(tmp_path, channels, np.ones((1, n)), cell="{:.0f}")
+    with pytest.raises(DataError, match="no position and no orientation"):
+        read_bids_motion(path)
+
+
+@pytest.mark.filterwarnings("error")
+def test_numbers_that_overflow_are_refused_or_unseen_without_a_warning(tmp_path: Path) -> None:
+    far = OURS_M.copy()
+    far[0], far[1] = 1e308, -1e308
+    path = data_set(tmp_path, [*places("head"), LATENCY], np.column_stack([far, T_S]))
+    with pytest.raises(DataError, match="moves over inf m"):
+        read_bids_motion(path)

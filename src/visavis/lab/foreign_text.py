@@ -7,6 +7,7 @@ import csv
 import io
 import itertools
 import re
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -162,7 +163,7 @@ def read_rows(
     if not text.endswith(("\n", "\r", '"')):
         numbered_rows = _without_cut_number(numbered_rows, remarks)
     header, rows = _without_nameless(header, [row for _, row in numbered_rows], what, remarks)
-    twice = sorted({n for n in header if header.count(n) > 1})
+    twice = sorted(name for name, n in Counter(header).items() if n > 1)
     if twice:
         raise DataError(f"{what} names the column {twice[0]!r} twice; rename one")
     return ForeignRows(
