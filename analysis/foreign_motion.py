@@ -140,8 +140,9 @@ def _times(
         unit_name = channels.column("units")[k].strip().lower()
         return table.stamps(names[k], {"ms": "ms", "milliseconds": "ms"}.get(unit_name, "s"))
     rate_hz = sidecar.get("SamplingFrequencyEffective") or sidecar.get("SamplingFrequency")
-    is_number = isinstance(rate_hz, int | float) and not isinstance(rate_hz, bool)
-    if not is_number or not MIN_RATE_HZ <= rate_hz <= MAX_RATE_HZ:
+    if rate_hz is True or not isinstance(rate_hz, int | float):
+        rate_hz = 0.0
+    if not MIN_RATE_HZ <= rate_hz <= MAX_RATE_HZ:
         raise DataError(
             f"{path}: neither a latency channel nor a SamplingFrequency of {MIN_RATE_HZ:g} to "
             f"{MAX_RATE_HZ:g} Hz; add one"
