@@ -38,7 +38,7 @@ from visavis.protocol.people.key_file import KeyFile
 from visavis.recording.durable import make_folder
 from visavis.recording.export import export_recording, export_together
 from visavis.recording.folder import create_session
-from visavis.recording.manifest import Manifest
+from visavis.recording.manifest import DESIGN_KEY, Manifest
 from visavis.recording.privacy_sheet import privacy_sheet
 from visavis.recording.provenance import Provenance
 from visavis.recording.remarks import Remark, add_remark
@@ -47,7 +47,7 @@ from visavis.recording.sharing import ANY, EVENT_CLASSES, SharedRecording
 from visavis.recording.writer import Recorder
 from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.results.tables.dictionary import trial_columns
-from visavis.running.sessions.recorded_design import DESIGN_KEY, design_of
+from visavis.running.sessions.recorded_design import design_of
 from visavis.running.sessions.study_folder import SETTINGS_NAME, StudySettings
 from visavis.study.catalogue import SHIPPED_STUDIES
 from visavis.study.responses import FreeText

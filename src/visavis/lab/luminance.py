@@ -257,8 +257,8 @@ def luminance_table(
         if len(set(levels)) < MIN_LEVELS or levels[0] != 0 or levels[-1] != WHITE:
             listing = ", ".join(map(str, levels))
             problems.append(
-                f"{gun} has the levels {listing}; measure {MIN_LEVELS} or more, 0 and {WHITE} among "
-                "them"
+                f"{gun} has the levels {listing}; measure {MIN_LEVELS} or more, 0 and {WHITE} "
+                "among them"
             )
         for (level, cd_m2, line), (next_level, next_cd_m2, next_line) in pairwise(own):
             if level == next_level:
