@@ -22,7 +22,7 @@ from visavis import Factor, Items, Rating, Study, Text
 
 study = Study("rated", factors=[{factors}], items=Items("things.csv", {options}),
               repetitions={repetitions}, practice={practice}, on="browser", uses=(),
-              calibrate=False)
+              calibrate=False, sessions={sessions})
 
 
 @study.trial
@@ -51,10 +51,15 @@ def experiment(
     factors: str = MOOD,
     repetitions: int = 6,
     practice: int = 0,
+    sessions: tuple[str, ...] = (),
 ) -> StudyExperiment:
     (folder / "things.csv").write_text(table, "utf-8")
     text = STUDY.format(
-        factors=factors, options=options, repetitions=repetitions, practice=practice
+        factors=factors,
+        options=options,
+        repetitions=repetitions,
+        practice=practice,
+        sessions=sessions,
     )
     (folder / "rated.py").write_text(text, "utf-8")
     made = find_study(str(folder / "rated.py")).experiment({})
@@ -90,6 +95,20 @@ def test_practice_takes_items_of_the_session_where_the_table_is_used_up(tmp_path
     practice = {t.factors["item"] for t in trials if t.is_practice}
     assert 4 == len(practice)
     assert practice <= {t.factors["item"] for t in trials if not t.is_practice}
+
+
+def test_all_sessions_of_somebody_show_the_same_choice_in_another_order(tmp_path: Path) -> None:
+    first = experiment(tmp_path, things(24), practice=2, sessions=("learn", "test"))
+    chosen = []
+    for index in range(4):
+        learnt, tested = (
+            [t["item"] for t in shown(e, index)] for e in (first, first.of_session(2))
+        )
+        assert len(learnt) < 24
+        assert set(learnt) == set(tested)
+        assert learnt != tested
+        chosen.append(frozenset(map(str, learnt)))
+    assert 1 < len(set(chosen))
 
 
 def test_each_participant_sees_a_list_of_their_own(tmp_path: Path) -> None:

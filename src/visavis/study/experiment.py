@@ -522,16 +522,22 @@ class StudyExperiment:
         self.settings.rows.clear()
         self.settings.repeats.clear()
         design = self.study.design_with(self.parameters)
-        plan = make_plan(
-            design,
-            seed=seed,
-            participant_index=participant_index,
-            group=group or None,
-            session=self.session,
-        )
+
+        def plan_of(session: int) -> SessionPlan:
+            return make_plan(
+                design,
+                seed=seed,
+                participant_index=participant_index,
+                group=group or None,
+                session=session,
+            )
+
+        plan = plan_of(self.session)
         rows: Mapping[str, Mapping[str, Any]] = {}
-        if self.study.design.items is not None and self.item_table is not None:
-            rows = items_of_plan(self.study.design.items, self.item_table, plan, design.factors)
+        items = self.study.design.items
+        if items is not None and self.item_table is not None:
+            first = plan_of(1) if self.session > 1 else None
+            rows = items_of_plan(items, self.item_table, plan, design.factors, first)
         values = self.values_of(plan)
         blocks = []
         for block in plan.blocks:

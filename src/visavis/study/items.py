@@ -114,11 +114,16 @@ def fits(items: Items, table: ItemTable, row: int, cell: Mapping[str, Any]) -> b
 
 
 def items_of_plan(
-    items: Items, table: ItemTable, plan: SessionPlan, factors: Sequence[Factor]
+    items: Items,
+    table: ItemTable,
+    plan: SessionPlan,
+    factors: Sequence[Factor],
+    first: SessionPlan | None = None,
 ) -> dict[str, Mapping[str, Scalar]]:
     """Return the row of every trial of a session, by the trial's id.
 
-    Practice shows what the other trials leave over, where there is enough of it.
+    Practice shows what the other trials leave over, where there is enough of it. A later session
+    shows the choice of the `first`, so that what is tested was learnt.
 
     Raises:
         DesignError: there are too few items, or no order keeps the limits.
@@ -130,9 +135,14 @@ def items_of_plan(
     rows_of = _RowsOf(items, table, factors, index)
     main = [t for t in plan.trials if not t.is_practice]
     practice = [t for t in plan.trials if t.is_practice]
-    drawn = _drawn(items, table, main, rows_of, rng, set())
-    first = _drawn(items, table, practice, rows_of, rng, set(drawn), is_practice=True)
-    trials, rows = [*main, *practice], [*drawn, *first]
+    rows_of_main = rows_of
+    if first is not None:
+        trials_of_first = [t for t in first.trials if not t.is_practice]
+        choice = _drawn(items, table, trials_of_first, rows_of, rng, set())
+        rows_of_main = _RowsOf(items, table, factors, index, frozenset(choice))
+    drawn = _drawn(items, table, main, rows_of_main, rng, set())
+    spare = _drawn(items, table, practice, rows_of, rng, set(drawn), is_practice=True)
+    trials, rows = [*main, *practice], [*drawn, *spare]
     return {t.trial_id: table.rows[row] for t, row in zip(trials, rows, strict=True)}
 
 
@@ -140,12 +150,17 @@ def items_of_plan(
 
 
 class _RowsOf:
-    """The rows that a participant may see in a trial."""
+    """The rows that a participant may see in a trial, all of `choice` where it is given."""
 
     def __init__(
-        self, items: Items, table: ItemTable, factors: Sequence[Factor], index: int
+        self,
+        items: Items,
+        table: ItemTable,
+        factors: Sequence[Factor],
+        index: int,
+        choice: frozenset[int] | None = None,
     ) -> None:
-        self._items, self._table = items, table
+        self._items, self._table, self._choice = items, table, choice
         self._own: list[Mapping[str, Any] | None] = []
         over = next((f for f in factors if f.name == items.over), None)
         names = [row[items.lists] for row in table.rows] if items.lists else range(len(table.rows))
@@ -164,6 +179,7 @@ class _RowsOf:
             row
             for row, own in enumerate(self._own)
             if own is not None
+            and (self._choice is None or row in self._choice)
             and all(trial.factors.get(name) == level for name, level in own.items())
             and fits(self._items, self._table, row, trial.factors)
         )
