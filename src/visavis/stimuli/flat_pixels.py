@@ -4,6 +4,7 @@ import math
 from functools import lru_cache
 from pathlib import Path
 from typing import Final
+from warnings import catch_warnings
 
 import numpy as np
 import numpy.typing as npt
@@ -114,7 +115,11 @@ def read_picture(path: Path, *, may_lie: bool = True) -> Files.Image:
         hint = f"; did you mean {same[0]}?" if same else "; put it beside the study's file"
         raise DesignError(f"there is no picture {path}{hint}")
     try:
-        with Files.open(path, formats=FORMATS) as file:
+        # what Pillow warns of in damaged EXIF changes no pixel
+        with (
+            catch_warnings(action="ignore", category=UserWarning),
+            Files.open(path, formats=FORMATS) as file,
+        ):
             # of colours, Pillow reads 16 bits as if they were 8
             is_deep = any("16" in str(tile[3]) for tile in file.tile)
             lies = file.getexif().get(ORIENTATION, UPRIGHT) != UPRIGHT
