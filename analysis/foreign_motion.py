@@ -120,10 +120,10 @@ def _channels(path: Path) -> TextTable:
 
 
 def _object(path: Path, content: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    found = content.get(name, {})
-    if not isinstance(found, Mapping):
+    value = content.get(name, {})
+    if not isinstance(value, Mapping):
         raise DataError(f"{path}: {name} of its channels is no object; mend the sidecar")
-    return found
+    return value
 
 
 def _times(

@@ -25,7 +25,7 @@ from visavis.analysis.session_verdict import (
 )
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DataError
-from visavis.lab.luminance import LUMINANCE_KEY, UNMEASURED, table_of_entry
+from visavis.lab.luminance import LUMINANCE_KEY, NO_LUMINANCES, table_of_entry
 from visavis.recording.integrity import damage_of
 from visavis.recording.manifest import DESIGN_KEY, PRACTICE_UNTIL_KEY
 from visavis.recording.reader import Recording
@@ -336,7 +336,7 @@ def _luminance_findings(recording: Recording, events: Events) -> list[Finding]:
     if entry is None or not any(kind in text for text in items for kind in OF_GREYS):
         return []
     table = table_of_entry(entry)
-    text = UNMEASURED if table is None else f"greys and contrasts are of light: {table.summary}"
+    text = NO_LUMINANCES if table is None else f"greys and contrasts are of light: {table.summary}"
     return [Finding(Level.GREEN, "luminance", text)]
 
 

@@ -24,7 +24,7 @@ GREY: Final = "grey"
 GUNS: Final = ("red", "green", "blue")
 LUMINANCE_KEY: Final = "luminance"
 """The entry of a manifest's configuration; without a hash nothing was measured."""
-UNMEASURED: Final = (
+NO_LUMINANCES: Final = (
     "the screen's luminances were not measured: contrasts are of values, not of light (visavis "
     "devices luminance)"
 )

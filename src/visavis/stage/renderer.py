@@ -138,11 +138,11 @@ class Renderer(Closing):
 
         Where the camera stands still its room is drawn once, not in every picture.
         """
-        return self._drawn(picture, camera, size_px).read()
+        return self._draw_target(picture, camera, size_px).read()
 
     def codes(self, picture: Picture, camera: Camera, size_px: tuple[int, int]) -> Image:
         """Return the picture as `image` does, but as the card has it (`EyeTarget.codes`)."""
-        return self._drawn(picture, camera, size_px).codes()
+        return self._draw_target(picture, camera, size_px).codes()
 
     def draw(
         self,
@@ -483,7 +483,7 @@ class Renderer(Closing):
         high = LIT_STEP_M * np.ceil((hips.max(axis=0) + 1.5) / LIT_STEP_M)
         return np.maximum(low, room.low_m), np.minimum(high, room.high_m)
 
-    def _drawn(self, picture: Picture, camera: Camera, size_px: tuple[int, int]) -> EyeTarget:
+    def _draw_target(self, picture: Picture, camera: Camera, size_px: tuple[int, int]) -> EyeTarget:
         target = self._target(size_px)
         self.draw(picture, [camera], [target])
         return target

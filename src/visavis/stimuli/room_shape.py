@@ -14,13 +14,13 @@ from visavis.stimuli.room_areas import RoomAreas, RoomShape, SeenObject
 READER: Final = "visavis.stimuli.dressing.own_room:room_shape"
 
 
-def shape_of(placed: PlacedRoom) -> RoomShape:
+def shape_of(own_room: PlacedRoom) -> RoomShape:
     """Return the meshes of a room's file.
 
     Raises:
         DesignError: it cannot be read, has no meshes or too many triangles, or two have one name.
     """
-    shape: RoomShape = named_function(READER, "reads a laboratory's room")(placed)
+    shape: RoomShape = named_function(READER, "reads a laboratory's room")(own_room)
     return shape
 
 
@@ -39,15 +39,15 @@ def _areas_of(room: PlacedRoom) -> RoomAreas:
     return areas
 
 
-def seen_of_room(placed: PlacedRoom, eye_m: Vector) -> tuple[SeenObject, ...]:
+def seen_of_room(own_room: PlacedRoom, eye_m: Vector) -> tuple[SeenObject, ...]:
     """Return what is seen of a room from an eye (3,), through its screen if there is one."""
-    screen = placed.screen
+    screen = own_room.screen
     eye = tuple(eye_m.tolist())
     if screen is None:
-        return _seen_of(placed.as_drawn(), eye, None)
+        return _seen_of(own_room.as_drawn(), eye, None)
     at, turn = screen.place.position_m, screen.place.orientation_wxyz
     through = screen.flat, tuple(at.tolist()), tuple(turn.tolist())
-    return _seen_of(placed.as_drawn(), eye, through)
+    return _seen_of(own_room.as_drawn(), eye, through)
 
 
 _Through = tuple[FlatScreen, tuple[float, ...], tuple[float, ...]]

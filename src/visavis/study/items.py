@@ -140,9 +140,9 @@ def items_of_plan(
         trials_of_first = [t for t in first.trials if not t.is_practice]
         choice = _drawn(items, table, trials_of_first, rows_of, rng, set())
         rows_of_main = _RowsOf(items, table, factors, index, frozenset(choice))
-    drawn = _drawn(items, table, main, rows_of_main, rng, set())
-    spare = _drawn(items, table, practice, rows_of, rng, set(drawn), is_practice=True)
-    trials, rows = [*main, *practice], [*drawn, *spare]
+    main_rows = _drawn(items, table, main, rows_of_main, rng, set())
+    spare = _drawn(items, table, practice, rows_of, rng, set(main_rows), is_practice=True)
+    trials, rows = [*main, *practice], [*main_rows, *spare]
     return {t.trial_id: table.rows[row] for t, row in zip(trials, rows, strict=True)}
 
 

@@ -40,7 +40,7 @@ from visavis.cli.studies import StudyHere, require_session, study_here, study_of
 from visavis.lab.clock import SimClock, SystemClock
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import DeviceError, RecordingError, SessionAborted, UsageError
-from visavis.lab.luminance import UNMEASURED
+from visavis.lab.luminance import NO_LUMINANCES
 from visavis.protocol.people.identifiers import make_label
 from visavis.protocol.people.ledger import Ledger, Participant, UnknownParticipant
 from visavis.protocol.people.own_body import OwnBody, read_own_body
@@ -267,7 +267,7 @@ def _luminance_words(lab: LabConfig, experiment: StudyExperiment) -> str:
     if lab.display.on_screen is None or not has_greys:
         return ""
     if luminance is None:
-        return UNMEASURED
+        return NO_LUMINANCES
     return f"greys and contrasts are of light: {luminance.summary}"
 
 

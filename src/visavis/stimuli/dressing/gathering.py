@@ -98,12 +98,14 @@ def _heads_of(people: tuple[Standing, ...], start_ns: int, casting: Casting) -> 
     ahead = Aimed(np.full((n, 3), np.nan), np.ones(n))
 
     def pose(t_ns: int) -> Vector:
-        posed = stage_set.motion.at(max(0.0, (t_ns - start_ns) * 1e-9), ahead)
+        people_pose = stage_set.motion.at(max(0.0, (t_ns - start_ns) * 1e-9), ahead)
         return np.array(
             [
                 agents[i].head_centre_m
                 if isinstance(person.does, AT_REST)
-                else look_of(stage_set.cast[i], posed.root_m[i], posed.orientation_wxyz[i])[0]
+                else look_of(
+                    stage_set.cast[i], people_pose.root_m[i], people_pose.orientation_wxyz[i]
+                )[0]
                 for i, person in enumerate(people)
             ]
         )

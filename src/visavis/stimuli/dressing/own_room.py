@@ -30,19 +30,19 @@ class _OwnRoom:
     props: tuple[Prop, ...]
 
 
-def room_shape(placed: PlacedRoom) -> RoomShape:
+def room_shape(own_room: PlacedRoom) -> RoomShape:
     """Return the meshes of a room's file.
 
     Raises:
         DesignError: it cannot be read, has no meshes or too many triangles, or two have one name.
     """
-    return _read(placed.of_file()).shape
+    return _read(own_room.of_file()).shape
 
 
 @lru_cache(maxsize=8)
-def drawn_room(placed: PlacedRoom) -> Room:
+def drawn_room(own_room: PlacedRoom) -> Room:
     """Return a room as it is drawn around who looks, in even light; the same object each time."""
-    room = placed.room
+    room = own_room.room
     turn = quat_from_yaw_pitch_deg(room.yaw_deg)
     props = tuple(
         Prop(
@@ -57,10 +57,10 @@ def drawn_room(placed: PlacedRoom) -> Room:
             prop.material,
             prop.emission_01,
         )
-        for prop in _read(placed.of_file()).props
+        for prop in _read(own_room.of_file()).props
     )
     return Room(
-        name=f"{room.file} {_read(placed.of_file()).shape.sha256}",
+        name=f"{room.file} {_read(own_room.of_file()).shape.sha256}",
         props=props,
         lights=(
             Light("sun", np.full(3, 1.1), direction=unit(np.array([0.35, -0.8, -0.5]))),
@@ -73,8 +73,8 @@ def drawn_room(placed: PlacedRoom) -> Room:
 
 
 @lru_cache(maxsize=4)
-def _read(placed: PlacedRoom) -> _OwnRoom:
-    path = placed.path
+def _read(own_room: PlacedRoom) -> _OwnRoom:
+    path = own_room.path
     if not path.is_file():
         near = did_you_mean(path.name, (p.name for p in path.parent.glob("*.gl*")))
         near = near if near.startswith("; did") else "; put it beside the study's file"
@@ -101,7 +101,7 @@ def _read(placed: PlacedRoom) -> _OwnRoom:
             )
         ]
         return _OwnRoom(
-            RoomShape(placed.room.file, _sha256(placed), _meshes_of(placed, file, surfaces)),
+            RoomShape(own_room.room.file, _sha256(own_room), _meshes_of(own_room, file, surfaces)),
             _props_of(file, surfaces),
         )
     except CharacterError as error:
@@ -116,9 +116,11 @@ def _sha256(room: PlacedRoom) -> str:
     return hashlib.sha256(room.path.read_bytes()).hexdigest()
 
 
-def _meshes_of(placed: PlacedRoom, file: GltfFile, surfaces: list[Surface]) -> tuple[RoomMesh, ...]:
+def _meshes_of(
+    own_room: PlacedRoom, file: GltfFile, surfaces: list[Surface]
+) -> tuple[RoomMesh, ...]:
     """Return the meshes of all nodes that have one, each with a name of its own or none."""
-    path = placed.path
+    path = own_room.path
     parts: dict[int, list[Surface]] = {}
     for surface in surfaces:
         parts.setdefault(surface.node, []).append(surface)
