@@ -14,7 +14,7 @@ from visavis.lab.errors import DesignError
 from visavis.protocol.plan.design import Factor
 from visavis.results.opened_study import find_study
 from visavis.study.experiment import StudyExperiment
-from visavis.study.items import Items, read_items
+from visavis.study.items import Items, is_slip, read_items
 
 FACTORS = (Factor("mood", ["glad", "sad"]),)
 STUDY = """
@@ -98,17 +98,36 @@ def test_practice_takes_items_of_the_session_where_the_table_is_used_up(tmp_path
 
 
 def test_all_sessions_of_somebody_show_the_same_choice_in_another_order(tmp_path: Path) -> None:
-    first = experiment(tmp_path, things(24), practice=2, sessions=("learn", "test"))
-    chosen = []
+    sessions = ("learn", "test", "retest")
+    table = "item,colour\n" + "".join(f"thing{k},{k}\n" for k in range(24))
+    first = experiment(tmp_path, table, factors=ONE, practice=2, sessions=sessions)
+    choices = []
     for index in range(4):
-        learnt, tested = (
-            [t["item"] for t in shown(e, index)] for e in (first, first.of_session(2))
-        )
-        assert len(learnt) < 24
-        assert set(learnt) == set(tested)
-        assert learnt != tested
-        chosen.append(frozenset(map(str, learnt)))
-    assert 1 < len(set(chosen))
+        orders = [tuple(t["item"] for t in shown(first.of_session(k), index)) for k in range(1, 4)]
+        assert len(orders[0]) < 24
+        assert 1 == len({frozenset(order) for order in orders})
+        assert 3 == len(set(orders))
+        choices.append(frozenset(orders[0]))
+    assert 1 < len(set(choices))
+
+
+@pytest.mark.parametrize(
+    ("column", "factor", "expected"),
+    [
+        ("moood", "mood", True),
+        ("Mood", "mood", True),
+        ("seen_befor", "seen_before", True),
+        ("seenbefore", "seen_before", True),
+        ("target_valence", "prime_valence", False),
+        ("target_side", "cue_side", False),
+        ("voice_gender", "face_gender", False),
+        ("target_1", "target_2", False),
+    ],
+)
+def test_a_column_like_a_factor_is_a_slip_only_where_every_word_is_alike(
+    column: str, factor: str, expected: bool
+) -> None:
+    assert expected == is_slip(column, factor)
 
 
 def test_each_participant_sees_a_list_of_their_own(tmp_path: Path) -> None:

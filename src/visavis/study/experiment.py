@@ -537,7 +537,8 @@ class StudyExperiment:
         items = self.study.design.items
         if items is not None and self.item_table is not None:
             first = plan_of(1) if self.session > 1 else None
-            rows = items_of_plan(items, self.item_table, plan, design.factors, first)
+            table = self.item_table
+            rows = items_of_plan(items, table, plan, design.factors, first, self.session)
         values = self.values_of(plan)
         blocks = []
         for block in plan.blocks:

@@ -11,7 +11,7 @@ import unicodedata
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
+from difflib import SequenceMatcher
 from pathlib import Path
 from typing import Any, Final
 
@@ -30,6 +30,8 @@ from visavis.study.names import is_name, reserved_names
 from visavis.study.scenes import picture_size
 
 ITEM_STREAM: Final = 0x17E
+SLIP_01, SLIP_OF_PART_01 = 0.85, 0.7
+"""How alike names are, and each of their words, of which one is the other misspelt."""
 """Random stream of a session that draws its items."""
 TRIES: Final = 300
 """How often an order is begun anew that its limits led nowhere."""
@@ -119,11 +121,12 @@ def items_of_plan(
     plan: SessionPlan,
     factors: Sequence[Factor],
     first: SessionPlan | None = None,
+    session: int = 1,
 ) -> dict[str, Mapping[str, Scalar]]:
     """Return the row of every trial of a session, by the trial's id.
 
-    Practice shows what the other trials leave over, where there is enough of it. A later session
-    shows the choice of the `first`, so that what is tested was learnt.
+    Practice shows what the other trials leave over, where there is enough of it. A later `session`
+    shows the choice of the `first` in an order of its own, so that what is tested was learnt.
 
     Raises:
         DesignError: there are too few items, or no order keeps the limits.
@@ -140,6 +143,7 @@ def items_of_plan(
         trials_of_first = [t for t in first.trials if not t.is_practice]
         choice = _drawn(items, table, trials_of_first, rows_of, rng, set())
         rows_of_main = _RowsOf(items, table, factors, index, frozenset(choice))
+        rng = np.random.default_rng([plan.seed, index, ITEM_STREAM, session])
     main_rows = _drawn(items, table, main, rows_of_main, rng, set())
     spare = _drawn(items, table, practice, rows_of, rng, set(main_rows), is_practice=True)
     trials, rows = [*main, *practice], [*main_rows, *spare]
@@ -319,6 +323,20 @@ def _values(texts: Sequence[str]) -> list[Scalar]:
 # ---- what can be wrong -----------------------------------------------------------------------
 
 
+def is_slip(name: str, other: str) -> bool:
+    """Tell whether a name is another one misspelt, and not a like one for something else.
+
+    `seen_befor` is `seen_before`; `target_side` is not `cue_side`, for a word of it differs.
+    """
+    a, b = name.casefold(), other.casefold()
+    parts_a, parts_b = a.split("_"), b.split("_")
+    is_same_count = len(parts_a) == len(parts_b)
+    parts = zip(parts_a, parts_b, strict=True) if is_same_count else ()
+    return SequenceMatcher(None, a, b).ratio() >= SLIP_01 and all(
+        SequenceMatcher(None, x, y).ratio() >= SLIP_OF_PART_01 for x, y in parts
+    )
+
+
 def _of_columns(items: Items, table: ItemTable, factors: Sequence[Factor]) -> Iterator[str]:
     reserved = reserved_names(factors)
     own = {f.name for f in factors}
@@ -335,8 +353,8 @@ def _of_columns(items: Items, table: ItemTable, factors: Sequence[Factor]) -> It
             yield f"the column {name!r} is no name; give letters, digits and _"
     for factor in (f for f in factors if f.name not in table.columns):
         levels = {*factor.levels, *factor.practice_only}
-        for name in get_close_matches(factor.name, sorted({*table.columns} - own), cutoff=0.6):
-            if {row[name] for row in table.rows} <= levels:
+        for name in sorted({*table.columns} - own):
+            if is_slip(name, factor.name) and {row[name] for row in table.rows} <= levels:
                 yield (
                     f"line 1: the column {name!r} holds levels of the factor {factor.name!r} and "
                     "is called otherwise, so that items would be shown at any level; call it "
