@@ -1,6 +1,7 @@
 """Measured luminances: a planted display is found again, and wrong tables are named by row."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -151,3 +152,20 @@ def test_a_manifest_keeps_the_whole_table() -> None:
     assert table == table_of_entry(table.as_entry())
     assert table_of_entry({"sha256": ""}) is None
     assert table_of_entry(None) is None
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        {"sha256": "f", "screen": SCREEN},
+        {"sha256": "f", "rows": [[GREY, 0, 0.4]]},
+        {"sha256": "f", "screen": SCREEN, "rows": [[GREY, 0]]},
+        {"sha256": "f", "screen": SCREEN, "rows": [[GREY, "dark", 0.4]]},
+        {"sha256": "f", "screen": SCREEN, "rows": [[GREY, 0, 0.4]]},
+        {"sha256": "f", "screen": SCREEN, "rows": 7},
+        "f",
+    ],
+)
+def test_a_damaged_entry_of_a_manifest_is_named(entry: Any) -> None:
+    with pytest.raises(ConfigError, match=r"the manifest's entry configuration\.luminance"):
+        table_of_entry(entry)

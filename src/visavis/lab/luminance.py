@@ -196,10 +196,18 @@ def table_of_entry(entry: Mapping[str, Any] | None) -> LuminanceTable | None:
     Raises:
         ConfigError: it is no such table.
     """
-    if entry is None or not entry.get("sha256"):
+    if entry is None or (isinstance(entry, Mapping) and not entry.get("sha256")):
         return None
-    rows = [(str(gun), int(level), float(cd_m2)) for gun, level, cd_m2 in entry["rows"]]
-    return luminance_table(rows, str(entry["screen"]), str(entry["sha256"]))
+    what = f"the manifest's entry configuration.{LUMINANCE_KEY}"
+    try:
+        rows = [(str(gun), int(level), float(cd_m2)) for gun, level, cd_m2 in entry["rows"]]
+        screen, sha256 = str(entry["screen"]), str(entry["sha256"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise ConfigError(
+            f"{what} is damaged ({type(error).__name__}: {error}); put the session's manifest.json "
+            "back from a copy (visavis recover)"
+        ) from error
+    return luminance_table(rows, screen, sha256, what)
 
 
 def read_luminance(path: Path, screen: str) -> LuminanceTable:
