@@ -15,9 +15,11 @@ from visavis.devices.registry import OPTION_MODELS
 from visavis.lab.clock import SimClock
 from visavis.lab.config import LabConfig, load_config
 from visavis.lab.errors import DataError, SessionAborted, UsageError
+from visavis.lab.luminance import LUMINANCE_KEY
 from visavis.protocol.session.operator import Action, Command, UnattendedOperator
 from visavis.protocol.session.states import SessionState
 from visavis.recording.cached import CachedRecording
+from visavis.recording.manifest import write_manifest
 from visavis.recording.reader import Recording
 from visavis.recording.stream_file import Columns
 from visavis.results.opened_study import find_study
@@ -198,6 +200,16 @@ def test_a_change_in_a_later_part_is_named_with_its_part(
         difference.column,
     )
     assert difference.as_sentence().startswith("part 2, ")
+
+
+def test_a_resumed_session_is_the_same_whatever_was_measured_of_the_screen_since(
+    resumed: Recording, tmp_path: Path
+) -> None:
+    path = shutil.copytree(resumed.path, tmp_path / "ses-001")
+    measured = {**resumed.manifest.configuration, LUMINANCE_KEY: {"sha256": "f" * 64}}
+    write_manifest(path, replace(resumed.manifest, configuration=measured))
+    again = verify(Recording(path), opened("duel"), lab(tmp_path), tmp_path / "again")
+    assert again.first is None
 
 
 def test_what_an_operator_did_is_done_again(tmp_path: Path) -> None:

@@ -114,11 +114,14 @@ def perform_new(request: Request) -> Path:
         return folder.path
 
 
-def perform_rest(request: Request, session_path: Path) -> Path:
+def perform_rest(request: Request, session_path: Path, *, in_any_light: bool = False) -> Path:
     """Go on with a session where it was left; return its folder.
 
+    `in_any_light`: whatever was measured of the screen's luminances since; nobody sees it.
+
     Raises:
-        ConfigError: the plan in the manifest is not the one this version would make.
+        ConfigError: the plan in the manifest is not the one this version would make, or the
+            screen's luminances are others.
     """
     request = _of_its_session(request)
     if request.is_on_page:
@@ -135,7 +138,8 @@ def perform_rest(request: Request, session_path: Path) -> Path:
         recording = Recording(session_path)
         plan = request.experiment.plan(request.person.index, request.seed, request.person.group)
         refuse_other_plan(recording, plan)
-        _refuse_other_luminance(recording, config)
+        if not in_any_light:
+            _refuse_other_luminance(recording, config)
         if isinstance(request.experiment, StudyExperiment):
             rows = recording.trials().to_dict("records")
             request.experiment.recall([{str(k): v for k, v in row.items()} for row in rows])

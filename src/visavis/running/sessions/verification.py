@@ -186,7 +186,7 @@ def perform_again(
     with suppress(SessionAborted), of_no_session():  # the recorded part may have ended early, too
         if before:
             _copy_parts(recording, before, path)
-            perform_rest(request, path)
+            perform_rest(request, path, in_any_light=True)
         else:
             perform_new(request)
     return path
