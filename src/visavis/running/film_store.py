@@ -298,7 +298,7 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
 
     Raises:
         DesignError: its trials have steps that no page can show, or not in the headset that it may
-            enter, or digits that it cannot say; or it needs a device that no page has.
+            enter, or digits that it cannot say.
     """
     experiment.check_in_headset()
     if any("panorama" in read.rests_on for read in experiment.read.values()):
@@ -320,6 +320,23 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
             "in the laboratory (visavis run), or show its scenes as films (t.watch)"
             + (f", or perform {variant}, its variant for headsets' browsers" if variant else "")
         )
+    for video in experiment.videos:
+        kind_for_browsers(picture_path(video, experiment.settings.folder))
+    for audible in experiment.audibles:
+        require_fit(audible, experiment.settings.seconds_of(audible))
+    if "sound" in experiment.study.procedure.screening:
+        spoken_digits(experiment.language, experiment.settings.folder)
+    return _store_of(experiment, cache_folder())
+
+
+def require_roles_of_pages(experiment: StudyExperiment) -> None:
+    """Refuse to begin a session on a page of a study that needs what no page has.
+
+    Sessions that began are gone on with, and seen again, without this check.
+
+    Raises:
+        DesignError: naming the roles, or gaze.
+    """
     has = ROLES_OF_PAGES if experiment.headset_streams else ROLES_OF_PAGES[:-1]
     lacking = [role for role in experiment.needed_roles if role not in has]
     if lacking or experiment.needs_gaze:
@@ -329,13 +346,6 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
             'page has. Perform it in the laboratory (on="lab"), or make a study for pages without '
             "it: uses=(), calibrate=False, no needs= of it and no measures of gaze"
         )
-    for video in experiment.videos:
-        kind_for_browsers(picture_path(video, experiment.settings.folder))
-    for audible in experiment.audibles:
-        require_fit(audible, experiment.settings.seconds_of(audible))
-    if "sound" in experiment.study.procedure.screening:
-        spoken_digits(experiment.language, experiment.settings.folder)
-    return _store_of(experiment, cache_folder())
 
 
 @lru_cache(maxsize=4)

@@ -47,7 +47,7 @@ from visavis.protocol.session.row_buffer import RowBuffer
 from visavis.protocol.session.streams import gaze_targets_schema
 from visavis.results.intake import SimulatedStudy, questionnaire
 from visavis.results.opened_study import OpenedStudy
-from visavis.running.film_store import film_store
+from visavis.running.film_store import film_store, require_roles_of_pages
 from visavis.running.live_store import LiveStore, page_files
 from visavis.running.page.replies import check_reply
 from visavis.running.page.steps import PageStep, Reply, ns_of_ms
@@ -207,6 +207,7 @@ def _page_rows(
     experiment: StudyExperiment, person: SimulatedParticipant, *, index: int, seed: int
 ) -> Iterator[tuple[Trial, Mapping[str, Any], tuple[tuple[str, Mapping[str, Any]], ...]]]:
     """Perform every trial of a person's plan but practice; yield each with its row and events."""
+    require_roles_of_pages(experiment)
     store = film_store(experiment)
     visitor = visitor_of(person, experiment, store)
     sounds = SoundStore(experiment.settings.sound_of)

@@ -20,18 +20,24 @@ from tests.stage import figures
 from visavis.cli.film.on_page import FilmPictures
 from visavis.cli.main import app
 from visavis.lab.clock import NS_PER_S
+from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE
-from visavis.lab.errors import DesignError
+from visavis.lab.errors import DataError, DesignError
 from visavis.lab.geometry import Pose, Vector, quat_conjugate, rotate
 from visavis.protocol.plan.experiment import no_progress
-from visavis.results.opened_study import find_study
+from visavis.recording.reader import Recording
+from visavis.results.opened_study import OpenedStudy, find_study
 from visavis.running.film_store import (
     ENCODING,
     FILM_QUALITY,
     FilmStore,
     film_drawing,
     film_store,
+    require_roles_of_pages,
 )
+from visavis.running.page.seen_trial import seen_trial
+from visavis.running.sessions.perform import perform_new, perform_rest
+from visavis.running.sessions.session_request import Request, simulated_request
 from visavis.stage.errors import StageError
 from visavis.stimuli.characters.character import Material
 from visavis.stimuli.dressing.picture_of import NOBODY, picture_of
@@ -351,7 +357,30 @@ def test_what_no_page_has_is_refused_by_name_with_the_way_out(
 ) -> None:
     (tmp_path / "seen.py").write_text(SEEN.replace("LINES", lines), "utf-8")
     with pytest.raises(DesignError, match=rf"it needs {lacking}\b.* no page has\. .*on=.lab."):
-        film_store(find_study(str(tmp_path / "seen.py")).experiment({}))
+        require_roles_of_pages(find_study(str(tmp_path / "seen.py")).experiment({}))
+
+
+def test_sessions_that_began_are_seen_again_and_gone_on_with(tmp_path: Path) -> None:
+    def request_of(lines: str) -> Request:
+        (tmp_path / "seen.py").write_text(SEEN.replace("LINES", lines), "utf-8")
+        study = find_study(str(tmp_path / "seen.py"))
+        config = load_config(EXAMPLE).model_copy(update={"data_root": tmp_path / "data"})
+        return simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
+
+    def crash(*_: object) -> None:
+        raise RuntimeError("the computer stops")
+
+    with pytest.raises(DataError, match="refused a simulated page"):
+        perform_new(replace(request_of(""), on_trial=crash))
+    (path,) = (tmp_path / "data").rglob("ses-001")
+    now = request_of('needs=["eye_tracker"]')
+    recording = Recording(perform_rest(now, path))
+    assert "complete" == recording.status
+    row = recording.trials().iloc[0].to_dict()
+    assert isinstance(now.study, OpenedStudy)
+    assert seen_trial(now.study, recording, row).steps
+    with pytest.raises(DesignError, match="needs eye_tracker"):
+        perform_new(replace(now, person=replace(now.person, label="S02")))
 
 
 def test_a_page_that_refuses_a_study_does_so_at_plan_and_before_a_session(tmp_path: Path) -> None:

@@ -82,7 +82,12 @@ def export_web(
     completions = completed_places(here.ledger.path.parent) if unused else {}
     indices = open_places(base, *people_wanted(places, "--places"), completions)
     bundle = write_bundle(
-        base, build_films(base), output, places=indices, completion=completion, results=results
+        base,
+        build_films(base, begins_sessions=True),
+        output,
+        places=indices,
+        completion=completion,
+        results=results,
     )
     mark = "[magenta]REHEARSAL[/]  " if here.is_simulated else ""
     films = f" and {bundle.films} films" if bundle.films else ""
@@ -128,7 +133,7 @@ def import_web(
     key_file = None if here.is_simulated else here.key_file
     summary = import_runs(
         base,
-        build_films(base),
+        build_films(base, begins_sessions=False),
         here.ledger,
         runs,
         identify=lambda label, who: None if key_file is None else key_file.identify(label, who),

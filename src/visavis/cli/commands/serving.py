@@ -33,7 +33,7 @@ from visavis.cli.studies import StudyHere, people_here, study_of_lab
 from visavis.lab.clock import SystemClock
 from visavis.lab.errors import ConfigError, UsageError
 from visavis.protocol.session.operator import UnattendedOperator
-from visavis.running.film_store import FilmStore, film_store
+from visavis.running.film_store import FilmStore, film_store, require_roles_of_pages
 from visavis.running.page.arrivals import check_completion
 from visavis.running.page.board import STATES, board_of
 from visavis.running.sessions.data_root import require_space
@@ -251,10 +251,16 @@ def page_study(
     return here, base
 
 
-def build_films(base: Request) -> "FilmStore":
-    """Return a study's films; make what is missing of them, and of scenes, with a progress bar."""
+def build_films(base: Request, *, begins_sessions: bool) -> "FilmStore":
+    """Return a study's films; make what is missing of them, and of scenes, with a progress bar.
+
+    Raises:
+        DesignError: no page can show it, or, where sessions begin, it needs what no page has.
+    """
     experiment = base.experiment
     assert isinstance(experiment, StudyExperiment)  # noqa: S101  # page_study has checked it
+    if begins_sessions:
+        require_roles_of_pages(experiment)
     store = film_store(experiment)
     prepare_pages(store, experiment)
     return store
@@ -279,7 +285,7 @@ async def _serve(
         raise UsageError("this computer has no address on a network; join one, or say --host")
     names = tuple(dict.fromkeys(filter(None, (way.name, *near, *LOOPBACK))))
     certificate = _certificate(way, names, base) if way.is_lan else None
-    store = build_films(base)
+    store = build_films(base, begins_sessions=True)
     key_file = None if here.is_simulated else here.key_file
 
     def withdraw(label: str) -> None:

@@ -51,7 +51,7 @@ from visavis.recording.folder import REAL_ROOT, SIMULATED_ROOT, session_dir
 from visavis.recording.reader import Recording
 from visavis.recording.typed_names import typed_study
 from visavis.results.opened_study import OpenedStudy, overrides_of
-from visavis.running.film_store import film_store
+from visavis.running.film_store import film_store, require_roles_of_pages
 from visavis.running.sessions.data_root import require_space
 from visavis.running.sessions.device_setup import (
     check_rig,
@@ -172,6 +172,7 @@ def plan(
         light = _luminance_words(lab, plan_inputs.experiment)
     else:
         film_store(plan_inputs.experiment)  # raises where no page can perform it
+        require_roles_of_pages(plan_inputs.experiment)
         plan_inputs.experiment.check_in_headset()
     experiment = plan_inputs.experiment.of_session(session)
     session_plan = experiment.plan(plan_inputs.index, plan_inputs.seed, plan_inputs.group)
@@ -605,6 +606,8 @@ def _perform(
     blind = blind or here.study.study.procedure.blind
     experiment = here.study.experiment(settings.parameters).of_session(session)
     if not fast and on == "browser" and isinstance(experiment, StudyExperiment):
+        if resume_from is None:
+            require_roles_of_pages(experiment)
         prepare_pages(film_store(experiment), experiment)
     # Compute and compile before the operator's screen opens, which would stay empty meanwhile.
     if not fast and on == "lab":

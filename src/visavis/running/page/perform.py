@@ -25,6 +25,7 @@ from visavis.running.film_store import (
     FILM_VERSION,
     FilmStore,
     film_store,
+    require_roles_of_pages,
 )
 from visavis.running.live_store import LiveStore, page_files, prepare_live_films
 from visavis.running.page.client import visit
@@ -76,6 +77,7 @@ def perform_new(request: Request) -> Path:
         SessionAborted: it ended early; what is finished is kept.
     """
     experiment = experiment_of(request)
+    require_roles_of_pages(experiment)
     manifest = manifest_of(request, experiment, plan_of(request, experiment))
     store = prepared_films(request)
     with create_session(request.config.data_root, manifest) as folder:
