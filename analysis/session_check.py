@@ -453,7 +453,7 @@ def _practice_findings(events: Events, rows: Rows, recording: Recording) -> list
     rounds = 1 + len(_payloads(events, "practice_again"))
     count = f"practised in {rounds} round{'s' if rounds > 1 else ''}"
     criterion = recording.manifest.configuration.get(DESIGN_KEY, {}).get(PRACTICE_UNTIL_KEY)
-    if criterion is None:  # none, or a session that did not keep it
+    if not criterion:  # none, or a session that did not keep it
         message = f"{count}; whether the study's criterion was met was not kept"
         return [Finding(Level.GREEN, "trials", message)] if rounds > 1 else []
     done = [r for r in rows if r["is_practice"] and r["status"] == "complete"]

@@ -153,6 +153,20 @@ def test_sessions_of_two_designs_in_a_folder_are_told_apart(file: Path, tmp_path
     assert "S02C: parameter repetitions 1, now 3" in mixed
 
 
+def test_a_criterion_of_practice_that_comes_or_goes_is_another_design(file: Path) -> None:
+    text = STUDY.replace("repetitions=1", "repetitions=1, practice=2")
+    until = 'practice=2, practice_until=Criterion("nice")'
+    file.write_text(text, "utf-8")
+    without = design_of(find_study(str(file)).experiment({}))
+    file.write_text("from visavis import Criterion\n" + text.replace("practice=2", until), "utf-8")
+    having = design_of(find_study(str(file)).experiment({}))
+
+    assert "practice_until of is new" in in_words(changes_since(without, having))
+    assert "practice_until of is gone" in in_words(changes_since(having, without))
+    del without["practice_until"]  # as sessions of earlier versions
+    assert () == changes_since(without, having)
+
+
 def test_a_session_recorded_before_designs_were_kept_tells_its_parameters(file: Path) -> None:
     manifest = read_manifest(next((file.parent / "out").rglob("ses-001")))
     before = manifest.__class__(**{**vars(manifest), "configuration": {}})

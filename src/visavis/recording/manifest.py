@@ -20,7 +20,7 @@ MANIFEST_NAME = "manifest.json"
 DESIGN_KEY = "design"
 """Where a session's configuration keeps the design it was made with."""
 PRACTICE_UNTIL_KEY = "practice_until"
-"""Where the design keeps the criterion of practice, if it has one."""
+"""Where the design keeps the criterion of practice; {} for none."""
 MANIFEST_VERSION = 2
 """Version of manifests; a reader understands this and all earlier ones."""
 

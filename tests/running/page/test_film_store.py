@@ -376,7 +376,7 @@ def test_sessions_that_began_are_seen_again_and_gone_on_with(tmp_path: Path) -> 
     now = request_of('needs=["eye_tracker"]')
     recording = Recording(perform_rest(now, path))
     assert "complete" == recording.status
-    row = recording.trials().iloc[0].to_dict()
+    row = {str(name): value for name, value in recording.trials().iloc[0].items()}
     assert isinstance(now.study, OpenedStudy)
     assert seen_trial(now.study, recording, row).steps
     with pytest.raises(DesignError, match="needs eye_tracker"):

@@ -33,6 +33,7 @@ def design_of(experiment: StudyExperiment) -> dict[str, Any]:
     study = experiment.study
     factors = study.design_with(experiment.parameters).all_factors
     factor_names = {f.name for f in study.design.factors}  # whose levels may be set like parameters
+    until = study.design.practice_until
     content: dict[str, Any] = {
         "parameters": {k: v for k, v in experiment.parameters.items() if k not in factor_names},
         "factors": {
@@ -50,9 +51,8 @@ def design_of(experiment: StudyExperiment) -> dict[str, Any]:
         },
         "scenes": _scenes(experiment),
         "trials": _lengths(experiment),
+        PRACTICE_UNTIL_KEY: {} if until is None else asdict(until),
     }
-    if study.design.practice_until is not None:
-        content[PRACTICE_UNTIL_KEY] = asdict(study.design.practice_until)
     design: dict[str, Any] = as_json(content)
     return design
 
@@ -226,7 +226,7 @@ def compare_designs(
     designs = [design_of_session(m) for m in manifests]
     first = designs[0]
     pairs = zip(manifests, designs, strict=True)
-    comparable = ((m, d) for m, d in pairs if d.keys() == first.keys())
+    comparable = ((m, d) for m, d in pairs if d.keys() ^ first.keys() <= {PRACTICE_UNTIL_KEY})
     others = {m.participant: changes_since(first, d) for m, d in comparable}
     apart = {who: changes for who, changes in others.items() if changes}
     summary = "; ".join(f"{who}: {in_words(changes)}" for who, changes in apart.items())
