@@ -449,16 +449,18 @@ def _questionnaire_findings(plan: Mapping[str, Any], events: Events) -> list[Fin
 
 
 def _practice_findings(events: Events, rows: Rows, recording: Recording) -> list[Finding]:
-    """Tell in how many rounds was practised and, once that is over, whether it sufficed."""
+    """Tell in how many rounds was practised, and whether the last one sufficed."""
     rounds = 1 + len(_payloads(events, "practice_again"))
     count = f"practised in {rounds} round{'s' if rounds > 1 else ''}"
-    criterion = recording.manifest.configuration.get(DESIGN_KEY, {}).get(PRACTICE_UNTIL_KEY)
+    configuration = recording.manifest.configuration
+    design = configuration.get(DESIGN_KEY) if isinstance(configuration, Mapping) else None
+    criterion = design.get(PRACTICE_UNTIL_KEY) if isinstance(design, Mapping) else None
     if not criterion:  # none, or a session that did not keep it
         message = f"{count}; whether the study's criterion was met was not kept"
         return [Finding(Level.GREEN, "trials", message)] if rounds > 1 else []
     done = [r for r in rows if r["is_practice"] and r["status"] == "complete"]
     last = done[-_practice_trials(recording.manifest.plan) :]
-    if not last or all(r["is_practice"] for r in rows):
+    if not last:
         return []
     right = sum(row.get(criterion["of"]) in (True, 1) for row in last)
     is_met = right >= criterion["min_01"] * len(last) - 1e-9

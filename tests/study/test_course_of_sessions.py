@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from visavis.analysis.session_check import check_session
+from visavis.analysis.session_check import _practice_findings, check_session
 from visavis.analysis.session_verdict import Level
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
@@ -191,6 +191,29 @@ def test_check_says_whether_practice_met_its_criterion_amber_where_it_did_not(
         assert [Level.GREEN if right == 3 else Level.AMBER] == [f.level for f in findings]
         levels |= {f.level for f in findings}
     assert {Level.GREEN, Level.AMBER} == levels, "choose other seeds"
+
+
+def test_check_says_that_practice_did_not_suffice_where_nothing_followed_it(
+    tmp_path: Path,
+) -> None:
+    with pytest.raises(_Killed):
+        perform_new(killed(request_of(tmp_path), 4))
+    (path,) = (tmp_path / "data").rglob("ses-001")
+    rows = Recording(path).trials()
+    assert rows["is_practice"].all()
+    (found,) = (f for f in check_session(Recording(path)).findings if "practised" in f.message)
+    assert Level.AMBER == found.level
+    assert "the study's criterion was not met: answer_is_right held in " in found.message
+
+
+def test_practice_is_checked_whatever_a_damaged_manifest_holds(tmp_path: Path) -> None:
+    recording, _ = session(tmp_path)
+    for content in (None, [], {"design": None}, {"design": []}):
+        damaged: Any = replace(recording.manifest, configuration=content)  # type: ignore[arg-type]
+        recording.manifest = damaged
+        (found,) = _practice_findings([("practice_again", {})], [], recording)
+        assert "practised in 2 rounds" in found.message
+        assert "was not kept" in found.message
 
 
 @pytest.mark.parametrize("on", ["lab", "browser"])
