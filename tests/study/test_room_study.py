@@ -16,6 +16,7 @@ from visavis.recording.cached import CachedRecording
 from visavis.results.opened_study import find_study
 from visavis.running.film_store import film_store
 from visavis.running.sessions.perform import perform_new
+from visavis.running.sessions.recorded_design import changes_since, design_of, in_words
 from visavis.running.sessions.session_request import simulated_request
 from visavis.stimuli.room_areas import ROOM_SHAPE
 from visavis.study.files_read import digests_of_files
@@ -185,6 +186,19 @@ def test_what_cannot_be_is_refused_when_the_study_is_read(tmp_path, lines, boxes
     study = written(tmp_path, lines, boxes)
     with pytest.raises(DesignError, match=says):
         study.experiment({})
+
+
+@pytest.mark.parametrize(
+    "other", ["'flat.glb'", "'office.glb', (0, 0, -1)", "'office.glb', yaw_deg=90"]
+)
+def test_another_room_or_place_in_it_is_another_design(tmp_path, other):
+    write_room(tmp_path / "flat.glb")
+    shown = 'yield t.show(Scene("person", room=Room(ROOM), distance_m=3.4), seconds=6)'
+    first, now = (
+        design_of(written(tmp_path, shown.replace("ROOM", room)).experiment({}))
+        for room in ("'office.glb'", other)
+    )
+    assert in_words(changes_since(first, now)).startswith("scene person: room office.glb, 0, 0, 0")
 
 
 def test_a_page_refuses_a_room_by_name_with_the_way_out(tmp_path):

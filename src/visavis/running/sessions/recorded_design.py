@@ -21,6 +21,7 @@ from visavis.recording.manifest import (
 from visavis.results.locked_plan.deviations import NOTHING, Deviation, differing
 from visavis.results.opened_study import OpenedStudy
 from visavis.running.sessions.study_folder import holds_trial, session_folders
+from visavis.stimuli.own_room import Room
 from visavis.study.experiment import StudyExperiment
 from visavis.study.responses import kind_of
 
@@ -91,6 +92,8 @@ def _value_text(value: Any) -> str:
         return value.name
     if isinstance(value, str | int | bool | None):
         return str(value)
+    if isinstance(value, Room):
+        return _value_text((value.file, *value.stand_m, value.yaw_deg))
     if isinstance(value, list | tuple):
         return ", ".join(map(_value_text, value))
     return type(value).__name__
