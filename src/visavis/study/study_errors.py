@@ -218,14 +218,14 @@ def forgotten_yields(path: Path | None, steps: Iterable[str]) -> Iterator[tuple[
             continue
         owners = {n.value for n in inner if isinstance(n, ast.Attribute)}
         reads = [n for n in inner if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Load)]
-        passed_on = {n.id for n in reads if n not in owners}
+        arguments = {n.id for n in reads if n not in owners}
         statements = [(n.value, "") for n in inner if isinstance(n, ast.Expr)]
         statements += [
             (n.value, f"{n.targets[0].id} = ")
             for n in inner
             if isinstance(n, ast.Assign)
             and isinstance(n.targets[0], ast.Name)
-            and n.targets[0].id not in passed_on
+            and n.targets[0].id not in arguments
         ]
         for call, answer in statements:
             if (

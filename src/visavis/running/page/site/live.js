@@ -66,7 +66,7 @@ async function hashOf(buffer) {
   return [...new Uint8Array(digest)].map((b) => b.toString(16).padStart(2, "0")).join("");
 }
 
-const inflated = (content) => new Response(new Blob([content]).stream().pipeThrough(new DecompressionStream("deflate"))).arrayBuffer();
+const inflate = (content) => new Response(new Blob([content]).stream().pipeThrough(new DecompressionStream("deflate"))).arrayBuffer();
 
 /** Load a file of a figure whole, check it and inflate it; it stays for all steps to come. */
 export async function load(asset, key) {
@@ -80,7 +80,7 @@ export async function load(asset, key) {
       if (content.byteLength !== asset.bytes) throw new Error("it came in part");
       const hash = await hashOf(content);
       if (hash !== null && hash !== asset.name) throw new Error("it came damaged");
-      const buffer = await inflated(content);
+      const buffer = await inflate(content);
       files.set(asset.name, buffer);
       return buffer;
     } catch (error) {
