@@ -14,6 +14,7 @@ from typer.testing import CliRunner, Result
 
 from tests.cli.test_flat_again import performed
 from visavis.analysis.session_check import check_session
+from visavis.cli.luminance_sheet import measure
 from visavis.cli.main import app
 from visavis.cli.redraw import redraw
 from visavis.lab.config import Screen, load_config
@@ -166,3 +167,9 @@ def test_a_session_is_drawn_by_its_table_again_and_resumed_with_no_other(
     request = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
     with pytest.raises(ConfigError, match=rf"began with table {table.sha256[:12]}.* no table"):
         perform_rest(request, recording.path)
+
+
+def test_a_level_at_which_the_photometer_reads_the_same_is_left_out() -> None:
+    answers = iter(["", "0", "0", "", "8", "", "100"])  # neither end can be left out
+    rows = measure(lambda rgb, prompt: next(answers), 5, guns=False)
+    assert [("grey", 0, 0.0), ("grey", 128, 8.0), ("grey", 255, 100.0)] == rows

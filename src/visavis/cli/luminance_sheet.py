@@ -79,35 +79,42 @@ def _read(prompt: str, answers: "queue.Queue[str | EOFError]") -> None:
 def measure(ask: Asker, level_count: int, *, guns: bool) -> list[tuple[str, int, float]]:
     """Return gun, level and luminance of rising levels, as somebody types them.
 
-    What is no number, or not more than that of the level before, is asked again; `b` goes back to
-    the level before.
+    What is no number, or not more than that of the level before, is asked again. `b` goes back to
+    the level before; nothing leaves a level out, but not the first and the last.
     """
     levels = [int(level) for level in np.rint(np.linspace(0, WHITE, level_count))]
     steps = [(gun, level) for gun in (GREY, *(GUNS if guns else ())) for level in levels]
-    rows: list[tuple[str, int, float]] = []
-    while len(rows) < len(steps):
-        gun, level = steps[len(rows)]
+    entries: list[float | None] = []  # of each step; None where it is left out
+    while len(entries) < len(steps):
+        gun, level = steps[len(entries)]
         rgb = tuple(level if gun in (GREY, own) else 0 for own in GUNS)
-        prompt = f"{gun} {level} ({len(rows) + 1} of {len(steps)}), cd/m² > "
+        prompt = f"{gun} {level} ({len(entries) + 1} of {len(steps)}), cd/m² > "
         answer = ask((rgb[0], rgb[1], rgb[2]), prompt).strip()
         if answer == "b":
-            del rows[-1:]
+            del entries[-1:]
+            continue
+        if not answer and 0 < level < WHITE:
+            entries.append(None)
             continue
         try:
             cd_m2 = float(answer.replace(",", "."))
         except ValueError:
             cd_m2 = np.nan
-        before = rows[-1][2] if level else -1.0
+        lower = [
+            e for (of, _), e in zip(steps, entries, strict=False) if of == gun and e is not None
+        ]
+        before = lower[-1] if lower else -1.0
         if not 0.0 <= cd_m2 < np.inf:
             console.print("[yellow]a number of cd/m², or b for the level before[/]")
         elif cd_m2 <= before:
             console.print(
-                f"[yellow]not more than {before:g} of the level before: enter it again, or b for "
-                "the level before[/]"
+                f"[yellow]not more than {before:g} of the level before: enter it again, nothing to "
+                "leave this level out, or b for the level before[/]"
             )
         else:
-            rows.append((gun, level, cd_m2))
-    return rows
+            entries.append(cd_m2)
+    pairs = zip(steps, entries, strict=True)
+    return [(gun, level, cd_m2) for (gun, level), cd_m2 in pairs if cd_m2 is not None]
 
 
 def write_table(rows: Sequence[tuple[str, int, float]], screen: str, path: Path) -> None:
