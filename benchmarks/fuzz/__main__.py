@@ -194,9 +194,9 @@ def main() -> int:
     outcomes = []
     counts = tallied(options.tally, options.seed)
     with tempfile.TemporaryDirectory(dir=scratch_folder()) as scratch, ExitStack() as stack:
-        posted = stack.enter_context(endpoints(Path(scratch)))
-        asked = stack.enter_context(routes(Path(scratch) / "routes"))
-        targets = (*codecs(), *files(Path(scratch)), *posted, *asked)
+        posts = stack.enter_context(endpoints(Path(scratch)))
+        gets = stack.enter_context(routes(Path(scratch) / "routes"))
+        targets = (*codecs(), *files(Path(scratch)), *posts, *gets)
         wanted = {target.name: round(options.inputs * target.share_01) for target in targets}
         bits = {target.name: target.checksum_bits for target in targets}
         for target in targets:

@@ -327,8 +327,8 @@ def foreign_bids(root: Path) -> Iterator[Target]:
             path.write_bytes(data)
 
     def imported(root: Path) -> object:
-        found = read_bids_motion(root / motion.name)
-        return quality_of_motion(found), motion_table(found)
+        body_motion = read_bids_motion(root / motion.name)
+        return quality_of_motion(body_motion), motion_table(body_motion)
 
     def target(reader: Callable[[Path], object], name: str, path: Path, whole: bytes) -> Target:
         def read(data: bytes) -> object:
@@ -370,7 +370,7 @@ def pictures() -> dict[str, bytes]:
     text = PngImagePlugin.PngInfo()
     text.add_text("Author", "somebody", zip=True)
     text.add_itxt("XML:com.adobe.xmp", '<x tiff:Orientation="6"/>')
-    found = {}
+    pictures = {}
     beside: dict[str, dict[str, Any]] = {
         "png": {"exif": exif, "pnginfo": text, "icc_profile": b"profile" * 9},
         "jpg": {"exif": exif, "icc_profile": b"profile" * 9, "comment": b"words"},
@@ -381,8 +381,8 @@ def pictures() -> dict[str, bytes]:
     for ending, more in beside.items():
         written = io.BytesIO()
         Image.fromarray(shades).save(written, {"jpg": "JPEG"}.get(ending, ending), **more)
-        found[ending] = written.getvalue()
-    return found
+        pictures[ending] = written.getvalue()
+    return pictures
 
 
 AREAS = {

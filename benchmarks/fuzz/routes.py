@@ -41,7 +41,7 @@ from visavis.running.page.server import (
 
 QUIET_TURNS: Final = 30
 """Turns of the loop without a byte after which nothing more comes: nothing waits for a thread."""
-MOST_TURNS: Final = 20_000
+MAX_TURNS: Final = 20_000
 WHOLE: Final = (200, 206)
 REFUSED: Final = (100, 304, 400, 403, 404, 405, 412, 413, 415, 416, 417)
 STATUS: Final = re.compile(rb"HTTP/\d\.\d (\d{3})[^\r\n]*\r\n")  # of the version asked for
@@ -49,29 +49,76 @@ LENGTH: Final = re.compile(rb"(?im)^content-length: *(\d+)\r?$")
 IN_CHUNKS: Final = re.compile(rb"(?im)^transfer-encoding: *chunked\r?$")
 CHUNK: Final = re.compile(rb"([0-9a-f]+)\r\n")
 PATHS: Final = (
-    b"..", b"../", b"%2e%2e%2f", b"%5c", b"//", b"\\", b"%00", b"%c0%ae", b"%", b"%zz", b"?", b"#",
-    b";", b"*", b"http://127.0.0.1/", b"//other.example/", b"?a=1&a=2", b"?=&&", b"\xc3\xa4",
-    b"/" * 300, b"?" + b"a=b&" * 3000, b"%0d%0aSet-Cookie:a=b", b"films", b"assets", b"server.py",
+    b"..",
+    b"../",
+    b"%2e%2e%2f",
+    b"%5c",
+    b"//",
+    b"\\",
+    b"%00",
+    b"%c0%ae",
+    b"%",
+    b"%zz",
+    b"?",
+    b"#",
+    b";",
+    b"*",
+    b"http://127.0.0.1/",
+    b"//other.example/",
+    b"?a=1&a=2",
+    b"?=&&",
+    b"\xc3\xa4",
+    b"/" * 300,
+    b"?" + b"a=b&" * 3000,
+    b"%0d%0aSet-Cookie:a=b",
+    b"films",
+    b"assets",
+    b"server.py",
     b"/etc/passwd",
-)  # fmt: skip
+)
 """What is put into a path."""
 HEADERS: Final = (
-    b"Range: bytes=-0", b"Range: bytes=5-2", b"Range: bytes=0-0,2-3,1-", b"Range: items=0-5",
-    b"Range: bytes=99999999999999999999-", b"Range: bytes=-99999999999999999999", b"Range: \xff",
-    b"If-Range: x", b"If-None-Match: *", b'If-None-Match: W/"x", "', b'If-Match: "x"',
-    b"If-Modified-Since: Thu, 01 Jan 99999 00:00:00 GMT", b"If-Modified-Since: -1",
-    b"If-Unmodified-Since: Thu, 01 Jan 1970 00:00:00 GMT", b"Cookie: a=\"; b=c; =; ;",
+    b"Range: bytes=-0",
+    b"Range: bytes=5-2",
+    b"Range: bytes=0-0,2-3,1-",
+    b"Range: items=0-5",
+    b"Range: bytes=99999999999999999999-",
+    b"Range: bytes=-99999999999999999999",
+    b"Range: \xff",
+    b"If-Range: x",
+    b"If-None-Match: *",
+    b'If-None-Match: W/"x", "',
+    b'If-Match: "x"',
+    b"If-Modified-Since: Thu, 01 Jan 99999 00:00:00 GMT",
+    b"If-Modified-Since: -1",
+    b"If-Unmodified-Since: Thu, 01 Jan 1970 00:00:00 GMT",
+    b'Cookie: a="; b=c; =; ;',
     b"Cookie: \x01",
-    b"Cookie: " + b"a=b; " * 1500, b"Cookie: $Version=1; __Host-a=b", b"Host: other.example",
-    b"Host: [::1", b"Host: 127.0.0.1:99999999", b"Host:", b"X-Visavis-Key: \xff\xfe",
-    b"X-Visavis-Key: ../x", b"Accept-Encoding: gzip, br;q=x, *", b"Content-Length: 5",
-    b"Content-Length: -1", b"Content-Length: 99999999999999999999", b"Transfer-Encoding: chunked",
-    b"Transfer-Encoding: gzip, chunked", b"Expect: 100-continue", b"Expect: x",
+    b"Cookie: " + b"a=b; " * 1500,
+    b"Cookie: $Version=1; __Host-a=b",
+    b"Host: other.example",
+    b"Host: [::1",
+    b"Host: 127.0.0.1:99999999",
+    b"Host:",
+    b"X-Visavis-Key: \xff\xfe",
+    b"X-Visavis-Key: ../x",
+    b"Accept-Encoding: gzip, br;q=x, *",
+    b"Content-Length: 5",
+    b"Content-Length: -1",
+    b"Content-Length: 99999999999999999999",
+    b"Transfer-Encoding: chunked",
+    b"Transfer-Encoding: gzip, chunked",
+    b"Expect: 100-continue",
+    b"Expect: x",
     b"Connection: close",
-    b"Upgrade: websocket\r\nConnection: Upgrade", b"X-Forwarded-For: ::1%eth0, \xff",
+    b"Upgrade: websocket\r\nConnection: Upgrade",
+    b"X-Forwarded-For: ::1%eth0, \xff",
     b"Origin: null",
-    b"Sec-Fetch-Site: cross-site", b"Content-Type: text/html; charset=foo", b" folded", b": x",
-)  # fmt: skip
+    b"Sec-Fetch-Site: cross-site",
+    b"Content-Type: text/html; charset=foo",
+    b" folded",
+    b": x",
+)
 """Lines that are put between the others."""
 METHODS: Final = (b"HEAD", b"OPTIONS", b"POST", b"TRACE", b"CONNECT", b"PUT", b"get", b"PRI")
 
@@ -94,16 +141,16 @@ class _Errors(logging.Handler):
 
     def __init__(self) -> None:
         super().__init__()
-        self.found: list[BaseException] = []
+        self.problems: list[BaseException] = []
 
     def emit(self, record: logging.LogRecord) -> None:
         """Take the error of a record."""
         error = record.exc_info[1] if record.exc_info else None
-        self.found.append(error or RuntimeError(record.getMessage()))
+        self.problems.append(error or RuntimeError(record.getMessage()))
 
     def of_loop(self, _: asyncio.AbstractEventLoop, context: Mapping[str, Any]) -> None:
         """Take an error that nobody waited for."""
-        self.found.append(context.get("exception") or RuntimeError(context["message"]))
+        self.problems.append(context.get("exception") or RuntimeError(context["message"]))
 
 
 @dataclass(frozen=True)
@@ -134,13 +181,13 @@ class Asked:
             Exception: what the server would have printed, or the loop.
         """
         self._tasks.clear()
-        self._errors.found.clear()
+        self._errors.problems.clear()
         LOG.addHandler(self._errors)
-        said = self._loop.run_until_complete(self._sent(data))
+        answer_bytes = self._loop.run_until_complete(self._sent(data))
         LOG.removeHandler(self._errors)
-        for error in (*self._errors.found, *_failures(self._tasks)):
+        for error in (*self._errors.problems, *_failures(self._tasks)):
             raise error
-        return answers_in(said)
+        return answers_in(answer_bytes)
 
     def close(self) -> None:
         """Stop the server, and the loop it answered in."""
@@ -163,8 +210,8 @@ class Asked:
         with here:
             here.setblocking(False)
             await self._loop.connect_accepted_socket(self._protocols, there)
-            said, quiet, unsent = b"", 0, data
-            for _ in range(MOST_TURNS):
+            answer_bytes, quiet, unsent = b"", 0, data
+            for _ in range(MAX_TURNS):
                 await asyncio.sleep(0)
                 quiet += 1
                 try:
@@ -178,14 +225,14 @@ class Asked:
                 if piece == b"":
                     break
                 if piece:
-                    said, quiet = said + piece, 0
+                    answer_bytes, quiet = answer_bytes + piece, 0
                 if quiet >= QUIET_TURNS:
                     break
             else:
-                raise RuntimeError(f"no end of an answer after {len(said)} bytes")
+                raise RuntimeError(f"no end of an answer after {len(answer_bytes)} bytes")
         for _ in range(QUIET_TURNS):  # the server notices that the connection is gone
             await asyncio.sleep(0)
-        return said
+        return answer_bytes
 
 
 def _failures(tasks: Sequence["asyncio.Task[Any]"]) -> list[BaseException]:
@@ -194,28 +241,28 @@ def _failures(tasks: Sequence["asyncio.Task[Any]"]) -> list[BaseException]:
     return [error for error in ended if error and not isinstance(error, ConnectionError)]
 
 
-def answers_in(said: bytes) -> tuple[Answer, ...]:
+def answers_in(answer_bytes: bytes) -> tuple[Answer, ...]:
     """Return the answers that a connection brought; a second one follows the length of the first.
 
     Raises:
         ValueError: they are no answers.
     """
-    found = []
-    while said:
-        head, mark, rest = said.partition(b"\r\n\r\n")
+    answers = []
+    while answer_bytes:
+        head, mark, rest = answer_bytes.partition(b"\r\n\r\n")
         status = STATUS.match(head + b"\r\n")
         if status is None or not mark:
-            raise ValueError(f"no answer: {said[:80]!r}")
+            raise ValueError(f"no answer: {answer_bytes[:80]!r}")
         length = LENGTH.search(head)
         if STATUS.match(rest):  # of HEAD there is the head alone
-            body, said = b"", rest
+            body, answer_bytes = b"", rest
         elif IN_CHUNKS.search(head):
-            body, said = _of_chunks(rest)
+            body, answer_bytes = _of_chunks(rest)
         else:
             n = 0 if length is None else int(length[1])
-            body, said = rest[:n], rest[n:]
-        found.append(Answer(int(status[1]), head, body))
-    return tuple(found)
+            body, answer_bytes = rest[:n], rest[n:]
+        answers.append(Answer(int(status[1]), head, body))
+    return tuple(answers)
 
 
 def _of_chunks(rest: bytes) -> tuple[bytes, bytes]:
@@ -273,9 +320,9 @@ def is_served(known: Sequence[bytes], root: Path) -> Callable[[object], bool]:
     """Return what tells whether answers hold what is served, whole or in part, or a refusal."""
     contents, folders = frozenset(known), (str(root).encode(), str(SITE.parent).encode())
 
-    def is_sound(found: object) -> bool:
-        assert isinstance(found, tuple)
-        return all(map(_is_one, found))
+    def is_sound(answers: object) -> bool:
+        assert isinstance(answers, tuple)
+        return all(map(_is_one, answers))
 
     def _is_one(answer: Answer) -> bool:
         if any(folder in answer.head + answer.body for folder in folders):
