@@ -45,8 +45,8 @@ CITATION: Final = (
     "Luo, P., Kipp, M., & Neff, M. Augmenting gesture animation with motion capture data to "
     "provide full-body engagement. UC Davis and DFKI."
 )
-AWAY_M: Final = 3.4
-LENS: Final = Lens(eye_m=(0.5, 1.25, 0.0), aim_m=(0.0, 0.95, -AWAY_M), half_height_01=0.36)
+AWAY_M: Final = 3.0
+LENS: Final = Lens(eye_m=(0.5, 1.25, 0.0), aim_m=(0.0, 0.95, -AWAY_M), half_height_01=0.408)
 FILM_PX: Final = (480, 640)
 SAME_MOST: Final = 30
 
