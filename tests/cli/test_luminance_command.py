@@ -14,12 +14,12 @@ from typer.testing import CliRunner, Result
 
 from tests.cli.test_flat_again import performed
 from visavis.analysis.session_check import check_session
-from visavis.cli.luminance_sheet import measure
+from visavis.cli.luminance_sheet import measure, measured_steps
 from visavis.cli.main import app
 from visavis.cli.redraw import redraw
 from visavis.lab.config import Screen, load_config
 from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
-from visavis.lab.errors import ConfigError, UsageError
+from visavis.lab.errors import ConfigError, DeviceError, UsageError
 from visavis.lab.luminance import table_of_entry
 from visavis.running.sessions.perform import perform_rest
 from visavis.running.sessions.session_request import simulated_request
@@ -171,5 +171,74 @@ def test_a_session_is_drawn_by_its_table_again_and_resumed_with_no_other(
 
 def test_a_level_at_which_the_photometer_reads_the_same_is_left_out() -> None:
     answers = iter(["", "0", "0", "", "8", "", "100"])  # neither end can be left out
-    rows = measure(lambda rgb, prompt: next(answers), 5, guns=False)
+    rows = measure(lambda rgb, prompt: next(answers), measured_steps(5, guns=False))
     assert [("grey", 0, 0.0), ("grey", 128, 8.0), ("grey", 255, 100.0)] == rows
+
+
+@pytest.fixture
+def answers(monkeypatch: pytest.MonkeyPatch) -> list[str | BaseException]:
+    """What somebody types before a planted window, in order; errors are raised."""
+    typed_answers: list[str | BaseException] = []
+
+    @contextmanager
+    def planted(screen: Screen) -> Iterator[Callable[[tuple[int, int, int], str], str]]:
+        def ask(rgb: tuple[int, int, int], prompt: str) -> str:
+            answer = typed_answers.pop(0)
+            if isinstance(answer, BaseException):
+                raise answer
+            return answer
+
+        yield ask
+
+    monkeypatch.setattr("visavis.cli.luminance_sheet.full_field", planted)
+    return typed_answers
+
+
+@pytest.mark.parametrize(
+    "stop",
+    [EOFError(), KeyboardInterrupt(), DeviceError("the window was closed", role="screen")],
+    ids=["end of input", "Ctrl-C", "closed window"],
+)
+def test_what_was_typed_before_measuring_stopped_is_gone_on_from(
+    lab: Path, answers: list[str | BaseException], stop: BaseException
+) -> None:
+    draft = lab.parent / "lab_config.luminance.partial.csv"
+    answers += ["0.4", "", "8", stop]
+    command = [*"devices luminance --levels 6".split()]
+    stopped = CliRunner().invoke(app, command)
+    assert stopped.exception is not None
+    assert f"stands in {draft}; the same command goes on there" in stopped.stderr
+    assert not load_config(lab).luminance_path.exists()
+    with pytest.raises(UsageError, match="holds 3 luminances of other levels"):
+        typed("devices", "luminance", "--levels", "9")
+
+    answers += ["b", "9", "30", "60", "120", "240"]  # the third is corrected
+    command = [*"devices luminance --levels 7".split()]
+    draft.write_text(draft.read_text("utf-8").replace(",51,", ",42,").replace(",102,", ",85,"))
+    assert "holds the first 3 of 7; go on from there?" in typed(*command, answers="y\n").stderr
+    table = load_config(lab).luminance
+    assert table is not None
+    assert [(0, 0.4), (85, 9), (128, 30), (170, 60), (212, 120), (255, 240)] == [
+        (level, cd_m2) for _, level, cd_m2 in table.rows
+    ]
+    assert not draft.exists()
+
+
+def test_who_measures_anew_begins_with_the_first_level(
+    lab: Path, answers: list[str | BaseException]
+) -> None:
+    command = "devices", "luminance", "--levels", "6"
+    answers += ["5", EOFError()]
+    CliRunner().invoke(app, [*command])
+    answers += ["0", "1", "2", "3", "4", "5"]
+    typed(*command, answers="n\n")
+    table = load_config(lab).luminance
+    assert table is not None
+    assert (0.0, 1.0, 2.0, 3.0, 4.0, 5.0) == table.grey.cd_m2
+
+
+def test_a_damaged_file_of_what_was_typed_is_refused_by_name(lab: Path) -> None:
+    draft = lab.parent / "lab_config.luminance.partial.csv"
+    draft.write_text("gun,level\ngrey,0\n", "utf-8")
+    with pytest.raises(UsageError, match=r"partial\.csv, .*is damaged.*delete it to measure anew"):
+        typed("devices", "luminance")

@@ -168,12 +168,13 @@ def measure_luminance(
     """Measure the screen's luminances by a photometer; greys and contrasts are then of light.
 
     Each level fills the participant's screen; type what the photometer says, in cd/m². The table
-    is written beside the configuration, where `plan`, `run` and `simulate` find it.
+    is written beside the configuration, where `plan`, `run` and `simulate` find it. Whoever stops
+    in between can go on from there the next time.
 
     Example: visavis devices luminance
     """
     # late: it loads pandas, which the other commands on devices do without
-    from visavis.cli.luminance_sheet import full_field, measure, print_fit, write_table
+    from visavis.cli.luminance_sheet import Draft, print_fit, typed_luminances, write_table
 
     lab = load_lab(config, quiet=as_json)
     screen, path = lab.display.on_screen, lab.luminance_path
@@ -184,6 +185,7 @@ def measure_luminance(
         )
     if path.exists() and not replaces:
         raise UsageError(f"{path} is there already; to measure anew give --replace")
+    draft = Draft(path.with_suffix(".partial.csv"), screen.identity)
     if file is not None:
         rows = read_luminance(file, screen.identity).rows
     elif lab.display.show != "screen":
@@ -192,10 +194,11 @@ def measure_luminance(
             "screen, or give a file of luminances"
         )
     else:
-        with full_field(screen) as ask:
-            rows = measure(ask, levels, guns=guns)
+        rows = typed_luminances(screen, draft, levels, guns=guns)
     luminance_table(rows, screen.identity, "")  # raises before anything is written
     write_table(rows, screen.identity, path)
+    if file is None:
+        draft.path.unlink(missing_ok=True)
     table = read_luminance(path, screen.identity)
     if as_json:
         fits = {curve.gun: asdict(curve.fit) for curve in table.curves}
