@@ -17,6 +17,7 @@ from visavis.lab.errors import DataError
 from visavis.protocol.people.ledger import Ledger
 from visavis.protocol.people.own_body import OwnBody, write_own_body
 from visavis.recording.annotations import ANNOTATIONS_NAME, Annotation, place_annotations
+from visavis.recording.manifest import read_manifest, write_manifest
 from visavis.running.sessions.folder_check import repair_study, study_problems
 from visavis.running.sessions.study_folder import StudySettings, read_settings, settle
 
@@ -162,6 +163,32 @@ def test_trials_of_every_session_of_a_study_are_listed_on_demand(tmp_path: Path)
     assert 1 == listed.count("attempts")
     trials = json.loads(as_json.stdout)["trials"]["sub-S01/ses-001"]
     assert {"complete"} == {trial["status"] for trial in trials}
+
+
+def test_sessions_drawn_by_different_tables_of_luminances_are_named_with_their_table(
+    study: Path,
+) -> None:
+    first, second = sorted(study.glob("sub-*/ses-*"))
+    manifest = read_manifest(second)
+    table = {"sha256": "ab" * 32, "screen": "640 x 480 px", "rows": []}
+    screen = {**manifest.configuration, "screen": {"width_px": 640}}
+    for path, entry in ((first, {"sha256": ""}), (second, table)):
+        own = replace(read_manifest(path), configuration={**screen, "luminance": entry})
+        write_manifest(path, own)
+
+    checked = CliRunner().invoke(app, ["check", str(study)])
+
+    assert 0 == checked.exit_code, checked.output
+    assert "! sessions were drawn by different tables of luminances" in checked.output
+    assert "no table: sub-S01B/ses-001\n" in checked.output
+    assert "table abababababab of 640 x 480 px: sub-S02C/ses-001\n" in checked.output
+    write_manifest(
+        first, replace(read_manifest(first), configuration={**screen, "luminance": table})
+    )
+    again = CliRunner().invoke(app, ["check", str(study)])
+    assert "luminances" not in again.output
+    as_json = CliRunner().invoke(app, ["check", str(study), "--json"])
+    assert {"ab" * 32: [str(first), str(second)]} == json.loads(as_json.stdout)["luminances"]
 
 
 def test_data_are_found_by_the_name_of_their_study_alone(

@@ -1,7 +1,7 @@
 """check, recover: what is on disk after a session."""
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -38,7 +38,12 @@ from visavis.running.sessions.bill_of_lading import (
     compare_bill,
     write_bill,
 )
-from visavis.running.sessions.folder_check import is_study, repair_study, study_problems
+from visavis.running.sessions.folder_check import (
+    is_study,
+    luminances_of,
+    repair_study,
+    study_problems,
+)
 from visavis.running.sessions.session_list import sign_list
 from visavis.running.sessions.study_folder import session_folders
 
@@ -149,13 +154,18 @@ def _check_study(
             write_bill(bill, baseline)
     sessions = session_folders(folder)
     count = len(sessions)
-    unfinished_sessions = _unfinished(sessions)
+    unfinished_sessions, by_table = _unfinished(sessions), luminances_of(sessions)
     verdicts: dict[Path, SessionCheck] = {}
     for session in sessions if list_trials else ():
         with suppress(RecordingError):  # already listed among the problems
             verdicts[session] = check_session(Recording(session))
     if as_json:
-        content = {"sessions": count, "problems": problems, "unfinished": list(unfinished_sessions)}
+        content = {
+            "sessions": count,
+            "problems": problems,
+            "unfinished": list(unfinished_sessions),
+            "luminances": {sha: list(map(str, own)) for (sha, _), own in by_table.items()},
+        }
         if bill is not None:
             content["bill_of_lading"] = {
                 "sha256": bill.sha256,
@@ -192,10 +202,25 @@ def _check_study(
                 f"trials; {way_on}",
                 style="yellow",
             )
+        if len(by_table) > 1:
+            _print_luminances(folder, by_table)
         for session, verdict in verdicts.items():
             print_check(verdict, session, list_trials=True)
     if problems or any(verdict.level is Level.RED for verdict in verdicts.values()):
         raise typer.Exit(EXIT_RED)
+
+
+def _print_luminances(folder: Path, by_table: Mapping[tuple[str, str], Sequence[Path]]) -> None:
+    """Name the sessions of each table of luminances; their greys are not the same light."""
+    say_plainly(
+        f"{MARK[Level.AMBER]} sessions were drawn by different tables of luminances; compare their "
+        "contrasts with care",
+        style="yellow",
+    )
+    for (sha256, screen), sessions in by_table.items():
+        table = f"table {sha256[:12]} of {screen}" if sha256 else "no table"
+        names = ", ".join(str(session.relative_to(folder)) for session in sessions)
+        say_plainly(f"    {table}: {names}", style="yellow")
 
 
 def _print_bill(bill: BillOfLading) -> None:

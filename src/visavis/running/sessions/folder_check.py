@@ -1,11 +1,13 @@
 """Check every file of a study's folder, and restore files that have an intact copy."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
 from visavis.lab.clock import SystemClock
 from visavis.lab.errors import LabError, RecordingError
+from visavis.lab.luminance import LUMINANCE_KEY
 from visavis.protocol.people.exports_register import LOCK_NAME as REGISTER_LOCK
 from visavis.protocol.people.exports_register import REGISTER_NAME, registered_exports
 from visavis.protocol.people.ledger import LEDGER_NAME, Ledger
@@ -67,6 +69,25 @@ def study_problems(
     for session in session_folders(folder) if sessions is None else sessions:
         problems += problems_of(session)
     return tuple(problems)
+
+
+def luminances_of(sessions: Sequence[Path]) -> dict[tuple[str, str], list[Path]]:
+    """Return the sessions before a monitor by the table of luminances that drew them.
+
+    A table is its SHA-256 (hex) and the screen that it is of, both "" where nothing was measured.
+    Sessions whose manifests are damaged are left out.
+    """
+    by_table: dict[tuple[str, str], list[Path]] = {}
+    for session in sessions:
+        with suppress(RecordingError):
+            configuration = Recording(session).manifest.configuration
+            if not isinstance(configuration, Mapping) or not configuration.get("screen"):
+                continue
+            entry = configuration.get(LUMINANCE_KEY)
+            entry = entry if isinstance(entry, Mapping) and entry.get("sha256") else {}
+            table = str(entry.get("sha256", "")), str(entry.get("screen", ""))
+            by_table.setdefault(table, []).append(session)
+    return by_table
 
 
 def _unknown_people(folder: Path) -> list[str]:
