@@ -85,3 +85,24 @@ def test_a_keyboard_that_no_window_would_hear_is_named_before_anything_is_opened
 def test_a_keyboard_is_heard_in_the_window_people_sit_before(show):
     lab = keyboard_lab(show)
     assert doctor_machine._keyboards(lab) == ()
+
+
+def test_the_table_of_luminances_is_there_wanting_or_damaged(tmp_path):
+    path = tmp_path / "lab_config.yaml"
+    path.write_text(TEXT, "utf-8")
+    lab = load_config(path, OPTION_MODELS)
+    (found,) = doctor_machine._luminances(lab)
+    assert ("note", "run: visavis devices luminance (docs/screens.md)") == (
+        found.level,
+        found.remedy,
+    )
+    rows = "".join(f"{level},{0.4 + level}\n" for level in (0, 50, 100, 150, 200, 255))
+    lab.luminance_path.write_text(f"level,cd_m2\n{rows}", "utf-8")
+    (found,) = doctor_machine._luminances(load_config(path, OPTION_MODELS))
+    assert ("ok", "0.4 to 255.4 cd/m²") == (found.level, found.found.split(", ")[1])
+    lab.luminance_path.write_text("level,cd_m2\n0,1\n", "utf-8")
+    (found,) = doctor_machine._luminances(load_config(path, OPTION_MODELS))
+    assert "missing" == found.level
+    assert "measure 6 or more" in found.found
+    lab = parse_config(TEXT.replace("show: screen", "show: headset"), path, OPTION_MODELS)
+    assert () == doctor_machine._luminances(lab)

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from PIL import Image
 from typer.testing import CliRunner, Result
 
 from tests.cli.test_flat_again import performed
@@ -140,6 +141,31 @@ def test_plan_says_whether_contrasts_are_of_light(lab: Path) -> None:
     path.write_text(path.read_text("utf-8").replace("1920 x", "1024 x"), "utf-8")
     with pytest.raises(ConfigError, match="row 2: this was measured on another screen, 1024 x"):
         typed("plan", "again.py")
+
+
+OUTSIDE = """
+from visavis import Factor, Grating, Image, Study
+
+study = Study("outside", factors=[Factor("strength", [0, 0.001, 0.5, 1])], calibrate=False)
+
+@study.trial
+def trial(t):
+    shown = [Grating(20, 0.2, t.strength), Image("face.png", 4)]
+    yield t.show(shown, seconds=0.3, background="grey")
+"""
+
+
+def test_plan_names_pictures_that_stay_and_contrasts_that_the_screen_has_not(lab: Path) -> None:
+    (lab.parent / "outside.py").write_text(OUTSIDE, "utf-8")
+    Image.new("RGB", (8, 8)).save(lab.parent / "face.png")
+    before = typed("plan", "outside.py").stdout
+    assert "keep their values" not in before
+    typed("devices", "luminance", "own.csv")
+    said = typed("plan", "outside.py").stdout
+    assert "pictures and films keep their values, which no table corrects\n" in said
+    assert "gratings of contrast 0.001 are below 0.0" in said
+    assert "gratings of contrast 1 are above 0.993, the greatest of this screen, and are" in said
+    assert "gratings of" not in typed("plan", "again.py").stdout
 
 
 def test_a_session_is_drawn_by_its_table_again_and_resumed_with_no_other(

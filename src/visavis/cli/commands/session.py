@@ -165,11 +165,11 @@ def plan(
     lab = load_lab(config, devices, only_simulates=True, quiet=as_json)
     here = study_here(study, lab)
     plan_inputs = plan_inputs_of(here, participant, seed, assignments, language)
-    light = ""
+    light_lines: list[str] = []
     if here.study.study.procedure.on == "lab":  # a page needs none of the lab's devices
         plan_inputs.experiment.check_at_devices()
         check_rig(devices_for(lab, plan_inputs.experiment))
-        light = _luminance_words(lab, plan_inputs.experiment)
+        light_lines = _luminance_words(lab, plan_inputs.experiment)
     else:
         film_store(plan_inputs.experiment)  # raises where no page can perform it
         require_roles_of_pages(plan_inputs.experiment)
@@ -181,8 +181,8 @@ def plan(
         say_json(asdict(session_plan))
     else:
         _print_plan(session_plan, plan_inputs.label, plan_inputs.note, experiment)
-        if light:
-            console.print(f"[dim]{verbatim(light)}[/]", soft_wrap=True)
+        for line in light_lines:
+            console.print(f"[dim]{verbatim(line)}[/]", soft_wrap=True)
     if not as_json:
         for voice in plan_inputs.experiment.voices:
             console.print(
@@ -261,15 +261,32 @@ def _place_shown(
     )
 
 
-def _luminance_words(lab: LabConfig, experiment: StudyExperiment) -> str:
-    """Return what is known of the light of a study's greys before a monitor; "" without any."""
+def _luminance_words(lab: LabConfig, experiment: StudyExperiment) -> list[str]:
+    """Return what is known of the light of a study's greys and pictures before a monitor."""
     luminance = lab.luminance
     has_greys = any(isinstance(item, Grating | Dots | Shape) for item in experiment.flats)
-    if lab.display.on_screen is None or not has_greys:
-        return ""
+    if lab.display.on_screen is None:
+        return []
     if luminance is None:
-        return NO_LUMINANCES
-    return f"greys and contrasts are of light: {luminance.summary}"
+        return [NO_LUMINANCES] * has_greys
+    lines = [f"greys and contrasts are of light: {luminance.summary}"] * has_greys
+    if experiment.pictures or experiment.videos:
+        lines.append("pictures and films keep their values, which no table corrects")
+    least, greatest = luminance.least_contrast_01, luminance.greatest_contrast_01
+    asked = sorted({item.contrast_01 for item in experiment.flats if isinstance(item, Grating)})
+    faint = ", ".join(f"{c:g}" for c in asked if 0.0 < c < least)
+    strong = ", ".join(f"{c:g}" for c in asked if c > greatest)
+    if faint:
+        lines.append(
+            f"gratings of contrast {faint} are below {least:.3f}, the least of this screen, and "
+            "are drawn with that or none, whichever is nearer"
+        )
+    if strong:
+        lines.append(
+            f"gratings of contrast {strong} are above {greatest:.3f}, the greatest of this screen, "
+            "and are drawn with that"
+        )
+    return lines
 
 
 def _as_operators_read(session_plan: SessionPlan, study: Study) -> SessionPlan:

@@ -15,7 +15,7 @@ from visavis.devices.registry import driver_spec, driver_specs
 from visavis.devices.states import is_installed
 from visavis.lab.clock import MAX_STEP_NS, NS_PER_MS, Clock, clock_step_ns
 from visavis.lab.config import LabConfig, Screen
-from visavis.lab.errors import LabError
+from visavis.lab.errors import ConfigError, LabError
 from visavis.recording.provenance import provenance
 from visavis.running.sessions.data_root import data_disk
 from visavis.running.sessions.device_setup import (
@@ -53,6 +53,7 @@ def computer(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
         _disk(lab),
         _clock(clock),
         _screens(lab),
+        *_luminances(lab),
         *_drawing(lab, clock),
         *_keyboards(lab),
         *_lsl_session(lab),
@@ -219,6 +220,22 @@ def _screens(lab: LabConfig) -> Finding:
         remedy = "log in on a desktop, or set display.show to none or offscreen"
         return Finding(COMPUTER, "display", "missing", text, remedy)
     return Finding(COMPUTER, "display", "ok", text)
+
+
+def _luminances(lab: LabConfig) -> tuple[Finding, ...]:
+    """Say by which table of luminances greys are drawn where people sit before a screen."""
+    if lab.display.on_screen is None:
+        return ()
+    try:
+        table = lab.luminance
+    except ConfigError as problem:
+        remedy = f"mend or delete {lab.luminance_path}"
+        return (Finding(COMPUTER, "luminances", "missing", str(problem), remedy),)
+    if table is None:
+        remedy = "run: visavis devices luminance (docs/screens.md)"
+        text = "not measured: contrasts are of values, not of light"
+        return (Finding(COMPUTER, "luminances", "note", text, remedy),)
+    return (Finding(COMPUTER, "luminances", "ok", table.summary),)
 
 
 def _drawing(lab: LabConfig, clock: Clock) -> tuple[Finding, ...]:
