@@ -13,6 +13,7 @@ from visavis.lab.geometry import Vector
 from visavis.protocol.plan.session_plan import Trial
 from visavis.recording.cached import CachedRecording
 from visavis.recording.reader import Recording
+from visavis.stimuli.moving_heads import HEADS_MOVE
 from visavis.stimuli.scene import Agent, Scene, SceneFrame
 
 T = TypeVar("T")
@@ -76,6 +77,11 @@ class RecordedScene:
             self.eye_openness_01,
             gaze_distance_m=self.gaze_distance_m,
         )
+
+    @property
+    def heads_move(self) -> bool:
+        """Whether gaze was measured on heads where they were at the time of each sample."""
+        return bool(self.description.get(HEADS_MOVE, False))
 
     def once(self, key: Hashable, make: Callable[[], T]) -> T:
         """Return what `make` returns, made once where the recording is kept; for costly things that

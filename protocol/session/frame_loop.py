@@ -51,6 +51,7 @@ from visavis.protocol.session.states import SessionState, StateMachine
 from visavis.protocol.session.streams import FRAMES, gaze_targets_schema, scene_states_schema
 from visavis.recording.writer import Recorder
 from visavis.stage.contracts import GeometryStage, Glance, Stage
+from visavis.stimuli.moving_heads import HEADS_MOVE, moving_heads
 from visavis.stimuli.own_room import PlacedRoom
 from visavis.stimuli.panels import Surface
 from visavis.stimuli.room_areas import ROOM_SHAPE
@@ -744,6 +745,7 @@ class FrameLoop:
             "scene_name": scene.name,
             "brightness_01": scene.brightness_01,
             "mark_m": None if scene.mark_m is None else [float(x) for x in scene.mark_m],
+            **({} if moving_heads(scene) is None else {HEADS_MOVE: True}),
             "agents": [
                 {
                     "agent_id": a.agent_id,

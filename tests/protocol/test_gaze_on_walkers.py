@@ -14,7 +14,7 @@ from visavis.stimuli.dressing.office import look_of
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.stimuli.moving_heads import STEP_NS, agents_at, moving_heads
 from visavis.study.dry_run import still_view
-from visavis.study.scenes import Scene, Staging, stage
+from visavis.study.scenes import FOLLOW_STEP_M, Scene, Staging, stage
 
 ONSET_NS = 7 * NS_PER_S
 TIMES_NS = ONSET_NS + np.array([0, 1_234_567_890, 2_500_000_000])
@@ -89,3 +89,43 @@ def test_agents_of_a_later_time_have_their_heads_there():
     assert drawn_heads_m(scene, int(TIMES_NS[-1]))[0] == pytest.approx(
         agent.head_centre_m, abs=5e-4
     )
+
+
+def looks_of(scene, t_ns, head_m=EYE):
+    """Return the direction (3,) of the gaze that a scene shows at a time, and where eyes are."""
+    view = still_view(t_ns)._replace(head=Pose(head_m, quat_from_yaw_pitch_deg(0.0)))
+    frame = scene.frame(view, t_ns - ONSET_NS)
+    (agent,) = agents_at(scene.scene, t_ns)
+    return frame, agent.eye_centre_m
+
+
+def test_eyes_that_look_at_the_observer_do_so_from_where_they_are():
+    walker = staged(motion="walk", distance_m=6.0, turn_deg=5.0, eyes="directed")
+    for t_ns in TIMES_NS.tolist():
+        frame, eye_m = looks_of(walker, t_ns)
+        assert unit(EYE - eye_m) == pytest.approx(frame.gaze_direction[0], abs=5e-3)
+        assert float(np.linalg.norm(EYE - eye_m)) == pytest.approx(
+            float(frame.gaze_distance_m[0]), abs=FOLLOW_STEP_M
+        )
+
+
+def test_an_averted_gaze_goes_along_with_whoever_walks():
+    walker = staged(motion="walk", distance_m=4.0, eyes="averted")
+    first, _ = looks_of(walker, ONSET_NS)
+    later = walker.frame(still_view(int(TIMES_NS[-1])), int(TIMES_NS[-1]) - ONSET_NS) or first
+    assert first.gaze_direction == pytest.approx(later.gaze_direction, abs=1e-12)
+
+
+def test_frames_ahead_of_a_walker_are_those_that_come_one_by_one():
+    one, ahead = (staged(motion="walk", distance_m=4.0, eyes="directed") for _ in range(2))
+    t_ns = ONSET_NS + np.arange(200) * NS_PER_S // 90
+    heads_m = EYE + np.linspace(0, 0.1, 200)[:, None] * np.array([1.0, 0.0, 0.0])
+    pictures = ahead.ahead(t_ns.tolist(), t_ns - ONSET_NS, heads_m)
+    frames = [looks_of(one, t, head)[0] for t, head in zip(t_ns.tolist(), heads_m, strict=True)]
+    assert [frame is not None for frame in frames] == pictures.is_new.tolist()
+    for i, frame in enumerate(frames):
+        if frame is not None:
+            assert frame.gaze_direction.tolist() == pictures.gaze_direction[i].tolist()
+    assert 100 < sum(pictures.is_new.tolist())
+    ahead.pass_frames(pictures, 200)
+    assert np.array_equal(one.observer_m, ahead.observer_m)

@@ -11,10 +11,11 @@ from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import DesignError
 from visavis.protocol.plan.session_plan import Trial
 from visavis.recording.reader import Recording
-from visavis.results.opened_study import find_study
+from visavis.results.opened_study import HEADS_AT_ONSET, find_study
 from visavis.results.reevaluation import targets_again
 from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.session_request import simulated_request
+from visavis.running.sessions.verification import verify
 from visavis.stimuli.dressing.office import look_of
 from visavis.stimuli.dressing.picture_of import picture_of
 from visavis.study.asking import Answer
@@ -200,3 +201,44 @@ def test_gaze_follows_a_walker_and_is_measured_on_the_head_as_it_is_drawn(tmp_pa
     again = targets_again(recording, opened(tmp_path, [line]).views_of, 1)
     assert targets["hit"].tolist() == again["hit"].tolist()
     assert targets["angle_deg"] == pytest.approx(again["angle_deg"], nan_ok=True)
+
+
+@pytest.fixture(scope="module")
+def older(tmp_path_factory):
+    """A session of a walker as versions before recorded it, and its study."""
+    folder = tmp_path_factory.mktemp("older")
+    study = opened(folder, ['yield t.show(Scene("person", **WALK, eyes="directed"), 3)'])
+    config = load_config(EXAMPLE).model_copy(
+        update={"data_root": folder / "data", "key_root": folder / "keys"}
+    )
+    experiment = replace(study.experiment({}), heads_move=False)
+    asked = simulated_request(study, experiment, config, label="S01", index=0, seed=1)
+    return Recording(perform_new(asked)), study
+
+
+def heads_of_scenes(recording):
+    return {about.get("heads_move") for about in recording.events_named("scene", 1)["payload"]}
+
+
+def test_a_recording_says_that_heads_moved_and_older_ones_say_nothing(tmp_path, older):
+    recording = recording_of(tmp_path, 'yield t.show(Scene("person", **WALK), 1)')
+    assert {None, True} == heads_of_scenes(recording)  # the dark has no heads
+    study = opened(tmp_path, ['yield t.show(Scene("person", **WALK), 1)'])
+    assert not study.took_heads_at_onset(recording, 1)
+    recording, study = older
+    assert {None} == heads_of_scenes(recording)
+    assert study.took_heads_at_onset(recording, 1)
+
+
+def test_an_older_recording_is_evaluated_with_heads_where_they_were_at_the_onset(older):
+    recording, study = older
+    again = targets_again(recording, study.views_of, 1)
+    targets = recording.stream_arrays("gaze_targets")
+    assert targets["hit"].tolist() == again["hit"].tolist()
+    assert targets["angle_deg"] == pytest.approx(again["angle_deg"], nan_ok=True)
+    assert HEADS_AT_ONSET in study.measure(recording).facts["latency"]
+
+
+def test_an_older_simulated_session_is_performed_again_bit_for_bit(older, tmp_path):
+    recording, study = older
+    assert None is verify(recording, study, load_config(EXAMPLE), tmp_path).first

@@ -39,6 +39,7 @@ from visavis.people.observer.state import HEAD, ROOM, SPEAKER_SIDE
 from visavis.protocol.session.boards import HAND, keys_of_choice
 from visavis.stimuli.areas import SurroundingAreas
 from visavis.stimuli.motion.synthesis.pose_distance import Likeness, compared_joints
+from visavis.stimuli.moving_heads import agents_at
 from visavis.stimuli.panels import PanelFrame, choice_centre_m, place_m, track_01
 from visavis.stimuli.picture import Panel
 from visavis.stimuli.room_shape import seen_of_room
@@ -485,11 +486,11 @@ class StudyPerson(Observer):
         else:
             self._contact_ns[self._contact] += t_ns - self._last_ns
         if self._last is None or view.gaze_direction is not self._last.gaze_direction:
-            self._contact = self._meets_me(view)
+            self._contact = self._meets_me(view, t_ns)
         self._last, self._last_ns = view, t_ns
 
-    def _meets_me(self, view: SceneFrame) -> npt.NDArray[np.bool_]:
-        agents = view.scene.agents
+    def _meets_me(self, view: SceneFrame, t_ns: int) -> npt.NDArray[np.bool_]:
+        agents = agents_at(view.scene, t_ns)
         if not agents:
             return np.zeros(0, np.bool_)
         to_me = unit(self._seat - np.array([a.eye_centre_m for a in agents]))

@@ -4,7 +4,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
@@ -57,6 +57,7 @@ from visavis.results.time_course import TIME_COURSE, with_time_course
 from visavis.results.unusual import MAX_LISTED, UnusualTrial, unusual_trials
 from visavis.results.validation import judge_validation
 from visavis.stimuli.areas import rooms_in
+from visavis.stimuli.moving_heads import HEADS_MOVE, moving_heads
 from visavis.stimuli.own_room import PlacedRoom
 from visavis.stimuli.room_shape import shape_of
 from visavis.stimuli.scene import SceneFrame
@@ -73,10 +74,15 @@ from visavis.study.moulding import FIGURE_ON, FIGURE_TURNED, SLIDER_MOVED, stage
 from visavis.study.moulding import SCENE as LIVE_SCENE
 from visavis.study.pieces import MeasuredTrial, Pieces
 from visavis.study.responses import Choice
-from visavis.study.scenes import FLAT, ROOM, Scene, Staging, stage
+from visavis.study.scenes import FLAT, PAIR, ROOM, Scene, StagedScene, Staging, stage
 from visavis.study.sections import Confusion
 from visavis.study.study_errors import line_saying
 from visavis.study.texts import label_of
+
+HEADS_AT_ONSET: Final = (
+    "gaze on people who moved was measured where their heads were at the onset, as versions before "
+    "did, not where they were at the time of each sample"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -399,6 +405,15 @@ class OpenedStudy:
                 bare, scene=replace(bare.scene, dressed_by=self.study.procedure.dressed_by)
             )
             return
+        staged_scene = self._staged_again(payload)
+        _require_same_room(record, payload, staged_scene.scene.room)
+        scene = replace(
+            staged_scene.scene, agents=record.scene.agents, brightness_01=record.scene.brightness_01
+        )
+        yield replace(bare, scene=scene)
+
+    def _staged_again(self, payload: Mapping[str, Any]) -> StagedScene:
+        """Return a scene as an event "shown" describes it."""
         options = {
             k.removeprefix("option_"): v for k, v in payload.items() if k.startswith("option_")
         }
@@ -407,14 +422,27 @@ class OpenedStudy:
         staging = Staging(
             np.random.default_rng(0), 0.0, int(payload["start_ns"]), self.study.files.trial_folder
         )
-        staged_scene = stage(
-            Scene(payload["scene"], **options), staging, self.study.procedure.makers
+        return stage(Scene(payload["scene"], **options), staging, self.study.procedure.makers)
+
+    def took_heads_at_onset(self, recording: Recording, part: int) -> bool:
+        """Tell whether people moved in a part, and gaze was measured on their heads where they were
+        at the onset, as older versions did.
+        """
+        scenes = recording.events_named("scene", part)
+        still_ns = {
+            int(t_ns)
+            for t_ns, about in zip(scenes["t_ns"], scenes["payload"], strict=True)
+            if about["agents"] and HEADS_MOVE not in about
+        }
+        payloads = recording.events_named("shown", part)["payload"]
+        shown_scenes = {
+            str({k: v for k, v in p.items() if k == "scene" or k.startswith("option_")}): p
+            for p in payloads
+            if p.get("start_ns") in still_ns and p["scene"] != PAIR
+        }
+        return any(
+            moving_heads(self._staged_again(p).scene) is not None for p in shown_scenes.values()
         )
-        _require_same_room(record, payload, staged_scene.scene.room)
-        scene = replace(
-            staged_scene.scene, agents=record.scene.agents, brightness_01=record.scene.brightness_01
-        )
-        yield replace(bare, scene=scene)
 
     def _moulded(self, record: RecordedScene, description: Mapping[str, Any]) -> SceneFrame:
         """Return a figure that was moulded as it stood in a frame."""
@@ -481,6 +509,10 @@ class OpenedStudy:
             answers=tuple(experiment.responses),
             picture_delay_ms=delay_of(settings or {}),
         )
+        parts = [part.number for part in recording.manifest.parts]
+        if any(self.took_heads_at_onset(recording, part) for part in parts):
+            words = (*filter(None, [intake.facts.get("latency")]), HEADS_AT_ONSET)
+            intake = replace(intake, facts={**intake.facts, "latency": "; ".join(words)})
         intake = with_coding(with_remarks(intake, recording), recording)
         intake = with_session_names(intake, study.design.sessions)
         if pieces is None:

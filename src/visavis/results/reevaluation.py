@@ -7,6 +7,7 @@ every pose counts for the time that it describes (docs/decisions/0022).
 """
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from enum import StrEnum
 from typing import Any, Final
 
@@ -84,9 +85,10 @@ def targets_again(
 ) -> Columns:
     """Feed the engine with a part's gaze, head and scenes, frame by frame; return `gaze_targets`.
 
-    Poses of the head count at the times that `pairing` says. The samples of each frame are as
-    recorded. The offset of the tracker's clock is the trial's own within a trial, and as recorded
-    between trials.
+    Poses of the head count at the times that `pairing` says. Heads of people who move are where
+    the session took them to be: in older recordings where they were at the onset. The samples of
+    each frame are as recorded. The offset of the tracker's clock is the trial's own within a trial,
+    and as recorded between trials.
 
     Raises:
         UsageError: people sat before a screen; its place is not recorded.
@@ -204,7 +206,10 @@ class _Scenes:
             t_ns = int(self._frames["t_host_ns"][max(0, k - 1)])
             frame_content = recorded_scene(self._recording, self._part, frame, t_ns, np.zeros(3))
             view = next(iter(self._views_of(frame_content)))
-            self._scene_by_number[number] = view.scene
+            scene = view.scene
+            if not frame_content.heads_move:
+                scene = replace(scene, moved_by="")
+            self._scene_by_number[number] = scene
         return self._scene_by_number[number]
 
 

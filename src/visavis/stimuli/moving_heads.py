@@ -14,6 +14,10 @@ from visavis.stimuli.scene import Agent, Scene
 
 STEP_NS: Final = 20 * NS_PER_MS
 """Heads are posed in such steps and go evenly between: within 0.3 mm where people walk."""
+HEADS_MOVE: Final = "heads_move"
+"""What the event "scene" says of people whose heads move: that gaze was measured on them where they
+were at the time. Without it, which is so in older recordings, it was where they were at the onset.
+"""
 
 
 @dataclass(frozen=True, eq=False)

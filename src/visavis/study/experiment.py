@@ -63,6 +63,8 @@ class StudyExperiment:
     overrides: Mapping[str, Any] = field(default_factory=dict)
     session: int = field(default=1, kw_only=True)
     """The number of the session, from 1; it matters where sessions are a factor of the study."""
+    heads_move: bool = field(default=True, kw_only=True)
+    """False repeats a session of an older version: see `Staging.heads_move`."""
 
     def __post_init__(self) -> None:
         criterion = self.study.design.practice_until
@@ -142,6 +144,7 @@ class StudyExperiment:
                 role for m in self.study.analysis.measures for role in (m.role, *m.areas) if role
             ),
             held_answers=frozenset(m.held for m in self.study.analysis.measures if m.held),
+            heads_move=self.heads_move,
         )
 
     @cached_property

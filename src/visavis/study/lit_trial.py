@@ -320,8 +320,9 @@ class LitTrial:
     def _stage(self, scene: Scene, seconds: float, number: int, start_ns: int) -> StagedScene:
         rng = self.trial.rng(SCENE_STREAM + number)
         screen = None if self.view is None else self.view.surface.screen
-        staging = Staging(rng, seconds, start_ns, self.settings.folder, screen)
-        return stage(scene, staging, self.settings.makers)
+        settings = self.settings
+        staging = Staging(rng, seconds, start_ns, settings.folder, screen, settings.heads_move)
+        return stage(scene, staging, settings.makers)
 
     def _follow(self, view: FrameView) -> Performing:
         """Show what the current scene shows after a frame, and tell what turned the view."""

@@ -6,6 +6,7 @@ A study writes `Scene("two_people", active="left", eyes="directed")`; a maker tu
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from inspect import signature
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -41,6 +42,7 @@ from visavis.stimuli.motion.kinds import (
     Wave,
 )
 from visavis.stimuli.motion.motion_file import MOTION_SUFFIXES, read_motion
+from visavis.stimuli.moving_heads import MovingHeads, moving_heads
 from visavis.stimuli.own_room import PlacedRoom, Room
 from visavis.stimuli.room_shape import areas_of_room
 from visavis.stimuli.scene import Scene as StageScene
@@ -129,7 +131,11 @@ class StagedScene(Protocol):
 
 @dataclass
 class WithEyes:
-    """Agents whose eyes move: to targets, to the participant, and in blinks."""
+    """Agents whose eyes move: to targets, to the participant, and in blinks.
+
+    `observer_m` is where those look who look at the participant, (3,), or (m, 3) for m agents who
+    move, as if their eyes were still where they were at the onset.
+    """
 
     scene: StageScene
     roles: Mapping[str, int]
@@ -139,6 +145,10 @@ class WithEyes:
     areas: tuple[Areas, ...] = ()
     _was_moving: bool = True
     _is_shown: bool = False
+
+    @cached_property
+    def _heads(self) -> MovingHeads | None:
+        return moving_heads(self.scene)
 
     def look(self, eyes: EyeBehaviour) -> None:
         """Change what the eyes do from the next frame on."""
@@ -162,6 +172,9 @@ class WithEyes:
         """
         if type(self).frame is not WithEyes.frame or type(self).follow is not WithEyes.follow:
             return None
+        heads_m = heads_m[:, None]
+        if (moved_m := self._moved_m(np.asarray(t_ns))) is not None:
+            heads_m = heads_m - moved_m
         course = self.eyes.course(
             elapsed_ns,
             heads_m,
@@ -175,7 +188,8 @@ class WithEyes:
     def pass_frames(self, pictures: "EyesAhead", n: int) -> None:
         """Take the first n of the frames that were told as if `frame` had returned them."""
         course = pictures.course
-        self.observer_m = course.observer_m[n - 1].copy()
+        observer_m = course.observer_m[n - 1]
+        self.observer_m = (observer_m[0] if self._heads is None else observer_m).copy()
         if course.is_new[:n].any():
             self._was_moving, self._is_shown = bool(course.is_moving[n - 1]), True
 
@@ -183,12 +197,27 @@ class WithEyes:
         """Take the participant's head position; tell whether it moved by at least a step."""
         if not view.head_valid:
             return False
-        moved_m = view.head.position_m - self.observer_m
-        x, y, z = moved_m.tolist()
-        if x * x + y * y + z * z < self.step_m**2:
+        moved_m = self._moved_m(np.array([view.t_ns]))
+        now_m = np.array(view.head.position_m, np.float64)
+        if moved_m is not None:
+            now_m = now_m - moved_m[0]
+        steps_m = np.atleast_2d(now_m - self.observer_m).tolist()
+        if all(x * x + y * y + z * z < self.step_m**2 for x, y, z in steps_m):
             return False
-        self.observer_m = np.array(view.head.position_m, np.float64)
+        self.observer_m = now_m
         return True
+
+    def _moved_m(self, t_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.float64] | None:
+        """Return how far (n, m, 3) agents have moved since the onset, zero while nobody looks at
+        the participant; None where they stay in their places.
+        """
+        if self._heads is None:
+            return None
+        first_m = np.array([a.head_centre_m for a in self.scene.agents])
+        if not self.eyes.follows_observer.any():
+            return np.zeros((len(t_ns), *first_m.shape))
+        moved_m: npt.NDArray[np.float64] = self._heads.centres_m(t_ns) - first_m
+        return moved_m
 
 
 class EyesAhead:
@@ -263,7 +292,8 @@ class Staging:
     """The input of a maker beside the scene's options: random numbers, duration and onset.
 
     `folder` is the study file's, from which relative paths start; `start_ns` the session time of
-    the frame before the onset; `screen` is what people sit before, None in a headset.
+    the frame before the onset; `screen` is what people sit before, None in a headset. Without
+    `heads_move` everything looks for heads where they were at the onset, as older versions did.
     """
 
     rng: np.random.Generator
@@ -271,6 +301,7 @@ class Staging:
     start_ns: int = 0
     folder: Path = Path()
     screen: PlacedScreen | None = None
+    heads_move: bool = True
 
 
 Maker = Callable[..., StagedScene]
@@ -632,6 +663,8 @@ def scene_of_people(
     scene = GatheringScene(
         name=name, agents=agents, people=people, start_ns=staging.start_ns, room_by=room_by
     )
+    if not staging.heads_move:
+        scene = replace(scene, moved_by="")
     past = np.array([_past(a.eye_centre_m, a.facing) for a in agents])
     blinks = draw_blinks(staging.rng, len(agents), staging.duration_s + BEYOND_S)
     behaviour = EyeBehaviour.of_scene(scene, target_m=np.zeros(3), blinks=blinks)

@@ -42,6 +42,8 @@ class Settings:
     """Roles with a measure: a row names them even if the role is a place."""
     held_answers: frozenset[str] = frozenset()
     """Answers of which is measured how long their key is held."""
+    heads_move: bool = True
+    """False repeats a session of an older version: see `Staging.heads_move`."""
 
     def note_repeat(self, trial_id: str) -> None:
         """Note that a trial comes again because it asked for it."""

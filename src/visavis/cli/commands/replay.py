@@ -20,7 +20,7 @@ from visavis.cli.commands.checking import EXIT_RED
 from visavis.cli.studies import session_of
 from visavis.lab.errors import UsageError
 from visavis.recording.cached import CachedRecording
-from visavis.results.opened_study import OpenedStudy
+from visavis.results.opened_study import HEADS_AT_ONSET, OpenedStudy
 from visavis.running.sessions.study_folder import study_of_folder
 from visavis.running.sessions.verification import is_in_real_time, verify
 from visavis.study.cast import use_recorded_cast
@@ -69,6 +69,8 @@ def _verify(recording: CachedRecording, study: OpenedStudy, config: Path | None)
             "simulated in real time, which no other run repeats bit for bit (--fast does): "
             "compared are its plan, and where gaze fell, from the samples as recorded"
         )
+    if any(study.took_heads_at_onset(recording, part.number) for part in recording.manifest.parts):
+        say(f"[yellow]{HEADS_AT_ONSET}[/]: it is compared so")
     with (
         console.status("performing the session again"),
         TemporaryDirectory(prefix="visavis") as scratch,

@@ -25,7 +25,7 @@ from visavis.people.observer.temperament import (
     Temperament,
     draw_temperament,
 )
-from visavis.stimuli.moving_heads import moving_heads
+from visavis.stimuli.moving_heads import agents_at, moving_heads
 from visavis.stimuli.room_areas import SeenObject
 from visavis.stimuli.scene import Scene, SceneFrame
 from visavis.stimuli.scenes.audience import PARTICIPANT_EYE_M
@@ -163,6 +163,8 @@ class Observer(PressesNothing):
             return
         self._gaze, self._openness = view.gaze_direction, view.eye_openness_01
         if self._effect and view.scene.brightness_01 > 0:
+            if self._moving is not None:
+                self._agent_eyes = self._moving.eyes_at(t_display_ns)
             self._plan_number += attention_causes.see_gaze(
                 self._mind,
                 self._agent_eyes,
@@ -445,6 +447,10 @@ class Layout:
         turn = np.degrees(np.arctan2(-direction[:, 0], -direction[:, 2]) - yaw)
         self.leftward_deg = turn
         self.eccentric_deg = np.hypot(turn, np.degrees(np.arcsin(direction[:, 1])))
+
+    def eyes_at(self, t_ns: int) -> Vector:
+        """Return where agents' eyes (n, 3) are at a session time."""
+        return np.array([a.eye_centre_m for a in agents_at(self.scene, t_ns)])
 
     def move(self, targets: npt.NDArray[np.void], t_ns: int) -> None:
         """Lead targets to where heads, and the bodies below, are at a session time."""

@@ -162,6 +162,8 @@ def perform_again(
     _require_same_plan(recording, study)
     plan: Mapping[str, Any] = manifest.plan
     experiment = study.experiment(overrides_of(plan))
+    if study.took_heads_at_onset(recording, part):
+        experiment = replace(experiment, heads_move=False)
     clock = SimClock()
     request = Request(
         study=study,

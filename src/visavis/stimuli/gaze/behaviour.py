@@ -81,7 +81,8 @@ def _eyes_at(
     state: npt.NDArray[np.float64],
 ) -> bool:
     """Write gaze directions (m, 3) and then openness (m,) into `state` (4 m,); return whether
-    anything moves. An array that a kernel makes takes a microsecond more to be returned.
+    anything moves. `observer` (m, 3) is where the observer is for each agent, (1, 3) for all. An
+    array that a kernel makes takes a microsecond more to be returned.
     """
     m = eyes.centre_m.shape[0]
     gaze = state[: 3 * m].reshape((m, 3))
@@ -94,11 +95,12 @@ def _eyes_at(
     for j in range(m):
         has_turned = t_ns >= eyes.turn_ns[j]
         now = 1 if has_turned else 0
-        point = observer if eyes.follows[now, j] else eyes.targets_m[now, j]
+        me = observer[min(j, observer.shape[0] - 1)]
+        point = me if eyes.follows[now, j] else eyes.targets_m[now, j]
         _toward(eyes.centre_m[j], eyes.facing[j], point, limit_rad, new)
         share = 1.0
         if has_turned:
-            before = observer if eyes.follows[0, j] else eyes.targets_m[0, j]
+            before = me if eyes.follows[0, j] else eyes.targets_m[0, j]
             _toward(eyes.centre_m[j], eyes.facing[j], before, limit_rad, old)
             # Angle from chord and sum: exact for small angles, where the arc cosine loses digits.
             chord2, sum2, dot = 0.0, 0.0, 0.0
@@ -146,7 +148,8 @@ def _distances(
     for j in range(eyes.centre_m.shape[0]):
         # Row 0 is where the eyes look before their turn, row 1 where they look from then on.
         now = 1 if t_ns >= eyes.turn_ns[j] else 0
-        point = observer if eyes.follows[now, j] else eyes.targets_m[now, j]
+        me = observer[min(j, observer.shape[0] - 1)]
+        point = me if eyes.follows[now, j] else eyes.targets_m[now, j]
         eye = eyes.centre_m[j]
         x, y, z = point[0] - eye[0], point[1] - eye[1], point[2] - eye[2]
         distance_m[j] = np.sqrt(x * x + y * y + z * z)
@@ -156,8 +159,8 @@ class Course(NamedTuple):
     """What the eyes of m agents do at n times while they follow an observer in steps.
 
     `is_new` (n,) whether anything differs from the time before, `is_moving` (n,) whether anything
-    moved when it last did; `observer_m` (n, 3) where the observer is for them; `state` (n, 5 m)
-    gaze directions, openness and distances of what they look at, where new.
+    moved when it last did; `observer_m` (n, m or 1, 3) where the observer is for them; `state`
+    (n, 5 m) gaze directions, openness and distances of what they look at, where new.
     """
 
     is_new: npt.NDArray[np.bool_]
@@ -180,21 +183,21 @@ def _follow(
     """Write what eyes do at n times while they follow a head in steps: `EyeBehaviour.course`."""
     m = eyes.centre_m.shape[0]
     for i in range(since_ns.shape[0]):
-        x = heads_m[i, 0] - observer[0]
-        y = heads_m[i, 1] - observer[1]
-        z = heads_m[i, 2] - observer[2]
-        if not x * x + y * y + z * z < step_m * step_m:
-            for k in range(3):
-                observer[k] = heads_m[i, k]
-            is_shown = False
+        for j in range(observer.shape[0]):
+            x = heads_m[i, j, 0] - observer[j, 0]
+            y = heads_m[i, j, 1] - observer[j, 1]
+            z = heads_m[i, j, 2] - observer[j, 2]
+            if not x * x + y * y + z * z < step_m * step_m:
+                observer[:] = heads_m[i]
+                is_shown = False
+                break
         is_moving = _eyes_at(since_ns[i], observer, eyes, course.state[i, : 4 * m])
         is_new = is_moving or was_moving or not is_shown
         if is_new:
             _distances(since_ns[i], observer, eyes, course.state[i, 4 * m :])
             was_moving, is_shown = is_moving, True
         course.is_new[i], course.is_moving[i] = is_new, was_moving
-        for k in range(3):
-            course.observer_m[i, k] = observer[k]
+        course.observer_m[i] = observer
 
 
 @dataclass(frozen=True)
@@ -205,6 +208,9 @@ class EyeBehaviour:
     before and after each agent's turn; `follows_observer` (2, m) replaces a point by the
     observer's eyes wherever these are; `turn_ns` (m,) when the saccade from one to the other
     begins, `NEVER_NS` for none.
+
+    Where the observer is, is one point (3,) for all agents, or (m, 3) for each of them as seen
+    from `eye_centre_m`: nearer, say, for one who has come nearer. Points go along with agents.
     """
 
     eye_centre_m: npt.NDArray[np.float64]
@@ -261,7 +267,7 @@ class EyeBehaviour:
     def distance_m(self, t_ns: int, observer_eye_m: Vector) -> npt.NDArray[np.float64]:
         """Return how far (m,) from between their eyes what agents look at is."""
         distance_m = np.empty(len(self.turn_ns))
-        _distances(t_ns, observer_eye_m, self._arrays, distance_m)
+        _distances(t_ns, np.atleast_2d(observer_eye_m), self._arrays, distance_m)
         return distance_m
 
     def course(
@@ -274,20 +280,24 @@ class EyeBehaviour:
         is_shown: bool,
         was_moving: bool,
     ) -> Course:
-        """Return what the eyes do at times (n,) at which an observer's head is at `heads_m` (n, 3).
+        """Return what the eyes do at times (n,) at which an observer's head is at `heads_m`
+        (n, m or 1, 3).
 
-        They look for the observer where they last did, `observer_eye_m` (3,), until the head is
-        `step_m` away from there. `is_shown` says whether their state before the first time was
+        They look for the observer where they last did, `observer_eye_m`, until the head is `step_m`
+        away from there. `is_shown` says whether their state before the first time was
         shown, `was_moving` whether something moved then.
         """
         n, m = len(since_ns), len(self.turn_ns)
         course = Course(
-            np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty((n, 3)), np.empty((n, 5 * m))
+            np.empty(n, np.bool_),
+            np.empty(n, np.bool_),
+            np.empty(heads_m.shape),
+            np.empty((n, 5 * m)),
         )
         _follow(
             since_ns,
             heads_m,
-            observer_eye_m.copy(),
+            np.broadcast_to(observer_eye_m, heads_m.shape[1:]).copy(),
             step_m,
             is_shown,
             was_moving,
@@ -299,9 +309,9 @@ class EyeBehaviour:
     def at(self, t_ns: int, observer_eye_m: Vector) -> EyeState:
         """Return gaze directions (m, 3), unit, world; openness (m,) 0..1; whether anything moves.
 
-        `observer_eye_m` (3,) is the midpoint between the observer's eyes in world.
+        `observer_eye_m` is the midpoint between the observer's eyes in world.
         """
         m = len(self.turn_ns)
         state = np.empty(4 * m)
-        is_moving = _eyes_at(t_ns, observer_eye_m, self._arrays, state)
+        is_moving = _eyes_at(t_ns, np.atleast_2d(observer_eye_m), self._arrays, state)
         return state[: 3 * m].reshape(m, 3), state[3 * m :], is_moving
