@@ -109,6 +109,16 @@ class Sparing(Protocol):
 
 
 @runtime_checkable
+class FollowingGaze(Protocol):
+    """An experiment that may show windows that follow gaze."""
+
+    @property
+    def has_gaze_windows(self) -> bool:
+        """Whether a window that follows gaze is seen in a trial."""
+        ...
+
+
+@runtime_checkable
 class SelfPaced(Protocol):
     """An experiment whose instructions are read before a screen."""
 

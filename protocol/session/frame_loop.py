@@ -29,7 +29,7 @@ from visavis.lab.frame import FrameInfo
 from visavis.lab.geometry import Pose
 from visavis.lab.schema import SampleBatch
 from visavis.lab.screen import PlacedScreen
-from visavis.protocol.plan.experiment import Experiment
+from visavis.protocol.plan.experiment import Experiment, FollowingGaze
 from visavis.protocol.plan.steps import (
     BodyView,
     FrameView,
@@ -48,9 +48,15 @@ from visavis.protocol.session.rig import RunningRig
 from visavis.protocol.session.row_buffer import RowBuffer
 from visavis.protocol.session.screen_gaze import gaze_through_screen
 from visavis.protocol.session.states import SessionState, StateMachine
-from visavis.protocol.session.streams import FRAMES, gaze_targets_schema, scene_states_schema
+from visavis.protocol.session.streams import (
+    FRAMES,
+    gaze_targets_schema,
+    gaze_window_schema,
+    scene_states_schema,
+)
 from visavis.recording.writer import Recorder
 from visavis.stage.contracts import GeometryStage, Glance, Stage
+from visavis.stimuli.gaze_window import WindowPlace
 from visavis.stimuli.moving_heads import HEADS_MOVE, moving_heads
 from visavis.stimuli.own_room import PlacedRoom
 from visavis.stimuli.panels import Surface
@@ -107,12 +113,17 @@ class FrameLoop:
             recorder.declare(schema)
         if gaze_rate_hz is not None:
             recorder.declare(targets)
+        windows = gaze_window_schema(headset_rate_hz)
+        if isinstance(experiment, FollowingGaze) and experiment.has_gaze_windows:
+            recorder.declare(windows)
         for schema in stage.schemas:
             recorder.declare(schema)
         stage.start(recorder.append)
         self._frames = RowBuffer(frames, recorder.append, hold_ns=hold_ns)
         self._targets = RowBuffer(targets, recorder.append, hold_ns=hold_ns)
         self._scene_states = RowBuffer(scene_states, recorder.append, hold_ns=hold_ns)
+        self._windows = RowBuffer(windows, recorder.append, hold_ns=hold_ns)
+        self._window_at: WindowPlace | None = None
         tracker = rig.eye_tracker
         delay_ms = None if tracker is None else tracker.info.gaze_delay_ms
         self.observer = GazeObserver(self._targets, delay_ns=round((delay_ms or 0.0) * NS_PER_MS))
@@ -430,12 +441,26 @@ class FrameLoop:
 
     def _begin_frame(self) -> FrameInfo:
         """Draw the present view and wait for the next frame."""
-        view = self._view
+        view, before_ns = self._view, self._frame.t_ns
         if view is not None:
             if view is not self._logged_view:
                 self._log_view(view)
             self._display(view)
-        return self._wait_frame()
+        frame = self._wait_frame()
+        if view is not None and view.window_at is not self._window_at:
+            self._log_window(view.window_at, before_ns, frame.t_ns)
+        return frame
+
+    def _log_window(self, place: WindowPlace | None, drawn_ns: int, lit_ns: int) -> None:
+        """Record where the window is that follows gaze, and how late it came."""
+        self._window_at = place
+        if place is None:
+            return
+        sample_ns = place.t_sample_ns
+        delay_ms = np.nan if sample_ns is None else (lit_ns - sample_ns) / NS_PER_MS
+        valid = sample_ns is not None
+        row = (drawn_ns, sample_ns if valid else -1, valid, place.direction, place.eye_m, delay_ms)
+        self._windows.add(row, lit_ns)
 
     def _frame_view(self, frame: FrameInfo) -> FrameView:
         """Let the devices deliver, and return what a frame brought."""
@@ -557,6 +582,7 @@ class FrameLoop:
         self._frames.flush()
         self._targets.flush()
         self._scene_states.flush()
+        self._windows.flush()
 
     def set_reflex(self, answer: Answer | None) -> None:
         """Answer body samples when they arrive from now on (`protocol.plan.steps.Reflex`)."""

@@ -211,6 +211,8 @@ def with_board(view: SceneFrame, board: Panel) -> PanelFrame:
         view.eye_openness_01,
         view.people,
         view.gaze_distance_m,
+        view.turned_deg,
+        view.window_at,
         panels=(board,),
     )
 

@@ -29,7 +29,7 @@ TAKEN_STREAMS = frozenset(
     {
         "gaze", "head", "head_measured", "body", "frames", "frame_timing", "pointer", "haptics",
         "band", "events", "trials", "openness", "scene_states", "gaze_targets", "drawn",
-        "drawn_gpu", "drawn_views",
+        "drawn_gpu", "drawn_views", "gaze_window",
     }
 )  # fmt: skip
 """Names of Visavis' own streams and tables; a lab's own device needs another name."""

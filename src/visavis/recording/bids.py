@@ -63,6 +63,7 @@ BOOKKEEPING = frozenset(
         "frame_timing",
         "scene_states",
         "gaze_targets",
+        "gaze_window",
         "drawn",
         "drawn_gpu",
         "drawn_views",

@@ -15,6 +15,7 @@ from visavis.lab.luminance import LUMINANCE_KEY, table_of_entry
 from visavis.lab.screen import PlacedScreen
 from visavis.protocol.plan.shown_scene import RecordedScene, of_part
 from visavis.stimuli.flat import KINDS, Flat, Panorama, rgb_of
+from visavis.stimuli.gaze_window import GAZE_WINDOW, LOST, GazeWindow, WindowPlace
 from visavis.stimuli.own_room import Room
 from visavis.stimuli.panels import IN_HEADSET, Surface
 from visavis.stimuli.scene import SceneFrame
@@ -49,6 +50,10 @@ def flat_views(record: RecordedScene, folder: Path) -> Iterator[SceneFrame]:
     panorama: Panorama | None = None
     if "option_panorama" in payload:
         (panorama,) = read_items_text(f"({payload['option_panorama']},)")
+    window: GazeWindow | None = None
+    if f"option_{GAZE_WINDOW}" in payload:
+        (window,) = read_items_text(f"({payload[f'option_{GAZE_WINDOW}']},)")
+    window_at = None if window is None else _window_at(record)
     turns = read_turns(record.since(VIEW_TURNED))
     for head in heads:
         scene = FlatScene(
@@ -65,15 +70,28 @@ def flat_views(record: RecordedScene, folder: Path) -> Iterator[SceneFrame]:
             moves_since_ns=int(payload.get("moves_since_ns", 0)),
             panorama=panorama,
             turns=turns,
+            gaze_window=window,
         )
         # What moves stood still between two frames.
         t_ns = record.t_ns if scene.moves else record.t_scene_ns
         turned_deg = turns.at(record.t_scene_ns)
-        yield SceneFrame(scene, t_ns, np.zeros((0, 3)), np.zeros(0), turned_deg=turned_deg)
+        nobody = np.zeros((0, 3)), np.zeros(0)
+        yield SceneFrame(scene, t_ns, *nobody, turned_deg=turned_deg, window_at=window_at)
+
+
+def _window_at(record: RecordedScene) -> WindowPlace:
+    """Return where the window was, for which a recorded frame was drawn, that followed gaze."""
+    rows = of_part(record.recording, GAZE_WINDOW, record.part)
+    i = int(np.searchsorted(rows["t_drawn_ns"], record.t_ns, side="right")) - 1
+    if i < 0 or not rows["valid"][i]:
+        return LOST
+    place, direction = rows["origin_world_m"][i], rows["direction_world"][i]
+    return WindowPlace.of(int(rows["t_sample_ns"][i]), place, direction)
 
 
 def read_items_text(text: str) -> tuple[Any, ...]:
-    """Return flat stimuli, or a room, from the text by which the event "shown" describes them.
+    """Return flat stimuli, a room, or a window after gaze, from the text by which the event "shown"
+    describes them.
 
     Raises:
         DataError: it is no such text.
@@ -86,12 +104,16 @@ def read_items_text(text: str) -> tuple[Any, ...]:
         raise DataError(f"no flat stimuli are described by {text[:60]!r}") from error
 
 
-def _item(call: ast.expr) -> Flat | Panorama | Room:
+def _item(call: ast.expr) -> Flat | Panorama | Room | GazeWindow:
     if not isinstance(call, ast.Call) or not isinstance(call.func, ast.Name) or call.args:
         raise ValueError("no stimulus")
     values = {str(k.arg): ast.literal_eval(k.value) for k in call.keywords}
-    item: Flat | Panorama | Room = {**KINDS, "Room": Room}[call.func.id](**values)
-    return item
+    kinds: dict[str, type[Flat | Panorama | Room | GazeWindow]] = {
+        **KINDS,
+        "Room": Room,
+        "GazeWindow": GazeWindow,
+    }
+    return kinds[call.func.id](**values)
 
 
 def read_colour(text: str) -> str | tuple[int, int, int]:

@@ -311,6 +311,12 @@ def film_store(experiment: StudyExperiment) -> FilmStore:
             f"{experiment.name} shows a Room, which no page shows; perform it before a monitor or "
             'in a headset of the laboratory (on="lab"), or show a picture of it as an Image'
         )
+    if experiment.has_gaze_windows:
+        raise DesignError(
+            f"{experiment.name} shows something through a window that follows gaze (reveal), and "
+            "browsers give no page gaze; perform it before a monitor or in a headset of the "
+            'laboratory (on="lab"), or let the window follow the pointer: reveal="pointer"'
+        )
     if not all(read.fits_a_page for read in experiment.read.values()):
         variant = experiment.study.procedure.xr_variant
         raise DesignError(

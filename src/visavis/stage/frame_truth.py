@@ -103,6 +103,10 @@ def picture_crc32(picture: Picture) -> int:
     if picture.surround is not None:
         crc = zlib.crc32(repr(picture.surround.crc32).encode(), crc)
         crc = zlib.crc32(_bytes(picture.surround.orientation_wxyz), crc)
+    if picture.veil is not None:
+        veil, place = picture.veil, picture.veil.place
+        crc = zlib.crc32(repr((veil.window, veil.distance_m, veil.colour_srgb)).encode(), crc)
+        crc = zlib.crc32(_bytes(np.concatenate([place.eye_m, place.direction])), crc)
     if picture.mark_m is not None:
         crc = zlib.crc32(_bytes(np.asarray(picture.mark_m)), crc)
     names = ",".join(person.name for person in picture.cast)

@@ -268,7 +268,7 @@ class Renderer(Closing):
                 ctx.disable_direct(GL_SAMPLE_ALPHA_TO_COVERAGE)
                 if self.quality.shadows != "none":
                     self._contacts.draw(crowd, picture.room)
-            self._overlays.draw(picture, camera, eye)
+            self._overlays.draw(picture, camera, target, eye)
             target.finish()
         self.last_choice = choice
         return choice

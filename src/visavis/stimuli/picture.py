@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from visavis.lab.geometry import Pose, Vector
 from visavis.stimuli.characters.character import Character, Material
+from visavis.stimuli.gaze_window import Veil
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,9 +175,9 @@ class Surround:
 class Picture:
     """Everything in front of a camera at `t_ns`.
 
-    A `surround` is behind everything. `sheets` are drawn over the scene, the last in front, and
-    panels over them. `brightness_01` fades everything but the mark, surround, sheets and panels to
-    black; `mark_m` (3,) is where the fixation mark stands, or None.
+    A `surround` is behind everything. `sheets` are drawn over the scene, the last in front, a
+    `veil` over them, and panels over it. `brightness_01` fades everything but the mark, surround,
+    sheets, veil and panels to black; `mark_m` (3,) is where the fixation mark stands, or None.
     """
 
     t_ns: int
@@ -189,6 +190,7 @@ class Picture:
     mark_m: Vector | None = None
     sheets: tuple[Sheet, ...] = ()
     surround: Surround | None = None
+    veil: Veil | None = None
 
 
 @dataclass(frozen=True, eq=False)

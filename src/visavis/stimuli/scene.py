@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.lab.geometry import Vector
+from visavis.stimuli.gaze_window import WindowPlace
 from visavis.stimuli.own_room import PlacedRoom
 from visavis.stimuli.picture import PosedPeople
 
@@ -77,7 +78,8 @@ class SceneFrame:
     lines of gaze meet, NaN where they are parallel, None where nobody says. `people` is everybody's
     pose when the study computes it itself. `scene` is the same object while nothing static changes,
     so identity tells whether anything must be rebuilt. `turned_deg` is how far the view onto a
-    panorama was turned, to the right and upwards.
+    panorama was turned, to the right and upwards; `window_at` where a window is that follows gaze,
+    None without one.
     """
 
     scene: Scene
@@ -87,3 +89,4 @@ class SceneFrame:
     people: PosedPeople | None = None
     gaze_distance_m: npt.NDArray[np.float64] | None = None
     turned_deg: tuple[float, float] = (0.0, 0.0)
+    window_at: WindowPlace | None = None

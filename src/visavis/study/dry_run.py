@@ -24,6 +24,7 @@ from visavis.protocol.plan.steps import (
     Prompt,
     Show,
 )
+from visavis.stimuli.gaze_window import GAZE_WINDOW
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.view_turns import ARROWS
 from visavis.study.actions import Action, PlayedSound, ShownScene, Source
@@ -32,6 +33,7 @@ from visavis.study.background import BackgroundExecutor
 from visavis.study.distances import agent_of
 from visavis.study.films import LiveFilm, Stimulus
 from visavis.study.gaze_on import gaze_columns
+from visavis.study.gaze_window import window_columns
 from visavis.study.lit_trial import SCENE_STREAM
 from visavis.study.live import Live, LiveScene, Moulded
 from visavis.study.quest_plus import QuestPlus
@@ -91,8 +93,9 @@ class TrialRead:
     areas: frozenset[str] = frozenset()
     """The names of the areas of interest in its flat stimuli."""
     rests_on: frozenset[str] = frozenset()
-    """What steps cannot do without: "gaze" that ends one, a "pointer" whose window shows one, a
-    "panorama" that is all around, a "room" of the laboratory's own."""
+    """What steps cannot do without: "gaze" that ends one or moves its window ("gaze_window"), a
+    "pointer" whose window shows one, a "panorama" that is all around, a "room" of the laboratory's
+    own."""
 
 
 def still_view(t_ns: int = 0) -> FrameView:
@@ -191,6 +194,9 @@ def read_trial(
                     endings = (*SCENE_ENDINGS, *staged_scene.roles)
                     scene_columns += [f"{prefix}_{ending}" for ending in endings]
                     has_panorama = has_panorama or "panorama" in step.scene.options
+                    if GAZE_WINDOW in step.scene.options:
+                        rests_on |= {"gaze", GAZE_WINDOW}
+                        scene_columns += [column.name for column in window_columns(prefix)]
                     has_room = has_room or staged_scene.scene.room is not None
                     if step.gaze_on is not None:
                         step.gaze_on.watch(staged_scene)

@@ -20,6 +20,7 @@ from visavis.protocol.plan.steps import Plan
 from visavis.protocol.session.boards import DwellRule, Ways
 from visavis.stimuli.audible import Audible
 from visavis.stimuli.flat import Flat, Image, Video
+from visavis.stimuli.gaze_window import GAZE_WINDOW
 from visavis.stimuli.scene import Scene as StageScene
 from visavis.stimuli.scene import SceneFrame
 from visavis.stimuli.sound import Waveform, part_of
@@ -404,8 +405,13 @@ class StudyExperiment:
         return tuple(dict.fromkeys((*self.study.devices.needs, *plays, *follows)))
 
     @property
+    def has_gaze_windows(self) -> bool:
+        """Whether a window that follows gaze is seen in a trial."""
+        return any(GAZE_WINDOW in t.rests_on for t in self.read.values())
+
+    @property
     def _waits_for_gaze(self) -> bool:
-        """Whether gaze ends a step of a trial."""
+        """Whether gaze ends a step of a trial, or moves its window."""
         return any("gaze" in t.rests_on for t in self.read.values())
 
     @property

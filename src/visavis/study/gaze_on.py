@@ -8,17 +8,15 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.analysis.gaze.aoi import DEFAULT_PAD_DEG, LOST, aoi_of_samples
-from visavis.analysis.gaze.looks import DEFAULT_LOOK_PARAMETERS
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.lab.yaml_lines import did_you_mean
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.steps import FrameView, GazeView, Scalar
 from visavis.stimuli.areas import Areas, areas_under
+from visavis.study.gaze_window import BRIDGE_NS
 from visavis.study.scenes import StagedScene
 
-BRIDGE_NS: Final = round(DEFAULT_LOOK_PARAMETERS.bridge_ms * NS_PER_MS)
-"""A loss of gaze up to this, in a blink that is short, does not end a look; as in measures."""
 ENDINGS: Final = (
     ("_gaze_on_ns", "ns", "when the look began for which {} waited; empty: none was long enough"),
     (

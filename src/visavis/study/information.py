@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from visavis.protocol.plan.questionnaires import Questionnaire
+from visavis.stimuli.gaze_window import GAZE_WINDOW
 from visavis.stimuli.room_areas import ROOM_SHAPE
 from visavis.stimuli.view_turns import VIEW_TURNED
 from visavis.study.experiment import StudyExperiment
@@ -154,6 +155,7 @@ STREAM_FACTS: Final[Mapping[str, str]] = {
     "gaze": "gaze",
     "openness": "gaze",
     "gaze_targets": "gaze",
+    GAZE_WINDOW: "gaze",
     "body": "body",
     "hands": "hands",
     "responses": "presses",

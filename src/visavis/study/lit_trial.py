@@ -213,6 +213,8 @@ class LitTrial:
         columns = {f"{name}_on_ns": on_ns, f"{name}_off_ns": off_ns, f"{name}_frames": frames}
         self.row |= {**columns, **self._role_columns(name, staged_scene), "t_end_ns": off_ns}
         self.row |= self._film_pictures.columns(name)
+        if isinstance(staged_scene, StagedFlat) and staged_scene.scene.gaze_window is not None:
+            self.row |= staged_scene.course.columns(name)
         self._note_gaze(name, off_ns)
         self._lit_column = f"{name}_off_ns"
 

@@ -28,6 +28,7 @@ from visavis.stimuli.film_file import FilmFacts, film_facts
 from visavis.stimuli.flat import Colour, Flat, Image, Panorama, Video, picture_path, rgb_of
 from visavis.stimuli.gaze.behaviour import Course, EyeBehaviour
 from visavis.stimuli.gaze.blinks import draw_blinks
+from visavis.stimuli.gaze_window import GazeWindow, WindowPlace
 from visavis.stimuli.motion.kinds import (
     Crouch,
     Idle,
@@ -57,6 +58,7 @@ from visavis.stimuli.scenes.flat import DRESSED_BY, FlatScene
 from visavis.stimuli.scenes.gathering import GatheringScene, Standing
 from visavis.stimuli.view_turns import ViewTurns
 from visavis.study.arguments import argument_names, unknown_argument
+from visavis.study.gaze_window import WindowCourse
 
 FOLLOW_STEP_M: Final = 0.005
 """Eyes that look at the participant follow the head in steps of this size: 0.2° at 1.4 m."""
@@ -467,8 +469,9 @@ class StagedFlat:
     scene: FlatScene
     roles: Mapping[str, int] = field(default_factory=dict)
     areas: tuple[PictureAreas, ...] = ()
-    _is_shown: bool = False
-    _turned_deg: tuple[float, float] = (0.0, 0.0)
+    course: WindowCourse = field(default_factory=WindowCourse)
+    """The course of the window that follows gaze, if there is one."""
+    _last: SceneFrame | None = None
     _report_count: int = 0
 
     @property
@@ -483,10 +486,12 @@ class StagedFlat:
         decode(replace(self.scene, head=view.head, surface=view.surface))
 
     def frame(self, view: FrameView, elapsed_ns: int) -> SceneFrame | None:
-        """Return the first frame; None after it, as nothing changes but a view that turns."""
-        if self._is_shown:
-            return self._turn(view)
-        self._is_shown = True
+        """Return the first frame; after it one where the view turned or the window moved, or None:
+        nothing else changes.
+        """
+        place = None if self.scene.gaze_window is None else self.course.take(view)
+        if self._last is not None:
+            return self._next(self._last, view, place)
         since_ns = view.t_ns + view.surface.frame_ns
         self.scene = replace(
             self.scene,
@@ -497,7 +502,9 @@ class StagedFlat:
         )
         if self.areas:
             self.areas = areas_of(self.scene)
-        return SceneFrame(self.scene, view.t_ns, np.zeros((0, 3)), np.zeros(0))
+        nobody = np.zeros((0, 3)), np.zeros(0)
+        self._last = SceneFrame(self.scene, view.t_ns, *nobody, window_at=place)
+        return self._last
 
     def new_turns(self) -> Sequence[Mapping[str, float]]:
         """Return what events say of what turned the view since the last call."""
@@ -505,20 +512,24 @@ class StagedFlat:
         self._report_count += len(new)
         return [turn.as_event(self.scene.turns.frame_ns) for turn in new]
 
-    def _turn(self, view: FrameView) -> SceneFrame | None:
-        """Return a frame where arrow keys turn the view: onto a panorama, before a monitor."""
-        if self.scene.panorama is None or self.scene.surface.screen is None:
+    def _next(
+        self, last: SceneFrame, view: FrameView, place: WindowPlace | None
+    ) -> SceneFrame | None:
+        """Return a frame where it differs from the last one."""
+        turned_deg = self._turned_deg(view)
+        if turned_deg == last.turned_deg and place is last.window_at:
             return None
+        self._last = replace(last, t_ns=view.t_ns, turned_deg=turned_deg, window_at=place)
+        return self._last
+
+    def _turned_deg(self, view: FrameView) -> tuple[float, float]:
+        """Return how far arrow keys turned the view: onto a panorama, before a monitor."""
+        if self.scene.panorama is None or self.scene.surface.screen is None:
+            return 0.0, 0.0
         turns = self.scene.turns
         for control in view.pressed:
             turns.press(control, view.t_ns)
-        turned_deg = turns.at(view.t_ns + turns.frame_ns)
-        if turned_deg == self._turned_deg:
-            return None
-        self._turned_deg = turned_deg
-        return SceneFrame(
-            self.scene, view.t_ns, np.zeros((0, 3)), np.zeros(0), turned_deg=turned_deg
-        )
+        return turns.at(view.t_ns + turns.frame_ns)
 
 
 def flat(
@@ -530,9 +541,11 @@ def flat(
     names: tuple[str, ...] = (),
     sounds: tuple[Audible, ...] = (),
     panorama: Panorama | None = None,
+    gaze_window: GazeWindow | None = None,
 ) -> StagedScene:
     """Return flat stimuli before a background, the last in front; those with names are areas.
-    The `sounds` are heard meanwhile. A `panorama` is behind everything.
+    The `sounds` are heard meanwhile. A `panorama` is behind everything. With a `gaze_window` not
+    all is seen.
 
     Raises:
         DesignError: there is none, a colour does not exist, or a picture or its areas cannot be
@@ -556,6 +569,7 @@ def flat(
         names=names,
         sounds=sounds,
         panorama=panorama,
+        gaze_window=gaze_window,
     )
     return StagedFlat(scene, areas=areas_of(scene))
 

@@ -2,16 +2,18 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, TypeAlias
+from typing import Final, Literal, TypeAlias, get_args
 
 import numpy as np
 
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError
+from visavis.lab.yaml_lines import did_you_mean
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.steps import FrameView
 from visavis.stimuli.audible import Audible
 from visavis.stimuli.flat import Flat, Panorama
+from visavis.stimuli.gaze_window import GazeWindow
 from visavis.study.gaze_on import GazeOn
 from visavis.study.responses import Keys
 from visavis.study.scenes import Scene
@@ -19,6 +21,10 @@ from visavis.study.scenes import Scene
 Stimulus: TypeAlias = Flat | Audible | Panorama
 Stimuli: TypeAlias = Stimulus | Sequence[Stimulus] | Mapping[str, Stimulus]
 """What is shown in a showing: one stimulus, several, or several by name."""
+Reveal: TypeAlias = Literal["pointer", "gaze", "around gaze"]
+"""What of a picture is seen: what a pointer is on, or gaze; or all but what gaze is on."""
+BLUR_OF_WINDOW: Final = 0.125
+"""How far a picture is blurred, as a share of the window in it, unless a study says so."""
 PAGE_COLUMNS: Final = (
     Column("px_per_deg", "1/deg", "pixels of the page in a degree, in the middle of its screen"),
     Column(
@@ -171,16 +177,32 @@ def duration(step: str, seconds: float) -> float:
     return float(seconds)
 
 
-def window_of(reveal: str | None, window_deg: float) -> float:
-    """Return how wide a window in a blurred picture is; 0 where nothing is blurred.
+def window_of(
+    reveal: Reveal | None, window_deg: float, edge_deg: float, blur_deg: float | None
+) -> GazeWindow | None:
+    """Return the window through which something is seen, after gaze or pointer; None without one.
 
     Raises:
         DesignError: it is none.
     """
     if reveal is None:
-        return 0.0
-    if reveal != "pointer":
-        raise DesignError(f't.show: reveal is {reveal!r}; there is "pointer"')
+        return None
+    names = get_args(Reveal)
+    if reveal not in names:
+        near = did_you_mean(str(reveal), names)
+        raise DesignError(f"t.show: reveal is {reveal!r}{near}; there are {', '.join(names)}")
     if not 0.1 <= window_deg <= 60:
         raise DesignError(f"t.show: window_deg is {window_deg:g}; from 0.1 to 60 degrees")
-    return float(window_deg)
+    if not 0 <= edge_deg <= window_deg:
+        raise DesignError(f"t.show: edge_deg is {edge_deg:g}; from 0 to {window_deg:g}, window_deg")
+    if blur_deg is not None and not 0 <= blur_deg <= 60:
+        raise DesignError(f"t.show: blur_deg is {blur_deg:g}; from 0 (covered) to 60 degrees")
+    if reveal == "pointer" and (edge_deg or blur_deg is not None):
+        raise DesignError(
+            "t.show: a window after the pointer has a sharp edge, and what is around it a blur of "
+            "its own; leave out edge_deg and blur_deg"
+        )
+    is_around = reveal == "around gaze"
+    if blur_deg is None:
+        blur_deg = 0.0 if is_around else window_deg * BLUR_OF_WINDOW
+    return GazeWindow(float(window_deg), float(edge_deg), float(blur_deg), is_around)

@@ -36,6 +36,7 @@ from visavis.protocol.plan.steps import (
 from visavis.stimuli.audible import MAX_GAIN_DB, Sound
 from visavis.stimuli.film_file import film_facts
 from visavis.stimuli.flat import MAX_SEED, Colour, Dots, Flat, Text, Video, picture_path
+from visavis.stimuli.gaze_window import GAZE_WINDOW
 from visavis.stimuli.moving_heads import agents_at
 from visavis.stimuli.own_room import Room
 from visavis.stimuli.panels import SIZE_M, PanelFrame, Surface, board_before
@@ -71,6 +72,7 @@ from visavis.study.quest_plus import QuestPlus, QuestPlusTrial
 from visavis.study.responses import FreeText, Keys, Pointing, Rating, Response, labels_of
 from visavis.study.scenes import FLAT, ROOM, PassingScene, Scene, StagedScene
 from visavis.study.showing import (
+    Reveal,
     Showing,
     Stimuli,
     awaited_keys,
@@ -208,8 +210,10 @@ class TrialScript(LitTrial):
         limit_s: float | None = None,
         background: Colour = "black",
         name: str | None = None,
-        reveal: Literal["pointer"] | None = None,
+        reveal: Reveal | None = None,
         window_deg: float = 4.0,
+        edge_deg: float = 0.0,
+        blur_deg: float | None = None,
     ) -> Action:
         """Show a scene, a `Room`, or flat stimuli (`Text`, `Image`, `Shape`, `Grating`, `Dots`,
         `Video`; the last in front; before a `Panorama`, if there is one), for some seconds or
@@ -218,15 +222,19 @@ class TrialScript(LitTrial):
         and `Sound` are heard with them or alone, all from the beginning, and to their end or the
         trial's; alone they need no `seconds`, and neither does a `Video`, which then lasts as long
         as it does.
-        Stimuli in a mapping have names, which make areas of interest of them. On a page,
-        `reveal="pointer"` blurs all but a window `window_deg` wide, which follows the pointer.
+        Stimuli in a mapping have names, which make areas of interest of them. With
+        `reveal="gaze"` flat stimuli are seen through a window `window_deg` wide that follows gaze,
+        with "around gaze" everywhere but there, on a page with "pointer" through one that follows
+        the pointer. The rest is blurred by `blur_deg`, 0 covers it with the background (unless
+        given, an eighth of the window; around gaze 0); over `edge_deg` the one becomes the other.
 
         Columns: `NAME_on_ns` and `NAME_off_ns` (a second scene of a trial: `NAME2_on_ns`),
         `NAME_frames`, and `NAME_ROLE` for the agent that plays a role; `NAME_sound_on_ns` for a
-        sound (a second: `NAME_sound2_on_ns`). NAME is "scene", and "stimulus" for flat stimuli and
-        sounds; what is heard alone is timed from its own onset. The step returns a
-        `ShownScene`; with `Keys` the `Answer`, timed from the first lit frame and missing after
-        `limit_s`, with the columns of `t.key`.
+        sound (a second: `NAME_sound2_on_ns`); `NAME_window_delay_ms` (median),
+        `NAME_window_delay_p95_ms` and `NAME_window_lost_frames` of a window after gaze. NAME is
+        "scene", and "stimulus" for flat stimuli and sounds; what is heard alone is timed from its
+        own onset. The step returns a `ShownScene`; with `Keys` the `Answer`, timed from the first
+        lit frame and missing after `limit_s`, with the columns of `t.key`.
         What is shown stays until the next step shows something else; with both `seconds` and
         `Keys` it goes after the seconds, and the press is waited for in the dark.
 
@@ -238,6 +246,10 @@ class TrialScript(LitTrial):
         sounds, names, panorama = parts.sounds, parts.names, parts.panorama
         flats = tuple(self._with_seed(flat) for flat in parts.flats)
         is_flat = not parts.is_empty
+        window = window_of(reveal, window_deg, edge_deg, blur_deg)
+        if window is not None and not flats and panorama is None:
+            raise DesignError("t.show: reveal is for pictures, texts and the like; leave it out")
+        follows_gaze = window is not None and reveal != "pointer"
         if is_flat:
             own = [of for of in flats if isinstance(of, Video)]
             sounds += tuple(of for film in own for of in self._sound_of(film))
@@ -246,6 +258,7 @@ class TrialScript(LitTrial):
             options |= {"names": names} if names else {}
             options |= {"sounds": sounds} if sounds else {}
             options |= {} if panorama is None else {"panorama": panorama}
+            options |= {GAZE_WINDOW: window} if follows_gaze else {}
             scene = Scene(FLAT, items=flats, **options)
             if (sounds or own) and seconds is None and frames is None and until is None:
                 lengths_s = [film_facts(picture_path(f, self.settings.folder)).seconds for f in own]
@@ -259,9 +272,11 @@ class TrialScript(LitTrial):
             )
         name = name or ("stimulus" if is_flat else "scene")
         seconds = shown_seconds(seconds, frames, keys, until)
-        wide_deg = window_of(reveal if is_flat else None, window_deg)
+        wide_deg = 0.0 if window is None or follows_gaze else window.window_deg
         if wide_deg and any(isinstance(flat, Dots | Video) for flat in flats):
-            raise DesignError("t.show: reveal uncovers what stands still; dots and films move")
+            raise DesignError(
+                't.show: reveal="pointer" uncovers what stands still; dots and films move'
+            )
         showing = Showing(scene, seconds, frames, name, is_flat, wide_deg, sounds)
         if keys is not None:
             perform = partial(self._answer_shown, showing, keys)
@@ -270,6 +285,7 @@ class TrialScript(LitTrial):
             perform = partial(self._show_exactly if is_flat else self._show, showing, stop)
         lasts_s = min(seconds, 0.0 if keys is None else keys.limit_s) if keys else seconds
         is_of_page = is_flat and panorama is None and (until is None or keys is not None)
+        is_of_page &= not follows_gaze
         of_page = showing if is_of_page else None
         return Action(
             "show",
@@ -724,6 +740,8 @@ class TrialScript(LitTrial):
                     behind.eye_openness_01,
                     behind.people,
                     behind.gaze_distance_m,
+                    behind.turned_deg,
+                    behind.window_at,
                     panels=(panel,),
                 )
             )

@@ -20,6 +20,7 @@ from visavis.study.exclusions import ANSWERED_COLUMN
 from visavis.study.experiment import StudyExperiment
 from visavis.study.films import film_columns
 from visavis.study.gaze_on import ENDINGS as GAZE_ENDINGS
+from visavis.study.gaze_window import ENDINGS as WINDOW_ENDINGS
 from visavis.study.live import SEEN_IN, live_columns
 from visavis.study.look_measures import LOOK_COLUMNS
 from visavis.study.measures import CLOCK_JUMP, Measure
@@ -145,6 +146,7 @@ def scene_column(name: str, columns: Collection[str] | None = None) -> Column | 
     """
     for ending, unit, words in (
         *GAZE_ENDINGS,
+        *WINDOW_ENDINGS,
         ("_film_on_ns", "ns", "session time of the first picture of a film of {}, by the browser"),
         ("_film_pictures", "1", "pictures of the film that were shown as {}"),
         ("_film_dropped", "1", "pictures of the film of {} that no frame showed in their time"),
@@ -186,7 +188,7 @@ def of_shown(name: str, roles: Iterable[str]) -> bool:
     """Tell whether a shown scene, whatever its name, can add a column of this name."""
     endings = (
         *("_on_ns", "_off_ns", "_frames", "_frames_dropped"),
-        *(ending for ending, _, _ in GAZE_ENDINGS),
+        *(ending for ending, _, _ in (*GAZE_ENDINGS, *WINDOW_ENDINGS)),
         *(f"_{role}" for role in roles),
     )
     return any(name.endswith(ending) and name != ending for ending in endings)

@@ -39,7 +39,7 @@ from visavis.study.area_measures import POINTER_WINDOW
 from visavis.study.dry_run import still_view
 from visavis.study.responses import Keys
 from visavis.study.scenes import FLAT, areas_of
-from visavis.study.showing import sound_columns
+from visavis.study.showing import BLUR_OF_WINDOW, sound_columns
 
 MAX_PARTS: Final = 1000
 MAX_VIEW_PX: Final = 100_000
@@ -60,8 +60,6 @@ ASSUMED_SIZE_ERROR_01: Final = 0.25
 ASSUMED_DISTANCE_ERROR_01: Final = 0.25
 """Screens and habits differ: a size in degrees is then little more than an order of magnitude."""
 NO_PRESS: Final = "nothing in time"
-BLUR_OF_WINDOW: Final = 0.125
-"""How far a picture is blurred, as a share of the window that follows the pointer."""
 MAX_PATH: Final = 20_000
 """Places of a pointer in one part; more than five minutes of frames."""
 

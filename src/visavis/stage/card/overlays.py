@@ -1,4 +1,6 @@
-"""Overlays on a scene: panels of text and the fixation mark; and a picture all around it."""
+"""Overlays on a scene: panels of text, the fixation mark, and what covers all but a window; and a
+picture all around it.
+"""
 
 from typing import Any
 
@@ -6,11 +8,14 @@ import moderngl
 import numpy as np
 import numpy.typing as npt
 
-from visavis.lab.geometry import Vector, quat_conjugate, quat_multiply, rotate
+from visavis.lab.geometry import Vector, quat_conjugate, rotate
+from visavis.stage.card.context import GL_FRAMEBUFFER_SRGB
 from visavis.stage.card.programs import compile_program, set_bytes
 from visavis.stage.card.shaders import room as glsl_room
+from visavis.stage.card.targets import EyeTarget
 from visavis.stage.geometry.projection import for_gl, world_from
 from visavis.stage.panel_image import panel_image
+from visavis.stimuli.gaze_window import Veil
 from visavis.stimuli.picture import Camera, Panel, Picture, Sheet, Surround
 
 MARK_HALF_DEG = 0.45
@@ -25,6 +30,7 @@ class Overlays:
 
     def __init__(self, context: moderngl.Context, *, in_light: bool) -> None:
         self._context = context
+        self._in_light = in_light
         self._defines = ("IN_LIGHT",) if in_light else ()
         corners = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]], np.float32) / 2
         self._corners = context.buffer(corners.tobytes())
@@ -34,9 +40,9 @@ class Overlays:
         self._arrays: dict[str, moderngl.VertexArray] = {}
         self._programs: dict[str, moderngl.Program] = {}
 
-    def draw(self, picture: Picture, camera: Camera, eye: int = 0) -> None:
-        """Draw what is around an eye, and panels and mark over the picture."""
-        has_more = picture.panels or picture.sheets or picture.surround
+    def draw(self, picture: Picture, camera: Camera, target: EyeTarget, eye: int = 0) -> None:
+        """Draw what is around an eye, and veil, panels and mark over the picture in a target."""
+        has_more = picture.panels or picture.sheets or picture.surround or picture.veil
         if not has_more and picture.mark_m is None:
             return
         context = self._context
@@ -49,6 +55,8 @@ class Overlays:
             matrix = world_from(sheet.pose) @ np.diag([*sheet.size_m, 1.0, 1.0])
             self._sheet(sheet).use(2)
             self._board("panel", glsl_room.BOARD_FRAGMENT, matrix)
+        if picture.veil is not None:
+            self._cover(picture.veil, camera, target)
         for panel in picture.panels:
             matrix = world_from(panel.pose) @ np.diag([*panel.size_m, 1.0, 1.0])
             self._texture(panel).use(2)
@@ -80,6 +88,31 @@ class Overlays:
         matrix = _picture_from_corner(surround, camera).T.astype(np.float32)
         set_bytes(self._programs["surround"], "picture_from_corner", matrix.tobytes())
         self.send(surround.eyes[min(eye, len(surround.eyes) - 1)]).use(2)
+        array.render(moderngl.TRIANGLE_STRIP, vertices=4)
+
+    def _cover(self, veil: Veil, camera: Camera, target: EyeTarget) -> None:
+        window, place = veil.window, veil.place
+        content = [(self._corners, "2f4", "in_corner")]
+        array = self._array("veil", glsl_room.SURROUND_VERTEX, glsl_room.VEIL_FRAGMENT, content)
+        blur_px = window.blur_deg * np.radians(1) * target.size_px[0] / (camera.right - camera.left)
+        if window.blur_deg:
+            target.copy().use(2)
+            if self._in_light:
+                self._context.enable_direct(GL_FRAMEBUFFER_SRGB)
+        is_lost = place.t_sample_ns is None
+        towards = np.zeros(3) if is_lost else place.direction
+        covers = 2.0 if is_lost else float(window.is_around)
+        half, edge = np.radians(window.window_deg) / 2, np.radians(window.edge_deg) / 2
+        colour = (*np.array(veil.colour_srgb) / 255, 1.0)
+        for name, values in (
+            ("picture_from_corner", _ray_from_corner(camera).T),
+            ("from_eye", (np.zeros(3) if is_lost else camera.pose.position_m - place.eye_m)),
+            ("towards", towards),
+            ("window", (half, edge, veil.distance_m, covers)),
+            ("colour", colour),
+            ("blur_px", (blur_px,)),
+        ):
+            set_bytes(self._programs["veil"], name, np.asarray(values, np.float32).tobytes())
         array.render(moderngl.TRIANGLE_STRIP, vertices=4)
 
     def _board(self, name: str, fragment: str, matrix: Vector) -> None:
@@ -159,12 +192,18 @@ def _picture_from_corner(surround: Surround, camera: Camera) -> Vector:
     """Return what leads from a place in an eye's picture, each way from -0.5 to 0.5, and 1, to a
     direction in the panorama, (3, 3).
     """
+    back = quat_conjugate(surround.orientation_wxyz)
+    matrix: Vector = np.stack([rotate(back, axis) for axis in np.eye(3)], axis=1)
+    return matrix @ _ray_from_corner(camera)
+
+
+def _ray_from_corner(camera: Camera) -> Vector:
+    """Return what leads from such a place to a direction in world, (3, 3)."""
     wide, high = camera.right - camera.left, camera.top - camera.bottom
     middle = (camera.left + camera.right) / 2, (camera.bottom + camera.top) / 2
     ray = np.array([[wide, 0.0, middle[0]], [0.0, high, middle[1]], [0.0, 0.0, -1.0]])
-    turn = quat_multiply(quat_conjugate(surround.orientation_wxyz), camera.pose.orientation_wxyz)
-    axes = np.stack([rotate(turn, axis) for axis in np.eye(3)], axis=1)
-    matrix: Vector = axes @ ray
+    turn = camera.pose.orientation_wxyz
+    matrix: Vector = np.stack([rotate(turn, axis) for axis in np.eye(3)], axis=1) @ ray
     return matrix
 
 

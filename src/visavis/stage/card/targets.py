@@ -61,6 +61,7 @@ class EyeTarget:
             self.frame = context.framebuffer(self.texture, self._depth)
         self.drawn_into = self.frame if self._many is None else self._many
         self._codes: npt.NDArray[np.uint8] | None = None
+        self._copy: tuple[moderngl.Texture, moderngl.Framebuffer] | None = None
         self._hiding: moderngl.VertexArray | None = None
         if view is not None and view.hidden:
             self._hider = compile_program(context, _HIDING_VERTEX, _HIDING_FRAGMENT)
@@ -95,6 +96,23 @@ class EyeTarget:
         self._context.disable_direct(GL_FRAMEBUFFER_SRGB)
         self._context.copy_framebuffer(self.frame, self._mean_frame)
 
+    def copy(self) -> moderngl.Texture:
+        """Return what is drawn here so far, in codes, with smaller copies of it; go on drawing.
+
+        The texture is this target's own: the next call draws it again.
+        """
+        if self._copy is None:
+            texture = self._context.texture(self.size_px, 4)
+            texture.repeat_x = texture.repeat_y = False
+            self._copy = texture, self._context.framebuffer(texture)
+        texture, frame = self._copy
+        self.finish()
+        self._context.copy_framebuffer(frame, self.frame)
+        texture.build_mipmaps()
+        texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+        self.drawn_into.use()
+        return texture
+
     def read(self) -> npt.NDArray[np.uint8]:
         """Return the texture as (height, width, 3) bytes, top row first."""
         width, height = self.size_px
@@ -124,6 +142,10 @@ class EyeTarget:
             self._mean_frame.release()
             self._colour.release()
             self._mean.release()
+        if self._copy is not None:
+            texture, frame = self._copy
+            frame.release()
+            texture.release()
         self.frame.release()
         self._depth.release()
         self.texture.release()

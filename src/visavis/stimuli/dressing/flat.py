@@ -31,6 +31,7 @@ from visavis.stimuli.flat_pixels import (
     shown_rgb,
     text_size_em,
 )
+from visavis.stimuli.gaze_window import LOST, Veil
 from visavis.stimuli.panels import board_pose
 from visavis.stimuli.panorama_pixels import eye_size_px, panorama_pixels
 from visavis.stimuli.picture import Picture, Room, Sheet, Surround
@@ -41,6 +42,8 @@ DISTANCE_M: Final = 2.0
 """Distance of stimuli from the head in a headset."""
 PX_PER_DEG: Final = 40.0
 """Pixels of a sheet in a headset; more than any headset has."""
+FAR_M: Final = 1000.0
+"""Distance at which both eyes look at one place of a panorama."""
 MAX_PX: Final = 4096
 AT_REST: Final = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 
@@ -57,7 +60,20 @@ def picture_of_flat(frame: SceneFrame) -> Picture:
             for sheet, item in zip(sheets, scene.items, strict=True)
         )
     surround = _surround(scene, frame.turned_deg)
-    return Picture(frame.t_ns, room, (), NOBODY, sheets=sheets, surround=surround)
+    veil = _veil(scene, frame, room)
+    return Picture(frame.t_ns, room, (), NOBODY, sheets=sheets, surround=surround, veil=veil)
+
+
+def _veil(scene: FlatScene, frame: SceneFrame, room: Room) -> Veil | None:
+    """Return what covers a scene of which a window is seen; None of others."""
+    if scene.gaze_window is None:
+        return None
+    screen = scene.surface.screen
+    distance_m = FAR_M if scene.panorama is not None else DISTANCE_M
+    if screen is not None:
+        distance_m = screen.flat.distance_m
+    place = frame.window_at or LOST
+    return Veil(scene.gaze_window, place, distance_m, room.background_srgb)
 
 
 def _surround(scene: FlatScene, turned_deg: tuple[float, float]) -> Surround | None:

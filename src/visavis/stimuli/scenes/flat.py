@@ -7,6 +7,7 @@ from typing import Final
 from visavis.lab.geometry import Pose
 from visavis.stimuli.audible import Audible
 from visavis.stimuli.flat import Dots, Flat, Panorama, Video
+from visavis.stimuli.gaze_window import GazeWindow
 from visavis.stimuli.panels import IN_HEADSET, Surface
 from visavis.stimuli.scene import Scene
 from visavis.stimuli.view_turns import ViewTurns
@@ -22,7 +23,7 @@ class FlatScene(Scene):
     response for which somebody presses a key while this is shown, as their instruction says.
     `names` (one for each item, or none) make areas of interest of whole stimuli. `sounds` are heard
     with them, or alone. What moves began to at `moves_since_ns`. A `panorama` is behind them all;
-    before a monitor the view onto it `turns`.
+    before a monitor the view onto it `turns`. With a `gaze_window` not all of it is seen.
     """
 
     items: tuple[Flat, ...] = ()
@@ -36,6 +37,7 @@ class FlatScene(Scene):
     moves_since_ns: int = 0
     panorama: Panorama | None = None
     turns: ViewTurns = field(default_factory=lambda: ViewTurns(1))
+    gaze_window: GazeWindow | None = None
 
     @property
     def moves(self) -> bool:

@@ -19,4 +19,6 @@ SURROUND_VERTEX = source("surround_vertex")
 
 SURROUND_FRAGMENT = _CODES + source("surround_fragment")
 
+VEIL_FRAGMENT = _CODES + source("veil_fragment")
+
 MARK_FRAGMENT = _CODES + source("mark_fragment")
