@@ -29,6 +29,7 @@ from visavis.lab.luminance import LUMINANCE_KEY, NO_LUMINANCES, table_of_entry
 from visavis.recording.integrity import damage_of
 from visavis.recording.manifest import DESIGN_KEY, PRACTICE_UNTIL_KEY
 from visavis.recording.reader import Recording
+from visavis.stimuli.gaze_window import GAZE_WINDOW
 
 RESTORE = "restore the damaged files from a copy; `visavis analyse` leaves damaged trials out"
 REDO_BLOCK = (
@@ -37,6 +38,9 @@ REDO_BLOCK = (
 )
 OF_GREYS = ("Grating(", "Dots(", "Shape(")
 """How the event "shown" names the stimuli that are drawn in greys."""
+UNNOTICED_MS = 60.0
+"""Up to this delay people do not notice that what is around their gaze is blurred (Loschky &
+Wolverton 2007)."""
 Events: TypeAlias = Sequence[tuple[str, Mapping[str, Any]]]
 """Names and payloads of all events of a session, in written order."""
 Rows: TypeAlias = Sequence[Mapping[str, Any]]
@@ -75,6 +79,7 @@ def _check(recording: Recording, limits: CheckLimits) -> SessionCheck:
         *_pace_findings(recording),
         *(() if _is_on_page(recording) else _calibration_findings(plan, events, limits)),
         *_luminance_findings(recording, events),
+        *_window_findings(recording),
         *_questionnaire_findings(plan, events),
         *_deviation_findings(events, rows, recording),
     ]
@@ -338,6 +343,22 @@ def _luminance_findings(recording: Recording, events: Events) -> list[Finding]:
     table = table_of_entry(entry)
     text = NO_LUMINANCES if table is None else f"greys and contrasts are of light: {table.summary}"
     return [Finding(Level.GREEN, "luminance", text)]
+
+
+def _window_findings(recording: Recording) -> list[Finding]:
+    """Tell how late windows that follow gaze came; nothing of a session without."""
+    if GAZE_WINDOW not in recording.stream_names:
+        return []
+    delay_ms = recording.stream_arrays(GAZE_WINDOW)["delay_ms"]
+    delay_ms = delay_ms[np.isfinite(delay_ms)]
+    if not len(delay_ms):
+        return [Finding(Level.RED, "gaze window", "never followed gaze", "look at the tracker")]
+    median, p95 = np.percentile(delay_ms, (50, 95))
+    text = f"{median:.0f} ms behind gaze in the median, {p95:.0f} ms at the 95th percentile"
+    if p95 <= UNNOTICED_MS:
+        return [Finding(Level.GREEN, "gaze window", text)]
+    late = f"{text}; more than {UNNOTICED_MS:g} ms is noticed (Loschky & Wolverton 2007)"
+    return [Finding(Level.AMBER, "gaze window", late, "use a faster tracker or display")]
 
 
 # ---- calibration -----------------------------------------------------------------------------

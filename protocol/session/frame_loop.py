@@ -50,8 +50,8 @@ from visavis.protocol.session.screen_gaze import gaze_through_screen
 from visavis.protocol.session.states import SessionState, StateMachine
 from visavis.protocol.session.streams import (
     FRAMES,
+    GAZE_WINDOWS,
     gaze_targets_schema,
-    gaze_window_schema,
     scene_states_schema,
 )
 from visavis.recording.writer import Recorder
@@ -113,16 +113,15 @@ class FrameLoop:
             recorder.declare(schema)
         if gaze_rate_hz is not None:
             recorder.declare(targets)
-        windows = gaze_window_schema(headset_rate_hz)
         if isinstance(experiment, FollowingGaze) and experiment.has_gaze_windows:
-            recorder.declare(windows)
+            recorder.declare(GAZE_WINDOWS)
         for schema in stage.schemas:
             recorder.declare(schema)
         stage.start(recorder.append)
         self._frames = RowBuffer(frames, recorder.append, hold_ns=hold_ns)
         self._targets = RowBuffer(targets, recorder.append, hold_ns=hold_ns)
         self._scene_states = RowBuffer(scene_states, recorder.append, hold_ns=hold_ns)
-        self._windows = RowBuffer(windows, recorder.append, hold_ns=hold_ns)
+        self._windows = RowBuffer(GAZE_WINDOWS, recorder.append, hold_ns=hold_ns)
         self._window_at: WindowPlace | None = None
         tracker = rig.eye_tracker
         delay_ms = None if tracker is None else tracker.info.gaze_delay_ms

@@ -56,28 +56,25 @@ FRAMES = StreamSchema(
 """One row per frame of the display; its rate is replaced by the headset's."""
 
 
-def gaze_window_schema(rate_hz: float) -> StreamSchema:
-    """Return the stream that says where a window was that follows gaze: a row for every place.
-
-    Its time (`t_host_ns`) is that of the first frame that showed the window there.
-    """
-    return StreamSchema(
-        name=GAZE_WINDOW,
-        nominal_rate_hz=rate_hz,
-        fields=(
-            Field("t_drawn_ns", "i8", "ns", description="the frame for which it was drawn began"),
-            Field(
-                "t_sample_ns",
-                "i8",
-                "ns",
-                description="the sample of gaze (gaze_targets) that it follows; -1: gaze is lost",
-            ),
-            Field("valid", "?", "", description="false: gaze is lost, everything is covered"),
-            Field("direction_world", "f4", "1", "world", (3,), "its middle; NaN if lost"),
-            Field("origin_world_m", "f4", "m", "world", (3,), "the eye that looked there"),
-            Field("delay_ms", "f4", "ms", description="from the sample to the frame; NaN if lost"),
+GAZE_WINDOWS = StreamSchema(
+    name=GAZE_WINDOW,
+    nominal_rate_hz=0.0,
+    fields=(
+        Field("t_drawn_ns", "i8", "ns", description="the frame for which it was drawn began"),
+        Field(
+            "t_sample_ns",
+            "i8",
+            "ns",
+            description="the sample of gaze (gaze_targets) that it follows; -1: gaze is lost",
         ),
-    )
+        Field("valid", "?", "", description="false: gaze is lost, everything is covered"),
+        Field("direction_world", "f4", "1", "world", (3,), "its middle; NaN if lost"),
+        Field("origin_world_m", "f4", "m", "world", (3,), "the eye that looked there"),
+        Field("delay_ms", "f4", "ms", description="from the sample to the frame; NaN if lost"),
+    ),
+)
+"""Where a window was that follows gaze: a row for every place, at the first frame that showed it
+there (`t_host_ns`)."""
 
 
 def scene_states_schema(agent_count: int) -> StreamSchema:

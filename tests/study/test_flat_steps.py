@@ -6,12 +6,19 @@ import pytest
 from visavis.lab.config import load_config
 from visavis.lab.config_files import SCREEN_EXAMPLE
 from visavis.lab.errors import DesignError
+from visavis.protocol.plan.session_plan import Trial
 from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
 from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.session_request import simulated_request
+from visavis.stimuli.gaze_window import WindowPlace
+from visavis.stimuli.picture import Panel
+from visavis.stimuli.scene import SceneFrame
+from visavis.stimuli.scenes.flat import FlatScene
+from visavis.study.dry_run import still_view
 from visavis.study.race import Race
 from visavis.study.responses import FreeText, Keys
+from visavis.study.trial import TrialScript
 
 STUDY = """
 from visavis import Factor, Grating, Keys, Race, Scene, Shape, Study, Text
@@ -37,10 +44,15 @@ def answer(seen, response, rng):
 
 
 @pytest.fixture(scope="module")
-def trials(tmp_path_factory):
+def study(tmp_path_factory):
     folder = tmp_path_factory.mktemp("flats")
     (folder / "flats.py").write_text(STUDY)
-    study = find_study(str(folder / "flats.py"))
+    return find_study(str(folder / "flats.py"))
+
+
+@pytest.fixture(scope="module")
+def trials(study, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("flats")
     config = load_config(SCREEN_EXAMPLE).model_copy(
         update={"data_root": folder / "data", "key_root": folder / "keys"}
     )
@@ -128,6 +140,25 @@ def test_a_text_that_is_asked_is_free_text_as_in_earlier_study_files(tmp_path):
     )
     experiment = find_study(str(tmp_path / "old.py")).experiment({})
     assert experiment.responses == {"who": FreeText("who")}
+
+
+@pytest.mark.parametrize("is_still", [False, True])
+def test_a_question_over_what_is_seen_leaves_it_as_it_stands(study, is_still):
+    nobody = np.zeros((0, 3)), np.zeros(0)
+    place = WindowPlace.of(1, np.zeros(3), (0.0, 0.0, -1.0))
+    lit = SceneFrame(FlatScene("flat", ()), 0, *nobody, turned_deg=(30.0, 0.0), window_at=place)
+
+    class Shown:
+        scene, roles = lit.scene, {}
+
+        def frame(self, view, elapsed_ns):
+            return None if is_still else lit
+
+    script = TrialScript(Trial("T1", 1, 0, False, {"ink": "red"}, 1), study.experiment({}).settings)
+    script._staged_scene, script._lit_frame = Shown(), lit
+    panel = Panel("?", ("a", "b"), still_view().head, (1.0, 0.5))
+    view = script._board_shown(True)(still_view(), panel).view
+    assert (lit.scene, (30.0, 0.0), place) == (view.scene, view.turned_deg, view.window_at)
 
 
 def test_arrivals_of_a_race_are_those_of_a_wald_distribution():

@@ -1,21 +1,32 @@
 """A window that follows gaze: refused where it cannot be, timed in the row, seen again."""
 
+import json
+from dataclasses import replace
+
 import numpy as np
+import pandas as pd
 import pytest
 import yaml
 from PIL import Image as Files
 from typer.testing import CliRunner
 
+from tests.running.test_verifying import Killed
+from tests.study.simulated_study import invoked, simulate_and_analyse
+from visavis.analysis.session_check import check_session
+from visavis.analysis.session_verdict import Level
 from visavis.cli.main import app
 from visavis.cli.redraw import redraw
+from visavis.lab.clock import SimClock
 from visavis.lab.config import load_config
 from visavis.lab.config_files import EXAMPLE, SCREEN_EXAMPLE
-from visavis.lab.errors import DesignError
+from visavis.lab.errors import DesignError, SessionAborted
 from visavis.recording.cached import CachedRecording
+from visavis.recording.reader import Recording
 from visavis.results.opened_study import find_study
 from visavis.running.film_store import film_store
-from visavis.running.sessions.perform import perform_new
+from visavis.running.sessions.perform import perform_new, perform_rest
 from visavis.running.sessions.session_request import simulated_request
+from visavis.running.sessions.verification import verify
 from visavis.stimuli.gaze_window import LOST, GazeWindow
 from visavis.study.dry_run import still_view
 from visavis.study.gaze_window import WindowCourse
@@ -42,19 +53,20 @@ def opened(folder, text=STUDY):
     return find_study(str(folder / "window.py"))
 
 
-def performed(folder, lab):
+def request_of(folder, lab):
     keys = 'Keys("f", "j")', 'Keys("answer", ["trigger"])'
     study = opened(folder, STUDY if lab == SCREEN_EXAMPLE else STUDY.replace(*keys))
     config = load_config(lab).model_copy(
         update={"data_root": folder / "data", "key_root": folder / "keys"}
     )
     asked = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
-    return study, CachedRecording(perform_new(asked))
+    return study, asked
 
 
 @pytest.fixture(scope="module", params=[SCREEN_EXAMPLE, EXAMPLE], ids=["screen", "headset"])
 def session(request, tmp_path_factory):
-    return performed(tmp_path_factory.mktemp("window"), request.param)
+    study, asked = request_of(tmp_path_factory.mktemp("window"), request.param)
+    return study, CachedRecording(perform_new(asked))
 
 
 def test_the_loops_delay_is_in_the_row_and_in_the_stream(session):
@@ -118,6 +130,61 @@ def view_of(t_ns, samples):
     return view._replace(gaze=gaze)
 
 
+@pytest.mark.parametrize(
+    ("delay_ms", "level", "says"),
+    [
+        (None, Level.GREEN, "ms behind gaze in the median"),
+        (90.0, Level.AMBER, "more than 60 ms is noticed"),
+        (np.nan, Level.RED, "never followed gaze"),
+    ],
+)
+def test_a_check_says_how_late_windows_were(session, monkeypatch, delay_ms, level, says):
+    _, recording = session
+    arrays_of = CachedRecording.stream_arrays
+
+    def stream_arrays(self, name, **limits):
+        arrays = arrays_of(self, name, **limits)
+        if name == "gaze_window" and delay_ms is not None:
+            arrays = {**arrays, "delay_ms": np.full(len(arrays["delay_ms"]), delay_ms)}
+        return arrays
+
+    monkeypatch.setattr(CachedRecording, "stream_arrays", stream_arrays)
+    findings = check_session(recording).findings
+    (finding,) = (f for f in findings if f.subject == "gaze window")
+    assert finding.level is level
+    assert says in finding.message
+    assert not [f for f in findings if f.subject == "gaze_window"]  # its rows come by change
+
+
+def test_a_session_that_was_killed_goes_on_and_is_the_same_again_bit_for_bit(tmp_path):
+    study, asked = request_of(tmp_path, SCREEN_EXAMPLE)
+    with pytest.raises(SessionAborted):
+        perform_new(replace(asked, operator=Killed(2900)))
+    path = next((tmp_path / "data").glob("simulated/window/sub-*/ses-001"))
+    recording = Recording(perform_rest(replace(asked, clock=SimClock()), path))
+    assert len(recording.manifest.parts) == 2
+    assert len(recording.stream_arrays("gaze_window", part=1)["seq"]) > 0
+    assert (recording.trials()["status"] == "complete").sum() == 2
+    verdict = verify(recording, study, asked.config, tmp_path / "again")
+    assert verdict.first is None
+    assert verdict.row_counts["gaze_window"] > 100
+
+
+@pytest.mark.timeout(900)
+def test_a_study_goes_from_plan_to_its_table(tmp_path):
+    opened(tmp_path)
+    (tmp_path / "lab_config.yaml").write_text(SCREEN_EXAMPLE.read_text("utf-8"), "utf-8")
+    config = str(tmp_path / "lab_config.yaml")
+    assert "around gaze" in invoked("plan", str(tmp_path / "window.py"), "--config", config)
+    folder = simulate_and_analyse(tmp_path / "window.py", STUDY, participants=2)
+    rows = pd.read_csv(folder / "derived" / "trials.csv")
+    assert rows["stimulus_window_delay_ms"].between(1, 100).all()
+    assert (rows["door_dwell_ms"] >= 0).all()
+    about = json.loads((folder / "derived" / "trials.json").read_text("utf-8"))
+    assert about["asked_window_delay_p95_ms"]["Units"] == "ms"
+    assert "in which all was covered" in about["asked_window_lost_frames"]["Description"]
+
+
 MS = 1_000_000
 
 
@@ -162,7 +229,9 @@ def test_a_window_that_cannot_be_is_told_before(tmp_path, line, by, says):
 
 
 def test_there_is_none_on_a_page_and_none_without_an_eye_tracker(tmp_path):
-    experiment = opened(tmp_path).experiment({})
+    measured = 'measures=[*looks_at("door")], compare=[Compare("door_dwell_ms", within="seen")]'
+    by_itself = STUDY.replace(measured, "calibrate=False")
+    experiment = opened(tmp_path, by_itself).experiment({})
     with pytest.raises(DesignError, match='follow the pointer: reveal="pointer"'):
         film_store(experiment)
     assert "eye_tracker" in experiment.needed_roles

@@ -727,8 +727,11 @@ class TrialScript(LitTrial):
             behind = None if staged_scene is None else staged_scene.frame(view, elapsed_ns)
             if last and behind is None and last[-1][1] == panel.highlighted:
                 return None
-            if behind is None:
-                behind = last[-1][0] if last else dark_frame(view.t_ns)
+            if behind is None and last:
+                behind = last[-1][0]
+            elif behind is None:
+                lit = None if staged_scene is None else self._lit_frame
+                behind = lit or dark_frame(view.t_ns)
             last[:] = [(behind, panel.highlighted)]
             if isinstance(behind, PanelFrame):
                 return Show(replace(behind, t_ns=view.t_ns, panels=(panel,)))
