@@ -26,6 +26,7 @@ from visavis.analysis.power import (
     summarise,
 )
 from visavis.cli.commands.power import (
+    _Run,
     free_folder,
     power_study,
     read_effect,
@@ -489,6 +490,34 @@ def test_a_pool_smaller_than_the_study_is_refused() -> None:
     result = run("stare", "--fast", "--pool", "10", "--participants", "8,16")
     assert isinstance(result.exception, UsageError)
     assert "pool of 10" in str(result.exception)
+
+
+class Pool:
+    """A study of which only people are asked for, and in which portions."""
+
+    name = "pool"
+
+    def __init__(self) -> None:
+        self.portions: list[int] = []
+
+    def simulate_people(
+        self, indices: tuple[int, ...], *, effect: float, seed: int
+    ) -> pd.DataFrame:
+        self.portions.append(len(indices))
+        return pd.DataFrame({"participant": indices})
+
+
+def test_the_first_people_of_a_pool_are_simulated_by_themselves_and_announced(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    study = Pool()
+    asked = request(numbers=(4, 6))
+    run_here = _Run(study, asked, 1, None, quiet=False)  # type: ignore[arg-type]  # all it needs
+    people, kind, _, _ = run_here.people(None, fast=True, pool=21)
+    assert people is not None
+    assert [1, 1, 8, 8, 3] == study.portions
+    assert ("simulated pool", [*range(21)]) == (kind, people["participant"].tolist())
+    assert "simulating a pool of 21 people …" in capsys.readouterr().err
 
 
 def test_means_of_a_pool_are_those_of_the_analysis(study: KitPower, folder: Path) -> None:

@@ -10,10 +10,12 @@ from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
+    ProgressColumn,
+    Task,
     TextColumn,
     TimeElapsedColumn,
-    TimeRemainingColumn,
 )
+from rich.text import Text
 
 from visavis.analysis.report.notation import count_of
 from visavis.cli.app import console, errors, say_plainly
@@ -38,6 +40,26 @@ COMPILING_NOTE = (
 )
 
 
+def time_left(elapsed_s: float, count: int, total: int) -> str:
+    """Return how long the rest of some work takes at the pace so far; "" where nobody knows."""
+    return _about(elapsed_s / count * (total - count)) if 0 < count < total else ""
+
+
+def _about(seconds: float) -> str:
+    return f"about {seconds:.0f} s" if seconds < 90 else f"about {seconds / 60:.0f} min"
+
+
+class _TimeLeft(ProgressColumn):
+    """The time that is left at the mean pace: pieces of work that are done at once mislead less."""
+
+    def render(self, task: Task) -> Text:
+        """Return it; nothing before the first piece of work is done."""
+        if task.total is None or task.elapsed is None:
+            return Text()
+        left = time_left(task.elapsed, int(task.completed), int(task.total))
+        return Text(f"{left} more" if left else "", style="progress.remaining")
+
+
 def counting(shown_on: Console, *, quiet: bool = False) -> Progress:
     """Return a progress bar with the amount done, the total, and the time passed and left."""
     columns = (
@@ -45,7 +67,7 @@ def counting(shown_on: Console, *, quiet: bool = False) -> Progress:
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
-        TimeRemainingColumn(),
+        _TimeLeft(),
     )
     return Progress(*columns, console=shown_on, disable=quiet)
 
@@ -143,8 +165,24 @@ class Forecast:
         left_s = (self._elapsed_s() - self._first_s) / MEASURED_PICTURES * (total - count)
         if left_s < SOON_S:
             return ""
-        about = f"{left_s:.0f} s" if left_s < 90 else f"{left_s / 60:.0f} min"
         return (
-            f"{total} pictures, about {about} more; --seconds, --rate and --size make it fewer and "
-            "smaller ones, --png draws one"
+            f"{total} pictures, {_about(left_s)} more; --seconds, --rate and --size make it fewer "
+            "and smaller ones, --png draws one"
         )
+
+
+class Pace:
+    """Say how long work still takes where no bar does: after its first piece, and each tenth."""
+
+    def __init__(self, what: str, elapsed_s: Callable[[], float] | None = None) -> None:
+        self._what = what
+        self._elapsed_s = elapsed_s or StopWatch().elapsed_s
+        self._tenth = -1
+
+    def line_after(self, count: int, total: int) -> str:
+        """Return the line to print after `count` of `total` pieces; mostly empty."""
+        elapsed_s, tenth = self._elapsed_s(), 10 * count // total
+        if tenth == self._tenth or elapsed_s / count * (total - count) < SOON_S:
+            return ""
+        self._tenth = tenth
+        return f"{self._what}: {count} of {total} done, {time_left(elapsed_s, count, total)} more"

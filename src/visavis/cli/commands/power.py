@@ -3,6 +3,7 @@
 import difflib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -42,7 +43,7 @@ from visavis.cli.app import (
     verbatim,
 )
 from visavis.cli.commands.study import ProcessesOption
-from visavis.cli.notifier import counting, say_when_compiling
+from visavis.cli.notifier import Pace, counting, say_when_compiling
 from visavis.cli.quick_tracker import tracker_of
 from visavis.lab.clock import StopWatch
 from visavis.lab.errors import UsageError
@@ -63,6 +64,8 @@ POOL_PEOPLE = 240
 POOL_TIMES = 5
 """A pool smaller than this many times the largest study makes the simulated studies too alike."""
 POOL_PART = 8
+ALONE = 2
+"""So many people of a pool are simulated by themselves first: they tell how long all will take."""
 FAST_JOB = 10
 POOL_SEED_STEP = 1_000_003
 
@@ -176,7 +179,8 @@ def power(
     # A replicate that simulates its own people is a job; drawing from a pool is so quick that
     # many replicates share one.
     jobs = jobs_of(simulation, request, size=1 if people is None else FAST_JOB, people=people)
-    results = [r for _, part in run.jobs(run_job, jobs, "replicates") for r in part]
+    sizes = [len(job.replicates) for job in jobs]
+    results = [r for _, part in run.jobs(run_job, jobs, sizes, "replicates") for r in part]
     summary = summarise(
         simulation,
         request,
@@ -225,18 +229,26 @@ class _Run:
                 )
             )
 
-    def jobs(self, work: Any, jobs: list[Any], what: str) -> Iterator[tuple[int, Any]]:
-        """Yield (job number, result) as they finish, with progress."""
+    def jobs(
+        self, work: Any, jobs: list[Any], sizes: list[int], what: str
+    ) -> Iterator[tuple[int, Any]]:
+        """Yield (job number, result) as they finish, with progress; `sizes` are of the jobs."""
+        pace, count, total = Pace(what), 0, sum(sizes)
+        has_lines = not (self._quiet or errors.is_terminal)
+        if has_lines:
+            errors.print(f"{what} …", soft_wrap=True, highlight=False, markup=False)
         with counting(errors, quiet=self._quiet) as bar:
-            sizes = [len(j.replicates) if hasattr(j, "replicates") else 1 for j in jobs]
-            line = bar.add_task(what, total=sum(sizes))
+            line = bar.add_task(what, total=total)
             results = (
                 on_this_machine(work, jobs, self._processes)
                 if self._scheduler is None
                 else on_scheduler(work, jobs, self._scheduler)
             )
             for number_, result in results:
-                bar.advance(line, sizes[number_])
+                count += sizes[number_]
+                bar.update(line, completed=count)
+                if has_lines and (text := pace.line_after(count, total)):
+                    errors.print(text, soft_wrap=True, highlight=False, markup=False)
                 yield number_, result
 
     def people(
@@ -266,11 +278,14 @@ class _Run:
                 f"({max(self._request.numbers)}); give --pool a few times that"
             )
         seed = self._request.seed + POOL_SEED_STEP
+        begins = sorted({*range(min(ALONE, pool)), *range(ALONE, pool, POOL_PART)})
         parts = [
-            PoolPart(self._study, tuple(range(first, min(first + POOL_PART, pool))), effect, seed)
-            for first in range(0, pool, POOL_PART)
+            PoolPart(self._study, tuple(range(begin, end)), effect, seed)
+            for begin, end in pairwise((*begins, pool))
         ]
-        tables_by_part = dict(self.jobs(simulate_part, parts, f"pool of {pool}"))
+        sizes = [len(part.indices) for part in parts]
+        what = f"simulating a pool of {pool} people"
+        tables_by_part = dict(self.jobs(simulate_part, parts, sizes, what))
         people = pd.concat([tables_by_part[i] for i in range(len(parts))], ignore_index=True)
         note = (
             f"drawn from one pool of {pool} simulated people: all replicates share its chance "
