@@ -72,7 +72,9 @@ def test_without_a_configuration_devices_and_data_are_left_alone(
 
 def test_what_only_simulates_takes_the_example_and_says_so(here: Path) -> None:
     result = visavis("plan", "stare", "--participant", "1")
-    assert "example of Visavis, everything simulated" in result.stderr.splitlines()[0]
+    first = result.stderr.splitlines()[0]
+    assert "example of Visavis, simulated; no lab_config.yaml" in first
+    assert 80 >= len(first)  # as wide as a usual terminal
     assert "visavis init" in result.stderr
     assert [] == list(here.iterdir())
 

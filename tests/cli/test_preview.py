@@ -312,6 +312,7 @@ def test_a_picture_of_a_short_trial_shows_its_scene(
     preview(tmp_path / "short.py", "--png", tmp_path / "one.png", "--size", "240x150")
     with Image.open(tmp_path / "one.png") as image:
         assert np.asarray(image)[:120].mean() > 40
+    assert str(tmp_path) not in written[0]  # the study's name, not where its file lies
     at_s = float(written[0].rpartition(", ")[2].removesuffix(" s"))
     assert 0 < at_s < 0.5
 

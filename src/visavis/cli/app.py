@@ -194,10 +194,7 @@ def load_lab(
 
     if path is None:
         config = parse_config(EXAMPLE.read_text("utf-8"), EXAMPLE, OPTION_MODELS, folder=here)
-        description = (
-            f"the example of Visavis, everything simulated: there is no {CONFIG_NAME} here or "
-            "above (visavis init writes one)"
-        )
+        description = f"example of Visavis, simulated; no {CONFIG_NAME} (visavis init)"
     else:
         config = load_config(path, OPTION_MODELS)
         description = f"{config.path} ({config.lab})"

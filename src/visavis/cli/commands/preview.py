@@ -134,7 +134,7 @@ def preview(
         experiment=plan_inputs.experiment.of_session(session),
     )
     factors = ", ".join(f"{k} {v}" for k, v in capture.trial.factors.items())
-    label = f"{study} {capture.trial.trial_id}  {factors}"
+    label = f"{here.study.name} {capture.trial.trial_id}  {factors}"
     if on_page:
         preview_page(capture, here.study, label, size_px, png, sheet, video, at, seconds, rate)
         return
