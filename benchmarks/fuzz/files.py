@@ -75,6 +75,7 @@ from visavis.stimuli.characters.gltf import import_gltf
 from visavis.stimuli.characters.gltf.figure import read_figure
 from visavis.stimuli.characters.gltf.file import read_glb
 from visavis.stimuli.characters.storage import read_character, write_character
+from visavis.stimuli.film_file import FilmFacts
 from visavis.stimuli.flat_pixels import read_picture
 from visavis.stimuli.motion.bvh import parse_bvh
 from visavis.stimuli.motion.clip import Clip
@@ -388,14 +389,17 @@ def pictures() -> dict[str, bytes]:
 AREAS = {
     "svg": '<svg viewBox="0 0 8 6"><g><rect id="a" x="1" y="1" width="2" height="2"/></g>'
     '<path id="b" d="M4 1h3v2L4 3z" data-salience="2"/><circle id="c" cx="3" cy="4" r="1"/></svg>',
-    "csv": "area,x,y,salience\na,1,1,2\na,3,1,\na,3,3,\nb,4,1,\nb,6,1,\nb,6,3,\n",
-    "yaml": "a: {polygon: [[1, 1], [3, 1], [3, 3]]}\nb: {ellipse: [5, 3, 2, 2], turn_deg: 10}\n",
+    "csv": "area,t_s,x,y,salience\na,,1,1,2\na,,3,1,\na,,3,3,\n"
+    "b,0,4,1,\nb,0,6,1,\nb,0,6,3,\nb,1,,,\n",
+    "yaml": "a: {polygon: [[1, 1], [3, 1], [3, 3]]}\nb: {ellipse: [5, 3, 2, 2], turn_deg: 10}\n"
+    "c: {keys: [{t_s: 0, rectangle: [1, 1, 2, 2]}, {frame: 9, gone: true}]}\n",
 }
-"""Areas of a picture of 8 by 6 pixels."""
+"""Areas of a film of 8 by 6 pixels."""
+FILM = FilmFacts((8, 6), np.arange(10) / 10, 1.0, False, 0.0)
 
 
 def _areas(path: Path) -> object:
-    return read_areas.__wrapped__(path, 0, (8, 6), is_around=False)
+    return read_areas.__wrapped__(path, 0, (8, 6), is_around=False, film=FILM)
 
 
 def zipped(text: str) -> bytes:

@@ -185,6 +185,7 @@ def test_areas_are_read_from_svg_in_the_pictures_own_pixels(tmp_path):
 def test_areas_are_read_from_a_table_of_corners_and_from_a_painting(tmp_path):
     door, roof = read_areas(write(tmp_path, "ä b.csv", CSV), SIZE)
     assert (door.outline, len(roof.outline)) == (SQUARE, 3)
+    assert (door, roof) == read_areas(write(tmp_path, "mac.csv", CSV.replace("\n", "\r")), SIZE)
     (red,) = read_areas(painted(tmp_path, colour="red"), SIZE)
     assert (red.name, red.size_px2()) == ("red", 10_000)
 

@@ -112,24 +112,28 @@ def gaze_maps(
             f"people looked from places up to {apart_m:.1f} m apart: no one picture shows "
             "what they saw; visavis view shows a session as it was"
         )
-    image, seen_from, grid = _scene(data.study, first, middle_m, looks, during)
+    image, seen_from, grid, t_ns = _scene(data.study, first, middle_m, looks, during)
     maps, people = {}, {}
     for level in levels:
         of_people = maps_of_people([one for one in looks if one.level == level], seen_from, grid)
         people[level], maps[level] = tuple(of_people), np.array(list(of_people.values()))
     clusters, why_not = _compare(levels, people, maps)
-    outlines = _outlines(first, during, seen_from)
+    outlines = _outlines(first, during, seen_from, t_ns)
     return GazeMaps(factor, levels, people, maps, grid, image, clusters, why_not, outlines)
 
 
-def _outlines(trial: RecordedTrial, during: str, seen_from: Pose) -> tuple[tuple[str, Values], ...]:
-    """Return the areas of interest of what a trial showed: name and tangents x, y (corners, 2)."""
+def _outlines(
+    trial: RecordedTrial, during: str, seen_from: Pose, t_ns: int
+) -> tuple[tuple[str, Values], ...]:
+    """Return the areas of interest of what a trial showed, where they were at a time: name and
+    tangents x, y (corners, 2).
+    """
     outlines = []
     sheets = areas_shown(TrialRecord(trial.row, trial.recording), during) if during else ()
     for sheet in sheets:
         if isinstance(sheet, RoomAreas):  # things have no outlines that one could draw
             continue
-        for area in sheet.areas:
+        for area in (area for area in sheet.areas_now(t_ns) if area is not None):
             corners_m = np.array([sheet.place_m(x, y) for x, y in area.corners().tolist()])
             if len(corners_m):  # a painted area has none
                 x, y, _ = _tangents(seen_from, corners_m)
@@ -234,8 +238,10 @@ def _scene(
     eye_m: Vector,
     looks: Sequence[TrialGaze],
     during: str,
-) -> tuple[Any, Pose, Grid]:
-    """Draw the first trial's scene from the middle of all eyes, towards the middle of all gaze."""
+) -> tuple[Any, Pose, Grid, int]:
+    """Draw the first trial's scene from the middle of all eyes, towards the middle of all gaze, and
+    say of which time.
+    """
     ends_m = np.concatenate([one.ends_m for one in looks])
     toward = ends_m - eye_m
     toward = (toward / np.linalg.norm(toward, axis=1, keepdims=True)).mean(axis=0)
@@ -247,14 +253,16 @@ def _scene(
     tangents = np.maximum(np.abs(x[before]) / aspect, np.abs(y[before]))
     top = float(np.clip(1.1 * np.quantile(tangents, WITHIN_01), MIN_TANGENT, MAX_TANGENT))
     start_ns, end_ns = first.span_of(during) or first.span_ns
-    times = np.linspace(start_ns, end_ns, 9)[1:-1].astype(np.int64)
+    times = np.linspace(start_ns, end_ns, 9)[1:-1].astype(np.int64).tolist()
     shown_at = pictures_of(study, first)
-    picture = next((p for t in times if (p := shown_at(int(t))).brightness_01 > 0), None)
-    if picture is None:
+    t_ns = next((t for t in times if shown_at(t).brightness_01 > 0), None)
+    if t_ns is None:
         raise UsageError(f"{first.recording.path}: its first trial shows no scene to draw gaze on")
     with session_drawing() as drawing:
-        image = np.array(drawing.image(picture, symmetric_camera(seen_from, top, aspect), SIZE_PX))
-    return image, seen_from, Grid(top * aspect, top, *CELLS)
+        image = np.array(
+            drawing.image(shown_at(t_ns), symmetric_camera(seen_from, top, aspect), SIZE_PX)
+        )
+    return image, seen_from, Grid(top * aspect, top, *CELLS), t_ns
 
 
 def maps_of_people(looks: Sequence[TrialGaze], seen_from: Pose, grid: Grid) -> dict[str, Values]:

@@ -1,16 +1,17 @@
-"""Read the areas of interest of a picture: YAML, CSV of corners, SVG, or a painted PNG.
+"""Read the areas of interest of a picture or film: YAML, CSV of corners, SVG, or a painted PNG.
 
 Of a panorama YAML and CSV give degrees: to the right of the picture's middle, and upwards. An area
 may reach across the picture's edge, as 170 to 190 does; areas are counted in pixels all the same.
+Of a film YAML and CSV may give key frames, by seconds or by the number of a picture from 0.
 """
 
 import csv
 import io
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from itertools import islice
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any, Final
 from xml.etree import ElementTree
@@ -22,13 +23,16 @@ from visavis.lab.errors import ConfigError, DesignError
 from visavis.lab.foreign_text import require_csv
 from visavis.lab.plain_files import read_plain
 from visavis.lab.yaml_lines import did_you_mean, read_document
-from visavis.stimuli.areas import Area, pack_runs
+from visavis.stimuli.areas import Area, KeyFrame, Outline, pack_runs
+from visavis.stimuli.film_file import FilmFacts
 from visavis.stimuli.flat import COLOURS, rgb_of
 from visavis.stimuli.flat_pixels import read_picture
 
 SUFFIXES: Final = (".yaml", ".yml", ".csv", ".svg", ".png")
 FORMS: Final = ("polygon", "rectangle", "ellipse", "mask")
-PER_AREA: Final = (*FORMS, "colour", "salience", "turn_deg")
+PER_AREA: Final = (*FORMS, "keys", "colour", "salience", "turn_deg")
+TIMES: Final = ("t_s", "frame")
+PER_KEY: Final = (*TIMES, "polygon", "rectangle", "ellipse", "turn_deg", "gone")
 COLOUR_NAMES: Final = {rgb: name for name, rgb in reversed(COLOURS.items()) if name != "gray"}
 NUMBER: Final = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 MAX_BYTES: Final = 16 * 1024 * 1024
@@ -39,21 +43,29 @@ COLOURS_NAMED: Final = 8
 
 
 def read_areas(
-    path: Path, size_px: tuple[int, int], *, is_around: bool = False
+    path: Path,
+    size_px: tuple[int, int],
+    *,
+    is_around: bool = False,
+    film: FilmFacts | None = None,
 ) -> tuple[Area, ...]:
     """Return the areas of a picture of so many pixels, in the order of their file; `is_around`
-    tells of a panorama.
+    tells of a panorama, `film` of a film.
 
     Raises:
         DesignError: the file cannot be read, has none, or one is not possible, with its line.
     """
     modified_ns = path.stat().st_mtime_ns if path.is_file() else 0
-    return _read(path, modified_ns, size_px, is_around)
+    return _read(path, modified_ns, size_px, is_around, film)
 
 
 @lru_cache(maxsize=512)
 def _read(
-    path: Path, modified_ns: int, size_px: tuple[int, int], is_around: bool
+    path: Path,
+    modified_ns: int,
+    size_px: tuple[int, int],
+    is_around: bool,
+    film: FilmFacts | None = None,
 ) -> tuple[Area, ...]:
     if not path.is_file():
         near = did_you_mean(path.name, (p.name for p in path.parent.glob("*.*")))
@@ -67,14 +79,15 @@ def _read(
     elif suffix == ".svg":
         areas = list(_of_svg(path, size_px))
     elif suffix == ".csv":
-        areas = list(_of_csv(path, ("yaw_deg", "pitch_deg") if is_around else ("x", "y")))
+        areas = list(_of_csv(path, ("yaw_deg", "pitch_deg") if is_around else ("x", "y"), film))
     else:
-        areas = list(_of_yaml(path, size_px, is_around))
+        areas = list(_of_yaml(path, size_px, is_around, film))
     if is_around and suffix not in (".png", ".svg"):
         areas = [(where, _from_degrees(area, size_px)) for where, area in areas]
     if not areas:
         raise DesignError(f"{path} has no areas; describe or paint one at least")
     corners = sum(len(area.outline) for _, area in areas)
+    corners += sum(len(key.outline) for _, area in areas for key in area.keys)
     if corners > MAX_CORNERS:
         raise DesignError(
             f"{path}: its outlines have {corners} corners; {MAX_CORNERS} at most. Simplify "
@@ -82,7 +95,12 @@ def _read(
         )
     first_at: dict[str, str] = {}
     for where, area in areas:
-        _check(where, area, size_px, is_around)
+        _check_keys(where, area)
+        for key in (key for key in area.keys if not key.is_gone):
+            still = Area(area.name, key.outline, key.ellipse, salience=area.salience)
+            _check(f"{where}, at {key.t_s:g} s", still, size_px, is_around)
+        if not area.keys:
+            _check(where, area, size_px, is_around)
         if area.name in first_at:
             raise DesignError(f"{where}: there are two areas {area.name!r}; name one otherwise")
         first_at[area.name] = where
@@ -147,6 +165,65 @@ def _check(where: str, area: Area, size_px: tuple[int, int], is_around: bool) ->
         )
 
 
+def _check_keys(where: str, area: Area) -> None:
+    """Refuse key frames between which nothing can move."""
+    keys = area.keys
+    for one, later in pairwise(keys):
+        if later.t_s <= one.t_s:
+            raise DesignError(
+                f"{where}: the key frames of area {area.name} go from {one.t_s:g} to "
+                f"{later.t_s:g} s; give them in order, each time once"
+            )
+    there = [key for key in keys if not key.is_gone]
+    for one, later in pairwise(there):
+        kinds = [
+            f"{len(key.outline)} corners" if key.outline else "an ellipse" for key in (one, later)
+        ]
+        if kinds[0] != kinds[1]:
+            raise DesignError(
+                f"{where}: area {area.name} is {kinds[0]} at {one.t_s:g} s and {kinds[1]} at "
+                f"{later.t_s:g} s; give as many corners each time, in the same order"
+            )
+    if keys and (len(keys) < 2 or not there):
+        raise DesignError(
+            f"{where}: area {area.name} takes two key frames at least: where it is, and where it "
+            "is last, or that it is gone"
+        )
+
+
+def _time_s(where: str, name: str, of: Mapping[str, Any], film: FilmFacts | None) -> float:
+    """Return when a key frame is, in seconds of its film.
+
+    Raises:
+        DesignError: there is no film, no such time, or none in the film.
+    """
+    if film is None:
+        raise DesignError(
+            f"{where}: area {name} has key frames, which are for films: Video(…, areas=…)"
+        )
+    given = [time for time in TIMES if of.get(time) not in (None, "")]
+    if len(given) != 1:
+        raise DesignError(f"{where}: area {name}: give each key frame its t_s or its frame")
+    (unit,) = given
+    try:
+        time = float(of[unit])
+    except (TypeError, ValueError, OverflowError) as error:
+        raise DesignError(f"{where}: area {name}: {unit} is {of[unit]!r}; a number") from error
+    pictures = len(film.stamps_s)
+    if unit == "frame":
+        if not (time.is_integer() and 0 <= time < pictures):
+            raise DesignError(
+                f"{where}: area {name}: its film has no frame {of[unit]}; 0 to {pictures - 1}"
+            )
+        return float(film.stamps_s[int(time)])
+    if not 0.0 <= time <= film.seconds:
+        raise DesignError(
+            f"{where}: area {name} has a key frame at {time:g} s, outside its film of "
+            f"{film.seconds:.6g} s"
+        )
+    return time
+
+
 def _crossing(corners: npt.NDArray[np.float64]) -> tuple[int, int] | None:
     """Return two edges of an outline that cross; None without any."""
     ends = np.roll(corners, -1, axis=0)
@@ -168,7 +245,9 @@ def _crossing(corners: npt.NDArray[np.float64]) -> tuple[int, int] | None:
     return None
 
 
-def _of_yaml(path: Path, size_px: tuple[int, int], is_around: bool) -> Iterator[tuple[str, Area]]:
+def _of_yaml(
+    path: Path, size_px: tuple[int, int], is_around: bool, film: FilmFacts | None
+) -> Iterator[tuple[str, Area]]:
     try:
         document = read_document(path)
     except ConfigError as error:
@@ -186,15 +265,56 @@ def _of_yaml(path: Path, size_px: tuple[int, int], is_around: bool) -> Iterator[
         for key in of:
             if key not in PER_AREA:
                 raise DesignError(f"{where}: area {name}: {key!r}{did_you_mean(key, PER_AREA)}")
-        forms = [form for form in FORMS if form in of]
+        forms = [form for form in (*FORMS, "keys") if form in of]
         if len(forms) != 1:
-            raise DesignError(f"{where}: area {name}: give one of {', '.join(FORMS)}")
+            raise DesignError(f"{where}: area {name}: give one of {', '.join(FORMS)}, keys")
         if is_around and "mask" in of:
             raise DesignError(
                 f"{where}: area {name}: a mask of a panorama is a PNG of its own, in the place of "
                 "this file"
             )
-        yield where, _area_of(where, path, str(name), of, size_px, -1 if is_around else 1)
+        of = dict(of)
+        keys = [
+            _key_of(where, path, str(name), key, size_px, film)
+            for key in _list_of_keys(where, str(name), of.pop("keys", []))
+        ]
+        area = _area_of(where, path, str(name), of, size_px, -1 if is_around else 1)
+        yield where, replace(area, keys=tuple(keys))
+
+
+def _list_of_keys(where: str, name: str, keys: Any) -> list[Mapping[str, Any]]:
+    """Return the key frames that an area lists.
+
+    Raises:
+        DesignError: it lists none.
+    """
+    if not isinstance(keys, list) or not all(isinstance(key, dict) for key in keys):
+        raise DesignError(
+            f"{where}: area {name}: keys is a list of key frames: [{{t_s: 0, ellipse: […]}}, …]"
+        )
+    return keys
+
+
+def _key_of(
+    where: str,
+    path: Path,
+    name: str,
+    of: Mapping[str, Any],
+    size_px: tuple[int, int],
+    film: FilmFacts | None,
+) -> KeyFrame:
+    for word in of:
+        if word not in PER_KEY:
+            raise DesignError(f"{where}: area {name}: {word!r}{did_you_mean(word, PER_KEY)}")
+    t_s = _time_s(where, name, of, film)
+    forms = [form for form in ("polygon", "rectangle", "ellipse", "gone") if of.get(form)]
+    if len(forms) != 1:
+        raise DesignError(
+            f"{where}: area {name}: give its key frame at {t_s:g} s one of polygon, rectangle, "
+            "ellipse, gone: true"
+        )
+    area = Area(name) if "gone" in forms else _area_of(where, path, name, dict(of), size_px, 1)
+    return KeyFrame(t_s, area.outline, area.ellipse)
 
 
 def _area_of(
@@ -234,7 +354,7 @@ def _area_of(
         if "rectangle" in of:
             left, top, wide, high = map(float, of["rectangle"])
             return Area(name, _rectangle(left, top, wide, downwards * high), salience=salience)
-        outline = tuple((float(x), float(y)) for x, y in of["polygon"])
+        outline = tuple((float(x), float(y)) for x, y in of.get("polygon", ()))
         return Area(name, outline, salience=salience)
     except (TypeError, ValueError, OverflowError) as error:
         raise DesignError(
@@ -244,19 +364,19 @@ def _area_of(
         ) from error
 
 
-def _rectangle(
-    left: float, top: float, wide: float, high: float
-) -> tuple[tuple[float, float], ...]:
+def _rectangle(left: float, top: float, wide: float, high: float) -> Outline:
     right, bottom = left + wide, top + high
     return (left, top), (right, top), (right, bottom), (left, bottom)
 
 
-def _of_csv(path: Path, axes: tuple[str, str]) -> Iterator[tuple[str, Area]]:
+def _of_csv(
+    path: Path, axes: tuple[str, str], film: FilmFacts | None
+) -> Iterator[tuple[str, Area]]:
     text = _text(path)
     head = text.partition("\n")[0]
     delimiter = max(",;\t", key=head.count)
     require_csv(path, text, delimiter)
-    rows = csv.DictReader(io.StringIO(text), delimiter=delimiter)
+    rows = csv.DictReader(io.StringIO(text, newline=None), delimiter=delimiter)
     there = [name.strip() for name in rows.fieldnames or ()]
     missing = [name for name in ("area", *axes) if name not in there]
     if missing:
@@ -264,33 +384,43 @@ def _of_csv(path: Path, axes: tuple[str, str]) -> Iterator[tuple[str, Area]]:
             f"{path}: there is no column {missing[0]!r}; a table of areas has area, {axes[0]} and "
             f"{axes[1]}, one row for each corner, in order"
         )
-    corners: dict[str, list[tuple[float, float]]] = {}
+    corners: dict[str, dict[float | None, list[tuple[float, float]]]] = {}
     lines: dict[str, int] = {}
     saliences: dict[str, float] = {}
-    last = ""
+    last: tuple[str, float | None] = "", None
     for raw in rows:
         row = {str(k).strip(): (v or "").strip() for k, v in raw.items() if isinstance(v, str)}
         name = row.get("area", "")
         if not any(row.values()):
             continue
-        if name in corners and name != last:
+        where, t_s = f"{path}, line {rows.line_num}", None
+        if any(row.get(time) for time in TIMES):
+            t_s = _time_s(where, name, row, film)
+        outlines = corners.setdefault(name, {})
+        if (name in lines and name != last[0]) or (t_s in outlines and t_s != last[1]):
             raise DesignError(
-                f"{path}, line {rows.line_num}: area {name!r} begins a second time (first in line "
-                f"{lines[name]}); its corners follow one another, and names stand once"
+                f"{where}: area {name!r} begins a second time (first in line {lines[name]}); its "
+                "corners follow one another, and names stand once"
             )
+        if outlines and (t_s is None) != (last[1] is None):
+            raise DesignError(f"{where}: area {name}: a key frame lacks its time; give each one")
         try:
-            corner = float(row.get(axes[0], "")), float(row.get(axes[1], ""))
             if row.get("salience"):
                 saliences[name] = float(row["salience"])
+            of = outlines.setdefault(t_s, [])
+            if t_s is None or row.get(axes[0]) or row.get(axes[1]):  # else it is gone
+                of.append((float(row.get(axes[0], "")), float(row.get(axes[1], ""))))
         except ValueError as error:
             raise DesignError(
-                f"{path}, line {rows.line_num}: area {name}: {error}; write numbers with a point"
+                f"{where}: area {name}: {error}; write numbers with a point"
             ) from error
-        corners.setdefault(name, []).append(corner)
         lines.setdefault(name, rows.line_num)
-        last = name
-    for name, of in corners.items():
-        yield f"{path}, line {lines[name]}", Area(name, tuple(of), salience=saliences.get(name))
+        last = name, t_s
+    for name, outlines in corners.items():
+        still = tuple(outlines.pop(None, ()))
+        keys = tuple(KeyFrame(t_s, tuple(of)) for t_s, of in outlines.items() if t_s is not None)
+        area = Area(name, still, salience=saliences.get(name), keys=keys)
+        yield f"{path}, line {lines[name]}", area
 
 
 def _of_svg(path: Path, size_px: tuple[int, int]) -> Iterator[tuple[str, Area]]:

@@ -1,20 +1,21 @@
 """Areas of interest in a picture: polygons, ellipses and painted pixels, and which is hit.
 
 Coordinates are pixels of the upright picture, right and down from its top left corner: pixel k
-reaches from k to k + 1.
+reaches from k to k + 1. In a film areas may move from one key frame to the next.
 """
 
 import base64
 import json
 import zlib
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DataError
 from visavis.lab.geometry import (
     Pose,
@@ -45,6 +46,22 @@ FAR_M: Final = 20.0
 Values = npt.NDArray[np.float64]
 Times = npt.NDArray[np.int64]
 Is = npt.NDArray[np.bool_]
+Outline: TypeAlias = tuple[tuple[float, float], ...]
+Ellipse: TypeAlias = tuple[float, float, float, float, float]
+
+
+@dataclass(frozen=True)
+class KeyFrame:
+    """What an area is at `t_s` of a film: an `outline` or an `ellipse`; with neither it is gone."""
+
+    t_s: float
+    outline: Outline = ()
+    ellipse: Ellipse | None = None
+
+    @property
+    def is_gone(self) -> bool:
+        """Whether the area is not there from this time on."""
+        return not self.outline and self.ellipse is None
 
 
 @dataclass(frozen=True)
@@ -52,25 +69,74 @@ class Area:
     """A named area of a picture: an `outline` of corners, an `ellipse` (x and y of its middle,
     width, height, degrees by which it is turned clockwise), or `pixels` (see `pack_runs`).
 
+    In a film it may have `keys` instead, all of one kind and in order of time: between two of them
+    every number changes evenly, before the first and after the last it is not there, and up to a
+    key at which it is gone it stays as it was.
     `salience` says how much it attracts simulated people; None: as its size does.
     """
 
     name: str
-    outline: tuple[tuple[float, float], ...] = ()
-    ellipse: tuple[float, float, float, float, float] | None = None
+    outline: Outline = ()
+    ellipse: Ellipse | None = None
     pixels: str = ""
     salience: float | None = None
+    keys: tuple[KeyFrame, ...] = ()
 
-    def holds(self, x: Values, y: Values) -> Is:
-        """Tell which points (n,) lie within; NaN does not."""
-        if self.ellipse is not None:
-            mid_x, mid_y, wide, high, turn_deg = self.ellipse
+    @property
+    def is_ellipse(self) -> bool:
+        """Whether it is an ellipse, if need be at every time."""
+        return self.ellipse is not None or any(key.ellipse is not None for key in self.keys)
+
+    def at(self, t_s: float) -> "Area | None":
+        """Return it as it is at a time of its film, without key frames; None where it is not."""
+        if not self.keys:
+            return self
+        (numbers,) = self._numbers(np.array([t_s])).tolist()
+        if np.isnan(numbers[0]):
+            return None
+        if self.is_ellipse:
+            return replace(self, ellipse=tuple(numbers), keys=())
+        outline = tuple(zip(numbers[::2], numbers[1::2], strict=True))
+        return replace(self, outline=outline, keys=())
+
+    def first(self) -> "Area":
+        """Return it as it is at its first key frame at which it is there."""
+        there = next((self.at(key.t_s) for key in self.keys if not key.is_gone), None)
+        return there or self
+
+    def _numbers(self, t_s: Values) -> Values:
+        """Return the numbers (m,) that describe an outline or ellipse; with key frames those of
+        each time (n, m), NaN where it is not there.
+        """
+        if not self.keys:
+            return np.ravel(np.array(self.ellipse or self.outline, np.float64))
+        described = [np.ravel(key.ellipse or key.outline) for key in self.keys]
+        gone = np.array([key.is_gone for key in self.keys])
+        times = np.array([key.t_s for key in self.keys])
+        missing = np.full(max(map(len, described)), np.nan)
+        numbers = np.array([d if len(d) else missing for d in described], np.float64)
+        before = np.clip(np.searchsorted(times, t_s, side="right") - 1, 0, None)
+        after = np.minimum(before + 1, len(times) - 1)
+        after = np.where(gone[after], before, after)
+        lasts_s = np.where(after > before, times[after] - times[before], 1.0)
+        share = ((t_s - times[before]) / lasts_s)[:, None]
+        now: Values = numbers[before] + share * (numbers[after] - numbers[before])
+        now[(t_s < times[0]) | (t_s > times[-1])] = np.nan
+        return now
+
+    def holds(self, x: Values, y: Values, t_s: Values | float = 0.0) -> Is:
+        """Tell which points (n,) lie within, at a time of its film or at one each (n,); NaN does
+        not.
+        """
+        t_s = np.broadcast_to(t_s, x.shape)
+        if self.is_ellipse:
+            mid_x, mid_y, wide, high, turn_deg = self._numbers(t_s).T
             c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
             along, across = (x - mid_x) * c + (y - mid_y) * s, (y - mid_y) * c - (x - mid_x) * s
             return np.asarray((2 * along / wide) ** 2 + (2 * across / high) ** 2 <= 1.0)
         if self.pixels:
             return _in_runs(unpack_runs(self.pixels), x, y)
-        return _in_polygon(np.array(self.outline), x, y)
+        return _in_polygon(_corners_of(self._numbers(t_s)), x, y)
 
     def middle(self) -> tuple[float, float]:
         """Return the centre of the area."""
@@ -96,28 +162,42 @@ class Area:
         (x0, y0), (x1, y1) = _edges(np.array(self.outline))
         return float(abs((x0 * y1 - x1 * y0).sum()) / 2)
 
-    def corners(self) -> Values:
-        """Return the corners (k, 2) of a polygon, or of one that is as good as the ellipse."""
-        if self.ellipse is None:
-            return np.array(self.outline, np.float64).reshape(-1, 2)
-        mid_x, mid_y, wide, high, turn_deg = self.ellipse
+    def corners(self, t_s: Values | None = None) -> Values:
+        """Return the corners (k, 2) of a polygon, or of one that is as good as the ellipse; of one
+        with key frames those at each time (n, k, 2).
+        """
+        numbers = self._numbers(np.zeros(1) if t_s is None else t_s)
+        if not self.is_ellipse:
+            return _corners_of(numbers)
+        mid_x, mid_y, wide, high, turn_deg = (numbers[..., i, None] for i in range(5))
         at = np.arange(CORNERS_OF_ELLIPSE) / CORNERS_OF_ELLIPSE * 2 * np.pi
         along, across = wide / 2 * np.cos(at), high / 2 * np.sin(at)
         c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
-        return np.stack([mid_x + along * c - across * s, mid_y + along * s + across * c], axis=1)
+        return np.stack([mid_x + along * c - across * s, mid_y + along * s + across * c], axis=-1)
 
-    def distances(self, x: Values, y: Values, unit_px: tuple[float, float] | Values) -> Values:
-        """Return how far points (n,) outside lie from it; a pixel counts `unit_px` each way, which
-        may differ from point to point (n, 2).
+    def distances(
+        self,
+        x: Values,
+        y: Values,
+        unit_px: tuple[float, float] | Values,
+        t_s: Values | float = 0.0,
+    ) -> Values:
+        """Return how far points (n,) outside lie from it, inf where it is not there; a pixel counts
+        `unit_px` each way, which may differ from point to point (n, 2), as may the time.
         """
-        points = np.stack([x, y], axis=1)
+        points, times = np.stack([x, y], axis=1), np.broadcast_to(t_s, x.shape)
         units = np.broadcast_to(np.asarray(unit_px, np.float64), points.shape)
         if self.pixels:
             row, first, end = unpack_runs(self.pixels).astype(np.float64).T
             low, high = np.stack([first, row], axis=1), np.stack([end, row + 1], axis=1)
-            return _nearest(points, units, low, high, _to_boxes)
-        corners = self.corners()
-        return _nearest(points, units, corners, np.roll(corners, -1, axis=0), _to_lines)
+            return _nearest(points, units, len(low), lambda _: (low, high), _to_boxes)
+
+        def edges(some: slice) -> tuple[Values, Values]:
+            corners = self.corners(times[some])
+            return corners, np.roll(corners, -1, axis=-2)
+
+        count = self.corners(times[:1]).shape[-2]
+        return _nearest(points, units, count, edges, _to_lines)
 
 
 def areas_at(
@@ -128,24 +208,27 @@ def areas_at(
     pad: float = 0.0,
     unit_px: tuple[float, float] | Values = (1.0, 1.0),
     around_px: float = 0.0,
+    t_s: Values | float = 0.0,
 ) -> npt.NDArray[np.int16]:
     """Return the index (n,) of the area at each point, the last of several; else `NOWHERE`.
 
     A point in no area counts for the nearest one that is not farther than `pad`, where a pixel
     counts `unit_px` to the right and downwards, everywhere or at each point (n, 2). A picture that
-    goes all around comes again after `around_px` to the right.
+    goes all around comes again after `around_px` to the right. `t_s` is the time in a film, of all
+    points or of each (n,).
     """
+    t_s = np.broadcast_to(t_s, x.shape)
     at = np.full(x.shape, NOWHERE, np.int16)
     places = (x, x - around_px, x + around_px) if around_px else (x,)
     for index, area in enumerate(areas):
         for place in places:
-            at[area.holds(place, y)] = index
+            at[area.holds(place, y, t_s)] = index
     rest = np.flatnonzero((at == NOWHERE) & np.isfinite(x) & np.isfinite(y))
     if pad > 0 and len(rest) and areas:
         units = np.broadcast_to(np.asarray(unit_px, np.float64), (len(x), 2))[rest]
         away = np.stack(
             [
-                np.min([area.distances(p[rest], y[rest], units) for p in places], axis=0)
+                np.min([area.distances(p[rest], y[rest], units, t_s[rest]) for p in places], axis=0)
                 for area in areas
             ]
         )
@@ -157,12 +240,26 @@ def areas_at(
 
 @dataclass(frozen=True, eq=False)
 class PlacedAreas:
-    """The areas of a stimulus of `size_px` that stood at `pose`, upright and `size_m` large."""
+    """The areas of a stimulus of `size_px` that stood at `pose`, upright and `size_m` large.
+
+    A film has run since `since_ns`; after `end_s` its last picture stays.
+    """
 
     pose: Pose
     size_m: tuple[float, float]
     size_px: tuple[int, int]
     areas: tuple[Area, ...]
+    since_ns: int = 0
+    end_s: float = 0.0
+
+    def film_s(self, t_ns: Times) -> Values:
+        """Return the time in its film at times of the session."""
+        return np.clip((t_ns - self.since_ns) / NS_PER_S, 0.0, self.end_s)
+
+    def areas_now(self, t_ns: int) -> tuple[Area | None, ...]:
+        """Return each of its areas as it is at a time of the session; None where it is not."""
+        t_s = float(self.film_s(np.array(t_ns)))
+        return tuple(area.at(t_s) for area in self.areas)
 
     def areas_met(
         self, origin_m: Vector, direction: Vector, t_ns: Times | None, pad_deg: float
@@ -171,7 +268,8 @@ class PlacedAreas:
         x, y = self.pixels_met(origin_m, direction)
         eyes_m = origin_m[np.isfinite(origin_m).all(axis=1)]
         unit_px = self.degrees_px(eyes_m[0]) if len(eyes_m) else (1.0, 1.0)
-        return areas_at(self.areas, x, y, pad=pad_deg, unit_px=unit_px)
+        t_s = 0.0 if t_ns is None else self.film_s(t_ns)
+        return areas_at(self.areas, x, y, pad=pad_deg, unit_px=unit_px, t_s=t_s)
 
     def pixels_met(self, origin_m: Vector, direction: Vector) -> tuple[Values, Values]:
         """Return x and y (n,) in its pixels of rays (n, 3) in world; NaN where they do not meet."""
@@ -239,6 +337,10 @@ class SurroundingAreas:
         unit_px = np.stack([wide, np.full(len(y), high)], axis=1)
         around_px = float(self.size_px[0])
         return areas_at(self.areas, x, y, pad=pad_deg, unit_px=unit_px, around_px=around_px)
+
+    def areas_now(self, t_ns: int) -> tuple[Area, ...]:
+        """Return its areas, which do not move in the picture."""
+        return self.areas
 
     def pixels_met(self, direction: Vector, t_ns: Times | None) -> tuple[Values, Values]:
         """Return x and y (n,) in its pixels of directions (n, 3) in world."""
@@ -313,7 +415,7 @@ def areas_under(
 
 def areas_text(sheets: Iterable[Areas]) -> str:
     """Return placed areas as the text by which an event describes them."""
-    return json.dumps([_as_json(one) for one in sheets], separators=(",", ":"))
+    return json.dumps([_as_json(one) for one in sheets], separators=(",", ":"), default=vars)
 
 
 def rooms_in(text: str) -> frozenset[str]:
@@ -348,6 +450,8 @@ def _as_json(one: Areas) -> dict[str, Any]:
         return room_areas.as_json(one)
     if isinstance(one, PlacedAreas):
         place: dict[str, Any] = {"size_m": list(one.size_m)}
+        if any(area.keys for area in one.areas):
+            place |= {"since_ns": one.since_ns, "end_s": one.end_s}
     else:
         place = {"yaw_deg": one.yaw_deg}
     return {
@@ -364,22 +468,24 @@ def _as_json(one: Areas) -> dict[str, Any]:
 def _from_json(raw: Mapping[str, Any]) -> PictureAreas:
     areas = []
     for of in raw["areas"]:
-        ellipse = of.get("ellipse")
-        areas.append(
-            Area(
-                of["name"],
-                tuple((float(x), float(y)) for x, y in of.get("outline", ())),
-                None if ellipse is None else (*map(float, ellipse),),  # type: ignore[arg-type]
-                of.get("pixels", ""),
-                of.get("salience"),
-            )
-        )
+        keys = tuple(KeyFrame(float(key["t_s"]), *_shape_of(key)) for key in of.get("keys", ()))
+        outline, ellipse = _shape_of(of)
+        pixels, salience = of.get("pixels", ""), of.get("salience")
+        areas.append(Area(of["name"], outline, ellipse, pixels, salience, keys))
     pose = Pose(np.array(raw["position_m"]), np.array(raw["orientation_wxyz"]))
     wide, high = raw["size_px"]
     if "yaw_deg" in raw:
         return SurroundingAreas(pose, float(raw["yaw_deg"]), (wide, high), tuple(areas))
     wide_m, high_m = raw["size_m"]
-    return PlacedAreas(pose, (wide_m, high_m), (wide, high), tuple(areas))
+    film = int(raw.get("since_ns", 0)), float(raw.get("end_s", 0.0))
+    return PlacedAreas(pose, (wide_m, high_m), (wide, high), tuple(areas), *film)
+
+
+def _shape_of(raw: Mapping[str, Any]) -> tuple[Outline, Ellipse | None]:
+    """Return the outline and the ellipse of an area, or of one of its key frames."""
+    outline = tuple((float(x), float(y)) for x, y in raw.get("outline", ()))
+    ellipse = raw.get("ellipse")
+    return outline, None if ellipse is None else (*map(float, ellipse),)  # type: ignore[return-value]
 
 
 def pack_runs(is_inside: Is) -> str:
@@ -401,9 +507,17 @@ def unpack_runs(text: str) -> npt.NDArray[np.int32]:
     return np.frombuffer(raw, "<i4").reshape(-1, 3)
 
 
+def _corners_of(numbers: Values) -> Values:
+    """Return the corners (…, k, 2) of outlines from their numbers (…, 2 k)."""
+    return numbers.reshape(*numbers.shape[:-1], -1, 2)
+
+
 def _edges(corners: Values) -> tuple[tuple[Values, Values], tuple[Values, Values]]:
-    nexts = np.roll(corners, -1, axis=0)
-    return (corners[:, 0], corners[:, 1]), (nexts[:, 0], nexts[:, 1])
+    """Return x and y (k,) where the edges of an outline (k, 2) begin, and where they end; of an
+    outline for each point (n, k, 2) they are (k, n).
+    """
+    nexts = np.roll(corners, -1, axis=-2)
+    return (corners[..., 0].T, corners[..., 1].T), (nexts[..., 0].T, nexts[..., 1].T)
 
 
 def _in_polygon(corners: Values, x: Values, y: Values) -> Is:
@@ -411,8 +525,6 @@ def _in_polygon(corners: Values, x: Values, y: Values) -> Is:
     inside = np.zeros(x.shape, np.bool_)
     begins, ends = _edges(corners)
     for x0, y0, x1, y1 in zip(*begins, *ends, strict=True):
-        if y0 == y1:
-            continue
         # on which side of the edge, seen upwards; a division would be rounded
         left = (x1 - x0) * (y - y0) - (x - x0) * (y1 - y0)
         crosses = ((y0 <= y) != (y1 <= y)) & ((left > 0) == (y1 > y0))
@@ -435,17 +547,25 @@ def _in_runs(runs: npt.NDArray[np.int32], x: Values, y: Values) -> Is:
     return inside
 
 
-def _nearest(points: Values, units: Values, begins: Values, ends: Values, of: Any) -> Values:
-    """Return the distance of each point (n, 2) to the nearest of k lines or boxes, in units of the
-    point (n, 2); `of` measures it from the point.
+def _nearest(
+    points: Values,
+    units: Values,
+    count: int,
+    edges_of: Callable[[slice], tuple[Values, Values]],
+    of: Any,
+) -> Values:
+    """Return the distance of each point (n, 2) to the nearest of `count` lines or boxes, in units
+    of the point (n, 2), inf where they are NaN. `edges_of` tells of some points where these begin
+    and end, for all (k, 2) or for each (n, k, 2); `of` measures the distance from the point.
     """
     least = np.empty(len(points))
-    step = max(1, MAX_PAIRS // max(1, len(begins)))
+    step = max(1, MAX_PAIRS // max(1, count))
     for i in range(0, len(points), step):
-        here, unit = points[i : i + step, None], units[i : i + step, None]
-        away = of((begins - here) * unit, (ends - here) * unit)
-        least[i : i + step] = away.min(axis=1)
-    return least
+        some = slice(i, i + step)
+        here, unit = points[some, None], units[some, None]
+        begins, ends = edges_of(some)
+        least[some] = of((begins - here) * unit, (ends - here) * unit).min(axis=1)
+    return np.where(np.isnan(least), np.inf, least)
 
 
 def _to_lines(begins: Values, ends: Values) -> Values:

@@ -267,7 +267,8 @@ class Video:
     the other follows from its pixels. After its end its last picture stays.
 
     Its sound, if it has any, is heard with it unless `is_heard` is false, as loud as it was
-    recorded or at `level_db`, as of a `Sound`.
+    recorded or at `level_db`, as of a `Sound`. `areas` names a file of areas of interest, which may
+    move by key frames.
     """
 
     file: str
@@ -276,10 +277,12 @@ class Video:
     at_deg: tuple[float, float] = (0.0, 0.0)
     is_heard: bool = True
     level_db: float | None = None
+    areas: str = ""
 
     def __post_init__(self) -> None:
         _write_plain_numbers(self)
         object.__setattr__(self, "file", str(self.file))
+        object.__setattr__(self, "areas", str(self.areas))
         if not self.file:
             raise DesignError("Video: name its file, which lies beside the study's")
         sizes = {n: getattr(self, n) for n in ("width_deg", "height_deg")}

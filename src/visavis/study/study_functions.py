@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from visavis.lab.clock import NS_PER_S
 from visavis.lab.geometry import Pose, Vector, quat_conjugate, rotate
 from visavis.protocol.people.simulated_participant import SimulatedParticipant
 from visavis.protocol.plan.experiment import Demands
@@ -80,7 +81,8 @@ class Seen:
     @property
     def areas(self) -> dict[str, tuple[float, float]]:
         """The areas of interest of these, or the things seen in a `Room`, each with degrees to the
-        right and upwards of its middle from straight ahead.
+        right and upwards of its middle from straight ahead; of a film those that are there after so
+        many `seconds`.
         """
         scene = None if self.first is None else self.first.scene
         if scene is not None and scene.room is not None:
@@ -93,10 +95,12 @@ class Seen:
             return {}
         screen = scene.surface.screen
         eyes = screen.place if screen is not None else scene.head
+        now_ns = scene.moves_since_ns + round(self.seconds * NS_PER_S)
         return {
             area.name: direction_deg(one.place_m(*area.middle()), eyes)
             for one in areas_of(scene)
-            for area in one.areas
+            for area in one.areas_now(now_ns)
+            if area is not None
         }
 
 

@@ -99,7 +99,7 @@ class Observer(PressesNothing):
         self._fit = 0
         self._origin_ns = 0
         self._plan_number = 0
-        self._moving: Layout | None = None
+        self._moving: Layout | PictureLayout | None = None
         self._moved_step = 0
         self.prepare(0, 0)
 
@@ -332,7 +332,7 @@ class Observer(PressesNothing):
         for k in range(self._moved_step + 1, step + 1):
             until_ns = k * MOVES_NS - self._origin_ns
             attention.advance(mind, self._person, segments, targets, self._scratch, until_ns)
-            self._moving.move(targets, k * MOVES_NS)
+            self._moving.move(targets, self._appeal, k * MOVES_NS)
         if not is_ahead:
             self._moved_step = max(self._moved_step, step)
 
@@ -353,9 +353,10 @@ class Observer(PressesNothing):
             self._mind["rest_yaw"], self._mind["rest_pitch"] = what.rest
         else:
             self._mind["rest_yaw"] = self._mind["rest_pitch"] = 0.0
-        is_moving = is_lit and isinstance(what, Layout) and what.course is not None
-        self._moving = what if is_moving and isinstance(what, Layout) else None
+        self._moving = what if is_lit and what is not None and what.is_moving else None
         self._moved_step = (t_ns + self._origin_ns) // MOVES_NS
+        if isinstance(self._moving, PictureLayout):
+            self._moving.move(self._targets, self._appeal, t_ns + self._origin_ns)
         n = len(self._targets) if is_lit else 0
         key = self._scene_keys[int(is_lit)]
         attention_causes.begin_scene(self._mind, self._person, key, scene.brightness_01, n, t_ns)
@@ -452,8 +453,17 @@ class Layout:
         """Return where agents' eyes (n, 3) are at a session time."""
         return np.array([a.eye_centre_m for a in agents_at(self.scene, t_ns)])
 
-    def move(self, targets: npt.NDArray[np.void], t_ns: int) -> None:
-        """Lead targets to where heads, and the bodies below, are at a session time."""
+    @property
+    def is_moving(self) -> bool:
+        """Whether somebody moves the head."""
+        return self.course is not None
+
+    def move(
+        self, targets: npt.NDArray[np.void], appeal: npt.NDArray[np.float64], t_ns: int
+    ) -> None:
+        """Lead targets to where heads, and the bodies below, are at a session time; their `appeal`
+        stays.
+        """
         if self.course is None:
             return
         (heads,) = self.course.centres_m(np.array([t_ns]))

@@ -20,11 +20,15 @@ ELSEWHERE_APPEAL: Final = 0.5
 class PictureLayout:
     """The areas of a picture seen from a seat, each with its appeal: the salience that its study
     gives, or else the root of its share of the mean size. Somebody to whom areas make no difference
-    looks all over the picture.
+    looks all over the picture. Areas of a film may move: they attract where they are, as much as
+    at their first key frame.
 
     Of a panorama before a `screen`, which shows it `turned_deg` to the right and upwards, they see
     what is on the screen.
     """
+
+    _moving_sheets: Sequence[tuple[int, PlacedAreas]] = ()
+    """Sheets of which some area moves, each with the place of its first area."""
 
     def __init__(
         self,
@@ -35,16 +39,23 @@ class PictureLayout:
         turned_deg: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         self.scene = scene
-        points, sizes, saliences, is_around = [], [], [], []
+        points: list[Vector] = []
+        sizes, saliences, is_around = [], [], []
+        self._seat = seat
+        moving: list[tuple[int, PlacedAreas]] = []
         for one in sheets:
             place_m = one.place_m
             if isinstance(one, SurroundingAreas):
                 place_m = partial(one.place_m, turned_deg=turned_deg)
+            elif any(area.keys for area in one.areas):
+                moving.append((len(points), one))
             for area in one.areas:
-                points.append(place_m(*area.middle()))
-                sizes.append(one.size_deg2(area, seat))
+                first = area.first()
+                points.append(place_m(*first.middle()))
+                sizes.append(one.size_deg2(first, seat))
                 saliences.append(area.salience)
                 is_around.append(isinstance(one, SurroundingAreas))
+        self._moving_sheets = moving
         n = len(points)
         size_deg2 = np.array(sizes)
         by_size = np.sqrt(size_deg2 / size_deg2.mean()) if n else size_deg2
@@ -75,6 +86,28 @@ class PictureLayout:
         self.agent_eyes = np.zeros((0, 3))
         ahead = offset[:n].mean(axis=0) if around is None else _ahead(around)
         self.rest = (float(np.arctan2(-ahead[0], -ahead[2])), 0.0)
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether some area moves."""
+        return len(self._moving_sheets) > 0
+
+    def move(
+        self, targets: npt.NDArray[np.void], appeal: npt.NDArray[np.float64], t_ns: int
+    ) -> None:
+        """Lead targets to where areas are at a session time; those that are not there attract
+        nobody, the others by their `appeal`.
+        """
+        for first, sheet in self._moving_sheets:
+            for i, area in enumerate(sheet.areas_now(t_ns), first):
+                targets["appeal"][i] = 0.0 if area is None else appeal[i]
+                if area is not None:
+                    offset = sheet.place_m(*area.middle()) - self._seat
+                    distance_m = np.linalg.norm(offset)
+                    targets["direction"][i] = offset / distance_m
+                    targets["distance_m"][i] = distance_m
+                    size_deg2 = sheet.size_deg2(area, self._seat)
+                    targets["radius_rad"][i] = np.radians(np.sqrt(size_deg2 / np.pi))
 
 
 def _ahead(around: SurroundingAreas) -> Vector:

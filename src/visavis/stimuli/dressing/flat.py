@@ -22,7 +22,7 @@ from visavis.stimuli.area_files import read_areas
 from visavis.stimuli.areas import Area, PictureAreas, PlacedAreas, SurroundingAreas
 from visavis.stimuli.dots import step_at
 from visavis.stimuli.dressing.picture_of import NOBODY
-from visavis.stimuli.film_file import FilmReader, film_facts
+from visavis.stimuli.film_file import FilmFacts, FilmReader, film_facts
 from visavis.stimuli.flat import Dots, Flat, Image, Text, Video, is_round, picture_path
 from visavis.stimuli.flat_pixels import (
     moving_pixels,
@@ -188,19 +188,25 @@ def areas_of(scene: FlatScene) -> tuple[PictureAreas, ...]:
 
 def _placed_areas(scene: FlatScene) -> Iterator[PlacedAreas]:
     for item, name in zip(scene.items, scene.names or ("",) * len(scene.items), strict=True):
-        if not name and not (isinstance(item, Image) and item.areas):
+        file = getattr(item, "areas", "")
+        if not name and not file:
             continue
         pose, size_m, size_px = place_of(item, scene)
-        if isinstance(item, Image):
+        film: FilmFacts | None = None
+        if isinstance(item, Image | Video):
             size_px = own_size_px(item, scene.folder)
+        if isinstance(item, Video):
+            film = film_facts(picture_path(item, scene.folder))
         wide, high = map(float, size_px)
         whole = Area(name, ((0.0, 0.0), (wide, 0.0), (wide, high), (0.0, high)))
         if is_round(item):
             whole = Area(name, ellipse=(wide / 2, high / 2, wide, high, 0.0))
         own: tuple[Area, ...] = ()
-        if isinstance(item, Image) and item.areas:
-            own = read_areas(scene.folder / item.areas, size_px)
-        yield PlacedAreas(pose, size_m, size_px, (*((whole,) if name else ()), *own))
+        if file:
+            own = read_areas(scene.folder / file, size_px, film=film)
+        end_s = 0.0 if film is None else float(film.stamps_s[-1])
+        areas = (*((whole,) if name else ()), *own)
+        yield PlacedAreas(pose, size_m, size_px, areas, scene.moves_since_ns, end_s)
 
 
 def own_size_px(item: Image | Video, folder: Path) -> tuple[int, int]:
