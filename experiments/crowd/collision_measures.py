@@ -125,6 +125,7 @@ def collision_rows(walk: Walk, volumes: WalkVolumes) -> list[dict[str, Any]]:
     index = {int(t): i for i, t in enumerate(walk.t_ns)}
     for collision in find_collisions(walk.t_ns, volumes.volume_m3, volumes.rule):
         i = index[collision.peak_ns]
+        x_m, z_m = place[index[collision.start_ns]].tolist()
         starts, ends = body.posed(walk.position_m[i], walk.orientation_wxyz[i])
         centre, printed_m3 = np.full(3, np.nan), np.nan
         if poser is not None:
@@ -143,6 +144,8 @@ def collision_rows(walk: Walk, volumes: WalkVolumes) -> list[dict[str, Any]]:
                 "start_s": (collision.start_ns - start_ns) / 1e9,
                 "end_s": (collision.end_ns - start_ns) / 1e9,
                 "duration_s": collision.duration_s,
+                "x_m": x_m,
+                "z_m": z_m,
                 "max_volume_dm3": 1000 * collision.max_volume_m3,
                 "max_volume_published_dm3": 1000 * printed_m3,
                 "peak_s": (collision.peak_ns - start_ns) / 1e9,

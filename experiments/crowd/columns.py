@@ -6,6 +6,7 @@ from typing import Final
 
 from visavis.experiments.crowd.design import CROWDS
 from visavis.protocol.plan.columns import Column, read_columns
+from visavis.results.time_course import TIME_COURSE, TIME_COURSE_COLUMNS
 
 _COLUMNS: Final = read_columns(Path(__file__).with_suffix(".csv"))
 
@@ -19,6 +20,7 @@ SIMILARITY: Final = (
     ),
 )
 TABLES: Final[Mapping[str, Sequence[Column]]] = {
-    name: _COLUMNS[name] for name in ("collisions", "crossings", "cells", "pulses")
+    **{name: _COLUMNS[name] for name in ("collisions", "crossings", "cells", "pulses")},
+    TIME_COURSE: TIME_COURSE_COLUMNS,
 }
 """Tables beside those of every study."""

@@ -32,7 +32,7 @@ from visavis.stimuli.scenes.station_crowd import (
 )
 
 SHORT_PAIRS = dict(zip(PAIRS, ("before–haptic", "haptic–after", "before–after"), strict=True))
-_UPRIGHT = np.array([1.0, -1.0])
+UPRIGHT = np.array([1.0, -1.0])
 """Seen from above, −z is up the page, so that right stays right."""
 
 
@@ -145,7 +145,7 @@ def _paths(group: GroupPaths, rows: pd.DataFrame, configuration: int) -> Figure:
         visits[condition].update(
             {(c[0], c[1], c[2]) for c in json.loads(row["cells"]) if c is not None}
         )
-        lines[condition].append(np.array(json.loads(row["track_m"])).reshape(-1, 2) * _UPRIGHT)
+        lines[condition].append(np.array(json.loads(row["track_m"])).reshape(-1, 2) * UPRIGHT)
     most = max((n for v in visits.values() for n in v.values()), default=1)
     for axes, condition in zip(panels, blocks, strict=True):
         picture = _map(axes, cells, visits[condition], most)
@@ -161,7 +161,7 @@ def _paths(group: GroupPaths, rows: pd.DataFrame, configuration: int) -> Figure:
 
 
 def _map(axes: Axes, cells: Triangulation, visits: Mapping[Cell, int], most: int) -> PolyCollection:
-    points = cells.positions_m * _UPRIGHT
+    points = cells.positions_m * UPRIGHT
     triangles = [as_cell(t) for t in cells.triangles]
     picture = PolyCollection(
         [points[list(t)] for t in triangles],
@@ -172,6 +172,13 @@ def _map(axes: Axes, cells: Triangulation, visits: Mapping[Cell, int], most: int
     )
     picture.set_clim(0, most)
     axes.add_collection(picture)
+    draw_place(axes, cells.positions_m)
+    return picture
+
+
+def draw_place(axes: Axes, people_m: Vector) -> None:
+    """Draw people (n, 2), the mark, and where the board can be read, from above."""
+    points = people_m * UPRIGHT
     axes.scatter(points[:, 0], points[:, 1], s=5, color=GREY, zorder=2)
     axes.plot([START_M[0]], [-START_M[1]], "s", color=VERMILION, markersize=6, zorder=4)
     turn = np.linspace(0, 2 * np.pi, 90)
@@ -185,4 +192,3 @@ def _map(axes: Axes, cells: Triangulation, visits: Mapping[Cell, int], most: int
     axes.set_xlim(-5.1, 5.1)
     axes.set_ylim(-5.1, 5.1)
     axes.set_xlabel("x (m)")
-    return picture

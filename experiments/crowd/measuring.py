@@ -7,6 +7,7 @@ import numpy as np
 
 from visavis.analysis.gait import step_length_m
 from visavis.experiments.crowd.columns import TABLES
+from visavis.experiments.crowd.looks import looks_of
 from visavis.experiments.crowd.measures import (
     DEFAULT_MEASURES,
     MeasureParameters,
@@ -17,10 +18,11 @@ from visavis.experiments.crowd.walks import walk_of, walk_records
 from visavis.protocol.plan.questionnaires import load_questionnaire
 from visavis.recording.reader import Recording
 from visavis.results.intake import person_of
+from visavis.results.time_course import TIME_COURSE
 from visavis.stimuli.scenes.station_crowd import DENSITY_PER_M2
 from visavis.study.pieces import MeasuredTrial, Pieces, Rows
 
-VERSION: Final = 8
+VERSION: Final = 9
 """Raise it when measures change, so that stored measures are computed again."""
 
 
@@ -50,6 +52,7 @@ def measure_trial(recording: Recording, trial_id: str, how: MeasureParameters) -
         "collisions": measures.collisions,
         "crossings": measures.crossings,
         "cells": [path_columns],
+        TIME_COURSE: looks_of(recording, walk),
     }
     return MeasuredTrial.plain(measures.row, tables)
 

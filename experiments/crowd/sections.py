@@ -21,6 +21,7 @@ from visavis.experiments.crowd import published
 from visavis.experiments.crowd.columns import SIMILARITY
 from visavis.experiments.crowd.figures import analysed_collisions, collision_figures
 from visavis.experiments.crowd.figures_paths import path_figures
+from visavis.experiments.crowd.figures_walks import walks_figure
 from visavis.experiments.crowd.paths import VARIANT_NAMES, VARIANTS, GroupPaths
 from visavis.results.analysis import StudyAnalysis
 from visavis.results.report.study_report import picture_of
@@ -66,6 +67,13 @@ def paths_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra
     rows = pd.DataFrame([row for group in groups for row in similarity_rows(group)])
     section = Section("paths", "Paths and cells", tuple(blocks))
     return Extra(section, (similarity, *maps), {"similarity": rows}, SIMILARITY)
+
+
+def walks_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:
+    """Return single walks from above, with where they met people."""
+    figure, shown = walks_figure(analysis, analysis.further[0])
+    section = Section("walks", "Walks and contacts", (picture_of(figure),))
+    return Extra(section, (figure,), shown=shown)
 
 
 def body_section(analysis: StudyAnalysis, experiment: StudyExperiment) -> Extra:

@@ -120,6 +120,7 @@ study = Study(
     pieces="visavis.experiments.crowd.measuring:PIECES",
     sections=[
         "visavis.experiments.crowd.sections:paths_section",
+        "visavis.experiments.crowd.sections:walks_section",
         "visavis.experiments.crowd.sections:body_section",
         "visavis.experiments.crowd.sections:haptics_section",
         "visavis.experiments.crowd.sections:measured_section",

@@ -11,7 +11,8 @@ import pytest
 
 from visavis.results.analysis import StudyAnalysis
 from visavis.results.selection import PERFORMED_AGAIN, PERSON_OUT, PRACTICE
-from visavis.results.unusual import UnusualTrial, looks_table, unusual_trials
+from visavis.results.unusual import looks_table, unusual_trials
+from visavis.study.sections import TrialToSee
 
 
 @dataclass(frozen=True)
@@ -92,9 +93,9 @@ def test_flagged_broken_off_and_left_out_trials_are_listed_with_why_but_no_pract
         },
     )
     assert (
-        UnusualTrial("01A", "ses-001", "T01", "operator_flag, unwell"),
-        UnusualTrial("01A", "ses-001", "T02", "skipped: disturbance: door"),
-        UnusualTrial("01A", "ses-001", "T03", "left out: 60 % lost"),
+        TrialToSee("01A", "ses-001", "T01", "operator_flag, unwell"),
+        TrialToSee("01A", "ses-001", "T02", "skipped: disturbance: door"),
+        TrialToSee("01A", "ses-001", "T03", "left out: 60 % lost"),
     ) == unusual_trials(made)
 
 
@@ -102,7 +103,7 @@ def test_a_trial_leads_to_its_page_where_that_stands_and_else_gives_the_command(
     tmp_path: Path,
 ) -> None:
     (tmp_path / "01A_ses-001.html").touch()
-    looks = [UnusualTrial(who, "ses-001", "T07", "flag") for who in ("01A", "02C")]
+    looks = [TrialToSee(who, "ses-001", "T07", "flag") for who in ("01A", "02C")]
     table = looks_table(tuple(looks), "data/real/duel", tmp_path)
     assert table is not None
     shown: list[Any] = [row[1] for row in table.rows]

@@ -9,7 +9,7 @@ from visavis.protocol.plan.columns import Column
 from visavis.results.analysis import StudyAnalysis
 from visavis.results.selection import Selection
 from visavis.results.time_course import KEY
-from visavis.results.unusual import UnusualTrial, key_of_row
+from visavis.results.unusual import key_of_row
 from visavis.study.look_order import (
     AREAS,
     DURATION_MS,
@@ -20,6 +20,7 @@ from visavis.study.look_order import (
     RIGHT_DEG,
     UP_DEG,
 )
+from visavis.study.sections import TrialToSee
 
 FIXATIONS: Final = "fixations"
 """The table of fixations, of all trials that count; before selection, of all that were measured."""
@@ -90,7 +91,7 @@ def moves_of(fixations: pd.DataFrame, factor: str) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=[*by, FROM, TO, PER_TRIAL, "trials"])
 
 
-def typical_trials(analysis: StudyAnalysis) -> list[tuple[object, UnusualTrial, pd.DataFrame]]:
+def typical_trials(analysis: StudyAnalysis) -> list[tuple[object, TrialToSee, pd.DataFrame]]:
     """Return of each level the trial with the median number of fixations, its name and they.
 
     Of several the first is taken; levels without any trial are left out, and those after
@@ -100,7 +101,7 @@ def typical_trials(analysis: StudyAnalysis) -> list[tuple[object, UnusualTrial, 
     if fixations is None:
         return []
     factor, rows = str(fixations.columns[len(KEY)]), analysis.selection.counted
-    typical: list[tuple[object, UnusualTrial, pd.DataFrame]] = []
+    typical: list[tuple[object, TrialToSee, pd.DataFrame]] = []
     for level in analysis.levels[factor][:MAX_LEVELS]:
         mine = fixations[fixations[factor] == level]
         counts = mine.groupby(KEY, sort=True).size()
@@ -110,10 +111,10 @@ def typical_trials(analysis: StudyAnalysis) -> list[tuple[object, UnusualTrial, 
         trial = mine[(mine[KEY] == key).all(axis=1)]
         row = rows[(rows[KEY] == key).all(axis=1)].iloc[0]
         why = f"{level}: {len(trial)} fixations, the median of its kind"
-        typical.append((level, UnusualTrial(*key_of_row(row), why), trial))
+        typical.append((level, TrialToSee(*key_of_row(row), why), trial))
     return typical
 
 
-def shown_trials(analysis: StudyAnalysis) -> list[UnusualTrial]:
+def shown_trials(analysis: StudyAnalysis) -> list[TrialToSee]:
     """Return the trials whose scan paths a report shows."""
     return [trial for _, trial, _ in typical_trials(analysis)]

@@ -33,7 +33,7 @@ from visavis.results.coding import ANNOTATIONS
 from visavis.results.family_tests import DEFAULT_TEST_RULES, TestRules
 from visavis.results.fidelity import design_names, names_of, refuse_unknown_names
 from visavis.results.flat_again import flat_views, read_items_text
-from visavis.results.gaze_order import FIXATIONS, shown_trials, with_fixations
+from visavis.results.gaze_order import FIXATIONS, with_fixations
 from visavis.results.intake import (
     SessionIntake,
     questionnaire,
@@ -54,7 +54,6 @@ from visavis.results.several_sessions import (
 from visavis.results.study_names import refuse_unusable_names
 from visavis.results.tables.dictionary import PEOPLE, of_shown, people_columns, trial_columns
 from visavis.results.time_course import TIME_COURSE, with_time_course
-from visavis.results.unusual import MAX_LISTED, UnusualTrial, unusual_trials
 from visavis.results.validation import judge_validation
 from visavis.stimuli.areas import rooms_in
 from visavis.stimuli.moving_heads import HEADS_MOVE, moving_heads
@@ -75,7 +74,7 @@ from visavis.study.moulding import SCENE as LIVE_SCENE
 from visavis.study.pieces import MeasuredTrial, Pieces
 from visavis.study.responses import Choice
 from visavis.study.scenes import FLAT, PAIR, ROOM, Scene, StagedScene, Staging, stage
-from visavis.study.sections import Confusion
+from visavis.study.sections import Confusion, TrialToSee
 from visavis.study.study_errors import line_saying
 from visavis.study.texts import label_of
 
@@ -94,7 +93,7 @@ class OpenedStudy:
     """How its locked plan was followed, for the report; None where no plan was locked."""
     tell: Callable[[str], None] | None = None
     """Called with a line on every trial and person that an analysis leaves out, and why."""
-    make_views: Callable[[Path, Sequence[UnusualTrial]], None] | None = None
+    make_views: Callable[[Path, Sequence[TrialToSee]], None] | None = None
     """Makes the pages of trials to look at, in the folder of the report."""
 
     @property
@@ -733,10 +732,6 @@ class OpenedStudy:
         for line in left_out_lines(analysis.selection, self.study.analysis.exclusions):
             if self.tell is not None:
                 self.tell(line)
-        if self.make_views is not None:
-            self.make_views(
-                out_dir, [*unusual_trials(analysis)[:MAX_LISTED], *shown_trials(analysis)]
-            )
         provenance = provenance_of_sessions(
             self.name,
             [s.manifest for s in sessions],
@@ -756,6 +751,7 @@ class OpenedStudy:
             facts,
             self.plan,
             [stream for s in sessions for stream in s.streams],
+            self.make_views,
         )
 
 

@@ -1,6 +1,7 @@
 """Write the results of a study: tables, dictionaries, figures, report."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import Any, Final
@@ -9,7 +10,7 @@ import pandas as pd
 
 from visavis.analysis.own_streams import OwnStream, figures_of_streams, streams_section
 from visavis.analysis.plots import ReportFigure, write_figure
-from visavis.analysis.report import Picture, ReportProvenance
+from visavis.analysis.report import Picture, ReportProvenance, Section
 from visavis.lab.errors import UsageError
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.questionnaires import Questionnaire
@@ -29,7 +30,13 @@ from visavis.results.figures.gaze_order_figures import gaze_order_figures
 from visavis.results.figures.study_figures import figure_of_quality, study_figures
 from visavis.results.figures.time_course_figure import time_course_figure
 from visavis.results.findings import Finding
-from visavis.results.gaze_order import FIXATION_COLUMNS, FIXATIONS, MOVE_COLUMNS, MOVES
+from visavis.results.gaze_order import (
+    FIXATION_COLUMNS,
+    FIXATIONS,
+    MOVE_COLUMNS,
+    MOVES,
+    shown_trials,
+)
 from visavis.results.intake import questionnaire
 from visavis.results.locked_plan.review import PlanReview, review_section
 from visavis.results.planned_tests import effect_name
@@ -50,9 +57,10 @@ from visavis.results.tables.dictionary import (
     write_table,
 )
 from visavis.results.time_course import TIME_COURSE, TIME_COURSE_COLUMNS
+from visavis.results.unusual import MAX_LISTED, VIEWS, shown_table, unusual_trials
 from visavis.study.experiment import StudyExperiment
 from visavis.study.measures import count_column
-from visavis.study.sections import Confusion, Extra, SectionOf, import_object
+from visavis.study.sections import Confusion, Extra, SectionOf, TrialToSee, import_object
 
 OWN_COLUMNS: Final[Mapping[str, Sequence[Column]]] = {
     TIME_COURSE: TIME_COURSE_COLUMNS,
@@ -72,11 +80,13 @@ def write_study(
     facts: Mapping[str, str] | None = None,
     plan: PlanReview | None = None,
     streams: Sequence[OwnStream] = (),
+    make_views: Callable[[Path, Sequence[TrialToSee]], None] | None = None,
 ) -> Path:
     """Write tables, figures and the report; return the report's path.
 
     `facts` are the recordings' answers to the reporting list for eye tracking, `plan` is the
-    review of a locked plan, `streams` are the recordings of the lab's own devices.
+    review of a locked plan, `streams` are the recordings of the lab's own devices. `make_views`
+    makes the pages of trials in the report's folder.
 
     Raises:
         UsageError: the folder cannot be written to.
@@ -88,7 +98,15 @@ def write_study(
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
         write_tables(analysis, experiment, questionnaires, out_dir, extras, quality)
-        sections = [extra.section for extra in extras if extra.section is not None]
+        shown = [trial for extra in extras for trial in extra.shown]
+        if make_views is not None:
+            striking = unusual_trials(analysis)[:MAX_LISTED]
+            make_views(out_dir, [*striking, *shown_trials(analysis), *shown])
+        sections = [
+            _with_shown(extra.section, extra.shown, provenance.folder, out_dir / VIEWS)
+            for extra in extras
+            if extra.section is not None
+        ]
         own = {d.name: d for extra in extras for d in extra.figures}
         del extras
         pictures: dict[str, Picture] = {}
@@ -117,6 +135,14 @@ def write_study(
     return build_report(
         analysis, experiment, provenance, pictures, path, questionnaires, sections, quality
     )
+
+
+def _with_shown(section: Section, shown: Sequence[TrialToSee], folder: str, views: Path) -> Section:
+    """Return a section with the trials that its figures show below them."""
+    if not shown:
+        return section
+    table = shown_table(shown, "Why", folder, views, "Trials that are shown")
+    return replace(section, blocks=(*section.blocks, table))
 
 
 def _section(

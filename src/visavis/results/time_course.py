@@ -13,7 +13,11 @@ TIME_COURSE: Final = "time_course"
 """The table of looks over time, by participant; before selection, by trial."""
 TIME_COURSE_COLUMNS: Final = (
     Column(T_MS, "ms", f"middle of a step of {STEP_MS} ms, from the start of looking"),
-    Column(ON_01, "1", "share of usable gaze on the agent in this step, mean over trials"),
+    Column(
+        ON_01,
+        "1",
+        "share of usable gaze on the agent in this step (of a crowd: on anybody), mean over trials",
+    ),
     Column("trials", "1", "trials with usable gaze in this step"),
 )
 KEY: Final = ["participant", "session", "trial_id", "attempt"]
@@ -31,7 +35,8 @@ def with_time_course(
     if by_trial is None or by_trial.empty or not cells:
         return others
     factor = cells[0]
-    trials = by_trial.merge(selection.counted[[*KEY, factor]], on=KEY, how="inner")
+    steps = by_trial[[*KEY, T_MS, ON_01]]
+    trials = steps.merge(selection.counted[[*KEY, factor]], on=KEY, how="inner")
     usable = trials.dropna(subset=[ON_01])
     by = usable.groupby(["participant", factor, T_MS], observed=True)[ON_01]
     course = by.agg(["mean", "size"]).reset_index()

@@ -1,7 +1,6 @@
 """Which recorded trials somebody should look at again, and where their pages are."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,6 +13,7 @@ from visavis.results.analysis import StudyAnalysis
 from visavis.results.selection import IS_ANALYSED, PERFORMED_AGAIN, PERSON_OUT, PRACTICE, REASON
 from visavis.results.several_sessions import SESSION_NUMBER
 from visavis.study.measures import Measure
+from visavis.study.sections import TrialToSee
 
 VIEWS: Final = "views"
 """Folder beside a report with the pages of its trials."""
@@ -26,17 +26,7 @@ MIN_TRIALS_PER_CONDITION: Final = 5
 MAX_LISTED: Final = 60
 
 
-@dataclass(frozen=True)
-class UnusualTrial:
-    """A participant's trial, and why somebody should look at it."""
-
-    participant: str
-    session: str
-    trial_id: str
-    why: str
-
-
-def unusual_trials(analysis: StudyAnalysis) -> tuple[UnusualTrial, ...]:
+def unusual_trials(analysis: StudyAnalysis) -> tuple[TrialToSee, ...]:
     """Return trials that were broken off, skipped, flagged or left out, or that have an outlier.
 
     A value is an outlier when it is farther than `MAX_MODIFIED_Z` from the median of the same
@@ -64,7 +54,7 @@ def unusual_trials(analysis: StudyAnalysis) -> tuple[UnusualTrial, ...]:
             whys.setdefault(key, []).extend(reasons)
     for key, why in _apart(analysis):
         whys.setdefault(key, []).append(why)
-    return tuple(UnusualTrial(*key, "; ".join(dict.fromkeys(why))) for key, why in whys.items())
+    return tuple(TrialToSee(*key, "; ".join(dict.fromkeys(why))) for key, why in whys.items())
 
 
 def _apart(analysis: StudyAnalysis) -> Iterator[tuple[tuple[str, str, str], str]]:
@@ -110,7 +100,7 @@ def view_name(participant: str, session: str) -> str:
     return f"{participant}_{session}.html"
 
 
-def trial_cell(one: UnusualTrial, folder: str, views: Path) -> Cell:
+def trial_cell(one: TrialToSee, folder: str, views: Path) -> Cell:
     """Return a trial's name that opens its page in `views`, or copies the command that shows it."""
     name = view_name(one.participant, one.session)
     session = f"{folder}/sub-{one.participant}/{one.session}"
@@ -122,7 +112,7 @@ def trial_cell(one: UnusualTrial, folder: str, views: Path) -> Cell:
     )
 
 
-def looks_table(trials: tuple[UnusualTrial, ...], folder: str, views: Path) -> Table | None:
+def looks_table(trials: tuple[TrialToSee, ...], folder: str, views: Path) -> Table | None:
     """Return the trials to look at, each with its page in `views`, or the command that makes it."""
     if not trials:
         return None
@@ -139,3 +129,11 @@ def looks_table(trials: tuple[UnusualTrial, ...], folder: str, views: Path) -> T
         f"the command that shows it; visavis report {folder} --views makes all pages. Values that "
         f"lie apart count: modified z beyond {MAX_MODIFIED_Z} (Iglewicz & Hoaglin, 1993)." + beyond,
     )
+
+
+def shown_table(
+    trials: Sequence[TrialToSee], why: str, folder: str, views: Path, title: str
+) -> Table:
+    """Return the trials that a figure shows, as `looks_table`; `why` heads what is said of each."""
+    rows = [(one.participant, trial_cell(one, folder, views), one.why) for one in trials]
+    return Table((Column("Participant"), Column("Trial"), Column(why)), tuple(rows), title)

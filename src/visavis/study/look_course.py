@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from visavis.analysis.gaze.targets import GazeTargets
 from visavis.lab.clock import NS_PER_MS
@@ -13,6 +14,7 @@ from visavis.study.look_measures import DEFAULT_MEASURE_PARAMETERS, MeasureParam
 STEP_MS: Final = 250
 T_MS: Final = "t_ms"
 ON_01: Final = "on_agent_01"
+"""The share; of a walk through a crowd that on anybody."""
 
 
 def look_course(
@@ -26,10 +28,20 @@ def look_course(
     span = span_of_row(row)
     samples = targets.between(span.start_ns, span.end_ns)
     is_usable = samples.valid & (samples.t_ns >= span.start_ns)
-    step_ns = STEP_MS * NS_PER_MS
-    step = (samples.t_ns[is_usable] - span.start_ns) // step_ns
-    steps = (span.end_ns - span.start_ns + step_ns // 2) // step_ns
     is_on = samples.areas(params.pad_deg)[is_usable] == span.active
+    yield from shares_in_steps(
+        samples.t_ns[is_usable] - span.start_ns, is_on, span.end_ns - span.start_ns
+    )
+
+
+def shares_in_steps(
+    since_ns: npt.NDArray[np.int64], is_on: npt.NDArray[np.bool_], length_ns: int
+) -> Iterator[dict[str, Scalar | None]]:
+    """Yield steps as `look_course` does; `since_ns` (n,) and `is_on` (n,) are of usable samples of
+    a stretch of so long, from its start.
+    """
+    step_ns = STEP_MS * NS_PER_MS
+    step, steps = since_ns // step_ns, (length_ns + step_ns // 2) // step_ns
     within = step < steps
     usable_count = np.bincount(step[within], minlength=steps)
     on_count = np.bincount(step[within], weights=is_on[within], minlength=steps)

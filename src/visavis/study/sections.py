@@ -23,18 +23,30 @@ ExperimentOfStudy: TypeAlias = Any
 
 
 @dataclass(frozen=True)
+class TrialToSee:
+    """A participant's trial, its session's folder, and why somebody should look at it."""
+
+    participant: str
+    session: str
+    trial_id: str
+    why: str
+
+
+@dataclass(frozen=True)
 class Extra:
     """A section of a study's report, or figures and tables alone.
 
     A figure with the name of a family of tests appears in that family's section. `figures` are
     written beside the report like the standard ones, `tables` as NAME.csv with a dictionary;
-    `columns` describe the columns that no other table has.
+    `columns` describe the columns that no other table has. `shown` are the trials that the
+    figures show, each listed below them with its page.
     """
 
     section: "Section | None" = None
     figures: "tuple[ReportFigure, ...]" = ()
     tables: "Mapping[str, pd.DataFrame]" = field(default_factory=dict)
     columns: tuple[Column, ...] = ()
+    shown: tuple[TrialToSee, ...] = ()
 
 
 SectionOf: TypeAlias = Callable[[AnalysisOfStudy, ExperimentOfStudy], Extra]

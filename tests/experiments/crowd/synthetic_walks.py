@@ -80,6 +80,8 @@ def walks(
                     "side": "left",
                     "max_volume_dm3": 0.5,
                     "duration_s": 0.3,
+                    "x_m": 0.5,
+                    "z_m": -0.5,
                     "speed_m_s": 0.4,
                 }
                 track = np.cumsum(rng.standard_normal((20, 2)) * 0.2, axis=0)

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from io import StringIO
 
 import pandas as pd
 import pytest
@@ -10,18 +11,26 @@ from tests.experiments.crowd.synthetic_walks import tables, walks
 from tests.experiments.crowd.tables import OPENED, analysed
 from visavis.analysis.report import ReportProvenance, SessionSource
 from visavis.experiments.crowd.columns import TRIALS
+from visavis.experiments.crowd.figures_walks import walks_figure
 from visavis.lab.errors import DataError
 from visavis.results.outputs import write_study
+from visavis.results.time_course import TIME_COURSE
+from visavis.results.unusual import VIEWS, view_name
 
 PROVENANCE = ReportProvenance("crowd", "1", "virtual time", commands=("visavis analyse crowd",))
 
 
 def written(folder, walked=None, provenance=PROVENANCE):
     """Write a study's analysis and return its report; six people by default."""
-    given = tables(walks(6) if walked is None else walked)
+    return write(tables(walks(6) if walked is None else walked), folder, provenance)
+
+
+def write(given, folder, provenance=PROVENANCE, make_views=None):
+    """Write the analysis of a study's tables and return its report."""
     analysis = analysed(given, n_permutations=19, n_splits=5)
     groups = {"group": list(analysis.levels["group"])} if "group" in analysis.levels else {}
-    return write_study(analysis, OPENED.experiment(groups), [], provenance, folder)
+    experiment = OPENED.experiment(groups)
+    return write_study(analysis, experiment, [], provenance, folder, make_views=make_views)
 
 
 @pytest.fixture(scope="module")
@@ -92,6 +101,54 @@ def test_pictures_with_volumes_name_their_rule(report):
 def test_figures_of_paths_stand_for_every_configuration(report):
     names = {p.name for p in (report.parent / "figures").glob("*.svg")}
     assert {"paths_1.svg", "paths_2.svg", "similarity.svg", "collisions_by_condition.svg"} <= names
+
+
+def test_single_walks_stand_from_above_with_their_contacts_and_each_opens_its_page(tmp_path):
+    asked = []
+
+    def make_views(folder, trials):
+        asked.extend(trials)
+        (folder / VIEWS).mkdir()
+        for one in trials:
+            (folder / VIEWS / view_name(one.participant, one.session)).touch()
+
+    text = write(tables(walks(2)), tmp_path, make_views=make_views).read_text(encoding="utf-8")
+    assert (tmp_path / "figures" / "walks.svg").exists()
+    assert ["T01", "T11", "T21"] == [one.trial_id for one in asked]
+    section = text.partition('id="walks"')[2].partition("</section")[0]
+    for one in asked:
+        assert f"views/{one.participant}_ses-001.html#trial={one.trial_id}" in section
+
+
+def test_a_walk_of_the_median_length_stands_for_its_block():
+    walked = walks(3, configurations=1)
+    for walk, path_m in zip(walked, [30.0, 31, 29, 40, 33, 28, 20, 32, 40], strict=True):
+        walk.row["path_m"] = path_m
+    analysis = analysed(tables(walked), n_permutations=19, n_splits=5)
+    figure, shown = walks_figure(analysis, analysis.further[0])
+    assert ["S00", "S02", "S00"] == [one.participant for one in shown]
+    data = pd.read_csv(StringIO(figure.data))
+    met = data[data["is_of"] == "collision"]
+    assert [[0.5, -0.5]] == met[["x_m", "z_m"]].drop_duplicates().to_numpy().tolist()
+    ways = data[data["is_of"] == "way"].drop_duplicates(["participant", "trial_id"])
+    assert [(one.participant, one.trial_id) for one in shown] == list(
+        ways[["participant", "trial_id"]].itertuples(index=False, name=None)
+    )
+    assert "NoHaptic1: 30.0 m, 1 collision, the median length of its block" == shown[0].why
+
+
+def test_looks_at_people_over_time_stand_by_block_where_gaze_was_recorded(tmp_path):
+    given = tables(walks(3, configurations=1))
+    key = ["participant", "session", "trial_id", "attempt", "condition"]
+    steps = [given["trials"][key].assign(t_ms=t, on_agent_01=0.25) for t in (125.0, 375.0)]
+    given[TIME_COURSE] = pd.concat(steps)
+    text = write(given, tmp_path).read_text(encoding="utf-8")
+    assert "share of usable gaze on people" in text
+    looks = pd.read_csv(tmp_path / "time_course.csv")
+    assert {"NoHaptic1": 6, "Haptic": 6, "NoHaptic2": 6} == looks[
+        "condition"
+    ].value_counts().to_dict()
+    assert {0.25} == set(looks["on_agent_01"])
 
 
 def test_one_person_still_gets_a_report(tmp_path):

@@ -9,12 +9,13 @@ from visavis.cli.viewer.content import page_content, trial_lengths_ns
 from visavis.cli.viewer.page import page_of
 from visavis.recording.cached import CachedRecording
 from visavis.recording.durable import make_folder, replace_file
-from visavis.results.unusual import VIEWS, UnusualTrial, view_name
+from visavis.results.unusual import VIEWS, view_name
 from visavis.running.sessions.study_folder import study_of_folder
 from visavis.study.cast import use_recorded_cast
+from visavis.study.sections import TrialToSee
 
 
-def write_views(folder: Path, out_dir: Path, striking: Sequence[UnusualTrial]) -> None:
+def write_views(folder: Path, out_dir: Path, striking: Sequence[TrialToSee]) -> None:
     """Write one page for every session of a study's `folder` with trials to look at.
 
     Trials that never began have nothing to show; a page made before is replaced.
@@ -36,5 +37,5 @@ def write_views(folder: Path, out_dir: Path, striking: Sequence[UnusualTrial]) -
         on_progress(len(trials_by_session), len(trials_by_session))
 
 
-def _session(one: UnusualTrial) -> tuple[str, str]:
+def _session(one: TrialToSee) -> tuple[str, str]:
     return one.participant, one.session

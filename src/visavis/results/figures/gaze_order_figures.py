@@ -24,10 +24,10 @@ from visavis.results.gaze_order import (
     TO,
     typical_trials,
 )
-from visavis.results.unusual import UnusualTrial
 from visavis.study.look_order import AGENT, DURATION_MS, ELSEWHERE, NUMBER, ON, OTHERS
 from visavis.study.look_order import RIGHT_DEG as RIGHT
 from visavis.study.look_order import UP_DEG as UP
+from visavis.study.sections import TrialToSee
 from visavis.study.texts import Texts, label_of
 
 SCAN_PATHS: Final = "scan_paths"
@@ -43,7 +43,7 @@ MIN_DRAWN: Final = 0.05
 """Moves in a trial, of which fewer are not drawn."""
 WIDEST_PT: Final = 7.0
 
-_Typical = tuple[object, UnusualTrial, pd.DataFrame]
+_Typical = tuple[object, TrialToSee, pd.DataFrame]
 
 
 def gaze_order_figures(analysis: StudyAnalysis, texts: Texts) -> list[ReportFigure]:

@@ -29,15 +29,16 @@ def time_course_figure(analysis: StudyAnalysis, texts: Texts) -> ReportFigure | 
         return None
     factor = course.columns[1]
     n = count_of(int(course["participant"].nunique()), "participant")
+    what = "the agent's head" if analysis.study.analysis.looks else "people"
     switches, darkest = _switches_s(analysis, factor), _darkest(course)
     note = " Dotted: the median moment of the change." if switches else ""
     return draw(
         TIME_COURSE,
-        lambda: _panels(analysis, course, switches, darkest, texts),
+        lambda: _panels(analysis, course, switches, darkest, texts, what),
         title=f"Looks over time by {label_of(texts, factor)}",
-        caption="Top: share of usable gaze on the agent's head, mean over "
-        f"{n} with 95 % confidence intervals. Beneath: a row for each participant, the darker the "
-        f"larger the share: black is {fraction(darkest, 1)}.{note}",
+        caption=f"Top: share of usable gaze on {what}, mean over {n} with 95 % confidence "
+        "intervals. Beneath: a row for each participant, the darker the larger the share: black is "
+        f"{fraction(darkest, 1)}.{note}",
         alternative=f"Lines of looks over time by {label_of(texts, factor)}, and rows of people.",
         is_simulated=analysis.is_simulated,
         data=csv_text(course.assign(is_simulated=analysis.is_simulated)),
@@ -64,6 +65,7 @@ def _panels(
     switches: dict[str, float],
     darkest: float,
     texts: Texts,
+    what: str,
 ) -> Figure:
     factor = course.columns[1]
     levels = [level for level in analysis.levels[factor] if (course[factor] == level).any()]
@@ -94,7 +96,7 @@ def _panels(
         if str(level) in switches:
             axes[0].axvline(switches[str(level)], color=colour, linewidth=1, linestyle=":")
             axes[i + 1].axvline(switches[str(level)], color=colour, linewidth=1.4, linestyle=":")
-    axes[0].set_ylabel("Share of gaze on the agent")
+    axes[0].set_ylabel(f"Share of gaze on {what}")
     axes[0].set_ylim(bottom=0)
     figure.legend(loc="outside upper center", ncols=min(2, len(levels)), frameon=False)
     axes[-1].set_xlabel("Time in the trial (s)")

@@ -54,7 +54,7 @@ from visavis.results.report.reporting_list import ExclusionCounts, reporting_tab
 from visavis.results.report.reworded import with_caveats
 from visavis.results.selection import rule_words
 from visavis.results.time_course import TIME_COURSE
-from visavis.results.unusual import VIEWS, looks_table, trial_cell, unusual_trials
+from visavis.results.unusual import VIEWS, looks_table, shown_table, unusual_trials
 from visavis.study.comparisons import trials_of
 from visavis.study.experiment import StudyExperiment
 from visavis.study.look_measures import LooksOn
@@ -352,12 +352,13 @@ def _in_order(
 ) -> list[Section]:
     if SCAN_PATHS not in pictures:
         return []
-    rows = tuple(
-        (trial.participant, trial_cell(trial, folder, out_dir / VIEWS), trial.why)
-        for trial in shown_trials(analysis)
+    table = shown_table(
+        shown_trials(analysis),
+        "Fixations",
+        folder,
+        out_dir / VIEWS,
+        "Trials whose scan paths are shown",
     )
-    heads = (Column("Participant"), Column("Trial"), Column("Fixations"))
-    table = Table(heads, rows, "Trials whose scan paths are shown")
     blocks = (pictures[SCAN_PATHS], table, pictures[MOVES])
     return [Section("in_order", "Looks in their order", blocks)]
 

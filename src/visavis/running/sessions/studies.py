@@ -33,7 +33,6 @@ from visavis.results.picture_delay import SETTING, read_sync_test, required_for
 from visavis.results.planned_tests import planned_tests
 from visavis.results.selection import IS_ANALYSED
 from visavis.results.several_sessions import absence_lines
-from visavis.results.unusual import UnusualTrial
 from visavis.running.sessions.bill_of_lading import short_bill_hash
 from visavis.running.sessions.damage import count_damage, describe, require_intact, write_damage
 from visavis.running.sessions.data_root import prepare_data_root
@@ -82,6 +81,7 @@ from visavis.study.cast import use_recorded_cast
 from visavis.study.catalogue import reference_of
 from visavis.study.experiment import StudyExperiment
 from visavis.study.pieces import Pieces
+from visavis.study.sections import TrialToSee
 
 
 class Notifier(Protocol):
@@ -231,7 +231,7 @@ def analyse_study(
     accept_damage: bool = False,
     peek: str | None = None,
     sync: Path | None = None,
-    make_views: Callable[[Path, Sequence[UnusualTrial]], None] | None = None,
+    make_views: Callable[[Path, Sequence[TrialToSee]], None] | None = None,
     notifier: Notifier = QUIET,
 ) -> Path:
     """Measure every session of a study and analyse them together; return the report's path.
