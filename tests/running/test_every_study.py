@@ -84,6 +84,7 @@ SMALL: dict[str, dict[str, Any]] = {
     },
     "adjectives": {"emotion": ["depression", "pleasure"]},
     "duel": {"repetitions": 1, "practice": 1},
+    "moulding_lab": {"beside_s": 5},
 }  # fmt: skip
 """Parameters that make a study short."""
 SHORT_COUNTS: dict[str, dict[str, Any]] = {"crowd": {"came_back": None, "surface": "capsules"}}

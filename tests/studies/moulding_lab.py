@@ -8,6 +8,7 @@ study = Study(
     "How active is a happy, and how active a sad walk?",
     factors=[Factor("mood", ["happy", "sad"])],
     calibrate=False,
+    parameters={"beside_s": 60},
     compare=[Compare("activeness", within="mood")],
     columns=[
         Column("tries", "1", "movements that the trial got back"),
@@ -24,7 +25,7 @@ NEAR = Near({"march": 1.0}, within_m=0.03)
 @study.trial
 def trial(t):
     made = yield t.mould(LIVE, [Slider("activeness")], limit_s=60, caption=f"Make it {t.mood}.")
-    reached = yield t.mould(BESIDE, [Slider("likeness")], until=NEAR, limit_s=60)
+    reached = yield t.mould(BESIDE, [Slider("likeness")], until=NEAR, limit_s=t.beside_s)
     return {"tries": len(made.moves), "reached": reached.ended_by}
 
 
