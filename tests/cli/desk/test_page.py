@@ -424,8 +424,9 @@ def test_a_session_in_real_time_is_commanded_and_outlives_a_killed_desk(
     browser: Any, tmp_path: Path
 ) -> None:
     (tmp_path / "lab_config.yaml").write_text(EXAMPLE.read_text("utf-8"), "utf-8")
-    study = REPOSITORY / "tests/studies/duel.py"
-    running = started(tmp_path, "run", str(study), "--participant", "1", "--devices", "sim")
+    # Nothing is calibrated before its first trial, and it lasts until somebody ends it.
+    study = [str(REPOSITORY / "tests/studies/greeting.py"), "--set", "repetitions=50"]
+    running = started(tmp_path, "run", *study, "--participant", "1", "--devices", "sim")
     desks = [started(tmp_path, "desk")]
     try:
         page = opened(browser, address_told(desks[0]))
@@ -461,7 +462,7 @@ def test_a_session_in_real_time_is_commanded_and_outlives_a_killed_desk(
             process.wait()
             assert process.stdout is not None
             process.stdout.close()
-    path = tmp_path / "data/simulated/duel/sub-S01B/ses-001"
+    path = tmp_path / "data/simulated/greeting/sub-S01B/ses-001"
     events = Recording(path).events()
     asked = [e["action"] for e in events.loc[events["name"] == "operator", "payload"]]
     assert ["note", "pause", "advance", "abort"] == asked
