@@ -163,7 +163,7 @@ class Observer(PressesNothing):
             return
         self._gaze, self._openness = view.gaze_direction, view.eye_openness_01
         if self._effect and view.scene.brightness_01 > 0:
-            if self._moving is not None:
+            if isinstance(self._moving, Layout):  # a picture has no eyes
                 self._agent_eyes = self._moving.eyes_at(t_display_ns)
             self._plan_number += attention_causes.see_gaze(
                 self._mind,
