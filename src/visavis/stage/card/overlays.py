@@ -100,16 +100,16 @@ class Overlays:
             if self._in_light:
                 self._context.enable_direct(GL_FRAMEBUFFER_SRGB)
         is_lost = place.t_sample_ns is None
-        towards = np.zeros(3) if is_lost else place.direction
-        covers = 2.0 if is_lost else float(window.is_around)
-        half, edge = np.radians(window.window_deg) / 2, np.radians(window.edge_deg) / 2
-        colour = (*np.array(veil.colour_srgb) / 255, 1.0)
+        half_deg, edge_deg = window.window_deg / 2, window.edge_deg / 2
+        rim_rad = np.radians((half_deg - edge_deg, half_deg + edge_deg))
+        from_eye = np.zeros(3) if is_lost else camera.pose.position_m - place.eye_m
         for name, values in (
             ("picture_from_corner", _ray_from_corner(camera).T),
-            ("from_eye", (np.zeros(3) if is_lost else camera.pose.position_m - place.eye_m)),
-            ("towards", towards),
-            ("window", (half, edge, veil.distance_m, covers)),
-            ("colour", colour),
+            ("from_eye", from_eye / veil.distance_m),
+            ("towards", np.zeros(3) if is_lost else place.direction),
+            ("rim", 2 * np.sin(rim_rad / 2)),
+            ("kind", (is_lost, window.is_around)),
+            ("colour", (*np.array(veil.colour_srgb) / 255, 1.0)),
             ("blur_px", (blur_px,)),
         ):
             set_bytes(self._programs["veil"], name, np.asarray(values, np.float32).tobytes())
