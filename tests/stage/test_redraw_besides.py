@@ -13,17 +13,19 @@ from tests.stage.sessions import NowAndThen
 from visavis.cli.redraw import redraw
 from visavis.devices.registry import OPTION_MODELS
 from visavis.lab.config import load_config
+from visavis.lab.config_files import EXAMPLE
 from visavis.lab.errors import UsageError
 from visavis.recording.cached import CachedRecording
 from visavis.recording.folder import study_dir
 from visavis.recording.reader import Recording
+from visavis.results.opened_study import find_study
 from visavis.running.sessions.perform import perform_new
 from visavis.running.sessions.session_request import simulated_request
 from visavis.running.sessions.study_folder import settle, wanted_settings
 from visavis.stage.drawn_stage import Display, default_views
 from visavis.stage.errors import StageError
 from visavis.stage.own_body import OwnBody
-from visavis.stage.renderer import LIGHTEST, Renderer
+from visavis.stage.renderer import LIGHTEST, Quality, Renderer
 from visavis.stimuli.dressing.casting import default_casting
 from visavis.stimuli.dressing.picture_of import picture_of
 
@@ -145,3 +147,56 @@ def test_a_figure_is_drawn_again_as_it_was_moulded(
         again = redraw(recording, int(drawn["frame"][i]))
         for old, new in zip(stage.kept[i][1], again, strict=True):
             assert np.abs(old.astype(int) - new.astype(int)).max() <= 1
+
+
+WINDOWS = """
+from visavis import Factor, Shape, Study
+
+study = Study("windows", "S", factors=[Factor("seen", ["gaze", "around gaze"])], calibrate=False)
+
+@study.trial
+def trial(t):
+    yield t.show(Shape("rectangle", 40, colour="red"), 3, reveal=t.seen, window_deg=20, blur_deg=0)
+"""
+
+
+def test_frames_that_were_drawn_with_a_window_after_gaze_redraw_with_it_where_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[NowAndThen] = []
+
+    def build(_: object, experiment: Any, *arguments: Any) -> NowAndThen:
+        display = Display(default_views, lambda: (48, 54), experiment.people_count)
+        quality = Quality(samples=0)
+        made.append(
+            NowAndThen(
+                picture_of,
+                lambda: Renderer(quality=quality),
+                display,
+                arguments[-2],
+                viewers=arguments[-1],
+                every=9,
+            )
+        )
+        return made[0]
+
+    monkeypatch.setattr(visavis.running.sessions.perform, "build_stage", build)
+    (tmp_path / "windows.py").write_text(WINDOWS, "utf-8")
+    study = find_study(str(tmp_path / "windows.py"))
+    monkeypatch.setattr("visavis.cli.redraw.study_of_folder", lambda *of: (study, ""))
+    config = load_config(EXAMPLE).model_copy(
+        update={"data_root": tmp_path / "data", "key_root": tmp_path / "keys"}
+    )
+    asked = simulated_request(study, study.experiment({}), config, label="S01", index=0, seed=1)
+    recording = Recording(perform_new(asked))
+    (stage,) = made
+    stage.close()
+    frames = recording.stream_arrays("drawn")["frame"].tolist()
+    shares = []
+    for (_, images), frame in zip(stage.kept, frames, strict=True):
+        is_red = images[0][..., 0] > 200
+        if 0 < is_red.mean() < 0.9:
+            again = redraw(recording, frame)
+            assert all((a == b).all() for a, b in zip(again, images, strict=True))
+            shares.append(round(float(is_red.mean()), 2))
+    assert len(set(shares)) > 2
