@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from PIL import Image
 from typer.testing import CliRunner
 
 from tests.sessions import opened, perform
@@ -58,11 +59,15 @@ def test_a_map_is_of_one_trial_and_what_is_behind_the_eye_is_nowhere() -> None:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def drawing() -> None:
     try:
         Renderer(quality=LIGHTEST).close()
     except StageError as problem:
         pytest.skip(str(problem))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory, drawing: None) -> Path:
     root = tmp_path_factory.mktemp("map")
     study = opened("duel")
     where = study_dir(root, study.name, is_simulated=True)
@@ -74,7 +79,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_people_look_at_people_and_the_map_says_how_long(folder: Path) -> None:
     data = open_study(folder)
-    made = gaze_maps(data, "gaze", peek=None, on_trial=lambda done, total: None)
+    (made,) = gaze_maps(data, "gaze", peek=None, on_trial=lambda done, total: None)
     counted = data.analysis().selection.counted
     for level in made.levels:
         seconds = (made.maps[level] * made.grid.area_deg2()).sum(axis=(1, 2))
@@ -126,3 +131,71 @@ def test_the_verb_writes_pictures_and_a_table_and_says_what_differs(folder: Path
         assert (figures / f"gaze_map_by_gaze.{ending}").stat().st_size > 1000
     assert "simulated-watermark" in (figures / "gaze_map_by_gaze.svg").read_text()
     assert "Not compared" in result.output
+
+
+PICTURES = """
+from visavis import Factor, Image, Study, Text, looks_at
+
+study = Study(
+    "seen", factors=[Factor("place", ["desk", "shelf"]), Factor("light", ["day", "night"])],
+    repetitions=1, measures=[looks_at("left")[0]],
+)
+
+@study.trial
+def trial(t):
+    yield t.show(Text("+"), seconds=0.5, name="fixation")
+    yield t.show(Image(f"{t.place}.png", 20, areas="areas.yaml"), seconds=1.5)
+"""
+
+
+def test_pictures_one_after_another_are_refused_with_what_to_say(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = open_study(folder)
+    (trial_id, *_) = data.analysis().selection.counted["trial_id"]
+    payloads = [
+        {
+            "trial_id": trial_id,
+            "name": name,
+            "start_ns": ns,
+            "option_items": f"(Image(file='{name}.png', width_deg=3.0),)",
+        }
+        for name, ns in (("stimulus", 1), ("stimulus2", 2))
+    ]
+    shown = pd.DataFrame({"payload": payloads})
+    ends = np.zeros((1, 3)), np.ones((1, 3)), np.ones(1)
+    monkeypatch.setattr("visavis.cli.gaze_map._ends", lambda *of: ends)
+    monkeypatch.setattr(CachedRecording, "events_named", lambda *of: shown)
+    with pytest.raises(UsageError, match=r"one after another; .*\(stimulus, stimulus2\)"):
+        gaze_maps(data, "gaze", peek=None, on_trial=lambda done, total: None)
+
+
+def test_each_picture_has_maps_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, drawing: None
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "seen.py").write_text(PICTURES, "utf-8")
+    (tmp_path / "areas.yaml").write_text("left: {ellipse: [60, 60, 40, 40]}\n", "utf-8")
+    for name, grey in (("desk", 40), ("shelf", 200)):
+        Image.new("RGB", (240, 120), (grey, grey, grey)).save(tmp_path / f"{name}.png")
+    for command in (
+        "init --screen",
+        "simulate ./seen.py --participants 1 --processes 1 --output data",
+    ):
+        result: Any = CliRunner().invoke(app, command.split())
+        assert 0 == result.exit_code, result.output
+    data = open_study(tmp_path / "data" / "simulated" / "seen")
+    desk, shelf = gaze_maps(data, "light", peek=None, on_trial=lambda done, total: None)
+    assert ("desk", "shelf") == (desk.picture, shelf.picture)
+    assert ("day", "night") == desk.levels == shelf.levels
+    middle = desk.image[desk.image.shape[0] // 2, desk.image.shape[1] // 2, 0]
+    assert 100 < shelf.image[shelf.image.shape[0] // 2, shelf.image.shape[1] // 2, 0] - int(middle)
+    (one,) = gaze_maps(data, "place", peek=None, on_trial=lambda *of: None, during="fixation")
+    assert "" == one.picture  # the cross was the same in all trials
+    result = CliRunner().invoke(
+        app, [*"gaze-map data/simulated/seen --by place --during stimulus -o map".split()]
+    )
+    assert 0 == result.exit_code, result.output
+    names = {path.name for path in (tmp_path / "map").glob("*.csv")}
+    assert {"gaze_map_by_place_desk.csv", "gaze_map_by_place_shelf.csv"} == names
+    assert "desk: Not compared: there is one level." in result.output

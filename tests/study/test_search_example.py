@@ -24,6 +24,6 @@ def test_the_ready_search_goes_from_plan_to_report_and_on_after_a_kill(tmp_path,
     findings = pd.read_csv(folder / "derived" / "statistics.csv")
     assert {"key_first_look_ms", "answer_ms"} <= set(findings["measure"])
     invoked("gaze-map", str(folder), "--by", "clutter", "--during", "stimulus", "-o", "map")
-    assert "map/gaze_map_by_clutter.svg" in drawn_files(tmp_path)
+    assert "map/gaze_map_by_clutter_full_1.svg" in drawn_files(tmp_path)
     report = next(folder.rglob("report.html")).read_text("utf-8")
     assert "Time to the first look at key" in report

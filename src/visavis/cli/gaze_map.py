@@ -1,6 +1,6 @@
 """Maps of gaze on the scene: how long people looked where, by condition, on what was drawn."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -28,9 +28,11 @@ from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Pose, Vector, quat_conjugate, quat_from_yaw_pitch_deg, rotate
 from visavis.recording.cached import CachedRecording
 from visavis.recording.csv_file import write_csv
+from visavis.results.flat_again import read_items_text
 from visavis.results.opened_study import OpenedStudy
 from visavis.results.several_sessions import SESSION_NUMBER
 from visavis.running.scripts import StudyData
+from visavis.stimuli.flat import Image, Video
 from visavis.stimuli.room_areas import RoomAreas
 from visavis.stimuli.surfaces import Surfaces
 from visavis.study.area_measures import areas_shown
@@ -52,13 +54,17 @@ ALPHA: Final = 0.05
 
 @dataclass(frozen=True, eq=False)
 class TrialGaze:
-    """A trial's usable gaze: eyes (n, 3), ends on what was drawn (n, 3), seconds of each sample."""
+    """A trial's usable gaze: eyes (n, 3), ends on what was drawn (n, 3), seconds of each sample.
+
+    `pictures` are the images and films that it showed.
+    """
 
     participant: str
     level: str
     eyes_m: Vector
     ends_m: Vector
     seconds: Values
+    pictures: tuple[Image | Video, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +72,7 @@ class GazeMaps:
     """Maps by level (participants, rows, columns) in s per square degree and trial, on a picture.
 
     `clusters` are those in which the first two levels differ; None where they were not compared,
-    `why_not` says why.
+    `why_not` says why. `picture` names what these trials showed, where others showed another.
     """
 
     factor: str
@@ -79,6 +85,7 @@ class GazeMaps:
     why_not: str
     outlines: tuple[tuple[str, Values], ...] = ()
     """The areas of interest of the trial that is drawn, by name: tangents (corners, 2)."""
+    picture: str = ""
 
 
 def gaze_maps(
@@ -88,13 +95,15 @@ def gaze_maps(
     peek: str | None,
     on_trial: Callable[[int, int], None],
     during: str = "",
-) -> GazeMaps:
+) -> tuple[GazeMaps, ...]:
     """Return the maps of a study's trials that count, and where its first two levels differ.
 
-    Gaze counts while what the columns of the name `during` tell of was shown; without one, always.
+    Where trials showed different pictures or films, each has maps of its own. Gaze counts while
+    what the columns of the name `during` tell of was shown; without one, always.
 
     Raises:
-        UsageError: there is no such factor, no gaze, or people looked from places too far apart.
+        UsageError: there is no such factor, no gaze, people looked from places too far apart, or
+            a trial showed several pictures and nobody said which one counts.
         StageError: nothing draws here.
     """
     analysis = data.analysis(peek=peek)
@@ -103,7 +112,7 @@ def gaze_maps(
         raise UsageError(f"--by {factor}: {data.study.name} has the factors {names}")
     trials = analysis.selection.counted
     levels = tuple(str(v) for v in analysis.levels[factor] if (trials[factor] == v).any())
-    looks, first = _looks(data, trials, factor, on_trial, during)
+    looks, firsts = _looks(data, trials, factor, on_trial, during)
     eyes_m = np.concatenate([one.eyes_m for one in looks])
     middle_m = np.median(eyes_m, axis=0)
     apart_m = float(np.percentile(np.linalg.norm(eyes_m - middle_m, axis=1), 95))
@@ -112,14 +121,31 @@ def gaze_maps(
             f"people looked from places up to {apart_m:.1f} m apart: no one picture shows "
             "what they saw; visavis view shows a session as it was"
         )
-    image, seen_from, grid, t_ns = _scene(data.study, first, middle_m, looks, during)
-    maps, people = {}, {}
-    for level in levels:
-        of_people = maps_of_people([one for one in looks if one.level == level], seen_from, grid)
-        people[level], maps[level] = tuple(of_people), np.array(list(of_people.values()))
-    clusters, why_not = _compare(levels, people, maps)
-    outlines = _outlines(first, during, seen_from, t_ns)
-    return GazeMaps(factor, levels, people, maps, grid, image, clusters, why_not, outlines)
+    file_names = _names_of(firsts) if len(firsts) > 1 else [""]
+    of_pictures = []
+    for name, (pictures, (first, since_ns)) in zip(file_names, firsts.items(), strict=True):
+        mine = [one for one in looks if one.pictures == pictures]
+        image, seen_from, grid, t_ns = _scene(data.study, first, middle_m, mine, during, since_ns)
+        maps, people = {}, {}
+        own = tuple(level for level in levels if any(one.level == level for one in mine))
+        for level in own:
+            of_people = maps_of_people([one for one in mine if one.level == level], seen_from, grid)
+            people[level], maps[level] = tuple(of_people), np.array(list(of_people.values()))
+        clusters, why_not = _compare(own, people, maps)
+        outlines = _outlines(first, during, seen_from, t_ns)
+        of_pictures.append(
+            GazeMaps(factor, own, people, maps, grid, image, clusters, why_not, outlines, name)
+        )
+    return tuple(sorted(of_pictures, key=lambda maps: maps.picture))
+
+
+def _names_of(pictures: Iterable[tuple[Image | Video, ...]]) -> list[str]:
+    """Return what each picture is called, or several that were shown together: by their files."""
+    names = ["_".join(Path(one.file).stem for one in of) or "none" for of in pictures]
+    return [
+        name if names.count(name) == 1 else f"{name}_{names[: k + 1].count(name)}"
+        for k, name in enumerate(names)
+    ]
 
 
 def _outlines(
@@ -147,10 +173,12 @@ def _looks(
     factor: str,
     on_trial: Callable[[int, int], None],
     during: str,
-) -> tuple[list[TrialGaze], RecordedTrial]:
-    """Return the gaze of every trial that counts, and the first of these trials."""
+) -> tuple[list[TrialGaze], dict[tuple[Image | Video, ...], tuple[RecordedTrial, int]]]:
+    """Return the gaze of every trial that counts, and of each picture the first trial that showed
+    it, and since when (session time, ns; 0 without any).
+    """
     looks: list[TrialGaze] = []
-    first: RecordedTrial | None = None
+    firsts: dict[tuple[Image | Video, ...], tuple[RecordedTrial, int]] = {}
     surfaces, number = Surfaces(COARSE), 0
     numbers = trials.get(SESSION_NUMBER.name, trials["session"])
     for session in data.sessions:
@@ -167,7 +195,7 @@ def _looks(
         for trial_id, level in zip(mine["trial_id"], mine[factor], strict=True):
             trial = recorded_trial(recording, str(trial_id))
             payloads = recording.events_named("shown", trial.part)["payload"]
-            mine_here = (p for p in payloads if p.get("trial_id") == str(trial_id))
+            mine_here = [p for p in payloads if p.get("trial_id") == str(trial_id)]
             if any("option_panorama" in payload for payload in mine_here):
                 raise UsageError(
                     f"{session.path}: trial {trial_id} showed a panorama, which is all around: no "
@@ -176,14 +204,33 @@ def _looks(
                 )
             ends = _ends(data.study, trial, surfaces, during)
             if ends is not None:
-                first = first or trial
-                looks.append(TrialGaze(manifest.participant, str(level), *ends))
+                since_ns = _pictures_of(mine_here, during)
+                if len(set(since_ns.values())) > 1:
+                    names = ", ".join(dict.fromkeys(str(p["name"]) for p in mine_here))
+                    raise UsageError(
+                        f"{session.path}: trial {trial_id} showed pictures one after another; say "
+                        f"by --during while which of them gaze counts ({names})"
+                    )
+                pictures = tuple(since_ns)
+                firsts.setdefault(pictures, (trial, max(since_ns.values(), default=0)))
+                looks.append(TrialGaze(manifest.participant, str(level), *ends, pictures))
             number += 1
             on_trial(number, len(trials))
-    if first is None:
+    if not firsts:
         what = f"while {during!r} was shown" if during else "on a scene"
         raise UsageError(f"{data.path}: no trial that counts has usable gaze {what}")
-    return looks, first
+    return looks, firsts
+
+
+def _pictures_of(payloads: Iterable[Mapping[str, Any]], during: str) -> dict[Image | Video, int]:
+    """Return the images and films of a trial's events "shown", and when each came first (ns)."""
+    since_ns: dict[Image | Video, int] = {}
+    for payload in payloads:
+        if during in ("", payload["name"]):
+            for item in read_items_text(str(payload.get("option_items", "()"))):
+                if isinstance(item, Image | Video):
+                    since_ns.setdefault(item, int(payload["start_ns"]))
+    return since_ns
 
 
 def _ends(
@@ -238,9 +285,10 @@ def _scene(
     eye_m: Vector,
     looks: Sequence[TrialGaze],
     during: str,
+    since_ns: int,
 ) -> tuple[Any, Pose, Grid, int]:
-    """Draw the first trial's scene from the middle of all eyes, towards the middle of all gaze, and
-    say of which time.
+    """Draw the first trial's scene after a time from the middle of all eyes, towards the middle of
+    all gaze, and say of which time.
     """
     ends_m = np.concatenate([one.ends_m for one in looks])
     toward = ends_m - eye_m
@@ -253,7 +301,7 @@ def _scene(
     tangents = np.maximum(np.abs(x[before]) / aspect, np.abs(y[before]))
     top = float(np.clip(1.1 * np.quantile(tangents, WITHIN_01), MIN_TANGENT, MAX_TANGENT))
     start_ns, end_ns = first.span_of(during) or first.span_ns
-    times = np.linspace(start_ns, end_ns, 9)[1:-1].astype(np.int64).tolist()
+    times = np.linspace(max(start_ns, since_ns), end_ns, 9)[1:-1].astype(np.int64).tolist()
     shown_at = pictures_of(study, first)
     t_ns = next((t for t in times if shown_at(t).brightness_01 > 0), None)
     if t_ns is None:
@@ -298,10 +346,11 @@ def figure_of_maps(result: GazeMaps, study: OpenedStudy, *, is_simulated: bool) 
     names = {level: label_of(texts, level) for level in result.levels}
     factor = label_of(texts, result.factor)
     n = count_of(len({who for of in result.people.values() for who in of}), "participant")
+    on_picture = f" on {result.picture}" if result.picture else ""
     return draw(
-        f"gaze_map_by_{result.factor}",
+        "_".join(filter(None, (f"gaze_map_by_{result.factor}", result.picture))),
         lambda: _figure(result, names),
-        title=f"Where people looked, by {factor}",
+        title=f"Where people looked{on_picture}, by {factor}",
         caption=f"Mean over {n} of the time of gaze on what was drawn, in ms per square degree and "
         f"trial, smoothed by 1°. {difference_words(result, study)} The scene is that of one trial, "
         "seen from the middle of all eyes.",

@@ -31,8 +31,9 @@ def gaze_map(
     """Draw how long people looked where on the scene, by condition, and where two differ.
 
     Gaze ends on what was drawn: people, things, walls. The scene is that of one trial, from the
-    middle of all eyes; studies in which people walk have no such place and are refused. With
-    --during, areas of interest of what was shown then are outlined.
+    middle of all eyes; studies in which people walk have no such place and are refused. Where
+    trials showed different pictures or films, each gets maps of its own. With --during, areas of
+    interest of what was shown then are outlined.
 
     Example: visavis gaze-map data/simulated/stare --by condition
     """
@@ -46,8 +47,11 @@ def gaze_map(
     is_simulated = any(session.is_simulated for session in data)
     out = where / DERIVED_FOLDER / "figures" if output is None else output
     out.mkdir(parents=True, exist_ok=True)
-    paths = write_maps(maps, data.study, out, is_simulated=is_simulated)
-    say(difference_words(maps, data.study))
+    paths = []
+    for of_picture in maps:
+        paths += write_maps(of_picture, data.study, out, is_simulated=is_simulated)
+        picture = f"{of_picture.picture}: " if of_picture.picture else ""
+        say(verbatim(f"{picture}{difference_words(of_picture, data.study)}"))
     for path in paths:
         say(f"written [b]{verbatim(path)}[/]")
     protect_and_register("gaze map", [session.path for session in data], out, paths)
