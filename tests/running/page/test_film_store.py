@@ -392,3 +392,24 @@ def test_a_page_that_refuses_a_study_does_so_at_plan_and_before_a_session(tmp_pa
         assert isinstance(answer.exception, DesignError), answer.output
         assert "it needs eye_tracker, which no page has" in str(answer.exception)
     assert [] == list(tmp_path.rglob("ses-*"))
+
+
+def test_a_study_that_no_page_performs_is_neither_served_nor_exported_but_imported(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "seen.py").write_text(SEEN.replace("LINES", 'needs=["eye_tracker"]'), "utf-8")
+    (tmp_path / "lab_config.yaml").write_text(EXAMPLE.read_text("utf-8"), "utf-8")
+    (tmp_path / "results.txt").write_text('{"run": "a", "line": 0, "arrived": {}}\n', "utf-8")
+
+    def asked(verb: str, *words: str) -> Any:
+        config = ["--config", str(tmp_path / "lab_config.yaml"), "--devices", "sim"]
+        return CliRunner().invoke(app, [verb, str(tmp_path / "seen.py"), *words, *config])
+
+    for verb, *words in (["serve"], ["export-web", "--places", "2", "-o", str(tmp_path / "b")]):
+        answer = asked(verb, *words)
+        assert isinstance(answer.exception, DesignError), answer.output
+        assert "it needs eye_tracker, which no page has" in str(answer.exception)
+    assert not (tmp_path / "b").exists()
+    answer = asked("import-web", str(tmp_path / "results.txt"))
+    assert "0 recorded" in answer.output
+    assert "left out: run a" in answer.output

@@ -108,6 +108,30 @@ def test_a_killed_server_goes_on_at_the_same_step(tmp_path: Path) -> None:
     assert "server restarted" in ";".join(recording.trials()["flags"].dropna())
 
 
+def test_who_began_goes_on_where_a_study_now_needs_what_no_page_has_and_nobody_new_is_let_in(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "many.py").write_text(STUDY, encoding="utf-8")
+    subprocess.run([*COMMAND, "init"], cwd=tmp_path, check=True, stdout=subprocess.DEVNULL)
+    server, base = begun(tmp_path)
+    try:
+        key = post(base, "/api/arrive", {"parameters": {}})["key"]
+        answered(base, key, 3)
+    finally:
+        server.kill()
+        server.communicate()
+    (tmp_path / "many.py").write_text(STUDY.replace("uses=()", 'needs=["eye_tracker"]'), "utf-8")
+    server, base = begun(tmp_path)
+    try:
+        assert "failed" == post(base, "/api/arrive", {"parameters": {}})["refused"]
+        assert {"kind": "end", "outcome": "done"} == answered(base, key, 99)["step"]
+    finally:
+        server.send_signal(signal.SIGINT)
+        server.communicate(timeout=60)
+    (path,) = tmp_path.glob("**/ses-001")
+    assert "complete" == Recording(path).status
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [(("--host", "0.0.0.0"), "--public"), (("--public", "https://a.example/x"), "root")],  # noqa: S104  # refused

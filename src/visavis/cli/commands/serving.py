@@ -31,7 +31,7 @@ from visavis.cli.commands.session import ENDING_SIGNALS, LanguageOption, SeedOpt
 from visavis.cli.notifier import NOTIFIER, prepare_pages
 from visavis.cli.studies import StudyHere, people_here, study_of_lab
 from visavis.lab.clock import SystemClock
-from visavis.lab.errors import ConfigError, UsageError
+from visavis.lab.errors import ConfigError, DesignError, UsageError
 from visavis.protocol.session.operator import UnattendedOperator
 from visavis.running.film_store import FilmStore, film_store, require_roles_of_pages
 from visavis.running.page.arrivals import check_completion
@@ -285,7 +285,6 @@ async def _serve(
         raise UsageError("this computer has no address on a network; join one, or say --host")
     names = tuple(dict.fromkeys(filter(None, (way.name, *near, *LOOPBACK))))
     certificate = _certificate(way, names, base) if way.is_lan else None
-    store = build_films(base, begins_sessions=True)
     key_file = None if here.is_simulated else here.key_file
 
     def withdraw(label: str) -> None:
@@ -294,6 +293,13 @@ async def _serve(
     def warn(text: str) -> None:
         errors.print(f"[yellow]{verbatim(text)}[/]", soft_wrap=True)
 
+    try:
+        store = build_films(base, begins_sessions=True)
+    except DesignError as error:
+        if not board_of(here.ledger.list(), here.folder).counts["left"]:
+            raise
+        store = build_films(base, begins_sessions=False)
+        warn(f"{error}. Nobody new is let in; people who left go on where they were")
     code = OpeningCode(say=warn) if way.is_lan else None
     reception = Reception(
         base,

@@ -18,7 +18,7 @@ from visavis.recording.folder import SessionFolder, create_session, open_session
 from visavis.recording.manifest import read_manifest
 from visavis.recording.reader import Recording
 from visavis.recording.writer import CloseStatus, Recorder
-from visavis.running.film_store import FilmStore
+from visavis.running.film_store import FilmStore, require_roles_of_pages
 from visavis.running.page.arrivals import (
     LINK,
     PLACES_AHEAD,
@@ -434,7 +434,12 @@ class Reception:
     def _begin(
         self, arrival: Arrival, entry: Participant | None = None, number: int = 1
     ) -> _OpenSession:
-        """Begin a new person's session, or a further one of somebody."""
+        """Begin a new person's session, or a further one of somebody.
+
+        Raises:
+            LabError: the study needs what no page has, or the session cannot be begun.
+        """
+        require_roles_of_pages(self._of_session(number))
         if entry is None:
             entry = self._registered(arrival) or self._add_to_ledger()
             if arrival.identifier:
