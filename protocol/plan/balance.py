@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from visavis.lab.errors import DesignError
+from visavis.lab.yaml_lines import names_or_none
 from visavis.protocol.plan.orders import Cell
 
 STARTS = 20
@@ -73,7 +74,8 @@ def _check_divisible(
     for name in balanced:
         if name not in names:
             raise DesignError(
-                f"cannot balance {name!r}: the factors within participants are {', '.join(names)}"
+                f"cannot balance {name!r}: the factors within participants are "
+                f"{names_or_none(names)}"
             )
         values = [cell[name] for cell in cells]
         for value in dict.fromkeys(values):

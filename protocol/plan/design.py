@@ -13,6 +13,7 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 
 from visavis.lab.errors import DesignError
+from visavis.lab.yaml_lines import names_or_none
 from visavis.protocol.plan.balance import balanced_blocks
 from visavis.protocol.plan.orders import (
     Cell,
@@ -391,7 +392,7 @@ def _check(design: Design) -> None:
         ("phased_by", (design.phased_by,)),
     ):
         problems += [
-            f"{role} names {name!r}; the factors within participants are {', '.join(within)}"
+            f"{role} names {name!r}; the factors within participants are {names_or_none(within)}"
             for name in factor_names
             if name is not None and name not in within
         ]

@@ -164,6 +164,14 @@ def test_a_wrong_name_is_told_before_anybody_takes_part(tmp_path, line, by, says
         written(tmp_path, study).experiment({})
 
 
+def test_where_there_is_no_area_at_all_the_message_ends_with_that(tmp_path):
+    bare = STUDY.replace('yield t.show({"cross": Text("+")}', 'yield t.show(Text("+")').replace(
+        ', areas=f"{t.side}.yaml"', ""
+    )
+    with pytest.raises(DesignError, match=r"no area or role 'door'; there are none$"):
+        written(tmp_path, bare).experiment({})
+
+
 def test_an_area_that_some_pictures_lack_is_named_at_plan_with_the_first_of_them(tmp_path):
     study = written(tmp_path)
     assert study.experiment({}).areas_in_part == ()

@@ -26,6 +26,7 @@ from visavis.cli.recorded_trial import RecordedTrial, recorded_trial
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import UsageError
 from visavis.lab.geometry import Pose, Vector, quat_conjugate, quat_from_yaw_pitch_deg, rotate
+from visavis.lab.yaml_lines import names_or_none
 from visavis.recording.cached import CachedRecording
 from visavis.recording.csv_file import write_csv
 from visavis.results.flat_again import read_items_text
@@ -108,7 +109,7 @@ def gaze_maps(
     """
     analysis = data.analysis(peek=peek)
     if factor not in analysis.levels:
-        names = ", ".join(analysis.levels)
+        names = names_or_none(analysis.levels)
         raise UsageError(f"--by {factor}: {data.study.name} has the factors {names}")
     trials = analysis.selection.counted
     levels = tuple(str(v) for v in analysis.levels[factor] if (trials[factor] == v).any())

@@ -10,7 +10,7 @@ from visavis.cli.notifier import say_when_compiling
 from visavis.lab.clock import SystemClock
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import ConfigError, UsageError
-from visavis.lab.yaml_lines import did_you_mean
+from visavis.lab.yaml_lines import did_you_mean, names_or_none
 from visavis.protocol.people.identifiers import means_label
 from visavis.protocol.people.key_file import KeyFile
 from visavis.protocol.people.ledger import Ledger, Participant, UnknownParticipant
@@ -268,7 +268,7 @@ def session_of(path: Path, config: Path | None, participant: str = "") -> Path:
     if participant:
         mine = [s for s in sessions if means_label(participant, label_of_session(s))]
         if not mine:
-            labels = ", ".join(dict.fromkeys(map(label_of_session, sessions)))
+            labels = names_or_none(dict.fromkeys(map(label_of_session, sessions)))
             raise UsageError(f"{participant} has no session there; there are {labels}")
         return mine[-1]
     return max(sessions, key=lambda s: read_manifest(s).created_wall_iso)

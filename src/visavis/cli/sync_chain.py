@@ -36,6 +36,7 @@ from visavis.lab.clock_fit import fit_clock, fit_one_way
 from visavis.lab.config import DeviceConfig, LabConfig
 from visavis.lab.errors import DeviceError, UsageError
 from visavis.lab.schema import SampleBatch
+from visavis.lab.yaml_lines import names_or_none
 from visavis.protocol.session.sync_test import (
     Patch,
     SeenHeadset,
@@ -92,7 +93,7 @@ def real_sensor(lab: LabConfig, name: str, clock: Clock, stack: ExitStack) -> Se
 
 def _real_device(lab: LabConfig, role: str, clock: Clock, stack: ExitStack) -> Device:
     if role not in lab.devices:
-        raise UsageError(f"no role {role!r} in {lab.path}; it has {', '.join(lab.devices)}")
+        raise UsageError(f"no role {role!r} in {lab.path}; it has {names_or_none(lab.devices)}")
     if lab.devices[role].simulated:
         raise UsageError(
             f"the lab's {role} is simulated, so nothing could be measured by it; use --simulated, "
@@ -128,7 +129,8 @@ def analyse(
             continue
         if channel not in traces:
             raise UsageError(
-                f"the sensor has no channel {channel!r} for {modality}; it has {', '.join(traces)}"
+                f"the sensor has no channel {channel!r} for {modality}; it has "
+                f"{names_or_none(traces)}"
             )
         trace = traces[channel]
         results.append(

@@ -87,6 +87,11 @@ def did_you_mean(word: object, choices: Iterable[str]) -> str:
     return f"; known: {', '.join(names)}" if names else ""
 
 
+def names_or_none(names: Iterable[object]) -> str:
+    """Return names for the end of a message that says what there is; "none" without any."""
+    return ", ".join(map(str, names)) or "none"
+
+
 def read_document(path: Path) -> Document:
     """Read a YAML file. Raises ConfigError when it cannot be read or is not YAML."""
     try:

@@ -10,6 +10,7 @@ from visavis.analysis.report.notation import count_of
 from visavis.analysis.statistics import adjust_p
 from visavis.analysis.statistics_report import answer
 from visavis.lab.errors import DataError, LabError
+from visavis.lab.yaml_lines import names_or_none
 from visavis.protocol.plan.steps import Scalar
 from visavis.recording.reader import Recording
 from visavis.recording.remarks import Remark
@@ -326,14 +327,14 @@ def answer_comparison(
     if measure is None:
         raise DataError(
             f"the comparison {compare.name} asks for {compare.dv}, which is no measure of this "
-            f"study; there are {', '.join(measures)}"
+            f"study; there are {names_or_none(measures)}"
         )
     factors = (*compare.within, *compare.between)
     unknown = [f for f in factors if f not in levels]
     if unknown:
         raise DataError(
             f"the comparison {compare.name} names {', '.join(unknown)}, which is no factor of this "
-            f"study; there are {', '.join(levels)}"
+            f"study; there are {names_or_none(levels)}"
         )
     # From here a comparison that cannot be tested is a finding that says why, so that the others
     # are still analysed.

@@ -14,7 +14,7 @@ from visavis.analysis.statistics_report.choices import PAIR_SIGN
 from visavis.lab.config import LabConfig
 from visavis.lab.errors import ConfigError, DataError, DesignError, UsageError
 from visavis.lab.garbage import collecting_seldom
-from visavis.lab.yaml_lines import did_you_mean
+from visavis.lab.yaml_lines import did_you_mean, names_or_none
 from visavis.people.person import StudyPerson
 from visavis.protocol.people.simulated_participant import SimulatedParticipant
 from visavis.protocol.plan.design import SESSION
@@ -208,9 +208,9 @@ class OpenedStudy:
         for name, kind, valid_names in uses:
             if name not in valid_names:
                 place = line_saying(self.study.files.path, name) or f"study {self.study.name}"
-                near = did_you_mean(name, valid_names)
-                is_short = "known:" not in near and not kind.startswith("column")
-                there = f" there are {', '.join(valid_names)}" if is_short else ""
+                near = did_you_mean(name, valid_names) or f"; there are {names_or_none(())}"
+                is_short = near.endswith("?") and not kind.startswith("column")
+                there = f" there are {names_or_none(valid_names)}" if is_short else ""
                 raise DesignError(f"{place}: there is no {kind} {name!r}{near}{there}")
         primary_tests(self.study, experiment.compare)
 
@@ -545,7 +545,7 @@ class OpenedStudy:
         if unknown:
             raise DataError(
                 f"{self.name} has no rule {', '.join(sorted(unknown))}; its rules are "
-                f"{', '.join(setting_names)}"
+                f"{names_or_none(setting_names)}"
             )
         delay_of(settings)
         limits_in_force(study.analysis.exclusions, settings)

@@ -22,6 +22,7 @@ from visavis.lab.clock import SystemClock
 from visavis.lab.config import LabConfig, load_config, parse_config, with_devices
 from visavis.lab.config_files import CONFIG_NAME, EXAMPLE, find_config
 from visavis.lab.errors import ConfigError, UsageError
+from visavis.lab.yaml_lines import names_or_none
 from visavis.protocol.people.identifiers import means_label
 from visavis.recording.folder import SIMULATED_ROOT
 from visavis.recording.reader import Recording, components_of
@@ -60,7 +61,7 @@ class StreamTable(pd.DataFrame):
             return super().__getitem__(key)
         parts = components_of(key, list(self.columns))
         if not parts:
-            raise KeyError(f"no {key!r}; there are {', '.join(map(str, self.columns))}")
+            raise KeyError(f"no {key!r}; there are {names_or_none(self.columns)}")
         return super().__getitem__(parts)
 
 

@@ -22,7 +22,7 @@ import numpy.typing as npt
 from visavis.lab.errors import ConfigError, DesignError
 from visavis.lab.foreign_text import require_csv
 from visavis.lab.plain_files import read_plain
-from visavis.lab.yaml_lines import did_you_mean, read_document
+from visavis.lab.yaml_lines import did_you_mean, names_or_none, read_document
 from visavis.stimuli.areas import Area, KeyFrame, Outline, pack_runs
 from visavis.stimuli.film_file import FilmFacts
 from visavis.stimuli.flat import COLOURS, rgb_of
@@ -344,7 +344,7 @@ def _area_of(
                 there = [colour for colour, _ in islice(_colours_of(labels), COLOURS_NAMED)]
                 raise DesignError(
                     f"{where}: no pixel of {picture.name} has the colour {of['colour']!r} of area "
-                    f"{name}; there are {', '.join(there) or 'none'}"
+                    f"{name}; there are {names_or_none(there)}"
                 )
             return Area(name, pixels=pack_runs(is_inside), salience=salience)
         if "ellipse" in of:

@@ -4,7 +4,7 @@ import inspect
 from collections.abc import Callable, Iterable
 from typing import Any, Final
 
-from visavis.lab.yaml_lines import did_you_mean
+from visavis.lab.yaml_lines import did_you_mean, names_or_none
 
 FORMER_NAMES: Final = {
     "called": "level_words",
@@ -28,7 +28,7 @@ def unknown_argument(what: str, argument: str, possible: Iterable[str]) -> str:
     near = new_name(argument, names) or did_you_mean(argument, names)
     if "did you mean" in near or "it is called" in near:
         return f"{what} takes no {argument!r}{near}"
-    return f"{what} takes no {argument!r}; it takes {', '.join(names)}"
+    return f"{what} takes no {argument!r}; it takes {names_or_none(names)}"
 
 
 def argument_names(function: Callable[..., Any]) -> tuple[str, ...]:

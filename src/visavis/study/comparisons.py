@@ -12,6 +12,7 @@ from visavis.analysis.statistics.published import check_f
 from visavis.analysis.statistics_report import Question
 from visavis.analysis.statistics_report.outcome import TESTS_OF_FACTORS
 from visavis.lab.errors import DesignError
+from visavis.lab.yaml_lines import names_or_none
 from visavis.protocol.plan.steps import Scalar
 from visavis.study.conditions import Groups, condition_of, fulfils
 from visavis.study.expectations import HOW_TO_WRITE, Order, orders_of
@@ -213,7 +214,7 @@ class Compare:
         if self.simple and (len(factors) < 2 or self.simple not in factors):
             raise DesignError(
                 f"the comparison of {self.dv} has no simple effects of {self.simple!r}; name one "
-                f"of its factors, of which it needs two (there are {', '.join(factors) or 'none'})"
+                f"of its factors, of which it needs two (there are {names_or_none(factors)})"
             )
         test = self.model or self.test
         if self.simple and test and test not in TESTS_OF_FACTORS:

@@ -7,6 +7,7 @@ import numpy as np
 
 from visavis.lab.clock import NS_PER_S
 from visavis.lab.errors import DesignError
+from visavis.lab.yaml_lines import names_or_none
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import FrameView, Mark, PlaySound, Scalar
 from visavis.stimuli.areas import areas_text
@@ -309,7 +310,7 @@ class LitTrial:
         if who is None:
             raise DesignError(
                 f"{film.scene.name} is spoken by {voice.speaker!r}, whom nobody in it plays; "
-                f"there are {', '.join(staged_scene.roles)}"
+                f"there are {names_or_none(staged_scene.roles)}"
             )
         speakers = agents if staged_scene.scene.name == PAIR else (agents[who],)
         x, y, z = (float(v) for v in np.mean([a.head_centre_m for a in speakers], axis=0))

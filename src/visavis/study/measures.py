@@ -17,6 +17,7 @@ from visavis.analysis.gaze.aoi import DEFAULT_PAD_DEG
 from visavis.analysis.gaze.looks import DEFAULT_LOOK_PARAMETERS, LookMeasures, measure_trial
 from visavis.analysis.gaze.targets import GazeTargets, PartGaze, gaze_of_part
 from visavis.lab.errors import DataError, DesignError, UsageError
+from visavis.lab.yaml_lines import names_or_none
 from visavis.protocol.plan.columns import Column
 from visavis.protocol.plan.steps import Scalar
 from visavis.recording.reader import Recording, flat_components
@@ -132,7 +133,7 @@ class _StreamColumns(dict[str, npt.NDArray[Any]]):
             for flat, column in flat_components(field_name, values):
                 if flat == name:
                     return column
-        raise KeyError(f"no {name!r}; there are {', '.join(self)}")
+        raise KeyError(f"no {name!r}; there are {names_or_none(self)}")
 
 
 NO_ROLES: Final = ("on_ns", "off_ns", "frames")

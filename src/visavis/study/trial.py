@@ -19,6 +19,7 @@ from visavis.devices.contracts import VibrationPattern
 from visavis.lab.clock import NS_PER_MS, NS_PER_S
 from visavis.lab.errors import DesignError
 from visavis.lab.geometry import Pose, Vector
+from visavis.lab.yaml_lines import names_or_none
 from visavis.protocol.plan.session_plan import Trial
 from visavis.protocol.plan.steps import (
     EndEarly,
@@ -133,7 +134,7 @@ class TrialScript(LitTrial):
         near = difflib.get_close_matches(name, (*own, *steps), n=1)
         raise UnknownNameError(
             f"this trial has no factor, parameter or step {name!r}"
-            + (f"; did you mean {near[0]}?" if near else f"; it has {', '.join(own)}")
+            + (f"; did you mean {near[0]}?" if near else f"; it has {names_or_none(own)}")
         )
 
     @property

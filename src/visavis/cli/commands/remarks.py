@@ -12,7 +12,7 @@ from visavis.cli.commands.study import StudyFolder
 from visavis.cli.studies import folder_of
 from visavis.lab.clock import SystemClock
 from visavis.lab.errors import UsageError
-from visavis.lab.yaml_lines import did_you_mean
+from visavis.lab.yaml_lines import did_you_mean, names_or_none
 from visavis.protocol.people.file_lock import locked
 from visavis.protocol.people.identifiers import means_label
 from visavis.recording.manifest import read_manifest
@@ -132,7 +132,7 @@ def _place(study: Path, who: str, session: int, trial: str) -> tuple[str, str]:
     labels = list(dict.fromkeys(s.parent.name.removeprefix("sub-") for s in sessions))
     label = next((name for name in labels if means_label(who, name)), None)
     if label is None:
-        raise UsageError(f"{who} has no session there; there are {', '.join(labels)}")
+        raise UsageError(f"{who} has no session there; there are {names_or_none(labels)}")
     manifests = [read_manifest(s) for s in sessions if s.parent.name == f"sub-{label}"]
     numbers = [m.session for m in manifests]
     if session and session not in numbers:

@@ -23,6 +23,7 @@ from visavis.cli.viewer.page import TrialsBeside, page_of
 from visavis.cli.viewer.rerun_file import write_rerun
 from visavis.cli.viewer.together import together_content
 from visavis.lab.errors import UsageError
+from visavis.lab.yaml_lines import names_or_none
 from visavis.protocol.people.identifiers import means_label
 from visavis.recording.cached import CachedRecording
 from visavis.running.sessions.study_folder import sessions_of, study_of_folder
@@ -150,7 +151,7 @@ def _sessions_with(folder: Path, participants: str, trial_id: str) -> list[Path]
         names = [name.strip() for name in participants.split(",") if name.strip()]
         for name in names:
             if not any(means_label(name, label) for label in labels.values()):
-                there = ", ".join(dict.fromkeys(labels.values()))
+                there = names_or_none(dict.fromkeys(labels.values()))
                 raise UsageError(f"{name} has no session in {folder}; there are {there}")
         sessions = [s for s in sessions if any(means_label(name, labels[s]) for name in names)]
     sessions_with_trial = [s for s in sessions if trial_id in trial_lengths_ns(CachedRecording(s))]
