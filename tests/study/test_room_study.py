@@ -205,3 +205,18 @@ def test_a_page_refuses_a_room_by_name_with_the_way_out(tmp_path):
     study = written(tmp_path)
     with pytest.raises(DesignError, match=r"shows a Room, which no page shows; .* monitor"):
         film_store(study.experiment({}))
+
+
+def test_a_film_in_a_room_is_watched_before_a_monitor_and_refused_by_pages(tmp_path):
+    watched = 'yield t.watch(Film(Scene("person", room=OFFICE, distance_m=3.4), 4.0))'
+    written(tmp_path, watched, calibrate=False)
+    text = (tmp_path / "rooms.py").read_text().replace('"scene"', '"film"')
+    (tmp_path / "rooms.py").write_text(text.replace("import Compare", "import Compare, Film"))
+    study = find_study(str(tmp_path / "rooms.py"))
+    recording = performed(tmp_path, study, SCREEN_EXAMPLE)
+    rows = study.measure(recording).rows
+    assert (rows["Red_lamp_001_dwell_ms"] + rows["their_person_dwell_ms"]).max() > 100
+    shown = recording.events_named("shown", 1)["payload"]
+    assert {"film"} == {payload["name"] for payload in shown}
+    with pytest.raises(DesignError, match="shows a Room, which no page shows"):
+        film_store(study.experiment({}))
