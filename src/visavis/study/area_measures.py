@@ -156,7 +156,8 @@ def looks_at(
 
     `scene` is the name of the columns of what is shown ("stimulus2" for the second of a trial);
     roles of people in a scene ("left") are areas too. `pad_deg` widens areas to where no other is.
-    A trial that shows no such area has no value.
+    A trial that shows no such area has no value. In a `Room` heads count before meshes whatever
+    their distance: gaze that ends on a wall or pillar before a head is on the head.
 
     Raises:
         DesignError: no area is named.

@@ -65,7 +65,8 @@ def gaze_on(name: str, seconds: float, *, pad_deg: float = DEFAULT_PAD_DEG) -> G
     """Return the condition that somebody has looked at an area, by its name, or at the person of a
     role, for so long without looking elsewhere: `t.show(…, 5, until=gaze_on("cross", 0.5))`.
 
-    Losses of up to 75 ms do not end a look. Columns: `NAME_gaze_on_ns`, when the look began (empty
+    Losses of up to 75 ms do not end a look. In a `Room` heads count before meshes whatever their
+    distance. Columns: `NAME_gaze_on_ns`, when the look began (empty
     where time ran out), and `NAME_gaze_delay_ms`, the delay from the sample that decided to the
     first frame without the stimulus.
 
