@@ -1,5 +1,6 @@
 """Looks over time: steps of a trial, and people by condition."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -7,9 +8,11 @@ import pandas as pd
 import pytest
 
 from visavis.analysis.gaze.targets import GazeTargets
+from visavis.results.figures.time_course_figure import time_course_figure
 from visavis.results.selection import Selection
 from visavis.results.time_course import TIME_COURSE, with_time_course
 from visavis.study.look_course import look_course
+from visavis.study.texts import Texts
 
 MS = 1_000_000
 HZ = 100
@@ -109,6 +112,29 @@ def test_only_trials_that_count_enter_each_with_the_same_weight() -> None:
         }
     )
     pd.testing.assert_frame_equal(expected, tables[TIME_COURSE])
+
+
+def test_shares_are_drawn_up_to_one_and_intervals_where_enough_people_are_left() -> None:
+    """Four people look for a step, two of them for two."""
+    rows = [(f"S{i}", t_ms, float(i % 2)) for i in range(4) for t_ms in (125.0, 375.0)]
+    course = pd.DataFrame(
+        [(who, "A", t, on, 1) for who, t, on in rows if t < 200 or who < "S2"],
+        columns=["participant", "condition", "t_ms", "on_agent_01", "trials"],
+    )
+    found: Any = SimpleNamespace(
+        tables={TIME_COURSE: course},
+        levels={"condition": ["A"]},
+        selection=selection(("S0", "T01", "A")),
+        is_simulated=False,
+        study=SimpleNamespace(analysis=SimpleNamespace(looks=())),
+    )
+    figure = time_course_figure(found, Texts("none", {}))
+    assert figure is not None
+    axes = figure.figure.axes[0]
+    assert 1.02 >= axes.get_ylim()[1]
+    with_interval_s = {x for path in axes.collections[0].get_paths() for x in path.vertices[:, 0]}
+    assert 0.375 not in with_interval_s
+    assert "Share of gaze on people" == axes.get_ylabel()
 
 
 def test_without_looks_there_is_no_table() -> None:

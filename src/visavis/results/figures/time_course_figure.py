@@ -20,6 +20,8 @@ from visavis.study.texts import Texts, label_of
 
 SWITCH_MS: Final = "switch_ms"
 """The moment of a change in the trial, where there is one."""
+MOST_SHOWN_01: Final = 1.02
+"""Intervals of few people may reach beyond every share there can be."""
 
 
 def time_course_figure(analysis: StudyAnalysis, texts: Texts) -> ReportFigure | None:
@@ -97,7 +99,7 @@ def _panels(
             axes[0].axvline(switches[str(level)], color=colour, linewidth=1, linestyle=":")
             axes[i + 1].axvline(switches[str(level)], color=colour, linewidth=1.4, linestyle=":")
     axes[0].set_ylabel(f"Share of gaze on {what}")
-    axes[0].set_ylim(bottom=0)
+    axes[0].set_ylim(0, min(axes[0].get_ylim()[1], MOST_SHOWN_01))
     figure.legend(loc="outside upper center", ncols=min(2, len(levels)), frameon=False)
     axes[-1].set_xlabel("Time in the trial (s)")
     return figure
@@ -106,5 +108,7 @@ def _panels(
 def _line(axes: Axes, t_s: Values, shares: Values, colour: str, name: str) -> None:
     bounds = np.array([mean_interval(shares[:, j]) for j in range(shares.shape[1])])
     axes.plot(t_s, bounds[:, 0], color=colour, linewidth=1.8, label=name)
-    if shares.shape[0] >= MIN_WITH_INTERVAL:
-        axes.fill_between(t_s, bounds[:, 1], bounds[:, 2], color=colour, alpha=0.12, linewidth=0)
+    # Trials of unlike length: towards the end of the longest few people are left.
+    many = np.isfinite(shares).sum(axis=0) >= MIN_WITH_INTERVAL
+    low, high = bounds[:, 1], bounds[:, 2]
+    axes.fill_between(t_s, low, high, many, color=colour, alpha=0.12, linewidth=0)
