@@ -37,6 +37,37 @@ class _Entries:
 
 
 @dataclass(frozen=True, eq=False)
+class Frames:
+    """Which row holds which frame: `highest` up to each row, and rows by frame, `order`."""
+
+    numbers: npt.NDArray[np.int64]
+    highest: npt.NDArray[np.int64]
+    order: npt.NDArray[np.int64]
+
+    @classmethod
+    def of(cls, frames: dict[str, Any]) -> "Frames":
+        """Take the columns of the stream `frames`."""
+        numbers = frames["frame_index"].astype(np.int64)
+        order = np.argsort(numbers, kind="stable")
+        return cls(numbers, np.maximum.accumulate(numbers), order)
+
+    def rows(self, frame: int) -> tuple[int | None, int | None]:
+        """Return the first row of a frame and the first of a later one, None without."""
+        n = len(self.numbers)
+        at = int(np.searchsorted(self.numbers, frame, sorter=self.order))
+        later = int(np.searchsorted(self.highest, frame, side="right"))
+        is_here = at < n and self.numbers[self.order[at]] == frame
+        return int(self.order[at]) if is_here else None, later if later < n else None
+
+
+def _once(recording: Recording, key: Hashable, make: Callable[[], T]) -> T:
+    """Return what `make` returns, made once where the recording is kept."""
+    if isinstance(recording, CachedRecording):
+        return recording.once(key, make)
+    return make()
+
+
+@dataclass(frozen=True, eq=False)
 class RecordedScene:
     """The scene of a frame as recorded.
 
@@ -87,9 +118,7 @@ class RecordedScene:
         """Return what `make` returns, made once where the recording is kept; for costly things that
         many frames share.
         """
-        if isinstance(self.recording, CachedRecording):
-            return self.recording.once((self.part, key), make)
-        return make()
+        return _once(self.recording, (self.part, key), make)
 
     def latest(self, event: str) -> tuple[int, dict[str, Any]] | None:
         """Return time and payload of the last event of a name up to this frame, None before."""
@@ -144,12 +173,11 @@ def recorded_scene(
     """
     frames = of_part(recording, "frames", part)
     states = of_part(recording, "scene_states", part)
-    here = np.flatnonzero(frames["frame_index"] == frame)
-    if not len(here):
+    here, later = _once(recording, (part, "frames"), lambda: Frames.of(frames)).rows(frame)
+    if here is None:
         raise DataError(f"{recording.path}: part {part} has no frame {frame}")
     # What is drawn in a frame is on display by the next: its row says which state that was.
-    later = np.flatnonzero(frames["frame_index"] > frame)
-    k = int(frames["scene_row"][later[0]]) if len(later) else len(states["scene"]) - 1
+    k = len(states["scene"]) - 1 if later is None else int(frames["scene_row"][later])
     scenes = _events(recording, "scene", part)
     numbers = [payload["scene"] for payload in scenes["payload"]]
     if not 0 <= k < len(states["scene"]) or int(states["scene"][k]) not in numbers:
@@ -159,7 +187,7 @@ def recorded_scene(
     return RecordedScene(
         recording,
         part,
-        int(frames["t_host_ns"][here[0]]),
+        int(frames["t_host_ns"][here]),
         t_scene_ns,
         head_m,
         int(row["t_ns"]),

@@ -172,6 +172,37 @@ def test_between_keys_no_pose_is_off_by_more_than_was_asked() -> None:
         assert np.abs(between - track).max() <= 0.01
 
 
+@pytest.mark.parametrize("turns", [False, True])
+def test_still_stretches_of_a_motion_have_the_keys_that_every_sample_would_give(
+    turns: bool,
+) -> None:
+    rng = np.random.default_rng(9)
+    tracks = np.repeat(rng.normal(0, 1, (4, 30, 4)), rng.integers(1, 40, 30), axis=1)
+    tracks += np.where(rng.random(tracks.shape[:2])[..., None] < 0.02, 0.03, 0.0)
+    tracks /= np.linalg.norm(tracks, axis=2, keepdims=True)
+    counts, samples = key_samples(tracks, 0.01, turns=turns)
+    assert samples.tolist() == [k for track in tracks for k in _keys_one_by_one(track, turns)]
+    assert len(samples) == counts.sum() < tracks.shape[0] * tracks.shape[1] / 3
+
+
+def _keys_one_by_one(track: Any, turns: bool, longest: int = 60) -> list[int]:
+    """Return keys as the rule says: as far on as every sample between is within 0.01."""
+    keys, n = [0], len(track)
+    while keys[-1] < n - 1:
+        first = keys[-1]
+        last = first + 1
+        while last + 1 < n and last + 1 - first <= longest:
+            share = (np.arange(first + 1, last + 1) - first)[:, None] / (last + 1 - first)
+            there = track[first] + share * (track[last + 1] - track[first])
+            if turns:
+                there /= np.linalg.norm(there, axis=1, keepdims=True)
+            if np.abs(there - track[first + 1 : last + 1]).max() > 0.01:
+                break
+            last += 1
+        keys.append(last)
+    return keys
+
+
 def test_quaternions_do_not_jump_to_their_other_sign() -> None:
     turns = np.array([[1.0, 0, 0, 0], [-0.99, -0.1, 0, 0], [0.98, 0.2, 0, 0]])
     assert ((one_way_round(turns)[1:] * one_way_round(turns)[:-1]).sum(axis=1) > 0).all()

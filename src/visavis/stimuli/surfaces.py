@@ -119,8 +119,11 @@ class Surfaces:
         if not len(origin):
             return
         gone_m = np.linalg.norm(picture.people.root_m - origin[0], axis=1)
-        for k in np.argsort(gone_m).tolist():
+        near = _near(picture.people.root_m, origin, along, REACH_M, distance_m)
+        order = np.argsort(gone_m)
+        for k in order[np.any(near[:, order], axis=0)].tolist():
             character, root_m = picture.cast[k], picture.people.root_m[k]
+            # What was met meanwhile may hide them.
             passes = _passes(root_m[None], origin, along, REACH_M, distance_m)
             if not passes.any():
                 continue
@@ -143,12 +146,20 @@ def _passes(
     points_m: Vector, origin: Vector, along: Vector, within_m: float, distance_m: Vector
 ) -> npt.NDArray[np.bool_]:
     """Tell which rays (n,) pass some point (p, 3) closely before they end."""
+    return np.any(_near(points_m, origin, along, within_m, distance_m), axis=1)
+
+
+def _near(
+    points_m: Vector, origin: Vector, along: Vector, within_m: float, distance_m: Vector
+) -> npt.NDArray[np.bool_]:
+    """Tell which rays pass which points closely before they end, (n, p)."""
     to = points_m - origin[:, None]
     ahead = np.einsum("npk,nk->np", to, along)
     aside2 = (to * to).sum(axis=-1) - ahead * ahead
-    near = (aside2 < within_m**2) & (-within_m < ahead) & (ahead - within_m < distance_m[:, None])
-    passes: npt.NDArray[np.bool_] = near.any(axis=1)
-    return passes
+    near: npt.NDArray[np.bool_] = (
+        (aside2 < within_m**2) & (-within_m < ahead) & (ahead - within_m < distance_m[:, None])
+    )
+    return near
 
 
 def _placed_m(thing: PlacedProp) -> npt.NDArray[np.float32]:

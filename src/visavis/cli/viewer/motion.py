@@ -10,6 +10,14 @@ Ints = npt.NDArray[np.int64]
 
 
 @compiled
+def _equal(one: Vector, other: Vector) -> bool:
+    for c in range(len(one)):
+        if one[c] != other[c]:
+            return False
+    return True
+
+
+@compiled
 def _find_keys(values: Vector, off_by: float, longest: int, turns: bool) -> npt.NDArray[np.bool_]:
     """Tell which samples (n,) of one track (n, k) are keys: straight lines between keys stay within
     `off_by` of every sample.
@@ -20,9 +28,12 @@ def _find_keys(values: Vector, off_by: float, longest: int, turns: bool) -> npt.
     first = 0
     while first < n - 1:
         last = first + 1
+        is_still = _equal(values[last], values[first])
         while last + 1 < n and last + 1 - first <= longest:
             fits = True
-            for i in range(first + 1, last + 1):
+            is_still = is_still and _equal(values[last + 1], values[first])
+            # Of samples that are all the same the first one tells of every one.
+            for i in range(first + 1, first + 2 if is_still else last + 1):
                 share = (i - first) / (last + 1 - first)
                 length = 0.0
                 for c in range(k):

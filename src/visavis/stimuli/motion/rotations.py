@@ -206,6 +206,7 @@ def one_way_round(orientation_wxyz: Vector) -> Vector:
     """Return quaternions (n, ..., 4) whose signs do not jump from sample to sample."""
     quaternions = orientation_wxyz.copy()
     flips = (quaternions[1:] * quaternions[:-1]).sum(axis=-1) < 0
-    signs = np.cumprod(np.where(flips, -1.0, 1.0), axis=0)
-    quaternions[1:] *= signs[..., None]
+    some = flips.any(axis=0)  # mostly none: their signs stay as they are
+    signs = np.cumprod(np.where(flips[:, some], -1.0, 1.0), axis=0)
+    quaternions[1:, some] *= signs[..., None]
     return quaternions
